@@ -184,7 +184,7 @@ def twin_systems():
 def servoed_planners():
     """The planner of a scenario with each of the visual servos."""
     for method in ("pbvs", "ibvs"):
-        settings = [f"servoing.method={method}"]
+        settings = [f"planner.servo.method={method}"]
         yield MakeServoingPlanner(load_scenario("kitchen_servoing", overrides=settings))
 
 

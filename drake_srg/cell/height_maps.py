@@ -59,7 +59,7 @@ def AddDestinationMapper(
     builder: DiagramBuilder, scenario: Scenario, station: Diagram
 ) -> HeightMapper:
     """Add a height mapper of where loads go, connected to the station's cameras."""
-    places = destinations(scenario)
+    places = clearing_destinations(scenario)
     low = np.min([place.low for place in places], axis=0) - BESIDE
     high = np.max([place.high for place in places], axis=0) + BESIDE
     region = _surface(scenario, low, high)
@@ -81,7 +81,7 @@ def destination_map_config(scenario: Scenario) -> HeightMapConfig:
     return HeightMapConfig(over_edge=True)
 
 
-def destinations(scenario: Scenario) -> list[Destination]:
+def clearing_destinations(scenario: Scenario) -> list[Destination]:
     """Return the bins, or the places of a row."""
     bins = [Destination(a[:2], b[:2]) for a, b in bin_boxes(scenario).values()]
     return bins + [row_destination(p_WO) for p_WO in row_places(scenario).values()]

@@ -15,7 +15,7 @@ from drake_srg.hardware.exchange import PlannerLink
 from drake_srg.hardware.link import STAMP
 from drake_srg.hardware.remote_planner import RemotePlanner
 from drake_srg.hardware.remote_servoing import RemoteServoingPlanner
-from drake_srg.scenario import Scenario
+from drake_srg.scenario import Scenario, servo_of
 from drake_srg.servoing.late_sightings import LateSightings
 from drake_srg.servoing.visual_servo import VisualServo
 
@@ -75,7 +75,7 @@ def MakeHardwareCell(
         if name.startswith("safety."):
             builder.ExportInput(port, name)
     sizes = measurements(station)
-    kind = RemotePlanner if scenario.servoing is None else RemoteServoingPlanner
+    kind = RemotePlanner if servo_of(scenario) is None else RemoteServoingPlanner
     remote = builder.AddNamedSystem(
         "planner",
         kind(
@@ -95,7 +95,7 @@ def MakeHardwareCell(
         "arm.position_commanded": remote.GetOutputPort("position_commanded"),
         "gripper.closure_commanded": remote.GetOutputPort("closure_commanded"),
     }
-    if scenario.servoing is not None:
+    if servo_of(scenario) is not None:
         servo = _AddServo(builder, scenario, station, remote, lag)
         hold = _AddHold(builder, scenario.arm, servo)
         commanded["arm.position_commanded"] = hold.get_output_port()
@@ -119,7 +119,7 @@ def _AddServo(
 ) -> VisualServo:
     """Add a scenario's visual servo, and what dates its sightings."""
     assert scenario.arm is not None
-    config, period = scenario.servoing, scenario.arm.period
+    config, period = servo_of(scenario), scenario.arm.period
     assert config is not None
     # Its commands pass the safety monitor, which wants a new one every period; each
     # waits for one in `command_hold`.

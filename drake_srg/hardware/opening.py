@@ -18,7 +18,7 @@ from drake_srg.hardware.config import HardwareConfig
 from drake_srg.hardware.faults import FaultyLink
 from drake_srg.hardware.link import EXTERNAL_TORQUE, Link, Robot
 from drake_srg.hardware.nodes import Node, Nodes
-from drake_srg.scenario import Scenario
+from drake_srg.scenario import Scenario, servo_of
 from drake_srg.station.plant import MakeModelsPlant
 from drake_srg.types import Vector
 
@@ -117,8 +117,9 @@ def open_cameras(
         users = dict.fromkeys(scenario.localizer.cameras, "localizer")
         for name in scenario.task.place.cameras:
             users.setdefault(name, "planner (task.place.cameras)")
-        if scenario.servoing is not None:
-            users[scenario.servoing.camera] = "visual servo"
+        servo = servo_of(scenario)
+        if servo is not None:
+            users[servo.camera] = "visual servo"
         for name, user in users.items():
             if name not in config.cameras:
                 raise ScenarioError(

@@ -27,7 +27,7 @@ from drake_srg.hardware.servo_eye import ServoEye
 from drake_srg.hardware.station import AddHardwareStation
 from drake_srg.lifetime import my_context
 from drake_srg.planning.planner_machine import PlannerMachine, planning_clock
-from drake_srg.scenario import Scenario
+from drake_srg.scenario import Scenario, servo_of
 from drake_srg.servoing.status import ServoCommand, ServoStatus
 
 
@@ -74,9 +74,10 @@ class PlannerCell:
 
         make_planner: Callable[[Scenario], System] | None = None
         self._eye: ServoEye | None = None
-        if scenario.servoing is not None:
+        servo = servo_of(scenario)
+        if servo is not None:
             make_planner = MakeServoTaskPlanner
-            camera = hardware.cameras[scenario.servoing.camera]
+            camera = hardware.cameras[servo.camera]
             self._eye = ServoEye(MakeTracker(scenario), camera)
         cell = MakeCell(without_cut_corners(scenario), make_station, make_planner)
         self._cell = cell

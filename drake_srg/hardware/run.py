@@ -30,7 +30,7 @@ from drake_srg.recording.log import write_log
 from drake_srg.recording.output import output_folder
 from drake_srg.recording.run_timeline import run_timeline
 from drake_srg.recording.timeline import draw_timeline
-from drake_srg.scenario import Scenario
+from drake_srg.scenario import Scenario, servo_of
 from drake_srg.simulation.metrics import Metrics, RunTimes, calc_metrics
 from drake_srg.simulation.recorders import FILES, AddRosbagRecorder, run_labels
 from drake_srg.simulation.simulate import Result
@@ -155,7 +155,7 @@ def _check_home(scenario: Scenario, hardware: Hardware) -> None:
 
 def check_servo(scenario: Scenario, config: HardwareConfig, hardware: Hardware) -> None:
     """Raise a ScenarioError if a visual servo cannot work."""
-    if scenario.servoing is None:
+    if servo_of(scenario) is None:
         return
     if config.release:
         raise ScenarioError("release: must be 0 with servoing, where a stop is final")

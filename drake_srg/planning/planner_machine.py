@@ -43,7 +43,11 @@ SeenT = TypeVar("SeenT")
 
 @dc.dataclass(kw_only=True)
 class PlannerConfig(MotionConfig):
-    """Configuration of the planner and its motions. Times are simulated."""
+    """Configuration of a planner and its motions. Times are simulated.
+
+    A class that derives from it stands for a planner; its name is the tag in scenario
+    files.
+    """
 
     # Simulated duration of planning, from a decision to the first motion [s].
     latency: float = dc.field(default=0.1, metadata={"ge": 0.0})
@@ -133,6 +137,16 @@ class PlannerConfig(MotionConfig):
     cut_corners: bool = False
     # Time between evaluations of the state machine [s].
     period: float = dc.field(default=0.01, metadata=positive())
+
+
+@dc.dataclass(kw_only=True)
+class PickAndPlace(PlannerConfig):
+    """Picks the object that `task.pick` names, and sets it down on its goal."""
+
+
+@dc.dataclass(kw_only=True)
+class Clear(PlannerConfig):
+    """Takes away one thing after the other, whatever their shapes."""
 
 
 @dc.dataclass(frozen=True)

@@ -1,7 +1,5 @@
 """What a visual servo is told to do, and what it tells."""
 
-from __future__ import annotations
-
 import dataclasses as dc
 import enum
 from typing import Any
@@ -58,5 +56,5 @@ class ServoStatus:
     velocity: Vector = dc.field(default_factory=lambda: np.zeros(3))
     images: int = 0  # that the servo has heeded
 
-    def __deepcopy__(self, memo: dict[int, Any]) -> ServoStatus:
+    def __deepcopy__(self, memo: dict[int, Any]) -> "ServoStatus":
         return self

@@ -21,7 +21,7 @@ from drake_srg.lifetime import my_context
 from drake_srg.planning.planner_machine import planning_clock
 from drake_srg.recording.output import Recorder, output_folder
 from drake_srg.replay import write_page
-from drake_srg.scenario import Scenario, perception_cameras
+from drake_srg.scenario import Scenario, perception_cameras, servo_of
 from drake_srg.simulation.flat import MakeRoot
 from drake_srg.simulation.kept_replay import take_folder
 from drake_srg.simulation.metrics import Metrics, RunTimes, calc_metrics
@@ -210,8 +210,9 @@ def _written_on_error(write: Callable[[], object]) -> Iterator[None]:
 def _without_unused_cameras(scenario: Scenario, recorded: bool) -> Scenario:
     """Return the scenario with only those cameras that are used, to save time."""
     used = set(perception_cameras(scenario))
-    if scenario.servoing is not None:
-        used.add(scenario.servoing.camera)
+    servo = servo_of(scenario)
+    if servo is not None:
+        used.add(servo.camera)
     if recorded:
         used |= {scenario.recording.video_camera, *scenario.recording.bag_cameras}
     seen = {name: c for name, c in scenario.cameras.items() if name in used}

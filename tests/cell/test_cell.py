@@ -6,7 +6,7 @@ from pydrake.systems.analysis import Simulator
 
 from drake_srg.cell import MakeCell
 from drake_srg.common.exceptions import ScenarioError
-from drake_srg.planning.script.scripted import ScriptStep
+from drake_srg.planning.script.scripted import Script, ScriptStep
 from drake_srg.scenario import load_scenario
 from drake_srg.station import MakeStation
 from drake_srg.types import Mode
@@ -136,7 +136,7 @@ def test_a_script_drives_the_station(scripted):
 @pytest.mark.parametrize("limit", [None, 0.3])
 def test_a_script_limits_the_force_only_if_it_says_so(scripted, limit):
     script = [ScriptStep(closure=1.0, force_limit=limit)]
-    cell = MakeCell(dc.replace(scripted, script=script))
+    cell = MakeCell(dc.replace(scripted, planner=Script(steps=script)))
     port = cell.GetSubsystemByName("station").GetInputPort("gripper.force_limit")
     station_context = cell.GetSubsystemByName("station").GetMyContextFromRoot(
         cell.CreateDefaultContext()

@@ -21,7 +21,7 @@ _AHEAD = 7.0  # of the robot's clock [s]
 _SILENT = 0.3  # longest time until a servo notices that no image arrives [s]
 
 
-SCENARIO = load_scenario("kitchen_servoing", overrides=["servoing.lag=0"])
+SCENARIO = load_scenario("kitchen_servoing", overrides=["planner.servo.lag=0"])
 PERIOD = SCENARIO.arm.period
 
 

@@ -151,7 +151,7 @@ def test_the_bench_plays_its_script():
     metrics = result.metrics
     assert (metrics.success, metrics.failure, metrics.attempts) == (True, None, 1)
     assert metrics.cycle_time_s == pytest.approx(
-        sum(step.duration for step in bench.script), abs=0.02
+        sum(step.duration for step in bench.planner.steps), abs=0.02
     )
     assert metrics.localization_error_m is None
     assert metrics.hold_drift_m_per_s < 30e-6  # as still as the accurate bench
@@ -163,8 +163,8 @@ def test_the_bench_plays_its_script():
 
 def test_a_script_that_drops_its_object_has_misplaced_it():
     bench = load_scenario("gripper_bench_fast", overrides=["object.friction=0"])
-    assert bench.script[2].mode == "lift"
-    bench.script = bench.script[:3]
+    assert bench.planner.steps[2].mode == "lift"
+    bench.planner.steps = bench.planner.steps[:3]
     result = Simulate(bench, record=False)
     assert (result.metrics.success, result.metrics.failure) == (False, "misplaced")
     z = result.log["object_pose.soup_can"][:, 2]

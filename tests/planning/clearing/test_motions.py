@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from pydrake.math import RigidTransform
 
 from drake_srg.cell.clearing import MakeClearingPlanner
-from drake_srg.cell.height_maps import destinations
+from drake_srg.cell.height_maps import clearing_destinations
 from drake_srg.cell.planners import own_scene
 from drake_srg.planning.clearing.motions import reach_with_hand_down, turned_to
 from drake_srg.planning.grasps.top_grasp import palm_pose
@@ -79,7 +79,7 @@ def test_the_arm_aside_is_far_from_where_loads_go(name):
     p_over = scene.X_WG(planner.motions.q_over).translation()
     assert p_WG[2] == pytest.approx(p_over[2], abs=1e-6)
     assert scene.is_free(planner.q_aside)
-    for place in destinations(scenario):
+    for place in clearing_destinations(scenario):
         assert np.linalg.norm(p_WG[:2] - place.middle) > 0.5
 
 

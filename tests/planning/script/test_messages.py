@@ -3,13 +3,13 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from drake_srg.planning.script.messages import (
+from drake_srg.planning.script.scripted import (
     MessageConfig,
     MessagesConfig,
     RoutineConfig,
+    ScriptedPlanner,
     message_script,
 )
-from drake_srg.planning.script.scripted import ScriptedPlanner
 from drake_srg.scenario import load_scenario
 from drake_srg.types import Mode
 
@@ -119,7 +119,7 @@ def test_invalid_messages_are_refused(messages, error):
 def test_the_demonstration_is_that_of_the_thesis(name):
     """Numbers of messages per call and in all, counted in the thesis's client."""
     scenario = load_scenario(name)
-    messages = scenario.messages
+    messages = scenario.planner.messages
     assert messages.rate == 25.0
     count = {
         routine: sum(message.number for message in sent_there)

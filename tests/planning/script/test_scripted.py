@@ -109,9 +109,11 @@ def test_the_blend_starts_and_ends_at_rest():
 
 
 def test_a_script_needs_steps_that_fit_the_arm():
-    with pytest.raises(ValueError, match="script: needs at least one step"):
+    with pytest.raises(ValueError, match=r"planner\.steps: needs at least one step"):
         ScriptedPlanner(HOME, [])
-    with pytest.raises(ValueError, match=r"script\[1\]\.arm: needs .* \(2\), got 1"):
+    with pytest.raises(
+        ValueError, match=r"planner\.steps\[1\]\.arm: needs .* \(2\), got 1"
+    ):
         ScriptedPlanner(HOME, [SCRIPT[0], ScriptStep(arm=[1.0])])
 
 

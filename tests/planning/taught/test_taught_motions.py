@@ -88,6 +88,8 @@ def test_either_tip_was_taught_the_same_places(motions):
 
 def test_a_posture_of_another_arm_is_refused():
     scenario = load_scenario("assistive_arm_thesis")
-    scenario.taught.lift = [0.0, 0.0]
-    with pytest.raises(ValueError, match=r"taught\.lift: needs one entry per joint.*5"):
+    scenario.planner.lift = [0.0, 0.0]
+    with pytest.raises(
+        ValueError, match=r"planner\.lift: needs one entry per joint.*5"
+    ):
         MakeTaughtPlanner(scenario)

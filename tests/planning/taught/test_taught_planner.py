@@ -6,26 +6,28 @@ from pydrake.systems.analysis import Simulator
 from pydrake.trajectories import PiecewisePolynomial
 
 from drake_srg.planning.motion.failure import PlanningFailure
-from drake_srg.planning.planner_machine import PlannerConfig
-from drake_srg.planning.taught.config import TaughtConfig
-from drake_srg.planning.taught.taught_planner import TaughtPlanner
+from drake_srg.planning.taught.taught_planner import Taught, TaughtPlanner
 from drake_srg.types import Blob, Failure, Mode
 
 HOME = np.zeros(2)
 MODES = (Mode.PRE_GRASP, Mode.GRASP, Mode.LIFT, Mode.PLACE, Mode.HOME)
 WAYPOINTS = {mode: np.array([i + 1.0, 0.0]) for i, mode in enumerate(MODES)}
-CONFIG = PlannerConfig(
-    latency=0.1, grip_wait=0.5, release_wait=0.5, home_wait=0.5, close_at_home=1.5
-)
+TIMES = {
+    "latency": 0.1,
+    "grip_wait": 0.5,
+    "release_wait": 0.5,
+    "home_wait": 0.5,
+    "close_at_home": 1.5,
+}
 BLOB = Blob("cylinder", "top", (0, 0), RigidTransform([0.3, 0.2, 0.1]), 1.0)
 
 
 class Motions:
     """Stands in for `TaughtMotions`: every motion takes a second."""
 
-    def __init__(self, config=None, failure=None):
+    def __init__(self, failure=None, **config):
         self.q_home = HOME
-        self.config = config or TaughtConfig()
+        self.config = Taught(**(TIMES | config))
         self.failure = failure
         self.asked = []
 
@@ -43,9 +45,9 @@ class Motions:
 class Run:
     """Advances a planner whose inputs are fixed values."""
 
-    def __init__(self, motions=None, config=CONFIG, blobs=(BLOB,)):
+    def __init__(self, motions=None, blobs=(BLOB,)):
         self.motions = motions or Motions()
-        self.planner = TaughtPlanner(self.motions, "cylinder", config)
+        self.planner = TaughtPlanner(self.motions, "cylinder")
         self.simulator = Simulator(self.planner)
         self.context = self.simulator.get_mutable_context()
         self.show(*blobs)
@@ -79,7 +81,7 @@ class Run:
 
 
 def test_its_ports_are_those_of_a_planner():
-    inputs, outputs = port_table(TaughtPlanner(Motions(), "cylinder", CONFIG))
+    inputs, outputs = port_table(TaughtPlanner(Motions(), "cylinder"))
     assert inputs == {"blobs": None, "arm_state": 4, "grasped": 1}
     assert outputs == {
         "mode": None,
@@ -127,7 +129,8 @@ def test_a_grip_that_is_interrupted_does_not_count():
 
 
 def test_without_a_wait_it_still_waits_for_the_grip():
-    run = Run(config=PlannerConfig()).advance(4.0)
+    no_waits = dict.fromkeys(TIMES, 0.0) | {"latency": 0.1}
+    run = Run(Motions(**no_waits)).advance(4.0)
     assert run.read("mode") is Mode.CLOSE
     run.grip(True)
     assert run.advance(4.1).read("mode") is Mode.LIFT
@@ -154,7 +157,7 @@ def test_other_objects_are_not_taken():
 
 
 def test_a_fixed_pose_needs_no_look():
-    run = Run(Motions(TaughtConfig(grasp=[1.0, 2.0, 3.0])), blobs=()).advance(1.0)
+    run = Run(Motions(grasp=[1.0, 2.0, 3.0]), blobs=()).advance(1.0)
     assert run.motions.asked == [[1.0, 2.0, 3.0]]
     status = run.read("status")
     assert (status.looks, status.localization) == (0, None)
@@ -170,8 +173,7 @@ def test_a_pose_out_of_reach_ends_the_task_with_the_reason():
 
 
 def test_a_hand_that_never_grips_uses_up_the_time_budget():
-    config = PlannerConfig(time_budget=4.0)
-    run = Run(config=config).advance(5.0)
+    run = Run(Motions(time_budget=4.0)).advance(5.0)
     status = run.read("status")
     assert (status.mode, status.failure) == (Mode.FAILED, Failure.TIME_BUDGET)
 
