@@ -31,6 +31,8 @@ _LEAST_AREA = 2.0e-4
 _FLICKER = 0.004
 # Changes of single cells are noise; this many cells side by side are not.
 _KERNEL = np.ones((3, 3), np.uint8)
+# Cells so near to a place [m] tell whether what is there has moved, or has gone.
+_MOVED, _GONE = 0.05, 0.015
 # What is taken changes the map so near to where it was grasped as the open fingers
 # reach, and in parts this far from each other: noise breaks it apart [m].
 _TAKEN, _APART = 0.1, 0.008
@@ -57,25 +59,31 @@ def is_still(before: HeightMap, after: HeightMap) -> bool:
     return not parts(moved, after.resolution)
 
 
-def has_moved(
-    before: HeightMap, after: HeightMap, p_W: Vector, radius: float = 0.05
-) -> bool:
+def near(height_map: HeightMap, p_W: Vector, radius: float) -> npt.NDArray[np.bool_]:
+    """Return which cells of a map are nearer to a place than a radius, (ny, nx).
+
+    Args:
+        height_map: The map.
+        p_W: The place, shape (2 or 3,) [m].
+        radius: The radius [m].
+    """
+    away = np.linalg.norm(height_map.middles() - p_W[:2], axis=-1)
+    return np.asarray(away < radius)
+
+
+def has_moved(before: HeightMap, after: HeightMap, p_W: Vector) -> bool:
     """Return whether anything near a place has moved between two maps.
 
     Args:
         before: The map before.
         after: The map now.
         p_W: The place, shape (2 or 3,) [m].
-        radius: What is near it [m].
     """
-    near = np.linalg.norm(before.middles() - p_W[:2], axis=-1) < radius
-    moved = near & changed(before, after)
+    moved = near(before, p_W, _MOVED) & changed(before, after)
     return bool(parts(moved, after.resolution))
 
 
-def has_gone(
-    before: HeightMap, after: HeightMap, p_W: Vector, radius: float = 0.015
-) -> bool:
+def has_gone(before: HeightMap, after: HeightMap, p_W: Vector) -> bool:
     """Return whether what was at a place has left the map.
 
     The place has become lower, and less is on the table on the whole: what was only
@@ -85,11 +93,9 @@ def has_gone(
         before: The map before.
         after: The map now.
         p_W: The place, shape (2 or 3,) [m].
-        radius: Around it [m].
     """
     drop = fallen(before, after)
-    near = np.linalg.norm(before.middles() - p_W[:2], axis=-1) < radius
-    if not np.any(drop[near] > 0.0):
+    if not np.any(drop[near(before, p_W, _GONE)] > 0.0):
         return False
     left, volume = np.sum(drop[drop > 0.0]), np.sum(drop)
     least = max(_LEAST_VOLUME / after.resolution**2, _LEAST_SHARE * left)
@@ -107,8 +113,8 @@ def volume_gone(
         p_W: The place, shape (2 or 3,) [m].
         radius: Around it [m].
     """
-    near = np.linalg.norm(before.middles() - p_W[:2], axis=-1) < radius
-    return float(np.sum(fallen(before, after)[near])) * after.resolution**2
+    gone = fallen(before, after)[near(before, p_W, radius)]
+    return float(np.sum(gone)) * after.resolution**2
 
 
 def volume_taken(before: HeightMap, after: HeightMap, p_W: Vector) -> float:
@@ -156,8 +162,8 @@ def _taken(before: HeightMap, after: HeightMap, p_W: Vector) -> Vector:
     size = 2 * round(_APART / after.resolution) + 1
     wide = cv2.dilate((drop != 0.0).astype(np.uint8), np.ones((size, size), np.uint8))
     _, labels = cv2.connectedComponents(wide)
-    near = np.linalg.norm(before.middles() - p_W[:2], axis=-1) < _TAKEN
-    own = np.isin(labels, np.unique(labels[near])) & (wide > 0)
+    around = np.unique(labels[near(before, p_W, _TAKEN)])
+    own = np.isin(labels, around) & (wide > 0)
     return np.where(own, drop, 0.0)
 
 
@@ -204,11 +210,11 @@ def completed(seen: HeightMap, earlier: HeightMap | None) -> HeightMap:
     left = (fallen(earlier, seen) > _LEFT).astype(np.uint8)
     size = 2 * round(_HIDDEN / seen.resolution) + 1
     around = np.ones((size, size), np.uint8)
-    near = cv2.dilate(left, around) > 0
+    beside = cv2.dilate(left, around) > 0
     # What is as high as something that is still seen nearby may belong to that.
     highest = cv2.dilate(np.nan_to_num(seen.height, nan=-np.inf), around)
-    near &= earlier.height > highest + _LEFT
-    height = np.where(near, np.nan, earlier.height)
+    beside &= earlier.height > highest + _LEFT
+    height = np.where(beside, np.nan, earlier.height)
     whole = seen.completed(dc.replace(earlier, height=height))
     if isinstance(whole, LabeledHeightMap):
         unknown = np.isnan(whole.height)
@@ -226,8 +232,8 @@ def without_hand(
         p_W: The middle of the hand, shape (2 or 3,) [m].
         kept: Cells that the hand does not hide, shape (ny, nx).
     """
-    near = np.linalg.norm(seen.middles() - p_W[:2], axis=-1) < HAND_RADIUS
-    return dc.replace(seen, height=np.where(near & ~kept, np.nan, seen.height))
+    hidden = near(seen, p_W, HAND_RADIUS) & ~kept
+    return dc.replace(seen, height=np.where(hidden, np.nan, seen.height))
 
 
 def parts(
@@ -245,7 +251,7 @@ def opened(mask: npt.NDArray[np.bool_]) -> npt.NDArray[np.bool_]:
     return np.asarray(opened > 0)
 
 
-def columns(
+def obstacle_boxes(
     height_map: HeightMap, table: float, size: float = 0.06
 ) -> list[tuple[Shape, RigidTransform]]:
     """Return boxes that fill a height map, with their poses [m].
@@ -288,7 +294,7 @@ def standing(
         taken: Where, shape (2 or 3,) [m]; None: nothing is.
     """
     with contextlib.ExitStack() as stack:
-        for shape, X_WO in columns(height_map, table):
+        for shape, X_WO in obstacle_boxes(height_map, table):
             p_W = X_WO.translation()[:2]
             if taken is None or np.linalg.norm(p_W - taken[:2]) > _TAKEN_RADIUS:
                 stack.enter_context(scene.standing(shape, X_WO))
@@ -296,15 +302,9 @@ def standing(
 
 
 def highest_near(height_map: HeightMap, p_W: Vector, radius: float) -> float:
-    """Return the height of the highest thing near a place, in world [m].
-
-    Args:
-        height_map: The map.
-        p_W: The place, shape (2 or 3,) [m].
-        radius: What counts as near [m].
-    """
-    near = np.linalg.norm(height_map.middles() - p_W[:2], axis=-1) < radius
-    return float(np.nanmax(height_map.height[near], initial=-np.inf))
+    """Return the height of the highest thing `near` a place, in world [m]."""
+    heights = height_map.height[near(height_map, p_W, radius)]
+    return float(np.nanmax(heights, initial=-np.inf))
 
 
 def thing_at(

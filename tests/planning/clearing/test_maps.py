@@ -8,12 +8,12 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from drake_srg.planning.clearing.maps import (
-    columns,
     completed,
     has_gone,
     has_moved,
     highest_near,
     is_still,
+    obstacle_boxes,
     thing_at,
     volume_taken,
 )
@@ -161,7 +161,7 @@ def test_nothing_is_where_nothing_is_known():
 @given(places, st.floats(0.02, 0.1))
 def test_columns_hold_whatever_stands(place, size):
     height_map = table(place)
-    boxes = columns(height_map, 0.0, size)
+    boxes = obstacle_boxes(height_map, 0.0, size)
     for p in height_map.middles()[height_map.height > 0.0]:
         top = np.array([*p, TALL])
         inside = [
@@ -169,18 +169,18 @@ def test_columns_hold_whatever_stands(place, size):
             for box, X in boxes
         ]
         assert any(inside)
-    assert columns(table(), 0.0, size) == []
+    assert obstacle_boxes(table(), 0.0, size) == []
 
 
 def test_a_low_edge_counts_and_a_corner_adds_nothing():
     edge = table()
     edge.height[40, 20:60] = 0.008  # one cell wide
-    assert len(columns(edge, 0.0, 0.05)) == 4
+    assert len(obstacle_boxes(edge, 0.0, 0.05)) == 4
     corner = table()
     corner.height[:20, :40] = TALL
     corner.height[20:40, :20] = TALL
-    assert len(columns(corner, 0.0, 20 * RESOLUTION)) == 3
-    assert columns(dc.replace(edge, height=np.zeros((0, 0))), 0.0) == []
+    assert len(obstacle_boxes(corner, 0.0, 20 * RESOLUTION)) == 3
+    assert obstacle_boxes(dc.replace(edge, height=np.zeros((0, 0))), 0.0) == []
 
 
 @given(places)
