@@ -11,7 +11,7 @@ from drake_srg.cell.bins import bin_boxes, foot_box
 from drake_srg.cell.choosing import row_places
 from drake_srg.cell.perception import camera_models, destination_camera_models
 from drake_srg.planning.clearing.destination import BESIDE, Destination
-from drake_srg.planning.clearing.row_motions import row_destination
+from drake_srg.planning.clearing.placing import row_destination
 from drake_srg.scenario import Scenario
 from drake_srg.types import Vector
 from drake_srg.vision.camera import CameraModel

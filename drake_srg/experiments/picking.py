@@ -15,8 +15,8 @@ from pydrake.systems.sensors import CameraConfig
 from drake_srg.common.exceptions import ScenarioError
 from drake_srg.objects.config import ObjectConfig
 from drake_srg.objects.household import object_facts
-from drake_srg.planning.grasps.height_map_grasps import Reach
 from drake_srg.planning.grasps.top_grasp import GraspPlan, GraspPlanner, TopGrasp
+from drake_srg.planning.grasps.top_grasp_search import Reach
 from drake_srg.scenario import Scenario
 from drake_srg.simulation.bench import bench_scenario
 from drake_srg.simulation.rig import Rig

@@ -1,4 +1,4 @@
-"""What maps of a bin show of a load that was dropped."""
+"""What maps of a bin show of a load that was dropped, and what counts as arrived."""
 
 import dataclasses as dc
 
@@ -8,12 +8,12 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from drake_srg.planning.clearing.destination import Destination
-from drake_srg.planning.clearing.receiving import Risen, SeenLoad
+from drake_srg.planning.clearing.loads import Load, Loads, Risen, Verdict
 from drake_srg.types import HeightMap
 from planning.clearing.fake_table import BIN, SIDE, TALL, crossing, table
-from planning.clearing.test_comparing import noisy
+from planning.clearing.test_maps import noisy
 
-LOAD = SeenLoad(volume=SIDE**2 * TALL, height=TALL)
+LOAD = Load(destination=BIN, volume=SIDE**2 * TALL, height=TALL)
 BEFORE = (0.15, 0.15)  # it has been there before
 seeds = st.integers(0, 2**32 - 1)
 inside = st.tuples(st.floats(0.25, 0.38), st.floats(0.12, 0.28))
@@ -75,7 +75,7 @@ def test_the_edge_of_the_wall_may_be_seen_anywhere_near_it(beyond, seen):
     x, y = np.moveaxis(after.middles(), -1, 0)
     near = (x > 0.4) & (x < 0.4 + beyond) & (y > 0.1) & (y < 0.3)
     after.height[near] = 0.12
-    load = SeenLoad(volume=0.02 * SIDE**2, height=0.02, felt=False)
+    load = dc.replace(LOAD, volume=0.02 * SIDE**2, height=0.02, felt=False)
     assert has_received(deep, before, after, load) == seen
 
 
@@ -83,7 +83,7 @@ def test_the_edge_of_the_wall_may_be_seen_anywhere_near_it(beyond, seen):
 def test_a_bin_that_has_not_changed_has_received_nothing(seed):
     before, after = noisy(table(BEFORE), seed), noisy(table(BEFORE), seed + 1)
     for share in (0.05, 1.0):
-        load = SeenLoad(share * LOAD.volume, TALL)
+        load = dc.replace(LOAD, volume=share * LOAD.volume, height=TALL)
         assert not has_received(BIN, before, after, load)
 
 
@@ -104,7 +104,7 @@ def test_a_bar_over_the_rim_is_in_the_bin_with_both_its_ends(outside, lies):
     floor = np.where(deep.contains(after, -0.02), 0.02, walls)
     before = dc.replace(after, height=np.where(hidden, np.nan, floor))
     for felt in (True, False):
-        load = SeenLoad(volume=2e-4, height=0.025, felt=felt)
+        load = dc.replace(LOAD, volume=2e-4, height=0.025, felt=felt)
         assert has_received(deep, before, after, load) == lies
 
 
@@ -121,7 +121,9 @@ def test_a_bar_over_the_rim_is_in_the_bin_with_both_its_ends(outside, lies):
 )
 def test_more_may_be_gone_from_a_heap_than_the_load(felt, now, comes):
     """What had settled with a load seemed to be a part of it that had not come."""
-    heap = SeenLoad(6.0 * LOAD.volume, TALL, felt, core=LOAD.volume)
+    heap = dc.replace(
+        LOAD, volume=6.0 * LOAD.volume, height=TALL, felt=felt, core=LOAD.volume
+    )
     risen = Risen.between(BIN, table(BEFORE), table(*now))
     assert risen.shows(risen.without_settled(heap)) == comes
 
@@ -136,7 +138,9 @@ def test_noise_is_no_load_of_a_heap(seed):
 
 def test_a_heap_loses_at_least_half_of_what_was_at_the_grasp():
     """What is upset in the bin as a box bounces out of it is not the box."""
-    heap = SeenLoad(6.0 * LOAD.volume, TALL, core=2.5 * LOAD.volume)
+    heap = dc.replace(
+        LOAD, volume=6.0 * LOAD.volume, height=TALL, core=2.5 * LOAD.volume
+    )
     risen = Risen.between(BIN, table(BEFORE), table(BEFORE, (0.3, 0.2)))
     assert not risen.shows(risen.without_settled(heap))
 
@@ -176,7 +180,7 @@ def test_what_is_pushed_beside_the_bin_is_no_load_that_missed():
 
 
 def test_a_small_load_beside_the_bin_is_not_in_it_though_others_settle():
-    small = SeenLoad(volume=6e-6, height=0.005)
+    small = dc.replace(LOAD, volume=6e-6, height=0.005)
     before, after = table((0.2, 0.2), tall=0.2), table((0.2, 0.2), tall=0.202)
     assert has_received(BIN, before, table((0.2, 0.2), (0.3, 0.2)), small)
     x, y = np.moveaxis(after.middles(), -1, 0)
@@ -191,9 +195,11 @@ def test_flickering_edges_are_no_load():
     after = dc.replace(before, height=before.height.copy())
     for column in range(60, 190, 6):
         after.height[100:103, column : column + 3] = TALL
-    assert not has_received(BIN, before, after, SeenLoad(volume=1e-5, height=0.01))
+    assert not has_received(
+        BIN, before, after, dc.replace(LOAD, volume=1e-5, height=0.01)
+    )
     after.height[100:103, 60:190] = TALL
-    assert has_received(BIN, before, after, SeenLoad(volume=1e-5, height=0.01))
+    assert has_received(BIN, before, after, dc.replace(LOAD, volume=1e-5, height=0.01))
 
 
 def test_a_load_may_push_another_down():
@@ -210,27 +216,27 @@ def test_what_is_hidden_is_not_seen():
 
 
 def test_far_less_than_was_taken_is_something_else():
-    large = SeenLoad(10.0 * LOAD.volume, TALL)
+    large = dc.replace(LOAD, volume=10.0 * LOAD.volume, height=TALL)
     assert not has_received(BIN, table(), table((0.3, 0.2)), large)
 
 
 @pytest.mark.parametrize(("tall", "stands"), [(TALL, True), (0.5 * TALL, False)])
 def test_what_is_set_down_must_stand(tall, stands):
-    place = Destination(BIN.low, BIN.high, level=0.0)
+    place = Destination(BIN.low, BIN.high, place=np.zeros(3))
     assert has_received(place, table(), table((0.3, 0.2), tall=tall), LOAD) == stands
     assert has_received(BIN, table(), table((0.3, 0.2), tall=tall), LOAD)
 
 
 def test_where_all_moves_a_small_load_must_have_been_felt():
     before, after = table((0.2, 0.2), tall=0.2), table((0.35, 0.2), tall=0.22)
-    small = SeenLoad(volume=2e-5, height=0.01)
+    small = dc.replace(LOAD, volume=2e-5, height=0.01)
     assert has_received(BIN, before, after, small)
     assert not has_received(BIN, before, after, dc.replace(small, felt=False))
 
 
 def test_what_falls_in_small_parts_counts_too():
     """A thing that slipped out of the hand was counted, because others moved."""
-    slipped = SeenLoad(volume=0.0, height=TALL, felt=False)
+    slipped = dc.replace(LOAD, volume=0.0, height=TALL, felt=False)
     empty, other, shifted = (
         HeightMap(np.zeros(2), 0.002, np.zeros((200, 250))) for _ in range(3)
     )
@@ -274,3 +280,98 @@ def test_a_thing_that_a_large_load_tilts_is_no_second_load():
     after.height[table(BEFORE).height > 0.0] = TALL + 0.01
     load = dc.replace(LOAD, volume=0.2 * SIDE**2)
     assert not Risen.between(BIN, table(BEFORE), after).shows_several(load)
+
+
+FIRST, ELSEWHERE, SECOND = (0.2, 0.2), (0.25, 0.15), (0.32, 0.25)
+FLAT = 0.01
+
+
+def with_first(load=None):
+    """Return a tall load in the bin, and another one that was let go.
+
+    Args:
+        load: The other; None: a flat one.
+    """
+    seen = table(FIRST)
+    first = dc.replace(LOAD, verdict=Verdict.ARRIVED, before=table(), after=seen)
+    flat = dc.replace(LOAD, volume=FLAT * SIDE**2, height=FLAT)
+    return Loads((first, load or flat), seen)
+
+
+def bin_with(first):
+    """Return a bin with a flat load, and a tall one at a place; None: it has left."""
+    seen = table(SECOND, tall=FLAT)
+    if first is not None:
+        seen.height[:] += table(first).height
+    return seen
+
+
+@pytest.mark.parametrize(("first", "arrived"), [(FIRST, 2), (ELSEWHERE, 2), (None, 1)])
+def test_what_the_hand_carries_out_of_the_bin_counts_no_more(first, arrived):
+    """A mug went back to the table on the open fingers, and counted twice."""
+    loads = with_first()
+    assert loads.look(bin_with(first))
+    assert loads.arrived == arrived
+    assert len(loads.lost) == 2 - arrived
+    assert not loads.look(bin_with(first))
+    assert loads.arrived == arrived
+
+
+def test_what_settles_with_a_load_of_a_heap_is_no_part_of_it():
+    load = dc.replace(LOAD, volume=10.0 * VOLUME, core=VOLUME)
+    loads = with_first(load)
+    loads.look(table(FIRST, SECOND))
+    assert loads.arrived == 2
+
+
+VOLUME = TALL * SIDE**2
+OTHER_BIN = dc.replace(BIN, high=BIN.high + 1.0)
+
+
+@pytest.mark.parametrize(
+    ("now", "tall", "volume", "destination", "missed"),
+    [
+        ((), TALL, VOLUME, BIN, True),
+        ((), TALL, VOLUME, OTHER_BIN, False),
+        ((FIRST,), TALL, VOLUME, BIN, False),
+        # Something taller is there: the load may lie below it.
+        ((FIRST,), 2.0 * TALL, VOLUME, BIN, True),
+        ((FIRST,), 2.0 * TALL, 3.0 * VOLUME, BIN, False),
+    ],
+)
+def test_what_lies_beside_the_bin_may_be_a_load_that_is_gone(
+    now, tall, volume, destination, missed
+):
+    """One that fell out as another came to lie where it was counted twice."""
+    loads = with_first()
+    loads.seen = table(*now, tall=tall)
+    for _ in range(2):
+        assert loads.match_missed(destination, volume) == missed
+        assert (loads.arrived, len(loads.lost)) == (1 - missed, missed)
+
+
+def test_without_a_map_of_the_bin_any_load_may_be_missed():
+    loads = with_first()
+    loads.seen = None
+    assert loads.match_missed(BIN, VOLUME)
+    assert loads.arrived == 1
+
+
+@pytest.mark.parametrize("reported", [0, 1, 2])
+def test_a_load_that_was_missed_withdraws_one_report_of_its_own_bin(reported):
+    dropped = dc.replace(LOAD, verdict=Verdict.DROPPED)
+    elsewhere = dc.replace(dropped, destination=OTHER_BIN)
+    again = dc.replace(LOAD, again=True)
+    dropped = [dc.replace(dropped) for _ in range(reported)]
+    loads = Loads((*dropped, elsewhere, again), table())
+    assert loads.look(table(FIRST))
+    assert (loads.arrived, len(loads.lost)) == (1, max(reported, 1))
+
+
+@pytest.mark.parametrize(
+    ("felt", "again", "arrived"), [(True, False, 1), (True, True, 0), (False, False, 0)]
+)
+def test_without_a_camera_there_what_was_taken_counts_once(felt, again, arrived):
+    loads = Loads()
+    loads.add(dc.replace(LOAD, felt=felt, again=again))
+    assert (loads.arrived, loads.pending, loads.lost) == (arrived, None, ())

@@ -1,4 +1,4 @@
-"""The motions of one pick that drops its load into a bin, or lays it down there."""
+"""The motions of picks whose load goes into a bin, or to its place in a row."""
 
 from __future__ import annotations
 
@@ -6,13 +6,12 @@ import contextlib
 import dataclasses as dc
 
 import numpy as np
+from pydrake.math import RigidTransform
 from pydrake.trajectories import Trajectory
 
-from drake_srg.planning.clearing.clearing_motions import TIPS, ClearingMotions
-from drake_srg.planning.clearing.columns import standing
-from drake_srg.planning.clearing.destination import Spots
-from drake_srg.planning.clearing.laying import laying_targets
-from drake_srg.planning.clearing.load import Load
+from drake_srg.planning.clearing.destination import Destination, Spot, Spots
+from drake_srg.planning.clearing.maps import standing
+from drake_srg.planning.clearing.motions import TIPS, ClearingMotions, HeldLoad
 from drake_srg.planning.grasps.top_grasp import TopGrasp
 from drake_srg.planning.motion.failure import NoPathError
 from drake_srg.planning.motion.hand_target import HandTarget
@@ -20,6 +19,11 @@ from drake_srg.planning.motion.limits import MotionLimits
 from drake_srg.planning.motion.path_parts import STRAIGHT, PathPart, joined
 from drake_srg.types import HeightMap, Mode, Vector
 
+# Height above what is below at which a load is let go [m]: more than it sags in the
+# fingers, and little to fall.
+_ABOVE = 0.02
+# Angles of the load on its way from hanging to lying [rad].
+_ANGLES = np.deg2rad([0.0, 15.0, 30.0, 45.0, 60.0, 75.0, 90.0])
 # Distance that the load keeps from the bin's rim [m].
 _RIM = 0.03
 # Of three loads, one is dropped in the bin's middle and the others so far to either
@@ -31,6 +35,43 @@ _DRAWN_IN = (0.15, 0.3, 0.45)
 # A long load swings as it is lifted. At full speed, a hammer of 0.67 kg pulls itself
 # out of the pads. Share of that speed while a load that may hang is lifted.
 _GENTLE = 0.6
+# Height above its support at which a thing is let go [m].
+_ABOVE_PLACE = 0.002
+# Distance from the place within which all of a thing is [m]: the least spacing of
+# things that the hand takes, so that neighbours do not count.
+_AROUND = 0.06
+
+
+def laying_targets(
+    X_WG: RigidTransform, load: HeldLoad, palm: float, spot: Spot, high: float
+) -> list[HandTarget]:
+    """Return where the hand begins to lay a load down, and the way from there.
+
+    Two pads are a hinge: a long load may hang from them. Dropped like that, it falls on
+    its end and topples to any side, also over the rim. So the hand goes down on an arc
+    around that end, and the load lies in the end as it lay on the table. A load that is
+    still level comes to lie at the same place. What does not turn goes straight down.
+
+    The hand begins high over the end that hangs, and goes straight down to where the
+    load stands on that end.
+
+    Args:
+        X_WG: The hand over the middle of the bin, as it drops things.
+        load: The load.
+        palm: Height of the palm above the underside of the level load [m].
+        spot: Where it shall lie.
+        high: World z of the palm at which the hanging load clears the rim [m].
+    """
+    middle_W = X_WG.rotation() @ load.middle_G
+    outward = np.sign(load.middle_G[2]) * X_WG.rotation().col(2)[:2]
+    p_W = X_WG.translation() + spot.aside_W - middle_W
+    lying = np.array([*p_W[:2], spot.ground + _ABOVE + palm])
+    angles = _ANGLES if load.sag > 0.0 else _ANGLES[-1:]
+    arc = lying + load.sag * np.column_stack(
+        [np.outer(1.0 - np.sin(angles), outward), np.cos(angles)]
+    )
+    begin = [*arc[0, :2], max(high, arc[0, 2])]
+    return [HandTarget(p_W, X_WG.rotation()) for p_W in (np.array(begin), *arc)]
 
 
 class BinMotions(ClearingMotions):
@@ -40,8 +81,8 @@ class BinMotions(ClearingMotions):
     """
 
     def _with_destination(
-        self, load: Load, number: int, filled: float, spots: Spots
-    ) -> Load:
+        self, load: HeldLoad, number: int, filled: float, spots: Spots
+    ) -> HeldLoad:
         """See `ClearingMotions`: the middle of the bin and either side take turns."""
         size = self.destination.high - self.destination.low
         aside = _ASIDE * np.where(size == size.max(), size, 0.0)
@@ -63,7 +104,7 @@ class BinMotions(ClearingMotions):
         self,
         q_grasp: Vector,
         grasp: TopGrasp,
-        load: Load,
+        load: HeldLoad,
         least: float,
         height_map: HeightMap,
     ) -> dict[Mode, Trajectory]:
@@ -83,12 +124,12 @@ class BinMotions(ClearingMotions):
                 failed = error
         raise failed
 
-    def _lifting(self, load: Load) -> MotionLimits:
+    def _lifting(self, load: HeldLoad) -> MotionLimits:
         """Return the limits of motions that lift a load."""
         limits = self._moves.holding
         return limits.scaled(_GENTLE, _GENTLE**2) if load.may_hang else limits
 
-    def _drawn_in(self, q: Vector, load: Load) -> Vector:
+    def _drawn_in(self, q: Vector, load: HeldLoad) -> Vector:
         """Return the way up and towards the arm's first joint from `q`, (k, N) [rad].
 
         Raises:
@@ -112,8 +153,8 @@ class BinMotions(ClearingMotions):
         up: PathPart,
         lifting: Trajectory,
         grasp: TopGrasp,
-        load: Load,
-        lifted: Load,
+        load: HeldLoad,
+        lifted: HeldLoad,
     ) -> dict[Mode, Trajectory]:
         """Return the motions with a load along `up` and on to where it is let go.
 
@@ -147,8 +188,8 @@ class BinMotions(ClearingMotions):
         up: PathPart,
         lifting: Trajectory,
         place: HandTarget,
-        load: Load,
-        lifted: Load,
+        load: HeldLoad,
+        lifted: HeldLoad,
     ) -> tuple[dict[Mode, Trajectory], Vector]:
         """Return the motions with a load to a place, and their end, shape (N,) [rad].
 
@@ -175,3 +216,50 @@ class BinMotions(ClearingMotions):
             if lifted is load and not load.may_hang:
                 motions = self._without_rest(motions, (up, across), moves.holding)
         return dict(zip((Mode.LIFT, Mode.TRANSFER), motions, strict=True)), over
+
+
+def row_destination(p_WO: Vector) -> Destination:
+    """Return where a thing with its middle at a place of the row is, (3,) [m]."""
+    return Destination(p_WO[:2] - _AROUND, p_WO[:2] + _AROUND, np.asarray(p_WO, float))
+
+
+class RowMotions(ClearingMotions):
+    """Plans picks of things that are set down at a place, as they stood before.
+
+    The hand points down all the way and turns about the vertical only. Its destination
+    is a `row_destination`; for the other arguments see `ClearingMotions`.
+    """
+
+    def _carry(
+        self,
+        q_grasp: Vector,
+        grasp: TopGrasp,
+        load: HeldLoad,
+        least: float,
+        height_map: HeightMap,
+    ) -> dict[Mode, Trajectory]:
+        """See `ClearingMotions`; the way with the load ends where it is set down."""
+        scene, moves = self.scene, self._moves
+        scene.SetFingers(grasp.fingers_closed)
+        with scene.reaching(TIPS):
+            up = moves.straight(q_grasp, moves.above(q_grasp, least))
+            lifting = moves.timed(up, moves.holding, straight=True)
+        place, X_WG = self.destination.place, scene.X_WG(self.q_over)
+        assert place is not None, "a row has places"
+        p_WG = X_WG.translation()
+        middle = X_WG.rotation() @ load.middle_G
+        level = np.array([*(place - p_WG - middle)[:2], 0.0])
+        over = HandTarget.from_pose(X_WG).shifted(level)
+        palm = float(grasp.X_WG.translation()[2]) - self._table  # above the support
+        lower = float(p_WG[2] - place[2]) - palm - _ABOVE_PLACE
+        down = over.shifted(np.array([0.0, 0.0, -lower]))
+        with standing(scene, height_map, self._table, taken=grasp.p_WC):
+            with self._loaded(load.level):
+                goal = moves.straight(self.q_over, over)[-1]
+                across = moves.joint_path(up[-1], goal)
+                crossing = moves.timed(across, moves.holding)
+            with scene.reaching(TIPS):
+                lowering = moves.timed(
+                    moves.straight(goal, down), moves.holding, straight=True
+                )
+        return {Mode.LIFT: lifting, Mode.TRANSFER: crossing, Mode.PLACE: lowering}

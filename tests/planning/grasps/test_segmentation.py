@@ -3,24 +3,24 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from drake_srg.planning.grasps.relief import Relief
+from drake_srg.planning.grasps.segmentation import Segmentation
 from drake_srg.types import HeightMap
 
 TABLE = 0.5
 
 
-def relief(*boxes, noise=0.0):
-    """Return the relief of boxes (x0, x1, y0, y1, height) in cells of 2 mm [m]."""
+def segmented(*boxes, noise=0.0):
+    """Return a map with boxes (x0, x1, y0, y1, height) in cells of 2 mm [m]."""
     height = np.full((80, 100), TABLE)
     height += np.random.default_rng(0).normal(0.0, noise, height.shape)
     for x0, x1, y0, y1, tall in boxes:
         height[y0:y1, x0:x1] += tall
     map_ = HeightMap(np.array([1.0, 2.0]), 0.002, height)
-    return Relief.of(map_, TABLE, least_height=0.004, least_area=6e-5)
+    return Segmentation.of(map_, TABLE, least_height=0.004, least_area=6e-5)
 
 
 def test_things_and_their_sizes():
-    found = relief((10, 40, 20, 30, 0.05), (60, 70, 40, 60, 0.03))
+    found = segmented((10, 40, 20, 30, 0.05), (60, 70, 40, 60, 0.03))
     big, small = found.things
     assert big.size == pytest.approx((0.06, 0.02), abs=1e-6)
     assert big.top == pytest.approx(0.05, abs=1e-6)
@@ -30,18 +30,18 @@ def test_things_and_their_sizes():
 
 
 def test_specks_and_flat_things_are_none():
-    assert relief((10, 12, 20, 22, 0.05), (60, 70, 40, 60, 0.003)).things == ()
+    assert segmented((10, 12, 20, 22, 0.05), (60, 70, 40, 60, 0.003)).things == ()
 
 
 def test_what_noise_may_have_raised_is_a_speck():
     """The hand went for one of 16 x 8 mm, twice."""
     speck = (40, 46, 40, 44, 0.009)
-    assert len(relief(speck).things) == 1
-    assert relief(speck, noise=0.001).things == ()
+    assert len(segmented(speck).things) == 1
+    assert segmented(speck, noise=0.001).things == ()
 
 
 def test_noise_raises_what_counts():
-    quiet, noisy = relief(), relief(noise=0.003)
+    quiet, noisy = segmented(), segmented(noise=0.003)
     assert quiet.noise == pytest.approx(0.0, abs=1e-6)
     # The median of nine values has two fifths of their noise.
     assert 0.0008 < noisy.noise < 0.003
@@ -50,13 +50,13 @@ def test_noise_raises_what_counts():
 
 
 def test_heights_at_points():
-    found = relief((10, 40, 20, 30, 0.05))
+    found = segmented((10, 40, 20, 30, 0.05))
     points = np.array([[1.03, 2.045], [1.1, 2.1], [0.9, 2.0], [5.0, 5.0], [-9.0, 2.0]])
     np.testing.assert_allclose(found.lookup(points), [0.05, 0, 0, 0, 0], atol=1e-6)
 
 
 def test_one_thing_alone():
-    found = relief((10, 40, 20, 30, 0.05), (60, 70, 40, 60, 0.03))
+    found = segmented((10, 40, 20, 30, 0.05), (60, 70, 40, 60, 0.03))
     only = found.only(found.things[1])
     assert only.above.max() == pytest.approx(0.03, abs=1e-6)
     assert only.things == (found.things[1],)
@@ -64,14 +64,14 @@ def test_one_thing_alone():
 
 def test_the_unknown_is_level():
     map_ = HeightMap(np.zeros(2), 0.002, np.full((20, 20), np.nan))
-    found = Relief.of(map_, TABLE, least_height=0.004, least_area=6e-5)
+    found = Segmentation.of(map_, TABLE, least_height=0.004, least_area=6e-5)
     assert found.unknown.all()
     np.testing.assert_array_equal(found.above, 0.0)
     assert found.things == ()
 
 
 def test_a_long_thin_part_has_a_middle_of_its_own():
-    found = relief((60, 98, 10, 60, 0.04), (2, 60, 30, 38, 0.02))
+    found = segmented((60, 98, 10, 60, 0.04), (2, 60, 30, 38, 0.02))
     (thing,) = found.things
     on_bar, on_plate, beside = (
         found.thing_middles[34, 10],
@@ -84,13 +84,13 @@ def test_a_long_thin_part_has_a_middle_of_its_own():
 
 
 def discs(*circles):
-    """Return the relief of discs (x, y, radius, height) in cells of 2 mm [m]."""
+    """Return a map with discs (x, y, radius, height) in cells of 2 mm [m]."""
     y, x = np.mgrid[:160, :200]
     height = np.full(x.shape, TABLE)
     for x0, y0, radius, tall in circles:
         height[np.hypot(x - x0, y - y0) < radius] = TABLE + tall
     map_ = HeightMap(np.zeros(2), 0.002, height)
-    return Relief.of(map_, TABLE, least_height=0.004, least_area=6e-5)
+    return Segmentation.of(map_, TABLE, least_height=0.004, least_area=6e-5)
 
 
 def test_a_ball_beside_a_plate_has_a_middle_of_its_own():
@@ -118,7 +118,7 @@ def test_a_handle_or_a_narrow_neighbour_shares_the_common_middle(circles):
 
 
 def test_the_corners_of_a_lying_box_share_its_middle():
-    (thing,) = (found := relief((4, 96, 2, 76, 0.06))).things
+    (thing,) = (found := segmented((4, 96, 2, 76, 0.06))).things
     apart = found.thing_middles[tuple(thing.cells.T)] - thing.middle
     np.testing.assert_array_equal(apart, 0.0)
 
@@ -128,7 +128,7 @@ def test_a_short_part_and_a_thin_thing_share_the_common_middle():
         [(60, 98, 10, 60, 0.04), (30, 60, 30, 38, 0.02)],
         [(2, 90, 30, 50, 0.02)],
     ):
-        found = relief(*boxes)
+        found = segmented(*boxes)
         (thing,) = found.things
         np.testing.assert_allclose(
             found.thing_middles[tuple(thing.cells.T)] - thing.middle, 0.0, atol=1e-9
@@ -136,7 +136,7 @@ def test_a_short_part_and_a_thin_thing_share_the_common_middle():
 
 
 def test_places_beside_the_same_thing():
-    found = relief((10, 40, 20, 30, 0.05), (60, 70, 10, 60, 0.03))
+    found = segmented((10, 40, 20, 30, 0.05), (60, 70, 10, 60, 0.03))
     middles = found.map.middles()
     one, another = (middles[tuple(thing.cells.T)] for thing in found.things)
     table, outside = middles[2, 2], np.array([9.0, 9.0])
@@ -153,7 +153,7 @@ def test_noise_does_not_break_low_things_apart(seed, tall):
     height = np.random.default_rng(seed).normal(TABLE, 0.003, (80, 100))
     height[30:42, 10:90] += tall
     map_ = HeightMap(np.array([1.0, 2.0]), 0.002, height)
-    found = Relief.of(map_, TABLE, least_height=0.004, least_area=6e-5)
+    found = Segmentation.of(map_, TABLE, least_height=0.004, least_area=6e-5)
     assert np.count_nonzero(found.above[30:42, 10:90] < found.least) > 50
     whole = max(found.things, key=lambda thing: len(thing.cells))
     assert whole.size == pytest.approx((0.16, 0.024), abs=0.015)
@@ -161,7 +161,7 @@ def test_noise_does_not_break_low_things_apart(seed, tall):
 
 @given(st.floats(0.005, 0.1))
 def test_places_are_on_things_and_near_every_part_of_them(apart):
-    found = relief((10, 40, 20, 30, 0.05), (60, 70, 10, 60, 0.03))
+    found = segmented((10, 40, 20, 30, 0.05), (60, 70, 10, 60, 0.03))
     places = np.array(found.places(apart))
     heights = found.map.height[tuple(found.map.cells(places[:, :2]).T)]
     np.testing.assert_allclose(places[:, 2], heights)
@@ -171,4 +171,4 @@ def test_places_are_on_things_and_near_every_part_of_them(apart):
         parts = found.map.middles()[iy, ix]
         away = np.linalg.norm(parts[:, None] - places[None, :, :2], axis=-1)
         assert away.min(axis=1).max() <= apart
-    assert relief().places(apart) == []
+    assert segmented().places(apart) == []

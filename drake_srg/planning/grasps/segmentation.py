@@ -1,4 +1,4 @@
-"""What stands on a table, from a height map."""
+"""What stands on a table: a height map, segmented into things."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ class Thing:
     """A connected region above the table.
 
     Attributes:
-        label: Its number in `Relief.labels`.
+        label: Its number in `Segmentation.labels`.
         cells: Its cells (iy, ix), shape (n, 2).
         middle: x, y of the middle of its volume, shape (2,) [m].
         size: Long and short side of the narrowest rectangle around it [m].
@@ -49,8 +49,8 @@ class Thing:
 
 
 @dc.dataclass(frozen=True, eq=False)
-class Relief:
-    """A height map above a table, without gaps.
+class Segmentation:
+    """A height map above a table, without gaps, segmented into things.
 
     Attributes:
         map: The map.
@@ -73,8 +73,8 @@ class Relief:
     @classmethod
     def of(
         cls, map_: HeightMap, table: float, *, least_height: float, least_area: float
-    ) -> Relief:
-        """Return the relief of a map.
+    ) -> Segmentation:
+        """Return the segmentation of a map.
 
         Args:
             map_: The map.
@@ -95,8 +95,8 @@ class Relief:
         labels, things = _things(map_, above, least, extends, least_area)
         return cls(map_, above, unknown, noise, least, labels, things)
 
-    def only(self, thing: Thing) -> Relief:
-        """Return the relief with nothing but one of its things."""
+    def only(self, thing: Thing) -> Segmentation:
+        """Return the same with nothing but one of its things."""
         above = np.where(self.labels == thing.label, self.above, np.float32(0.0))
         return dc.replace(self, above=above, things=(thing,))
 
