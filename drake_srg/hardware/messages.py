@@ -9,9 +9,11 @@ from typing import Any
 import numpy as np
 
 from drake_srg.bridges.commands import CommandError
-from drake_srg.recording.ros_topics import MakeMessage, Topic, header
+from drake_srg.common.exceptions import ScenarioError
 from drake_srg.types import Vector
 
+JOINT_STATE = "sensor_msgs/msg/JointState"
+ARRAY = "std_msgs/msg/Float64MultiArray"
 # A robot that was silent for this long has been given up. [s]
 _LONGEST_GAP = 5.0
 
@@ -95,60 +97,13 @@ class JointStates:
             )
 
 
-def percent(name: str) -> Topic:
-    """Return a topic of closures 0 .. 1 as std_msgs/Int32, 0 open .. 100 closed."""
-    kind = "std_msgs/msg/Int32"
-
-    def convert(make: MakeMessage, time: float, closure: float) -> Any:
-        return make(kind, data=round(100.0 * min(max(closure, 0.0), 1.0)))
-
-    return Topic(name, kind, {}, convert)
-
-
-def obeys(name: str) -> Topic:
-    """Return a topic that halts a gripper, as std_msgs/Bool: false to hold."""
-    kind = "std_msgs/msg/Bool"
-
-    def convert(make: MakeMessage, time: float, hold: float) -> Any:
-        return make(kind, data=hold < 0.5)
-
-    return Topic(name, kind, {}, convert)
-
-
-def joint_trajectory(name: str, joints: Sequence[str]) -> Topic:
-    """Return a topic of timed positions as trajectory_msgs/JointTrajectory.
-
-    Its `convert` takes times (K,) [s], by the robot's clock, and positions (K, N).
-
-    Args:
-        name: The topic's.
-        joints: Names of the joints.
-    """
-    kind = "trajectory_msgs/msg/JointTrajectory"
-
-    def convert(make: MakeMessage, time: float, times: Vector, q: Vector) -> Any:
-        points = [
-            make(
-                "trajectory_msgs/msg/JointTrajectoryPoint",
-                positions=np.array(q_i, dtype=np.float64),
-                velocities=np.zeros(0),
-                accelerations=np.zeros(0),
-                effort=np.zeros(0),
-                time_from_start=duration(make, t_i - times[0]),
-            )
-            for t_i, q_i in zip(times, q, strict=True)
-        ]
-        return make(
-            kind,
-            header=header(make, float(times[0])),
-            joint_names=list(joints),
-            points=points,
+def joint_names(part: str, given: Sequence[str], model: Sequence[str]) -> Sequence[str]:
+    """Return the given names of a part's joints, or the model's."""
+    if given and len(given) != len(model):
+        raise ScenarioError(
+            f"{part}.joints: needs one name for each of {', '.join(model)}, "
+            f"got {len(given)}"
         )
-
-    return Topic(name, kind, {}, convert)
-
-
-def duration(make: MakeMessage, seconds: float) -> Any:
-    """Return a time [s] as a builtin_interfaces/msg/Duration."""
-    sec, nanosec = divmod(round(seconds * 1e9), 10**9)
-    return make("builtin_interfaces/msg/Duration", sec=sec, nanosec=nanosec)
+    if len(set(given)) < len(given):
+        raise ScenarioError(f"{part}.joints: names must differ, got {', '.join(given)}")
+    return given or model

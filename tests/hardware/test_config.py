@@ -1,8 +1,9 @@
 import pytest
 
 from drake_srg.common.exceptions import ScenarioError
+from drake_srg.hardware.arm import Ros2Arm
 from drake_srg.hardware.config import load_hardware, parse_hardware
-from drake_srg.hardware.ros import Ros1Gripper, Ros2Arm
+from drake_srg.hardware.gripper import Ros1Gripper
 
 GOOD = "arm: !Ros2Arm {lead: 0.1}\ngripper: !Ros1Gripper {}\n"
 

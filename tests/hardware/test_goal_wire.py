@@ -14,7 +14,7 @@ from bridges.waiting import wait_until
 from helpers import LACKS_DDS, NO_DDS
 
 from drake_srg.bridges.commands import Warnings
-from drake_srg.hardware.goal_stream import GoalStream
+from drake_srg.hardware.arm import GoalStream
 from drake_srg.hardware.nodes import Nodes, Ros1Config, Ros2Config
 
 pytestmark = pytest.mark.skipif(LACKS_DDS, reason=NO_DDS)
