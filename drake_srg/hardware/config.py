@@ -6,6 +6,7 @@ import operator
 import typing
 from pathlib import Path
 
+from drake_srg.bridges.connecting import Ros1Config, Ros2Config
 from drake_srg.common.exceptions import ScenarioError
 from drake_srg.hardware.arm import Ros1Arm, Ros2Arm, RosArm
 from drake_srg.hardware.cameras import Ros1Camera, Ros2Camera, RosCamera
@@ -13,7 +14,6 @@ from drake_srg.hardware.dynamixel.drivers import DynamixelArm, DynamixelGripper
 from drake_srg.hardware.faults import FaultsConfig
 from drake_srg.hardware.gripper import Ros1Gripper, Ros2Gripper, RosGripper
 from drake_srg.hardware.link import HardwareDriver
-from drake_srg.hardware.nodes import Ros1Config, Ros2Config
 from drake_srg.scenario.yaml_tree import parse_yaml
 from drake_srg.scenario.yaml_typed import load_typed
 

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from drake_srg.bridges.commands import CommandError
+from drake_srg.bridges.trajectory_topics import seconds
 from drake_srg.common.exceptions import ScenarioError
 from drake_srg.types import Vector
 
@@ -16,12 +17,6 @@ JOINT_STATE = "sensor_msgs/msg/JointState"
 ARRAY = "std_msgs/msg/Float64MultiArray"
 # A robot that was silent for this long has been given up. [s]
 _LONGEST_GAP = 5.0
-
-
-def stamp_of(message: Any) -> float:
-    """Return the time in a message's header [s]."""
-    stamp = message.header.stamp
-    return float(stamp.sec) + 1e-9 * float(stamp.nanosec)
 
 
 def numbers(data: Any, size: int) -> Vector:
@@ -68,7 +63,7 @@ class JointStates:
         missing = sorted(set(self._names) - set(given))
         if missing:
             raise CommandError("joints", f"lacks the joints {', '.join(missing)}")
-        count, stamp = len(given), stamp_of(message)
+        count, stamp = len(given), seconds(message.header.stamp)
         q, v = numbers(message.position, count), numbers(message.velocity, count)
         self._check(stamp)
         self.stamp = stamp

@@ -1,7 +1,7 @@
 """The ROS nodes that the drivers of a robot share."""
 
 import dataclasses as dc
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from typing import Any
 
 from drake_srg.bridges.bridge import Bridge
@@ -12,46 +12,24 @@ from drake_srg.bridges.commands import (
     PortValues,
     Warnings,
 )
+from drake_srg.bridges.connecting import Ros1Config, Ros2Config
 from drake_srg.common.exceptions import ScenarioError
 from drake_srg.recording.ros_topics import Topic
 
 # Takes a message; raises a CommandError if it is refused.
 Receive = Callable[[Any], None]
-Connect = Callable[[CommandInbox, Sequence[Topic]], Bridge]
-
-
-@dc.dataclass(kw_only=True)
-class Ros1Config:
-    """The node of ROS 1."""
-
-    # URI of the master; empty: $ROS_MASTER_URI.
-    master: str = ""
-    # This machine's address for others, and the node's name.
-    host: str = "127.0.0.1"
-    name: str = "drake_srg_hardware"
-
-
-@dc.dataclass(kw_only=True)
-class Ros2Config:
-    """The participant of ROS 2."""
-
-    # Number of the domain; null: $ROS_DOMAIN_ID.
-    domain: int | None = dc.field(default=None, metadata={"ge": 0, "le": 232})
-    # This machine's address for others, and the participant's name.
-    host: str = "127.0.0.1"
-    name: str = "drake_srg_hardware"
 
 
 class Node:
     """A ROS node: first collects topics, then opens.
 
     Args:
-        connect: Makes the bridge, as `Ros2Bridge` does.
+        config: Opens it.
         warnings: Where refused messages are reported.
     """
 
-    def __init__(self, connect: Connect, warnings: Warnings) -> None:
-        self._connect, self._warnings = connect, warnings
+    def __init__(self, config: Ros1Config | Ros2Config, warnings: Warnings) -> None:
+        self._config, self._warnings = config, warnings
         self._receivers: dict[str, list[Receive]] = {}
         self._subscribed: dict[str, CommandTopic] = {}
         self._published: list[Topic] = []
@@ -94,7 +72,7 @@ class Node:
         if self._subscribed or self._published:
             inbox = CommandInbox(self._subscribed.values(), self._warnings)
             try:
-                self._bridge = self._connect(inbox, self._published)
+                self._bridge = self._config.open(inbox, self._published)
             except (OSError, ValueError) as error:
                 raise ScenarioError(f"hardware: {error}") from error
 
@@ -127,26 +105,9 @@ class Nodes:
     def __init__(
         self, ros1: Ros1Config, ros2: Ros2Config, warnings: Warnings, suffix: str = ""
     ) -> None:
-        def connect_ros1(inbox: CommandInbox, topics: Sequence[Topic]) -> Bridge:
-            from drake_srg.bridges.ros1.bridge import Ros1Bridge
-
-            name, master = f"/{ros1.name}{suffix}", ros1.master or None
-            return Ros1Bridge(inbox, topics, master=master, host=ros1.host, name=name)
-
-        def connect_ros2(inbox: CommandInbox, topics: Sequence[Topic]) -> Bridge:
-            from drake_srg.bridges.ros2.bridge import Ros2Bridge
-
-            return Ros2Bridge(
-                inbox,
-                topics,
-                domain=ros2.domain,
-                interface=ros2.host,
-                name=f"{ros2.name}{suffix}",
-            )
-
         self._nodes = {
-            1: Node(connect_ros1, warnings),
-            2: Node(connect_ros2, warnings),
+            version: Node(dc.replace(config, name=f"{config.name}{suffix}"), warnings)
+            for version, config in ((1, ros1), (2, ros2))
         }
 
     def of(self, version: int) -> Node:
