@@ -1,7 +1,5 @@
 """Construct the bridges that a user asks for."""
 
-from __future__ import annotations
-
 import contextlib
 import dataclasses as dc
 import re

@@ -21,8 +21,7 @@ from drake_srg.hardware.dynamixel.bus_cycle import BusCycle
 from drake_srg.hardware.dynamixel.drivers import DynamixelArm, DynamixelGripper
 from drake_srg.hardware.dynamixel.servo_bus import ServoBus
 from drake_srg.hardware.faults import FaultsConfig, FaultyLink
-from drake_srg.hardware.link import Link, Robot
-from drake_srg.hardware.nodes import Nodes
+from drake_srg.hardware.link import Link, Nodes, Robot
 from drake_srg.hardware.opening import Hardware
 from drake_srg.hardware.station import AddHardwareStation
 from drake_srg.safety.config import SafetyConfig

@@ -23,21 +23,19 @@ from drake_srg.bridges.ros2.follow_joint_trajectory import (
     goal_info,
 )
 from drake_srg.hardware.link import (
+    ARRAY,
     EXTERNAL_TORQUE,
+    JOINT_STATE,
     STAMP,
     HardwareDriver,
+    JointStates,
     Link,
     Mailbox,
+    Node,
     Robot,
-)
-from drake_srg.hardware.messages import (
-    ARRAY,
-    JOINT_STATE,
-    JointStates,
     joint_names,
     numbers,
 )
-from drake_srg.hardware.nodes import Node
 from drake_srg.recording.ros_topics import (
     MakeMessage,
     Topic,

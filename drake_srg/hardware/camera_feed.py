@@ -1,7 +1,5 @@
 """A hardware camera as a system."""
 
-from __future__ import annotations
-
 import numpy as np
 from pydrake.common.value import AbstractValue
 from pydrake.math import RigidTransform

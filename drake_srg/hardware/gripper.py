@@ -7,15 +7,18 @@ from typing import Any, ClassVar
 
 from drake_srg.bridges.commands import PortValues
 from drake_srg.common.exceptions import ScenarioError
-from drake_srg.hardware.link import HardwareDriver, Link, Mailbox, Robot
-from drake_srg.hardware.messages import (
+from drake_srg.hardware.link import (
     ARRAY,
     JOINT_STATE,
+    HardwareDriver,
     JointStates,
+    Link,
+    Mailbox,
+    Node,
+    Robot,
     joint_names,
     numbers,
 )
-from drake_srg.hardware.nodes import Node
 from drake_srg.recording.ros_topics import MakeMessage, Topic
 
 # Control periods between two equal gripper commands, in case one gets lost.

@@ -21,8 +21,7 @@ from drake_srg.common.exceptions import ScenarioError
 from drake_srg.hardware.cameras import Camera
 from drake_srg.hardware.config import HardwareConfig
 from drake_srg.hardware.faults import FaultyLink
-from drake_srg.hardware.link import EXTERNAL_TORQUE, Link, Robot
-from drake_srg.hardware.nodes import Node, Nodes
+from drake_srg.hardware.link import EXTERNAL_TORQUE, Link, Node, Nodes, Robot
 from drake_srg.scenario import Scenario
 from drake_srg.station.plant import MakeModelsPlant
 from drake_srg.types import Vector

@@ -1,7 +1,5 @@
 """Pictures from a camera's messages: colour and depth of the same time."""
 
-from __future__ import annotations
-
 import dataclasses as dc
 import threading
 from typing import Any

@@ -15,8 +15,7 @@ from drake_srg.common.exceptions import ScenarioError
 from drake_srg.hardware.arm import RosArm
 from drake_srg.hardware.config import HardwareConfig
 from drake_srg.hardware.gripper import RosGripper
-from drake_srg.hardware.link import Robot
-from drake_srg.hardware.messages import JointStates
+from drake_srg.hardware.link import JointStates, Robot
 from drake_srg.scenario.twin import TwinConfig
 from drake_srg.twin.sightings import Sighting, read_blobs
 from drake_srg.types import Vector

@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from drake_srg.bridges.commands import CommandError
-from drake_srg.hardware.messages import JointStates
+from drake_srg.hardware.link import JointStates
 from hardware.stand import joint_state
 
 NAMES = ["a", "b"]
