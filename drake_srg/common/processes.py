@@ -6,7 +6,6 @@ import signal
 import threading
 from collections.abc import Callable
 from multiprocessing import resource_tracker
-from multiprocessing.process import BaseProcess
 from typing import Any
 
 _FROM_A_TERMINAL = {signal.SIGINT, signal.SIGHUP}
@@ -16,7 +15,8 @@ _PATIENCE = 2.0  # how long to wait for the process and the thread to end [s]
 class Companion:
     """A process that gets messages and sends others, which a thread receives.
 
-    Ctrl-C in a terminal, or closing it, does not end it: see `start_shielded`.
+    Ctrl-C in a terminal, or closing it, does not end it. These signals are meant for
+    the parent alone, which ends the process in order.
 
     Args:
         name: Of the thread.
@@ -40,7 +40,7 @@ class Companion:
         self._process = context.Process(
             target=run, args=(theirs, *arguments), daemon=True
         )
-        start_shielded(self._process)
+        self._start()
         theirs.close()
         self._thread = threading.Thread(target=self._run, name=name, daemon=True)
         self._thread.start()
@@ -60,6 +60,17 @@ class Companion:
         self._thread.join(_PATIENCE)
         self._connection.close()
 
+    def _start(self) -> None:
+        """Start the process with signals masked: one may arrive before any handler."""
+        # With the first process, `multiprocessing` starts this one, and then unblocks
+        # SIGINT.
+        resource_tracker.ensure_running()
+        before = signal.pthread_sigmask(signal.SIG_BLOCK, _FROM_A_TERMINAL)
+        try:
+            self._process.start()
+        finally:
+            signal.pthread_sigmask(signal.SIG_SETMASK, before)
+
     def _run(self) -> None:
         while True:
             try:
@@ -69,20 +80,3 @@ class Companion:
                     self._ended()
                 return
             self._receive(message)
-
-
-def start_shielded(process: BaseProcess) -> None:
-    """Start a process that Ctrl-C in a terminal, or closing it, does not end.
-
-    These signals are meant for the parent alone, which ends the process in order. The
-    process inherits a mask, because a signal may arrive before it could install a
-    handler.
-    """
-    # With the first process, `multiprocessing` starts this one, and then unblocks
-    # SIGINT.
-    resource_tracker.ensure_running()
-    before = signal.pthread_sigmask(signal.SIG_BLOCK, _FROM_A_TERMINAL)
-    try:
-        process.start()
-    finally:
-        signal.pthread_sigmask(signal.SIG_SETMASK, before)
