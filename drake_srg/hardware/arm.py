@@ -27,13 +27,12 @@ from drake_srg.hardware.link import (
     EXTERNAL_TORQUE,
     JOINT_STATE,
     STAMP,
-    HardwareDriver,
     JointStates,
     Link,
     Mailbox,
     Node,
     Robot,
-    joint_names,
+    RosDriver,
     numbers,
 )
 from drake_srg.recording.ros_topics import (
@@ -453,15 +452,11 @@ def _describe(reply: Any) -> str:
 
 
 @dc.dataclass(kw_only=True)
-class RosArm(HardwareDriver):
+class RosArm(RosDriver):
     """An arm that publishes joint states and obeys a stream of positions."""
 
-    version: ClassVar[int]
+    part: ClassVar[str] = "arm"
 
-    # Topic of the arm's sensor_msgs/JointState.
-    state: str = "/joint_states"
-    # Names of its joints in messages, in the order of the model's; empty: the model's.
-    joints: list[str] = dc.field(default_factory=list)
     # Topic of the commands, one each control period. `trajectory`: a
     # trajectory_msgs/JointTrajectory with the positions of the last and the next `lead`
     # seconds by the robot's clock, as a joint_trajectory_controller takes them. The arm
@@ -477,14 +472,6 @@ class RosArm(HardwareDriver):
     # order of `joints`, at least every `safety.watchdog`. Limits of them need it.
     # Empty: the arm does not tell them.
     external_torque: str = ""
-
-    def names(self, robot: Robot) -> Sequence[str]:
-        """Return the names of the joints in messages, in the order of the model's.
-
-        Raises:
-            ScenarioError: If there are more or fewer than in the model, or equal ones.
-        """
-        return joint_names("arm", self.joints, robot.arm_joints)
 
     def connect(self, robot: Robot) -> Link:
         """See `HardwareDriver`."""

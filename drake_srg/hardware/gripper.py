@@ -2,7 +2,6 @@
 
 import dataclasses as dc
 import math
-from collections.abc import Sequence
 from typing import Any, ClassVar
 
 from drake_srg.bridges.commands import PortValues
@@ -10,13 +9,12 @@ from drake_srg.common.exceptions import ScenarioError
 from drake_srg.hardware.link import (
     ARRAY,
     JOINT_STATE,
-    HardwareDriver,
     JointStates,
     Link,
     Mailbox,
     Node,
     Robot,
-    joint_names,
+    RosDriver,
     numbers,
 )
 from drake_srg.recording.ros_topics import MakeMessage, Topic
@@ -26,15 +24,11 @@ _REPEAT = 20
 
 
 @dc.dataclass(kw_only=True)
-class RosGripper(HardwareDriver):
+class RosGripper(RosDriver):
     """The SRG behind the topics of its thesis."""
 
-    version: ClassVar[int]
+    part: ClassVar[str] = "gripper"
 
-    # Topic of the gripper's sensor_msgs/JointState; it may be the arm's.
-    state: str = "/joint_states"
-    # Names of its joints in messages, in the order of the model's; empty: the model's.
-    joints: list[str] = dc.field(default_factory=list)
     # Topics of the finger sensors, std_msgs/Float64MultiArray: distances [m] and normal
     # forces [N]. Empty: the gripper has no such sensors.
     proximity: str = "/gripper/proximity"
@@ -45,14 +39,6 @@ class RosGripper(HardwareDriver):
     # stay where it is and keep its grip, true to obey. Empty: it only gets no new
     # commands.
     hold: str = "/startgrasp"
-
-    def names(self, robot: Robot) -> Sequence[str]:
-        """Return the names of the joints in messages, in the order of the model's.
-
-        Raises:
-            ScenarioError: If there are more or fewer than in the model, or equal ones.
-        """
-        return joint_names("gripper", self.joints, robot.gripper_joints)
 
     def connect(self, robot: Robot) -> Link:
         """See `HardwareDriver`."""

@@ -5,7 +5,7 @@ import dataclasses as dc
 import math
 import threading
 from collections.abc import Callable, Mapping, Sequence, Set
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 
@@ -267,6 +267,38 @@ class HardwareDriver(abc.ABC):
         """
 
 
+@dc.dataclass(kw_only=True)
+class RosDriver(HardwareDriver):
+    """Configuration of an arm or a gripper that publishes its joints' states."""
+
+    version: ClassVar[int]  # of ROS
+    part: ClassVar[str]
+
+    # Topic of the sensor_msgs/JointState; arm and gripper may share it.
+    state: str = "/joint_states"
+    # Names of the joints in messages, in the order of the model's; empty: the model's.
+    joints: list[str] = dc.field(default_factory=list)
+
+    def names(self, robot: Robot) -> Sequence[str]:
+        """Return the names of the joints in messages, in the order of the model's.
+
+        Raises:
+            ScenarioError: If there are more or fewer than in the model, or equal ones.
+        """
+        model = robot.arm_joints if self.part == "arm" else robot.gripper_joints
+        given = self.joints
+        if given and len(given) != len(model):
+            raise ScenarioError(
+                f"{self.part}.joints: needs one name for each of {', '.join(model)}, "
+                f"got {len(given)}"
+            )
+        if len(set(given)) < len(given):
+            raise ScenarioError(
+                f"{self.part}.joints: names must differ, got {', '.join(given)}"
+            )
+        return given or model
+
+
 def numbers(data: Any, size: int) -> Vector:
     """Return the finite numbers of a message, shape (size,).
 
@@ -338,15 +370,3 @@ class JointStates:
             raise CommandError(
                 "stamp", f"jumps ahead from {self.stamp:.3f} s to {stamp:.3f} s"
             )
-
-
-def joint_names(part: str, given: Sequence[str], model: Sequence[str]) -> Sequence[str]:
-    """Return the given names of a part's joints, or the model's."""
-    if given and len(given) != len(model):
-        raise ScenarioError(
-            f"{part}.joints: needs one name for each of {', '.join(model)}, "
-            f"got {len(given)}"
-        )
-    if len(set(given)) < len(given):
-        raise ScenarioError(f"{part}.joints: names must differ, got {', '.join(given)}")
-    return given or model
