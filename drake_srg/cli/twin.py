@@ -95,9 +95,10 @@ def twin(options: argparse.Namespace) -> int:
 
 def _config(options: argparse.Namespace) -> HardwareConfig:
     """Return where the robot's topics are."""
+    from drake_srg.bridges.connecting import Ros1Config, Ros2Config
     from drake_srg.hardware import HardwareConfig, load_hardware
-    from drake_srg.hardware.nodes import Ros1Config, Ros2Config
-    from drake_srg.hardware.ros import Ros1Arm, Ros1Gripper, Ros2Arm, Ros2Gripper
+    from drake_srg.hardware.arm import Ros1Arm, Ros2Arm
+    from drake_srg.hardware.gripper import Ros1Gripper, Ros2Gripper
 
     ros1, ros2 = speaks_ros(options)
     if ros1 + ros2 + (options.hardware is not None) != 1:

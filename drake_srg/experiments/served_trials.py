@@ -25,13 +25,14 @@ from drake_srg.experiments.servo_trials import (
     GraspWatch,
     grasp_scenario,
 )
+from drake_srg.hardware.arm import Ros2Arm
 from drake_srg.hardware.cameras import Ros2Camera
 from drake_srg.hardware.cell import MakeHardwareCell, measurements
 from drake_srg.hardware.exchange import Answer, Ended, PlannerLink, Tick
+from drake_srg.hardware.gripper import Ros2Gripper
 from drake_srg.hardware.loop import ControlLoop
 from drake_srg.hardware.opening import Hardware
 from drake_srg.hardware.planner_cell import MirrorLink, PlannerCell
-from drake_srg.hardware.ros import Ros2Arm, Ros2Gripper
 from drake_srg.hardware.station import MakeHardwareStation
 from drake_srg.lifetime import free_diagrams
 from drake_srg.scenario import Scenario, servo_of

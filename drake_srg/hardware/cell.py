@@ -14,7 +14,6 @@ from drake_srg.common.ports import export_outputs, input_ports, output_ports
 from drake_srg.hardware.exchange import PlannerLink
 from drake_srg.hardware.link import STAMP
 from drake_srg.hardware.remote_planner import RemotePlanner
-from drake_srg.hardware.remote_servoing import RemoteServoingPlanner
 from drake_srg.scenario import Scenario, servo_of
 from drake_srg.servoing.late_sightings import LateSightings
 from drake_srg.servoing.visual_servo import VisualServo
@@ -75,10 +74,9 @@ def MakeHardwareCell(
         if name.startswith("safety."):
             builder.ExportInput(port, name)
     sizes = measurements(station)
-    kind = RemotePlanner if servo_of(scenario) is None else RemoteServoingPlanner
     remote = builder.AddNamedSystem(
         "planner",
-        kind(
+        RemotePlanner(
             planner,
             np.array(scenario.arm.home),
             sizes,

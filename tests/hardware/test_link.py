@@ -2,8 +2,8 @@ import numpy as np
 import pytest
 
 from drake_srg.bridges.commands import CommandError
-from drake_srg.hardware.messages import JointStates, joint_trajectory, obeys, percent
-from hardware.stand import joint_state, make
+from drake_srg.hardware.link import JointStates
+from hardware.stand import joint_state
 
 NAMES = ["a", "b"]
 
@@ -63,22 +63,3 @@ def test_a_robot_that_was_silent_is_heard_again():
         else:
             joints.read(message)
     assert joints.stamp == 100.01
-
-
-def test_a_trajectory_says_when_each_point_is_due():
-    topic = joint_trajectory("/j", NAMES)
-    times = np.array([3.5, 3.75])
-    message = topic.convert(make, 0.0, times, np.array([[0.0, 1.0], [2.0, 3.0]]))
-    assert (message.header.stamp.sec, message.header.stamp.nanosec) == (3, 500000000)
-    assert [p.time_from_start.nanosec for p in message.points] == [0, 250000000]
-    np.testing.assert_array_equal(message.points[1].positions, [2.0, 3.0])
-
-
-def test_closures_become_percent():
-    topic = percent("/grasp")
-    assert [topic.convert(make, 0.0, c).data for c in (0.0, 0.374, 1.2)] == [0, 37, 100]
-
-
-def test_a_gripper_that_is_to_hold_obeys_no_more():
-    topic = obeys("/startgrasp")
-    assert [topic.convert(make, 0.0, hold).data for hold in (0.0, 1.0)] == [True, False]
