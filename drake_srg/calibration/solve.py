@@ -6,6 +6,7 @@ import dataclasses as dc
 from collections.abc import Sequence
 
 import numpy as np
+from scipy.optimize import least_squares
 
 from drake_srg.calibration.board import MIN_CORNERS
 from drake_srg.calibration.projection import (
@@ -31,8 +32,8 @@ MOST_POSITION_STD, MOST_ROTATION_STD = 1e-3, np.radians(0.2)
 # median, and up to where they count fully [Huber, Robust Estimation of a Location
 # Parameter, 1964]. Of normally distributed errors, 6 % are farther.
 _MEDIAN, _HUBER = 1.177, 2.35
-# Rounds in which the noise of each view is renewed, and limits of the steps in each.
-_ROUNDS, _MOST_STEPS, _MOST_DAMPING = 4, 50, 1e9
+# Rounds in which the noise of each view is renewed.
+_ROUNDS = 4
 
 
 @dc.dataclass(frozen=True)
@@ -152,29 +153,38 @@ def _noise(views: Sequence[View], estimate: Unknowns) -> Vector:
 
 
 def _minimize(views: Sequence[View], estimate: Unknowns, noise: Vector) -> Unknowns:
-    """Return the estimate after Levenberg's and Marquardt's method."""
-    damping, error = 1e-3, _errors(views, estimate, noise)
-    for _ in range(_MOST_STEPS):
-        size = np.linalg.norm(error, axis=1)
-        weight = np.minimum(1.0, _HUBER / np.maximum(size, 1e-12))
-        J = _jacobians(views, estimate, noise)
-        matrix = np.einsum("kip,k,kiq->pq", J, weight, J, optimize=True)
-        gradient = np.einsum("kip,k,ki->p", J, weight, error)
-        loss = _huber(size)
-        while True:
-            scaled = matrix + damping * np.diag(np.diag(matrix) + 1e-12)
-            candidate = estimate.moved(-np.linalg.solve(scaled, gradient))
-            error = _errors(views, candidate, noise)
-            gained = loss - _huber(np.linalg.norm(error, axis=1))
-            if gained > 0.0:
-                estimate, damping = candidate, max(0.1 * damping, 1e-12)
-                break
-            damping *= 10.0
-            if damping > _MOST_DAMPING:
-                return estimate
-        if gained < 1e-9 * loss:
-            return estimate
-    return estimate
+    """Return the estimate that minimises Huber's loss of the corners' distances.
+
+    It is the sum of squares of the errors e times s, with s = 1 up to Huber's limit h
+    and s² |e|² = 2 h |e| - h² beyond.
+    """
+
+    def shrunk(step: Vector) -> Vector:
+        error = _errors(views, estimate.moved(step), noise)
+        return (error * _shrinking(error)[0][:, None]).ravel()
+
+    def derivatives(step: Vector) -> Vector:
+        # `jacobian` is for small motions of the poses as moved. The last round starts
+        # where the one before ended: there, they are those by `step`.
+        moved = estimate.moved(step)
+        error, J = _errors(views, moved, noise), _jacobians(views, moved, noise)
+        s, slope = _shrinking(error)
+        radial = np.einsum("ki,kip->kp", error, J)
+        J = s[:, None, None] * J + np.einsum("ki,k,kp->kip", error, slope, radial)
+        return J.reshape(-1, NUM_PARAMETERS)
+
+    start = np.zeros(NUM_PARAMETERS)
+    found = least_squares(shrunk, start, derivatives, method="lm", x_scale="jac")
+    return estimate.moved(found.x)
+
+
+def _shrinking(error: Vector) -> tuple[Vector, Vector]:
+    """Return s and its derivative by |e| over |e|, see `_minimize`, shape (K,)."""
+    size = np.maximum(np.linalg.norm(error, axis=1), _HUBER)
+    square = _HUBER * (2.0 * size - _HUBER)
+    s = np.sqrt(square) / size
+    slope = (_HUBER / square - 1.0 / size) * s / size
+    return s, np.where(size > _HUBER, slope, 0.0)
 
 
 def _errors(views: Sequence[View], estimate: Unknowns, noise: Vector) -> Vector:
@@ -187,11 +197,6 @@ def _jacobians(views: Sequence[View], estimate: Unknowns, noise: Vector) -> Vect
     """Return the derivatives of `_errors`, shape (K, 2, 16)."""
     pairs = zip(views, noise, strict=True)
     return np.concatenate([jacobian(estimate, view) / std for view, std in pairs])
-
-
-def _huber(size: Vector) -> float:
-    inner = np.minimum(size, _HUBER)
-    return float(np.sum(inner * (size - 0.5 * inner)))
 
 
 def _covariance(

@@ -133,7 +133,7 @@ class DirectLine:
         self.silent = False
         self._bus, self._loss = robot.bus, loss
         self._random = np.random.default_rng(seed)
-        kind: type[Packet] = robot.bus.kind.packets
+        kind: type[Packet] = robot.bus.packets
         self._reader, self._time = PacketReader(kind), 0.0
         self._replies = b""
 

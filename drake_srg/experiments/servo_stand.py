@@ -6,13 +6,8 @@ import numpy as np
 
 from drake_srg.bridges.dynamixel.motor import SpoolMotor
 from drake_srg.bridges.dynamixel.mx64 import Mx64
-from drake_srg.bridges.dynamixel.protocol import Instruction
-from drake_srg.bridges.dynamixel.protocol1 import Packet1
-from drake_srg.bridges.dynamixel.registers1 import (
-    CURRENT_UNIT,
-    FULL_TORQUE,
-    ControlTable1,
-)
+from drake_srg.bridges.dynamixel.protocol import Instruction, Packet1
+from drake_srg.bridges.dynamixel.registers import FULL_TORQUE, ControlTable1
 from drake_srg.common.exceptions import ScenarioError
 from drake_srg.scenario import Scenario
 from drake_srg.simulation.rig import Rig
@@ -82,7 +77,7 @@ class ServoStand:
 
     def read_current(self) -> float:
         """Return the servo's estimate of its current [A], positive to wind."""
-        return (_ZERO_CURRENT - self.read("current")) * CURRENT_UNIT
+        return (_ZERO_CURRENT - self.read("current")) * ControlTable1.current_unit
 
     def read_load(self) -> int:
         """Return the size of the PWM, of 1023."""

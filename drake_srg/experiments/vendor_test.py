@@ -15,7 +15,7 @@ from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import DiagramBuilder
 from pydrake.systems.primitives import ConstantVectorSource
 
-from drake_srg.bridges.dynamixel.registers1 import CLOCKWISE, FULL_TORQUE
+from drake_srg.bridges.dynamixel.registers import CLOCKWISE, FULL_TORQUE
 from drake_srg.experiments.servo_stand import ServoStand
 from drake_srg.gripper.driver import WireMotor
 from drake_srg.gripper.motor_temperature import MotorTemperature

@@ -7,9 +7,17 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from drake_srg.identification import heat, press
+from drake_srg.identification.heat import HEAT_PARAMETERS, predict_seconds
 from drake_srg.identification.least_squares import Fit, Parameter, fit
 from drake_srg.identification.log import LogRow
+from drake_srg.identification.press import (
+    FULL_LOAD,
+    PRESS_PARAMETERS,
+    STARTS,
+    Motor,
+    calibrated_zero,
+    predict_stops,
+)
 from drake_srg.types import Vector
 
 # Standard deviations of the measurements: what specimens and repeats differ by.
@@ -55,7 +63,7 @@ class Identification:
         errors: Of every measurement.
     """
 
-    motor: press.Motor
+    motor: Motor
     zero: float
     fits: dict[str, Fit]
     errors: Sequence[Error]
@@ -113,53 +121,51 @@ def _heating(rows: Sequence[LogRow]) -> list[LogRow]:
 
 def _fit(
     rows: Sequence[LogRow], most: float | None = None
-) -> tuple[press.Motor, float, dict[str, Fit]]:
+) -> tuple[Motor, float, dict[str, Fit]]:
     pressing, heating = _pressing(rows), _heating(rows)
     if most is None:
-        most = max(row.load for row in pressing) / press.FULL_LOAD
+        most = max(row.load for row in pressing) / FULL_LOAD
     fits = {"motor": fit(_MOTOR, lambda values: _current_errors(pressing, values))}
-    motor = press.Motor(**fits["motor"].values, most=most)
-    zero = press.calibrated_zero(rows)
+    motor = Motor(**fits["motor"].values, most=most)
+    zero = calibrated_zero(rows)
     stops = np.array([row.stop_counts for row in pressing])
     fits["press"] = fit(
-        press.PARAMETERS,
-        lambda v: (press.predict_stops(pressing, zero, motor, v) - stops) / STOP_COUNTS,
-        starts=press.STARTS,
+        PRESS_PARAMETERS,
+        lambda v: (predict_stops(pressing, zero, motor, v) - stops) / STOP_COUNTS,
+        starts=STARTS,
     )
     seconds = np.array([row.seconds for row in heating])
     fits["heat"] = fit(
-        heat.PARAMETERS,
-        lambda v: (
-            np.log(heat.predict_seconds(heating, motor, v) / seconds) / HEATING_SHARE
-        ),
+        HEAT_PARAMETERS,
+        lambda v: np.log(predict_seconds(heating, motor, v) / seconds) / HEATING_SHARE,
     )
     return motor, zero, fits
 
 
 def _current_errors(rows: Sequence[LogRow], values: dict[str, Vector]) -> Vector:
-    motor = press.Motor(**values, most=1.0)
-    load = np.array([row.load for row in rows]) / press.FULL_LOAD
+    motor = Motor(**values, most=1.0)
+    load = np.array([row.load for row in rows]) / FULL_LOAD
     current = np.array([row.current_ma for row in rows]) / 1e3
     result: Vector = (motor.current(load) / current - 1.0) / CURRENT_SHARE
     return result
 
 
 def _predict(
-    rows: Sequence[LogRow], motor: press.Motor, zero: float, fits: dict[str, Fit]
+    rows: Sequence[LogRow], motor: Motor, zero: float, fits: dict[str, Fit]
 ) -> list[tuple[str, LogRow, float]]:
     pressing, heating = _pressing(rows), _heating(rows)
-    load = np.array([row.load for row in pressing]) / press.FULL_LOAD
+    load = np.array([row.load for row in pressing]) / FULL_LOAD
     parts = (
         ("current", pressing, 1e3 * motor.current(load)),
         (
             "stop",
             pressing,
-            press.predict_stops(pressing, zero, motor, fits["press"].values),
+            predict_stops(pressing, zero, motor, fits["press"].values),
         ),
         (
             "heating",
             heating,
-            heat.predict_seconds(heating, motor, fits["heat"].values),
+            predict_seconds(heating, motor, fits["heat"].values),
         ),
     )
     return [

@@ -19,7 +19,7 @@ NEVER = 3600.0
 
 # Priors: data sheet and geometry (see MotorTemperatureConfig), and the standby current
 # of 0.1 A of the manual.
-PARAMETERS = (
+HEAT_PARAMETERS = (
     Parameter("heat_capacity", "J/K", 113.0, 2.0),
     Parameter("thermal_resistance", "K/W", 7.6, 1.5),
     Parameter("idle_power", "W", 1.2, 2.0),
@@ -42,8 +42,8 @@ def predict_seconds(
     Args:
         rows: Of the test `heating`.
         motor: The motor.
-        values: Of `PARAMETERS` by name; with p of each, shape (p, 1), the times are
-            (p, K).
+        values: Of `HEAT_PARAMETERS` by name; with p of each, shape (p, 1), the times
+            are (p, K).
     """
     current = np.array([row.current_ma for row in rows]) / 1e3
     power = losses(current, motor) + values["idle_power"]

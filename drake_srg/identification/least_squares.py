@@ -1,4 +1,4 @@
-"""Least squares with prior knowledge, by Levenberg and Marquardt."""
+"""Least squares with prior knowledge."""
 
 from __future__ import annotations
 
@@ -6,6 +6,7 @@ import dataclasses as dc
 from collections.abc import Callable, Mapping, Sequence
 
 import numpy as np
+from scipy.optimize import least_squares
 
 from drake_srg.types import Vector
 
@@ -71,7 +72,6 @@ def fit(
     parameters: Sequence[Parameter],
     residuals: Callable[[dict[str, Vector]], Vector],
     starts: Sequence[Mapping[str, float]] = ({},),
-    rounds: int = 30,
 ) -> Fit:
     """Fit positive parameters.
 
@@ -84,7 +84,6 @@ def fit(
         residuals: Returns the residuals in standard deviations, shape (p, m), finite,
             for p values of every parameter, by name, shape (p, 1).
         starts: Where to look for a minimum: values by name, priors where they lack one.
-        rounds: Most steps.
     """
     prior = np.log([p.prior for p in parameters])
     spread = np.log([p.factor for p in parameters])
@@ -99,26 +98,13 @@ def fit(
         return np.concatenate([measured, (x - prior) / spread], axis=1)
 
     places = np.log([[s.get(p.name, p.prior) for p in parameters] for s in starts])
-    x, damping = places[np.argmin(np.sum(both(places) ** 2, axis=1))], 1e-2
-    (r,) = both(x[None])
-    for _ in range(rounds):
-        jacobian = _jacobian(both, x)
-        gradient, square = jacobian.T @ r, jacobian.T @ jacobian
-        while damping < 1e6:
-            step = np.linalg.solve(
-                square + damping * np.diag(np.diag(square)), gradient
-            )
-            (trial,) = both((x - step)[None])
-            if trial @ trial < r @ r:
-                break
-            damping *= 4.0
-        else:
-            break
-        small = float(np.max(np.abs(step)))
-        x, r, damping = x - step, trial, damping / 4.0
-        if small < 1e-4:
-            break
-    jacobian = _jacobian(both, x)
+    found = least_squares(
+        lambda x: both(x[None])[0],
+        places[np.argmin(np.sum(both(places) ** 2, axis=1))],
+        lambda x: _jacobian(both, x),
+        method="lm",
+    )
+    x, r, jacobian = found.x, found.fun, found.jac
     covariance = np.linalg.inv(jacobian.T @ jacobian)
     measured = r[: -len(x)]
     freedom = max(len(measured) - len(x), 1)

@@ -35,7 +35,7 @@ _GOAL_AT, _FIRST_READ, POLL = 0.016, 0.032, 0.066  # s
 _MOST_POLLS = 3
 _STEP = 1e-3  # s
 
-PARAMETERS = (
+PRESS_PARAMETERS = (
     Parameter("stiffness", "N m/rad", 30.0, 3.0),
     Parameter("slack", "counts", 60.0, 2.0),
     Parameter("gear", "N m", 0.1, 3.0),
@@ -105,8 +105,8 @@ def predict_stops(
         rows: Of these two tests.
         zero: Calibrated zero [counts].
         motor: The motor.
-        values: Of `PARAMETERS` by name; with p of each, shape (p, 1), the stops are
-            (p, K).
+        values: Of `PRESS_PARAMETERS` by name; with p of each, shape (p, 1), the stops
+            are (p, K).
     """
     setpoint = np.array([row.setpoint_pct for row in rows]) / 100.0
     by_torque = np.array([row.test == "torque" for row in rows])

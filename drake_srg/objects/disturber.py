@@ -2,7 +2,6 @@
 
 import dataclasses as dc
 from collections.abc import Sequence
-from typing import Any
 
 import numpy as np
 from pydrake.common.value import AbstractValue
@@ -10,6 +9,7 @@ from pydrake.multibody.math import SpatialForce
 from pydrake.multibody.plant import ExternallyAppliedSpatialForce
 from pydrake.systems.framework import Context, EventStatus, State
 
+from drake_srg.common.shared import Shared
 from drake_srg.lifetime import LeafSystem
 from drake_srg.objects.disturbance_forces import Course, Target, Wrench, disturb
 from drake_srg.objects.disturbances import AnyDisturbance, Topple
@@ -17,15 +17,12 @@ from drake_srg.types import Box, Cylinder, Mode
 
 
 @dc.dataclass(frozen=True)
-class _Memory:
-    """State of the disturber. Replaced, never changed, so that copies can share it."""
+class _Memory(Shared):
+    """State of the disturber."""
 
     courses: tuple[Course, ...]
     mode: Mode | None = None
     forces: tuple[ExternallyAppliedSpatialForce, ...] = ()
-
-    def __deepcopy__(self, memo: dict[int, Any]) -> "_Memory":
-        return self
 
 
 class Disturber(LeafSystem):

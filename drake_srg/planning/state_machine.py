@@ -22,6 +22,7 @@ from pydrake.systems.framework import (
     State,
 )
 
+from drake_srg.common.shared import make_read_only
 from drake_srg.lifetime import LeafSystem
 
 ModeT = TypeVar("ModeT", bound=Hashable)
@@ -124,6 +125,9 @@ class MachineState(Generic[ModeT, MemoryT]):
     mode: ModeT
     memory: MemoryT
     since: float = math.nan  # when the mode began [s]; NaN before initialization
+
+    def __post_init__(self) -> None:
+        make_read_only(self.memory)  # which copies may share
 
     def __deepcopy__(self, memo: dict[int, Any]) -> MachineState[ModeT, MemoryT]:
         memory = copy.deepcopy(self.memory, memo)

@@ -92,19 +92,15 @@ def float64_array(name: str, port: str, size: int) -> Topic:
     return Topic(name, kind, {port: size}, convert)
 
 
-def string(name: str, port: str, model: AbstractValue | None = None) -> Topic:
-    """Return a topic of a string or an enum's value, as std_msgs/msg/String.
-
-    The port holds Python objects; `model=AbstractValue.Make("")` makes it hold Drake's
-    strings.
-    """
+def string(name: str, port: str) -> Topic:
+    """Return a topic of a string or an enum's value, as std_msgs/msg/String."""
     kind = "std_msgs/msg/String"
 
     def convert(make: MakeMessage, time: float, value: Any) -> Any:
         text = value.value if isinstance(value, enum.Enum) else value
         return make(kind, data=str(text))
 
-    return Topic(name, kind, {port: model or AbstractValue.Make(object())}, convert)
+    return Topic(name, kind, {port: AbstractValue.Make(object())}, convert)
 
 
 def _safety_topics() -> tuple[Topic, Topic]:

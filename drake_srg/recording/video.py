@@ -39,8 +39,6 @@ class VideoRecorder(Recorder):
         height: Height of the images [pixels]; an odd last row is left out.
         frame_rate: Images per simulated second [Hz].
         quality: Constant rate factor of x264, 0 (lossless) .. 51; 23 is its default.
-        caption_model: The model value of `caption`: AbstractValue.Make("") for a port
-            that holds Drake's strings; default: a port that holds Python objects.
 
     Raises:
         ImportError: If PyAV is missing.
@@ -56,7 +54,6 @@ class VideoRecorder(Recorder):
         *,
         frame_rate: float = 20.0,
         quality: int = 23,
-        caption_model: AbstractValue | None = None,
     ):
         super().__init__()
         self._output = OutputFile(path)
@@ -71,7 +68,7 @@ class VideoRecorder(Recorder):
             name="color_image", model_value=AbstractValue.Make(ImageRgba8U())
         )
         self._caption = self.DeclareAbstractInputPort(
-            name="caption", model_value=caption_model or AbstractValue.Make(object())
+            name="caption", model_value=AbstractValue.Make(object())
         )
         period = 1.0 / frame_rate
         self.DeclarePeriodicPublishEvent(period, period, self._record)

@@ -10,7 +10,7 @@ from drake_srg.replay.glb import EXTRAS, Json, Node, Part, Track
 from drake_srg.replay.triangles import Triangles
 from drake_srg.types import Vector
 
-_KINDS = {5126: "<f4", 5123: "<u2", 5125: "<u4"}  # glTF's component types
+_DTYPES = {5126: "<f4", 5123: "<u2", 5125: "<u4"}  # glTF's component types
 _SIZES = {"SCALAR": 1, "VEC3": 3, "VEC4": 4}
 _PROPERTIES = ("translation", "rotation", "scale")
 
@@ -89,6 +89,6 @@ class _Reader:
         accessor: dict[str, Any] = self._document["accessors"][index]
         view = self._document["bufferViews"][accessor["bufferView"]]
         data = self._binary[view["byteOffset"] :][: view["byteLength"]]
-        rows = np.frombuffer(data, _KINDS[accessor["componentType"]]).astype(float)
+        rows = np.frombuffer(data, _DTYPES[accessor["componentType"]]).astype(float)
         size = _SIZES[accessor["type"]]
         return rows if size == 1 else rows.reshape(-1, size)

@@ -3,17 +3,17 @@
 from __future__ import annotations
 
 import dataclasses as dc
-from typing import Any
 
 import numpy as np
 
+from drake_srg.common.shared import Shared
 from drake_srg.servoing.sightings import Taken
 from drake_srg.types import Vector
 
 
 @dc.dataclass(frozen=True)
-class ArmHistory:
-    """Recent positions of an arm. It is never changed, only replaced.
+class ArmHistory(Shared):
+    """Recent positions of an arm.
 
     Attributes:
         stamps: When they were measured, by the arm's clock, increasing, shape (K,) [s].
@@ -24,9 +24,6 @@ class ArmHistory:
     stamps: Vector = dc.field(default_factory=lambda: np.zeros(0))
     times: Vector = dc.field(default_factory=lambda: np.zeros(0))
     positions: Vector = dc.field(default_factory=lambda: np.zeros((0, 0)))
-
-    def __deepcopy__(self, memo: dict[int, Any]) -> ArmHistory:
-        return self
 
     def followed_by(
         self, stamp: float, time: float, q: Vector, span: float

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 from pydrake.math import RigidTransform, RotationMatrix
 
+from drake_srg.common.shared import Shared
 from drake_srg.servoing.config import ServoConfig
 from drake_srg.servoing.goal_filter import MovingGoal
 from drake_srg.servoing.hand_over import HandOver
@@ -23,8 +24,8 @@ _THERE = 1e-3
 
 
 @dc.dataclass(frozen=True)
-class Memory:
-    """What a servo remembers. It is never changed, only replaced, so copies share it.
+class Memory(Shared):
+    """A servo's memory.
 
     Attributes:
         status: What the servo reports.
@@ -63,9 +64,6 @@ class Memory:
     stuck: int = 0
     v: Vector = dc.field(default_factory=lambda: np.zeros(0))
     hand_over: HandOver | None = None
-
-    def __deepcopy__(self, memo: dict[int, Any]) -> Memory:
-        return self
 
     @classmethod
     def begun(cls, q: Vector, R_WG: RotationMatrix, time: float) -> Memory:

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import dataclasses as dc
-from typing import Any
 
 import numpy as np
 from pydrake.math import RigidTransform
 
+from drake_srg.common.shared import Shared
 from drake_srg.types import Vector
 
 
@@ -20,7 +20,7 @@ class Taken:
 
 
 @dc.dataclass(frozen=True, eq=False)
-class Sighting:
+class Sighting(Shared):
     """What one image shows; base class."""
 
     frame: int = 0  # equal for equal images
@@ -28,9 +28,6 @@ class Sighting:
     stamp: float = dc.field(default=np.nan, kw_only=True)
     # The same by the servo's clock, and where the arm was; None: now.
     taken: Taken | None = dc.field(default=None, kw_only=True)
-
-    def __deepcopy__(self, memo: dict[int, Any]) -> Sighting:
-        return self
 
 
 @dc.dataclass(frozen=True, eq=False)

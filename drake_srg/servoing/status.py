@@ -2,10 +2,10 @@
 
 import dataclasses as dc
 import enum
-from typing import Any
 
 import numpy as np
 
+from drake_srg.common.shared import Shared
 from drake_srg.types import Vector
 
 
@@ -42,7 +42,7 @@ class ServoFault(enum.Enum):
 
 
 @dc.dataclass(frozen=True, eq=False)
-class ServoStatus:
+class ServoStatus(Shared):
     """A visual servo's report."""
 
     state: ServoState = ServoState.PASSING
@@ -55,6 +55,3 @@ class ServoStatus:
     # Velocity of the goal in world, shape (3,) [m/s].
     velocity: Vector = dc.field(default_factory=lambda: np.zeros(3))
     images: int = 0  # that the servo has heeded
-
-    def __deepcopy__(self, memo: dict[int, Any]) -> "ServoStatus":
-        return self

@@ -1,4 +1,10 @@
-"""Keeps the replay of the first of many runs that are not recorded."""
+"""Keeps the replay of the first of many runs that are not recorded.
+
+Experiments differ in how and how deep they call `Simulate`. A parameter would have to
+go through the signature of every trial function between `run_experiment` and there,
+to serve a by-product. The variable belongs to one context (PEP 567): it does not
+reach workers or other threads, and ends with the `with` block.
+"""
 
 from __future__ import annotations
 

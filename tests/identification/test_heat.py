@@ -2,12 +2,12 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from drake_srg.identification.heat import AIR, NEVER, PARAMETERS, predict_seconds
+from drake_srg.identification.heat import AIR, HEAT_PARAMETERS, NEVER, predict_seconds
 from drake_srg.identification.log import LogRow
 from drake_srg.identification.press import Motor
 
 MOTOR = Motor(stall_current=3.0, dead_band=0.1, most=1.0)
-VALUES = {p.name: p.prior for p in PARAMETERS}
+VALUES = {p.name: p.prior for p in HEAT_PARAMETERS}
 
 
 def seconds(current_ma, start=AIR, motor=MOTOR):

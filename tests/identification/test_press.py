@@ -5,7 +5,7 @@ import pytest
 
 from drake_srg.identification.log import LogRow, vendor_log
 from drake_srg.identification.press import (
-    PARAMETERS,
+    PRESS_PARAMETERS,
     Motor,
     calibrated_zero,
     polls,
@@ -13,7 +13,7 @@ from drake_srg.identification.press import (
 )
 
 MOTOR = Motor(stall_current=2.88, dead_band=0.12, most=0.965)
-VALUES = {p.name: p.prior for p in PARAMETERS} | {"position_gain": 8.0}
+VALUES = {p.name: p.prior for p in PRESS_PARAMETERS} | {"position_gain": 8.0}
 TORQUES = [LogRow("torque", float(p), seconds=0.256) for p in range(20, 80, 10)]
 
 

@@ -99,15 +99,6 @@ def test_captions_show_enums_and_strings_alike():
     assert not np.array_equal(pictures[1], pictures[2])
 
 
-def test_captions_can_be_drakes_strings(tmp_path):
-    diagram, recorder, _ = make(
-        tmp_path / "v.mp4", text="words", caption_model=AbstractValue.Make("")
-    )
-    with recorder:
-        Simulator(diagram).AdvanceTo(0.1)
-    assert recorder.frames == 2
-
-
 def test_no_frames_leave_no_file_and_closing_twice_is_fine(tmp_path):
     diagram, recorder, _ = make(tmp_path / "video.mp4")
     Simulator(diagram).AdvanceTo(0.01)

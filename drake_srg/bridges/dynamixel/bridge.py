@@ -135,7 +135,7 @@ class ServoBridge(Bridge):
         self._warn("fault", repr(context.get("exception") or context["message"]))
 
     def _reader(self) -> PacketReader[Packet]:
-        return PacketReader(self.bus.kind.packets)
+        return PacketReader(self.bus.packets)
 
     def _answer(self, reader: PacketReader[Packet], data: bytes) -> list[bytes]:
         """Take bytes from a client and return the packets for it."""

@@ -60,7 +60,7 @@ class EmulatedBus:
         warn: Called with a kind and a message for refusals and shutdowns.
 
     Attributes:
-        kind: Their firmware.
+        packets: Of their protocol.
         servos: By ID at the start.
         ports: Names of the station's output ports whose values `sense` needs.
     """
@@ -72,7 +72,6 @@ class EmulatedBus:
         kind: type[Servo],
         warn: Callable[[str, str], None],
     ):
-        self.kind = kind
         self.servos: dict[int, Servo] = {}
         self._inbox = inbox
         self._drives = []
@@ -85,6 +84,8 @@ class EmulatedBus:
                 self.servos[number] = kind(motor, _labeled(warn, label), number)
                 servos.append(self.servos[number])
             self._drives.append(_Drive(mechanism, servos))
+        first = next(iter(self.servos.values()))
+        self.packets = first.table.packets
         self.ports = tuple(port for m in mechanisms for port in m.ports)
 
     def sense(self, time: float, values: Mapping[str, Vector]) -> None:
@@ -107,7 +108,7 @@ class EmulatedBus:
 
     def _replies(self, packet: Packet) -> Iterator[bytes]:
         """Yield the servos' replies in the order in which they give them."""
-        order = {block[0]: k for k, block in enumerate(self.kind.asked(packet))}
+        order = {block[0]: k for k, block in enumerate(packet.asked)}
 
         def turn(servo: Servo) -> tuple[int, int]:
             number = servo.table["id"]

@@ -5,7 +5,8 @@ from __future__ import annotations
 import dataclasses as dc
 import math
 
-TURN = 4096  # counts
+from drake_srg.bridges.dynamixel.registers import TURN
+
 _COUNTS = TURN / math.tau  # per rad
 
 

@@ -4,21 +4,18 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from typing import ClassVar
 
-from drake_srg.bridges.dynamixel.encoder import TURN
 from drake_srg.bridges.dynamixel.motor import Motor, MotorCommand
-from drake_srg.bridges.dynamixel.protocol import Instruction, Packet, Refusal
-from drake_srg.bridges.dynamixel.protocol1 import ERRORS, Packet1
-from drake_srg.bridges.dynamixel.registers1 import (
+from drake_srg.bridges.dynamixel.protocol import Fault
+from drake_srg.bridges.dynamixel.registers import (
     CLOCKWISE,
-    CURRENT_UNIT,
     FULL_TORQUE,
     SPEED_UNIT,
+    TURN,
     ControlTable1,
     encode_directed,
 )
-from drake_srg.bridges.dynamixel.servo import Fault, Servo
+from drake_srg.bridges.dynamixel.servo import Servo
 
 
 class Mx64(Servo):
@@ -37,9 +34,6 @@ class Mx64(Servo):
     PID gains, punch, goal acceleration, baud rate, return delay and LEDs are stored
     without effect. Factory reset and endless turning are refused.
     """
-
-    packets: ClassVar[type[Packet]] = Packet1
-    width: ClassVar[int] = 1
 
     def __init__(self, motor: Motor, warn: Callable[[str, str], None], number: int = 1):
         self.table: ControlTable1 = ControlTable1()
@@ -67,7 +61,7 @@ class Mx64(Servo):
         torque = 0.0
         if table["torque_control_mode"]:
             goal = table["goal_torque"]
-            current = (goal & ~CLOCKWISE) * CURRENT_UNIT
+            current = (goal & ~CLOCKWISE) * table.current_unit
             torque = self._motor.torque(current if goal & CLOCKWISE else -current)
         return MotorCommand(math.nan, torque, limit)
 
@@ -95,7 +89,7 @@ class Mx64(Servo):
         table["present_speed"] = encode_directed(state.speed / SPEED_UNIT)
         duty = motor.full_duty * state.pwm
         table["present_load"] = encode_directed(duty * FULL_TORQUE)
-        current = 2048 - round(state.current / CURRENT_UNIT)
+        current = 2048 - round(state.current / table.current_unit)
         table["current"] = min(max(current, 0), 4095)
         table["moving"] = int(table["present_speed"] != 0)
 
@@ -116,25 +110,6 @@ class Mx64(Servo):
         if self.table["torque_limit"]:
             self._warn(str(faults), f"{faults}: off until a torque limit is written")
         self.table["torque_limit"] = self.table["torque_enable"] = 0
-
-    # Packets.
-
-    def _status(
-        self, number: int, code: int, refused: Refusal | None, data: bytes
-    ) -> bytes:
-        error = self._faults | (ERRORS[refused] if refused else 0)
-        return Packet1(number, error, data).encode()
-
-    @classmethod
-    def asked(cls, packet: Packet) -> list[tuple[int, int, int]]:
-        """See `Servo`."""
-        if packet.code != Instruction.BULK_READ:
-            return []
-        blocks = packet.parameters[1:]
-        return [
-            (blocks[k + 1], blocks[k + 2], blocks[k])
-            for k in range(0, len(blocks) - 2, 3)
-        ]
 
     def _wrote(self, written: set[str]) -> None:
         table = self.table

@@ -4,27 +4,26 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from typing import ClassVar
 
-from drake_srg.bridges.dynamixel.encoder import TURN
 from drake_srg.bridges.dynamixel.motor import Motor, MotorCommand
 from drake_srg.bridges.dynamixel.profile import Profile, Shape
 from drake_srg.bridges.dynamixel.protocol import (
     BROADCAST,
+    FAST_READING,
+    Fault,
     Instruction,
     Packet,
     Refusal,
     RefusedError,
 )
-from drake_srg.bridges.dynamixel.protocol2 import ALERT, ERRORS, FastStatus, Packet2
-from drake_srg.bridges.dynamixel.registers2 import (
-    CURRENT_UNIT,
+from drake_srg.bridges.dynamixel.registers import (
     FULL_PWM,
+    TURN,
     VELOCITY_UNIT,
     ControlTable2,
     Mode,
 )
-from drake_srg.bridges.dynamixel.servo import Fault, Servo
+from drake_srg.bridges.dynamixel.servo import Servo
 
 _WATCHDOG_UNIT = 0.02  # s
 # Velocity control moves a target that is never further ahead: by then, the gripper's
@@ -36,7 +35,6 @@ _ARRIVED, _ONGOING = 0x01, 0x02  # bits of the moving status
 _CLEAR_TURNS = b"\x01\x44\x58\x4c\x22"
 # What a factory reset keeps, by its parameter.
 _KEPT = {0xFF: (), 0x01: ("id",), 0x02: ("id", "baud_rate")}
-_FAST = (Instruction.FAST_SYNC_READ, Instruction.FAST_BULK_READ)
 
 
 class Mx64P2(Servo):
@@ -56,9 +54,6 @@ class Mx64P2(Servo):
 
     Gains, baud rate, return delay, secondary ID and LED are stored without effect.
     """
-
-    packets: ClassVar[type[Packet]] = Packet2
-    width: ClassVar[int] = 2
 
     def __init__(self, motor: Motor, warn: Callable[[str, str], None], number: int = 1):
         self.table: ControlTable2 = ControlTable2()
@@ -89,7 +84,7 @@ class Mx64P2(Servo):
         if not table["torque_enable"]:
             return MotorCommand(math.nan, 0.0, 1.0)
         duty = table["goal_pwm"] / FULL_PWM
-        current = table["goal_current"] * CURRENT_UNIT
+        current = table["goal_current"] * table.current_unit
         limit, target = motor.limit(duty), self._profile.position
         match table.mode:
             case Mode.PWM:
@@ -128,7 +123,7 @@ class Mx64P2(Servo):
             "present_position": counts + offset,
             "present_velocity": sign * state.speed / VELOCITY_UNIT,
             "present_pwm": sign * duty * FULL_PWM,
-            "present_current": sign * state.current / CURRENT_UNIT,
+            "present_current": sign * state.current / table.current_unit,
             "position_trajectory": self._counts(planned.position) + offset,
             "velocity_trajectory": sign * planned.velocity / VELOCITY_UNIT,
         }.items():
@@ -176,7 +171,9 @@ class Mx64P2(Servo):
         table = self.table
         limits = [abs(table["goal_pwm"]) / FULL_PWM]
         if table.mode in (Mode.CURRENT, Mode.CURRENT_BASED_POSITION):
-            limits.append(self._motor.load(abs(table["goal_current"]) * CURRENT_UNIT))
+            limits.append(
+                self._motor.load(abs(table["goal_current"]) * table.current_unit)
+            )
         return min(limits)
 
     def _protect(self) -> None:
@@ -205,32 +202,22 @@ class Mx64P2(Servo):
         self._heard = self._time
         return super().answer(packet)
 
-    def _status(
-        self, number: int, code: int, refused: Refusal | None, data: bytes
-    ) -> bytes:
-        error = ERRORS[refused] if refused else 0
-        if self.table["hardware_error_status"]:
-            error |= ALERT
-        if code in _FAST:
-            body = bytes([error, number]) + data
-            return FastStatus(BROADCAST, Instruction.STATUS, body).encode()
-        return Packet2(number, Instruction.STATUS, bytes([error]) + data).encode()
-
-    def _identity(self) -> bytes:
-        return self.table.read(0, 2) + self.table.read(6, 1)
+    @property
+    def _shown_faults(self) -> Fault:
+        return Fault(self.table["hardware_error_status"])
 
     def _execute(self, packet: Packet) -> bytes | None:
         parameters, own = packet.parameters, self.table["id"]
         match packet.code:
             # Servos share the reply to a fast read. Only one that asks a servo alone
             # is answered here.
-            case code if code in _FAST and len(self.asked(packet)) > 1:
+            case code if code in FAST_READING and len(packet.asked) > 1:
                 return None
             case Instruction.BULK_WRITE if parameters[4:]:
                 start = 0
                 while start + 5 <= len(parameters):
                     block = parameters[start + 1 :]
-                    end = 4 + self._words(block)[1]
+                    end = 4 + packet.numbers(block)[1]
                     if parameters[start] == own and end <= len(block):
                         self._write(block[:2] + block[4:end])
                     start += 1 + end
@@ -247,20 +234,6 @@ class Mx64P2(Servo):
             case _:
                 return super()._execute(packet)
         return b""
-
-    @classmethod
-    def asked(cls, packet: Packet) -> list[tuple[int, int, int]]:
-        """See `Servo`."""
-        parameters = packet.parameters
-        match packet.code:
-            case Instruction.SYNC_READ | Instruction.FAST_SYNC_READ:
-                return [(number, *cls._words(parameters)) for number in parameters[4:]]
-            case Instruction.BULK_READ | Instruction.FAST_BULK_READ:
-                starts = range(0, len(parameters) - 4, 5)
-                return [
-                    (parameters[k], *cls._words(parameters[k + 1 :])) for k in starts
-                ]
-        return []
 
     def _reset(self, packet: Packet) -> None:
         """Restore the factory's values."""

@@ -1,6 +1,7 @@
-"""What both Dynamixel protocols have in common: instructions, packets, refusals.
+"""Dynamixel Protocols 1.0 and 2.0: instructions, packets, refusals.
 
 Source: ROBOTIS's public e-manual (emanual.robotis.com: "Protocol 1.0", "Protocol 2.0").
+Numbers of several bytes begin with the lowest byte.
 """
 
 from __future__ import annotations
@@ -8,7 +9,7 @@ from __future__ import annotations
 import abc
 import dataclasses as dc
 import enum
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping, Sequence
 from typing import ClassVar, Generic, Self, TypeVar
 
 BROADCAST = 254
@@ -32,6 +33,28 @@ class Instruction(enum.IntEnum):
     BULK_READ = 0x92
     BULK_WRITE = 0x93
     FAST_BULK_READ = 0x9A
+
+
+# Instructions that read several servos, which answer although these are broadcast.
+GROUP_READING = (
+    Instruction.SYNC_READ,
+    Instruction.BULK_READ,
+    Instruction.FAST_SYNC_READ,
+    Instruction.FAST_BULK_READ,
+)
+# Their fast kinds, for which servos share a reply.
+FAST_READING = (Instruction.FAST_SYNC_READ, Instruction.FAST_BULK_READ)
+
+
+class Fault(enum.IntFlag):
+    """What may be wrong with a servo: bits of its registers and status packets."""
+
+    VOLTAGE = 1
+    OVERHEATING = 4
+    OVERLOAD = 32
+
+    def __str__(self) -> str:
+        return ", ".join((fault.name or "").lower() for fault in self)
 
 
 class Refusal(enum.Enum):
@@ -59,10 +82,26 @@ class RefusedError(Exception):
 
 
 @dc.dataclass(frozen=True)
+class Status:
+    """A status packet's content.
+
+    Attributes:
+        fault: What is wrong with the servo; empty if nothing is.
+        refusal: Why it refuses the instruction; None if it does not.
+        data: What it was asked for.
+    """
+
+    fault: str
+    refusal: Refusal | None
+    data: bytes
+
+
+@dc.dataclass(frozen=True)
 class Packet(abc.ABC):
     """An instruction or a status packet. Each protocol has its own subclass.
 
     Attributes:
+        width: Bytes of an address or a length in its parameters.
         id: Of the servo.
         code: Instruction. In a status packet of Protocol 1.0, the error.
         parameters: Data. In a status packet of Protocol 2.0, after the error.
@@ -70,6 +109,7 @@ class Packet(abc.ABC):
     """
 
     header: ClassVar[bytes]
+    width: ClassVar[int]
 
     id: int
     code: int
@@ -93,6 +133,309 @@ class Packet(abc.ABC):
     def decode(cls, data: bytes) -> Self:
         """Return the packet with exactly these bytes."""
 
+    @classmethod
+    @abc.abstractmethod
+    def answer(
+        cls,
+        number: int,
+        code: int,
+        fault: Fault,
+        refused: Refusal | None,
+        data: bytes,
+    ) -> Packet:
+        """Return the status packet of a servo's ID for an instruction code."""
+
+    @property
+    @abc.abstractmethod
+    def status(self) -> Status | None:
+        """A status packet's content; None if the packet is none, or broken."""
+
+    @classmethod
+    @abc.abstractmethod
+    def group_read(cls, numbers: Sequence[int], address: int, size: int) -> Packet:
+        """Return the instruction that reads the same block of several servos."""
+
+    @property
+    @abc.abstractmethod
+    def asked(self) -> list[tuple[int, int, int]]:
+        """What it asks several servos for: ID, address, length of each.
+
+        In the order in which they reply. Empty if the packet is no group read.
+        """
+
+    @classmethod
+    def number(cls, data: bytes) -> int:
+        """Return the number, such as an address, at the start of data."""
+        return int.from_bytes(data[: cls.width], "little")
+
+    @classmethod
+    def numbers(cls, data: bytes) -> tuple[int, int]:
+        """Return the two numbers, such as address and length, at the start of data."""
+        return cls.number(data), cls.number(data[cls.width :])
+
+    @classmethod
+    def to_bytes(cls, *numbers: int) -> bytes:
+        """Return the bytes of addresses and lengths."""
+        return b"".join(number.to_bytes(cls.width, "little") for number in numbers)
+
+
+class Error1(enum.IntFlag):
+    """Error bits of a status packet of Protocol 1.0."""
+
+    VOLTAGE = 1
+    ANGLE_LIMIT = 2
+    OVERHEATING = 4
+    RANGE = 8
+    CHECKSUM = 16
+    OVERLOAD = 32
+    INSTRUCTION = 64
+
+
+_ERRORS1: Mapping[Refusal, Error1] = {
+    Refusal.FAILED: Error1.INSTRUCTION,
+    Refusal.INSTRUCTION: Error1.INSTRUCTION,
+    Refusal.CHECKSUM: Error1.CHECKSUM,
+    Refusal.RANGE: Error1.RANGE,
+    Refusal.LENGTH: Error1.RANGE,
+    Refusal.LIMIT: Error1.ANGLE_LIMIT,
+    Refusal.ACCESS: Error1.RANGE,
+}
+
+
+class Packet1(Packet):
+    """A packet of Protocol 1.0, of up to 259 bytes.
+
+    An instruction is FF FF ID LENGTH CODE PARAMETERS CHECKSUM; a status packet has an
+    error in place of the code.
+    """
+
+    header: ClassVar[bytes] = b"\xff\xff"
+    width: ClassVar[int] = 1
+
+    def encode(self) -> bytes:
+        """See `Packet`."""
+        body = bytes([self.id, len(self.parameters) + 2, self.code, *self.parameters])
+        return self.header + body + bytes([_checksum(body)])
+
+    @classmethod
+    def size(cls, data: bytearray) -> int | None:
+        """See `Packet`."""
+        if len(data) < 4:
+            return None
+        number, length = data[2:4]
+        return 0 if number == 0xFF or length < 2 else 4 + length
+
+    @classmethod
+    def decode(cls, data: bytes) -> Self:
+        """See `Packet`."""
+        body, checksum = data[2:-1], data[-1]
+        return cls(body[0], body[2], body[3:], _checksum(body) == checksum)
+
+    @classmethod
+    def answer(
+        cls,
+        number: int,
+        code: int,
+        fault: Fault,
+        refused: Refusal | None,
+        data: bytes,
+    ) -> Packet1:
+        """See `Packet`."""
+        return cls(number, fault | (_ERRORS1[refused] if refused else 0), data)
+
+    @property
+    def status(self) -> Status | None:
+        """See `Packet`."""
+        if not self.intact:
+            return None
+        fault = Fault(self.code & sum(Fault))
+        refused = next((r for r, bit in _ERRORS1.items() if self.code & bit), None)
+        return Status(str(fault), refused, self.parameters)
+
+    @classmethod
+    def group_read(cls, numbers: Sequence[int], address: int, size: int) -> Packet1:
+        """See `Packet`."""
+        blocks = [bytes([size, number, address]) for number in numbers]
+        return cls(BROADCAST, Instruction.BULK_READ, b"\0" + b"".join(blocks))
+
+    @property
+    def asked(self) -> list[tuple[int, int, int]]:
+        """See `Packet`."""
+        if self.code != Instruction.BULK_READ:
+            return []
+        blocks = self.parameters[1:]
+        return [
+            (blocks[k + 1], blocks[k + 2], blocks[k])
+            for k in range(0, len(blocks) - 2, 3)
+        ]
+
+
+def _checksum(body: bytes) -> int:
+    return ~sum(body) & 0xFF
+
+
+# Longest packet of Protocol 2.0 in bytes: dynamixel-sdk's. A longer one would take more
+# than the whole control table.
+_LONGEST = 1024
+_RESERVED = 0x00
+_BEFORE_LENGTH = 5  # bytes
+
+
+class Error2(enum.IntEnum):
+    """Error numbers of a status packet of Protocol 2.0."""
+
+    RESULT_FAIL = 1
+    INSTRUCTION = 2
+    CRC = 3
+    DATA_RANGE = 4
+    DATA_LENGTH = 5
+    DATA_LIMIT = 6
+    ACCESS = 7
+
+
+# Bit beside the error number of Protocol 2.0: the hardware has an error.
+ALERT = 0x80
+
+_ERRORS2: Mapping[Refusal, Error2] = {
+    Refusal.FAILED: Error2.RESULT_FAIL,
+    Refusal.INSTRUCTION: Error2.INSTRUCTION,
+    Refusal.CHECKSUM: Error2.CRC,
+    Refusal.RANGE: Error2.DATA_RANGE,
+    Refusal.LENGTH: Error2.DATA_LENGTH,
+    Refusal.LIMIT: Error2.DATA_LIMIT,
+    Refusal.ACCESS: Error2.ACCESS,
+}
+
+
+class Packet2(Packet):
+    """A packet of Protocol 2.0, of up to 1024 bytes.
+
+    It is FF FF FD 00 ID LENGTH CODE PARAMETERS CRC, with two bytes for LENGTH and for
+    CRC. The code of a status packet is 0x55, and its first parameter an error. LENGTH
+    counts what follows it. In code and parameters, a byte FD is inserted after each FF
+    FF FD, so that nothing there looks like a header.
+    """
+
+    header: ClassVar[bytes] = b"\xff\xff\xfd"
+    width: ClassVar[int] = 2
+
+    def encode(self) -> bytes:
+        """See `Packet`."""
+        return self._framed(_stuffed(bytes([self.code]) + self.parameters))
+
+    @classmethod
+    def size(cls, data: bytearray) -> int | None:
+        """See `Packet`."""
+        if len(data) < _BEFORE_LENGTH + 2:
+            return None
+        reserved, number = data[3:5]
+        end = _BEFORE_LENGTH + 2 + int.from_bytes(data[5:7], "little")
+        possible = reserved == _RESERVED and number <= BROADCAST and number != 0xFD
+        return end if possible and 10 <= end <= _LONGEST else 0
+
+    @classmethod
+    def decode(cls, data: bytes) -> Self:
+        """See `Packet`."""
+        body = data[7:-2].replace(b"\xff\xff\xfd\xfd", b"\xff\xff\xfd")
+        intact = _crc(data[:-2]) == int.from_bytes(data[-2:], "little")
+        return cls(data[4], body[0], body[1:], intact)
+
+    @classmethod
+    def answer(
+        cls,
+        number: int,
+        code: int,
+        fault: Fault,
+        refused: Refusal | None,
+        data: bytes,
+    ) -> Packet2:
+        """See `Packet`."""
+        error = _ERRORS2[refused] if refused else 0
+        if fault:
+            error |= ALERT
+        if code in FAST_READING:
+            body = bytes([error, number]) + data
+            return FastStatus(BROADCAST, Instruction.STATUS, body)
+        return cls(number, Instruction.STATUS, bytes([error]) + data)
+
+    @property
+    def status(self) -> Status | None:
+        """See `Packet`."""
+        if not self.intact or self.code != Instruction.STATUS or not self.parameters:
+            return None
+        error, data = self.parameters[0], self.parameters[1:]
+        refusals = {int(number): why for why, number in _ERRORS2.items()}
+        number = error & ~ALERT
+        if number and number not in refusals:
+            return None
+        fault = "hardware error" if error & ALERT else ""
+        return Status(fault, refusals.get(number), data)
+
+    @classmethod
+    def group_read(cls, numbers: Sequence[int], address: int, size: int) -> Packet2:
+        """See `Packet`."""
+        data = cls.to_bytes(address, size) + bytes(numbers)
+        return cls(BROADCAST, Instruction.SYNC_READ, data)
+
+    @property
+    def asked(self) -> list[tuple[int, int, int]]:
+        """See `Packet`."""
+        parameters = self.parameters
+        match self.code:
+            case Instruction.SYNC_READ | Instruction.FAST_SYNC_READ:
+                block = self.numbers(parameters)
+                return [(number, *block) for number in parameters[4:]]
+            case Instruction.BULK_READ | Instruction.FAST_BULK_READ:
+                starts = range(0, len(parameters) - 4, 5)
+                return [
+                    (parameters[k], *self.numbers(parameters[k + 1 :])) for k in starts
+                ]
+        return []
+
+    def _framed(self, body: bytes) -> bytes:
+        length = len(body) + 2
+        head = bytes([_RESERVED, self.id]) + length.to_bytes(2, "little")
+        packet = self.header + head + body
+        return packet + _crc(packet).to_bytes(2, "little")
+
+
+class FastStatus(Packet2):
+    """The status packet that servos share in reply to a fast read, of one servo here.
+
+    ROBOTIS's masters take its data as they are: nothing is inserted.
+    """
+
+    def encode(self) -> bytes:
+        """See `Packet`."""
+        return self._framed(bytes([self.code]) + self.parameters)
+
+
+def _stuffed(body: bytes) -> bytes:
+    return body.replace(b"\xff\xff\xfd", b"\xff\xff\xfd\xfd")
+
+
+def _remainder(byte: int) -> int:
+    """Return the remainder of a byte and 16 zeros for the polynomial 0x8005."""
+    crc = byte << 8
+    for _ in range(8):
+        crc = crc << 1 ^ (0x8005 if crc & 0x8000 else 0)
+    return crc & 0xFFFF
+
+
+_REMAINDERS = [_remainder(byte) for byte in range(256)]
+
+
+def _crc(data: bytes) -> int:
+    """Return the CRC-16/BUYPASS of bytes."""
+    crc = 0
+    for byte in data:
+        crc = (crc << 8 ^ _REMAINDERS[crc >> 8 ^ byte]) & 0xFFFF
+    return crc
+
+
+# Longest pause within a packet [s]. Masters wait 0.2 s for a reply before they repeat
+# a packet.
+_PATIENCE = 0.1
 
 P = TypeVar("P", bound=Packet)
 
@@ -100,22 +443,19 @@ P = TypeVar("P", bound=Packet)
 class PacketReader(Generic[P]):
     """Finds packets in a stream of bytes, whatever pieces and noise it arrives in.
 
-    A packet that is incomplete after `patience` is dropped, so that half a packet never
+    A packet that is incomplete after 0.1 s is dropped, so that half a packet never
     swallows the next one. The buffer is always shorter than the longest packet.
 
     Args:
         kind: The protocol's packets.
-        patience: Longest pause within a packet [s]. Masters wait 0.2 s for a reply
-            before they repeat a packet.
 
     Attributes:
         dropped: Number of bytes so far that belonged to no packet.
     """
 
-    def __init__(self, kind: type[P], patience: float = 0.1):
+    def __init__(self, kind: type[P]):
         self.dropped = 0
         self._kind = kind
-        self._patience = patience
         self._buffer = bytearray()
         self._last = -float("inf")
 
@@ -126,7 +466,7 @@ class PacketReader(Generic[P]):
 
     def feed(self, data: bytes, time: float) -> Iterator[P]:
         """Yield the packets that `data`, received at a time [s], completes."""
-        if time - self._last > self._patience:
+        if time - self._last > _PATIENCE:
             self._drop(len(self._buffer))
         self._last = time
         self._buffer += data

@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 import abc
-import enum
 from collections.abc import Callable
-from typing import ClassVar
 
 from drake_srg.bridges.dynamixel.motor import Motor, MotorCommand, MotorState
 from drake_srg.bridges.dynamixel.profile import Profile
 from drake_srg.bridges.dynamixel.protocol import (
     BROADCAST,
+    GROUP_READING,
+    Fault,
     Instruction,
     Packet,
     Refusal,
@@ -33,24 +33,6 @@ _WRITING = (
     Instruction.SYNC_WRITE,
     Instruction.BULK_WRITE,
 )
-# Servos answer these although they are broadcast.
-_GROUP_READING = (
-    Instruction.SYNC_READ,
-    Instruction.BULK_READ,
-    Instruction.FAST_SYNC_READ,
-    Instruction.FAST_BULK_READ,
-)
-
-
-class Fault(enum.IntFlag):
-    """What may be wrong with a servo: bits of its registers and status packets."""
-
-    VOLTAGE = 1
-    OVERHEATING = 4
-    OVERLOAD = 32
-
-    def __str__(self) -> str:
-        return ", ".join((fault.name or "").lower() for fault in self)
 
 
 class Servo(abc.ABC):
@@ -70,10 +52,6 @@ class Servo(abc.ABC):
         table: The registers.
         writes: Number of write packets for this servo so far, good and bad.
     """
-
-    # Packets of its protocol, and the bytes of an address or a length in them.
-    packets: ClassVar[type[Packet]]
-    width: ClassVar[int]
 
     table: ControlTable
 
@@ -170,6 +148,11 @@ class Servo(abc.ABC):
             faults |= Fault.OVERHEATING
         return faults | Fault.OVERLOAD if self._overload else faults
 
+    @property
+    def _shown_faults(self) -> Fault:
+        """The faults that status packets tell."""
+        return self._faults
+
     # Packets.
 
     def answer(self, packet: Packet) -> bytes:
@@ -190,19 +173,16 @@ class Servo(abc.ABC):
             self._warn(refused.name.lower(), f"refused a packet: {refusal}")
         if code == Instruction.PING:
             silent = False
-        elif code in _GROUP_READING:  # answered although it is broadcast
+        elif code in GROUP_READING:  # answered although it is broadcast
             silent = level == 0 or (data is None and refused is not Refusal.ACCESS)
         elif packet.id == BROADCAST:
             silent = True
         else:
             silent = level < (1 if code == Instruction.READ else 2)
-        return b"" if silent else self._status(own, code, refused, data or b"")
-
-    @abc.abstractmethod
-    def _status(
-        self, number: int, code: int, refused: Refusal | None, data: bytes
-    ) -> bytes:
-        """Return the status packet of a servo's ID for an instruction code."""
+        if silent:
+            return b""
+        answer = self.table.packets.answer
+        return answer(own, code, self._shown_faults, refused, data or b"").encode()
 
     def _execute(self, packet: Packet) -> bytes | None:
         """Carry out an instruction; return its data, None if it asks another servo.
@@ -211,28 +191,33 @@ class Servo(abc.ABC):
             RefusedError: If it is invalid.
         """
         parameters = packet.parameters
-        head = 2 * self.width  # bytes of an address and a length
+        width = packet.width
+        head = 2 * width  # bytes of an address and a length
         match packet.code:
             case Instruction.PING:
-                return self._identity()
+                table = self.table
+                return b"".join(
+                    table.read(register.address, register.size)
+                    for register in map(table.register, table.identity)
+                )
             case Instruction.READ if len(parameters) == head:
-                return self.table.read(*self._words(parameters))
-            case Instruction.WRITE if len(parameters) > self.width:
+                return self.table.read(*packet.numbers(parameters))
+            case Instruction.WRITE if len(parameters) > width:
                 self._write(parameters)
-            case Instruction.REG_WRITE if len(parameters) > self.width:
+            case Instruction.REG_WRITE if len(parameters) > width:
                 self._register(parameters)
             case Instruction.ACTION if self._registered:
                 registered = self._registered
                 self._register(b"")
                 self._write(registered)
             case Instruction.SYNC_WRITE if len(parameters) >= head:
-                length = self._words(parameters)[1]
+                length = packet.numbers(parameters)[1]
                 for start in range(head, len(parameters) - length, length + 1):
                     if parameters[start] == self.table["id"]:
                         data = parameters[start + 1 : start + 1 + length]
-                        self._write(parameters[: self.width] + data)
-            case code if code in _GROUP_READING and (asked := self.asked(packet)):
-                for number, address, length in asked:
+                        self._write(parameters[:width] + data)
+            case code if code in GROUP_READING and packet.asked:
+                for number, address, length in packet.asked:
                     if number == self.table["id"]:
                         return self.table.read(address, length)
                 return None
@@ -244,29 +229,11 @@ class Servo(abc.ABC):
                 )
         return b""
 
-    @classmethod
-    @abc.abstractmethod
-    def asked(cls, packet: Packet) -> list[tuple[int, int, int]]:
-        """Return what a packet asks several servos for: ID, address, length of each.
-
-        In the order in which they reply. Empty if the packet is no group read.
-        """
-
-    def _identity(self) -> bytes:
-        """Return the data of the reply to a ping."""
-        return b""
-
-    @classmethod
-    def _words(cls, data: bytes) -> tuple[int, int]:
-        """Return the two numbers, such as address and length, at the start of data."""
-        width = cls.width
-        first, second = data[:width], data[width : 2 * width]
-        return int.from_bytes(first, "little"), int.from_bytes(second, "little")
-
     def _write(self, parameters: bytes) -> None:
         """Write registers: an address, then data."""
-        address, data = parameters[: self.width], parameters[self.width :]
-        self._wrote(self.table.write(int.from_bytes(address, "little"), data))
+        packets = self.table.packets
+        address, data = packets.number(parameters), parameters[packets.width :]
+        self._wrote(self.table.write(address, data))
         self._follow(0.0)
 
     def _register(self, parameters: bytes) -> None:

@@ -7,12 +7,11 @@ from collections.abc import Sequence
 import numpy as np
 
 from drake_srg.bridges.commands import PortValues
-from drake_srg.bridges.dynamixel.encoder import TURN
+from drake_srg.bridges.dynamixel.registers import TURN, ServoState
 from drake_srg.common.exceptions import ScenarioError
 from drake_srg.gripper.driver import GripperDriver
 from drake_srg.hardware.dynamixel.bus_cycle import BusCycle
 from drake_srg.hardware.dynamixel.bus_thread import BusThread
-from drake_srg.hardware.dynamixel.dialects import ServoState
 from drake_srg.hardware.dynamixel.line import open_line
 from drake_srg.hardware.dynamixel.servo_bus import ServoBus
 from drake_srg.hardware.dynamixel.servo_group import GroupConfig, ServoGroup

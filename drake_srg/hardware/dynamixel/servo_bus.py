@@ -13,8 +13,7 @@ from drake_srg.bridges.dynamixel.protocol import (
     PacketReader,
     Refusal,
 )
-from drake_srg.bridges.dynamixel.registers import Register
-from drake_srg.hardware.dynamixel.dialects import DIALECTS, ServoState
+from drake_srg.bridges.dynamixel.registers import TABLES, ServoState
 
 
 class BusError(Exception):
@@ -75,7 +74,7 @@ class ServoBus:
         retries: How often an instruction is repeated.
 
     Attributes:
-        dialect: The protocol.
+        table: The servos' registers.
 
     Raises:
         ValueError: If `protocol` is unknown.
@@ -88,17 +87,18 @@ class ServoBus:
         timeout: float = 0.02,
         retries: int = 2,
     ) -> None:
-        if protocol not in DIALECTS:
+        if protocol not in TABLES:
             raise ValueError(f"protocol: must be 1 or 2, got {protocol}")
-        self.dialect = DIALECTS[protocol]
+        self.table = TABLES[protocol]
         self._line, self._timeout, self._retries = line, timeout, retries
-        self._registers = {r.name: r for r in self.dialect.table.registers}
+        self._registers = {r.name: r for r in self.table.registers}
 
     def ping(self, number: int) -> bool:
         """Return whether a servo replies, even if only to refuse."""
         packet = self._packet(number, Instruction.PING)
+        size = sum(self._registers[name].size for name in self.table.identity)
         try:
-            self._exchange(packet, [(number, self.dialect.identity)])
+            self._exchange(packet, [(number, size)])
         except NoReplyError:
             return False
         return True
@@ -109,8 +109,7 @@ class ServoBus:
         Raises:
             BusError: If the servo does not reply, or refuses.
         """
-        first, size = self._block(names)
-        data = self._number(first) + self._number(size)
+        data = self.table.packets.to_bytes(*self._block(names))
         packet = self._packet(number, Instruction.READ, data)
         return self._replies(packet, [number], names)[number]
 
@@ -120,8 +119,8 @@ class ServoBus:
         Raises:
             BusError: If one of the servos does not reply, or refuses.
         """
-        code, data = self.dialect.group_read(numbers, *self._block(names))
-        return self._replies(self._packet(BROADCAST, code, data), numbers, names)
+        packet = self.table.packets.group_read(numbers, *self._block(names))
+        return self._replies(packet, numbers, names)
 
     def write(self, number: int, name: str, value: int) -> None:
         """Write a register of a servo.
@@ -130,7 +129,8 @@ class ServoBus:
             BusError: If the servo does not reply, or refuses.
         """
         register = self._registers[name]
-        data = self._number(register.address) + _encode(register, value)
+        to_bytes = self.table.packets.to_bytes
+        data = to_bytes(register.address) + register.encode(value)
         packet = self._packet(number, Instruction.WRITE, data)
         self._exchange(packet, [(number, 0)])
 
@@ -141,9 +141,9 @@ class ServoBus:
             OSError: If the line is closed.
         """
         register = self._registers[name]
-        data = self._number(register.address) + self._number(register.size)
+        data = self.table.packets.to_bytes(register.address, register.size)
         for number, value in values.items():
-            data += bytes([number]) + _encode(register, value)
+            data += bytes([number]) + register.encode(value)
         self._line.write(self._packet(BROADCAST, Instruction.SYNC_WRITE, data).encode())
 
     def read_states(self, numbers: Sequence[int]) -> dict[int, ServoState]:
@@ -152,19 +152,18 @@ class ServoBus:
         Raises:
             BusError: If one of the servos does not reply, or refuses.
         """
-        replies = self.read_all(numbers, *self.dialect.reads)
-        state = self.dialect.state
-        return {k: state(reply.values, reply.fault) for k, reply in replies.items()}
+        replies = self.read_all(numbers, *self.table.reads)
+        return {
+            k: self.table.state(reply.values, reply.fault)
+            for k, reply in replies.items()
+        }
 
     def close(self) -> None:
         """Close the line."""
         self._line.close()
 
     def _packet(self, number: int, code: Instruction, data: bytes = b"") -> Packet:
-        return self.dialect.packets(number, code, data)
-
-    def _number(self, value: int) -> bytes:
-        return value.to_bytes(self.dialect.width, "little")
+        return self.table.packets(number, code, data)
 
     def _block(self, names: Sequence[str]) -> tuple[int, int]:
         """Return address and size of the block that contains these registers."""
@@ -177,13 +176,15 @@ class ServoBus:
     ) -> dict[int, Reply]:
         first, size = self._block(names)
         statuses = self._exchange(packet, [(number, size) for number in numbers])
-        return {
-            number: Reply(
-                {name: _decode(self._registers[name], data, first) for name in names},
-                fault,
-            )
-            for number, (fault, data) in zip(numbers, statuses, strict=True)
-        }
+        replies = {}
+        for number, (fault, data) in zip(numbers, statuses, strict=True):
+            values = {}
+            for name in names:
+                register = self._registers[name]
+                start = register.address - first
+                values[name] = register.decode(data[start : start + register.size])
+            replies[number] = Reply(values, fault)
+        return replies
 
     def _exchange(
         self, packet: Packet, expected: Sequence[tuple[int, int]]
@@ -217,7 +218,7 @@ class ServoBus:
         Raises:
             RefusedByServoError: If a servo refuses.
         """
-        reader: PacketReader[Packet] = PacketReader(self.dialect.packets)
+        reader: PacketReader[Packet] = PacketReader(self.table.packets)
         replies: list[Packet] = []
         while len(replies) < len(expected):
             data = self._line.read(self._timeout)
@@ -228,7 +229,7 @@ class ServoBus:
             return None
         statuses = []
         for reply, (number, size) in zip(replies, expected, strict=True):
-            status = self.dialect.status(reply)
+            status = reply.status
             if status is None or reply.id != number:
                 return None
             if status.refusal is Refusal.CHECKSUM:
@@ -240,14 +241,3 @@ class ServoBus:
                 return None
             statuses.append((status.fault, status.data))
         return statuses
-
-
-def _encode(register: Register, value: int) -> bytes:
-    return value.to_bytes(register.size, "little", signed=register.signed)
-
-
-def _decode(register: Register, data: bytes, first: int) -> int:
-    """Return a register's value from the data that begin at an address."""
-    start = register.address - first
-    part = data[start : start + register.size]
-    return int.from_bytes(part, "little", signed=register.signed)

@@ -7,7 +7,7 @@ import math
 from collections.abc import Callable, Mapping, Sequence
 
 from drake_srg.bridges.commands import Warnings
-from drake_srg.hardware.dynamixel.dialects import ServoState
+from drake_srg.bridges.dynamixel.registers import ServoState
 from drake_srg.hardware.dynamixel.servo_bus import ServoBus
 
 # Takes the states of the servos, in the order of their IDs.
@@ -104,9 +104,8 @@ class ServoGroup:
 
     def _set_up(self, bus: ServoBus, number: int, state: ServoState) -> None:
         """Switch the torque on where the servo is, and mark it last of all."""
-        dialect = bus.dialect
-        effort = round(self.config.effort * dialect.full_effort)
-        bus.write(number, dialect.effort, effort)
+        effort = round(self.config.effort * bus.table.full_effort)
+        bus.write(number, bus.table.effort, effort)
         bus.write(number, "torque_enable", 1)
         bus.write(number, "goal_position", state.position)
         bus.write(number, "led", 1)

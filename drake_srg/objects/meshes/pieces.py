@@ -76,16 +76,15 @@ def convex_pieces(
     return [decimated(piece) for piece in _cut(mesh, most)], True
 
 
-def decimated(points: Vector, most: int = MOST_CORNERS) -> Vector:
+def decimated(points: Vector) -> Vector:
     """Return the corners of a hull that stands for the hull of points.
 
     Starting from the extreme points along 14 directions, the point that stands out
-    most is added until all are within 0.05 mm or there are enough. A hull that still
-    leaves out more than the tolerance grows by half of that.
+    most is added until all are within 0.05 mm or there are `MOST_CORNERS`. A hull that
+    still leaves out more than the tolerance grows by half of that.
 
     Args:
         points: Shape (n, 3) [m].
-        most: Greatest number of corners.
     """
     corners = points[ConvexHull(points).vertices]
     signs = np.array([(1, 1, 1), (1, 1, -1), (1, -1, 1), (1, -1, -1)])
@@ -99,7 +98,7 @@ def decimated(points: Vector, most: int = MOST_CORNERS) -> Vector:
             continue
         outside = (corners @ planes[:, :3].T + planes[:, 3]).max(axis=1)
         farthest = int(outside.argmax())
-        if len(chosen) >= most or outside[farthest] < _FINE:
+        if len(chosen) >= MOST_CORNERS or outside[farthest] < _FINE:
             break
         chosen.append(farthest)
     kept = corners[sorted(chosen)]

@@ -11,9 +11,7 @@ from bridges.dynamixel.servo_client import ServoClient
 from bridges.waiting import wait_until
 from drake_srg.bridges.commands import CommandInbox, Warnings
 from drake_srg.bridges.dynamixel.bridge import ServoBridge
-from drake_srg.bridges.dynamixel.protocol import Instruction
-from drake_srg.bridges.dynamixel.protocol1 import Packet1
-from drake_srg.bridges.dynamixel.protocol2 import Packet2
+from drake_srg.bridges.dynamixel.protocol import Instruction, Packet1, Packet2
 
 COUNT = 2 * np.pi / 4096
 CLOSED = 2.8  # angle at which the fake gripper's fingers meet [rad]

@@ -3,8 +3,12 @@
 from drake_srg.bridges.dynamixel.motor import SpoolMotor
 from drake_srg.bridges.dynamixel.mx64 import Mx64
 from drake_srg.bridges.dynamixel.mx64_2 import Mx64P2
-from drake_srg.bridges.dynamixel.protocol import BROADCAST, Instruction, PacketReader
-from drake_srg.bridges.dynamixel.protocol1 import Error
+from drake_srg.bridges.dynamixel.protocol import (
+    BROADCAST,
+    Error1,
+    Instruction,
+    PacketReader,
+)
 from drake_srg.gripper.drivers import SrgTendonDriver
 from drake_srg.gripper.motor_temperature import MotorTemperatureConfig
 
@@ -26,12 +30,12 @@ class WithMaster:
         self.register = {register.name: register for register in self.table.registers}
 
     def send(self, code, parameters=b"", number=1, intact=True):
-        packet = self.packets(number, code, bytes(parameters), intact)
-        return list(PacketReader(self.packets).feed(self.answer(packet), 0.0))
+        packet = self.table.packets(number, code, bytes(parameters), intact)
+        return list(PacketReader(self.table.packets).feed(self.answer(packet), 0.0))
 
     def number(self, value, size=None):
         """Return the bytes of an address, a length or a value."""
-        size = size or self.width
+        size = size or self.table.packets.width
         return (value & (1 << 8 * size) - 1).to_bytes(size, "little")
 
     def write(self, name, value, code=Instruction.WRITE):
@@ -56,7 +60,7 @@ class ServoWithMaster(WithMaster, Mx64):
     """With Protocol 1.0."""
 
     def error(self, status):
-        return Error(status.code)
+        return Error1(status.code)
 
     def data(self, status):
         return status.parameters

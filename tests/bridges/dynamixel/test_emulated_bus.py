@@ -41,9 +41,9 @@ class Line:
         )
 
     def send(self, number, code, parameters=b""):
-        packet = self.bus.kind.packets(number, code, bytes(parameters))
+        packet = self.bus.packets(number, code, bytes(parameters))
         (reply,) = self.bus.answer([packet])
-        return list(PacketReader(self.bus.kind.packets).feed(reply, 0.0))
+        return list(PacketReader(self.bus.packets).feed(reply, 0.0))
 
 
 @pytest.fixture

@@ -23,8 +23,7 @@ from bridges.dynamixel.fake_station import (
 from drake_srg.bridges.commands import CommandInbox, Warnings
 from drake_srg.bridges.dynamixel import bridge as servo_bridge
 from drake_srg.bridges.dynamixel.bridge import ServoBridge
-from drake_srg.bridges.dynamixel.protocol import Instruction, PacketReader
-from drake_srg.bridges.dynamixel.protocol1 import Packet1
+from drake_srg.bridges.dynamixel.protocol import Instruction, Packet1, PacketReader
 from drake_srg.bridges.dynamixel.servo import Servo
 
 # Where it listens.

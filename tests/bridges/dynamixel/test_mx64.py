@@ -5,8 +5,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from bridges.dynamixel.servo_with_master import ServoWithMaster
-from drake_srg.bridges.dynamixel.protocol import Instruction
-from drake_srg.bridges.dynamixel.protocol1 import Error
+from drake_srg.bridges.dynamixel.protocol import Error1, Instruction
 
 COUNT = math.tau / 4096  # rad
 
@@ -190,20 +189,20 @@ def overload(servo, lasting=10.1):
     servo.write("torque_limit", 500)
     servo.write("goal_position", 1000)
     servo.move(pwm=500 / 800, lasting=lasting)
-    return servo.read("torque_limit"), Error(servo.send(Instruction.PING)[0].code)
+    return servo.read("torque_limit"), Error1(servo.send(Instruction.PING)[0].code)
 
 
 def test_an_overload_shuts_down_until_a_torque_limit_is_written(servo):
-    assert overload(servo) == (0, Error.OVERLOAD)
+    assert overload(servo) == (0, Error1.OVERLOAD)
     assert servo.read("torque_enable") == 0
     assert servo.command().torque == servo.command().limit == 0.0
     assert servo.warned == ["overload"]
     # The sequence of check_overload_and_recover() in SAKE's driver.
     servo.write("goal_torque", 0)
     servo.write("torque_control_mode", 0)
-    assert servo.write("torque_limit", 500) == Error(0)
+    assert servo.write("torque_limit", 500) == Error1(0)
     servo.move()
-    assert servo.write("led", 0) == Error(0)
+    assert servo.write("led", 0) == Error1(0)
     # It stays off until a master enables torque.
     assert servo.command().torque == 0.0
     servo.write("goal_position", 3000)
@@ -211,7 +210,7 @@ def test_an_overload_shuts_down_until_a_torque_limit_is_written(servo):
 
 
 def test_a_load_shorter_than_the_overload_time_is_allowed(servo):
-    assert overload(servo, lasting=9.9) == (500, Error(0))
+    assert overload(servo, lasting=9.9) == (500, Error1(0))
     servo.move(pwm=0.0)
     servo.move(pwm=500 / 800, lasting=9.9)
     assert servo.read("torque_limit") == 500
@@ -241,17 +240,17 @@ def test_a_load_caused_by_another_source_is_no_overload(servo):
 
 def test_an_error_outside_the_shutdown_mask_is_only_reported(servo):
     servo.write("shutdown", 0)
-    assert overload(servo) == (500, Error.OVERLOAD)
+    assert overload(servo) == (500, Error1.OVERLOAD)
 
 
 def test_overheating_shuts_down_until_the_motor_has_cooled(servo):
     servo.write("goal_position", 1000)
     servo.move(temperature=80.0)
-    assert servo.write("led", 1) == Error(0)
+    assert servo.write("led", 1) == Error1(0)
     servo.move(temperature=81.0)
-    assert servo.write("torque_limit", 500) == Error.OVERHEATING
+    assert servo.write("torque_limit", 500) == Error1.OVERHEATING
     servo.move(temperature=81.0)
     assert servo.command().limit == 0.0
     servo.move(temperature=79.0)
-    assert servo.write("torque_limit", 500) == Error(0)
+    assert servo.write("torque_limit", 500) == Error1(0)
     assert servo.warned == ["overheating"] * 2

@@ -7,9 +7,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from bridges.dynamixel.servo_with_master import ServoWithMaster2
-from drake_srg.bridges.dynamixel.protocol import Instruction
-from drake_srg.bridges.dynamixel.protocol2 import ALERT, Error
-from drake_srg.bridges.dynamixel.registers2 import Mode
+from drake_srg.bridges.dynamixel.protocol import ALERT, Error2, Instruction
+from drake_srg.bridges.dynamixel.registers import Mode
 
 COUNT = math.tau / 4096  # rad
 OPEN = 3298  # position of the open gripper
@@ -89,7 +88,7 @@ def test_turns_cannot_be_cleared_in_motion(servo):
     servo.write("operating_mode", Mode.EXTENDED_POSITION)
     servo.move(angle=2 * math.tau, speed=1.0)
     (status,) = servo.send(Instruction.CLEAR, b"\x01\x44\x58\x4c\x22")
-    assert servo.error(status) == Error.RESULT_FAIL
+    assert servo.error(status) == Error2.RESULT_FAIL
     assert servo.read("present_position") == OPEN - 8192
 
 
@@ -281,6 +280,6 @@ def test_the_bus_watchdog_stops_the_motor(servo, mode):
     command = servo.command()
     held = command.torque if math.isnan(command.position) else command.position - 1.0
     assert held == pytest.approx(0.0, abs=COUNT)
-    assert servo.write(goal, 400) == Error.DATA_RANGE
+    assert servo.write(goal, 400) == Error2.DATA_RANGE
     assert servo.write("bus_watchdog", 0) == 0
     assert servo.write(goal, 400) == 0

@@ -6,9 +6,14 @@ import random
 import pytest
 
 from bridges.dynamixel.servo_with_master import ServoWithMaster2
-from drake_srg.bridges.dynamixel.protocol import BROADCAST, Instruction, PacketReader
-from drake_srg.bridges.dynamixel.protocol2 import Error, Packet2
-from drake_srg.bridges.dynamixel.registers2 import ControlTable2
+from drake_srg.bridges.dynamixel.protocol import (
+    BROADCAST,
+    Error2,
+    Instruction,
+    Packet2,
+    PacketReader,
+)
+from drake_srg.bridges.dynamixel.registers import ControlTable2
 
 LED, TEMPERATURE = 65, 146
 PONG = Packet2(1, Instruction.STATUS, b"\x00\x37\x01\x2d")
@@ -50,7 +55,7 @@ def test_a_registered_write_waits_for_the_action(servo):
     assert servo.broadcast(Instruction.ACTION) == []
     assert (servo.read("led"), servo.read("registered")) == (1, 0)
     (status,) = servo.send(Instruction.ACTION)
-    assert servo.error(status) == Error.INSTRUCTION
+    assert servo.error(status) == Error2.INSTRUCTION
 
 
 @pytest.mark.parametrize(
@@ -69,7 +74,7 @@ def test_it_answers_its_part_of_a_group_read(servo, code, parameters):
 
 def test_a_group_read_beyond_the_table_is_an_error(servo):
     (status,) = servo.broadcast(Instruction.SYNC_READ, words(660, 4) + b"\x01")
-    assert (servo.error(status), servo.data(status)) == (Error.ACCESS, b"")
+    assert (servo.error(status), servo.data(status)) == (Error2.ACCESS, b"")
 
 
 @pytest.mark.parametrize(
@@ -122,19 +127,19 @@ def test_a_broadcast_resets_no_ids(servo):
 @pytest.mark.parametrize(
     ("code", "parameters", "error"),
     [
-        (0x77, b"", Error.INSTRUCTION),
-        (Instruction.READ, b"\x00\x00\x01", Error.INSTRUCTION),
-        (Instruction.WRITE, b"\x41\x00", Error.INSTRUCTION),
-        (Instruction.REBOOT, b"\x00", Error.INSTRUCTION),
-        (Instruction.CLEAR, b"\x01", Error.INSTRUCTION),
-        (Instruction.FACTORY_RESET, b"\x03", Error.DATA_RANGE),
-        (Instruction.READ, b"\x00\x00\xff\xff", Error.ACCESS),
-        (Instruction.WRITE, b"\x00\x00\x00\x00", Error.ACCESS),
-        (Instruction.WRITE, b"\x74\x00\x00\x00", Error.DATA_LENGTH),
-        (Instruction.WRITE, b"\x74\x00\x00\x10\x00\x00", Error.DATA_LIMIT),
-        (Instruction.WRITE, b"\x40\x00\x02", Error.DATA_RANGE),
-        (Instruction.SYNC_WRITE, b"\x40\x00\x00\x00\x01", Error.ACCESS),
-        (Instruction.BULK_WRITE, b"\x01\x40\x00\x00\x00", Error.ACCESS),
+        (0x77, b"", Error2.INSTRUCTION),
+        (Instruction.READ, b"\x00\x00\x01", Error2.INSTRUCTION),
+        (Instruction.WRITE, b"\x41\x00", Error2.INSTRUCTION),
+        (Instruction.REBOOT, b"\x00", Error2.INSTRUCTION),
+        (Instruction.CLEAR, b"\x01", Error2.INSTRUCTION),
+        (Instruction.FACTORY_RESET, b"\x03", Error2.DATA_RANGE),
+        (Instruction.READ, b"\x00\x00\xff\xff", Error2.ACCESS),
+        (Instruction.WRITE, b"\x00\x00\x00\x00", Error2.ACCESS),
+        (Instruction.WRITE, b"\x74\x00\x00\x00", Error2.DATA_LENGTH),
+        (Instruction.WRITE, b"\x74\x00\x00\x10\x00\x00", Error2.DATA_LIMIT),
+        (Instruction.WRITE, b"\x40\x00\x02", Error2.DATA_RANGE),
+        (Instruction.SYNC_WRITE, b"\x40\x00\x00\x00\x01", Error2.ACCESS),
+        (Instruction.BULK_WRITE, b"\x01\x40\x00\x00\x00", Error2.ACCESS),
     ],
 )
 @pytest.mark.parametrize("torque", [0, 1])
@@ -149,7 +154,7 @@ def test_an_invalid_instruction_is_answered_by_an_error(
 
 def test_a_wrong_crc_is_answered_with_an_error(servo):
     (status,) = servo.send(Instruction.PING, intact=False)
-    assert servo.error(status) == Error.CRC
+    assert servo.error(status) == Error2.CRC
     assert servo.send(Instruction.PING, number=9, intact=False) == []
     parameters = words(LED, 1) + b"\x01"
     code = Instruction.SYNC_READ
@@ -216,7 +221,7 @@ def test_ten_thousand_random_packets_leave_a_valid_servo(servo):
             servo.move(rng.uniform(-9, 9), rng.uniform(-9, 9), rng.uniform(-1, 1))
         if count % 50 == 0:
             check(servo)
-    assert codes == {0, *Error} - {Error.CRC}
+    assert codes == {0, *Error2} - {Error2.CRC}
 
 
 def test_damaged_streams_neither_stop_nor_confuse_it(servo):

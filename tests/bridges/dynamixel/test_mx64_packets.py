@@ -5,8 +5,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from bridges.dynamixel.servo_with_master import ServoWithMaster
-from drake_srg.bridges.dynamixel.protocol import BROADCAST, Instruction
-from drake_srg.bridges.dynamixel.protocol1 import Error, Packet1
+from drake_srg.bridges.dynamixel.protocol import BROADCAST, Error1, Instruction, Packet1
 
 
 @pytest.fixture
@@ -31,7 +30,7 @@ def test_it_obeys_broadcasts_without_a_reply(servo):
 
 @pytest.mark.parametrize(("level", "replies"), [(0, 0), (1, 1), (2, 2)])
 def test_the_status_return_level_selects_replies(servo, level, replies):
-    assert servo.write("status_return_level", level) == Error(0)
+    assert servo.write("status_return_level", level) == Error1(0)
     assert len(servo.send(Instruction.PING)) == 1
     answers = servo.send(Instruction.READ, [3, 1])
     assert len(answers + servo.send(Instruction.WRITE, [25, 1])) == replies
@@ -43,7 +42,7 @@ def test_a_registered_write_waits_for_the_action(servo):
     assert servo.send(Instruction.ACTION, number=BROADCAST) == []
     assert (servo.read("led"), servo.read("registered")) == (1, 0)
     (status,) = servo.send(Instruction.ACTION)
-    assert status.code == Error.INSTRUCTION
+    assert status.code == Error1.INSTRUCTION
 
 
 def test_it_takes_its_own_block_of_a_sync_write(servo):
@@ -62,13 +61,13 @@ def test_it_answers_its_own_block_of_a_bulk_read(servo):
 @pytest.mark.parametrize(
     ("code", "parameters", "error"),
     [
-        (Instruction.FACTORY_RESET, b"", Error.INSTRUCTION),
-        (0x77, b"", Error.INSTRUCTION),
-        (Instruction.READ, b"\x03", Error.INSTRUCTION),
-        (Instruction.WRITE, b"\x03", Error.INSTRUCTION),
-        (Instruction.READ, b"\x00\xff", Error.RANGE),
-        (Instruction.WRITE, b"\x24\x00\x00", Error.RANGE),
-        (Instruction.WRITE, b"\x1e\x00\x10", Error.ANGLE_LIMIT),
+        (Instruction.FACTORY_RESET, b"", Error1.INSTRUCTION),
+        (0x77, b"", Error1.INSTRUCTION),
+        (Instruction.READ, b"\x03", Error1.INSTRUCTION),
+        (Instruction.WRITE, b"\x03", Error1.INSTRUCTION),
+        (Instruction.READ, b"\x00\xff", Error1.RANGE),
+        (Instruction.WRITE, b"\x24\x00\x00", Error1.RANGE),
+        (Instruction.WRITE, b"\x1e\x00\x10", Error1.ANGLE_LIMIT),
     ],
 )
 def test_an_invalid_instruction_is_answered_by_an_error(servo, code, parameters, error):
@@ -80,7 +79,7 @@ def test_an_invalid_instruction_is_answered_by_an_error(servo, code, parameters,
 
 def test_a_wrong_checksum_is_answered_with_an_error(servo):
     reply = servo.answer(Packet1(1, Instruction.PING, intact=False))
-    assert reply == Packet1(1, Error.CHECKSUM).encode()
+    assert reply == Packet1(1, Error1.CHECKSUM).encode()
     assert servo.answer(Packet1(9, Instruction.PING, intact=False)) == b""
 
 

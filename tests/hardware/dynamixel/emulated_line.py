@@ -34,7 +34,7 @@ class EmulatedLine:
         parts = [Arm(-ends, ends, ends), ServoGripper(TRAVEL, 2)]
         kind = {1: Mx64, 2: Mx64P2}[protocol]
         self.bus = EmulatedBus(self.inbox, parts, kind, self.inbox.warnings.warn)
-        self._reader = PacketReader(kind.packets)
+        self._reader = PacketReader(self.bus.packets)
         self.q, self.closure, self.load = np.zeros(joints), 0.0, 0.0
         self.spoil, self.silent, self.writes, self.closed = None, False, 0, False
         self._time = 0.0

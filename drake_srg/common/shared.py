@@ -1,0 +1,48 @@
+"""Values in a Context that its copies share."""
+
+from __future__ import annotations
+
+import dataclasses as dc
+from collections.abc import Mapping
+from typing import Any, Self
+
+import numpy as np
+
+
+class Shared:
+    """A value in a Context that all copies of the Context share.
+
+    Derive a frozen dataclass from it: Drake copies contexts at every step, and a deep
+    copy of a large value costs more than the step. The value is replaced, never
+    changed, and so are its arrays, which become read-only: code that writes to one
+    raises a ValueError instead of changing other contexts, too.
+    """
+
+    def __post_init__(self) -> None:
+        for part in vars(self).values():
+            make_read_only(part)
+
+    def __deepcopy__(self, memo: dict[int, Any]) -> Self:
+        return self
+
+
+def make_read_only(value: object) -> None:
+    """Make all arrays in a value read-only.
+
+    Args:
+        value: An array, or a dataclass, a mapping, a list or a tuple that may hold
+            some at any depth. Those in a `Shared` value are read-only already.
+    """
+    if value is None or isinstance(value, float | int | str):
+        return  # most are; this is faster than asking for everything below
+    if isinstance(value, np.ndarray):
+        value.setflags(write=False)
+    elif isinstance(value, tuple | list):
+        for part in value:
+            make_read_only(part)
+    elif isinstance(value, Mapping):
+        for part in value.values():
+            make_read_only(part)
+    elif dc.is_dataclass(value) and not isinstance(value, type | Shared):
+        for part in vars(value).values():
+            make_read_only(part)
