@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 from pathlib import Path
-from types import ModuleType
 from typing import Any
 
+import gymnasium
 import numpy as np
+from stable_baselines3 import SAC
 
 from drake_srg.common.exceptions import ScenarioError, one_line
 from drake_srg.learning.episodes import training_seed
@@ -27,45 +28,19 @@ OPTIONS = {
 _HIDDEN = [256, 256]
 
 
-def require_sac() -> ModuleType:
-    """Import Stable-Baselines3.
-
-    Raises:
-        ImportError: If it or PyTorch is missing; one line says what to install.
-    """
-    try:
-        import stable_baselines3
-    except ImportError as error:
-        raise ImportError(
-            "--algo sac needs PyTorch and Stable-Baselines3, which are not installed. "
-            "Install a CPU build of torch first (1.1 GB; pytorch.org says how, and a "
-            "plain `pip install torch` may fetch a CUDA build of several GB), then "
-            "run: pip install 'drake_srg[learn]'; --algo q and bc need neither"
-        ) from error
-    module: ModuleType = stable_baselines3
-    return module
-
-
 class SacRounds:
-    """SAC in rounds; see `drake_srg.learning.learners.Learner`.
+    """SAC in rounds; see `drake_srg.learning.train.Learner`.
 
     Args:
         env: The environment.
         run: Seed of training.
-
-    Raises:
-        ImportError: If the extra is missing.
     """
 
     def __init__(self, env: Any, run: int) -> None:
-        sb3 = require_sac()
-        import torch
-
-        torch.set_num_threads(1)  # small networks: more threads only wait
         self.steps, self.episodes, self.round_steps = 0, 0, 1000
-        self._sb3, self._run = sb3, run
-        self._env = seeded(env, self)
-        self._model = sb3.SAC(
+        self.run = run
+        self._env = _Seeded(env, self)
+        self._model = SAC(
             "MlpPolicy",
             _scaled(self._env),
             seed=run,
@@ -74,11 +49,6 @@ class SacRounds:
             **OPTIONS,
         )
         self.done: list[bool] = []
-
-    @property
-    def run(self) -> int:
-        """Seed of training."""
-        return self._run
 
     def advance(self, steps: int) -> list[bool]:
         """See `Learner`."""
@@ -129,7 +99,7 @@ class SacRounds:
             ScenarioError: If the files are missing or broken.
         """
         try:
-            self._model = self._sb3.SAC.load(
+            self._model = SAC.load(
                 folder / _MODEL, env=_scaled(self._env), device="cpu"
             )
             self._model.load_replay_buffer(folder / _BUFFER)
@@ -142,28 +112,27 @@ class SacRounds:
         self.steps = int(self._model.num_timesteps)
 
 
-def seeded(env: Any, learner: SacRounds) -> Any:
-    """Return an environment whose episodes have the learner's seeds."""
-    import gymnasium
+class _Seeded(gymnasium.Wrapper):
+    """An environment whose episodes have the learner's seeds, and are counted by it."""
 
-    class Seeded(gymnasium.Wrapper):
-        def reset(self, *, seed: int | None = None, options: Any = None) -> Any:
-            del seed  # the learner's own counts
-            wanted = training_seed(learner.run, learner.episodes)
-            return self.env.reset(seed=wanted, options=options)
+    def __init__(self, env: Any, learner: SacRounds) -> None:
+        super().__init__(env)
+        self._learner = learner
 
-        def step(self, action: Any) -> Any:
-            result = self.env.step(action)
-            if result[2] or result[3]:
-                learner.episodes += 1
-                learner.done.append(bool(result[4].get("success", False)))
-            return result
+    def reset(self, *, seed: int | None = None, options: Any = None) -> Any:
+        """Begin the learner's next episode; its seed replaces `seed`."""
+        wanted = training_seed(self._learner.run, self._learner.episodes)
+        return self.env.reset(seed=wanted, options=options)
 
-    return Seeded(env)
+    def step(self, action: Any) -> Any:
+        """Take a step, and tell the learner of episodes that end."""
+        result = self.env.step(action)
+        if result[2] or result[3]:
+            self._learner.episodes += 1
+            self._learner.done.append(bool(result[4].get("success", False)))
+        return result
 
 
 def _scaled(env: Any) -> Any:
     """Return an environment whose observations are scaled as a `Policy` scales them."""
-    import gymnasium
-
     return gymnasium.wrappers.RescaleObservation(env, np.float32(-1.0), np.float32(1.0))

@@ -77,7 +77,7 @@ def rank_auc(first: Vector, second: Vector) -> tuple[float, float]:
     above, p = scipy.stats.mannwhitneyu(first, second, method="asymptotic")
     if min(m, n) * (m + n) <= LARGEST_EXACT:
         # SciPy's exact p-values are those of samples without ties. Its approximation
-        # calls a word a cause (p = 1e-218) that was drawn once, in the only failed trial.
+        # gives p = 1e-218 to a word drawn once in 1000 trials, in the only failed one.
         ranks = scipy.stats.rankdata(np.concatenate([first, second]))
         doubled = np.rint(2.0 * ranks).astype(int)
         few = doubled[:m] if m <= n else doubled[m:]

@@ -9,12 +9,11 @@ from drake_srg.common.exceptions import ScenarioError
 from drake_srg.learning.policy import load_policy
 from drake_srg.learning.train import LOG, ONNX, POLICY, Training, train
 
-pytest.importorskip(
-    "stable_baselines3", reason="the extra `learn` is not installed: make test-learn"
-)
+pytest.importorskip("torch", reason="the extra `learn` is not installed")
 
 from onnx.reference import ReferenceEvaluator
 
+pytestmark = pytest.mark.learn
 HITS = "tests.learning.toy:toy/Hits-v0"
 
 
