@@ -131,8 +131,8 @@ def MakeLearner(
         DaggerRounds,
         DataRounds,
         QRounds,
+        SacRounds,
     )
-    from drake_srg.learning.sac import SacRounds
 
     if algorithm == "q":
         return QRounds(env, run)

@@ -1,22 +1,28 @@
 """Learners in PyTorch: `make test-learn` runs this in an environment with it."""
 
+import json
+
 import numpy as np
 import pytest
 
 pytest.importorskip("torch", reason="the extra `learn` is not installed")
+
+from onnx.reference import ReferenceEvaluator
 
 from drake_srg.common.exceptions import ScenarioError
 from drake_srg.learning import learners
 from drake_srg.learning.baselines import TOUCH
 from drake_srg.learning.episodes import make_environment
 from drake_srg.learning.learners import CHECKPOINT, CloningConfig, QConfig, QRounds
+from drake_srg.learning.policy import load_policy
 from drake_srg.learning.rules import pick
 from drake_srg.learning.touch_rule import pick_by_touch
-from drake_srg.learning.train import MakeLearner
+from drake_srg.learning.train import LOG, ONNX, POLICY, MakeLearner, Training, train
 
 from .toy import Toy
 
 pytestmark = pytest.mark.learn
+HITS = "tests.learning.toy:toy/Hits-v0"
 
 
 def test_an_ensemble_learns_what_succeeds():
@@ -166,3 +172,44 @@ def test_it_goes_on_alike_after_an_interruption(tmp_path):
         rest.policy()[1].parameters, whole.policy()[1].parameters, strict=True
     ):
         np.testing.assert_array_equal(a, b)
+
+
+def sac(steps):
+    return Training(environment=HITS, algorithm="sac", steps=steps, validation=20)
+
+
+@pytest.fixture
+def early_sac(monkeypatch):
+    """Learns before 500 steps, which are many of a toy's."""
+    options = {"learning_starts": 100, "learning_rate": 3e-3}
+    monkeypatch.setattr(learners, "SAC_OPTIONS", options)
+
+
+@pytest.mark.usefixtures("early_sac")
+def test_sac_learns_to_hit_and_the_file_acts_like_the_model(tmp_path):
+    policy = train(sac(1500), tmp_path)
+    assert policy.info.scores["validation"] > 0.6
+    again = load_policy(tmp_path / POLICY)
+    x = np.array([1.0, 2.0], np.float32)
+    np.testing.assert_array_equal(again(x), policy(x))
+    session = ReferenceEvaluator(str(tmp_path / ONNX))
+    (action,) = session.run(None, {"observation": x[None]})
+    np.testing.assert_allclose(action[0], policy(x), atol=1e-5)
+
+
+@pytest.mark.usefixtures("early_sac")
+def test_training_by_sac_goes_on(tmp_path):
+    train(sac(200), tmp_path)
+    train(sac(300), tmp_path, resume=True)
+    history = json.loads((tmp_path / LOG).read_text())["history"]
+    assert [row[0] for row in history] == [200, 300]
+    # Episodes of three steps; the one that was cut off does not count.
+    assert history[-1][1] == 200 // 3 + 100 // 3
+
+
+@pytest.mark.usefixtures("early_sac")
+def test_a_replay_buffer_that_cannot_be_restored_is_one_line(tmp_path):
+    train(sac(150), tmp_path)
+    (tmp_path / "replay.pkl").write_bytes(b"no pickle")
+    with pytest.raises(ScenarioError, match="--resume: cannot be read"):
+        train(sac(200), tmp_path, resume=True)
