@@ -14,7 +14,7 @@ import signal
 import subprocess
 import sys
 import tempfile
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from functools import partial
 from pathlib import Path
 
@@ -38,6 +38,7 @@ _PACKAGES = {
 }
 _ROSBAGS = {"rosbags.rosbag2": "rosbags"}
 _PLOTS = {"matplotlib.figure": "matplotlib"}
+_LEARN = ["torch", "stable-baselines3", "tensorboard", "onnx"]
 _SWEEPS = {"joblib": "joblib", "pyarrow": "pyarrow"}
 _IMPORT = {"coacd": "coacd", "scipy": "scipy", "trimesh": "trimesh"}
 _ROS2 = {"cyclonedds.domain": "cyclonedds"}
@@ -77,8 +78,8 @@ def examine_machine() -> list[Check]:
 
     Returns:
         One Check each for Python, Drake, the other packages, rendering, video, rosbags,
-        plots, solvers and models, and optional ones for sweeps, Ray, ROS 2,
-        meshes and Graphviz.
+        plots, solvers and models, and optional ones for sweeps, training, Ray,
+        ROS 2, meshes and Graphviz.
     """
     base = pip_install(*this_package())
     required: list[tuple[str, Callable[[], str], str]] = [
@@ -106,7 +107,8 @@ def examine_machine() -> list[Check]:
     ]
     optional: list[tuple[str, Callable[[], str], str]] = [
         ("sweeps", partial(_versions, _SWEEPS), pip_install(*this_package("sweep"))),
-        ("ray", _ray, pip_install(*this_package("ray"))),
+        ("training", partial(_installed, _LEARN), pip_install(*this_package("learn"))),
+        ("ray", partial(_installed, ["ray"]), pip_install(*this_package("ray"))),
         ("ros2", partial(_versions, _ROS2), pip_install(*this_package("ros2"))),
         ("import", partial(_versions, _IMPORT), pip_install(*this_package("import"))),
         ("graphviz", _graphviz, apt_install("graphviz")),
@@ -167,9 +169,9 @@ def _video() -> str:
     return f"H.264 encodes and decodes, av {importlib.metadata.version('av')}"
 
 
-def _ray() -> str:
+def _installed(packages: Sequence[str]) -> str:
     # Not imported, because that takes seconds.
-    return f"ray {importlib.metadata.version('ray')}"
+    return ", ".join(f"{name} {importlib.metadata.version(name)}" for name in packages)
 
 
 def _graphviz() -> str:

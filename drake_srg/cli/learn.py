@@ -22,7 +22,8 @@ def add_commands(add: Callable[..., argparse.ArgumentParser]) -> None:
             "train",
             train,
             "learn to grasp: train a policy in an environment",
-            "It writes the best policy, judged by episodes of its own, as policy.npz.",
+            "It writes the best policy, judged by episodes of its own, as policy.npz. "
+            "It needs the extra `learn`.",
         )
     )
     _add_evaluate_arguments(
@@ -46,10 +47,9 @@ def _add_train_arguments(train: argparse.ArgumentParser) -> None:
         "--algo",
         choices=("q", "sac", "bc", "dagger"),
         default="q",
-        help="q: values of actions, for episodes of one step; sac: soft actor-critic, "
-        "needs the extra `learn`; bc: clones a hand-written rule, or --data; "
-        "dagger: asks the rule again where the clone ends up "
-        "(default: %(default)s)",
+        help="q: values of actions, for episodes of one step; sac: soft actor-critic; "
+        "bc: clones a hand-written rule, or --data; dagger: asks the rule again where "
+        "the clone ends up (default: %(default)s)",
     )
     train.add_argument(
         "--data",
