@@ -33,7 +33,6 @@ from drake_srg.types import positive
 from drake_srg.vision.calibrated_camera import CameraCalibrationConfig
 from drake_srg.vision.camera_errors import CameraErrorsConfig
 from drake_srg.vision.color_names import COLORS
-from drake_srg.vision.config import LocalizerThresholds
 from drake_srg.vision.thesis_blob_localizer import ThesisBlobConfig
 
 if typing.TYPE_CHECKING:
@@ -166,9 +165,6 @@ class LocalizerConfig:
     level_cameras: bool = False
     # Time between images [s]; 0 renders only when the blobs are read.
     period: float = dc.field(default=0.0, metadata={"ge": 0.0})
-    # Thresholds of the steps of perception. The defaults serve all scenarios of the
-    # package.
-    thresholds: LocalizerThresholds = dc.field(default_factory=LocalizerThresholds)
     # The rule of the five-axis arm's thesis, in place of the known shapes. It takes one
     # camera and finds only `task.pick`; the other keys do not apply.
     thesis: ThesisBlobConfig | None = None
