@@ -1,4 +1,4 @@
-"""The command `drake-srg run`: its arguments, and running on hardware."""
+"""Running a scenario's task on hardware."""
 
 from __future__ import annotations
 
@@ -11,25 +11,6 @@ from drake_srg.cli.process import stop_on_signals, writing
 
 if TYPE_CHECKING:
     from drake_srg.simulation.simulate import Result
-
-
-def add_run_arguments(run: argparse.ArgumentParser) -> None:
-    """Add the command's arguments, except the scenario."""
-    run.add_argument(
-        "--out",
-        type=Path,
-        metavar="DIR",
-        help="folder for the results (default: out/SCENARIO; out/hardware/SCENARIO)",
-    )
-    run.add_argument(
-        "--no-record", action="store_true", help="write only metrics.json and log.npz"
-    )
-    run.add_argument(
-        "--hardware",
-        type=Path,
-        metavar="FILE.yaml",
-        help="do the task on a robot, through the drivers of this file",
-    )
 
 
 def run_hardware(options: argparse.Namespace) -> tuple[Result, Path]:
