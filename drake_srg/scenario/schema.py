@@ -256,7 +256,11 @@ def accept_driver(driver: type[GripperDriver]) -> None:
     # Derived classes come first: Drake writes the tag of the first class that fits.
     known = sorted([driver, *known], key=lambda kind: -len(kind.__mro__))
     choice = functools.reduce(operator.or_, [*known, None])
-    # `check_tree` reads the annotation, Drake's YAML functions read the field.
+    # Drake's YAML functions know the tags of a field by its type alone (`field.type`,
+    # up to Drake 1.58), and a driver of a user's own comes at run time. A second
+    # Scenario class would be another type than the one that all functions take. So the
+    # type is widened here, in the field for Drake and in the annotation for
+    # `check_tree`, until Drake takes tags from elsewhere.
     field.type = Scenario.__annotations__["gripper"] = choice
 
 
