@@ -44,7 +44,6 @@ def AddLocalizer(
             blob_targets(scenario),
             cameras,
             min_area=config.min_area,
-            period=config.period,
         ),
     )
     for name, camera in cameras.items():

@@ -7,7 +7,7 @@ import os
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from drake_srg.cli.command import SCENARIO, argument, command, folder
+from drake_srg.cli.command import SCENARIO, argument, command, folder, load
 from drake_srg.cli.process import SUCCESS, end_on_sigterm, writing
 from drake_srg.common.exceptions import ScenarioError
 from drake_srg.common.status_line import StatusLine
@@ -58,7 +58,6 @@ def calibrate(options: argparse.Namespace) -> int:
     from drake_srg.calibration.shots import find_views, read_shots, shot_files
     from drake_srg.calibration.solve import calibrate as solve
     from drake_srg.cell.planners import own_scene
-    from drake_srg.scenario import load_scenario
     from drake_srg.sweeps.files import write_file, write_folder
 
     board, count = parse_board(options.board), parse_count(options.images)
@@ -66,7 +65,7 @@ def calibrate(options: argparse.Namespace) -> int:
         raise ScenarioError("--board: needs a folder of --images")
     out: Path = options.out or Path("out") / f"calibrate_{Path(options.scenario).stem}"
     base = _base(options.scenario, out)
-    scenario = load_scenario(options.scenario, seed=options.seed, overrides=options.set)
+    scenario = load(options)
     if scenario.arm is None or scenario.gripper is None:
         raise ScenarioError(f"{options.scenario}: needs an arm and a gripper")
     camera = options.camera or next(iter(scenario.localizer.cameras), "")

@@ -9,7 +9,10 @@ import argparse
 import dataclasses as dc
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any, TypeAlias
+from typing import TYPE_CHECKING, Any, TypeAlias
+
+if TYPE_CHECKING:
+    from drake_srg.scenario import Scenario
 
 # Adds an argument, or several, to a parser or a group.
 Adds: TypeAlias = Callable[[Any], object]
@@ -140,6 +143,15 @@ def a_scenario(
 
 
 SCENARIO = a_scenario()
+
+
+def load(options: argparse.Namespace) -> "Scenario":
+    """Return the scenario that a command's options choose; imports Drake."""
+    from drake_srg.scenario import load_scenario
+
+    return load_scenario(options.scenario, seed=options.seed, overrides=options.set)
+
+
 OPEN = flag("--open", "show the page in the default browser")
 
 

@@ -23,6 +23,7 @@ from drake_srg.cli.command import (
     command,
     flag,
     folder,
+    load,
 )
 from drake_srg.cli.hardware import run_hardware
 from drake_srg.cli.objects import list_objects
@@ -58,12 +59,11 @@ if TYPE_CHECKING:
 )
 def run(options: argparse.Namespace) -> int:
     """Do a scenario's task, and print its metrics and where the files are."""
-    from drake_srg.scenario import load_scenario
     from drake_srg.simulation import Simulate
 
     if options.hardware is not None:
         return _tell(options, *run_hardware(options))
-    scenario = load_scenario(options.scenario, seed=options.seed, overrides=options.set)
+    scenario = load(options)
     name = Path(options.scenario).stem
     out: Path = options.out or Path("out") / name
     end_on_sigterm()
@@ -201,13 +201,12 @@ def list_all(options: argparse.Namespace) -> int:
 def diagram(options: argparse.Namespace) -> int:
     """Draw a scenario's systems and their connections."""
     from drake_srg.cell import MakeCell
-    from drake_srg.scenario import load_scenario
 
     output: Path = options.output
     kinds = (".svg", ".png", ".dot")
     if output.suffix not in kinds:
         raise ScenarioError(f"-o {output}: must end in one of {', '.join(kinds)}")
-    scenario = load_scenario(options.scenario, seed=options.seed, overrides=options.set)
+    scenario = load(options)
     with scenario_errors(Path(options.scenario).stem):
         cell = MakeCell(_unfused(scenario))
     dot = cell.GetGraphvizString()

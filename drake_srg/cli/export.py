@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
-from drake_srg.cli.command import SCENARIO, argument, command, one_of
+from drake_srg.cli.command import SCENARIO, argument, command, load, one_of
 from drake_srg.cli.process import SUCCESS, writing
 
 _PROGRAMS = {
@@ -36,9 +36,8 @@ def export(options: argparse.Namespace) -> int:
     """Write a scenario's models in a format, and print their paths."""
     from drake_srg.export import export_scenario
     from drake_srg.export.wires import moment_arm_error
-    from drake_srg.scenario import load_scenario
 
-    scenario = load_scenario(options.scenario, seed=options.seed, overrides=options.set)
+    scenario = load(options)
     kind = next(k for k in _PROGRAMS if getattr(options, k) is not None)
     out: Path = getattr(options, kind)
     with writing(f"--{kind}", out):

@@ -7,6 +7,7 @@ import sys
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from drake_srg.cli.command import load
 from drake_srg.cli.process import stop_on_signals, writing
 
 if TYPE_CHECKING:
@@ -23,12 +24,9 @@ def run_hardware(options: argparse.Namespace) -> tuple[Result, Path]:
     with stop_on_signals() as stop:
         from drake_srg.bridges.keyboard import own_terminal
         from drake_srg.hardware import load_hardware, run_on_hardware
-        from drake_srg.scenario import load_scenario
 
         config = load_hardware(options.hardware)
-        scenario = load_scenario(
-            options.scenario, seed=options.seed, overrides=options.set
-        )
+        scenario = load(options)
         name = Path(options.scenario).stem
         out: Path = options.out or Path("out") / "hardware" / name
         with writing("--out", out):

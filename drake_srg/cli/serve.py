@@ -14,6 +14,7 @@ from drake_srg.cli.command import (
     command,
     flag,
     folder,
+    load,
     ros,
     speaks_ros,
 )
@@ -98,7 +99,6 @@ def serve(options: argparse.Namespace) -> int:
         from drake_srg.bridges.connecting import BridgeOptions
         from drake_srg.bridges.keyboard import own_terminal
         from drake_srg.bridges.serve import Serve
-        from drake_srg.scenario import load_scenario
 
         ros1, ros2 = speaks_ros(options)
         bridges = BridgeOptions(
@@ -116,9 +116,7 @@ def serve(options: argparse.Namespace) -> int:
             raise ScenarioError(
                 "serve: needs at least one of --ros1, --ros2 and --servo"
             )
-        scenario = load_scenario(
-            options.scenario, seed=options.seed, overrides=options.set
-        )
+        scenario = load(options)
         name = Path(options.scenario).stem
         out: Path = options.out or Path("out") / "served" / name
         try:

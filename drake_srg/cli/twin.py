@@ -15,6 +15,7 @@ from drake_srg.cli.command import (
     command,
     flag,
     folder,
+    load,
     ros,
     speaks_ros,
 )
@@ -52,13 +53,10 @@ def twin(options: argparse.Namespace) -> int:
     )
     # Imported under the signal handlers, so that a signal ends the command cleanly.
     with stop_on_signals() as stop, contextlib.closing(status):
-        from drake_srg.scenario import load_scenario
         from drake_srg.twin.run import run_twin
 
         config = _config(options)
-        scenario = load_scenario(
-            options.scenario, seed=options.seed, overrides=options.set
-        )
+        scenario = load(options)
         name = Path(options.scenario).stem
         out: Path = options.out or Path("out") / "twin" / name
         with writing("--out", out):

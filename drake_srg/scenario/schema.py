@@ -163,8 +163,6 @@ class LocalizerConfig:
     # Whether the cameras' tilt and height are corrected by the level surfaces that they
     # see: `table` and the goal's surroundings.
     level_cameras: bool = False
-    # Time between images [s]; 0 renders only when the blobs are read.
-    period: float = dc.field(default=0.0, metadata={"ge": 0.0})
     # The rule of the five-axis arm's thesis, in place of the known shapes. It takes one
     # camera and finds only `task.pick`; the other keys do not apply.
     thesis: ThesisBlobConfig | None = None

@@ -10,7 +10,7 @@ import numpy as np
 import numpy.typing as npt
 from pydrake.common.value import AbstractValue
 from pydrake.math import RigidTransform
-from pydrake.systems.framework import Context, EventStatus, State
+from pydrake.systems.framework import Context
 from pydrake.systems.sensors import ImageDepth32F, ImageRgba8U
 
 from drake_srg.common.convex_pieces import Solid
@@ -78,14 +78,12 @@ class BlobLocalizer(LeafSystem):
     (RigidTransform X_WB). The output `blobs` is a list[Blob] in world [m], in the order
     of the targets and, for each target, the most trustworthy first (`Blob.trust`).
 
-    With `period` 0 the output is computed when it is evaluated, so cameras cost nothing
-    while nothing needs the blobs. With a positive period a periodic event samples the
-    images and the output repeats the last sample.
+    The output is computed when it is evaluated, so cameras cost nothing while nothing
+    needs the blobs.
 
     Args:
         targets: What to look for, by unique names.
         cameras: Camera name to its model.
-        period: 0, or the sampling period [s].
         min_area: Smaller blobs are dropped [pixels].
         min_quality: Uncertain blobs are dropped if a smaller share of their outline is
             seen, 0 .. 1.
@@ -100,7 +98,6 @@ class BlobLocalizer(LeafSystem):
         targets: Sequence[BlobTarget],
         cameras: Mapping[str, CameraModel],
         *,
-        period: float = 0.0,
         min_area: int = 12,
         min_quality: float = 0.2,
     ):
@@ -112,11 +109,10 @@ class BlobLocalizer(LeafSystem):
             )
         if not cameras:
             raise ValueError("BlobLocalizer needs at least one camera")
-        if period < 0 or min_area < 1 or not 0 <= min_quality <= 1:
+        if min_area < 1 or not 0 <= min_quality <= 1:
             raise ValueError(
-                "BlobLocalizer needs period >= 0, min_area >= 1 and min_quality within "
-                f"0 .. 1, got period={period}, min_area={min_area}, "
-                f"min_quality={min_quality}"
+                "BlobLocalizer needs min_area >= 1 and min_quality within 0 .. 1, got "
+                f"min_area={min_area}, min_quality={min_quality}"
             )
         self._targets = tuple(targets)
         self._cameras = {
@@ -137,32 +133,15 @@ class BlobLocalizer(LeafSystem):
                 model_value=AbstractValue.Make(RigidTransform()),
             )
         empty: list[Blob] = []
-        if period == 0:
-            calc, prerequisites = self._calc_blobs, {self.all_input_ports_ticket()}
-        else:
-            self._sample = self.DeclareAbstractState(AbstractValue.Make(empty))
-            self.DeclarePeriodicUnrestrictedUpdateEvent(period, 0.0, self._update)
-            calc = self._copy_sample
-            prerequisites = {self.abstract_state_ticket(self._sample)}
         self.DeclareAbstractOutputPort(
             name="blobs",
             alloc=lambda: AbstractValue.Make(empty),
-            calc=calc,
-            prerequisites_of_calc=prerequisites,
+            calc=self._calc_blobs,
+            prerequisites_of_calc={self.all_input_ports_ticket()},
         )
 
     def _calc_blobs(self, context: Context, output: AbstractValue) -> None:
         output.set_value(self._locate(context))
-
-    def _copy_sample(self, context: Context, output: AbstractValue) -> None:
-        output.set_value(
-            list(context.get_abstract_state(int(self._sample)).get_value())
-        )
-
-    def _update(self, context: Context, state: State) -> EventStatus:
-        found = self._locate(context)
-        state.get_mutable_abstract_state(int(self._sample)).set_value(found)
-        return EventStatus.Succeeded()
 
     def _locate(self, context: Context) -> list[Blob]:
         found: dict[str, list[Blob]] = {target.name: [] for target in self._targets}
