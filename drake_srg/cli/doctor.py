@@ -5,6 +5,7 @@ Nothing of Drake is imported here, so that the checks run even where Drake does 
 
 from __future__ import annotations
 
+import argparse
 import dataclasses as dc
 import importlib
 import importlib.metadata
@@ -18,6 +19,8 @@ from collections.abc import Callable, Sequence
 from functools import partial
 from pathlib import Path
 
+from drake_srg.cli.command import command
+from drake_srg.cli.process import SUCCESS, TASK_FAILED
 from drake_srg.common.installing import (
     LIBRARIES,
     apt_install,
@@ -294,3 +297,15 @@ parser = Parser(MultibodyPlant(0.0))
 configure_parser(parser)
 print("package://drake_srg is " + parser.package_map().GetPath("drake_srg"))
 """
+
+
+@command(
+    "check what works on this machine, and print what installs the rest",
+    "Exit code: 0 everything required works, 1 something required is missing.",
+)
+def doctor(options: argparse.Namespace) -> int:
+    """Print what works on this machine, and how to install the rest."""
+    checks = examine_machine()
+    options.console.say(*checks)
+    options.console.answer({"checks": [dc.asdict(check) for check in checks]})
+    return SUCCESS if all(c.ok or c.optional for c in checks) else TASK_FAILED

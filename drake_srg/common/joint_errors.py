@@ -8,7 +8,10 @@ import numpy as np
 from pydrake.systems.framework import DiagramBuilder, InputPort, OutputPort
 
 from drake_srg.common.stages import StageOutput, StageSystem
-from drake_srg.types import Vector, positive
+from drake_srg.types import Vector
+
+# Speeds are computed as differences of angles over this time [s].
+VELOCITY_WINDOW = 0.05
 
 
 @dc.dataclass(kw_only=True)
@@ -20,8 +23,6 @@ class JointErrorsConfig:
     # Standard deviation of measured angles [rad]. For a 12-bit encoder, rounding alone
     # gives 2 pi / 4096 / sqrt(12) = 4.4e-4.
     encoder_noise: float = dc.field(default=0.0, metadata={"ge": 0.0})
-    # Speeds are computed as differences of angles over this time [s].
-    velocity_window: float = dc.field(default=0.05, metadata=positive())
 
 
 @dc.dataclass(kw_only=True)
@@ -150,7 +151,7 @@ class EncoderErrors(StageSystem):
     ) -> None:
         super().__init__()
         sigma = config.encoder_noise
-        speed_sigma = math.sqrt(2.0) * sigma / config.velocity_window
+        speed_sigma = math.sqrt(2.0) * sigma / VELOCITY_WINDOW
         sigmas = np.repeat([sigma, speed_sigma], size)
         offset = np.zeros(2 * size)
         self._n, self._noise = size, _Noise(offset, sigmas, period, (seed, name))

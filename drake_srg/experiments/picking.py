@@ -24,8 +24,8 @@ from drake_srg.simulation.tabletop import tabletop
 from drake_srg.types import Failure, HeightMap, Vector
 from drake_srg.vision.camera import CameraModel
 from drake_srg.vision.camera_errors import CameraErrorsConfig
-from drake_srg.vision.config import DepthNoiseConfig, HeightMapConfig
 from drake_srg.vision.height_map import height_map, points_of
+from drake_srg.vision.height_mapper import SUBPIXELS
 from drake_srg.vision.surface import Surface
 
 MIDDLE = np.array([0.5, 0.0, 0.0])  # of the bench, under the gantry [m]
@@ -124,11 +124,7 @@ def look(
         )
         depth = depth.data[..., 0].copy()
     imager = CameraModel.from_config(scenario.cameras["ceiling"]).imager("depth")
-    config = HeightMapConfig()
-    cloud = points_of(
-        depth, X_WB, imager, DepthNoiseConfig(), subpixels=config.subpixels
-    )
-    return height_map([cloud], SURFACE, config=config)
+    return height_map([points_of(depth, X_WB, imager, subpixels=SUBPIXELS)], SURFACE)
 
 
 def ceiling_camera() -> CameraConfig:

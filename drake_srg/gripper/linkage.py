@@ -11,6 +11,9 @@ from drake_srg.types import Vector, positive
 # when these were chosen, the last closure, and whether something is gripped.
 _ANGLES, _SPEEDS, _TIME, _CLOSURE, _GRIPPED = slice(0, 2), slice(2, 4), 4, 5, 6
 
+# Speed of the slave per angle by which it is behind the master [1/s].
+SLAVE_GAIN = 20.0
+
 
 @dc.dataclass(kw_only=True)
 class MasterSlaveConfig:
@@ -21,8 +24,6 @@ class MasterSlaveConfig:
     full_scale: float = dc.field(default=0.69, metadata=positive(le=0.69))
     # Speed of either crank [rad/s]: 60 degrees/s.
     max_velocity: float = dc.field(default=np.pi / 3, metadata=positive())
-    # Speed of the slave per angle by which it is behind the master [1/s].
-    slave_gain: float = dc.field(default=20.0, metadata=positive())
     # Time between evaluations [s]: the period of the proximity sensors.
     period: float = dc.field(default=0.01, metadata=positive())
 
@@ -100,7 +101,7 @@ class MasterSlaveReference(StageSystem):
             target = config.full_scale * closure
             opens = target < angles[0]
             gripped = not opens and (gripped or grasped[0] != 0.0)
-            follow = config.slave_gain * (measured[0] - measured[1])
+            follow = SLAVE_GAIN * (measured[0] - measured[1])
             if opens:
                 presses = angles[1] > measured[1]
                 follow = -config.max_velocity if presses else min(follow, 0.0)

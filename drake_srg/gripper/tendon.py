@@ -11,7 +11,13 @@ from pydrake.systems.scalar_conversion import TemplateSystem
 
 from drake_srg.common.exceptions import ScenarioError
 from drake_srg.common.stages import Stage, StageOutput
-from drake_srg.gripper.friction import DriveFrictionConfig, passed_on, slid, slowed
+from drake_srg.gripper.friction import (
+    WIRE_PRESLIDING,
+    DriveFrictionConfig,
+    passed_on,
+    slid,
+    slowed,
+)
 from drake_srg.gripper.moment_arms import (
     base_moment_arm,
     tip_moment_arm,
@@ -271,7 +277,6 @@ def TendonDrive_(T: Any) -> Any:  # noqa: D103 (the class below is the documenta
             torque = config.full_torque * config.useful_pwm(pwm[0])
             inertia, damping = config.reflected_inertia, config.motor_damping
             friction = config.friction
-            damping += friction.gear_damping
             speed = (inertia * speed + dt * (torque - load)) / (inertia + dt * damping)
             if friction.gear or friction.gear_load:
                 most = dt * friction.of_gears(load) / (inertia + dt * damping)
@@ -280,13 +285,12 @@ def TendonDrive_(T: Any) -> Any:  # noqa: D103 (the class below is the documenta
 
         def _slide(self, stuck: Any, state: list[Any]) -> list[Any]:
             """Return the friction state of each wire after a step."""
-            config = self.config.friction
             result = []
             for s, (base, tip) in zip(stuck, FINGERS, strict=False):
                 rate = base_moment_arm(state[base]) * state[4 + base]
                 rate += tip_moment_arm(state[tip]) * state[4 + tip]
                 travel = self._period * rate
-                result.append(slid(s, travel, config.wire_presliding))
+                result.append(slid(s, travel, WIRE_PRESLIDING))
             return result
 
     return Impl

@@ -32,7 +32,6 @@ from drake_srg.types import positive
 from drake_srg.vision.calibrated_camera import CameraCalibrationConfig
 from drake_srg.vision.camera_errors import CameraErrorsConfig
 from drake_srg.vision.color_names import COLORS
-from drake_srg.vision.config import LocalizerThresholds
 from drake_srg.vision.thesis_blob_localizer import ThesisBlobConfig
 
 # The planners of the package. Its class name is a planner's tag in scenario files. For
@@ -175,11 +174,6 @@ class LocalizerConfig:
     # Whether the cameras' tilt and height are corrected by the level surfaces that they
     # see: `table` and the goal's surroundings.
     level_cameras: bool = False
-    # Time between images [s]; 0 renders only when the blobs are read.
-    period: float = dc.field(default=0.0, metadata={"ge": 0.0})
-    # Thresholds of the steps of perception. The defaults serve all scenarios of the
-    # package.
-    thresholds: LocalizerThresholds = dc.field(default_factory=LocalizerThresholds)
     # The rule of the five-axis arm's thesis, in place of the known shapes. It takes one
     # camera and finds only `task.pick`; the other keys do not apply.
     thesis: ThesisBlobConfig | None = None
@@ -277,7 +271,11 @@ def _accept(key: str, accepted: type[object]) -> None:
     # Derived classes come first: Drake writes the tag of the first class that fits.
     known = sorted([accepted, *known], key=lambda kind: -len(kind.__mro__))
     choice = functools.reduce(operator.or_, [*known, *optional])
-    # `check_tree` reads the annotation, Drake's YAML functions read the field.
+    # Drake's YAML functions know the tags of a field by its type alone (`field.type`,
+    # up to Drake 1.58), and a class of a user's own comes at run time. A second
+    # Scenario class would be another type than the one that all functions take. So the
+    # type is widened here, in the field for Drake and in the annotation for
+    # `check_tree`, until Drake takes tags from elsewhere.
     field.type = Scenario.__annotations__[key] = choice
 
 

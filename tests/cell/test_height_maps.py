@@ -7,10 +7,9 @@ import pytest
 
 from drake_srg.cell import MakeCell
 from drake_srg.cell.bins import bin_boxes, foot_box
-from drake_srg.cell.height_maps import clearing_destinations, destination_map_config
+from drake_srg.cell.height_maps import clearing_destinations, destination_map_limits
 from drake_srg.common.ports import input_ports
 from drake_srg.scenario import load_scenario
-from drake_srg.vision.config import HeightMapConfig
 from drake_srg.vision.height_map import height_map
 from drake_srg.vision.surface import Surface
 
@@ -41,12 +40,13 @@ def test_a_hand_beside_a_bin_hides_nothing_inside(scenario):
     cloud = np.stack([x, y, z], axis=-1).reshape(-1, 3)
     (place,) = clearing_destinations(scenario)
 
-    def unknown(config):
-        seen = height_map([cloud], around, config=config)
+    def unknown(**limits):
+        seen = height_map([cloud], around, **limits)
         return np.mean(np.isnan(seen.height[place.contains(seen)]))
 
-    assert unknown(destination_map_config(scenario)) < 0.05
-    assert unknown(HeightMapConfig(over_edge=True)) > 0.9  # it seems to be the robot
+    thing, over_edge = destination_map_limits(scenario)
+    assert unknown(thing=thing, over_edge=over_edge) < 0.05
+    assert unknown(over_edge=True) > 0.9  # it seems to be the robot
 
 
 def test_an_arm_beside_a_bin_is_no_load(scenario):
@@ -57,7 +57,8 @@ def test_an_arm_beside_a_bin_is_no_load(scenario):
     )
     elbow = np.hypot(x - 0.3, y - around.max[1]) < 0.05
     cloud = np.stack([x, y, np.where(elbow, 0.3, 0.0)], axis=-1).reshape(-1, 3)
-    seen = height_map([cloud], around, config=destination_map_config(scenario))
+    thing, over_edge = destination_map_limits(scenario)
+    seen = height_map([cloud], around, thing=thing, over_edge=over_edge)
     assert np.nanmax(seen.height) == 0.0
 
 
