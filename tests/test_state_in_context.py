@@ -16,21 +16,24 @@ def snapshot(value, above=()):
     if id(value) in above:
         return "circle"
     above = (*above, id(value))
-    if isinstance(value, np.ndarray):
-        return value.dtype.str, value.shape, value.tobytes()
-    if isinstance(value, dict):
-        return [(str(key), snapshot(v, above)) for key, v in value.items()]
-    if isinstance(value, (list, tuple)):
-        return [snapshot(item, above) for item in value]
-    if isinstance(value, (set, frozenset)):
-        return sorted(map(str, value))
-    if isinstance(value, (bool, int, float, str, type(None))):
-        return value
-    if isinstance(value, (type, types.FunctionType, types.MethodType)):
-        return id(value) if isinstance(value, type) else "function"
-    if type(value).__module__.startswith("drake_srg"):
-        return snapshot(vars(value), above) if hasattr(value, "__dict__") else id(value)
-    return type(value).__name__
+    match value:
+        case np.ndarray():
+            result = value.dtype.str, value.shape, value.tobytes()
+        case dict():
+            result = [(str(key), snapshot(v, above)) for key, v in value.items()]
+        case list() | tuple():
+            result = [snapshot(item, above) for item in value]
+        case set() | frozenset():
+            result = sorted(map(str, value))
+        case bool() | int() | float() | str() | None:
+            result = value
+        case types.FunctionType() | types.MethodType() | type():
+            result = "code"
+        case _ if type(value).__module__.startswith("drake_srg"):
+            result = snapshot(getattr(value, "__dict__", None), above)
+        case _:
+            result = type(value).__name__
+    return result
 
 
 def own_systems(diagram):
