@@ -40,7 +40,6 @@ from make_site.systems import find_blocks
 
 pytestmark = pytest.mark.slow
 
-WIRED = ["arm.fused=false", "gripper.fused=false"]
 # Together, these have at least one instance of every documented system.
 CELLS = {
     "kitchen": [
@@ -51,12 +50,12 @@ CELLS = {
     ],
     "kitchen_tendon": [],
     "kitchen_impedance": [],
-    "kitchen_varied": WIRED,
-    "kitchen_varied_accurate": WIRED,
+    "kitchen_varied": [],
+    "kitchen_varied_accurate": [],
     "clear_table": [],
     "sort_table": ["task.place.bins.red_bin=[red_can]"],
     "assistive_arm": [],
-    "assistive_arm_varied": WIRED,
+    "assistive_arm_varied": [],
     "assistive_arm_thesis": [],
     "learn_bench": [
         "gripper=!PlantServoDriver {underactuation: {evaluate: per_message}}",

@@ -38,7 +38,6 @@ from drake_srg.common.exceptions import ScenarioError, scenario_errors
 from drake_srg.common.status_line import StatusLine
 
 if TYPE_CHECKING:
-    from drake_srg.scenario import Scenario
     from drake_srg.simulation.simulate import Result
 
 
@@ -208,7 +207,7 @@ def diagram(options: argparse.Namespace) -> int:
         raise ScenarioError(f"-o {output}: must end in one of {', '.join(kinds)}")
     scenario = load(options)
     with scenario_errors(Path(options.scenario).stem):
-        cell = MakeCell(_unfused(scenario))
+        cell = MakeCell(scenario)
     dot = cell.GetGraphvizString()
     with writing("-o", output):
         if output.suffix == ".dot":
@@ -218,16 +217,6 @@ def diagram(options: argparse.Namespace) -> int:
     options.console.say(output)
     options.console.answer({"diagram": output})
     return SUCCESS
-
-
-def _unfused(scenario: Scenario) -> Scenario:
-    """Return the scenario with drivers whose stages are systems of their own."""
-    arm, gripper = scenario.arm, scenario.gripper
-    return dc.replace(
-        scenario,
-        arm=arm and dc.replace(arm, fused=False),
-        gripper=gripper and dc.replace(gripper, fused=False),
-    )
 
 
 def _draw(dot: str, output: Path) -> None:

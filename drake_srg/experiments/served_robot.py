@@ -31,7 +31,7 @@ from drake_srg.recording.ros_topics import Topic
 from drake_srg.scenario import Scenario, servo_of
 from drake_srg.simulation.flat import MakeRoot
 from drake_srg.simulation.recorders import recorded_topics
-from drake_srg.simulation.sleeping import MakeAdvance
+from drake_srg.station.sleeping import MakeAdvance
 from drake_srg.types import Vector
 
 _IMAGES = (COLOR, DEPTH, CAMERA_INFO)

@@ -27,7 +27,7 @@ from drake_srg.simulation.kept_replay import take_folder
 from drake_srg.simulation.metrics import Metrics, RunTimes, calc_metrics
 from drake_srg.simulation.recorders import FILES, AddRecorders
 from drake_srg.simulation.samples import Samples
-from drake_srg.simulation.sleeping import MakeAdvance
+from drake_srg.station.sleeping import MakeAdvance
 from drake_srg.station.video_process import VideoProcess, can_render_apart
 from drake_srg.types import Failure, Mode, PlannerStatus, Vector
 

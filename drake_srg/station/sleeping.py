@@ -1,25 +1,65 @@
-"""Which objects sleep: resting ones that nothing comes near."""
+"""Objects that sleep: resting ones that nothing comes near.
+
+A sleeping object is locked in its place (`RigidBody.Lock`), and its contact with what
+rests as well is left out. Both are parameters of plant and scene graph, which no system
+may change while the simulation advances. So they change between two calls of
+`AdvanceTo`, at multiples of `sleeping.period`, whatever the caller's steps are.
+
+Which objects are locked and which contacts are left out is in the Context alone, so
+`MakeAdvance` can take over a simulation that another one has advanced.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import dataclasses as dc
+import math
+from collections.abc import Callable, Mapping
 
 import numpy as np
 import numpy.typing as npt
 from pydrake.common.value import AbstractValue
-from pydrake.geometry import SceneGraphInspector
+from pydrake.geometry import (
+    CollisionFilterDeclaration,
+    FilterId,
+    GeometrySet,
+    SceneGraph,
+    SceneGraphInspector,
+)
 from pydrake.math import RigidTransform
 from pydrake.multibody.math import SpatialVelocity
 from pydrake.multibody.plant import ExternallyAppliedSpatialForce, MultibodyPlant
-from pydrake.multibody.tree import BodyIndex
-from pydrake.systems.framework import Context, DiscreteValues
+from pydrake.multibody.tree import BodyIndex, RigidBody
+from pydrake.systems.analysis import Simulator
+from pydrake.systems.framework import (
+    Context,
+    Diagram,
+    DiagramBuilder,
+    DiscreteValues,
+)
 
+from drake_srg.common.exceptions import ScenarioError
 from drake_srg.lifetime import LeafSystem
 from drake_srg.objects.config import SleepingConfig
 from drake_srg.objects.corners import body_corners
+from drake_srg.objects.models import object_body
+from drake_srg.scenario.schema import Scenario
 from drake_srg.types import Vector
 
+Advance = Callable[[float], object]
+
 _Mask = npt.NDArray[np.bool_]
+
+_ROUNDING = 1e-9  # s; times this close are equal
+
+
+@dc.dataclass(frozen=True)
+class _Filter:
+    """The collision filter between what rests, if there is one."""
+
+    id: FilterId | None = None
+
+    def __deepcopy__(self, memo: object) -> _Filter:
+        return self  # it is constant, and Drake's ids cannot be deep-copied
 
 
 class SleepMonitor(LeafSystem):
@@ -92,6 +132,7 @@ class SleepMonitor(LeafSystem):
             ("applied_forces", [ExternallyAppliedSpatialForce()]),
         ):
             self.DeclareAbstractInputPort(name, AbstractValue.Make(value))
+        self.filter = int(self.DeclareAbstractParameter(AbstractValue.Make(_Filter())))
         # The time at which each object was last stirred [s].
         self.DeclareDiscreteState(np.zeros(len(objects)))
         self.DeclareAbstractOutputPort(
@@ -180,3 +221,136 @@ def box_gaps(p: Vector, R: Vector, halves: Vector, count: int) -> Vector:
     gaps: Vector = np.maximum(own.max(axis=2), other.max(axis=2))
     np.fill_diagonal(gaps, np.inf)
     return gaps
+
+
+def AddSleepMonitor(
+    builder: DiagramBuilder,
+    plant: MultibodyPlant,
+    scene_graph: SceneGraph,
+    scenario: Scenario,
+    config: SleepingConfig,
+) -> None:
+    """Add `sleep_monitor` to a station that exports the input `object_forces_cheat`.
+
+    All rigid objects may sleep, save those to be disturbed.
+    """
+    disturbed = {d.object or scenario.task.pick for d in scenario.disturbances}
+    bodies = {
+        name: object_body(plant, plant.GetModelInstanceByName(name))
+        for name, thing in scenario.objects.items()
+        if thing.present and name not in disturbed
+    }
+    rigid = {name: i for name, i in bodies.items() if isinstance(i, BodyIndex)}
+    inspector = scene_graph.model_inspector()
+    monitor = builder.AddNamedSystem(
+        "sleep_monitor", SleepMonitor(plant, inspector, rigid, config)
+    )
+    for output, name in (
+        (plant.get_body_poses_output_port(), "body_poses"),
+        (plant.get_body_spatial_velocities_output_port(), "body_spatial_velocities"),
+    ):
+        builder.Connect(output, monitor.GetInputPort(name))
+    builder.ConnectInput("object_forces_cheat", monitor.GetInputPort("applied_forces"))
+    builder.ExportOutput(monitor.get_output_port(), "objects_asleep_cheat")
+
+
+def MakeAdvance(simulator: Simulator, system: Diagram, scenario: Scenario) -> Advance:
+    """Return a function that advances to a time [s], like `simulator.AdvanceTo`.
+
+    Args:
+        simulator: Of a diagram with `system` in it.
+        system: A station, or a diagram with a subsystem `station`.
+        scenario: The scenario that they were made from.
+
+    Raises:
+        ScenarioError: If objects may sleep, but `MakeStation` did not make the station.
+    """
+    if scenario.sleeping is None:
+        return simulator.AdvanceTo
+    if system.HasSubsystemNamed("station"):
+        system = system.GetSubsystemByName("station")
+    if not system.HasSubsystemNamed("sleep_monitor"):
+        raise ScenarioError(
+            "sleeping: needs a subsystem `station` that MakeStation has made"
+        )
+    root = simulator.get_mutable_context()
+    sleepers = _Sleepers(system, root)
+    period = scenario.sleeping.period
+
+    def advance(until: float) -> None:
+        check_now()  # the caller may have changed an input since the last check
+        while root.get_time() < until - _ROUNDING:
+            check = period * (math.floor(root.get_time() / period + 1e-6) + 1)
+            simulator.AdvanceTo(until if check > until - _ROUNDING else check)
+            check_now()
+
+    def check_now() -> None:
+        time = root.get_time()
+        if abs(time - period * round(time / period)) < _ROUNDING:
+            sleepers.update()
+
+    return advance
+
+
+class _Sleepers:
+    """Locks the objects of a station that sleep, and unlocks the others.
+
+    Args:
+        station: The station.
+        root: The context of the simulation.
+    """
+
+    def __init__(self, station: Diagram, root: Context) -> None:
+        plant: MultibodyPlant = station.GetSubsystemByName("plant")
+        scene_graph: SceneGraph = station.GetSubsystemByName("scene_graph")
+        monitor: SleepMonitor = station.GetSubsystemByName("sleep_monitor")
+        self._plant_context = plant.GetMyMutableContextFromRoot(root)
+        self._scene_graph = scene_graph
+        self._scene_graph_context = scene_graph.GetMyMutableContextFromRoot(root)
+        self._monitor_context = monitor.GetMyMutableContextFromRoot(root)
+        self._filter = monitor.filter
+        self._output = monitor.get_output_port()
+        self._bodies = {name: _body(plant, name) for name in monitor.object_names}
+        self._geometry = {
+            name: list(plant.GetCollisionGeometriesForBody(body))
+            for name, body in self._bodies.items()
+        }
+        self._fixed = [
+            geometry
+            for index in map(BodyIndex, range(plant.num_bodies()))
+            if plant.IsAnchored(plant.get_body(index))
+            for geometry in plant.GetCollisionGeometriesForBody(plant.get_body(index))
+        ]
+
+    def update(self) -> None:
+        """Lock and unlock as the monitor says."""
+        asleep: frozenset[str] = self._output.Eval(self._monitor_context)
+        locked = {
+            name
+            for name, body in self._bodies.items()
+            if body.is_locked(self._plant_context)
+        }
+        if asleep == locked:
+            return
+        for name in sorted(asleep ^ locked):
+            body = self._bodies[name]
+            (body.Lock if name in asleep else body.Unlock)(self._plant_context)
+        filters = self._scene_graph.collision_filter_manager(self._scene_graph_context)
+        context = self._monitor_context
+        before = context.get_abstract_parameter(self._filter).get_value().id
+        if before is not None:
+            filters.RemoveDeclaration(before)
+        resting = GeometrySet([g for name in asleep for g in self._geometry[name]])
+        applied = filters.ApplyTransient(
+            CollisionFilterDeclaration()
+            .ExcludeWithin(resting)
+            .ExcludeBetween(resting, GeometrySet(self._fixed))
+        )
+        parameter = context.get_mutable_abstract_parameter(self._filter)
+        parameter.set_value(_Filter(applied))
+
+
+def _body(plant: MultibodyPlant, name: str) -> RigidBody:
+    index = object_body(plant, plant.GetModelInstanceByName(name))
+    assert isinstance(index, BodyIndex)  # soft objects do not sleep
+    return plant.get_body(index)
