@@ -9,7 +9,7 @@ PYTEST := $(BIN)/python -m pytest -n 4 --dist loadfile --no-loadscope-reorder
 # Workers, and the processes that tests start, read what others have compiled.
 unexport PYTHONDONTWRITEBYTECODE
 
-.PHONY: demo test test-fast test-learn coverage lint types docs models experiments package lock clean
+.PHONY: demo test test-fast test-learn golden coverage lint types docs models experiments package lock clean
 
 demo: .venv/ready  ## run the main job, record it, and name its replay
 	$(BIN)/drake-srg demo
@@ -28,7 +28,12 @@ test-learn: .venv/ready  ## run the tests of the extra `learn`, in an environmen
 	.venv-learn/bin/python -m pip install --quiet --disable-pip-version-check $(TORCH)
 	.venv-learn/bin/python -m pip install --quiet --disable-pip-version-check \
 		--no-build-isolation --editable ".[learn]"
-	.venv-learn/bin/python -m pytest tests/learning/test_sac.py
+	.venv-learn/bin/python -m pytest -m learn tests/learning tests/cli/test_learn.py \
+		tests/experiments/test_learned_policies.py
+
+golden: .venv/ready  ## compare all scenarios' bytes with the committed ones (QUICK=1, ONLY="a b", ACCEPT=1)
+	PYTHONPATH=tools $(BIN)/python -m golden $(if $(ONLY),--only $(ONLY)) \
+		$(if $(filter 1,$(QUICK)),--quick) $(if $(filter 1,$(ACCEPT)),--accept)
 
 coverage: .venv/ready  ## run the test suite and list the lines it misses
 	$(PYTEST) --cov --cov-report=term-missing:skip-covered

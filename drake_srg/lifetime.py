@@ -10,7 +10,9 @@ Two things keep a system written in Python, and with it the whole diagram, alive
   instance's `__dict__` to the collector. The collector then subtracts one reference too
   many, finds a negative count, and considers the system in use.
 
-`collectable` and `DeclareVectorOutputPort` can go once 1.58 is the oldest supported.
+Nothing plainer works: both counts are made in C++, before any code of ours, and a
+reference that the collector sees would be subtracted as well. `collectable` and
+`DeclareVectorOutputPort` can go once 1.58 is the oldest supported.
 
 The `LeafSystem` of this module is Drake's with both problems fixed. Derive from it.
 """

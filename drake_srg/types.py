@@ -315,5 +315,4 @@ class PlannerStatus:
     sighting: Blob | None = None  # the latest that the planner has used
     sighted_at: float = 0.0  # time of that sighting [s]
     message: str = ""  # why it failed, in words
-    planning_wall: float = 0.0  # wall-clock time spent on planning [s]
     left: tuple[Left, ...] = ()  # things that stay, once the mode is DONE

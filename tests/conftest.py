@@ -64,6 +64,11 @@ def pytest_collection_modifyitems(items):
     items.sort(key=lambda item: ranks.get(item.path, len(ranks)))
 
 
+def pytest_runtest_setup(item):
+    if item.get_closest_marker("learn"):
+        pytest.importorskip("torch", reason="the extra `learn`: make test-learn")
+
+
 @pytest.fixture
 def leaked(monkeypatch):
     """Return a function that lists the test's Python systems that are still alive.

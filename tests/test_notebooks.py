@@ -20,8 +20,8 @@ from PIL import Image, ImageDraw
 ROOT = Path(__file__).parents[1]
 NOTEBOOKS = sorted((ROOT / "notebooks").glob("*.ipynb"))
 each_notebook = pytest.mark.parametrize("path", NOTEBOOKS, ids=lambda path: path.stem)
-# Notebooks that train for minutes run with fewer steps, whose outputs are others.
-SHORTENED = {"learning": ("EPISODES, TRIALS = 300, 60", "EPISODES, TRIALS = 12, 3")}
+# Notebooks that judge many episodes run with fewer, whose outputs are others.
+SHORTENED = {"learning": ("TRIALS = 60", "TRIALS = 3")}
 whole_notebooks = [path for path in NOTEBOOKS if path.stem not in SHORTENED]
 
 NUMBER = re.compile(r"-?\d+(?:\.(\d+))?(?:e[+-]?\d+)?")

@@ -40,7 +40,6 @@ from make_site.systems import find_blocks
 
 pytestmark = pytest.mark.slow
 
-WIRED = ["arm.fused=false", "gripper.fused=false"]
 # Together, these have at least one instance of every documented system.
 CELLS = {
     "kitchen": [
@@ -51,12 +50,12 @@ CELLS = {
     ],
     "kitchen_tendon": [],
     "kitchen_impedance": [],
-    "kitchen_varied": WIRED,
-    "kitchen_varied_accurate": WIRED,
+    "kitchen_varied": [],
+    "kitchen_varied_accurate": [],
     "clear_table": [],
     "sort_table": ["task.place.bins.red_bin=[red_can]"],
     "assistive_arm": [],
-    "assistive_arm_varied": WIRED,
+    "assistive_arm_varied": [],
     "assistive_arm_thesis": [],
     "learn_bench": [
         "gripper=!PlantServoDriver {underactuation: {evaluate: per_message}}",
@@ -184,7 +183,7 @@ def twin_systems():
 def servoed_planners():
     """The planner of a scenario with each of the visual servos."""
     for method in ("pbvs", "ibvs"):
-        settings = [f"servoing.method={method}"]
+        settings = [f"planner.servo.method={method}"]
         yield MakeServoingPlanner(load_scenario("kitchen_servoing", overrides=settings))
 
 

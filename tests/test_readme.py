@@ -8,7 +8,7 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
 
-from drake_srg.cli.parser import make_parser
+from drake_srg.cli.main import make_parser
 from drake_srg.hardware import load_hardware
 from drake_srg.scenario import load_scenario
 

@@ -27,7 +27,11 @@ STOREYS = [
 ]
 FLOOR = {room: i for i, rooms in enumerate(STOREYS) for room in rooms}
 # Rooms with storeys of their own, lowest first.
-INNER = {"planning": ["state_machine", "motion", "grasps", "task", "clearing"]}
+INNER = {
+    "planning": [
+        *("state_machine", "motion", "planner_machine", "grasps", "task", "clearing"),
+    ]
+}
 MODULES = sorted(PACKAGE.rglob("*.py"))
 
 
@@ -86,7 +90,7 @@ def test_imports_point_downwards():
         ("scenario.load", "import drake_srg.station.plant"),
         ("types", "from drake_srg import common"),
         ("gripper.servo", "def f():\n    from drake_srg.scenario import Scenario"),
-        ("planning.motion.rrt", "from drake_srg.planning.task.config import X"),
+        ("planning.motion.rrt", "from drake_srg.planning.planner_machine import X"),
         ("planning.state_machine", "from drake_srg.planning.motion.rrt import X"),
     ],
 )

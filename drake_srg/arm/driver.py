@@ -17,7 +17,6 @@ from drake_srg.arm.gravity import GravityCompensation
 from drake_srg.arm.interpolation import AddLinearInterpolation
 from drake_srg.arm.jerk_limited import JerkLimitedReference, JerkLimits
 from drake_srg.common.actuators import model_actuators
-from drake_srg.common.fusing import FusingBuilder
 from drake_srg.common.joint_errors import ArmErrorsConfig, CommandErrors, EncoderErrors
 from drake_srg.types import Vector, positive
 
@@ -66,8 +65,6 @@ class ArmDriver(abc.ABC):
     # Largest torque of the motors, as a fraction of the model's effort limit.
     motor_strength: float = dc.field(default=1.0, metadata=positive())
     errors: ArmErrorsConfig = dc.field(default_factory=ArmErrorsConfig)
-    # As `gripper.fused`: whether the stages of the errors run as one system.
-    fused: bool = False
 
     def prepare_plant(self, plant: MultibodyPlant, arm: ModelInstanceIndex) -> None:
         """Change what the driver needs changed in a plant that is not yet finalized.
@@ -156,7 +153,7 @@ def AddArmDriver(
         config: Of the driver.
         seed: Of the errors.
     """
-    inner = FusingBuilder() if config.fused else DiagramBuilder()
+    inner = DiagramBuilder()
     n = plant.num_positions(arm)
     if config.command_period is None:
         interpolator = inner.AddNamedSystem(

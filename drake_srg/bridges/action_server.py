@@ -11,7 +11,12 @@ import numpy as np
 from pydrake.multibody.plant import MultibodyPlant
 
 from drake_srg.arm.trajectory_follower import trajectory_piece
-from drake_srg.bridges.commands import CommandError, CommandInbox, CommandTopic
+from drake_srg.bridges.commands import (
+    CommandError,
+    CommandInbox,
+    CommandTopic,
+    arm_joint_names,
+)
 from drake_srg.bridges.outlet import Outlet
 from drake_srg.bridges.ros2.follow_joint_trajectory import (
     STATUS,
@@ -24,7 +29,6 @@ from drake_srg.bridges.ros2.follow_joint_trajectory import (
 )
 from drake_srg.bridges.trajectory_topics import (
     TRAJECTORY,
-    arm_joint_names,
     seconds,
     trajectory_command,
 )

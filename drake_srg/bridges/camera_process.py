@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import contextlib
-import multiprocessing as mp
 import os
 import threading
 from collections.abc import Callable, Collection
@@ -17,13 +16,11 @@ from drake_srg.bridges.commands import Warnings
 from drake_srg.bridges.topics import BLOBS, CAMERA_INFO, COLOR, DEPTH, OBJECT_POSE
 from drake_srg.cell.perception import AddLocalizer
 from drake_srg.common.ports import export_outputs
-from drake_srg.common.processes import start_shielded
+from drake_srg.common.processes import Companion
 from drake_srg.common.real_time import lower_priority
 from drake_srg.scenario import Scenario
 from drake_srg.station.cameras import MakeRemoteCameras
 from drake_srg.types import Vector
-
-_PATIENCE = 2.0  # how long to wait for the process and the thread to end [s]
 
 # Called with a picture's time [s], its topic and the values that `convert` takes.
 Show = Callable[[float, str, tuple[Any, ...]], None]
@@ -50,19 +47,11 @@ class CameraProcess:
         warnings: Warnings,
     ):
         self._show, self._warnings = show, warnings
-        self._closing = False
         self._idle = threading.Event()
-        context = mp.get_context("spawn")  # threads do not survive a fork
-        self._connection, theirs = context.Pipe()
-        # Drake's schema objects do not pickle, but their YAML does.
-        arguments = (theirs, yaml_dump_typed(scenario), camera, state)
-        self._process = context.Process(target=_render, args=arguments, daemon=True)
-        start_shielded(self._process)  # Ctrl-C is for the station, which closes it
-        theirs.close()
-        self._thread = threading.Thread(
-            target=self._receive, name="cameras", daemon=True
+        arguments = (yaml_dump_typed(scenario), camera, state)
+        self._process = Companion(
+            "cameras", _render, arguments, self._receive, self._end
         )
-        self._thread.start()
 
     @property
     def idle(self) -> bool:
@@ -76,37 +65,23 @@ class CameraProcess:
         """
         if topics and self._idle.is_set():
             self._idle.clear()
-            try:
-                self._connection.send((time, state, set(topics)))
-            except OSError:  # the process has ended; _receive warns of it
-                return
+            self._process.send((time, state, set(topics)))
 
     def close(self) -> None:
         """End the process."""
-        self._closing = True
-        self._process.terminate()
-        self._process.join(_PATIENCE)
-        self._process.kill()  # in case it did not react
-        self._process.join()
-        self._thread.join(_PATIENCE)
-        self._connection.close()
+        self._process.close()
 
-    def _receive(self) -> None:
-        while True:
-            try:
-                message = self._connection.recv()
-            except (EOFError, OSError):
-                self._idle.clear()
-                if not self._closing:
-                    self._warnings.warn(
-                        "cameras end",
-                        "the camera process has ended: no more pictures",
-                    )
-                return
-            time, pictures = message
-            for topic, values in pictures.items():
-                self._show(time, topic, values)
-            self._idle.set()
+    def _receive(self, message: tuple[float, dict[str, tuple[Any, ...]]]) -> None:
+        time, pictures = message
+        for topic, values in pictures.items():
+            self._show(time, topic, values)
+        self._idle.set()
+
+    def _end(self) -> None:
+        self._idle.clear()
+        self._warnings.warn(
+            "cameras end", "the camera process has ended: no more pictures"
+        )
 
 
 def _render(connection: Connection, scenario: str, camera: str, state: Vector) -> None:

@@ -11,6 +11,7 @@ from typing import Any
 
 import numpy as np
 from pydrake.multibody.plant import MultibodyPlant
+from pydrake.multibody.tree import Joint
 
 from drake_srg.types import Vector
 
@@ -251,16 +252,26 @@ def station_topics(
     return topics
 
 
+def arm_joint_names(plant: MultibodyPlant) -> list[str]:
+    """Return the names of the arm's joints, in the order of its positions."""
+    return [joint.name() for joint in _moving_joints(plant, "arm")]
+
+
+def _moving_joints(plant: MultibodyPlant, instance: str) -> list[Joint]:
+    model = plant.GetModelInstanceByName(instance)
+    joints = [plant.get_joint(index) for index in plant.GetJointIndices(model)]
+    joints = [joint for joint in joints if joint.num_positions() == 1]
+    return sorted(joints, key=lambda joint: joint.position_start())
+
+
 def joint_limits(
     plant: MultibodyPlant, instance: str, joints: list[str] | None = None
 ) -> tuple[Vector, Vector]:
     """Return the lower and upper position limits of a model's joints [rad or m]."""
-    model = plant.GetModelInstanceByName(instance)
     if joints is None:
-        found = [plant.get_joint(i) for i in plant.GetJointIndices(model)]
-        moving = [joint for joint in found if joint.num_positions() == 1]
-        moving.sort(key=lambda joint: joint.position_start())
+        moving = _moving_joints(plant, instance)
     else:
+        model = plant.GetModelInstanceByName(instance)
         moving = [plant.GetJointByName(name, model) for name in joints]
     return (
         np.array([joint.position_lower_limit() for joint in moving]),

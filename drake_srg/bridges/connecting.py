@@ -1,7 +1,5 @@
 """Construct the bridges that a user asks for."""
 
-from __future__ import annotations
-
 import contextlib
 import dataclasses as dc
 import re
@@ -12,6 +10,46 @@ from drake_srg.bridges.commands import CommandInbox
 from drake_srg.common.exceptions import ScenarioError
 from drake_srg.recording.ros_topics import Topic
 from drake_srg.scenario import Scenario
+
+
+@dc.dataclass(kw_only=True)
+class Ros1Config:
+    """The node of ROS 1."""
+
+    # URI of the master; empty: $ROS_MASTER_URI.
+    master: str = ""
+    # This machine's address for others, and the node's name.
+    host: str = "127.0.0.1"
+    name: str = "drake_srg_hardware"
+
+    def open(self, inbox: CommandInbox, topics: Sequence[Topic]) -> Bridge:
+        """Return the node; see `Ros1Bridge`."""
+        from drake_srg.bridges.ros1.bridge import (
+            Ros1Bridge,  # its packages are optional
+        )
+
+        name, master = f"/{self.name}", self.master or None
+        return Ros1Bridge(inbox, topics, master=master, host=self.host, name=name)
+
+
+@dc.dataclass(kw_only=True)
+class Ros2Config:
+    """The participant of ROS 2."""
+
+    # Number of the domain; null: $ROS_DOMAIN_ID.
+    domain: int | None = dc.field(default=None, metadata={"ge": 0, "le": 232})
+    # This machine's address for others, and the participant's name.
+    host: str = "127.0.0.1"
+    name: str = "drake_srg_hardware"
+
+    def open(self, inbox: CommandInbox, topics: Sequence[Topic]) -> Bridge:
+        """Return the participant; see `Ros2Bridge`."""
+        from drake_srg.bridges.ros2.bridge import (
+            Ros2Bridge,  # its packages are optional
+        )
+
+        domain, host = self.domain, self.host
+        return Ros2Bridge(inbox, topics, domain=domain, interface=host, name=self.name)
 
 
 @dc.dataclass(frozen=True)
@@ -59,37 +97,19 @@ class BridgeOptions:
                 stack.callback(bridge.close)
                 bridges.append(bridge)
 
-            # Imported here because their packages are optional.
             try:
                 if not re.fullmatch("[A-Za-z][A-Za-z0-9_]*", self.name):
                     raise ValueError(
                         "--name: must be a letter, then letters, digits and "
                         f"underscores, got {self.name!r}"
                     )
+                host, name = self.host, self.name
                 if self.ros1:
-                    from drake_srg.bridges.ros1.bridge import Ros1Bridge
-
-                    add(
-                        Ros1Bridge(
-                            inbox,
-                            topics,
-                            master=self.master,
-                            host=self.host,
-                            name=f"/{self.name}",
-                        )
-                    )
+                    ros1 = Ros1Config(master=self.master or "", host=host, name=name)
+                    add(ros1.open(inbox, topics))
                 if self.ros2:
-                    from drake_srg.bridges.ros2.bridge import Ros2Bridge
-
-                    add(
-                        Ros2Bridge(
-                            inbox,
-                            topics,
-                            domain=self.domain,
-                            interface=self.host,
-                            name=self.name,
-                        )
-                    )
+                    ros2 = Ros2Config(domain=self.domain, host=host, name=name)
+                    add(ros2.open(inbox, topics))
                 if self.terminal is not None and "/estop" in inbox.topics:
                     from drake_srg.bridges.keyboard import KeyboardBridge
 

@@ -1,7 +1,5 @@
 """The keys of a terminal as an emergency stop."""
 
-from __future__ import annotations
-
 import contextlib
 import os
 import select

@@ -13,7 +13,7 @@ from drake_srg.bridges.commands import Warnings
 from drake_srg.bridges.outlet import Outlet
 from drake_srg.bridges.topics import camera_topics, image_topics
 from drake_srg.recording.ros_topics import Topic
-from drake_srg.scenario import Scenario
+from drake_srg.scenario import Scenario, servo_of
 from drake_srg.types import Vector
 
 PERIOD = 0.1  # shortest time between pictures [s, simulated]
@@ -68,8 +68,9 @@ def served_cameras(
         alone = _with_one_camera(scenario, first[0])
         yield ServedCamera(first[0], alone, image_topics(*first), period)
     others = dict.fromkeys(scenario.task.place.cameras, period)
-    if scenario.servoing is not None:
-        others[scenario.servoing.camera] = scenario.servoing.camera_period
+    servo = servo_of(scenario)
+    if servo is not None:
+        others[servo.camera] = servo.camera_period
     for name, shortest in others.items():
         if name == first[0]:
             continue

@@ -36,7 +36,7 @@ from drake_srg.recording.ros_topics import Topic
 from drake_srg.scenario import Scenario
 from drake_srg.simulation.flat import MakeRoot
 from drake_srg.simulation.recorders import AddRosbagRecorder, recorded_topics
-from drake_srg.simulation.sleeping import MakeAdvance
+from drake_srg.station.sleeping import MakeAdvance
 
 _STATUS_PERIOD = 0.5  # time between status reports [s, real]
 

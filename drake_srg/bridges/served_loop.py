@@ -26,7 +26,7 @@ from drake_srg.lifetime import my_context
 from drake_srg.recording.ros_topics import Topic
 from drake_srg.scenario import Scenario
 from drake_srg.simulation import failure_time
-from drake_srg.simulation.sleeping import Advance
+from drake_srg.station.sleeping import Advance
 from drake_srg.types import Vector
 
 

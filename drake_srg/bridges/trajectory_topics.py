@@ -13,6 +13,7 @@ from drake_srg.bridges.commands import (
     CommandError,
     CommandTopic,
     PortValues,
+    arm_joint_names,
     checked_positions,
     joint_limits,
 )
@@ -91,12 +92,3 @@ def trajectory_command(plant: MultibodyPlant) -> Callable[[Any], PortValues]:
 def seconds(time: Any) -> float:
     """Return a builtin_interfaces/Time or Duration in seconds."""
     return float(time.sec) + 1e-9 * float(time.nanosec)
-
-
-def arm_joint_names(plant: MultibodyPlant) -> list[str]:
-    """Return the names of the arm's joints, in the order of its positions."""
-    model = plant.GetModelInstanceByName("arm")
-    joints = [plant.get_joint(index) for index in plant.GetJointIndices(model)]
-    joints = [joint for joint in joints if joint.num_positions() == 1]
-    joints.sort(key=lambda joint: joint.position_start())
-    return [joint.name() for joint in joints]

@@ -7,6 +7,7 @@ from drake_srg.cell.cell import (
     ConnectCommands,
     ConnectPlanner,
     MakeCell,
+    register_planner,
 )
 from drake_srg.cell.clearing import MakeClearingPlanner
 from drake_srg.cell.hands import MakeHand, register_gripper
@@ -34,4 +35,5 @@ __all__ = [
     "MakeTaskPlanner",
     "MakeTaughtPlanner",
     "register_gripper",
+    "register_planner",
 ]

@@ -9,7 +9,7 @@ from pydrake.multibody.parsing import GetScopedFrameByName
 from pydrake.multibody.plant import MultibodyPlant
 
 from drake_srg.common.exceptions import ScenarioError
-from drake_srg.scenario import Scenario
+from drake_srg.scenario import Scenario, servo_of
 from drake_srg.vision.calibrated_camera import calibrated_model
 from drake_srg.vision.camera import CameraModel
 from drake_srg.vision.camera_errors import X_BE_believed
@@ -34,14 +34,15 @@ class CameraMount:
         """Return the mount of the servo's camera.
 
         Args:
-            scenario: With `servoing`.
+            scenario: With a visual servo.
             plant: Of the scenario's models.
 
         Raises:
             ScenarioError: If the camera is not fixed to the hand.
         """
-        assert scenario.servoing is not None
-        name = scenario.servoing.camera
+        servo = servo_of(scenario)
+        assert servo is not None
+        name = servo.camera
         config = scenario.cameras[name]
         palm = plant.GetBodyByName("palm", plant.GetModelInstanceByName("gripper"))
         base = config.X_PB.base_frame or "world"

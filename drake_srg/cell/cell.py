@@ -1,7 +1,9 @@
 """The cell: a station with localizer and planner, which works autonomously."""
 
 import copy
+import functools
 from collections.abc import Callable
+from typing import TypeAlias
 
 from pydrake.systems.framework import Diagram, DiagramBuilder, OutputPort, System
 
@@ -16,7 +18,11 @@ from drake_srg.common.ports import export_outputs, input_ports
 from drake_srg.objects.disturbance_forces import Target
 from drake_srg.objects.disturber import Disturber
 from drake_srg.objects.models import object_body, simple_shape
-from drake_srg.scenario.schema import Scenario
+from drake_srg.planning.planner_machine import Clear, PickAndPlace, PlannerConfig
+from drake_srg.planning.script.scripted import Script
+from drake_srg.planning.taught.taught_planner import Taught
+from drake_srg.scenario.schema import Scenario, accept_planner, script_of
+from drake_srg.servoing.config import Servoing
 from drake_srg.station.station import MakeStation
 
 # The planner's commands: its output port, and the station's input port.
@@ -46,8 +52,8 @@ def MakeCell(
         - safety.heartbeat (optional; with safety)
         output_ports:
         - (all of the station's)
-        - localizer.blobs (with a picked object, without a script)
-        - height_mapper.height_map (with `task.clear`)
+        - localizer.blobs (unless the planner is `!Clear` or `!Script`)
+        - height_mapper.height_map (with the planner `!Clear`)
         - planner.mode
         - planner.status
         - arm.position_commanded
@@ -57,11 +63,11 @@ def MakeCell(
     `disturber`. To replace one, build the diagram yourself with your own in its place;
     `AddCell` is kept short for that purpose.
 
-    If the scenario has a `script`, the planner plays it, and there is no localizer. If
-    it has `taught` waypoints, the planner is a `TaughtPlanner`. With `servoing`, it is
-    a diagram of a `ServoingPlanner` and a visual servo; see `MakeServoingPlanner`. If
-    the scenario clears the table, a `height_mapper` stands in for the localizer, and
-    the planner is a `ClearingPlanner`.
+    The tag of the scenario's `planner` chooses the planner: `!PickAndPlace`, a
+    `PickAndPlacePlanner`; `!Taught`, a `TaughtPlanner`; `!Servoing`, a diagram of a
+    `ServoingPlanner` and a visual servo, see `MakeServoingPlanner`; `!Clear`, a
+    `ClearingPlanner`, for which a `height_mapper` stands in for the localizer;
+    `!Script`, one that plays the script, without a localizer.
 
     Args:
         scenario: The scenario of the cell.
@@ -90,15 +96,16 @@ def AddCell(
     Raises:
         ScenarioError: If the models do not fit the scenario.
     """
-    needed = {
+    needed: dict[str, object] = {
         "arm": scenario.arm,
         "gripper": scenario.gripper,
         "task.pick": scenario.task.pick or scenario.task.clear,
-        "localizer.cameras (or script)": scenario.localizer.cameras or scenario.script,
     }
     if make_planner is not None:
-        needed |= {"task.pick": scenario.task.pick}
-        needed |= {"localizer.cameras": scenario.localizer.cameras}
+        needed["task.pick"] = scenario.task.pick
+    if make_planner is not None or not isinstance(scenario.planner, Script):
+        key = "localizer.cameras (or planner: !Script)"
+        needed[key] = scenario.localizer.cameras
     missing = [key for key, value in needed.items() if not value]
     if missing:
         raise ScenarioError(f"a cell also needs {', '.join(missing)}")
@@ -107,40 +114,10 @@ def AddCell(
     for name, port in input_ports(station).items():
         if name.startswith("safety."):
             builder.ExportInput(port, name)
-    planner: System
-    if scenario.script and make_planner is None:
-        planner = builder.AddNamedSystem("planner", MakeScriptedPlanner(scenario))
-        ConnectCommands(builder, station, planner)
-        if any(step.force_limit is not None for step in scenario.script):
-            builder.Connect(
-                planner.GetOutputPort("force_limit"),
-                station.GetInputPort("gripper.force_limit"),
-            )
-    elif scenario.task.clear is not None and make_planner is None:
-        mapper = AddHeightMapper(builder, scenario, station)
-        seen = labeled = mapper.GetOutputPort("height_map")
-        if chooses(scenario):
-            labeled = AddThingLabeler(builder, scenario, station, seen)
-        planner = builder.AddNamedSystem("planner", MakeClearingPlanner(scenario))
-        destinations = AddDestinationMapper(builder, scenario, station)
-        ConnectClearingPlanner(
-            builder,
-            station,
-            labeled,
-            planner,
-            destinations.GetOutputPort("height_map"),
-        )
-        builder.ExportOutput(seen, "height_mapper.height_map")
+    if make_planner is not None:
+        planner = AddLocalizingPlanner(builder, scenario, station, make_planner)
     else:
-        localizer = AddLocalizer(builder, scenario, station)
-        make_planner = make_planner or _task_planner(scenario)
-        planner = builder.AddNamedSystem("planner", make_planner(scenario))
-        ConnectPlanner(builder, station, localizer, planner)
-        ConnectHandCamera(builder, station, planner)
-        if scenario.localizer.obstacles and planner.HasInputPort("obstacles"):
-            finder = AddObstacleFinder(builder, scenario, station, localizer)
-            builder.Connect(finder.get_output_port(), planner.GetInputPort("obstacles"))
-        builder.ExportOutput(localizer.GetOutputPort("blobs"), "localizer.blobs")
+        planner = _adder(scenario.planner)(builder, scenario, station)
     AddDisturber(builder, scenario, station, planner)
     for name, exported in (
         ("mode", "planner.mode"),
@@ -150,10 +127,117 @@ def AddCell(
         builder.ExportOutput(planner.GetOutputPort(name), exported)
 
 
-def _task_planner(scenario: Scenario) -> Callable[[Scenario], System]:
-    if scenario.taught is not None:
-        return MakeTaughtPlanner
-    return MakePlanner if scenario.servoing is None else MakeServoingPlanner
+def AddLocalizingPlanner(
+    builder: DiagramBuilder,
+    scenario: Scenario,
+    station: Diagram,
+    make_planner: Callable[[Scenario], System],
+) -> System:
+    """Add a planner with ports of `PickAndPlacePlanner`, and the localizer.
+
+    Args:
+        builder: The cell's.
+        scenario: The scenario of the cell.
+        station: Its station.
+        make_planner: Makes the planner.
+    """
+    localizer = AddLocalizer(builder, scenario, station)
+    planner = builder.AddNamedSystem("planner", make_planner(scenario))
+    ConnectPlanner(builder, station, localizer, planner)
+    ConnectHandCamera(builder, station, planner)
+    if scenario.localizer.obstacles and planner.HasInputPort("obstacles"):
+        finder = AddObstacleFinder(builder, scenario, station, localizer)
+        builder.Connect(finder.get_output_port(), planner.GetInputPort("obstacles"))
+    builder.ExportOutput(localizer.GetOutputPort("blobs"), "localizer.blobs")
+    return planner
+
+
+def AddClearingPlanner(
+    builder: DiagramBuilder, scenario: Scenario, station: Diagram
+) -> System:
+    """Add the planner that clears a scenario's table, and the height mappers.
+
+    Args:
+        builder: The cell's.
+        scenario: The scenario of the cell.
+        station: Its station.
+    """
+    mapper = AddHeightMapper(builder, scenario, station)
+    seen = labeled = mapper.GetOutputPort("height_map")
+    if chooses(scenario):
+        labeled = AddThingLabeler(builder, scenario, station, seen)
+    planner = builder.AddNamedSystem("planner", MakeClearingPlanner(scenario))
+    destinations = AddDestinationMapper(builder, scenario, station)
+    ConnectClearingPlanner(
+        builder,
+        station,
+        labeled,
+        planner,
+        destinations.GetOutputPort("height_map"),
+    )
+    builder.ExportOutput(seen, "height_mapper.height_map")
+    return planner
+
+
+def AddScriptedPlanner(
+    builder: DiagramBuilder, scenario: Scenario, station: Diagram
+) -> System:
+    """Add the planner that plays a scenario's script.
+
+    Args:
+        builder: The cell's.
+        scenario: The scenario of the cell.
+        station: Its station.
+    """
+    planner = builder.AddNamedSystem("planner", MakeScriptedPlanner(scenario))
+    ConnectCommands(builder, station, planner)
+    if any(step.force_limit is not None for step in script_of(scenario)):
+        builder.Connect(
+            planner.GetOutputPort("force_limit"),
+            station.GetInputPort("gripper.force_limit"),
+        )
+    return planner
+
+
+# Adds a planner, and all by which it sees, to a cell with a station; connects its
+# inputs and commands.
+AddPlanner: TypeAlias = Callable[[DiagramBuilder, Scenario, Diagram], System]
+_PLANNERS: dict[type[PlannerConfig], AddPlanner] = {
+    PickAndPlace: functools.partial(AddLocalizingPlanner, make_planner=MakePlanner),
+    Servoing: functools.partial(AddLocalizingPlanner, make_planner=MakeServoingPlanner),
+    Taught: functools.partial(AddLocalizingPlanner, make_planner=MakeTaughtPlanner),
+    Clear: AddClearingPlanner,
+    Script: AddScriptedPlanner,
+}
+
+
+def register_planner(config: type[PlannerConfig], add: AddPlanner) -> None:
+    """Make a planner known to scenario files and to cells.
+
+    Args:
+        config: Class of its configuration; the class name is its tag.
+        add: Adds the planner to a cell: the diagram's builder, the scenario and the
+            station, which is in the diagram, go in, and the planner comes back. It
+            needs the output ports of `PickAndPlacePlanner`.
+    """
+    accept_planner(config)
+    _PLANNERS[config] = add
+
+
+def _adder(config: PlannerConfig) -> AddPlanner:
+    """Return what adds the planner of a configuration, or of one that it derives from.
+
+    Raises:
+        ScenarioError: If there is none.
+    """
+    for kind in type(config).__mro__:
+        if kind in _PLANNERS:
+            return _PLANNERS[kind]
+    known = ", ".join(f"!{kind.__name__}" for kind in _PLANNERS)
+    raise ScenarioError(
+        f"planner: a cell does not know !{type(config).__name__}: give it to "
+        f"register_planner (allowed: {known})"
+    )
 
 
 def AddDisturber(
@@ -266,7 +350,7 @@ def ConnectCommands(builder: DiagramBuilder, station: Diagram, planner: System) 
     if station.HasInputPort(counted):
         if not planner.HasOutputPort(_MESSAGES):
             raise ScenarioError(
-                "gripper.underactuation.evaluate: per_message needs a scenario with "
-                "messages or a script (allowed without: periodic)"
+                "gripper.underactuation.evaluate: per_message needs planner: "
+                "!Script (allowed without: periodic)"
             )
         builder.Connect(planner.GetOutputPort(_MESSAGES), station.GetInputPort(counted))

@@ -12,16 +12,20 @@ from drake_srg.cell.choosing import chooses, labels, row_places
 from drake_srg.cell.hands import MakeHand
 from drake_srg.cell.planners import own_scene
 from drake_srg.common.exceptions import ScenarioError
-from drake_srg.planning.clearing.aside import posture_aside
-from drake_srg.planning.clearing.bin_motions import BinMotions
-from drake_srg.planning.clearing.choosing import ChoosingPlanner, ChosenGrasps
-from drake_srg.planning.clearing.clearing_motions import ClearingMotions
+from drake_srg.planning.clearing.choosing import (
+    ChoosingPlanner,
+    ChosenGrasps,
+    PickPlanner,
+)
 from drake_srg.planning.clearing.clearing_planner import ClearingPlanner
 from drake_srg.planning.clearing.destination import Destination
-from drake_srg.planning.clearing.picking import PickPlanner
-from drake_srg.planning.clearing.push_motions import PushMotions
-from drake_srg.planning.clearing.reach import reach_with_hand_down
-from drake_srg.planning.clearing.row_motions import RowMotions
+from drake_srg.planning.clearing.motions import (
+    ClearingMotions,
+    posture_aside,
+    reach_with_hand_down,
+)
+from drake_srg.planning.clearing.placing import BinMotions, RowMotions, row_destination
+from drake_srg.planning.clearing.pushing import PushMotions
 from drake_srg.planning.grasps.fingers import Fingers
 from drake_srg.planning.grasps.grasps import Hand
 from drake_srg.planning.grasps.height_map_grasps import HeightMapGrasps
@@ -94,7 +98,7 @@ def MakeClearingPlanner(scenario: Scenario) -> ClearingPlanner:
             fingers=fingers,
             table=table,
             reach=reach,
-            relief=grasps.relief,
+            segment=grasps.segment,
             period=config.period if config.cut_corners else None,
         )
         planner = PickPlanner(grasps, into[0], config, pushes, q_aside)
@@ -177,7 +181,7 @@ def _motions(
             q_home,
             q_over,
             table=scenario.table.height,
-            place=p_WO,
+            destination=row_destination(p_WO),
             config=scenario.planner,
         )
         for p_WO in places

@@ -10,6 +10,7 @@ from drake_srg.objects.models import simple_shape
 from drake_srg.objects.solids import planned_solid
 from drake_srg.planning.task.sightings import lean, set_down_at, standing_at
 from drake_srg.scenario import Scenario
+from drake_srg.scenario.schema import script_of
 from drake_srg.types import Sphere
 
 
@@ -40,7 +41,7 @@ def final_pose(scenario: Scenario, X_WO_start: RigidTransform) -> RigidTransform
     pick, place = scenario.task.pick, scenario.task.place
     shape = simple_shape(pick, scenario.objects[pick])
     solid = shape or planned_solid(pick, scenario.objects[pick])
-    if scenario.script or solid is None:
+    if script_of(scenario) or solid is None:
         height = X_WO_start.translation()[2]
         return RigidTransform(X_WO_start.rotation(), [*place.position, height])
     if scenario.task.repeat % 2 == 0:

@@ -20,11 +20,9 @@ from drake_srg.gripper.drivers import (
     SrgTendonDriver,
 )
 from drake_srg.planning.grasps.grasps import Hand
-from drake_srg.planning.grasps.linkage_fingers import LinkageFingers
-from drake_srg.planning.grasps.linkage_hand import LinkageHand
-from drake_srg.planning.grasps.srg_fingers import SrgFingers
+from drake_srg.planning.grasps.linkage_hand import LinkageFingers, LinkageHand
 from drake_srg.planning.grasps.srg_hand import SrgHand
-from drake_srg.planning.task.config import PlannerConfig
+from drake_srg.planning.planner_machine import PlannerConfig
 from drake_srg.scenario.schema import Scenario, accept_driver
 from drake_srg.types import Vector
 
@@ -88,7 +86,6 @@ def _srg_hand(config: PlannerConfig, full_scale: float) -> SrgHand:
         config.tilts,
         config.squeeze,
         full_scale,
-        pinch=SrgFingers(config.squeeze, full_scale),
         clearance=config.hand_clearance,
     )
 
@@ -110,7 +107,6 @@ def _linkage_hand(
     return LinkageHand(
         p_GT,
         calibrated("released", p_GT) - p_GT,
-        driver.master_slave.full_scale,
         LinkageFingers(full_scale=driver.master_slave.full_scale),
     )
 

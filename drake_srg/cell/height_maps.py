@@ -11,11 +11,11 @@ from drake_srg.cell.bins import bin_boxes, foot_box
 from drake_srg.cell.choosing import row_places
 from drake_srg.cell.perception import camera_models, destination_camera_models
 from drake_srg.planning.clearing.destination import BESIDE, Destination
-from drake_srg.planning.clearing.row_motions import row_destination
+from drake_srg.planning.clearing.placing import row_destination
 from drake_srg.scenario import Scenario
 from drake_srg.types import Vector
 from drake_srg.vision.camera import CameraModel
-from drake_srg.vision.config import HeightMapConfig
+from drake_srg.vision.height_map import THING
 from drake_srg.vision.height_mapper import HeightMapper
 from drake_srg.vision.surface import Surface
 
@@ -43,7 +43,6 @@ def AddHeightMapper(
     ]
     region = _surface(scenario, np.array(clear.region.min), np.array(clear.region.max))
     # The planner looks with the arm out of the way.
-    config = HeightMapConfig(over_edge=True)
     return _AddMapper(
         "height_mapper",
         builder,
@@ -51,7 +50,7 @@ def AddHeightMapper(
         camera_models(scenario),
         region,
         ignored,
-        config=config,
+        over_edge=True,
     )
 
 
@@ -59,29 +58,35 @@ def AddDestinationMapper(
     builder: DiagramBuilder, scenario: Scenario, station: Diagram
 ) -> HeightMapper:
     """Add a height mapper of where loads go, connected to the station's cameras."""
-    places = destinations(scenario)
+    places = clearing_destinations(scenario)
     low = np.min([place.low for place in places], axis=0) - BESIDE
     high = np.max([place.high for place in places], axis=0) + BESIDE
     region = _surface(scenario, low, high)
-    config = destination_map_config(scenario)
     cameras = destination_camera_models(scenario)
+    thing, over_edge = destination_map_limits(scenario)
     return _AddMapper(
-        "destination_mapper", builder, station, cameras, region, config=config
+        "destination_mapper",
+        builder,
+        station,
+        cameras,
+        region,
+        thing=thing,
+        over_edge=over_edge,
     )
 
 
-def destination_map_config(scenario: Scenario) -> HeightMapConfig:
-    """Return thresholds with which an arm beside a bin hides nothing inside.
+def destination_map_limits(scenario: Scenario) -> tuple[float, bool]:
+    """Return `thing` [m] and `over_edge` of the map of where loads go.
 
-    What reaches over the map's edge that high is the arm at the next thing.
+    With them, an arm beside a bin hides nothing inside: what reaches over the map's
+    edge that high is the arm at the next thing.
     """
     if rims := [high[2] for _, high in bin_boxes(scenario).values()]:
-        above = float(max(rims)) + _ABOVE_RIM - scenario.table.height
-        return HeightMapConfig(thing=above)
-    return HeightMapConfig(over_edge=True)
+        return float(max(rims)) + _ABOVE_RIM - scenario.table.height, False
+    return THING, True
 
 
-def destinations(scenario: Scenario) -> list[Destination]:
+def clearing_destinations(scenario: Scenario) -> list[Destination]:
     """Return the bins, or the places of a row."""
     bins = [Destination(a[:2], b[:2]) for a, b in bin_boxes(scenario).values()]
     return bins + [row_destination(p_WO) for p_WO in row_places(scenario).values()]
@@ -99,9 +104,12 @@ def _AddMapper(
     region: Surface,
     ignored: Sequence[Surface] = (),
     *,
-    config: HeightMapConfig,
+    thing: float = THING,
+    over_edge: bool,
 ) -> HeightMapper:
-    mapper = HeightMapper(cameras, region, ignored=ignored, config=config)
+    mapper = HeightMapper(
+        cameras, region, ignored=ignored, thing=thing, over_edge=over_edge
+    )
     builder.AddNamedSystem(name, mapper)
     for camera in cameras:
         for port in ("depth_image", "body_pose_in_world"):

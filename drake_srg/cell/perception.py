@@ -44,8 +44,6 @@ def AddLocalizer(
             blob_targets(scenario),
             cameras,
             min_area=config.min_area,
-            period=config.period,
-            config=config.thresholds,
         ),
     )
     for name, camera in cameras.items():
@@ -95,7 +93,6 @@ def AddObstacleFinder(
             cameras,
             _surfaces(scenario),
             {name: shape for name, shape in known.items() if shape is not None},
-            config=scenario.localizer.thresholds.obstacles,
         ),
     )
     for name in cameras:
@@ -118,10 +115,9 @@ def _AddLeveling(
     camera: CameraModel,
 ) -> OutputPort:
     """Add a CameraLeveling and return the port of the camera's corrected pose."""
-    config = scenario.localizer.thresholds.leveling
     leveling = builder.AddNamedSystem(
         f"camera_leveling_{name}",
-        CameraLeveling(camera, _tables(scenario), config=config),
+        CameraLeveling(camera, _tables(scenario)),
     )
     for port in ("depth_image", "body_pose_in_world"):
         source = station.GetOutputPort(f"camera_{name}.{port}")

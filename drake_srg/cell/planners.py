@@ -16,11 +16,14 @@ from drake_srg.objects.models import object_shape
 from drake_srg.objects.solids import planned_solid
 from drake_srg.planning.motion.moves import Moves
 from drake_srg.planning.motion.planning_scene import PlanningScene
-from drake_srg.planning.script.scripted import ScriptedPlanner
+from drake_srg.planning.script.scripted import Script, ScriptedPlanner
 from drake_srg.planning.task.pick_and_place import PickAndPlacePlanner
 from drake_srg.planning.task.task_motions import TaskPlanner
-from drake_srg.planning.taught.taught_motions import TaughtMotions
-from drake_srg.planning.taught.taught_planner import TaughtPlanner
+from drake_srg.planning.taught.taught_planner import (
+    Taught,
+    TaughtMotions,
+    TaughtPlanner,
+)
 from drake_srg.scenario import Scenario
 from drake_srg.station.plant import Models
 
@@ -60,13 +63,14 @@ def planner_arguments(scenario: Scenario) -> dict[str, Any]:
 def MakeScriptedPlanner(scenario: Scenario) -> System:
     """Make the planner that plays a scenario's script, `task.repeat` times.
 
-    It is a `ScriptedPlanner`. If the scenario has `messages`, it is a diagram of one
+    It is a `ScriptedPlanner`. If the script is of messages, it is a diagram of one
     with an `arm_reference` that makes motion of the arm's targets.
     """
     assert scenario.arm is not None
     home = np.array(scenario.arm.home)
-    script = scenario.task.repeat * scenario.script
-    if scenario.messages is None:
+    assert isinstance(scenario.planner, Script)
+    script = scenario.task.repeat * scenario.planner.steps
+    if scenario.planner.messages is None:
         return ScriptedPlanner(home, script)
     builder = DiagramBuilder()
     messages = builder.AddNamedSystem(
@@ -86,17 +90,16 @@ def MakeScriptedPlanner(scenario: Scenario) -> System:
 
 def MakeTaughtPlanner(scenario: Scenario) -> TaughtPlanner:
     """Make the planner that moves through a scenario's taught waypoints."""
-    motions = MakeTaughtMotions(scenario)
-    return TaughtPlanner(motions, scenario.task.pick, scenario.planner)
+    return TaughtPlanner(MakeTaughtMotions(scenario), scenario.task.pick)
 
 
 def MakeTaughtMotions(scenario: Scenario) -> TaughtMotions:
     """Make the planner of the motions through a scenario's taught waypoints."""
-    assert scenario.taught is not None
+    assert isinstance(scenario.planner, Taught)
     assert scenario.arm is not None
     scene = own_scene(scenario)
     moves = Moves(scene, MakeHand(scenario, scene.plant).p_GT, scenario.planner)
-    return TaughtMotions(scene, moves, np.array(scenario.arm.home), scenario.taught)
+    return TaughtMotions(scene, moves, np.array(scenario.arm.home), scenario.planner)
 
 
 def MakeTaskPlanner(scenario: Scenario) -> TaskPlanner:

@@ -18,7 +18,7 @@ from drake_srg.common.exceptions import ScenarioError
 from drake_srg.common.ports import input_ports, output_ports
 from drake_srg.objects.models import object_shape
 from drake_srg.planning.grasps.grasps import Grasp
-from drake_srg.scenario import Scenario
+from drake_srg.scenario import Scenario, servo_of
 from drake_srg.servoing.arm import ServoArm
 from drake_srg.servoing.config import ServoConfig
 from drake_srg.servoing.image_based import ImageBasedServo
@@ -35,7 +35,7 @@ _AHEAD = np.array([1.0, 0.0, 0.0])  # of the palm: where the fingers point
 
 
 def MakeServoingPlanner(scenario: Scenario) -> Diagram:
-    """Make the planner of a scenario with `servoing`, together with its servo.
+    """Make the planner of a scenario with a visual servo, together with its servo.
 
     .. pydrake_system::
 
@@ -64,13 +64,14 @@ def MakeServoingPlanner(scenario: Scenario) -> Diagram:
         ScenarioError: If the planner's hand knows no grasp of the object or more than
             one, or if the camera is not fixed to the hand.
     """
-    assert scenario.servoing is not None
+    config = servo_of(scenario)
+    assert config is not None
     builder = DiagramBuilder()
     planner = builder.AddNamedSystem("planner", MakeServoTaskPlanner(scenario))
     tracker = builder.AddNamedSystem("tracker", MakeTracker(scenario))
     servo = builder.AddNamedSystem("servo", MakeServo(scenario))
     for name, port in input_ports(tracker).items():
-        builder.ExportInput(port, f"{scenario.servoing.camera}.{name}")
+        builder.ExportInput(port, f"{config.camera}.{name}")
     for source, target in (
         (planner.GetOutputPort("servo_command"), servo.GetInputPort("command")),
         (
@@ -95,9 +96,10 @@ def MakeServoingPlanner(scenario: Scenario) -> Diagram:
 
 
 def MakeServoTaskPlanner(scenario: Scenario) -> ServoingPlanner:
-    """Make the planner of a scenario with `servoing`, whose servo is elsewhere."""
-    assert scenario.servoing is not None
-    limit = scenario.servoing.time_limit
+    """Make the planner of a scenario with a visual servo, whose servo is elsewhere."""
+    servo = servo_of(scenario)
+    assert servo is not None
+    limit = servo.time_limit
     return ServoingPlanner(**planner_arguments(scenario), time_limit=limit)
 
 
@@ -123,10 +125,11 @@ class _Goal:
 
     @classmethod
     def of(cls, scenario: Scenario) -> _Goal:
-        assert scenario.servoing is not None
+        servo = servo_of(scenario)
+        assert servo is not None
         plant = MakeModelsPlant(scenario)
         mount, grasp = CameraMount.of(scenario, plant), _grasp(scenario, plant)
-        shown = scenario.servoing.goal == "shown"
+        shown = servo.goal == "shown"
         X_GC = mount.X_GC if shown else mount.X_GC_believed
         name = scenario.task.pick
         (target,) = (t for t in blob_targets(scenario) if t.name == name)
@@ -134,7 +137,7 @@ class _Goal:
 
 
 def MakeServo(scenario: Scenario, config: ServoConfig | None = None) -> VisualServo:
-    """Make the visual servo of a scenario with `servoing`.
+    """Make the visual servo of a scenario with a visual servo.
 
     Args:
         scenario: The scenario.
@@ -143,25 +146,27 @@ def MakeServo(scenario: Scenario, config: ServoConfig | None = None) -> VisualSe
     Raises:
         ScenarioError: As `MakeServoingPlanner` does.
     """
-    assert scenario.servoing is not None
-    config, goal = config or scenario.servoing, _Goal.of(scenario)
+    servo = servo_of(scenario)
+    assert servo is not None
+    config, goal = config or servo, _Goal.of(scenario)
     mount, arm = goal.mount, ServoArm(goal.plant)
-    if scenario.servoing.method == "ibvs":
+    if servo.method == "ibvs":
         shown = silhouette_at(scenario, mount, goal.target, goal.grasp, goal.X_CO)
         return ImageBasedServo(arm, mount.X_GC_believed, _AHEAD, shown, config)
     return PositionBasedServo(arm, mount.X_GC_believed, _AHEAD, goal.X_CO, config)
 
 
 def MakeTracker(scenario: Scenario) -> Tracker:
-    """Make the tracker of the object for the servo of a scenario with `servoing`.
+    """Make the tracker of the object for the servo of a scenario with a visual servo.
 
     Raises:
         ScenarioError: As `MakeServoingPlanner` does.
     """
-    assert scenario.servoing is not None
+    servo = servo_of(scenario)
+    assert servo is not None
     goal = _Goal.of(scenario)
     target, model = goal.target, goal.mount.model
-    if scenario.servoing.method == "ibvs":
+    if servo.method == "ibvs":
         return SilhouetteTracker(target.color, model)
     return SurfaceTracker(
         target.shape,
@@ -180,7 +185,7 @@ def _grasp(scenario: Scenario, plant: MultibodyPlant) -> Grasp:
     if len(grasps) != 1:
         found = ", ".join(grasp.name for grasp in grasps) or "none"
         raise ScenarioError(
-            f"servoing: needs one way to grasp {name}, got {found} "
+            f"planner: needs one way to grasp {name}, got {found} "
             "(allowed: planner.approaches: [above])"
         )
     return grasps[0]

@@ -14,7 +14,7 @@ from pydrake.systems.framework import DiagramBuilder
 from drake_srg.cell.camera_mount import CameraMount
 from drake_srg.common.exceptions import ScenarioError, scenario_errors
 from drake_srg.planning.grasps.grasps import Grasp
-from drake_srg.scenario import Scenario
+from drake_srg.scenario import Scenario, servo_of
 from drake_srg.servoing.sightings import FeatureSighting
 from drake_srg.servoing.silhouette_tracker import SilhouetteTracker
 from drake_srg.station.plant import Models
@@ -46,12 +46,13 @@ def silhouette_at(
     X_CO: RigidTransform,
 ) -> FeatureSighting:
     """Return what the tracker finds in an image of the object at a pose."""
-    assert scenario.servoing is not None
+    servo = servo_of(scenario)
+    assert servo is not None
     thing = scenario.objects[target.name]
     return _rendered(
         _Shown(
             Models.of(scenario),
-            yaml_dump_typed(scenario.cameras[scenario.servoing.camera]),
+            yaml_dump_typed(scenario.cameras[servo.camera]),
             f"{thing.model} {thing.shape} {thing.scale} {thing.color}",
             np.round(X_CO.GetAsMatrix34(), 9).tobytes(),
             tuple(sorted(grasp.fingers_open.items())),
@@ -67,8 +68,9 @@ def silhouette_at(
 def _rendered(shown: _Shown) -> FeatureSighting:
     """Render the object before the camera of an arm at home, and find it."""
     scenario, name = shown.scenario, shown.target.name
-    assert scenario.servoing is not None
-    camera = scenario.servoing.camera
+    servo = servo_of(scenario)
+    assert servo is not None
+    camera = servo.camera
     pose = Transform()
     pose.base_frame = "gripper::palm"
     pose.translation = shown.X_GO.translation()
@@ -104,6 +106,6 @@ def _rendered(shown: _Shown) -> FeatureSighting:
     )
     if not len(seen.points):
         raise ScenarioError(
-            f"servoing.camera: {camera} does not see all of {name} in the hand"
+            f"planner.servo.camera: {camera} does not see all of {name} in the hand"
         )
     return seen

@@ -7,6 +7,7 @@ import os
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from drake_srg.cli.command import SCENARIO, argument, command, folder, load
 from drake_srg.cli.process import SUCCESS, end_on_sigterm, writing
 from drake_srg.common.exceptions import ScenarioError
 from drake_srg.common.status_line import StatusLine
@@ -14,39 +15,37 @@ from drake_srg.common.status_line import StatusLine
 if TYPE_CHECKING:
     from drake_srg.calibration.board import Board
 
-_IMAGES = 24
 _BOARD = "6,5,0.04,0.03,DICT_4X4_50"
 
 
-def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Add the command's arguments, besides the scenario's."""
-    parser.add_argument(
+@command(
+    "find a camera's intrinsics and pose by images of a ChArUco board",
+    "In simulation, the arm shows the board to the camera. It prints standard "
+    "deviations and writes the images, and a scenario with the result.",
+    argument("what", choices=["camera"], help="what to calibrate"),
+    SCENARIO,
+    argument(
         "--camera",
         metavar="NAME",
         help="a name in `cameras` (default: the first of `localizer.cameras`)",
-    )
-    parser.add_argument(
+    ),
+    argument(
         "--images",
         metavar="N|DIR",
-        default=str(_IMAGES),
+        default="24",
         help="how many to take in simulation, or a folder of images with poses.csv "
         "(default: %(default)s)",
-    )
-    parser.add_argument(
+    ),
+    argument(
         "--board",
         metavar="COLUMNS,ROWS,SQUARE,MARKER[,DICTIONARY]",
         default=_BOARD,
         help="the board in a folder's images; sides in metres (default: %(default)s)",
-    )
-    parser.add_argument(
-        "--out",
-        type=Path,
-        metavar="DIR",
-        help="folder for calibration.yaml and the images (default: "
-        "out/calibrate_SCENARIO)",
-    )
-
-
+    ),
+    folder(
+        "folder for calibration.yaml and the images (default: out/calibrate_SCENARIO)"
+    ),
+)
 def calibrate(options: argparse.Namespace) -> int:
     """Calibrate a camera and write a scenario with the result.
 
@@ -59,7 +58,6 @@ def calibrate(options: argparse.Namespace) -> int:
     from drake_srg.calibration.shots import find_views, read_shots, shot_files
     from drake_srg.calibration.solve import calibrate as solve
     from drake_srg.cell.planners import own_scene
-    from drake_srg.scenario import load_scenario
     from drake_srg.sweeps.files import write_file, write_folder
 
     board, count = parse_board(options.board), parse_count(options.images)
@@ -67,7 +65,7 @@ def calibrate(options: argparse.Namespace) -> int:
         raise ScenarioError("--board: needs a folder of --images")
     out: Path = options.out or Path("out") / f"calibrate_{Path(options.scenario).stem}"
     base = _base(options.scenario, out)
-    scenario = load_scenario(options.scenario, seed=options.seed, overrides=options.set)
+    scenario = load(options)
     if scenario.arm is None or scenario.gripper is None:
         raise ScenarioError(f"{options.scenario}: needs an arm and a gripper")
     camera = options.camera or next(iter(scenario.localizer.cameras), "")

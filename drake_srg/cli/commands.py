@@ -1,7 +1,6 @@
-"""The commands run, demo, replay, list, diagram, bench and doctor.
+"""The commands run, demo, replay, list, diagram and bench.
 
-Each takes the parsed command line, returns the exit code and raises a ScenarioError for
-bad input. Imports that take time are inside, so that `drake-srg --help` comes at once.
+Imports that take time are inside, so that `drake-srg --help` comes at once.
 """
 
 from __future__ import annotations
@@ -16,7 +15,16 @@ import webbrowser
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from drake_srg.cli import doctor as machine
+from drake_srg.cli.command import (
+    OPEN,
+    SCENARIO,
+    a_scenario,
+    argument,
+    command,
+    flag,
+    folder,
+    load,
+)
 from drake_srg.cli.hardware import run_hardware
 from drake_srg.cli.objects import list_objects
 from drake_srg.cli.process import (
@@ -30,18 +38,31 @@ from drake_srg.common.exceptions import ScenarioError, scenario_errors
 from drake_srg.common.status_line import StatusLine
 
 if TYPE_CHECKING:
-    from drake_srg.scenario import Scenario
     from drake_srg.simulation.simulate import Result
 
 
+@command(
+    "do a scenario's task in simulation or on hardware, and record it",
+    "Exit code: 0 success, 1 the task failed, 2 bad input.",
+    SCENARIO,
+    folder(
+        "folder for the results (default: out/SCENARIO; out/hardware/SCENARIO)",
+    ),
+    flag("--no-record", "write only metrics.json and log.npz"),
+    argument(
+        "--hardware",
+        type=Path,
+        metavar="FILE.yaml",
+        help="do the task on a robot, through the drivers of this file",
+    ),
+)
 def run(options: argparse.Namespace) -> int:
     """Do a scenario's task, and print its metrics and where the files are."""
-    from drake_srg.scenario import load_scenario
     from drake_srg.simulation import Simulate
 
     if options.hardware is not None:
         return _tell(options, *run_hardware(options))
-    scenario = load_scenario(options.scenario, seed=options.seed, overrides=options.set)
+    scenario = load(options)
     name = Path(options.scenario).stem
     out: Path = options.out or Path("out") / name
     end_on_sigterm()
@@ -70,6 +91,13 @@ def _tell(options: argparse.Namespace, result: Result, out: Path) -> int:
     return SUCCESS if done else TASK_FAILED
 
 
+@command(
+    "run the kitchen cell and record it",
+    "The same as `drake-srg run kitchen`. The last line is the path of the replay, "
+    "which any browser opens. Exit code: 0 success, 1 the task failed.",
+    folder("folder for the results (default: %(default)s)", Path("out/kitchen")),
+    OPEN,
+)
 def demo(options: argparse.Namespace) -> int:
     """Run the kitchen cell, and name or open the replay."""
     options.scenario, options.seed, options.set = "kitchen", None, []
@@ -80,6 +108,24 @@ def demo(options: argparse.Namespace) -> int:
     return code
 
 
+@command(
+    "make the page that plays a recorded run",
+    "`drake-srg run` and recorded sweeps make it, too: replay.html, one file that "
+    "any browser opens. With several folders, it plays the runs side by side.",
+    argument(
+        "folders", type=Path, nargs="+", metavar="DIR", help="folder of a recorded run"
+    ),
+    argument(
+        *("-o", "--output"),
+        type=Path,
+        metavar="FILE.html",
+        help="page of several runs (default: compare.html in the first folder)",
+    ),
+    flag(
+        "--rrd", "also write replay.rrd for the Rerun viewer; needs the extra `rerun`"
+    ),
+    OPEN,
+)
 def replay(options: argparse.Namespace) -> int:
     """Write the page of one recorded run again, or a page that compares several."""
     from drake_srg.replay import write_comparison, write_page, write_rrd
@@ -112,6 +158,18 @@ def _open(page: Path) -> None:
         raise ScenarioError(f"--open: no browser found; open {page} yourself")
 
 
+@command(
+    "list the scenarios or our objects",
+    "",
+    flag("--objects", "list our household objects instead"),
+    argument(
+        "--pictures",
+        type=Path,
+        metavar="DIR",
+        help="with --objects: folder for a picture of each, and one of all",
+    ),
+    name="list",
+)
 def list_all(options: argparse.Namespace) -> int:
     """Print the name and the first comment line of every scenario, or the objects."""
     from drake_srg import scenario
@@ -127,18 +185,29 @@ def list_all(options: argparse.Namespace) -> int:
     return SUCCESS
 
 
+@command(
+    "draw a scenario's block diagram",
+    "",
+    SCENARIO,
+    argument(
+        *("-o", "--output"),
+        type=Path,
+        required=True,
+        metavar="FILE",
+        help="the picture; ends in .svg, .png or .dot",
+    ),
+)
 def diagram(options: argparse.Namespace) -> int:
     """Draw a scenario's systems and their connections."""
     from drake_srg.cell import MakeCell
-    from drake_srg.scenario import load_scenario
 
     output: Path = options.output
     kinds = (".svg", ".png", ".dot")
     if output.suffix not in kinds:
         raise ScenarioError(f"-o {output}: must end in one of {', '.join(kinds)}")
-    scenario = load_scenario(options.scenario, seed=options.seed, overrides=options.set)
+    scenario = load(options)
     with scenario_errors(Path(options.scenario).stem):
-        cell = MakeCell(_unfused(scenario))
+        cell = MakeCell(scenario)
     dot = cell.GetGraphvizString()
     with writing("-o", output):
         if output.suffix == ".dot":
@@ -148,16 +217,6 @@ def diagram(options: argparse.Namespace) -> int:
     options.console.say(output)
     options.console.answer({"diagram": output})
     return SUCCESS
-
-
-def _unfused(scenario: Scenario) -> Scenario:
-    """Return the scenario with drivers whose stages are systems of their own."""
-    arm, gripper = scenario.arm, scenario.gripper
-    return dc.replace(
-        scenario,
-        arm=arm and dc.replace(arm, fused=False),
-        gripper=gripper and dc.replace(gripper, fused=False),
-    )
 
 
 def _draw(dot: str, output: Path) -> None:
@@ -180,6 +239,22 @@ def _draw(dot: str, output: Path) -> None:
         raise ScenarioError(f"-o {output}: cannot be drawn: {reason}") from error
 
 
+@command(
+    "measure how fast scenarios run, and where the time goes",
+    "Exit code: 0 every scenario was measured, 2 at least one was not.",
+    a_scenario(
+        "*",
+        "a name from `drake-srg list` or a .yaml file (default: every scenario "
+        "that has a fast variant, and the variant)",
+    ),
+    argument(
+        "--peers",
+        type=Path,
+        metavar="PYTHON",
+        help="measure robosuite, too: the Python of an environment that has it "
+        "(see docs/speed.md)",
+    ),
+)
 def bench(options: argparse.Namespace) -> int:
     """Print how fast scenarios run, one column each."""
     from drake_srg.scenario import load_scenario
@@ -229,11 +304,3 @@ def bench(options: argparse.Namespace) -> int:
         answer["error"] = error
     options.console.answer(answer)
     return BAD_INPUT if errors else SUCCESS
-
-
-def doctor(options: argparse.Namespace) -> int:
-    """Print what works on this machine, and how to install the rest."""
-    checks = machine.examine_machine()
-    options.console.say(*checks)
-    options.console.answer({"checks": [dc.asdict(check) for check in checks]})
-    return SUCCESS if all(c.ok or c.optional for c in checks) else TASK_FAILED

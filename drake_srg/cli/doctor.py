@@ -5,6 +5,7 @@ Nothing of Drake is imported here, so that the checks run even where Drake does 
 
 from __future__ import annotations
 
+import argparse
 import dataclasses as dc
 import importlib
 import importlib.metadata
@@ -14,10 +15,12 @@ import signal
 import subprocess
 import sys
 import tempfile
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from functools import partial
 from pathlib import Path
 
+from drake_srg.cli.command import command
+from drake_srg.cli.process import SUCCESS, TASK_FAILED
 from drake_srg.common.installing import (
     LIBRARIES,
     apt_install,
@@ -38,6 +41,7 @@ _PACKAGES = {
 }
 _ROSBAGS = {"rosbags.rosbag2": "rosbags"}
 _PLOTS = {"matplotlib.figure": "matplotlib"}
+_LEARN = ["torch", "stable-baselines3", "tensorboard", "onnx"]
 _SWEEPS = {"joblib": "joblib", "pyarrow": "pyarrow"}
 _IMPORT = {"coacd": "coacd", "scipy": "scipy", "trimesh": "trimesh"}
 _ROS2 = {"cyclonedds.domain": "cyclonedds"}
@@ -77,8 +81,8 @@ def examine_machine() -> list[Check]:
 
     Returns:
         One Check each for Python, Drake, the other packages, rendering, video, rosbags,
-        plots, solvers and models, and optional ones for sweeps, Ray, ROS 2,
-        meshes and Graphviz.
+        plots, solvers and models, and optional ones for sweeps, training, Ray,
+        ROS 2, meshes and Graphviz.
     """
     base = pip_install(*this_package())
     required: list[tuple[str, Callable[[], str], str]] = [
@@ -106,7 +110,8 @@ def examine_machine() -> list[Check]:
     ]
     optional: list[tuple[str, Callable[[], str], str]] = [
         ("sweeps", partial(_versions, _SWEEPS), pip_install(*this_package("sweep"))),
-        ("ray", _ray, pip_install(*this_package("ray"))),
+        ("training", partial(_installed, _LEARN), pip_install(*this_package("learn"))),
+        ("ray", partial(_installed, ["ray"]), pip_install(*this_package("ray"))),
         ("ros2", partial(_versions, _ROS2), pip_install(*this_package("ros2"))),
         ("import", partial(_versions, _IMPORT), pip_install(*this_package("import"))),
         ("graphviz", _graphviz, apt_install("graphviz")),
@@ -167,9 +172,9 @@ def _video() -> str:
     return f"H.264 encodes and decodes, av {importlib.metadata.version('av')}"
 
 
-def _ray() -> str:
+def _installed(packages: Sequence[str]) -> str:
     # Not imported, because that takes seconds.
-    return f"ray {importlib.metadata.version('ray')}"
+    return ", ".join(f"{name} {importlib.metadata.version(name)}" for name in packages)
 
 
 def _graphviz() -> str:
@@ -292,3 +297,15 @@ parser = Parser(MultibodyPlant(0.0))
 configure_parser(parser)
 print("package://drake_srg is " + parser.package_map().GetPath("drake_srg"))
 """
+
+
+@command(
+    "check what works on this machine, and print what installs the rest",
+    "Exit code: 0 everything required works, 1 something required is missing.",
+)
+def doctor(options: argparse.Namespace) -> int:
+    """Print what works on this machine, and how to install the rest."""
+    checks = examine_machine()
+    options.console.say(*checks)
+    options.console.answer({"checks": [dc.asdict(check) for check in checks]})
+    return SUCCESS if all(c.ok or c.optional for c in checks) else TASK_FAILED

@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
+from drake_srg.cli.command import SCENARIO, argument, command, load, one_of
 from drake_srg.cli.process import SUCCESS, writing
 
 _PROGRAMS = {
@@ -14,25 +15,29 @@ _PROGRAMS = {
 }
 
 
-def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Add the options of `export`: one format, with its folder."""
-    group = parser.add_mutually_exclusive_group(required=True)
-    for kind, programs in _PROGRAMS.items():
-        group.add_argument(
-            f"--{kind}",
-            type=Path,
-            metavar="DIR",
-            help=f"folder for {kind.upper()} files: {programs}",
-        )
-
-
+@command(
+    "write a scenario's models as URDF, MJCF or SDF",
+    "One file per model, and `scene` with all of them in their places.",
+    SCENARIO,
+    one_of(
+        *(
+            argument(
+                f"--{kind}",
+                type=Path,
+                metavar="DIR",
+                help=f"folder for {kind.upper()} files: {programs}",
+            )
+            for kind, programs in _PROGRAMS.items()
+        ),
+        required=True,
+    ),
+)
 def export(options: argparse.Namespace) -> int:
     """Write a scenario's models in a format, and print their paths."""
     from drake_srg.export import export_scenario
     from drake_srg.export.wires import moment_arm_error
-    from drake_srg.scenario import load_scenario
 
-    scenario = load_scenario(options.scenario, seed=options.seed, overrides=options.set)
+    scenario = load(options)
     kind = next(k for k in _PROGRAMS if getattr(options, k) is not None)
     out: Path = getattr(options, kind)
     with writing(f"--{kind}", out):

@@ -1,4 +1,4 @@
-"""The command `drake-srg run`: its arguments, and running on hardware."""
+"""Running a scenario's task on hardware."""
 
 from __future__ import annotations
 
@@ -7,29 +7,11 @@ import sys
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from drake_srg.cli.command import load
 from drake_srg.cli.process import stop_on_signals, writing
 
 if TYPE_CHECKING:
     from drake_srg.simulation.simulate import Result
-
-
-def add_run_arguments(run: argparse.ArgumentParser) -> None:
-    """Add the command's arguments, except the scenario."""
-    run.add_argument(
-        "--out",
-        type=Path,
-        metavar="DIR",
-        help="folder for the results (default: out/SCENARIO; out/hardware/SCENARIO)",
-    )
-    run.add_argument(
-        "--no-record", action="store_true", help="write only metrics.json and log.npz"
-    )
-    run.add_argument(
-        "--hardware",
-        type=Path,
-        metavar="FILE.yaml",
-        help="do the task on a robot, through the drivers of this file",
-    )
 
 
 def run_hardware(options: argparse.Namespace) -> tuple[Result, Path]:
@@ -42,12 +24,9 @@ def run_hardware(options: argparse.Namespace) -> tuple[Result, Path]:
     with stop_on_signals() as stop:
         from drake_srg.bridges.keyboard import own_terminal
         from drake_srg.hardware import load_hardware, run_on_hardware
-        from drake_srg.scenario import load_scenario
 
         config = load_hardware(options.hardware)
-        scenario = load_scenario(
-            options.scenario, seed=options.seed, overrides=options.set
-        )
+        scenario = load(options)
         name = Path(options.scenario).stem
         out: Path = options.out or Path("out") / "hardware" / name
         with writing("--out", out):

@@ -5,36 +5,37 @@ import dataclasses as dc
 import os
 from pathlib import Path
 
+from drake_srg.cli.command import argument, command
 from drake_srg.cli.process import SUCCESS, writing
 from drake_srg.common.exceptions import ScenarioError
 
 VENDOR = "vendor"
 
 
-def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Add the command's arguments."""
-    parser.add_argument(
+@command(
+    "fit a gripper's motor, friction and heat to what its servo showed",
+    "It prints intervals, correlations and what the log leaves open, and writes a "
+    "scenario.",
+    argument(
         "log",
         metavar="LOG.csv",
         help=f"rows of your gripper's tests, or `{VENDOR}` for the maker's own "
         "(columns: docs/gripper.md)",
-    )
-    parser.add_argument(
-        "-o",
-        "--output",
+    ),
+    argument(
+        *("-o", "--output"),
         type=Path,
         metavar="FILE.yaml",
         default=Path("srg_specimen.yaml"),
         help="the scenario to write (default: %(default)s)",
-    )
-    parser.add_argument(
+    ),
+    argument(
         "--base",
         default="gripper_bench",
         metavar="SCENARIO",
         help="scenario whose gripper is replaced (default: %(default)s)",
-    )
-
-
+    ),
+)
 def identify(options: argparse.Namespace) -> int:
     """Fit a gripper's parameters to its log and write a scenario with them.
 

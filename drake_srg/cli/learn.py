@@ -8,91 +8,63 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
+from drake_srg.cli.command import argument, command, flag, folder, repeatable
 from drake_srg.cli.process import INTERRUPTED, SUCCESS, end_on_sigterm, writing
-from drake_srg.cli.sweep import add_engine_arguments, make_engine, warn
+from drake_srg.cli.sweep import ENGINE, make_engine, warn
 from drake_srg.common.exceptions import ScenarioError
 
 _SET = "a keyword of the environment (repeatable), such as driver=tendon; YAML"
 
 
-def add_commands(add: Callable[..., argparse.ArgumentParser]) -> None:
-    """Add the commands that make and judge policies."""
-    _add_train_arguments(
-        add(
-            "train",
-            train,
-            "learn to grasp: train a policy in an environment",
-            "It writes the best policy, judged by episodes of its own, as policy.npz.",
-        )
-    )
-    _add_evaluate_arguments(
-        add(
-            "evaluate",
-            evaluate,
-            "run a policy in many episodes, beside a rule and random actions",
-            "No episode took part in training. Exit code: 0 once all have run.",
-        )
-    )
-
-
-def _add_train_arguments(train: argparse.ArgumentParser) -> None:
-    """Add the arguments of `drake-srg train`."""
-    train.add_argument(
+@command(
+    "learn to grasp: train a policy in an environment",
+    "It writes the best policy, judged by episodes of its own, as policy.npz. "
+    "It needs the extra `learn`.",
+    argument(
         "environment",
         metavar="ENV",
         help="an environment, such as GraspOneShot, or the id of any other one",
-    )
-    train.add_argument(
+    ),
+    argument(
         "--algo",
         choices=("q", "sac", "bc", "dagger"),
         default="q",
-        help="q: values of actions, for episodes of one step; sac: soft actor-critic, "
-        "needs the extra `learn`; bc: clones a hand-written rule, or --data; "
-        "dagger: asks the rule again where the clone ends up "
-        "(default: %(default)s)",
-    )
-    train.add_argument(
+        help="q: values of actions, for episodes of one step; sac: soft actor-critic; "
+        "bc: clones a hand-written rule, or --data; dagger: asks the rule again where "
+        "the clone ends up (default: %(default)s)",
+    ),
+    argument(
         "--data",
         type=Path,
         metavar="DIR",
         help="for bc: clone the grasps in a data set of `drake-srg dataset`",
-    )
-    train.add_argument(
+    ),
+    argument(
         "--rule",
         choices=("rule", "touch"),
         default="rule",
         help="for bc and dagger: which hand-written rule is imitated; touch: the one "
         "that finds objects by touch (default: %(default)s)",
-    )
-    train.add_argument(
+    ),
+    argument(
         "--steps",
         type=int,
         default=2000,
         metavar="N",
         help="steps of the environment (default: %(default)s)",
-    )
-    train.add_argument(
-        "--seed", type=int, default=0, metavar="S", help="0 to 999 (default: 0)"
-    )
-    train.add_argument("--set", action="append", default=[], metavar="K=V", help=_SET)
-    train.add_argument(
+    ),
+    argument("--seed", type=int, default=0, metavar="S", help="0 to 999 (default: 0)"),
+    repeatable("--set", "K=V", _SET),
+    argument(
         "--validation",
         type=int,
         default=50,
         metavar="N",
         help="episodes that judge a policy in training (default: %(default)s)",
-    )
-    train.add_argument(
-        "--out",
-        type=Path,
-        metavar="DIR",
-        help="folder for policy.npz and the log (default: out/train/ENV)",
-    )
-    train.add_argument(
-        "--resume", action="store_true", help="continue the training in DIR"
-    )
-
-
+    ),
+    folder("folder for policy.npz and the log (default: out/train/ENV)"),
+    flag("--resume", "continue the training in DIR"),
+)
 def train(options: argparse.Namespace) -> int:
     """Train a policy, and print how it went and where it is; returns the exit code.
 
@@ -145,49 +117,32 @@ def train(options: argparse.Namespace) -> int:
     return SUCCESS
 
 
-def _add_evaluate_arguments(evaluate: argparse.ArgumentParser) -> None:
-    """Add the arguments of `drake-srg evaluate`."""
-    evaluate.add_argument(
+@command(
+    "run a policy in many episodes, beside a rule and random actions",
+    "No episode took part in training. Exit code: 0 once all have run.",
+    argument(
         "policy",
         metavar="POLICY",
         help="a policy.npz, the name of one of ours, or rule, touch, random",
-    )
-    evaluate.add_argument(
+    ),
+    argument(
         "environment",
         metavar="ENV|SCENARIO",
         help="an environment, or a scenario in whose cell the policy is the planner",
-    )
-    evaluate.add_argument(
+    ),
+    argument(
         "--trials", type=int, required=True, metavar="N", help="number of episodes"
-    )
-    evaluate.add_argument(
+    ),
+    argument(
         "--seed", type=int, metavar="N", help="of the first episode (not training's)"
-    )
-    evaluate.add_argument(
-        "--set",
-        action="append",
-        default=[],
-        metavar="K=V",
-        help=f"{_SET}; of a scenario, any entry",
-    )
-    add_engine_arguments(evaluate)
-    evaluate.add_argument(
-        "--out",
-        type=Path,
-        metavar="DIR",
-        help="folder for the results (default: out/evaluate/ENV)",
-    )
-    evaluate.add_argument(
-        "--resume", action="store_true", help="continue the evaluation in DIR"
-    )
-    evaluate.add_argument(
-        "--no-baselines", action="store_true", help="leave out rule and random actions"
-    )
-    evaluate.add_argument(
-        "--report", action="store_true", help="also write DIR/POLICY/report.html"
-    )
-
-
+    ),
+    repeatable("--set", "K=V", f"{_SET}; of a scenario, any entry"),
+    ENGINE,
+    folder("folder for the results (default: out/evaluate/ENV)"),
+    flag("--resume", "continue the evaluation in DIR"),
+    flag("--no-baselines", "leave out rule and random actions"),
+    flag("--report", "also write DIR/POLICY/report.html"),
+)
 def evaluate(options: argparse.Namespace) -> int:
     """Run a policy and the baselines, and print how often each succeeds.
 

@@ -9,6 +9,7 @@ import shutil
 import tempfile
 from pathlib import Path
 
+from drake_srg.cli.command import argument, command
 from drake_srg.cli.process import SUCCESS, writing
 from drake_srg.common.exceptions import ScenarioError
 
@@ -16,6 +17,11 @@ _TEMPLATES = Path(__file__).with_name("project")
 _PLACE = "@NAME@"
 
 
+@command(
+    "start a project: scenario, localizer, test, notebook",
+    "",
+    argument("name", metavar="NAME", help="of the project and its folder"),
+)
 def new(options: argparse.Namespace) -> int:
     """Write a project into a new folder, and print what to do with it."""
     with writing("NAME", Path(options.name)):

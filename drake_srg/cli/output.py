@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import argparse
 import json
 import re
 import sys
@@ -83,18 +82,3 @@ def page_about(message: str, command: str) -> str:
     if match := re.search(rf"(?:^|: |--set )({keys})[.=:]", message):
         return KEY_PAGES[match[1]]
     return COMMAND_PAGES.get(command, "")
-
-
-def add_output_arguments(parser: argparse.ArgumentParser) -> None:
-    """Add --json and --quiet to a command."""
-    parser.add_argument(
-        "--json",
-        action="store_true",
-        help="print one JSON object on standard output, also for an error",
-    )
-    parser.add_argument(
-        "-q",
-        "--quiet",
-        action="store_true",
-        help="print nothing but errors, warnings and what --json asks for",
-    )

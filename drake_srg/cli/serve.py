@@ -8,54 +8,19 @@ import math
 import sys
 from pathlib import Path
 
+from drake_srg.cli.command import (
+    SCENARIO,
+    argument,
+    command,
+    flag,
+    folder,
+    load,
+    ros,
+    speaks_ros,
+)
 from drake_srg.cli.process import stop_on_signals
-from drake_srg.cli.ros import add_ros_arguments, speaks_ros
 from drake_srg.common.exceptions import ScenarioError
 from drake_srg.common.status_line import StatusLine
-
-
-def add_arguments(serve: argparse.ArgumentParser) -> None:
-    """Add the command's arguments, except the scenario."""
-    add_ros_arguments(serve, "run a ROS 1 node", "run a ROS 2 node", "clients")
-    serve.add_argument(
-        "--servo",
-        metavar="tcp:PORT|pty",
-        help="run the servos of gripper and arm for real drivers (or tcp:HOST:PORT)",
-    )
-    serve.add_argument(
-        "--protocol",
-        type=int,
-        metavar="1|2",
-        help="Dynamixel protocol of the servos (default: 1)",
-    )
-    serve.add_argument(
-        "--name",
-        default="drake_srg",
-        metavar="NODE",
-        help="node name, to run several stations (default: %(default)s)",
-    )
-    serve.add_argument(
-        "--rate",
-        type=_rate,
-        default=1.0,
-        metavar="FACTOR",
-        help="simulated seconds per real second; 0: as fast as possible (default: 1)",
-    )
-    serve.add_argument(
-        "--camera-period",
-        type=_period,
-        default=0.1,
-        metavar="SECONDS",
-        help="shortest time between pictures [s] (default: %(default)s)",
-    )
-    serve.add_argument(
-        "--out", type=Path, metavar="DIR", help="results (default: out/served/SCENARIO)"
-    )
-    serve.add_argument(
-        "--no-record",
-        action="store_true",
-        help="write no recording and replay",
-    )
 
 
 def _rate(text: str) -> float:
@@ -79,6 +44,45 @@ def _number(text: str) -> float:
         return math.nan
 
 
+@command(
+    "run a scenario's station under outside command: ROS 1, ROS 2, a servo driver",
+    "",
+    SCENARIO,
+    ros("run a ROS 1 node", "run a ROS 2 node", "clients"),
+    argument(
+        "--servo",
+        metavar="tcp:PORT|pty",
+        help="run the servos of gripper and arm for real drivers (or tcp:HOST:PORT)",
+    ),
+    argument(
+        "--protocol",
+        type=int,
+        metavar="1|2",
+        help="Dynamixel protocol of the servos (default: 1)",
+    ),
+    argument(
+        "--name",
+        default="drake_srg",
+        metavar="NODE",
+        help="node name, to run several stations (default: %(default)s)",
+    ),
+    argument(
+        "--rate",
+        type=_rate,
+        default=1.0,
+        metavar="FACTOR",
+        help="simulated seconds per real second; 0: as fast as possible (default: 1)",
+    ),
+    argument(
+        "--camera-period",
+        type=_period,
+        default=0.1,
+        metavar="SECONDS",
+        help="shortest time between pictures [s] (default: %(default)s)",
+    ),
+    folder("results (default: out/served/SCENARIO)"),
+    flag("--no-record", "write no recording and replay"),
+)
 def serve(options: argparse.Namespace) -> int:
     """Serve a station until the user stops it; return the exit code.
 
@@ -95,7 +99,6 @@ def serve(options: argparse.Namespace) -> int:
         from drake_srg.bridges.connecting import BridgeOptions
         from drake_srg.bridges.keyboard import own_terminal
         from drake_srg.bridges.serve import Serve
-        from drake_srg.scenario import load_scenario
 
         ros1, ros2 = speaks_ros(options)
         bridges = BridgeOptions(
@@ -113,9 +116,7 @@ def serve(options: argparse.Namespace) -> int:
             raise ScenarioError(
                 "serve: needs at least one of --ros1, --ros2 and --servo"
             )
-        scenario = load_scenario(
-            options.scenario, seed=options.seed, overrides=options.set
-        )
+        scenario = load(options)
         name = Path(options.scenario).stem
         out: Path = options.out or Path("out") / "served" / name
         try:

@@ -8,6 +8,15 @@ import sys
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from drake_srg.cli.command import (
+    SCENARIO,
+    Adds,
+    all_of,
+    argument,
+    command,
+    flag,
+    folder,
+)
 from drake_srg.cli.process import INTERRUPTED, SUCCESS, end_on_sigterm, writing
 from drake_srg.common.exceptions import ScenarioError
 
@@ -15,52 +24,56 @@ if TYPE_CHECKING:
     from drake_srg.sweeps.engines import Engine
 
 
-def add_sweep_arguments(sweep: argparse.ArgumentParser) -> None:
-    """Add the arguments of `drake-srg sweep`, except those for the scenario."""
-    sweep.add_argument(
-        "--trials", type=int, required=True, metavar="N", help="number of trials"
-    )
-    add_engine_arguments(sweep)
-    sweep.add_argument(
-        "--out",
-        type=Path,
-        metavar="DIR",
-        help="folder for the results (default: out/sweeps/SCENARIO)",
-    )
-    sweep.add_argument(
-        "--resume", action="store_true", help="continue the sweep in DIR"
-    )
-    sweep.add_argument(
-        "--record",
-        choices=("none", "failures", "all"),
-        default="none",
-        help="trials whose video, rosbag and log are kept (default: %(default)s)",
-    )
-
-
-def add_engine_arguments(parser: argparse.ArgumentParser) -> None:
-    """Add the arguments that `make_engine` reads."""
-    parser.add_argument(
+# What `make_engine` reads.
+ENGINE = all_of(
+    argument(
         "--jobs",
         type=int,
         metavar="J",
         help="trials at a time, one process each (default: the machine's cores)",
-    )
-    parser.add_argument(
+    ),
+    argument(
         "--engine",
         choices=("joblib", "ray"),
         default="joblib",
         help="joblib: processes on this machine; ray: a Ray cluster "
         "(default: %(default)s)",
-    )
-    parser.add_argument(
+    ),
+    argument(
         "--address",
         metavar="A",
         help="address of the Ray cluster (default: $RAY_ADDRESS; if that is not set, "
         "Ray starts on this machine)",
+    ),
+)
+
+
+def _of_a_sweep(metavar: str, help: str) -> Adds:
+    """Return what adds the folder of a sweep, and the place of what is made of it."""
+    return all_of(
+        argument(
+            "folder", type=Path, metavar="DIR", help="folder of the sweep (its --out)"
+        ),
+        argument(*("-o", "--output"), type=Path, metavar=metavar, help=help),
     )
 
 
+@command(
+    "run many trials of a scenario, one row each",
+    "Trial k is `drake-srg run SCENARIO --seed S+k`. Exit code: 0 once all trials "
+    "have run, whatever their outcome; 2 bad input; 130 interrupted.",
+    SCENARIO,
+    argument("--trials", type=int, required=True, metavar="N", help="number of trials"),
+    ENGINE,
+    folder("folder for the results (default: out/sweeps/SCENARIO)"),
+    flag("--resume", "continue the sweep in DIR"),
+    argument(
+        "--record",
+        choices=("none", "failures", "all"),
+        default="none",
+        help="trials whose video, rosbag and log are kept (default: %(default)s)",
+    ),
+)
 def sweep(options: argparse.Namespace) -> int:
     """Run a sweep, and print its summary and where the files are.
 
@@ -111,19 +124,11 @@ def sweep(options: argparse.Namespace) -> int:
     return SUCCESS
 
 
-def _add_folders(parser: argparse.ArgumentParser, metavar: str, help: str) -> None:
-    """Add the folder of a sweep, and the place of what is made from it."""
-    parser.add_argument(
-        "folder", type=Path, metavar="DIR", help="folder of the sweep (its --out)"
-    )
-    parser.add_argument("-o", "--output", type=Path, metavar=metavar, help=help)
-
-
-def add_report_arguments(report: argparse.ArgumentParser) -> None:
-    """Add the arguments of `drake-srg report`."""
-    _add_folders(report, "FILE.html", "the page (default: DIR/report.html)")
-
-
+@command(
+    "turn a sweep into an HTML page",
+    "The page shows how often trials succeed, why they fail and what that depends on.",
+    _of_a_sweep("FILE.html", "the page (default: DIR/report.html)"),
+)
 def report(options: argparse.Namespace) -> int:
     """Write the page of a sweep, and print its path; returns the exit code.
 
@@ -140,20 +145,18 @@ def report(options: argparse.Namespace) -> int:
     return SUCCESS
 
 
-def add_dataset_arguments(dataset: argparse.ArgumentParser) -> None:
-    """Add the arguments of `drake-srg dataset`."""
-    _add_folders(dataset, "FOLDER", "folder to create (default: DIR/dataset)")
-    dataset.add_argument(
+@command(
+    "turn a sweep's recordings into a LeRobot data set",
+    "Each recorded trial becomes an episode: `drake-srg sweep ... --record all`.",
+    _of_a_sweep("FOLDER", "folder to create (default: DIR/dataset)"),
+    argument(
         "--fps",
         type=int,
         metavar="F",
         help="frames per second, a divisor of the image rate (default: every image)",
-    )
-    dataset.add_argument(
-        "--only-success", action="store_true", help="leave out trials that failed"
-    )
-
-
+    ),
+    flag("--only-success", "leave out trials that failed"),
+)
 def dataset(options: argparse.Namespace) -> int:
     """Make a data set from a sweep's recordings, and print its size and path.
 

@@ -6,12 +6,20 @@ import argparse
 import contextlib
 import dataclasses as dc
 import sys
-from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from drake_srg.cli.command import (
+    SCENARIO,
+    argument,
+    command,
+    flag,
+    folder,
+    load,
+    ros,
+    speaks_ros,
+)
 from drake_srg.cli.process import SUCCESS, TASK_FAILED, stop_on_signals, writing
-from drake_srg.cli.ros import add_ros_arguments, speaks_ros
 from drake_srg.common.exceptions import ScenarioError
 from drake_srg.common.status_line import StatusLine
 
@@ -19,40 +27,20 @@ if TYPE_CHECKING:
     from drake_srg.hardware import HardwareConfig
 
 
-def add_command(
-    add: Callable[..., argparse.ArgumentParser],
-    add_scenario: Callable[[argparse.ArgumentParser], None],
-) -> None:
-    """Add the command to the command line's parser.
-
-    Args:
-        add: Adds a command.
-        add_scenario: Adds the arguments that choose a scenario.
-    """
-    parser = add(
-        "twin",
-        twin,
-        "follow a running robot with a simulated twin, and report where they differ",
-        "It only listens. Exit code: 0 no difference, 1 at least one, 2 bad input.",
-    )
-    add_scenario(parser)
-    _add_arguments(parser)
-
-
-def _add_arguments(twin: argparse.ArgumentParser) -> None:
-    add_ros_arguments(twin, "listen to ROS 1", "listen to ROS 2", "the robot")
-    twin.add_argument(
+@command(
+    "follow a running robot with a simulated twin, and report where they differ",
+    "It only listens. Exit code: 0 no difference, 1 at least one, 2 bad input.",
+    SCENARIO,
+    ros("listen to ROS 1", "listen to ROS 2", "the robot"),
+    argument(
         "--hardware",
         type=Path,
         metavar="FILE.yaml",
         help="listen to the topics of this hardware file",
-    )
-    twin.add_argument(
-        "--out", type=Path, metavar="DIR", help="results (default: out/twin/SCENARIO)"
-    )
-    twin.add_argument("--no-record", action="store_true", help="write nothing")
-
-
+    ),
+    folder("results (default: out/twin/SCENARIO)"),
+    flag("--no-record", "write nothing"),
+)
 def twin(options: argparse.Namespace) -> int:
     """Follow a robot with a twin; return the exit code.
 
@@ -65,13 +53,10 @@ def twin(options: argparse.Namespace) -> int:
     )
     # Imported under the signal handlers, so that a signal ends the command cleanly.
     with stop_on_signals() as stop, contextlib.closing(status):
-        from drake_srg.scenario import load_scenario
         from drake_srg.twin.run import run_twin
 
         config = _config(options)
-        scenario = load_scenario(
-            options.scenario, seed=options.seed, overrides=options.set
-        )
+        scenario = load(options)
         name = Path(options.scenario).stem
         out: Path = options.out or Path("out") / "twin" / name
         with writing("--out", out):
@@ -95,9 +80,10 @@ def twin(options: argparse.Namespace) -> int:
 
 def _config(options: argparse.Namespace) -> HardwareConfig:
     """Return where the robot's topics are."""
+    from drake_srg.bridges.connecting import Ros1Config, Ros2Config
     from drake_srg.hardware import HardwareConfig, load_hardware
-    from drake_srg.hardware.nodes import Ros1Config, Ros2Config
-    from drake_srg.hardware.ros import Ros1Arm, Ros1Gripper, Ros2Arm, Ros2Gripper
+    from drake_srg.hardware.arm import Ros1Arm, Ros2Arm
+    from drake_srg.hardware.gripper import Ros1Gripper, Ros2Gripper
 
     ros1, ros2 = speaks_ros(options)
     if ros1 + ros2 + (options.hardware is not None) != 1:

@@ -5,10 +5,21 @@ import math
 import zlib
 
 import numpy as np
-from pydrake.systems.framework import DiagramBuilder, InputPort, OutputPort
+from pydrake.systems.framework import (
+    BasicVector,
+    Context,
+    DiagramBuilder,
+    DiscreteValues,
+    InputPort,
+    OutputPort,
+)
 
-from drake_srg.common.stages import StageOutput, StageSystem
-from drake_srg.types import Vector, positive
+from drake_srg.common.ports import value_or_none
+from drake_srg.lifetime import LeafSystem
+from drake_srg.types import Vector
+
+# Speeds are computed as differences of angles over this time [s].
+VELOCITY_WINDOW = 0.05
 
 
 @dc.dataclass(kw_only=True)
@@ -20,8 +31,6 @@ class JointErrorsConfig:
     # Standard deviation of measured angles [rad]. For a 12-bit encoder, rounding alone
     # gives 2 pi / 4096 / sqrt(12) = 4.4e-4.
     encoder_noise: float = dc.field(default=0.0, metadata={"ge": 0.0})
-    # Speeds are computed as differences of angles over this time [s].
-    velocity_window: float = dc.field(default=0.05, metadata=positive())
 
 
 @dc.dataclass(kw_only=True)
@@ -38,7 +47,7 @@ class ArmErrorsConfig(JointErrorsConfig):
     torque_noise: float = dc.field(default=0.0, metadata={"ge": 0.0})
 
 
-class CommandErrors(StageSystem):
+class CommandErrors(LeafSystem):
     """Delays n joint commands and models the backlash of their gears.
 
     .. pydrake_system::
@@ -70,34 +79,47 @@ class CommandErrors(StageSystem):
         self._n, self._half = size, 0.5 * backlash
         # An excess of up to a millionth of a period is a rounding error.
         steps = math.ceil(latency / period - 1e-6)
-        # Rows of n: commands from `steps` periods ago to now, then y.
-        self.declare_stage(
-            inputs={"commanded": size},
-            outputs={
-                "delayed": StageOutput(size, self._delayed),
-                "play": StageOutput(size, self._play),
-            },
-            state=[0.0] * (size * (steps + 2)),
-            period=period,
+        self._commanded = self.DeclareVectorInputPort(name="commanded", size=size)
+        # Rows of n: commands from `steps` periods ago to now; and y.
+        self._commands = self.DeclareDiscreteState(size * (steps + 1))
+        self._y = self.DeclareDiscreteState(size)
+        self.DeclareStateOutputPort("delayed", self._y)
+        self.DeclareVectorOutputPort(
+            name="play",
+            size=size,
+            calc=self._calc_play,
+            prerequisites_of_calc={self.xd_ticket()},
+        )
+        self.DeclareInitializationDiscreteUpdateEvent(self._initialize)
+        self.DeclarePeriodicDiscreteUpdateEvent(
+            period_sec=period, offset_sec=0.0, update=self._update
         )
 
-    def start(self, time: float, state: Vector, commanded: Vector) -> Vector:
-        """See `Stage`."""
-        return np.tile(commanded, len(state) // self._n)
+    def _initialize(self, context: Context, discrete_state: DiscreteValues) -> None:
+        commanded = self._commanded.Eval(context)
+        for index in (self._commands, self._y):
+            rows = context.get_discrete_state(index).size() // self._n
+            discrete_state.set_value(index, np.tile(commanded, rows))
 
-    def update(self, time: float, state: Vector, commanded: Vector) -> Vector:
-        """See `Stage`."""
-        n = self._n
-        commands = np.concatenate([state[n:-n], commanded])
+    def _update(self, context: Context, discrete_state: DiscreteValues) -> None:
+        n, commanded = self._n, self._commanded.Eval(context)
+        before, y = self._state(context)
+        commands = np.concatenate([before[n:], commanded])
         u = commands[:n]
-        y = np.clip(state[-n:], u - self._half, u + self._half)
-        return np.concatenate([commands, y])
+        discrete_state.set_value(self._commands, commands)
+        y = np.clip(y, u - self._half, u + self._half)
+        discrete_state.set_value(self._y, y)
 
-    def _delayed(self, time: float, state: Vector) -> Vector:
-        return state[-self._n :]
+    def _calc_play(self, context: Context, output: BasicVector) -> None:
+        commands, y = self._state(context)
+        output.SetFromVector(commands[: self._n] - y)
 
-    def _play(self, time: float, state: Vector) -> Vector:
-        return state[: self._n] - state[-self._n :]
+    def _state(self, context: Context) -> tuple[Vector, Vector]:
+        """Return the commands, oldest first, and y."""
+        return (
+            context.get_discrete_state(self._commands).value(),
+            context.get_discrete_state(self._y).value(),
+        )
 
 
 class _Noise:
@@ -122,7 +144,7 @@ class _Noise:
         return errors
 
 
-class EncoderErrors(StageSystem):
+class EncoderErrors(LeafSystem):
     """Turns true joint states into readings of encoders on the motors' side.
 
     .. pydrake_system::
@@ -150,38 +172,36 @@ class EncoderErrors(StageSystem):
     ) -> None:
         super().__init__()
         sigma = config.encoder_noise
-        speed_sigma = math.sqrt(2.0) * sigma / config.velocity_window
+        speed_sigma = math.sqrt(2.0) * sigma / VELOCITY_WINDOW
         sigmas = np.repeat([sigma, speed_sigma], size)
         offset = np.zeros(2 * size)
         self._n, self._noise = size, _Noise(offset, sigmas, period, (seed, name))
-        self.declare_stage(
-            inputs={"state": 2 * size},
-            optional={"play": size},
-            outputs={
-                "state_measured": StageOutput(
-                    2 * size, self._measured, reads=("state", "play")
-                )
-            },
-            state=offset,
-            period=period,
+        self._sensed = self.DeclareVectorInputPort(name="state", size=2 * size)
+        self._play = self.DeclareVectorInputPort(name="play", size=size)
+        self.DeclareDiscreteState(offset)
+        self.DeclareVectorOutputPort(
+            name="state_measured",
+            size=2 * size,
+            calc=self._calc_state_measured,
+            prerequisites_of_calc={self.xd_ticket(), self.all_input_ports_ticket()},
+        )
+        self.DeclarePeriodicDiscreteUpdateEvent(
+            period_sec=period, offset_sec=0.0, update=self._update
         )
 
-    def update(
-        self, time: float, state: Vector, sensed: Vector, play: Vector | None
-    ) -> Vector:
-        """See `Stage`."""
-        return self._noise.draw(time)
+    def _update(self, context: Context, discrete_state: DiscreteValues) -> None:
+        discrete_state.set_value(self._noise.draw(context.get_time()))
 
-    def _measured(
-        self, time: float, state: Vector, sensed: Vector, play: Vector | None
-    ) -> Vector:
-        measured: Vector = sensed + state
+    def _calc_state_measured(self, context: Context, output: BasicVector) -> None:
+        errors = context.get_discrete_state(0).value()
+        measured: Vector = self._sensed.Eval(context) + errors
+        play = value_or_none(self._play, context)
         if play is not None:
             measured[: self._n] += play
-        return measured
+        output.SetFromVector(measured)
 
 
-class TorqueErrors(StageSystem):
+class TorqueErrors(LeafSystem):
     """Turns true joint torques into readings of imperfect torque sensors.
 
     .. pydrake_system::
@@ -208,20 +228,25 @@ class TorqueErrors(StageSystem):
         offset = config.torque_offset * full_scale
         sigma = config.torque_noise * full_scale
         self._noise = _Noise(offset, sigma, period, (seed, "torque"))
-        self.declare_stage(
-            inputs={"torque": len(offset)},
-            outputs={
-                "torque_measured": StageOutput(
-                    len(offset), lambda time, state, torque: torque + state, ("torque",)
-                )
-            },
-            state=offset,
-            period=period,
+        n = len(offset)
+        self._torque = self.DeclareVectorInputPort(name="torque", size=n)
+        self.DeclareDiscreteState(offset)
+        self.DeclareVectorOutputPort(
+            name="torque_measured",
+            size=n,
+            calc=self._calc_torque_measured,
+            prerequisites_of_calc={self.xd_ticket(), self._torque.ticket()},
+        )
+        self.DeclarePeriodicDiscreteUpdateEvent(
+            period_sec=period, offset_sec=0.0, update=self._update
         )
 
-    def update(self, time: float, state: Vector, torque: Vector) -> Vector:
-        """See `Stage`."""
-        return self._noise.draw(time)
+    def _update(self, context: Context, discrete_state: DiscreteValues) -> None:
+        discrete_state.set_value(self._noise.draw(context.get_time()))
+
+    def _calc_torque_measured(self, context: Context, output: BasicVector) -> None:
+        errors = context.get_discrete_state(0).value()
+        output.SetFromVector(self._torque.Eval(context) + errors)
 
 
 def AddLatency(

@@ -2,7 +2,15 @@
 
 import functools
 
-from pydrake.systems.framework import DiagramBuilder, InputPort, OutputPort, System
+from pydrake.systems.framework import (
+    Context,
+    DiagramBuilder,
+    InputPort,
+    OutputPort,
+    System,
+)
+
+from drake_srg.types import Vector
 
 
 @functools.singledispatch
@@ -17,6 +25,11 @@ def output_ports(system: System) -> dict[str, OutputPort]:
     """Return the output ports of a system by name, in their order."""
     ports = map(system.get_output_port, range(system.num_output_ports()))
     return {port.get_name(): port for port in ports}
+
+
+def value_or_none(port: InputPort, context: Context) -> Vector | None:
+    """Return the vector at an optional input port; None while it has none."""
+    return port.Eval(context) if port.HasValue(context) else None
 
 
 def export_outputs(builder: DiagramBuilder, system: System) -> None:

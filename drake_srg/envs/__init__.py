@@ -18,10 +18,10 @@ import gymnasium
 
 # The scenario of each environment is a keyword like the others.
 ENVIRONMENTS: dict[str, tuple[str, str]] = {
-    "GraspOneShot-v0": ("grasp_one_shot:GraspOneShotEnv", "learn_bench"),
-    "Pick-v0": ("pick:PickEnv", "learn_bench"),
-    "KitchenPick-v0": ("pick:PickEnv", "learn_kitchen"),
-    "KitchenPickPlace-v0": ("pick_place:PickPlaceEnv", "learn_kitchen"),
+    "GraspOneShot-v0": ("drake_srg.envs.grasp_one_shot:GraspOneShotEnv", "learn_bench"),
+    "Pick-v0": ("drake_srg.envs.pick:PickEnv", "learn_bench"),
+    "KitchenPick-v0": ("drake_srg.envs.pick:PickEnv", "learn_kitchen"),
+    "KitchenPickPlace-v0": ("drake_srg.envs.pick_place:PickPlaceEnv", "learn_kitchen"),
 }
 
 
@@ -32,7 +32,7 @@ def register_envs() -> None:
         if env_id not in gymnasium.registry:
             gymnasium.register(
                 env_id,
-                entry_point=f"drake_srg.envs.{entry_point}",
+                entry_point=entry_point,
                 kwargs={"scenario": scenario},
             )
 

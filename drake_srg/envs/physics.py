@@ -24,17 +24,15 @@ _FINE_SENSING = {name: {"period": 3 / 256} for name in _SAMPLED}
 # What each driver's configuration becomes, sampled as in `kitchen_fast`; on the
 # accurate physics, twice as often.
 _DRIVERS: dict[str, dict[str, Any]] = {
-    "plant": {"_tag": "!PlantServoDriver", "fused": True, "proximity": None},
+    "plant": {"_tag": "!PlantServoDriver", "proximity": None},
     "position": {
         "_tag": "!SrgPositionDriver",
-        "fused": True,
         **_SENSING,
         "servo": {"period": 3 / 256},
         "underactuation": {"period": 3 / 128},
     },
     "tendon": {
         "_tag": "!SrgTendonDriver",
-        "fused": True,
         **_SENSING,
         "servo": {"period": 3 / 512},
         "spool": {"period": 3 / 128},

@@ -42,7 +42,6 @@ class Sight:
             [BlobTarget(self._name, scene.shape, self._color)],
             self._models,
             min_area=self._config.min_area,
-            config=self._config.thresholds,
         )
         context = localizer.CreateDefaultContext()
         for camera in self._models:

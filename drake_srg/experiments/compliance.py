@@ -30,8 +30,8 @@ from drake_srg.sweeps.statistics import wilson_interval
 # end, where forces then turn nothing (Whitney, "Quasi-Static Assembly of Compliantly
 # Supported Rigid Parts", J. Dyn. Sys., Meas., Control 104, 1982).
 DRIVERS = {
-    "position": "!ArmPositionDriver {fused: true}",
-    "impedance": "!ArmImpedanceDriver {fused: true, cartesian: "
+    "position": "!ArmPositionDriver {}",
+    "impedance": "!ArmImpedanceDriver {cartesian: "
     "{frame: 'gripper::palm', centre: [0.198, 0.0, 0.0]}}",
 }
 ERRORS = (0.0, 0.5e-3, 1.0e-3, 1.5e-3, 2.0e-3)  # in the plane [m]

@@ -26,7 +26,7 @@ def make_message(kind: str, *values: Any, **fields: Any) -> Any:
 
 
 class DirectNode:
-    """Stands in for `hardware.nodes.Node`.
+    """Stands in for `hardware.link.Node`.
 
     Attributes:
         sent: The topics and messages that were sent.

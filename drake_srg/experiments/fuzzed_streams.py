@@ -23,11 +23,12 @@ from drake_srg.experiments.kept_trials import KeptTrials
 from drake_srg.experiments.registry import Track
 from drake_srg.experiments.result import ExperimentResult
 from drake_srg.experiments.row import Row
+from drake_srg.hardware.arm import Ros2Arm
 from drake_srg.hardware.cell import MakeHardwareCell
 from drake_srg.hardware.exchange import Answer, Ended, PlannerLink, Tick
+from drake_srg.hardware.gripper import Ros2Gripper
 from drake_srg.hardware.loop import ControlLoop
 from drake_srg.hardware.opening import Hardware
-from drake_srg.hardware.ros import Ros2Arm, Ros2Gripper
 from drake_srg.hardware.station import MakeHardwareStation
 from drake_srg.planning.motion.arm_motion import Motion
 from drake_srg.recording.figure import make_figure, style_axes

@@ -19,9 +19,8 @@ from drake_srg.experiments.kept_trials import KeptTrials
 from drake_srg.experiments.registry import Track
 from drake_srg.experiments.result import ExperimentResult
 from drake_srg.experiments.row import Row
-from drake_srg.learning.algorithms import MakeLearner
 from drake_srg.learning.episodes import EVALUATION, make_environment, run_episode
-from drake_srg.learning.train import Training, trained_policy
+from drake_srg.learning.train import MakeLearner, Training, trained_policy
 from drake_srg.recording.figure import COLORS, make_figure, style_axes
 from drake_srg.sweeps.statistics import wilson_interval
 from drake_srg.types import Vector
@@ -116,7 +115,7 @@ def run(
 
 
 # The last bits depend on the number of threads.
-@threadpool_limits.wrap(limits=1, user_api="blas")
+@threadpool_limits.wrap(limits=1)
 def _train(trial: Trial, episodes: int, trials: int) -> Mapping[str, Any]:
     """Train once, and return a `Learned` as plain values."""
     keywords = {"reward": trial.reward}

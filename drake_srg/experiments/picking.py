@@ -15,8 +15,8 @@ from pydrake.systems.sensors import CameraConfig
 from drake_srg.common.exceptions import ScenarioError
 from drake_srg.objects.config import ObjectConfig
 from drake_srg.objects.household import object_facts
-from drake_srg.planning.grasps.height_map_grasps import Reach
 from drake_srg.planning.grasps.top_grasp import GraspPlan, GraspPlanner, TopGrasp
+from drake_srg.planning.grasps.top_grasp_search import Reach
 from drake_srg.scenario import Scenario
 from drake_srg.simulation.bench import bench_scenario
 from drake_srg.simulation.rig import Rig
@@ -24,8 +24,8 @@ from drake_srg.simulation.tabletop import tabletop
 from drake_srg.types import Failure, HeightMap, Vector
 from drake_srg.vision.camera import CameraModel
 from drake_srg.vision.camera_errors import CameraErrorsConfig
-from drake_srg.vision.config import DepthNoiseConfig, HeightMapConfig
 from drake_srg.vision.height_map import height_map, points_of
+from drake_srg.vision.height_mapper import SUBPIXELS
 from drake_srg.vision.surface import Surface
 
 MIDDLE = np.array([0.5, 0.0, 0.0])  # of the bench, under the gantry [m]
@@ -124,11 +124,7 @@ def look(
         )
         depth = depth.data[..., 0].copy()
     imager = CameraModel.from_config(scenario.cameras["ceiling"]).imager("depth")
-    config = HeightMapConfig()
-    cloud = points_of(
-        depth, X_WB, imager, DepthNoiseConfig(), subpixels=config.subpixels
-    )
-    return height_map([cloud], SURFACE, config=config)
+    return height_map([points_of(depth, X_WB, imager, subpixels=SUBPIXELS)], SURFACE)
 
 
 def ceiling_camera() -> CameraConfig:

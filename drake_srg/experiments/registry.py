@@ -50,7 +50,6 @@ REPLAY = "replay.html"
 # The experiments in tools/measure, so that a wheel can say why it lacks them.
 MEASUREMENTS = (
     "hardware_loop",
-    "localizer_thresholds",
     "recording_cost",
     "sweep_throughput",
     "time_parameterization",

@@ -28,10 +28,10 @@ from drake_srg.hardware.cameras import Camera
 from drake_srg.hardware.pictures import Picture
 from drake_srg.lifetime import my_context
 from drake_srg.recording.ros_topics import Topic
-from drake_srg.scenario import Scenario
+from drake_srg.scenario import Scenario, servo_of
 from drake_srg.simulation.flat import MakeRoot
 from drake_srg.simulation.recorders import recorded_topics
-from drake_srg.simulation.sleeping import MakeAdvance
+from drake_srg.station.sleeping import MakeAdvance
 from drake_srg.types import Vector
 
 _IMAGES = (COLOR, DEPTH, CAMERA_INFO)
@@ -62,7 +62,7 @@ class LatePictures:
     """Pictures of a visual servo's camera that arrive late, and others on demand.
 
     Args:
-        scenario: With `servoing`.
+        scenario: With a visual servo.
         late: How late they arrive [s].
 
     Attributes:
@@ -73,13 +73,14 @@ class LatePictures:
     """
 
     def __init__(self, scenario: Scenario, late: float) -> None:
-        assert scenario.servoing is not None
+        servo = servo_of(scenario)
+        assert servo is not None
         self._cameras = {camera.name: camera for camera in served_cameras(scenario)}
         self._viewers = {
             name: Viewer(camera.scenario, name)
             for name, camera in self._cameras.items()
         }
-        self._name, self._late = scenario.servoing.camera, late
+        self._name, self._late = servo.camera, late
         self._taken: deque[tuple[float, Vector]] = deque()
         self._frozen: Vector | None = None
         self._next = 0.0
@@ -111,7 +112,7 @@ class ServedRobot:
     """A served station in the same process as its client.
 
     Args:
-        scenario: With `servoing`; without `arm.limits` the arm follows trajectories.
+        scenario: With a visual servo; without `arm.limits` it follows trajectories.
         node: The client's.
         late: How late the pictures of the servo's camera arrive [s].
         name: The scenario's.

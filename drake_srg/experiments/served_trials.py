@@ -25,16 +25,17 @@ from drake_srg.experiments.servo_trials import (
     GraspWatch,
     grasp_scenario,
 )
+from drake_srg.hardware.arm import Ros2Arm
 from drake_srg.hardware.cameras import Ros2Camera
 from drake_srg.hardware.cell import MakeHardwareCell, measurements
 from drake_srg.hardware.exchange import Answer, Ended, PlannerLink, Tick
+from drake_srg.hardware.gripper import Ros2Gripper
 from drake_srg.hardware.loop import ControlLoop
 from drake_srg.hardware.opening import Hardware
 from drake_srg.hardware.planner_cell import MirrorLink, PlannerCell
-from drake_srg.hardware.ros import Ros2Arm, Ros2Gripper
 from drake_srg.hardware.station import MakeHardwareStation
 from drake_srg.lifetime import free_diagrams
-from drake_srg.scenario import Scenario
+from drake_srg.scenario import Scenario, servo_of
 from drake_srg.servoing.status import ServoCommand
 from drake_srg.types import Vector
 
@@ -89,7 +90,7 @@ class ServedTrial:
     """A robot and its planner, which advance in turn.
 
     Args:
-        scenario: With `servoing`, and with `arm.limits` null.
+        scenario: With a visual servo, and with `arm.limits` null.
         late: How late the pictures arrive [s].
 
     Attributes:
@@ -99,12 +100,13 @@ class ServedTrial:
     """
 
     def __init__(self, scenario: Scenario, late: float) -> None:
-        assert scenario.servoing is not None
+        servo = servo_of(scenario)
+        assert servo is not None
         node = DirectNode()
         self.told = node.told
         parts = node.robot(scenario)
         links = [Ros2Arm().connect(parts), Ros2Gripper().connect(parts)]
-        ceiling, hand = scenario.localizer.cameras[0], scenario.servoing.camera
+        ceiling, hand = scenario.localizer.cameras[0], servo.camera
         root = f"/camera_{hand}"
         seeing = Ros2Camera(
             color=f"{root}/color/image_raw",

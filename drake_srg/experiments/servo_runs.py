@@ -11,6 +11,7 @@ from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import Diagram, DiagramBuilder
 
 from drake_srg.bridges.commands import Warnings
+from drake_srg.bridges.connecting import Ros1Config, Ros2Config
 from drake_srg.bridges.dynamixel.encoder import JOINT
 from drake_srg.cell import MakeCell
 from drake_srg.cell.goals import final_pose, final_tilt
@@ -20,8 +21,7 @@ from drake_srg.hardware.dynamixel.bus_cycle import BusCycle
 from drake_srg.hardware.dynamixel.drivers import DynamixelArm, DynamixelGripper
 from drake_srg.hardware.dynamixel.servo_bus import ServoBus
 from drake_srg.hardware.faults import FaultsConfig, FaultyLink
-from drake_srg.hardware.link import Link, Robot
-from drake_srg.hardware.nodes import Nodes, Ros1Config, Ros2Config
+from drake_srg.hardware.link import Link, Nodes, Robot
 from drake_srg.hardware.opening import Hardware
 from drake_srg.hardware.station import AddHardwareStation
 from drake_srg.safety.config import SafetyConfig

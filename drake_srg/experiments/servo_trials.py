@@ -16,7 +16,7 @@ from drake_srg.common.exceptions import ScenarioError
 from drake_srg.common.simulator import MakeSimulator
 from drake_srg.lifetime import free_diagrams, my_context
 from drake_srg.objects.models import object_shape
-from drake_srg.scenario import Scenario, load_scenario
+from drake_srg.scenario import Scenario, load_scenario, servo_of
 from drake_srg.servoing.arm import ServoArm
 from drake_srg.simulation.flat import MakeRoot
 from drake_srg.simulation.simulate import failure_time
@@ -29,17 +29,26 @@ _LIFTED = 0.015
 LONGEST = 12.0  # of a trial [s]
 # The grasp is over, well or badly, once one of these modes begins.
 _OVER = {Mode.TRANSFER, Mode.RELEASE, Mode.RETREAT, Mode.FAILED, Mode.DONE}
+# The planner of `kitchen_servoing` without its servo.
+_LOOK_ONCE = (
+    "planner=!PickAndPlace {approaches: [above], period: 0.01171875, clearance: 0.02, "
+    "hand_clearance: 0.01, tilts: [0.05, 0.1745]}"
+)
 # Each way of looking, and the camera on which its grasp relies. Looking once is what
 # `kitchen` does. Looking twice goes, without following, where the first image of the
 # hand's camera shows the object by its calibration.
 METHODS: dict[str, tuple[str, tuple[str, ...]]] = {
-    "look once": ("ceiling", ("servoing=null",)),
+    "look once": ("ceiling", (_LOOK_ONCE,)),
     "look twice": (
         "hand",
-        ("servoing.looks=1", "servoing.feed_forward=false", "servoing.goal=calibrated"),
+        (
+            "planner.servo.looks=1",
+            "planner.servo.feed_forward=false",
+            "planner.servo.goal=calibrated",
+        ),
     ),
-    "pbvs": ("hand", ("servoing.method=pbvs",)),
-    "ibvs": ("hand", ("servoing.method=ibvs",)),
+    "pbvs": ("hand", ("planner.servo.method=pbvs",)),
+    "ibvs": ("hand", ("planner.servo.method=ibvs",)),
 }
 
 
@@ -129,7 +138,7 @@ def grasp_scenario(
         ],
     )
     used = {*scenario.localizer.cameras, "hand"}
-    if scenario.servoing is None:
+    if servo_of(scenario) is None:
         used.remove("hand")
     cameras = {name: c for name, c in scenario.cameras.items() if name in used}
     return dc.replace(scenario, cameras=cameras)

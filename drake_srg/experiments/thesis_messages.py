@@ -24,9 +24,11 @@ from drake_srg.experiments.bridge_client import Client, MakeBridge, open_wire
 from drake_srg.experiments.registry import Track
 from drake_srg.experiments.result import ExperimentResult
 from drake_srg.experiments.row import Row
+from drake_srg.planning.script.scripted import MessagesConfig, Script
 from drake_srg.recording.figure import make_figure, style_axes
 from drake_srg.recording.ros_topics import Topic
 from drake_srg.scenario import Scenario, load_scenario
+from drake_srg.scenario.schema import script_of
 from drake_srg.types import Vector
 
 # One wire per driver is enough, because drivers and wires do not affect each other.
@@ -161,11 +163,18 @@ def demonstrate(name: str, wire: str, overrides: Sequence[str] = ()) -> Witnesse
     )
 
 
+def sent(scenario: Scenario) -> MessagesConfig:
+    """Return the configuration of a scenario's messages."""
+    planner = scenario.planner
+    assert isinstance(planner, Script)
+    assert planner.messages is not None
+    return planner.messages
+
+
 def messages(scenario: Scenario) -> Iterator[dict[str, Any]]:
     """Yield the messages of a scenario in order, as data by topic."""
-    assert scenario.messages is not None
-    for step in scenario.script:
-        for _ in range(round(step.duration * scenario.messages.rate)):
+    for step in script_of(scenario):
+        for _ in range(round(step.duration * sent(scenario).rate)):
             if step.arm is not None:
                 yield {"/kuka": step.arm}
             elif step.closure is not None:
@@ -175,13 +184,13 @@ def messages(scenario: Scenario) -> Iterator[dict[str, Any]]:
 def _send(name: str, overrides: Sequence[str], make_bridge: MakeBridge) -> None:
     """Run the client's process: send all messages at their rate."""
     scenario = load_scenario(name, overrides=overrides)
-    assert scenario.messages is not None
+    rate, rest = sent(scenario).rate, sent(scenario).rest
     client = Client(make_bridge)
     start = wall.monotonic()
     for i, message in enumerate(messages(scenario)):
-        wall.sleep(max(start + i / scenario.messages.rate - wall.monotonic(), 0.0))
+        wall.sleep(max(start + i / rate - wall.monotonic(), 0.0))
         client.send(message)
-    wall.sleep(scenario.messages.rest)
+    wall.sleep(rest)
     client.close()
 
 

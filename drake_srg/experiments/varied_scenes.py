@@ -6,7 +6,6 @@ Nothing is simulated. Only the first images are judged.
 
 from __future__ import annotations
 
-import copy
 import dataclasses as dc
 from collections.abc import Sequence
 
@@ -24,7 +23,6 @@ from drake_srg.objects.models import simple_shape
 from drake_srg.scenario import load_scenario
 from drake_srg.station import MakeStation
 from drake_srg.types import Blob, BlobFlag, Obstacle, Shape, Vector
-from drake_srg.vision.config import LocalizerThresholds
 
 # Scenarios, and the greatest error of position with which the object can be picked [m]:
 # half of what the kitchen's goal allows, and what the five-axis arm's open fingers
@@ -66,7 +64,7 @@ class Obstacles:
 
 
 class Scenery:
-    """A scene that is rendered once and may be perceived with several thresholds.
+    """A scene that is rendered once and may be perceived several times.
 
     Args:
         scenario_name: A scenario whose localizer finds obstacles.
@@ -95,17 +93,9 @@ class Scenery:
         context = plant.GetMyMutableContextFromRoot(self._context)
         put_object(plant, context, self._scenario.task.pick, X_WO)
 
-    def look(
-        self, thresholds: LocalizerThresholds | None = None
-    ) -> tuple[Scene, Obstacles]:
-        """Locate the picked object and the obstacles in the scene's images.
-
-        Args:
-            thresholds: None for those of the scenario.
-        """
-        scenario = copy.copy(self._scenario)
-        if thresholds is not None:
-            scenario.localizer = dc.replace(scenario.localizer, thresholds=thresholds)
+    def look(self) -> tuple[Scene, Obstacles]:
+        """Locate the picked object and the obstacles in the scene's images."""
+        scenario = self._scenario
         builder = DiagramBuilder()
         images = builder.AddSystem(self._make_images())
         localizer = AddLocalizer(builder, scenario, images)

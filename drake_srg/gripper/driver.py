@@ -10,7 +10,6 @@ from pydrake.multibody.tree import ModelInstanceIndex
 from pydrake.systems.framework import Diagram, DiagramBuilder, InputPort, OutputPort
 
 from drake_srg.common.exceptions import ScenarioError
-from drake_srg.common.fusing import FusingBuilder
 from drake_srg.common.joint_errors import AddLatency
 from drake_srg.gripper.finger_sensing import (
     AddFingerSensing,
@@ -60,9 +59,6 @@ class GripperDriver(FingerSensingConfig, abc.ABC):
     # Whether the driver is updated with the plant's steps.
     needs_discrete_plant: ClassVar[bool] = False
 
-    # Whether the driver's stages run as one system, which saves time: same ports, same
-    # values. `drake-srg diagram` shows the stages one by one.
-    fused: bool = False
     # Gains of the motors' servos, one entry per motor.
     servo: GripperServoConfig
 
@@ -128,7 +124,7 @@ class GripperDriver(FingerSensingConfig, abc.ABC):
             gripper: Its model instance.
             seed: Of the encoders' noise.
         """
-        inner = FusingBuilder() if self.fused else DiagramBuilder()
+        inner = DiagramBuilder()
         period = self.servo.period
         sensing = AddFingerSensing(
             inner, plant, gripper, self, period=period, seed=seed

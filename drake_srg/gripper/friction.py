@@ -8,26 +8,24 @@ from pydrake.math import exp
 from pydrake.math import max as max_
 from pydrake.math import min as min_
 
-from drake_srg.types import positive
+# Travel after which a wire that reverses slides on its guides [m]: its stretch in
+# there, about 10 mm at 1 %.
+WIRE_PRESLIDING = 1e-4
 
 
 @dc.dataclass(kw_only=True)
 class DriveFrictionConfig:
     """Friction of gears and wires. Off by default: no data sheet states any of it."""
 
-    # Friction of the gear train at the spool: a constant part [N m], a share of the
-    # wires' torque (the tooth forces' part; 1 cannot be driven back), and a viscous
-    # part [N m s/rad]. The motor's stall torque is that before this friction.
+    # Friction of the gear train at the spool: a constant part [N m] and a share of the
+    # wires' torque (the tooth forces' part; 1 cannot be driven back). The motor's stall
+    # torque is that before this friction.
     gear: float = dc.field(default=0.0, metadata={"ge": 0.0})
     gear_load: float = dc.field(default=0.0, metadata={"ge": 0.0, "le": 1.0})
-    gear_damping: float = dc.field(default=0.0, metadata={"ge": 0.0})
     # Capstan friction of a wire on its guides: coefficient times angle of wrap [rad].
     # The finger's end pulls with exp(-wire) of the spool's while the wire winds in,
     # and with exp(wire) while it pays out.
     wire: float = dc.field(default=0.0, metadata={"ge": 0.0, "le": 1.0})
-    # Travel after which a wire that reverses slides on its guides [m]: its stretch in
-    # there, about 10 mm at 1 %.
-    wire_presliding: float = dc.field(default=1e-4, metadata=positive())
 
     def of_gears(self, load: Any) -> Any:
         """Return the most that the gears take or hold [N m], for a load [N m]."""

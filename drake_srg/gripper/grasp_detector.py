@@ -4,9 +4,10 @@ import dataclasses as dc
 from collections.abc import Sequence
 
 import numpy as np
+from pydrake.systems.framework import BasicVector, Context, DiscreteValues
 
-from drake_srg.common.stages import StageOutput, StageSystem
-from drake_srg.types import Vector, positive
+from drake_srg.lifetime import LeafSystem
+from drake_srg.types import positive
 
 
 @dc.dataclass(kw_only=True)
@@ -19,7 +20,7 @@ class GraspDetectorConfig:
     period: float = dc.field(default=0.01, metadata=positive())
 
 
-class GraspDetector(StageSystem):
+class GraspDetector(LeafSystem):
     """Reports a grasp once every finger has sensed something for a while.
 
     .. pydrake_system::
@@ -48,20 +49,28 @@ class GraspDetector(StageSystem):
         super().__init__()
         self.config = config or GraspDetectorConfig()
         self._fingers = [list(finger) for finger in fingers]
-        self.declare_stage(
-            inputs={"triggered": sum(len(finger) for finger in fingers)},
-            outputs={"grasped": StageOutput(1, self._grasped, timed=True)},
-            # Time since when all fingers have sensed something; inf while they do not.
-            state=[np.inf],
-            period=self.config.period,
+        self._triggered = self.DeclareVectorInputPort(
+            name="triggered", size=sum(len(finger) for finger in fingers)
+        )
+        # Time since when all fingers have sensed something; inf while they do not.
+        self.DeclareDiscreteState([np.inf])
+        self.DeclareVectorOutputPort(
+            name="grasped",
+            size=1,
+            calc=self._calc_grasped,
+            prerequisites_of_calc={self.time_ticket(), self.xd_ticket()},
+        )
+        self.DeclarePeriodicDiscreteUpdateEvent(
+            period_sec=self.config.period, offset_sec=0.0, update=self._update
         )
 
-    def update(self, time: float, state: Vector, triggered: Vector) -> list[float]:
-        """See `Stage`."""
-        fired = triggered.tolist()
+    def _update(self, context: Context, discrete_state: DiscreteValues) -> None:
+        fired = self._triggered.Eval(context).tolist()
+        since = np.inf
         if all(any(fired[i] for i in finger) for finger in self._fingers):
-            return [min(state[0], time)]
-        return [np.inf]
+            since = min(context.get_discrete_state(0).value()[0], context.get_time())
+        discrete_state.set_value([since])
 
-    def _grasped(self, time: float, state: Vector) -> list[float]:
-        return [float(time - state[0] >= self.config.post_contact_delay)]
+    def _calc_grasped(self, context: Context, output: BasicVector) -> None:
+        since = context.get_discrete_state(0).value()[0]
+        output[0] = context.get_time() - since >= self.config.post_contact_delay

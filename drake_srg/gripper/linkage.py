@@ -3,13 +3,18 @@
 import dataclasses as dc
 
 import numpy as np
+from pydrake.systems.framework import BasicVector, Context, DiscreteValues
 
-from drake_srg.common.stages import StageOutput, StageSystem
+from drake_srg.common.ports import value_or_none
+from drake_srg.lifetime import LeafSystem
 from drake_srg.types import Vector, positive
 
 # Entries of the discrete state: reference angles and speeds of both cranks, the time
 # when these were chosen, the last closure, and whether something is gripped.
 _ANGLES, _SPEEDS, _TIME, _CLOSURE, _GRIPPED = slice(0, 2), slice(2, 4), 4, 5, 6
+
+# Speed of the slave per angle by which it is behind the master [1/s].
+SLAVE_GAIN = 20.0
 
 
 @dc.dataclass(kw_only=True)
@@ -21,13 +26,11 @@ class MasterSlaveConfig:
     full_scale: float = dc.field(default=0.69, metadata=positive(le=0.69))
     # Speed of either crank [rad/s]: 60 degrees/s.
     max_velocity: float = dc.field(default=np.pi / 3, metadata=positive())
-    # Speed of the slave per angle by which it is behind the master [1/s].
-    slave_gain: float = dc.field(default=20.0, metadata=positive())
     # Time between evaluations [s]: the period of the proximity sensors.
     period: float = dc.field(default=0.01, metadata=positive())
 
 
-class MasterSlaveReference(StageSystem):
+class MasterSlaveReference(LeafSystem):
     """Turns one closure command into the motion of the master's and the slave's crank.
 
     .. pydrake_system::
@@ -68,58 +71,65 @@ class MasterSlaveReference(StageSystem):
     def __init__(self, config: MasterSlaveConfig | None = None) -> None:
         super().__init__()
         self.config = config or MasterSlaveConfig()
-        self.declare_stage(
-            inputs={"closure_commanded": 1, "state_measured": 4, "grasped": 1},
-            optional={"joint_position_commanded": 2, "hold": 1},
-            outputs={"reference": StageOutput(6, _reference, timed=True)},
-            state=[0.0] * 7,
-            period=self.config.period,
+        self._closure, self._measured, self._grasped, self._commanded, self._hold = (
+            self.DeclareVectorInputPort(name=name, size=size)
+            for name, size in (
+                ("closure_commanded", 1),
+                ("state_measured", 4),
+                ("grasped", 1),
+                ("joint_position_commanded", 2),
+                ("hold", 1),
+            )
+        )
+        self.DeclareDiscreteState([0.0] * 7)
+        self.DeclareVectorOutputPort(
+            name="reference",
+            size=6,
+            calc=self._calc_reference,
+            prerequisites_of_calc={self.time_ticket(), self.xd_ticket()},
+        )
+        self.DeclarePeriodicDiscreteUpdateEvent(
+            period_sec=self.config.period, offset_sec=0.0, update=self._update
         )
 
-    def update(
-        self,
-        time: float,
-        state: Vector,
-        closure_commanded: Vector,
-        state_measured: Vector,
-        grasped: Vector,
-        joint_position_commanded: Vector | None,
-        hold: Vector | None,
-    ) -> list[float]:
-        """See `Stage`."""
-        config = self.config
+    def _update(self, context: Context, discrete_state: DiscreteValues) -> None:
+        config, time = self.config, context.get_time()
+        state = context.get_discrete_state(0).value()
         angles, gripped = _angles(time, state), bool(state[_GRIPPED])
-        closure = closure_commanded[0]
+        closure = self._closure.Eval(context)[0]
         if not np.isfinite(closure):
             closure = state[_CLOSURE]
         closure = min(max(closure, 0.0), 1.0)
+        hold = value_or_none(self._hold, context)
         if hold is not None and hold[0] != 0.0:
             speeds = np.zeros(2)
         else:
-            measured = state_measured[:2]
+            measured = self._measured.Eval(context)[:2]
             target = config.full_scale * closure
             opens = target < angles[0]
-            gripped = not opens and (gripped or grasped[0] != 0.0)
-            follow = config.slave_gain * (measured[0] - measured[1])
+            grasped = self._grasped.Eval(context)[0] != 0.0
+            gripped = not opens and (gripped or grasped)
+            follow = SLAVE_GAIN * (measured[0] - measured[1])
             if opens:
                 presses = angles[1] > measured[1]
                 follow = -config.max_velocity if presses else min(follow, 0.0)
             lead = (target - angles[0]) / config.period
             speeds = np.zeros(2) if gripped else np.array([lead, follow])
-            wanted = joint_position_commanded
+            wanted = value_or_none(self._commanded, context)
             if wanted is not None:
                 to_wanted = (wanted - angles) / config.period
                 speeds = np.where(np.isfinite(wanted), to_wanted, speeds)
         speeds = np.clip(speeds, -config.max_velocity, config.max_velocity)
         last = np.clip(angles + speeds * config.period, 0.0, config.full_scale)
         speeds = (last - angles) / config.period
-        return [*angles, *speeds, time, closure, float(gripped)]
+        discrete_state.set_value([*angles, *speeds, time, closure, float(gripped)])
+
+    def _calc_reference(self, context: Context, output: BasicVector) -> None:
+        state = context.get_discrete_state(0).value()
+        angles = _angles(context.get_time(), state)
+        output.SetFromVector([*angles, *state[_SPEEDS], 0.0, 0.0])
 
 
 def _angles(time: float, state: Vector) -> Vector:
     """Return the angles of the references now, shape (2,) [rad]."""
     return state[_ANGLES] + state[_SPEEDS] * (time - state[_TIME])
-
-
-def _reference(time: float, state: Vector) -> list[float]:
-    return [*_angles(time, state), *state[_SPEEDS], 0.0, 0.0]

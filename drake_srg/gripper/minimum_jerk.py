@@ -3,10 +3,10 @@
 import dataclasses as dc
 
 import numpy as np
-from pydrake.systems.framework import Context
+from pydrake.systems.framework import BasicVector, Context, DiscreteValues
 
 from drake_srg.common.srg_geometry import SRG
-from drake_srg.common.stages import StageOutput, StageSystem
+from drake_srg.lifetime import LeafSystem
 from drake_srg.types import Vector, positive
 
 # Columns of the discrete state, which has one row per joint.
@@ -61,7 +61,7 @@ def minimum_jerk_coefficients(
     )
 
 
-class MinimumJerkReference(StageSystem):
+class MinimumJerkReference(LeafSystem):
     """Moves n joints to their newest targets with minimum jerk.
 
     .. pydrake_system::
@@ -95,11 +95,18 @@ class MinimumJerkReference(StageSystem):
         rows[:, _DURATION] = self.config.min_duration
         rows[:, _TARGET] = initial_position
         rows[:, 3] = initial_position
-        self.declare_stage(
-            inputs={"position_desired": n},
-            outputs={"reference": StageOutput(3 * n, self._reference, timed=True)},
-            state=rows.flatten(),
-            period=self.config.period,
+        self._desired = self.DeclareVectorInputPort(name="position_desired", size=n)
+        self.DeclareDiscreteState(rows.flatten())
+        self.DeclareVectorOutputPort(
+            name="reference",
+            size=3 * n,
+            calc=self._calc_reference,
+            prerequisites_of_calc={self.time_ticket(), self.xd_ticket()},
+        )
+        # A simulation need not start at time zero.
+        self.DeclareInitializationDiscreteUpdateEvent(self._initialize)
+        self.DeclarePeriodicDiscreteUpdateEvent(
+            period_sec=self.config.period, offset_sec=0.0, update=self._update
         )
 
     def SetPosition(self, context: Context, position: Vector) -> None:
@@ -109,26 +116,23 @@ class MinimumJerkReference(StageSystem):
             context: This system's.
             position: Of the joints, shape (n,) [rad].
         """
-        rows = self._rows(context.get_discrete_state(0).CopyToVector())
+        rows = self._rows(context)
         rows[:, _TARGET] = position
         rows[:, _COEFFICIENTS] = 0.0
         rows[:, 3] = position
         context.SetDiscreteState(rows.flatten())
 
-    def start(self, time: float, state: Vector, position_desired: Vector) -> Vector:
-        """See `Stage`. A simulation need not start at time zero."""
-        rows = self._rows(state.copy())
-        rows[:, _START] = time
-        return rows.flatten()
+    def _initialize(self, context: Context, discrete_state: DiscreteValues) -> None:
+        rows = self._rows(context)
+        rows[:, _START] = context.get_time()
+        discrete_state.set_value(rows.flatten())
 
-    def update(
-        self, time: float, state: Vector, position_desired: Vector
-    ) -> Vector | None:
-        """See `Stage`."""
-        rows, desired = self._rows(state).tolist(), position_desired.tolist()
+    def _update(self, context: Context, discrete_state: DiscreteValues) -> None:
+        rows, time = self._rows(context).tolist(), context.get_time()
+        desired = self._desired.Eval(context).tolist()
         if desired == [row[_TARGET] for row in rows]:
-            return None
-        # Joint by joint, like `_evaluate`.
+            return
+        # Joint by joint, like the output.
         for row, target in zip(rows, desired, strict=True):
             if row[_TARGET] == target:
                 continue
@@ -139,20 +143,18 @@ class MinimumJerkReference(StageSystem):
             )
             quintic = minimum_jerk_coefficients(q, v, a, target, duration)
             row[:] = [time, duration, target, *quintic]
-        return np.ravel(rows)
+        discrete_state.set_value(np.ravel(rows))
 
-    def _reference(self, time: float, state: Vector) -> Vector:
-        q, v, a = zip(*_evaluate(self._rows(state), time), strict=True)
-        return np.array([*q, *v, *a])
+    def _calc_reference(self, context: Context, output: BasicVector) -> None:
+        # Joint by joint: for so few joints, floats are faster than arrays.
+        rows, time = self._rows(context).tolist(), context.get_time()
+        q, v, a = zip(*(_evaluate_joint(row, time) for row in rows), strict=True)
+        output.SetFromVector([*q, *v, *a])
 
-    def _rows(self, state: Vector) -> Vector:
+    def _rows(self, context: Context) -> Vector:
+        """Return a copy of the state, one row per joint."""
+        state: Vector = context.get_discrete_state(0).CopyToVector()
         return state.reshape(self._n, 9)
-
-
-def _evaluate(rows: Vector, time: float) -> list[tuple[float, float, float]]:
-    """Return q, v, a of each joint."""
-    # Joint by joint: for so few joints, floats are faster than arrays.
-    return [_evaluate_joint(row, time) for row in rows.tolist()]
 
 
 def _evaluate_joint(row: list[float], time: float) -> tuple[float, float, float]:

@@ -3,9 +3,11 @@
 import dataclasses as dc
 import math
 
-from drake_srg.common.stages import StageOutput, StageSystem
+from pydrake.systems.framework import Context, DiscreteValues
+
 from drake_srg.gripper.tendon import TendonDriveConfig
-from drake_srg.types import Vector, positive
+from drake_srg.lifetime import LeafSystem
+from drake_srg.types import positive
 
 
 @dc.dataclass(kw_only=True)
@@ -50,7 +52,7 @@ def motor_load(drive: TendonDriveConfig, pwm: float, speed: float) -> float:
     return drive.full_scale * drive.useful_pwm(pwm) - speed / drive.no_load_speed
 
 
-class MotorTemperature(StageSystem):
+class MotorTemperature(LeafSystem):
     """Computes the motor's temperature: copper loss warms it, air cools it.
 
     .. pydrake_system::
@@ -85,19 +87,19 @@ class MotorTemperature(StageSystem):
         super().__init__()
         self.config = config or MotorTemperatureConfig()
         self._drive = drive or TendonDriveConfig()
-        self.declare_stage(
-            inputs={"pwm": 1, "motor_state": 2},
-            outputs={"motor_temperature": StageOutput(1, lambda time, state: state)},
-            state=[self.config.ambient],
-            period=self.config.period,
+        self._pwm = self.DeclareVectorInputPort(name="pwm", size=1)
+        self._motor = self.DeclareVectorInputPort(name="motor_state", size=2)
+        temperature = self.DeclareDiscreteState([self.config.ambient])
+        self.DeclareStateOutputPort("motor_temperature", temperature)
+        self.DeclarePeriodicDiscreteUpdateEvent(
+            period_sec=self.config.period, offset_sec=0.0, update=self._update
         )
 
-    def update(
-        self, time: float, state: Vector, pwm: Vector, motor_state: Vector
-    ) -> list[float]:
-        """See `Stage`."""
+    def _update(self, context: Context, discrete_state: DiscreteValues) -> None:
         config = self.config
-        load = motor_load(self._drive, pwm[0], motor_state[1])
+        before = context.get_discrete_state(0).value()[0]
+        pwm, speed = self._pwm.Eval(context)[0], self._motor.Eval(context)[1]
+        load = motor_load(self._drive, pwm, speed)
         # I² R + I U_0 with R = (U - U_0) / I_stall and I = load I_stall
         band = self._drive.dead_band
         loss = load**2 * config.stall_current * config.supply_voltage * (1.0 - band)
@@ -105,4 +107,4 @@ class MotorTemperature(StageSystem):
         loss += config.idle_power
         final = config.ambient + loss * config.thermal_resistance
         decay = math.exp(-config.period / config.time_constant)
-        return [final + (state[0] - final) * decay]
+        discrete_state.set_value([final + (before - final) * decay])

@@ -7,11 +7,12 @@ from collections.abc import Sequence
 import numpy as np
 from pydrake.multibody.plant import MultibodyPlant
 from pydrake.multibody.tree import ModelInstanceIndex, PdControllerGains
+from pydrake.systems.framework import BasicVector, Context, DiscreteValues
 
 from drake_srg.common.actuators import model_actuators
-from drake_srg.common.stages import StageOutput, StageSystem
+from drake_srg.common.ports import value_or_none
 from drake_srg.gripper.servo import GripperServoConfig
-from drake_srg.types import Vector
+from drake_srg.lifetime import LeafSystem
 
 
 def SetPlantServos(
@@ -46,7 +47,7 @@ def SetPlantServos(
         actuator.set_effort_limit(limit)
 
 
-class PlantJointServos(StageSystem):
+class PlantJointServos(LeafSystem):
     """Tells PD actuators of the plant what `GripperServo` would make of a reference.
 
     .. pydrake_system::
@@ -81,40 +82,46 @@ class PlantJointServos(StageSystem):
         self._kp, self._kd = np.array(config.kp), np.array(config.kd)
         self._kff1, self._kff2 = np.array(config.kff1), np.array(config.kff2)
         self._n = n = len(config.kp)
-        self.declare_stage(
-            inputs={"reference": 3 * n, "state_measured": 2 * n},
-            optional={"force_limit": 1},
-            outputs={
-                "position": StageOutput(n, lambda time, state: state[:n]),
-                "feedforward": StageOutput(n, lambda time, state: state[n:]),
-                "pwm": StageOutput(n, self._pwm, ("state_measured",)),
-            },
-            state=np.zeros(2 * n),
-            period=config.period,
+        self._reference = self.DeclareVectorInputPort(name="reference", size=3 * n)
+        self._measured = self.DeclareVectorInputPort(name="state_measured", size=2 * n)
+        self._limit = self.DeclareVectorInputPort(name="force_limit", size=1)
+        self._position, self._feedforward = (
+            self.DeclareDiscreteState(n) for _ in range(2)
+        )
+        self.DeclareStateOutputPort("position", self._position)
+        self.DeclareStateOutputPort("feedforward", self._feedforward)
+        self.DeclareVectorOutputPort(
+            name="pwm",
+            size=n,
+            calc=self._calc_pwm,
+            prerequisites_of_calc={self.xd_ticket(), self._measured.ticket()},
+        )
+        self.DeclarePeriodicDiscreteUpdateEvent(
+            period_sec=config.period, offset_sec=0.0, update=self._update
         )
 
-    def update(
-        self,
-        time: float,
-        state: Vector,
-        reference: Vector,
-        state_measured: Vector,
-        force_limit: Vector | None,
-    ) -> Vector:
-        """See `Stage`."""
-        q, v, a = reference.reshape(3, self._n)
+    def _update(self, context: Context, discrete_state: DiscreteValues) -> None:
+        q, v, a = self._reference.Eval(context).reshape(3, self._n)
         feedforward = (self._kff1 + self._kd) * v + self._kff2 * a
-        kappa = self.config.force_limit
+        kappa, force_limit = (
+            self.config.force_limit,
+            value_or_none(self._limit, context),
+        )
         if force_limit is not None and np.isfinite(force_limit[0]):
             kappa = min(max(float(force_limit[0]), 0.0), 1.0)
         if kappa < 1.0:
-            measured, ahead = state_measured[: self._n], kappa / self._kp
+            measured = self._measured.Eval(context)[: self._n]
+            ahead = kappa / self._kp
             q = np.clip(q, measured - ahead, measured + ahead)
             feedforward = np.clip(feedforward, -kappa, kappa)
-        return np.concatenate([q, feedforward])
+        discrete_state.set_value(self._position, q)
+        discrete_state.set_value(self._feedforward, feedforward)
 
-    def _pwm(self, time: float, state: Vector, state_measured: Vector) -> Vector:
-        n = self._n
-        error = state[:n] - state_measured[:n]
-        pwm = self._kp * error - self._kd * state_measured[n:] + state[n:]
-        return np.clip(pwm, -1.0, 1.0)
+    def _calc_pwm(self, context: Context, output: BasicVector) -> None:
+        position, feedforward = (
+            context.get_discrete_state(index).value()
+            for index in (self._position, self._feedforward)
+        )
+        q, v = self._measured.Eval(context).reshape(2, self._n)
+        pwm = self._kp * (position - q) - self._kd * v + feedforward
+        output.SetFromVector(np.clip(pwm, -1.0, 1.0))

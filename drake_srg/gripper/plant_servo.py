@@ -1,9 +1,9 @@
 """Algorithm 1 for joints that the plant itself controls."""
 
-from typing import Any
-
 import numpy as np
+from pydrake.systems.framework import Context, DiscreteValues
 
+from drake_srg.common.ports import value_or_none
 from drake_srg.gripper.underactuation import UnderactuationConfig, UnderactuationLogic
 from drake_srg.types import Vector
 
@@ -43,19 +43,19 @@ class PlantServoLogic(UnderactuationLogic):
         force_limit: float = 1.0,
         config: UnderactuationConfig | None = None,
     ) -> None:
-        super().__init__(config, further={"force_limit": 1})
+        super().__init__(config)
         self._kp = kp
         self._default_limit = force_limit
+        self._limit = self.DeclareVectorInputPort(name="force_limit", size=1)
 
-    def update(self, time: float, state: Vector, *inputs: Any) -> list[float]:
-        """See `Stage`."""
-        *others, force_limit = inputs
-        new = super().update(time, state, *others)
-        kappa = self._default_limit
+    def _update(self, context: Context, discrete_state: DiscreteValues) -> None:
+        super()._update(context, discrete_state)
+        kappa, force_limit = self._default_limit, value_or_none(self._limit, context)
         if force_limit is not None and np.isfinite(force_limit[0]):
             kappa = min(max(float(force_limit[0]), 0.0), 1.0)
         if kappa == 1.0:
-            return new  # the plant limits the torque
-        state_measured = others[1]
-        q, ahead = state_measured[:4], kappa / self._kp
-        return [*new[:4], *np.clip(new[4:8], q - ahead, q + ahead), *new[8:]]
+            return  # the plant limits the torque
+        q, ahead = self._measured.Eval(context)[:4], kappa / self._kp
+        desired = discrete_state.value(self._desired)
+        desired = np.clip(desired, q - ahead, q + ahead)
+        discrete_state.set_value(self._desired, desired)

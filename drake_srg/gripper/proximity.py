@@ -2,16 +2,22 @@
 
 import dataclasses as dc
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 
+from pydrake.common.value import AbstractValue
 from pydrake.geometry import GeometryId, QueryObject
 from pydrake.multibody.plant import MultibodyPlant
 from pydrake.multibody.tree import ModelInstanceIndex
-from pydrake.systems.framework import DiagramBuilder
+from pydrake.systems.framework import (
+    BasicVector,
+    Context,
+    DiagramBuilder,
+    DiscreteValues,
+)
 
-from drake_srg.common.stages import StageOutput, StageSystem
 from drake_srg.gripper.finger_layout import INWARD, FingerLayout
 from drake_srg.gripper.finger_sensor import FingerSensorConfig
+from drake_srg.lifetime import LeafSystem
 from drake_srg.types import Vector, positive
 
 
@@ -47,7 +53,7 @@ class ProximityConfig(FingerSensorConfig):
         return AddProximitySensors(builder, plant, gripper, layout, self)
 
 
-class ProximitySensors(StageSystem):
+class ProximitySensors(LeafSystem):
     """Measures signed distances from finger links to whatever is near them.
 
     .. pydrake_system::
@@ -94,32 +100,34 @@ class ProximitySensors(StageSystem):
             g.get_value(): i for i, gs in enumerate(sensors.values()) for g in gs
         }
         self._ignored = [{g.get_value() for g in ignored.get(n, ())} for n in sensors]
-        # Which sensors see which pair of geometries, as `_sensors_of` returns it.
-        self._seen: dict[tuple[int, int], list[tuple[int, bool]]] = {}
         # Rounding must not narrow the field of view.
         self._least_cosine = math.cos(self.config.half_angle) - 1e-9
-        self.declare_stage(
-            inputs={"query_object": QueryObject()},
-            outputs={
-                "proximity": StageOutput(len(sensors), lambda time, state: state),
-                "triggered": StageOutput(len(sensors), self._fired),
-            },
-            state=[self.config.range] * len(sensors),
-            period=self.config.period,
+        self._query = self.DeclareAbstractInputPort(
+            name="query_object", model_value=AbstractValue.Make(QueryObject())
+        )
+        distances = self.DeclareDiscreteState([self.config.range] * len(sensors))
+        self.DeclareStateOutputPort("proximity", distances)
+        self.DeclareVectorOutputPort(
+            name="triggered",
+            size=len(sensors),
+            calc=self._calc_triggered,
+            prerequisites_of_calc={self.xd_ticket()},
+        )
+        self.DeclarePeriodicDiscreteUpdateEvent(
+            period_sec=self.config.period, offset_sec=0.0, update=self._update
         )
 
-    def update(
-        self, time: float, state: Vector, query_object: Callable[[], QueryObject]
-    ) -> list[float]:
-        """See `Stage`."""
-        query = query_object()
+    def _update(self, context: Context, discrete_state: DiscreteValues) -> None:
+        query = self._query.Eval(context)
         distances = [self.config.range] * len(self.sensor_names)
         normals: dict[int, Vector] = {}  # of the sensors with something near, in world
         for pair in query.ComputeSignedDistancePairwiseClosestPoints(self.config.range):
             A, B = pair.id_A, pair.id_B
-            for i, is_A in self._sensors_of(A.get_value(), B.get_value()):
-                distance = pair.distance
-                if distance >= distances[i]:
+            a, b, distance = A.get_value(), B.get_value(), pair.distance
+            for own, other, is_A in ((a, b, True), (b, a, False)):
+                i = self._sensor_of.get(own)
+                # Most pairs are of the gripper's own links, which no sensor sees.
+                if i is None or other in self._ignored[i] or distance >= distances[i]:
                     continue
                 if i not in normals:
                     frame = query.inspector().GetFrameId(A if is_A else B)
@@ -128,26 +136,12 @@ class ProximitySensors(StageSystem):
                 # A touch in a single point can lack a direction (NaN): it counts.
                 if not (-away if is_A else away) < self._least_cosine:
                     distances[i] = distance
-        return distances
+        discrete_state.set_value(distances)
 
-    def _sensors_of(self, a: int, b: int) -> list[tuple[int, bool]]:
-        """Return the sensors that see the other one of two geometries A and B.
-
-        Each comes with True if it is on A, False if it is on B. Most pairs are of the
-        gripper's own links, which no sensor sees.
-        """
-        if (a, b) not in self._seen:
-            self._seen[a, b] = [
-                (i, is_A)
-                for own, other, is_A in ((a, b, True), (b, a, False))
-                if (i := self._sensor_of.get(own)) is not None
-                and other not in self._ignored[i]
-            ]
-        return self._seen[a, b]
-
-    def _fired(self, time: float, state: Vector) -> list[float]:
-        trigger = self.config.trigger_distance
-        return [float(distance < trigger) for distance in state.tolist()]
+    def _calc_triggered(self, context: Context, output: BasicVector) -> None:
+        distances = context.get_discrete_state(0).value()
+        fired = distances < self.config.trigger_distance
+        output.SetFromVector(fired.astype(float))
 
 
 def AddProximitySensors(

@@ -14,7 +14,6 @@ import math
 import sys
 from typing import Any
 
-import numpy as np
 from pydrake.autodiffutils import AutoDiffXd
 from pydrake.math import floor
 from pydrake.math import max as max_
@@ -22,7 +21,7 @@ from pydrake.math import min as min_
 from pydrake.systems.framework import LeafSystem_
 from pydrake.systems.scalar_conversion import TemplateSystem
 
-from drake_srg.common.stages import Stage, StageOutput
+from drake_srg.common.ports import value_or_none
 from drake_srg.lifetime import collectable
 from drake_srg.types import positive
 
@@ -75,7 +74,7 @@ def _clip(value: Any, limit: Any) -> Any:
 # while modules are being imported; so does making a class.
 @TemplateSystem.define("GripperServo_", scope=sys.modules[__name__])
 def GripperServo_(T: Any) -> Any:  # noqa: D103 (the class below is the documentation)
-    class Impl(Stage, LeafSystem_[T]):
+    class Impl(LeafSystem_[T]):
         """Controls n positions by PWM, for float, AutoDiffXd and Expression.
 
         .. pydrake_system::
@@ -161,40 +160,37 @@ def GripperServo_(T: Any) -> Any:  # noqa: D103 (the class below is the document
             self.config = config
             self._gains = gains
             self._n = n = len(config.kp)
-            self.declare_stage(
-                inputs={
-                    "reference": 3 * n,
-                    "state_measured": 2 * n,
-                    **({"position_desired": n} if config.law == "literal" else {}),
-                },
-                optional={
-                    **({"position_desired": n} if config.law != "literal" else {}),
-                    "force_limit": 1,
-                    "torque_commanded": n,
-                },
-                # [integral term of the PWM; PWM held]
-                outputs={"pwm": StageOutput(n, lambda time, state: state[n:])},
-                state=np.zeros(2 * n),
-                period=config.period,
+            self._reference, self._measured, self._target, self._limit, self._torque = (
+                self.DeclareVectorInputPort(name=name, size=size)
+                for name, size in (
+                    ("reference", 3 * n),
+                    ("state_measured", 2 * n),
+                    ("position_desired", n),
+                    ("force_limit", 1),
+                    ("torque_commanded", n),
+                )
+            )
+            # The integral term of the PWM, and the PWM held.
+            self._integral, self._pwm = (self.DeclareDiscreteState(n) for _ in range(2))
+            self.DeclareStateOutputPort("pwm", self._pwm)
+            self.DeclarePeriodicDiscreteUpdateEvent(
+                period_sec=config.period, offset_sec=0.0, update=self._update
             )
 
         def _construct_copy(self, other: Any, converter: Any = None) -> None:
             Impl._construct(self, other.config, converter=converter)
 
-        def update(
-            self,
-            time: Any,
-            state: Any,
-            reference: Any,
-            state_measured: Any,
-            position_desired: Any,
-            force_limit: Any,
-            torque_commanded: Any,
-        ) -> Any:
-            """See `Stage`."""
-            n, kappa = self._n, self._kappa(force_limit)
+        def _update(self, context: Any, discrete_state: Any) -> None:
+            n, kappa = self._n, self._kappa(value_or_none(self._limit, context))
             absent = [None] * n
-            wanted, measured = reference.tolist(), state_measured.tolist()
+            if self.config.law == "literal":
+                target = self._target.Eval(context)  # or fail: this law needs it
+            else:
+                target = value_or_none(self._target, context)
+            torque = value_or_none(self._torque, context)
+            wanted = self._reference.Eval(context).tolist()
+            measured = self._measured.Eval(context).tolist()
+            integrals = context.get_discrete_state(self._integral).CopyToVector()
             # Motor by motor: for so few of them, floats are faster than arrays.
             motors = zip(
                 *self._gains,
@@ -203,13 +199,16 @@ def GripperServo_(T: Any) -> Any:  # noqa: D103 (the class below is the document
                 wanted[2 * n :],
                 measured[:n],
                 measured[n:],
-                absent if position_desired is None else position_desired.tolist(),
-                absent if torque_commanded is None else torque_commanded.tolist(),
-                state[:n].tolist(),
+                absent if target is None else target.tolist(),
+                absent if torque is None else torque.tolist(),
+                integrals.tolist(),
                 strict=True,
             )
             results = [self._motor(kappa, *values) for values in motors]
-            return [integral for integral, _ in results] + [pwm for _, pwm in results]
+            for index, values in zip(
+                (self._integral, self._pwm), zip(*results, strict=True), strict=True
+            ):
+                discrete_state.set_value(index, values)
 
         def _motor(
             self,

@@ -4,11 +4,13 @@ import dataclasses as dc
 import math
 
 import numpy as np
+from pydrake.systems.framework import Context, DiscreteValues
 
+from drake_srg.common.ports import value_or_none
 from drake_srg.common.srg_geometry import SRG
-from drake_srg.common.stages import StageOutput, StageSystem
 from drake_srg.gripper.moment_arms import empty_hand
-from drake_srg.types import Vector, positive
+from drake_srg.lifetime import LeafSystem
+from drake_srg.types import positive
 
 
 @dc.dataclass(kw_only=True)
@@ -39,7 +41,7 @@ def spool_angle(
     return travel / spool_radius
 
 
-class SpoolCommand(StageSystem):
+class SpoolCommand(LeafSystem):
     """Turns closure, or commands to the motor, into a target of the spool.
 
     .. pydrake_system::
@@ -80,42 +82,41 @@ class SpoolCommand(StageSystem):
         super().__init__()
         self.config = config or SpoolCommandConfig()
         self._spool_radius = spool_radius
-        self.declare_stage(
-            inputs={"closure_commanded": 1, "motor_state": 2, "triggered": 4},
-            optional={
-                "hold": 1,
-                "motor_position_commanded": 1,
-                "motor_torque_commanded": 1,
-            },
-            outputs={
-                "angle_desired": StageOutput(1, lambda time, state: state[:1]),
-                "torque_desired": StageOutput(1, lambda time, state: state[2:]),
-            },
-            # Target [rad], holding, torque.
-            state=[0.0, 0.0, np.nan],
-            period=self.config.period,
+        self._closure, self._motor, self._triggered, self._hold, *self._commands = (
+            self.DeclareVectorInputPort(name=name, size=size)
+            for name, size in (
+                ("closure_commanded", 1),
+                ("motor_state", 2),
+                ("triggered", 4),
+                ("hold", 1),
+                ("motor_position_commanded", 1),
+                ("motor_torque_commanded", 1),
+            )
+        )
+        self._target, self._torque, self._holding = (
+            self.DeclareDiscreteState([value]) for value in (0.0, np.nan, 0.0)
+        )
+        self.DeclareStateOutputPort("angle_desired", self._target)
+        self.DeclareStateOutputPort("torque_desired", self._torque)
+        self.DeclarePeriodicDiscreteUpdateEvent(
+            period_sec=self.config.period, offset_sec=0.0, update=self._update
         )
 
-    def update(
-        self,
-        time: float,
-        state: Vector,
-        closure_commanded: Vector,
-        motor_state: Vector,
-        triggered: Vector,
-        hold: Vector | None,
-        motor_position_commanded: Vector | None,
-        motor_torque_commanded: Vector | None,
-    ) -> list[float]:
-        """See `Stage`."""
-        target, was_holding, torque = state.tolist()
+    def _update(self, context: Context, discrete_state: DiscreteValues) -> None:
+        target, torque, was_holding = (
+            float(context.get_discrete_state(index).value()[0])
+            for index in (self._target, self._torque, self._holding)
+        )
+        hold = value_or_none(self._hold, context)
         holding = hold is not None and hold[0] != 0.0
-        closure, angle = float(closure_commanded[0]), float(motor_state[0])
+        closure, angle = (
+            float(port.Eval(context)[0]) for port in (self._closure, self._motor)
+        )
         position, torque_commanded = (
             math.nan if command is None else float(command[0])
-            for command in (motor_position_commanded, motor_torque_commanded)
+            for command in (value_or_none(port, context) for port in self._commands)
         )
-        gripping = triggered.any() and not torque <= 0.0
+        gripping = self._triggered.Eval(context).any() and not torque <= 0.0
         if not holding:
             torque = torque_commanded
             if math.isfinite(position):
@@ -126,4 +127,9 @@ class SpoolCommand(StageSystem):
             target, torque = angle, math.nan
         if math.isfinite(torque):
             target = angle
-        return [target, float(holding), torque]
+        for index, value in (
+            (self._target, target),
+            (self._torque, torque),
+            (self._holding, float(holding)),
+        ):
+            discrete_state.set_value(index, [value])

@@ -4,21 +4,26 @@ import dataclasses as dc
 import sys
 from typing import Any
 
-import numpy as np
+from pydrake.common.value import AbstractValue
 from pydrake.math import max as max_
-from pydrake.systems.framework import LeafSystem_
+from pydrake.systems.framework import LeafSystem_, ValueProducer
 from pydrake.systems.scalar_conversion import TemplateSystem
 
 from drake_srg.common.exceptions import ScenarioError
-from drake_srg.common.stages import Stage, StageOutput
-from drake_srg.gripper.friction import DriveFrictionConfig, passed_on, slid, slowed
+from drake_srg.gripper.friction import (
+    WIRE_PRESLIDING,
+    DriveFrictionConfig,
+    passed_on,
+    slid,
+    slowed,
+)
 from drake_srg.gripper.moment_arms import (
     base_moment_arm,
     tip_moment_arm,
     wire_travel,
 )
 from drake_srg.gripper.underactuation import FINGERS
-from drake_srg.lifetime import collectable
+from drake_srg.lifetime import collectable, weak
 from drake_srg.types import positive
 
 
@@ -129,7 +134,7 @@ class TendonDriveConfig:
 # while modules are being imported; so does making a class.
 @TemplateSystem.define("TendonDrive_", scope=sys.modules[__name__])
 def TendonDrive_(T: Any) -> Any:  # noqa: D103 (the class below is the documentation)
-    class Impl(Stage, LeafSystem_[T]):
+    class Impl(LeafSystem_[T]):
         """Turns PWM into four joint torques by motor, spool, wires and springs.
 
         .. pydrake_system::
@@ -182,42 +187,49 @@ def TendonDrive_(T: Any) -> Any:  # noqa: D103 (the class below is the documenta
             collectable(self)
             self.config = config
             self._period = period
-            # Arguments and result of `_wires`.
-            self._last: tuple[tuple[Any, ...], list[tuple[Any, Any, Any]]] = (), []
-            slides = bool(config.friction.wire)
-            moving = ("state_measured",)
-            self.declare_stage(
-                inputs={"pwm": 1, "state_measured": 8},
-                outputs={
-                    "joint_torque": StageOutput(4, self._joint_torque, moving),
-                    "motor_state": StageOutput(2, lambda time, state: state[:2]),
-                    "wire_force": StageOutput(2, self._wire_force, moving),
-                },
-                # Spool angle and speed, and the friction of each wire, -1 .. 1.
-                state=np.zeros(4 if slides else 2),
-                period=period,
+            self._pwm = self.DeclareVectorInputPort(name="pwm", size=1)
+            self._measured = self.DeclareVectorInputPort(name="state_measured", size=8)
+            # Spool angle and speed, and the friction of each wire, -1 .. 1.
+            self.DeclareDiscreteState(4 if config.friction.wire else 2)
+            # A step needs the wires for the joints and for the motor.
+            entry = self.DeclareCacheEntry(
+                description="wires",
+                value_producer=ValueProducer(
+                    allocate=lambda: AbstractValue.Make(object()),
+                    calc=weak(self._calc_wires),
+                ),
+                prerequisites_of_calc={self.xd_ticket(), self._measured.ticket()},
+            )
+            # Its index, because a wrapper of the entry would keep the system alive.
+            self._wires_index = entry.cache_index()
+            moving = {self.xd_ticket(), self._measured.ticket()}
+            for name, size, calc, prerequisites in (
+                ("joint_torque", 4, self._calc_joint_torque, moving),
+                ("motor_state", 2, self._calc_motor_state, {self.xd_ticket()}),
+                ("wire_force", 2, self._calc_wire_force, {entry.ticket()}),
+            ):
+                self.DeclareVectorOutputPort(
+                    name=name,
+                    size=size,
+                    calc=weak(calc),
+                    prerequisites_of_calc=prerequisites,
+                )
+            self.DeclarePeriodicDiscreteUpdateEvent(
+                period_sec=period, offset_sec=0.0, update=self._update
             )
 
         def _construct_copy(self, other: Any, converter: Any = None) -> None:
             Impl._construct(self, other.config, other._period, converter=converter)
 
-        def _wires(
-            self, angle: Any, speed: Any, state: list[Any]
-        ) -> list[tuple[Any, Any, Any]]:
-            """Return the force of each wire, and its moment arms at base and tip.
+        def _wires(self, context: Any) -> list[tuple[Any, Any, Any]]:
+            """Return the force of each wire, and its moment arms at base and tip."""
+            entry = self.get_cache_entry(self._wires_index)
+            wires: list[tuple[Any, Any, Any]] = entry.EvalAbstract(context).get_value()
+            return wires
 
-            A step needs them for the joints and for the motor. So those of the last
-            arguments are kept.
-
-            Args:
-                angle: Of the spool [rad].
-                speed: Of the spool [rad/s].
-                state: Of the joints, [q; v].
-            """
-            arguments = (angle, speed, *state)
-            if T is float and arguments == self._last[0]:
-                return self._last[1]
-            config = self.config
+        def _calc_wires(self, context: Any, output: AbstractValue) -> None:
+            config, state = self.config, self._measured.Eval(context).tolist()
+            angle, speed, *_ = context.get_discrete_state(0).CopyToVector().tolist()
             wires = []
             for base, tip in FINGERS:
                 base_arm = base_moment_arm(state[base])
@@ -233,14 +245,13 @@ def TendonDrive_(T: Any) -> Any:  # noqa: D103 (the class below is the documenta
                 pull = config.wire_stiffness * stretch + config.wire_damping * rate
                 force = max(pull, 0.0) if T is float else max_(pull, 0.0)
                 wires.append((force, base_arm, tip_arm))
-            self._last = arguments, wires
-            return wires
+            output.set_value(wires)
 
-        def _joint_torque(self, time: Any, drive: Any, state_measured: Any) -> Any:
-            config, state = self.config, state_measured.tolist()
+        def _calc_joint_torque(self, context: Any, output: Any) -> None:
+            config, state = self.config, self._measured.Eval(context).tolist()
             torques: list[Any] = [0.0] * 4
-            angle, speed, *stuck = drive.tolist()
-            wires = self._wires(angle, speed, state)
+            _, _, *stuck = context.get_discrete_state(0).CopyToVector().tolist()
+            wires = self._wires(context)
             if stuck:
                 wires = [
                     (force * passed_on(s, config.friction.wire), *arms)
@@ -255,38 +266,39 @@ def TendonDrive_(T: Any) -> Any:  # noqa: D103 (the class below is the documenta
                 ):
                     back = spring.preload + spring.stiffness * state[joint]
                     torques[joint] = force * arm - back
-            return torques
+            output.SetFromVector(torques)
 
-        def _wire_force(self, time: Any, drive: Any, state_measured: Any) -> Any:
-            wires = self._wires(drive[0], drive[1], state_measured.tolist())
-            return [force for force, *_ in wires]
+        def _calc_motor_state(self, context: Any, output: Any) -> None:
+            output.SetFromVector(context.get_discrete_state(0).CopyToVector()[:2])
 
-        def update(self, time: Any, drive: Any, pwm: Any, state_measured: Any) -> Any:
-            """See `Stage`."""
+        def _calc_wire_force(self, context: Any, output: Any) -> None:
+            output.SetFromVector([force for force, *_ in self._wires(context)])
+
+        def _update(self, context: Any, discrete_state: Any) -> None:
             config, dt = self.config, self._period
-            state = state_measured.tolist()
-            angle, speed, *stuck = drive.tolist()
-            wires = self._wires(angle, speed, state)
-            load = config.spool_radius * sum(force for force, *_ in wires)
-            torque = config.full_torque * config.useful_pwm(pwm[0])
+            state = self._measured.Eval(context).tolist()
+            angle, speed, *stuck = context.get_discrete_state(0).CopyToVector().tolist()
+            load = sum(force for force, *_ in self._wires(context))
+            load = config.spool_radius * load
+            pwm = self._pwm.Eval(context)[0]
+            torque = config.full_torque * config.useful_pwm(pwm)
             inertia, damping = config.reflected_inertia, config.motor_damping
             friction = config.friction
-            damping += friction.gear_damping
             speed = (inertia * speed + dt * (torque - load)) / (inertia + dt * damping)
             if friction.gear or friction.gear_load:
                 most = dt * friction.of_gears(load) / (inertia + dt * damping)
                 speed = slowed(speed, most)
-            return [angle + dt * speed, speed, *self._slide(stuck, state)]
+            slid_on = self._slide(stuck, state)
+            discrete_state.set_value([angle + dt * speed, speed, *slid_on])
 
         def _slide(self, stuck: Any, state: list[Any]) -> list[Any]:
             """Return the friction state of each wire after a step."""
-            config = self.config.friction
             result = []
             for s, (base, tip) in zip(stuck, FINGERS, strict=False):
                 rate = base_moment_arm(state[base]) * state[4 + base]
                 rate += tip_moment_arm(state[tip]) * state[4 + tip]
                 travel = self._period * rate
-                result.append(slid(s, travel, config.wire_presliding))
+                result.append(slid(s, travel, WIRE_PRESLIDING))
             return result
 
     return Impl

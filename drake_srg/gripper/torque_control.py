@@ -1,13 +1,13 @@
 """The servo's own control of its motor's torque, by its estimate of the current."""
 
 import numpy as np
+from pydrake.systems.framework import Context, DiscreteValues
 
-from drake_srg.common.stages import StageOutput, StageSystem
 from drake_srg.gripper.tendon import TendonDriveConfig
-from drake_srg.types import Vector
+from drake_srg.lifetime import LeafSystem
 
 
-class TorqueControl(StageSystem):
+class TorqueControl(LeafSystem):
     """Finds the PWM that gives a torque, by integration, as the servo's firmware does.
 
     .. pydrake_system::
@@ -33,16 +33,16 @@ class TorqueControl(StageSystem):
     def __init__(self, drive: TendonDriveConfig, period: float) -> None:
         super().__init__()
         self._drive, self._period = drive, period
-        self.declare_stage(
-            inputs={"torque_desired": 1},
-            outputs={"pwm_desired": StageOutput(1, lambda time, state: state)},
-            state=[np.nan],
-            period=period,
+        self._torque = self.DeclareVectorInputPort(name="torque_desired", size=1)
+        pwm = self.DeclareDiscreteState([np.nan])
+        self.DeclareStateOutputPort("pwm_desired", pwm)
+        self.DeclarePeriodicDiscreteUpdateEvent(
+            period_sec=period, offset_sec=0.0, update=self._update
         )
 
-    def update(self, time: float, state: Vector, torque_desired: Vector) -> list[float]:
-        """See `Stage`."""
-        drive, torque, before = self._drive, torque_desired[0], state[0]
+    def _update(self, context: Context, discrete_state: DiscreteValues) -> None:
+        drive, torque = self._drive, self._torque.Eval(context)[0]
+        before = context.get_discrete_state(0).value()[0]
         if not np.isfinite(torque):
             pwm = np.nan
         elif drive.torque_rise == 0.0:
@@ -54,4 +54,4 @@ class TorqueControl(StageSystem):
             # With a shorter rise, an update would overshoot, and then never settle.
             rise = max(drive.torque_rise, self._period / (1.0 - drive.dead_band))
             pwm += self._period * error / rise
-        return [float(np.clip(pwm, -1.0, 1.0))]
+        discrete_state.set_value([np.clip(pwm, -1.0, 1.0)])

@@ -1,20 +1,20 @@
 """Force sensors in the finger links, which read the plant's contacts."""
 
 import dataclasses as dc
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from typing import Any
+from collections.abc import Iterator, Mapping, Sequence
 
 import numpy as np
+from pydrake.common.value import AbstractValue
 from pydrake.geometry import GeometryId
 from pydrake.math import RigidTransform
 from pydrake.multibody.plant import ContactResults, MultibodyPlant
 from pydrake.multibody.tree import BodyIndex, ModelInstanceIndex
-from pydrake.systems.framework import DiagramBuilder
+from pydrake.systems.framework import BasicVector, Context, DiagramBuilder
 
 from drake_srg.common.contacts import Contact, each_contact
-from drake_srg.common.stages import StageOutput, StageSystem
 from drake_srg.gripper.finger_layout import INWARD, FingerLayout
 from drake_srg.gripper.finger_sensor import FingerSensorConfig
+from drake_srg.lifetime import LeafSystem
 from drake_srg.types import Vector, positive
 
 
@@ -37,7 +37,7 @@ class TouchConfig(FingerSensorConfig):
         return AddContactForceSensors(builder, plant, gripper, layout, self)
 
 
-class ContactForceSensors(StageSystem):
+class ContactForceSensors(LeafSystem):
     """Measures the contact forces on each finger link.
 
     .. pydrake_system::
@@ -80,70 +80,63 @@ class ContactForceSensors(StageSystem):
         self._sensor_of_geometry = {
             g.get_value(): i for i, (_, gs) in enumerate(links.values()) for g in gs
         }
-        inputs = {"contact_results": ContactResults(), "body_poses": [RigidTransform()]}
-        reads = tuple(inputs)
-        self.declare_stage(
-            inputs=inputs,
-            outputs={
-                name: StageOutput(size * len(links), calc, reads)
-                for name, size, calc in (
-                    ("contact_force", 1, self._forces),
-                    ("contact_wrench", 6, self._flat_wrenches),
-                    ("triggered", 1, self._fired),
-                )
-            },
+        self._contacts = self.DeclareAbstractInputPort(
+            name="contact_results", model_value=AbstractValue.Make(ContactResults())
         )
+        self._poses = self.DeclareAbstractInputPort(
+            name="body_poses", model_value=AbstractValue.Make([RigidTransform()])
+        )
+        for name, size, calc in (
+            ("contact_force", 1, self._calc_contact_force),
+            ("contact_wrench", 6, self._calc_contact_wrench),
+            ("triggered", 1, self._calc_triggered),
+        ):
+            self.DeclareVectorOutputPort(
+                name=name,
+                size=size * len(links),
+                calc=calc,
+                prerequisites_of_calc={self.all_input_ports_ticket()},
+            )
 
     def _applied(
-        self,
-        contact_results: Callable[[], ContactResults],
-        body_poses: Callable[[], list[RigidTransform]],
+        self, context: Context
     ) -> Iterator[tuple[int, RigidTransform, float, Contact]]:
         """Yield each contact on a link: sensor, link's pose, sign of A's force."""
         poses: list[RigidTransform] = []  # read at the first contact
-        for contact in each_contact(contact_results()):
+        for contact in each_contact(self._contacts.Eval(context)):
             for id_, sign in ((contact.id_A, 1.0), (contact.id_B, -1.0)):
                 sensor = self._sensor_of_geometry.get(id_)
                 if sensor is not None:
-                    poses = poses or body_poses()
+                    poses = poses or self._poses.Eval(context)
                     yield sensor, poses[self._bodies[sensor]], sign, contact
 
-    def _flat_wrenches(
-        self,
-        time: float,
-        state: Vector,
-        contact_results: Callable[[], ContactResults],
-        body_poses: Callable[[], list[RigidTransform]],
-    ) -> Vector:
-        """Return [torque; force] on each link at its origin, in its frame, (6m,)."""
+    def _calc_contact_wrench(self, context: Context, output: BasicVector) -> None:
         wrenches = np.zeros((len(self._bodies), 6))
-        for sensor, X_WL, sign, contact in self._applied(contact_results, body_poses):
+        for sensor, X_WL, sign, contact in self._applied(context):
             F_Ac_W = contact.F_Ac_W()
             R_LW = X_WL.rotation().matrix().T
             force = sign * F_Ac_W.translational()
             lever = contact.p_WC() - X_WL.translation()
             moment = sign * F_Ac_W.rotational() + np.cross(lever, force)
             wrenches[sensor] += np.concatenate([R_LW @ moment, R_LW @ force])
-        return wrenches.flatten()
+        output.SetFromVector(wrenches.flatten())
 
-    def _forces(
-        self,
-        time: float,
-        state: Vector,
-        contact_results: Callable[[], ContactResults],
-        body_poses: Callable[[], list[RigidTransform]],
-    ) -> Vector:
+    def _forces(self, context: Context) -> Vector:
+        """Return the pressure on the closing side of each link, shape (m,) [N]."""
         # Without the torques, which would take four times as long.
         forces = np.zeros((len(self._bodies), 3))
-        for sensor, X_WL, sign, contact in self._applied(contact_results, body_poses):
+        for sensor, X_WL, sign, contact in self._applied(context):
             R_WL = X_WL.rotation().matrix()
             forces[sensor] += R_WL.T @ (sign * contact.F_Ac_W().translational())
         # Pressure on the closing side pushes outwards.
         return np.maximum(-forces @ INWARD, 0.0)
 
-    def _fired(self, time: float, state: Vector, *seen: Any) -> Vector:
-        fired = self._forces(time, state, *seen) >= self.config.trigger_force
-        return fired.astype(float)
+    def _calc_contact_force(self, context: Context, output: BasicVector) -> None:
+        output.SetFromVector(self._forces(context))
+
+    def _calc_triggered(self, context: Context, output: BasicVector) -> None:
+        fired = self._forces(context) >= self.config.trigger_force
+        output.SetFromVector(fired.astype(float))
 
 
 def AddContactForceSensors(

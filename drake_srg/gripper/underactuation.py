@@ -2,11 +2,13 @@
 
 import dataclasses as dc
 import math
-from collections.abc import Mapping
 
+from pydrake.systems.framework import Context, DiscreteValues
+
+from drake_srg.common.ports import value_or_none
 from drake_srg.common.srg_geometry import SRG
-from drake_srg.common.stages import StageOutput, StageSystem
-from drake_srg.types import Vector, positive
+from drake_srg.lifetime import LeafSystem
+from drake_srg.types import positive
 
 # Order of the SRG's joints and sensors, here and at every port. A finger is a pair of
 # indices (base, tip) into it.
@@ -97,7 +99,7 @@ def finger_targets(
     return base + share, tip + share
 
 
-class UnderactuationLogic(StageSystem):
+class UnderactuationLogic(LeafSystem):
     """Turns one closure command into the targets of the four finger joints.
 
     .. pydrake_system::
@@ -130,55 +132,47 @@ class UnderactuationLogic(StageSystem):
 
     Args:
         config: Parameters of the algorithm.
-        further: Sizes of further optional inputs, for a derived class's `update`.
     """
 
-    def __init__(
-        self,
-        config: UnderactuationConfig | None = None,
-        further: Mapping[str, int] | None = None,
-    ) -> None:
+    def __init__(self, config: UnderactuationConfig | None = None) -> None:
         super().__init__()
         self.config = config or UnderactuationConfig()
         self._limits = 2 * [self.config.base_limit] + 2 * [self.config.tip_limit]
-        counted = self.config.evaluate == "per_message"
-        self.declare_stage(
-            inputs={"closure_commanded": 1, "state_measured": 8, "triggered": 4},
-            optional={
-                "joint_position_commanded": 4,
-                "hold": 1,
-                **({"closure_messages": 1} if counted else {}),
-                **(further or {}),
-            },
-            outputs={
-                "position_desired": StageOutput(4, lambda time, state: state[4:8])
-            },
-            # [Algorithm 1's targets (4), desired (4), last closure, opening, holding,
-            # whether the bases' sensors fired (2), number of messages evaluated]
-            state=[0.0] * 14,
-            period=self.config.period,
+        self._closure, self._measured, self._triggered, self._commanded, self._hold = (
+            self.DeclareVectorInputPort(name=name, size=size)
+            for name, size in (
+                ("closure_commanded", 1),
+                ("state_measured", 8),
+                ("triggered", 4),
+                ("joint_position_commanded", 4),
+                ("hold", 1),
+            )
+        )
+        if self.config.evaluate == "per_message":
+            self._messages = self.DeclareVectorInputPort(
+                name="closure_messages", size=1
+            )
+        self._desired = self.DeclareDiscreteState([0.0] * 4)
+        # [Algorithm 1's targets (4), last closure, opening, holding, whether the bases'
+        # sensors fired (2), number of messages evaluated]
+        self._memory = self.DeclareDiscreteState([0.0] * 10)
+        self.DeclareStateOutputPort("position_desired", self._desired)
+        self.DeclarePeriodicDiscreteUpdateEvent(
+            period_sec=self.config.period, offset_sec=0.0, update=self._update
         )
 
-    def update(
-        self,
-        time: float,
-        state: Vector,
-        closure_commanded: Vector,
-        state_measured: Vector,
-        triggered: Vector,
-        joint_position_commanded: Vector | None,
-        hold: Vector | None,
-        closure_messages: Vector | None = None,
-    ) -> list[float]:
-        """See `Stage`."""
+    def _update(self, context: Context, discrete_state: DiscreteValues) -> None:
         # Lists of floats: for so few joints, they are faster than arrays.
-        now = state.tolist()
-        targets, desired, evaluated = now[:4], now[4:8], now[13]
-        last_closure, opening, was_holding = now[8], bool(now[9]), bool(now[10])
-        fired_before = [value != 0.0 for value in now[11:13]]
-        messages = self._num_messages(closure_messages)
-        q, closure = state_measured.tolist()[:4], float(closure_commanded[0])
-        fired = [value != 0.0 for value in triggered.tolist()]
+        desired = context.get_discrete_state(self._desired).value().tolist()
+        memory = context.get_discrete_state(self._memory).value().tolist()
+        targets, last_closure, evaluated = memory[:4], memory[4], memory[9]
+        opening, was_holding = bool(memory[5]), bool(memory[6])
+        fired_before = [value != 0.0 for value in memory[7:9]]
+        messages = self._num_messages(context)
+        q = self._measured.Eval(context).tolist()[:4]
+        closure = float(self._closure.Eval(context)[0])
+        fired = [value != 0.0 for value in self._triggered.Eval(context).tolist()]
+        hold = value_or_none(self._hold, context)
         holding = hold is not None and hold[0] != 0.0
         if math.isfinite(closure):
             closure = min(max(closure, 0.0), 1.0)
@@ -196,20 +190,23 @@ class UnderactuationLogic(StageSystem):
                 fired_before, evaluated = fired[:2], messages or 0.0
                 targets = self._algorithm(closure, opening, q, fired, targets)
             desired = targets
-            if joint_position_commanded is not None:
-                override = joint_position_commanded.tolist()
+            commanded_positions = value_or_none(self._commanded, context)
+            if commanded_positions is not None:
+                override = commanded_positions.tolist()
                 desired = [
                     commanded if math.isfinite(commanded) else target
                     for commanded, target in zip(override, targets, strict=True)
                 ]
             desired = [*map(min, desired, self._limits)]
         flags = [closure, float(opening), float(holding), *fired_before, evaluated]
-        return [*targets, *desired, *flags]
+        discrete_state.set_value(self._desired, desired)
+        discrete_state.set_value(self._memory, [*targets, *flags])
 
-    def _num_messages(self, messages: Vector | None) -> float | None:
+    def _num_messages(self, context: Context) -> float | None:
         """Return the number of messages; None if their number does not matter."""
         if self.config.evaluate != "per_message":
             return None
+        messages = value_or_none(self._messages, context)
         if messages is None:
             raise RuntimeError(
                 "gripper.underactuation.evaluate: per_message needs a count of "

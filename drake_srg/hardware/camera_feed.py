@@ -1,7 +1,5 @@
 """A hardware camera as a system."""
 
-from __future__ import annotations
-
 import numpy as np
 from pydrake.common.value import AbstractValue
 from pydrake.math import RigidTransform
@@ -39,13 +37,16 @@ class CameraFeed(LeafSystem):
         super().__init__()
         self._camera = camera
         self._stamp = self.DeclareVectorInputPort(name="stamp", size=1)
+        # Time, too: the camera sees more than the inputs tell. No update event could
+        # fetch the picture instead, because none knows whether anybody will look, and
+        # each would wait for the camera.
         entry = self.DeclareCacheEntry(
             description="picture",
             value_producer=ValueProducer(
                 allocate=lambda: AbstractValue.Make(object()),
                 calc=weak(self._calc_picture),
             ),
-            prerequisites_of_calc={self.time_ticket()},
+            prerequisites_of_calc={self.time_ticket(), self._stamp.ticket()},
         )
         self._entry = entry.cache_index()
         for name, model, calc in (

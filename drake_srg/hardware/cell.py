@@ -14,8 +14,7 @@ from drake_srg.common.ports import export_outputs, input_ports, output_ports
 from drake_srg.hardware.exchange import PlannerLink
 from drake_srg.hardware.link import STAMP
 from drake_srg.hardware.remote_planner import RemotePlanner
-from drake_srg.hardware.remote_servoing import RemoteServoingPlanner
-from drake_srg.scenario import Scenario
+from drake_srg.scenario import Scenario, servo_of
 from drake_srg.servoing.late_sightings import LateSightings
 from drake_srg.servoing.visual_servo import VisualServo
 
@@ -54,9 +53,9 @@ def MakeHardwareCell(
         - planner.status
         - arm.position_commanded
         - gripper.closure_commanded
-        - planner.servo_status (with `servoing`)
+        - planner.servo_status (with a visual servo)
 
-    The subsystems are named `station` and `planner` and, with `servoing`, `servo`,
+    The subsystems are named `station` and `planner` and, with a visual servo, `servo`,
     `late_sightings` and `command_hold`. The servo moves the arm at the period of its
     driver. What its camera shows comes from the planner.
 
@@ -75,10 +74,9 @@ def MakeHardwareCell(
         if name.startswith("safety."):
             builder.ExportInput(port, name)
     sizes = measurements(station)
-    kind = RemotePlanner if scenario.servoing is None else RemoteServoingPlanner
     remote = builder.AddNamedSystem(
         "planner",
-        kind(
+        RemotePlanner(
             planner,
             np.array(scenario.arm.home),
             sizes,
@@ -95,7 +93,7 @@ def MakeHardwareCell(
         "arm.position_commanded": remote.GetOutputPort("position_commanded"),
         "gripper.closure_commanded": remote.GetOutputPort("closure_commanded"),
     }
-    if scenario.servoing is not None:
+    if servo_of(scenario) is not None:
         servo = _AddServo(builder, scenario, station, remote, lag)
         hold = _AddHold(builder, scenario.arm, servo)
         commanded["arm.position_commanded"] = hold.get_output_port()
@@ -119,7 +117,7 @@ def _AddServo(
 ) -> VisualServo:
     """Add a scenario's visual servo, and what dates its sightings."""
     assert scenario.arm is not None
-    config, period = scenario.servoing, scenario.arm.period
+    config, period = servo_of(scenario), scenario.arm.period
     assert config is not None
     # Its commands pass the safety monitor, which wants a new one every period; each
     # waits for one in `command_hold`.

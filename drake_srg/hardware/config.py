@@ -6,20 +6,14 @@ import operator
 import typing
 from pathlib import Path
 
+from drake_srg.bridges.connecting import Ros1Config, Ros2Config
 from drake_srg.common.exceptions import ScenarioError
+from drake_srg.hardware.arm import Ros1Arm, Ros2Arm
 from drake_srg.hardware.cameras import Ros1Camera, Ros2Camera, RosCamera
 from drake_srg.hardware.dynamixel.drivers import DynamixelArm, DynamixelGripper
 from drake_srg.hardware.faults import FaultsConfig
-from drake_srg.hardware.link import HardwareDriver
-from drake_srg.hardware.nodes import Ros1Config, Ros2Config
-from drake_srg.hardware.ros import (
-    Ros1Arm,
-    Ros1Gripper,
-    Ros2Arm,
-    Ros2Gripper,
-    RosArm,
-    RosGripper,
-)
+from drake_srg.hardware.gripper import Ros1Gripper, Ros2Gripper
+from drake_srg.hardware.link import HardwareDriver, RosDriver
 from drake_srg.scenario.yaml_tree import parse_yaml
 from drake_srg.scenario.yaml_typed import load_typed
 
@@ -65,9 +59,7 @@ class HardwareConfig:
     def ros_versions(self) -> set[int]:
         """Versions of ROS that parts of the robot speak."""
         parts = (self.arm, self.gripper, *self.cameras.values())
-        return {
-            p.version for p in parts if isinstance(p, RosArm | RosGripper | RosCamera)
-        }
+        return {p.version for p in parts if isinstance(p, RosDriver | RosCamera)}
 
 
 def load_hardware(path: str | Path) -> HardwareConfig:

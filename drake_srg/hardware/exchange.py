@@ -37,6 +37,7 @@ class Answer:
         status: The report on the task.
         command: To the visual servo, if there is one.
         sighting: What a new picture of its camera shows; None: there is no new one.
+        planning_wall: What planning has taken so far on the wall clock [s].
     """
 
     time: float
@@ -45,6 +46,7 @@ class Answer:
     status: PlannerStatus
     command: ServoCommand = ServoCommand.PASS
     sighting: Sighting | None = None
+    planning_wall: float = 0.0
 
     @property
     def mode(self) -> Mode:

@@ -9,16 +9,20 @@ import time as wall
 from collections.abc import Callable, Iterator, Mapping, Sequence
 
 import numpy as np
-from pydrake.multibody.plant import MultibodyPlant
 
-from drake_srg.bridges.commands import CommandInbox, PortValues, Warnings
+from drake_srg.bridges.commands import (
+    CommandInbox,
+    PortValues,
+    Warnings,
+    arm_joint_names,
+    joint_limits,
+)
 from drake_srg.common.exceptions import ScenarioError
 from drake_srg.hardware.cameras import Camera
 from drake_srg.hardware.config import HardwareConfig
 from drake_srg.hardware.faults import FaultyLink
-from drake_srg.hardware.link import EXTERNAL_TORQUE, Link, Robot
-from drake_srg.hardware.nodes import Node, Nodes
-from drake_srg.scenario import Scenario
+from drake_srg.hardware.link import EXTERNAL_TORQUE, Link, Node, Nodes, Robot
+from drake_srg.scenario import Scenario, servo_of
 from drake_srg.station.plant import MakeModelsPlant
 from drake_srg.types import Vector
 
@@ -117,8 +121,9 @@ def open_cameras(
         users = dict.fromkeys(scenario.localizer.cameras, "localizer")
         for name in scenario.task.place.cameras:
             users.setdefault(name, "planner (task.place.cameras)")
-        if scenario.servoing is not None:
-            users[scenario.servoing.camera] = "visual servo"
+        servo = servo_of(scenario)
+        if servo is not None:
+            users[servo.camera] = "visual servo"
         for name, user in users.items():
             if name not in config.cameras:
                 raise ScenarioError(
@@ -143,22 +148,9 @@ def MakeRobot(
         suffix: Of the nodes' names, where several processes have nodes.
     """
     plant = MakeModelsPlant(scenario)
-    joints, lower, upper = _arm(plant)
     nodes = Nodes(config.ros1, config.ros2, warnings, suffix)
-    return Robot(scenario, joints, (lower, upper), warnings, nodes)
-
-
-def _arm(plant: MultibodyPlant) -> tuple[tuple[str, ...], Vector, Vector]:
-    """Return names and limits of the arm's joints, in the order of its state."""
-    model = plant.GetModelInstanceByName("arm")
-    joints = [plant.get_joint(index) for index in plant.GetJointIndices(model)]
-    joints = [joint for joint in joints if joint.num_positions() == 1]
-    joints.sort(key=lambda joint: joint.position_start())
-    return (
-        tuple(joint.name() for joint in joints),
-        np.array([joint.position_lower_limit() for joint in joints]),
-        np.array([joint.position_upper_limit() for joint in joints]),
-    )
+    joints, limits = tuple(arm_joint_names(plant)), joint_limits(plant, "arm")
+    return Robot(scenario, joints, limits, warnings, nodes)
 
 
 def _first(

@@ -1,7 +1,5 @@
 """Pictures from a camera's messages: colour and depth of the same time."""
 
-from __future__ import annotations
-
 import dataclasses as dc
 import threading
 from typing import Any
@@ -11,7 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from drake_srg.bridges.commands import CommandError
-from drake_srg.hardware.messages import stamp_of
+from drake_srg.bridges.trajectory_topics import seconds
 
 # Conversions of 8-bit colour images to RGBA, by ROS encoding.
 _COLORS = {
@@ -117,17 +115,11 @@ class Album:
 
     def add_color(self, message: Any) -> None:
         """Add a colour image; raises a CommandError if it is refused."""
-        pixels = color_pixels(message, self._shape)
-        with self._changed:
-            _add(self._color, stamp_of(message), pixels)
-            self._pair(stamp_of(message))
+        self._add(message, self._color, color_pixels(message, self._shape))
 
     def add_depth(self, message: Any) -> None:
         """Add a depth image; raises a CommandError if it is refused."""
-        pixels = depth_pixels(message, self._shape)
-        with self._changed:
-            _add(self._depth, stamp_of(message), pixels)
-            self._pair(stamp_of(message))
+        self._add(message, self._depth, depth_pixels(message, self._shape))
 
     @property
     def newest(self) -> Picture | None:
@@ -154,15 +146,15 @@ class Album:
         with self._changed:
             return self._newest if self._changed.wait_for(newer, patience) else None
 
-    def _pair(self, stamp: float) -> None:
-        older = self._newest is None or stamp > self._newest.stamp
-        if older and stamp in self._color and stamp in self._depth:
-            self._count += 1
-            self._newest = Picture(stamp, self._color[stamp], self._depth[stamp])
-            self._changed.notify_all()
-
-
-def _add(images: dict[float, Any], stamp: float, pixels: Any) -> None:
-    images[stamp] = pixels
-    while len(images) > _KEPT:
-        del images[next(iter(images))]
+    def _add(self, message: Any, images: dict[float, Any], pixels: Any) -> None:
+        """Add an image to those of its kind, and keep the pair if that is newer."""
+        stamp = seconds(message.header.stamp)
+        with self._changed:
+            images[stamp] = pixels
+            while len(images) > _KEPT:
+                del images[next(iter(images))]
+            newer = self._newest is None or stamp > self._newest.stamp
+            if newer and stamp in self._color and stamp in self._depth:
+                self._count += 1
+                self._newest = Picture(stamp, self._color[stamp], self._depth[stamp])
+                self._changed.notify_all()

@@ -26,8 +26,8 @@ from drake_srg.hardware.opening import Hardware
 from drake_srg.hardware.servo_eye import ServoEye
 from drake_srg.hardware.station import AddHardwareStation
 from drake_srg.lifetime import my_context
-from drake_srg.planning.planner_machine import PlannerMachine
-from drake_srg.scenario import Scenario
+from drake_srg.planning.planner_machine import PlannerMachine, planning_clock
+from drake_srg.scenario import Scenario, servo_of
 from drake_srg.servoing.status import ServoCommand, ServoStatus
 
 
@@ -74,16 +74,17 @@ class PlannerCell:
 
         make_planner: Callable[[Scenario], System] | None = None
         self._eye: ServoEye | None = None
-        if scenario.servoing is not None:
+        servo = servo_of(scenario)
+        if servo is not None:
             make_planner = MakeServoTaskPlanner
-            camera = hardware.cameras[scenario.servoing.camera]
+            camera = hardware.cameras[servo.camera]
             self._eye = ServoEye(MakeTracker(scenario), camera)
         cell = MakeCell(without_cut_corners(scenario), make_station, make_planner)
         self._cell = cell
         self._planner = cell.GetSubsystemByName("planner")
         if not isinstance(self._planner, PlannerMachine):
             raise ScenarioError(
-                "script: must be empty on hardware, where motions are planned"
+                "planner: must not be !Script on hardware, where motions are planned"
             )
         self._simulator = Simulator(cell)
         self._fix_servo(ServoStatus())
@@ -108,6 +109,7 @@ class PlannerCell:
             motion if new else None,
             float(self._planner.GetOutputPort("closure_commanded").Eval(context)[0]),
             self._planner.GetOutputPort("status").Eval(context),
+            planning_wall=planning_clock(),
         )
         if self._eye is None:
             return answer

@@ -8,7 +8,6 @@ own, see `planner_cell`.
 from __future__ import annotations
 
 import contextlib
-import multiprocessing as mp
 import threading
 import time as wall
 from collections import deque
@@ -20,7 +19,7 @@ from pydrake.common.yaml import yaml_dump_typed, yaml_load_typed
 
 from drake_srg.bridges.commands import PortValues, Warnings
 from drake_srg.common.exceptions import ScenarioError, one_line
-from drake_srg.common.processes import start_shielded
+from drake_srg.common.processes import Companion
 from drake_srg.common.real_time import lower_priority
 from drake_srg.hardware.config import HardwareConfig
 from drake_srg.hardware.exchange import Answer, Ended, PlannerLink, Tick
@@ -32,7 +31,7 @@ from drake_srg.scenario import Scenario
 # would leave it waiting for each message.
 _UNDER_WAY = 2
 _POLL = 0.1  # s
-_PATIENCE = 2.0  # how long to wait for process and thread to end [s]
+_UNEXPECTED = Ended("the planner's process has ended unexpectedly")
 
 
 class PlannerProcess(PlannerLink):
@@ -58,20 +57,16 @@ class PlannerProcess(PlannerLink):
         self._answers: deque[Answer | Ended] = deque()
         self._under_way = 0
         self._ready = threading.Event()
-        self._closing = False
-        context = mp.get_context("spawn")  # threads do not survive a fork
-        self._connection, theirs = context.Pipe()
+        self.planning_wall = 0.0  # what planning has taken there [s]
         # Drake's schema objects do not pickle, but their YAML does.
         texts = (yaml_dump_typed(scenario), yaml_dump_typed(config))
-        self._process = context.Process(
-            target=_run, args=(theirs, *texts, outputs, dict(start)), daemon=True
+        self._process = Companion(
+            "planner",
+            _run,
+            (*texts, outputs, dict(start)),
+            self._receive,
+            lambda: self._receive(_UNEXPECTED),
         )
-        start_shielded(self._process)  # Ctrl-C is for the loop, which stops the arm
-        theirs.close()
-        self._thread = threading.Thread(
-            target=self._receive, name="planner", daemon=True
-        )
-        self._thread.start()
 
     def wait(self, patience: float, stopped: Callable[[], bool]) -> None:
         """Wait until the planner is ready for ticks.
@@ -99,8 +94,7 @@ class PlannerProcess(PlannerLink):
         """See `PlannerLink`."""
         if self._under_way < _UNDER_WAY:
             self._under_way += 1
-            with contextlib.suppress(OSError):  # it has ended; _receive tells
-                self._connection.send(tick)
+            self._process.send(tick)
 
     def take(self) -> Sequence[Answer | Ended]:
         """See `PlannerLink`."""
@@ -112,30 +106,18 @@ class PlannerProcess(PlannerLink):
 
     def close(self) -> None:
         """End the process."""
-        self._closing = True
-        self._process.terminate()
-        self._process.join(_PATIENCE)
-        self._process.kill()  # in case it did not react
-        self._process.join()
-        self._thread.join(_PATIENCE)
-        self._connection.close()
+        self._process.close()
 
-    def _receive(self) -> None:
-        while True:
-            try:
-                message = self._connection.recv()
-            except (EOFError, OSError):
-                message = Ended("the planner's process has ended unexpectedly")
-            if isinstance(message, str):
-                self._warnings.warn(message, message)
-                continue
-            if message is None:
-                self._ready.set()
-                continue
+    def _receive(self, message: str | Answer | Ended | None) -> None:
+        if isinstance(message, str):
+            self._warnings.warn(message, message)
+            return
+        if message is not None:
             self._answers.append(message)
-            if isinstance(message, Ended):
-                self._ready.set()
-                return
+        if isinstance(message, Answer):
+            self.planning_wall = message.planning_wall
+        if not isinstance(message, Answer):  # None: ready
+            self._ready.set()
 
 
 def _run(

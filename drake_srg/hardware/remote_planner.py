@@ -15,10 +15,14 @@ from drake_srg.hardware.exchange import Answer, Ended, PlannerLink, Tick
 from drake_srg.hardware.pause import Pause
 from drake_srg.lifetime import LeafSystem
 from drake_srg.planning.motion.arm_motion import Motion
-from drake_srg.planning.planner_outputs import AddPlannerOutputs
+from drake_srg.planning.planner_machine import AddPlannerOutputs
 from drake_srg.servoing.sightings import Sighting
-from drake_srg.servoing.status import ServoCommand
+from drake_srg.servoing.status import ServoCommand, ServoStatus
 from drake_srg.types import Failure, Mode, PlannerStatus, Vector
+
+# Without an answer for so long, a servo must not go on [s]. The planner answers every
+# period unless it plans, and it does that only while the hand rests.
+_SERVO_PATIENCE = 0.5
 
 
 @dc.dataclass(frozen=True)
@@ -138,11 +142,14 @@ class RemotePlanner(LeafSystem):
         - ROOM.MEASUREMENT (each of the station)
         - safety.state (optional)
         - arm.position_held (optional)
+        - servo_status (optional)
         output_ports:
         - position_commanded
         - closure_commanded
         - mode
         - status
+        - servo_command
+        - sighting
 
     Every `planner_period`, the inputs go to the planner as a `Tick`. Every `period`,
     its answers are taken. `position_commanded` (N) [rad] follows the motion of the last
@@ -154,6 +161,12 @@ class RemotePlanner(LeafSystem):
     clock stands still: it gets no ticks, and its motion comes to rest. After the
     release, the motion goes on where it was stopped; after a stop that has made the
     monitor forget the path, the arm first goes there from `arm.position_held` (N).
+
+    For a visual servo, whose tracker is in the other process, too, `servo_status`
+    (ServoStatus) goes to the planner with every tick. `servo_command` (ServoCommand)
+    and `sighting` (a Sighting with its stamp, NaN unless the servo tracks) come with
+    its answers. While the arm is stopped, and where the planner ends or does not answer
+    for half a second, a servo that is in charge is told to hold.
 
     Args:
         planner: The connection.
@@ -180,8 +193,11 @@ class RemotePlanner(LeafSystem):
             self.DeclareVectorInputPort(name=name, size=size)
         self._safety = self.DeclareVectorInputPort(name="safety.state", size=2)
         self._held = self.DeclareVectorInputPort("arm.position_held", len(home))
+        self._servo = self.DeclareAbstractInputPort(
+            name="servo_status", model_value=AbstractValue.Make(ServoStatus())
+        )
         self._plan = self.DeclareAbstractState(AbstractValue.Make(Plan(Motion(home))))
-        self.plan_ticket = ticket = self.abstract_state_ticket(self._plan)
+        ticket = self.abstract_state_ticket(self._plan)
         AddPlannerOutputs(
             self,
             len(home),
@@ -190,12 +206,19 @@ class RemotePlanner(LeafSystem):
             status=self._calc_status,
             prerequisites={ticket},
         )
-        self.DeclareAbstractOutputPort(
-            name="mode",
-            alloc=lambda: AbstractValue.Make(Mode.IDLE),
-            calc=self._calc_mode,
-            prerequisites_of_calc={ticket},
-        )
+        for name, model, calc, tickets in (
+            ("mode", Mode.IDLE, self._calc_mode, {ticket}),
+            (
+                "servo_command",
+                ServoCommand.PASS,
+                self._calc_servo_command,
+                {ticket, self.time_ticket()},
+            ),
+            ("sighting", Sighting(), self._calc_sighting, {ticket}),
+        ):
+            self.DeclareAbstractOutputPort(
+                name, AbstractValue.Make(model).Clone, calc, tickets
+            )
         self.DeclarePeriodicUnrestrictedUpdateEvent(period, 0.0, self._update)
         self.DeclarePeriodicPublishEvent(planner_period, 0.0, self._post)
 
@@ -215,6 +238,17 @@ class RemotePlanner(LeafSystem):
 
     def _calc_status(self, context: Context, output: AbstractValue) -> None:
         output.set_value(self.plan(context).status)
+
+    def _calc_servo_command(self, context: Context, output: AbstractValue) -> None:
+        plan = self.plan(context)
+        silent = context.get_time() - plan.answered > _SERVO_PATIENCE
+        command = plan.command
+        if command is not ServoCommand.PASS and (silent or plan.pause is not None):
+            command = ServoCommand.HOLD
+        output.set_value(command)
+
+    def _calc_sighting(self, context: Context, output: AbstractValue) -> None:
+        output.set_value(self.plan(context).sighting or Sighting())
 
     def _update(self, context: Context, state: State) -> EventStatus:
         before = plan = self.plan(context)
@@ -237,11 +271,10 @@ class RemotePlanner(LeafSystem):
         state.get_mutable_abstract_state(int(self._plan)).set_value(plan)
         return EventStatus.Succeeded()
 
-    def tick(self, context: Context) -> Tick:
-        """Return what the planner gets to know now."""
-        values = {name: self.GetInputPort(name).Eval(context) for name in self._names}
-        return Tick({name: np.array(v) for name, v in values.items()})
-
     def _post(self, context: Context) -> None:
-        if self.plan(context).pause is None:
-            self._planner.post(self.tick(context))
+        if self.plan(context).pause is not None:
+            return
+        values = {name: self.GetInputPort(name).Eval(context) for name in self._names}
+        servo = self._servo.Eval(context) if self._servo.HasValue(context) else None
+        tick = Tick({name: np.array(v) for name, v in values.items()}, servo)
+        self._planner.post(tick)

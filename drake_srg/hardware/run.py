@@ -30,7 +30,7 @@ from drake_srg.recording.log import write_log
 from drake_srg.recording.output import output_folder
 from drake_srg.recording.run_timeline import run_timeline
 from drake_srg.recording.timeline import draw_timeline
-from drake_srg.scenario import Scenario
+from drake_srg.scenario import Scenario, servo_of
 from drake_srg.simulation.metrics import Metrics, RunTimes, calc_metrics
 from drake_srg.simulation.recorders import FILES, AddRosbagRecorder, run_labels
 from drake_srg.simulation.simulate import Result
@@ -133,7 +133,8 @@ def run_on_hardware(
         finally:
             log = loop.log.arrays() if loop.log else {}
             written = _write(out, log, scenario, name, record)
-    metrics = _metrics(scenario, name, loop, log, elapsed, written)
+    times = RunTimes(loop.time, elapsed, planner.planning_wall)
+    metrics = _metrics(scenario, name, loop, log, times, written)
     if out is not None:
         metrics.write(out / "metrics.json")
     return Result(metrics, log, loop.status)
@@ -154,13 +155,15 @@ def _check_home(scenario: Scenario, hardware: Hardware) -> None:
 
 def check_servo(scenario: Scenario, config: HardwareConfig, hardware: Hardware) -> None:
     """Raise a ScenarioError if a visual servo cannot work."""
-    if scenario.servoing is None:
+    if servo_of(scenario) is None:
         return
     if config.release:
-        raise ScenarioError("release: must be 0 with servoing, where a stop is final")
+        raise ScenarioError(
+            "release: must be 0 with planner: !Servoing, where a stop is final"
+        )
     if STAMP not in hardware.start:
         raise ScenarioError(
-            "servoing: needs an arm whose states have time stamps "
+            "planner: !Servoing needs an arm whose states have time stamps "
             "(allowed: !Ros1Arm, !Ros2Arm)"
         )
 
@@ -224,7 +227,7 @@ def _metrics(
     name: str,
     loop: ControlLoop,
     log: Mapping[str, Vector],
-    elapsed: float,
+    times: RunTimes,
     written: Mapping[str, str],
 ) -> Metrics:
     """Return the metrics, as far as they can be told without ground truth."""
@@ -235,7 +238,7 @@ def _metrics(
         log,
         status,
         set(),
-        RunTimes(loop.time, elapsed),
+        times,
         {kind: written.get(kind) for kind in FILES},
     )
     return dc.replace(

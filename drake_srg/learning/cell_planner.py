@@ -16,7 +16,7 @@ from drake_srg.common.minimum_jerk import minimum_jerk_blend
 from drake_srg.envs.movers import Mover
 from drake_srg.envs.physics import CONTROL_PERIOD
 from drake_srg.lifetime import LeafSystem
-from drake_srg.planning.planner_outputs import AddPlannerOutputs
+from drake_srg.planning.planner_machine import AddPlannerOutputs
 from drake_srg.types import (
     Blob,
     Cylinder,

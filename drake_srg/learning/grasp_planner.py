@@ -31,7 +31,7 @@ from drake_srg.types import Mode, Shape, Vector
 
 
 @dc.dataclass(frozen=True, eq=False)
-class _Attempt:
+class _GraspAttempt:
     """A grasp, and the control periods since the object was seen."""
 
     grasp: Grasp
@@ -77,12 +77,14 @@ class GraspPlanner(CellPlanner):
         super().__init__(mover, home, name, shape, table)
         self._act = act
 
-    def begin(self, estimate: Vector) -> _Attempt:
+    def begin(self, estimate: Vector) -> _GraspAttempt:
         """See `CellPlanner`."""
         action = checked(self._act(one_shot_state(self.shape)))
-        return _Attempt(grasp_of(action, estimate, self.table))
+        return _GraspAttempt(grasp_of(action, estimate, self.table))
 
-    def act(self, context: Context, attempt: _Attempt) -> tuple[_Attempt, Command]:
+    def act(
+        self, context: Context, attempt: _GraspAttempt
+    ) -> tuple[_GraspAttempt, Command]:
         """See `CellPlanner`."""
         del context
         command = self._command(attempt.grasp, attempt.tick)

@@ -1,57 +1,126 @@
-"""Learners in NumPy, in rounds that can be interrupted."""
+"""Learners in PyTorch, in rounds that can be interrupted: the extra `learn`.
+
+All of them are a `drake_srg.learning.train.Learner`.
+"""
 
 from __future__ import annotations
 
+import dataclasses as dc
+import io
+import itertools
 import json
 import sys
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any, Protocol
+from typing import Any
 
+import gymnasium
 import numpy as np
-from numpy.random import default_rng
+import torch
+from numpy.random import Generator, default_rng
+from stable_baselines3 import SAC
+from torch import Tensor, nn
+from torch.optim import AdamW
+from torch.optim.lr_scheduler import LinearLR
 
 from drake_srg.common.exceptions import ScenarioError, one_line
 from drake_srg.learning.baselines import RULE, rule_of
-from drake_srg.learning.cloning import clone
 from drake_srg.learning.demonstrations import read_demonstrations
 from drake_srg.learning.episodes import Episode, run_episode, training_seed
-from drake_srg.learning.network import Array, Network
-from drake_srg.learning.policy import Kind, npz_bytes, scaled
-from drake_srg.learning.q_learner import QLearner
+from drake_srg.learning.network import Array, Network, best_action
+from drake_srg.learning.policy import Kind, scaled
+from drake_srg.recording.output import OutputFile
 from drake_srg.sweeps.files import write_file
 
-CHECKPOINT = "checkpoint.npz"
+CHECKPOINT = "checkpoint.pt"
 
 
-class Learner(Protocol):
-    """Learns from an environment, a few episodes at a time.
+class Perceptrons(nn.Module):
+    """An ensemble of perceptrons that learn side by side; see `Network`.
 
-    Attributes:
-        steps: Steps of the environment so far.
-        episodes: Episodes so far.
-        round_steps: Steps between two validations.
+    Args:
+        sizes: Of the input, the hidden layers and the output.
+        rng: For the random weights (He et al., ICCV 2015).
+        members: Of the ensemble.
     """
 
-    steps: int
-    episodes: int
-    round_steps: int
+    def __init__(self, sizes: Sequence[int], rng: Generator, members: int = 1) -> None:
+        super().__init__()
+        self.weights = nn.ParameterList(
+            _tensor(np.sqrt(2.0 / inputs) * rng.normal(size=(members, inputs, outputs)))
+            for inputs, outputs in itertools.pairwise(sizes)
+        )
+        self.biases = nn.ParameterList(torch.zeros(members, 1, n) for n in sizes[1:])
 
-    def advance(self, steps: int) -> list[bool]:
-        """Run at least so many steps; returns the success of each episode."""
+    def forward(self, x: Tensor) -> Tensor:
+        """Return the outputs (members, n, outputs) for inputs (members, n, inputs)."""
+        for k, (weight, bias) in enumerate(zip(self.weights, self.biases, strict=True)):
+            x = torch.baddbmm(bias, torch.relu(x) if k else x, weight)
+        return x
 
-    def policy(self) -> tuple[Kind, Network]:
-        """Return the policy so far: its kind and its network."""
+    def network(self) -> Network:
+        """Return a copy that acts without PyTorch."""
+        weights, biases = (
+            [p.detach().numpy().copy() for p in parameters]
+            for parameters in (self.weights, self.biases)
+        )
+        return Network(weights, biases)
 
-    def save(self, folder: Path) -> None:
-        """Write all that `restore` needs."""
 
-    def restore(self, folder: Path) -> None:
-        """Go on from what `save` wrote."""
+@dc.dataclass(frozen=True, kw_only=True)
+class CloningConfig:
+    """Numbers of behaviour cloning."""
+
+    hidden: tuple[int, ...] = (256, 256)
+    rate: float = 1e-3  # of Adam, at first
+    decay: float = 1e-2  # of its weights
+    batch: int = 256
+    # Gradient steps: so many at least, and so many passes over the samples. At 16
+    # passes over 80,000 of `pick_by_touch`, the error is twice that of 64.
+    updates: int = 5000
+    passes: float = 64.0
+    # Largest action that is imitated: tanh reaches 1 only at infinity.
+    most: float = 0.98
+
+
+CLONING = CloningConfig()
+# A quarter of the weights: rounds of DAgger are fitted anew, each on all data.
+DAGGER = CloningConfig(hidden=(128, 128))
+
+
+def clone(
+    x: Array, actions: Array, rng: Generator, config: CloningConfig = CLONING
+) -> Network:
+    """Fit a network, the tanh of which is the action, to demonstrations.
+
+    The rate falls evenly to zero. At a constant rate, the last batches shake the
+    network to the end, and which step it stops at decides how well it acts.
+
+    Args:
+        x: Scaled observations, shape (samples, n).
+        actions: What was done, shape (samples, m), each in -1 .. 1.
+        rng: For all draws.
+        config: Numbers.
+    """
+    seen, target = _tensor(x), _tensor(np.clip(actions, -config.most, config.most))
+    sizes = (x.shape[1], *config.hidden, actions.shape[1])
+    perceptron = Perceptrons(sizes, rng)
+    optimizer = AdamW(
+        perceptron.parameters(), lr=config.rate, weight_decay=config.decay
+    )
+    updates = max(config.updates, round(config.passes * len(x) / config.batch))
+    schedule = LinearLR(optimizer, 1.0, 0.0, updates)
+    for _ in range(updates):
+        chosen = torch.from_numpy(rng.integers(len(x), size=config.batch))
+        action = torch.tanh(perceptron(seen[None, chosen])[0])
+        loss = ((action - target[chosen]) ** 2).sum(dim=1).mean()
+        _descend(optimizer, loss)
+        schedule.step()
+    return perceptron.network()
 
 
 class _Rounds:
-    """What learners in NumPy share: episodes with seeds of their own, and a file.
+    """Shared by these learners: episodes with seeds of their own, and a file.
 
     Args:
         env: The environment.
@@ -89,44 +158,79 @@ class _Rounds:
     def _state(self) -> dict[str, Any]:
         raise NotImplementedError
 
-    def _restore(self, arrays: Mapping[str, Any]) -> None:
+    def _restore(self, state: Mapping[str, Any]) -> None:
         raise NotImplementedError
 
     def save(self, folder: Path) -> None:
         """See `Learner`."""
-        arrays = self._state() | {
-            "steps": np.array(self.steps),
-            "episodes": np.array(self.episodes),
-            "rng": np.array(json.dumps(self._rng.bit_generator.state)),
-        }
-        write_file(folder / CHECKPOINT, npz_bytes(arrays))
+        counts = {"steps": self.steps, "episodes": self.episodes}
+        draws = {"rng": json.dumps(self._rng.bit_generator.state)}
+        file = io.BytesIO()
+        torch.save(self._state() | counts | draws, file)
+        write_file(folder / CHECKPOINT, file.getvalue())
 
     def restore(self, folder: Path) -> None:
         """See `Learner`."""
         path = folder / CHECKPOINT
         try:
-            with np.load(path, allow_pickle=False) as file:
-                arrays = {name: file[name] for name in file.files}
-            self.steps, self.episodes = int(arrays["steps"]), int(arrays["episodes"])
-            self._rng.bit_generator.state = json.loads(str(arrays["rng"]))
-            self._restore(arrays)
+            state = torch.load(path, weights_only=True)  # runs no code of the file
+            self.steps, self.episodes = state["steps"], state["episodes"]
+            self._rng.bit_generator.state = json.loads(state["rng"])
+            self._restore(state)
         except Exception as error:  # whatever damaged archives raise: a dozen kinds
             raise ScenarioError(
                 f"{path}: --resume: cannot be read: {one_line(error)}"
             ) from None
 
 
-class QRounds(_Rounds):
-    """`QLearner` on an environment whose episodes have one step."""
+@dc.dataclass(frozen=True, kw_only=True)
+class QConfig:
+    """Numbers of `QRounds`, chosen on the one-shot grasp's training seeds."""
 
-    def __init__(self, env: Any, run: int) -> None:
+    members: int = 5
+    hidden: tuple[int, ...] = (128, 128)
+    rate: float = 1e-3  # of Adam
+    decay: float = 1e-2  # of its weights: it keeps them smooth between few episodes
+    batch: int = 256
+    # Gradient steps per episode, and episodes with random actions at first.
+    updates: int = 4
+    warm_up: int = 100
+    # Share of later episodes with random actions.
+    random: float = 0.05
+
+
+Q = QConfig()
+
+
+class QRounds(_Rounds):
+    """Learns which action succeeds: an ensemble of values, for one-step episodes.
+
+    Each network predicts the reward of an action. The next action to try is the best
+    one of a network drawn at random (Osband et al., NeurIPS 2016: bootstrapped
+    exploration). With one step an episode, no value of a next state is needed. The DQN
+    of Stable-Baselines3 would need discrete actions.
+    """
+
+    def __init__(self, env: Any, run: int, config: QConfig = Q) -> None:
         super().__init__(env, run)
-        self._learner = QLearner(
-            env.observation_space.shape[0], env.action_space.shape[0], self._rng
+        self._config, self._actions = config, env.action_space.shape[0]
+        sizes = (env.observation_space.shape[0] + self._actions, *config.hidden, 1)
+        self._perceptrons = Perceptrons(sizes, self._rng, config.members)
+        self._optimizer = AdamW(
+            self._perceptrons.parameters(), lr=config.rate, weight_decay=config.decay
         )
+        self._inputs: list[Array] = []
+        self._rewards: list[float] = []
 
     def _act(self, observation: Array) -> Array:
-        return self._learner.explore(self._scaled(observation))
+        """Return the action to try."""
+        few = len(self._inputs) < self._config.warm_up
+        if few or self._rng.random() < self._config.random:
+            return self._rng.uniform(-1.0, 1.0, self._actions).astype(np.float32)
+        member = int(self._rng.integers(self._config.members))
+        network = self._perceptrons.network().member(member)
+        seed = int(self._rng.integers(2**31))
+        return best_action(network, self._scaled(observation), self._actions, seed=seed)
 
     def _learn(self, episode: Episode) -> None:
         if len(episode.actions) != 1:
@@ -135,17 +239,35 @@ class QRounds(_Rounds):
                 "(allowed here: sac, bc, dagger)"
             )
         x = self._scaled(episode.observations[0])
-        self._learner.learn(x, episode.actions[0], float(episode.rewards[0]))
+        self._inputs.append(np.concatenate([x, episode.actions[0]]))
+        self._rewards.append(float(episode.rewards[0]))
+        if len(self._inputs) < self._config.warm_up:
+            return
+        inputs, rewards = _tensor(self._inputs), _tensor(self._rewards)
+        for _ in range(self._config.updates):
+            # Members see samples of their own.
+            shape = (self._config.members, self._config.batch)
+            chosen = torch.from_numpy(self._rng.integers(len(inputs), size=shape))
+            off = self._perceptrons(inputs[chosen])[..., 0] - rewards[chosen]
+            _descend(self._optimizer, (off**2).mean(dim=1).sum())
 
     def policy(self) -> tuple[Kind, Network]:
         """See `Learner`."""
-        return "q", self._learner.network
+        return "q", self._perceptrons.network()
 
     def _state(self) -> dict[str, Any]:
-        return self._learner.state()
+        return {
+            "inputs": _tensor(self._inputs),
+            "rewards": _tensor(self._rewards),
+            "perceptrons": self._perceptrons.state_dict(),
+            "optimizer": self._optimizer.state_dict(),
+        }
 
-    def _restore(self, arrays: Mapping[str, Any]) -> None:
-        self._learner.restore(dict(arrays))
+    def _restore(self, state: Mapping[str, Any]) -> None:
+        self._inputs = list(state["inputs"].numpy())
+        self._rewards = state["rewards"].tolist()
+        self._perceptrons.load_state_dict(state["perceptrons"])
+        self._optimizer.load_state_dict(state["optimizer"])
 
 
 class CloningRounds(_Rounds):
@@ -170,16 +292,21 @@ class CloningRounds(_Rounds):
         """See `Learner`."""
         if not self._seen:
             raise ScenarioError("--algo bc: no demonstration succeeded; add --steps")
+        return "actor", self._fit(CLONING)
+
+    def _fit(self, config: CloningConfig) -> Network:
         # Draws of its own, so that how often a policy is made changes nothing.
         rng = default_rng([self._run, self.episodes])
-        network, _ = clone(np.array(self._seen), np.array(self._done), rng)
-        return "actor", network
+        return clone(np.array(self._seen), np.array(self._done), rng, config)
 
     def _state(self) -> dict[str, Any]:
-        return {"seen": np.array(self._seen), "done": np.array(self._done)}
+        return {"seen": _tensor(self._seen), "done": _tensor(self._done)}
 
-    def _restore(self, arrays: Mapping[str, Any]) -> None:
-        self._seen, self._done = list(arrays["seen"]), list(arrays["done"])
+    def _restore(self, state: Mapping[str, Any]) -> None:
+        self._seen, self._done = (
+            list(state["seen"].numpy()),
+            list(state["done"].numpy()),
+        )
 
 
 class DataRounds(CloningRounds):
@@ -203,3 +330,170 @@ class DataRounds(CloningRounds):
         self.steps += steps
         self.episodes += len(new)
         return [True] * len(new)
+
+
+class DaggerRounds(CloningRounds):
+    """Dataset aggregation (Ross, Gordon and Bagnell, AISTATS 2011).
+
+    In the first round, the hand-written rule acts. Later, the policy so far acts, and
+    the rule says what it would have done in each state that the policy came to.
+    """
+
+    def __init__(self, env: Any, run: int, rule: str = RULE) -> None:
+        super().__init__(env, run, rule)
+        self.round_steps = 4000
+        self._network: Network | None = None  # of the rounds before this one
+
+    def _act(self, observation: Array) -> Array:
+        if self._network is None:
+            return super()._act(observation)
+        action: Array = np.tanh(self._network(self._scaled(observation)[None])[0, 0])
+        return action
+
+    def _learn(self, episode: Episode) -> None:
+        for observation in episode.observations[:-1]:
+            self._seen.append(self._scaled(observation))
+            self._done.append(self._rule(observation))
+
+    def policy(self) -> tuple[Kind, Network]:
+        """See `Learner`."""
+        self._network = self._fit(DAGGER)
+        return "actor", self._network
+
+    def _restore(self, state: Mapping[str, Any]) -> None:
+        super()._restore(state)
+        self.policy()
+
+
+_MODEL, _BUFFER, _COUNTS = "sac.zip", "replay.pkl", "counts.npz"
+# Of soft actor-critic (Haarnoja et al., ICML 2018), but for the learning rate and the
+# discount: episodes of a few dozen steps that end in one reward.
+SAC_OPTIONS = {
+    "learning_rate": 1e-3,
+    "gamma": 0.98,
+    "batch_size": 256,
+    "learning_starts": 500,
+    "buffer_size": 200_000,
+}
+_SAC_HIDDEN = [256, 256]
+
+
+class SacRounds:
+    """Soft actor-critic by Stable-Baselines3.
+
+    Args:
+        env: The environment.
+        run: Seed of training.
+    """
+
+    def __init__(self, env: Any, run: int) -> None:
+        self.steps, self.episodes, self.round_steps = 0, 0, 1000
+        self.run = run
+        self._env = _Seeded(env, self)
+        self._model = SAC(
+            "MlpPolicy",
+            _scaled(self._env),
+            seed=run,
+            device="cpu",
+            policy_kwargs={"net_arch": _SAC_HIDDEN},
+            **SAC_OPTIONS,
+        )
+        self.done: list[bool] = []
+
+    def advance(self, steps: int) -> list[bool]:
+        """See `Learner`."""
+        self.done = []
+        begun = self._model.num_timesteps == 0
+        # Validation has used the environment since, so the last episode is over.
+        self._model.set_env(self._model.get_env(), force_reset=True)
+        self._model.learn(steps, reset_num_timesteps=begun)
+        self.steps = int(self._model.num_timesteps)
+        return self.done
+
+    def policy(self) -> tuple[Kind, Network]:
+        """Return the actor's mean as a network."""
+        actor = self._model.policy.actor
+        layers = [*actor.latent_pi, actor.mu]
+        arrays = [
+            (
+                layer.weight.detach().numpy().T[None],
+                layer.bias.detach().numpy()[None, None],
+            )
+            for layer in layers
+            if hasattr(layer, "weight")
+        ]
+        weights, biases = zip(*arrays, strict=True)
+        return "actor", Network(
+            [np.array(w, np.float32) for w in weights],
+            [np.array(b, np.float32) for b in biases],
+        )
+
+    def save(self, folder: Path) -> None:
+        """Write model and replay buffer, which is Stable-Baselines3's own pickle.
+
+        All files replace the last ones together, once they are complete.
+        """
+        model, buffer, counts = (
+            OutputFile(folder / name) for name in (_MODEL, _BUFFER, _COUNTS)
+        )
+        self._model.save(model.path)
+        self._model.save_replay_buffer(buffer.path)
+        np.savez(counts.path, episodes=self.episodes)
+        for file in (model, buffer, counts):
+            file.commit()
+
+    def restore(self, folder: Path) -> None:
+        """Go on from what `save` wrote. Restore only files that you trust.
+
+        Raises:
+            ScenarioError: If the files are missing or broken.
+        """
+        try:
+            self._model = SAC.load(
+                folder / _MODEL, env=_scaled(self._env), device="cpu"
+            )
+            self._model.load_replay_buffer(folder / _BUFFER)
+            with np.load(folder / _COUNTS) as counts:
+                self.episodes = int(counts["episodes"])
+        except Exception as error:  # whatever unpickling raises
+            raise ScenarioError(
+                f"{folder}: --resume: cannot be read: {one_line(error)}"
+            ) from None
+        self.steps = int(self._model.num_timesteps)
+
+
+class _Seeded(gymnasium.Wrapper):
+    """An environment whose episodes have the learner's seeds, and are counted by it."""
+
+    def __init__(self, env: Any, learner: SacRounds) -> None:
+        super().__init__(env)
+        self._learner = learner
+
+    def reset(self, *, seed: int | None = None, options: Any = None) -> Any:
+        """Begin the learner's next episode; its seed replaces `seed`."""
+        wanted = training_seed(self._learner.run, self._learner.episodes)
+        return self.env.reset(seed=wanted, options=options)
+
+    def step(self, action: Any) -> Any:
+        """Take a step, and tell the learner of episodes that end."""
+        result = self.env.step(action)
+        if result[2] or result[3]:
+            self._learner.episodes += 1
+            self._learner.done.append(bool(result[4].get("success", False)))
+        return result
+
+
+def _scaled(env: Any) -> Any:
+    """Return an environment whose observations are scaled as a `Policy` scales them."""
+    return gymnasium.wrappers.RescaleObservation(env, np.float32(-1.0), np.float32(1.0))
+
+
+def _descend(optimizer: AdamW, loss: Tensor) -> None:
+    """Change the parameters once, against the gradient of a loss."""
+    optimizer.zero_grad()
+    loss.backward()
+    optimizer.step()
+
+
+def _tensor(values: Any) -> Tensor:
+    return torch.from_numpy(np.array(values, np.float32))

@@ -1,4 +1,4 @@
-"""Policies as files: `policy.npz`, read without pickle."""
+"""Policies as files: `policy.npz`, read without pickle, and ONNX for other programs."""
 
 from __future__ import annotations
 
@@ -14,9 +14,9 @@ import numpy as np
 
 from drake_srg.common.exceptions import ScenarioError, one_line
 from drake_srg.common.type_check import checked_types
-from drake_srg.learning.cross_entropy import best_action
-from drake_srg.learning.network import Array, Network
+from drake_srg.learning.network import Array, Network, best_action
 from drake_srg.recording.output import OutputFile
+from drake_srg.sweeps.files import write_file
 
 FORMAT = 1  # of the file; a reader refuses others
 # How the network gives an action: directly, or as the one of greatest value.
@@ -25,6 +25,7 @@ KINDS: tuple[Kind, ...] = ("actor", "q")
 _MOST_LAYERS = 16
 # Observations outside their range are scaled to this at most.
 MOST_SCALED = 2.0
+_OPSET = 18  # of ONNX
 
 
 @dc.dataclass(frozen=True)
@@ -117,6 +118,55 @@ def npz_bytes(arrays: dict[str, Any]) -> bytes:
             entry.compress_type = zipfile.ZIP_DEFLATED
             archive.writestr(entry, content.getvalue())
     return stream.getvalue()
+
+
+def write_onnx(policy: Policy, path: Path) -> None:
+    """Write a policy as a graph from `observation` (1, n) to `action` (1, m).
+
+    Args:
+        policy: Of kind `actor`.
+        path: The .onnx file.
+
+    Raises:
+        OSError: If it cannot be written.
+        ImportError: If the extra `learn` is missing.
+    """
+    import onnx
+    from onnx import TensorProto, helper, numpy_helper
+
+    span = policy.high - policy.low
+    constants = {
+        "gain": 2.0 / span,
+        "offset": -(policy.high + policy.low) / span,
+        "least": np.array(-MOST_SCALED),
+        "most": np.array(MOST_SCALED),
+    }
+    nodes = [
+        helper.make_node("Mul", ["observation", "gain"], ["stretched"]),
+        helper.make_node("Add", ["stretched", "offset"], ["moved"]),
+        helper.make_node("Clip", ["moved", "least", "most"], ["x_0"]),
+    ]
+    layers = list(zip(policy.network.weights, policy.network.biases, strict=True))
+    for k, (weight, bias) in enumerate(layers):
+        constants |= {f"weight_{k}": weight[0], f"bias_{k}": bias[0, 0]}
+        inputs = [f"x_{k}", f"weight_{k}", f"bias_{k}"]
+        nodes.append(helper.make_node("Gemm", inputs, [f"y_{k}"]))
+        last = k == len(layers) - 1
+        kind, out = ("Tanh", "action") if last else ("Relu", f"x_{k + 1}")
+        nodes.append(helper.make_node(kind, [f"y_{k}"], [out]))
+    ports = [
+        [helper.make_tensor_value_info(name, TensorProto.FLOAT, [1, size])]
+        for name, size in (("observation", policy.low.size), ("action", policy.actions))
+    ]
+    tensors = [
+        numpy_helper.from_array(np.asarray(value, np.float32), name)
+        for name, value in constants.items()
+    ]
+    graph = helper.make_graph(nodes, "policy", *ports, tensors)
+    opset = [helper.make_opsetid("", _OPSET)]
+    model = helper.make_model(graph, opset_imports=opset, producer_name="drake_srg")
+    onnx.checker.check_model(model)
+    write_file(path, model.SerializeToString())
 
 
 def load_policy(path: Path | str) -> Policy:

@@ -30,7 +30,7 @@ _RISEN = LIFTED + 0.02
 
 
 @dc.dataclass(frozen=True, eq=False)
-class _Attempt:
+class _PolicyAttempt:
     """How far an attempt is.
 
     Attributes:
@@ -114,11 +114,13 @@ class PolicyPlanner(CellPlanner):
             )
         }
 
-    def begin(self, estimate: Vector) -> _Attempt:
+    def begin(self, estimate: Vector) -> _PolicyAttempt:
         """See `CellPlanner`."""
-        return _Attempt(estimate, self._workspace.start)
+        return _PolicyAttempt(estimate, self._workspace.start)
 
-    def act(self, context: Context, attempt: _Attempt) -> tuple[_Attempt, Command]:
+    def act(
+        self, context: Context, attempt: _PolicyAttempt
+    ) -> tuple[_PolicyAttempt, Command]:
         """See `CellPlanner`."""
         attempt = dc.replace(attempt, tick=attempt.tick + 1)
         far = ticks_between(self.start, self._workspace.start)
@@ -132,7 +134,9 @@ class PolicyPlanner(CellPlanner):
         message = f"the closed hand has not risen after {MAX_STEPS} steps"
         return attempt, Command(Mode.FAILED, attempt.pose, attempt.closure, message)
 
-    def _step(self, context: Context, attempt: _Attempt) -> tuple[_Attempt, Command]:
+    def _step(
+        self, context: Context, attempt: _PolicyAttempt
+    ) -> tuple[_PolicyAttempt, Command]:
         """Let the policy act."""
         sensed = {name: port.Eval(context) for name, port in self._sensors.items()}
         observation = pick_state(
@@ -160,7 +164,7 @@ class PolicyPlanner(CellPlanner):
         )
         return attempt, Command(Mode.CLOSE if closed else Mode.GRASP, pose, closure)
 
-    def _shake(self, attempt: _Attempt) -> tuple[_Attempt, Command]:
+    def _shake(self, attempt: _PolicyAttempt) -> tuple[_PolicyAttempt, Command]:
         """Shake the hand, and end."""
         acceleration, frequency, duration = SHAKE
         attempt = dc.replace(attempt, shaken=attempt.shaken + 1)

@@ -18,7 +18,8 @@ from drake_srg.learning.rules import CLOSED, grasp_height, pick
 from drake_srg.planning.grasps.srg_angles import straight_base_angle
 
 # How the environment scales lengths and angles in its observations [m, rad].
-_SIZE, _NEAR, _ANGLE, _TURN = 0.15, 0.2, 2.0, np.pi
+_SIZE, _NEAR = 0.15, 0.2
+_ANGLE, _TURN = 2.0, np.pi
 _GAIN = 0.4  # share of an error that one action corrects; see `rules`
 # The hand comes down beside the estimate, four standard deviations of 20 mm
 # away, and moves on until what it pushes has its middle 45 mm beyond it [m].
@@ -43,7 +44,7 @@ _LIFTED_AT = 86
 # Scaled speed of the joints below which the fingers are still. The closure that a
 # network commands is never quite even, and Algorithm 1 bends tips that rest by up to
 # 0.25 each time it changes: with the limit of `rules`, they were never still.
-_STILL = 0.3
+_STILL_BY_TOUCH = 0.3
 # Until these steps, boxes are tried where they were seen, and on one side of that; then
 # on the other. The hand, which turns by up to 135 degrees, has closed by the first. The
 # sides are a pad's width and a little away [m].
@@ -101,7 +102,7 @@ def _retry(o: Array) -> Array:
     across = o[3] > 0.0  # the fingers close along the box's y, not its x
     width = _SIZE * (o[7] if across else o[6])
     base = _ANGLE * o[10:12].mean()
-    closed = o[22] > 0.0 and np.abs(o[14:18]).max() < _STILL
+    closed = o[22] > 0.0 and np.abs(o[14:18]).max() < _STILL_BY_TOUCH
     if closed and base > straight_base_angle(0.5 * _NARROWER * width):
         return _EMPTY.copy()
     yaw = _TURN * o[24]
@@ -114,7 +115,9 @@ def _retry(o: Array) -> Array:
 def _pick_beside(o: Array, away: Array) -> Array:
     """Pick as if the estimate were so far away from where it is, (2,) [m]."""
     place = o[:2] + away / _NEAR
-    return pick(np.append(place, o[2:]).astype(np.float32), _STILL, _TURN_PER_WIDTH)
+    return pick(
+        np.append(place, o[2:]).astype(np.float32), _STILL_BY_TOUCH, _TURN_PER_WIDTH
+    )
 
 
 def _step(observation: Array) -> int:

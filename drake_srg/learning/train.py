@@ -1,27 +1,28 @@
-"""Trains a policy, and keeps the latest of the best ones.
+"""Trains a policy, and keeps the latest of the best ones: the extra `learn`.
 
 DIR/policy.npz       the policy, chosen by validation episodes
-DIR/policy.onnx      the same for other programs, with the extra `learn`
+DIR/policy.onnx      the same for other programs, but not of `q`
 DIR/training.json    what is trained, and how it went
 DIR/events.*         the same for TensorBoard
-DIR/checkpoint.npz   for --resume
+DIR/checkpoint.pt    for --resume
 """
 
 from __future__ import annotations
 
 import dataclasses as dc
+import importlib
+import importlib.metadata
 import json
 import math
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
+from typing import Any, Protocol
 
 import numpy as np
 from threadpoolctl import threadpool_limits
 
 from drake_srg.common.exceptions import ScenarioError, one_line
 from drake_srg.common.status_line import StatusLine
-from drake_srg.learning.algorithms import MakeLearner
 from drake_srg.learning.baselines import RULE, RULE_NAMES
 from drake_srg.learning.episodes import (
     VALIDATION,
@@ -30,10 +31,15 @@ from drake_srg.learning.episodes import (
     run_episode,
     training_seed,
 )
-from drake_srg.learning.event_log import EventLog
-from drake_srg.learning.learners import Learner
-from drake_srg.learning.onnx_file import can_write_onnx, write_onnx
-from drake_srg.learning.policy import Policy, PolicyInfo, check_sizes, load_policy
+from drake_srg.learning.network import Network
+from drake_srg.learning.policy import (
+    Kind,
+    Policy,
+    PolicyInfo,
+    check_sizes,
+    load_policy,
+    write_onnx,
+)
 from drake_srg.sweeps.files import write_file
 
 ALGORITHMS = ("q", "sac", "bc", "dagger")
@@ -68,6 +74,93 @@ class Training:
     rule: str = RULE
 
 
+class Learner(Protocol):
+    """Learns from an environment, a few episodes at a time.
+
+    Attributes:
+        steps: Steps of the environment so far.
+        episodes: Episodes so far.
+        round_steps: Steps between two validations.
+    """
+
+    steps: int
+    episodes: int
+    round_steps: int
+
+    def advance(self, steps: int) -> list[bool]:
+        """Run at least so many steps; returns the success of each episode."""
+
+    def policy(self) -> tuple[Kind, Network]:
+        """Return the policy so far: its kind and its network."""
+
+    def save(self, folder: Path) -> None:
+        """Write all that `restore` needs."""
+
+    def restore(self, folder: Path) -> None:
+        """Go on from what `save` wrote."""
+
+
+def MakeLearner(
+    algorithm: str, env: Any, run: int, data: str = "", rule: str = RULE
+) -> Learner:
+    """Make the learner of an algorithm.
+
+    Args:
+        algorithm: One of `ALGORITHMS`.
+        env: The environment.
+        run: Seed of training.
+        data: Folder of a data set, for `bc`; "" for a hand-written rule.
+        rule: Which one `bc` and `dagger` imitate; see `baselines.rule_of`.
+
+    Raises:
+        ScenarioError: If the algorithm does not fit the environment, or `data` does not
+            fit either.
+        ImportError: If the extra `learn` is missing.
+    """
+    if data and algorithm != "bc":
+        raise ScenarioError(f"--data: needs --algo bc, got {algorithm}")
+    if rule != RULE and algorithm not in ("bc", "dagger"):
+        raise ScenarioError(
+            f"--rule {rule}: needs --algo bc or dagger, got {algorithm}"
+        )
+    if rule != RULE and data:
+        raise ScenarioError(f"--rule {rule}: imitates no --data; give one of the two")
+    require_learn()
+    from drake_srg.learning.learners import (
+        CloningRounds,
+        DaggerRounds,
+        DataRounds,
+        QRounds,
+        SacRounds,
+    )
+
+    if algorithm == "q":
+        return QRounds(env, run)
+    if algorithm == "sac":
+        return SacRounds(env, run)
+    if algorithm == "dagger":
+        return DaggerRounds(env, run, rule)
+    return DataRounds(env, run, Path(data)) if data else CloningRounds(env, run, rule)
+
+
+def require_learn() -> None:
+    """Check that the packages exist with which policies are trained.
+
+    Raises:
+        ImportError: If one is missing; one line says what to install.
+    """
+    try:
+        for name in ("torch", "stable_baselines3", "tensorboard", "onnx"):
+            importlib.import_module(name)
+    except ImportError as error:
+        raise ImportError(
+            f"Training needs PyTorch and Stable-Baselines3 ({one_line(error)}). "
+            "Install a CPU build of torch first (1.1 GB; pytorch.org says how, and a "
+            "plain `pip install torch` may fetch a CUDA build of several GB), then "
+            "run: pip install 'drake_srg[learn]'; trained policies need neither"
+        ) from error
+
+
 def train(
     training: Training, out: Path, *, resume: bool = False, progress: bool = False
 ) -> Policy:
@@ -86,7 +179,7 @@ def train(
     Raises:
         ScenarioError: For bad input.
         OSError: If files cannot be written.
-        ImportError: If a package is missing.
+        ImportError: If the extra `learn` is missing.
     """
     if training.algorithm not in ALGORITHMS:
         raise ScenarioError(
@@ -110,9 +203,11 @@ def train(
         sizes = env.observation_space.shape[0], env.action_space.shape[0]
         check_sizes(str(out / POLICY), best, *sizes)
         learner.restore(out)
-    # The networks are small: BLAS's threads would mostly wait for each other, in loops.
-    one_thread = threadpool_limits(1, "blas")
-    with one_thread, EventLog(out) as events, StatusLine(shown=progress) as line:
+    from torch.utils.tensorboard import SummaryWriter
+
+    # The networks are small: more threads would mostly wait for each other, in loops.
+    one_thread = threadpool_limits(1)
+    with one_thread, SummaryWriter(out) as events, StatusLine(shown=progress) as line:
         recent: list[bool] = []
         while learner.steps < training.steps or best is None:
             left = min(learner.round_steps, training.steps - learner.steps)
@@ -126,12 +221,11 @@ def train(
             if best is None or score >= _least(highest, training.validation):
                 best = policy
                 best.save(out / POLICY)
-                if can_write_onnx(best):
+                if best.kind == "actor":
                     write_onnx(best, out / ONNX)
             learner.save(out)
-            events.add(
-                learner.steps, {"success/training": rate, "success/validation": score}
-            )
+            events.add_scalar("success/training", rate, learner.steps)
+            events.add_scalar("success/validation", score, learner.steps)
             _write(out / LOG, training, history)
             words = f"steps, success {rate:.0%} exploring, {score:.0%} validated"
             line.count(min(learner.steps, training.steps), training.steps, words)
@@ -152,8 +246,6 @@ def _least(highest: float, episodes: int) -> float:
 
 def trained_policy(learner: Learner, env: Any, training: Training) -> Policy:
     """Return the policy that a learner has learned so far."""
-    import importlib.metadata
-
     kind, network = learner.policy()
     space = env.observation_space
     info = PolicyInfo(
@@ -165,7 +257,7 @@ def trained_policy(learner: Learner, env: Any, training: Training) -> Policy:
         seed=training.seed,
     )
     low, high = (np.asarray(x, np.float32) for x in (space.low, space.high))
-    return Policy(kind, network.copy(), low, high, env.action_space.shape[0], info)
+    return Policy(kind, network, low, high, env.action_space.shape[0], info)
 
 
 def _scored(policy: Policy, steps: int, score: float) -> Policy:

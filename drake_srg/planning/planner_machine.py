@@ -1,42 +1,244 @@
-"""The state machine of planners that move an arm by planned motions."""
+"""What all planners share: one way to write a mode, and the system that runs them.
 
-from __future__ import annotations
+A planner consists of what is known (a `MotionMemory`), where each mode leads
+(`Transitions`), and what each mode does (`PlannerMode`). `PlannerMachine` runs it.
+"""
 
-from collections.abc import Callable, Mapping
-from typing import Generic, Protocol, TypeVar
+import abc
+import contextlib
+import dataclasses as dc
+import time as wall
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
+from typing import ClassVar, Generic, TypeAlias, TypeVar
 
+import numpy as np
 from pydrake.common.value import AbstractValue
-from pydrake.systems.framework import BasicVector, Context
+from pydrake.systems.framework import BasicVector, Context, DependencyTicket
+from pydrake.trajectories import Trajectory
 
+from drake_srg.lifetime import LeafSystem
 from drake_srg.planning.motion.arm_motion import Motion
-from drake_srg.planning.planner_outputs import AddPlannerOutputs
+from drake_srg.planning.motion.config import MotionConfig
 from drake_srg.planning.state_machine import (
+    Entry,
+    Memory,
     ModeActions,
-    ObservationT,
+    Moment,
     SensesT,
     StateMachine,
+    next_mode,
 )
-from drake_srg.planning.task.config import PlannerConfig
-from drake_srg.types import Failure, Mode, PlannerStatus
+from drake_srg.types import Failure, Mode, PlannerStatus, Vector, positive
 
 # Why any planner gives up, in words.
 GIVES_UP: Mapping[Failure, str] = {
     Failure.STOPPED: "the arm does not get where it is sent; something is in its way",
     Failure.TIME_BUDGET: "the time budget is used up",
 }
+_STILL = 0.05  # joint speed below which the fingers rest [rad/s]
+_CLEAR = 0.001  # distance at which resting fingers have let go of an object [m]
+
+SeenT = TypeVar("SeenT")
 
 
-class MotionMemory(Protocol):
-    """A memory that says what a planner commands and reports."""
+@dc.dataclass(kw_only=True)
+class PlannerConfig(MotionConfig):
+    """Configuration of a planner and its motions. Times are simulated.
+
+    A class that derives from it stands for a planner; its name is the tag in scenario
+    files.
+    """
+
+    # Simulated duration of planning, from a decision to the first motion [s].
+    latency: float = dc.field(default=0.1, metadata={"ge": 0.0})
+    # Grasps to try before giving up.
+    max_attempts: int = dc.field(default=3, metadata={"ge": 1})
+    # Longest duration of a cycle before giving up [s].
+    time_budget: float = dc.field(default=40.0, metadata=positive())
+    # How long to look for an object, and the time between looks [s].
+    search_time: float = dc.field(default=0.5, metadata={"ge": 0.0})
+    search_period: float = dc.field(default=0.25, metadata=positive())
+    # Directions from which to take objects.
+    approaches: list[str] = dc.field(
+        default_factory=lambda: ["above", "side"],
+        metadata={"among": ("above", "side")},
+    )
+    # How far the hand may point down in grasps from the side [rad]: 0, 3, 5 or 10
+    # degrees. A tilt keeps the wrist off the table, but tilts the object in the hand.
+    tilts: list[float] = dc.field(
+        default_factory=lambda: [0.0, 0.05, 0.0873, 0.1745],
+        metadata={"ge": 0.0, "le": 0.7},
+    )
+    # Closing command beyond contact, base + tip [rad]. 0.4 rad presses with about 14 N
+    # per finger (see `SrgPositionDriver`'s gains), more than four times what a can of
+    # 0.42 kg needs at friction 0.6.
+    squeeze: float = dc.field(default=0.4, metadata=positive())
+    # Distances that the arm and the hand keep from their surroundings [m].
+    clearance: float = dc.field(default=0.01, metadata={"ge": 0.0})
+    hand_clearance: float = dc.field(default=0.005, metadata={"ge": 0.0})
+    # Height above the table at which to let go of the object [m]: more than the error
+    # of the localisation, so that the object is not pressed into the table.
+    place_height: float = dc.field(default=0.0005, metadata={"ge": 0.0})
+    # Half the plant's step h [s]: before it places an object, the planner takes off how
+    # far the simulation in steps carries it off the hand; see `carried_drift`. 0 for a
+    # robot, and for steps so short that this does not matter.
+    drift_time: float = dc.field(default=0.0, metadata={"ge": 0.0})
+    # Mass in the hand for which the torque limits must suffice [kg].
+    payload: float = dc.field(default=0.5, metadata={"ge": 0.0})
+    # Delay of the arm after which something must have stopped it [s].
+    arrival_timeout: float = dc.field(default=1.0, metadata=positive())
+    # How far a joint may be off its path while the hand pushes things on a table, or
+    # sets one down, before something must have stopped it [rad]; null: it presses on
+    # until `arrival_timeout`. Its own delay puts the simulated iiwa off by up to 0.021.
+    path_tolerance: float | None = dc.field(default=None, metadata=positive())
+    # Protective stop: external torques (see `AddExternalTorque`) that end the task
+    # while the arm moves, one per joint [N m]; null: no limits. Leave room for carried
+    # objects: with a can, the fast kitchen's iiwa 14 feels up to 4 N m, at its wrist
+    # 0.3 N m; with a cylinder, the five-axis arm feels 0.12 N m. Errors of the sensors
+    # add to that. What an object meets at the very end of being set down is its goal.
+    max_external_torque: list[float] | None = dc.field(
+        default=None, metadata=positive()
+    )
+    # Time after a command within which the fingers may not have begun to move [s].
+    gripper_reaction: float = dc.field(default=0.2, metadata={"ge": 0.0})
+    # How long the fingers may take to close or open [s].
+    gripper_timeout: float = dc.field(default=1.5, metadata=positive())
+    # How long to check the grasp before and after lifting [s].
+    verify_time: float = dc.field(default=0.1, metadata={"ge": 0.0})
+    # A carried object is lost once nothing has been sensed between the fingers for this
+    # long [s]. It must be longer than `grasp_detector.post_contact_delay`, so that one
+    # missed reading of a sensor does not count.
+    slip_time: float = dc.field(default=0.15, metadata=positive())
+    # It is also lost once the gripper's joints have closed by this much on average in
+    # that time [rad]. Fingers around an object give way to one another, which does not
+    # change the average: it changed by less than 0.001 rad with a can between
+    # fingertips, and by 0.01 rad with wrapped fingers that settled. Fingers that lose a
+    # can close by 0.1 rad.
+    slip_closing: float = dc.field(default=0.03, metadata=positive())
+    # Factor on the squeeze after an object has been lost or missed.
+    regrasp_squeeze: float = dc.field(default=1.5, metadata={"ge": 1.0})
+    # Whether to look again when the hand is in front of the object, and to plan again
+    # if it has moved. Useful with cameras that see it there.
+    look_before_grasp: bool = False
+    # Whether to look for the object in the hand above the goal, and to plan its placing
+    # from there. Useful with cameras that see it there.
+    look_before_place: bool = False
+    # Least waits of the arm [s]: with closed fingers before it lifts, with open fingers
+    # before it leaves, and at home. When it has cleared a table, the last one counts
+    # from when it let go.
+    grip_wait: float = dc.field(default=0.0, metadata={"ge": 0.0})
+    release_wait: float = dc.field(default=0.0, metadata={"ge": 0.0})
+    home_wait: float = dc.field(default=0.0, metadata={"ge": 0.0})
+    # Time for the empty fingers to close at home [s]; 0 leaves them open.
+    close_at_home: float = dc.field(default=0.0, metadata={"ge": 0.0})
+    # Whether an arm that clears a table cuts corners: it does not rest between two
+    # motions then, and the second one must begin on time. So it does rest on a robot,
+    # and where a safety monitor may slow it.
+    cut_corners: bool = False
+    # Time between evaluations of the state machine [s].
+    period: float = dc.field(default=0.01, metadata=positive())
+
+
+@dc.dataclass(kw_only=True)
+class PickAndPlace(PlannerConfig):
+    """Picks the object that `task.pick` names, and sets it down on its goal."""
+
+
+@dc.dataclass(kw_only=True)
+class Clear(PlannerConfig):
+    """Takes away one thing after the other, whatever their shapes."""
+
+
+@dc.dataclass(frozen=True)
+class HandSenses(Generic[SeenT]):
+    """Measurements of an arm with a gripper at one time."""
+
+    q: Vector  # the arm's joints, shape (N,) [rad]
+    fingers: Vector  # the gripper's joints, shape (n,) [rad]
+    finger_speeds: Vector  # shape (n,) [rad/s]
+    grasped: bool  # both fingers sense something
+    proximity: Vector  # shape (m,) [m]
+    see: Callable[[], SeenT]  # looks through the cameras, which takes long
 
     @property
-    def motion(self) -> Motion:
-        """The arm's motion."""
+    def still(self) -> bool:
+        """Whether the fingers have come to rest."""
+        return bool(np.max(np.abs(self.finger_speeds)) < _STILL)
 
     @property
-    def closure(self) -> float:
-        """The commanded closure, 0 open .. 1 closed."""
+    def clear(self) -> bool:
+        """Whether nothing is near the fingers."""
+        return bool(np.min(self.proximity) > _CLEAR)
 
+
+@dc.dataclass(frozen=True)
+class Observation:
+    """The facts that decide the next mode; each mode fills in what its row needs."""
+
+    ready: bool = False  # motions are planned, and the planning latency has passed
+    pushing: bool = False  # the same of a push
+    finished: bool = False  # no grasp takes anything that is left
+    unseen: bool = False  # nor was the last load seen where it belongs
+    arrived: bool = False  # the mode's motion is over, and the arm has followed it
+    stuck: bool = False  # the arm cannot go on as planned
+    astray: bool = False  # the arm is where something has stopped it
+    moved: bool = False  # the object is not where the motions take it
+    placing: bool = False  # the load is to be set down, not dropped
+    still: bool = False  # the fingers have come to rest
+    holding: bool = False  # what was to be taken is between the fingers
+    clear: bool = False  # nothing is near the fingers
+    at_goal: bool = False  # the object has been seen on its goal
+    last_cycle: bool = True  # no cycle follows this one
+    failure: Failure | None = None  # the reason to give up
+
+
+# mode: [(condition on the observation o, the time t in the mode [s] and the planner's
+#         configuration c; next mode)]. The first condition that holds decides.
+Condition: TypeAlias = Callable[[Observation, float, PlannerConfig], bool]
+Table: TypeAlias = Mapping[Mode, Sequence[tuple[Condition, Mode]]]
+
+
+@dc.dataclass(frozen=True)
+class Transitions:
+    """Where each mode of a planner leads, as a pure function.
+
+    Attributes:
+        table: The transitions.
+        fatal: Failures that lead from every mode to FAILED. All others are left to the
+            table.
+    """
+
+    table: Table
+    fatal: Collection[Failure] = tuple(Failure)
+
+    def __call__(
+        self,
+        mode: Mode,
+        observation: Observation,
+        t: float,
+        config: PlannerConfig | None = None,
+    ) -> Mode:
+        """Return the mode that follows.
+
+        Args:
+            mode: The mode now.
+            observation: What is known now.
+            t: Time since the mode began [s].
+            config: The waits and the times of the gripper count here.
+        """
+        if observation.failure in self.fatal:
+            return mode if mode in (Mode.DONE, Mode.FAILED) else Mode.FAILED
+        return next_mode(self.table, mode, observation, t, config or PlannerConfig())
+
+
+@dc.dataclass
+class MotionMemory(Memory, abc.ABC):
+    """What every planner remembers: its commands. Derive the planner's own from it."""
+
+    motion: Motion  # the arm's; at first, it rests at home
+    closure: float = 0.0  # commanded, 0 open .. 1 closed
+
+    @abc.abstractmethod
     def status(self, mode: Mode) -> PlannerStatus:
         """Return the planner's report on its task in a mode."""
 
@@ -44,9 +246,51 @@ class MotionMemory(Protocol):
 MotionMemoryT = TypeVar("MotionMemoryT", bound=MotionMemory)
 
 
+class PlannerMode(ModeActions[Mode, MotionMemoryT, SensesT, Observation]):
+    """A mode of a planner: what it moves and commands, notices and observes.
+
+    Attributes:
+        mode: Which mode it is.
+    """
+
+    mode: ClassVar[Mode]
+
+    @property
+    def wait(self) -> float:
+        """How long the mode lasts at least after its motion [s]."""
+        return 0.0
+
+    def trajectory(self, memory: MotionMemoryT) -> Trajectory | None:
+        """Return the planned motion of the mode, None where the arm rests."""
+        return None
+
+    def enter(
+        self, memory: MotionMemoryT, entry: Entry[SensesT, Mode, Observation]
+    ) -> MotionMemoryT:
+        """Begin the mode's planned motion, if there is one."""
+        trajectory = self.trajectory(memory)
+        memory.motion = memory.motion.followed_by(trajectory, entry.time, self.wait)
+        return memory
+
+    def observe(self, memory: MotionMemoryT, now: Moment[SensesT]) -> Observation:
+        """Return what the mode's transitions depend on, and only that."""
+        failure = self.final_failure(memory, now.time)
+        if failure is not None:
+            return Observation(failure=failure)
+        return self.observe_mode(memory, now)
+
+    def final_failure(self, memory: MotionMemoryT, time: float) -> Failure | None:
+        """Return the failure that ends the task in whatever mode, if there is one."""
+        return None
+
+    def observe_mode(self, memory: MotionMemoryT, now: Moment[SensesT]) -> Observation:
+        """Return what the mode's own transitions depend on."""
+        return Observation()
+
+
 class PlannerMachine(
-    StateMachine[Mode, MotionMemoryT, SensesT, ObservationT],
-    Generic[MotionMemoryT, SensesT, ObservationT],
+    StateMachine[Mode, MotionMemoryT, SensesT, Observation],
+    Generic[MotionMemoryT, SensesT],
 ):
     """A planner whose outputs come from its memory; it begins in IDLE.
 
@@ -63,10 +307,10 @@ class PlannerMachine(
 
     def __init__(
         self,
-        modes: Mapping[Mode, ModeActions[Mode, MotionMemoryT, SensesT, ObservationT]],
+        modes: Mapping[Mode, ModeActions[Mode, MotionMemoryT, SensesT, Observation]],
         *,
         memory: MotionMemoryT,
-        transition: Callable[[Mode, ObservationT, float, PlannerConfig], Mode],
+        transition: Callable[[Mode, Observation, float, PlannerConfig], Mode],
         config: PlannerConfig,
     ) -> None:
         super().__init__(
@@ -76,9 +320,10 @@ class PlannerMachine(
             transition=lambda mode, o, t: transition(mode, o, t, config),
             period=config.period,
         )
+        self._n, self._n_fingers = len(memory.motion.q_rest), 0
         AddPlannerOutputs(
             self,
-            len(memory.motion.q_rest),
+            self._n,
             position=self._calc_position,
             closure=self._calc_closure,
             status=self._calc_status,
@@ -88,6 +333,45 @@ class PlannerMachine(
     def motion(self, context: Context) -> Motion:
         """Return the arm's motion under way, which `position_commanded` follows."""
         return self.state(context).memory.motion
+
+    def DeclareHandInputs(self, num_fingers: int, num_sensors: int) -> None:
+        """Declare the inputs that `hand_senses` reads.
+
+        They are `arm_state` (2N) and `gripper_state` (2n), [q; v] in rad and rad/s;
+        `grasped` (1), nonzero once both fingers sense something; `proximity` (m),
+        signed distances [m].
+
+        Args:
+            num_fingers: Number n of the gripper's measured joints.
+            num_sensors: Number m of its proximity readings.
+        """
+        self._n_fingers = num_fingers
+        for name, size in (
+            ("arm_state", 2 * self._n),
+            ("gripper_state", 2 * num_fingers),
+            ("grasped", 1),
+            ("proximity", num_sensors),
+        ):
+            self.DeclareVectorInputPort(name=name, size=size)
+
+    def hand_senses(
+        self, context: Context, see: Callable[[], SeenT]
+    ) -> HandSenses[SeenT]:
+        """Return the measurements at the inputs of `DeclareHandInputs`.
+
+        Args:
+            context: The planner's.
+            see: Looks through the cameras; called only when a mode looks.
+        """
+        gripper = self.GetInputPort("gripper_state").Eval(context)
+        return HandSenses(
+            q=self.GetInputPort("arm_state").Eval(context)[: self._n],
+            fingers=gripper[: self._n_fingers],
+            finger_speeds=gripper[self._n_fingers :],
+            grasped=bool(self.GetInputPort("grasped").Eval(context)[0]),
+            proximity=self.GetInputPort("proximity").Eval(context),
+            see=see,
+        )
 
     def _calc_position(self, context: Context, output: BasicVector) -> None:
         position = self.motion(context).position(context.get_time())
@@ -99,3 +383,69 @@ class PlannerMachine(
     def _calc_status(self, context: Context, output: AbstractValue) -> None:
         state = self.state(context)
         output.set_value(state.memory.status(state.mode))
+
+
+def AddPlannerOutputs(
+    planner: LeafSystem,
+    num_joints: int,
+    *,
+    position: Callable[[Context, BasicVector], None],
+    closure: Callable[[Context, BasicVector], None],
+    status: Callable[[Context, AbstractValue], None],
+    prerequisites: set[DependencyTicket],
+) -> None:
+    """Add a planner's outputs `position_commanded`, `closure_commanded`, `status`.
+
+    Args:
+        planner: The planner; it declares its `mode` itself.
+        num_joints: Of the arm.
+        position: Calculates the joint positions (num_joints) [rad or m]. They also
+            depend on time.
+        closure: Calculates the closure (1), 0 open .. 1 closed.
+        status: Calculates the `PlannerStatus`.
+        prerequisites: What all three depend on.
+    """
+    for name, size, calc, tickets in (
+        ("position_commanded", num_joints, position, {planner.time_ticket()}),
+        ("closure_commanded", 1, closure, set()),
+    ):
+        planner.DeclareVectorOutputPort(
+            name=name,
+            size=size,
+            calc=calc,
+            prerequisites_of_calc=prerequisites | tickets,
+        )
+    planner.DeclareAbstractOutputPort(
+        name="status",
+        alloc=lambda: AbstractValue.Make(PlannerStatus()),
+        calc=status,
+        prerequisites_of_calc=prerequisites,
+    )
+
+
+class _PlanningClock:
+    """Wall-clock time that this process has spent on planning.
+
+    It is a clock like `time.process_time`, no part of any simulation: contexts neither
+    hold it nor depend on it, so that equal seeds give equal bytes. Whoever runs a
+    simulation takes the difference between two readings.
+    """
+
+    def __init__(self) -> None:
+        self._seconds = 0.0
+
+    def __call__(self) -> float:
+        """Return the time so far [s]."""
+        return self._seconds
+
+    @contextlib.contextmanager
+    def running(self) -> Iterator[None]:
+        """Count the time until the context ends as planning."""
+        start = wall.perf_counter()
+        try:
+            yield
+        finally:
+            self._seconds += wall.perf_counter() - start
+
+
+planning_clock = _PlanningClock()

@@ -12,7 +12,7 @@ import copy
 import dataclasses as dc
 import math
 from collections.abc import Callable, Hashable, Mapping, Sequence
-from typing import Any, Generic, TypeVar
+from typing import Any, Generic, Self, TypeVar
 
 from pydrake.common.value import AbstractValue
 from pydrake.systems.framework import (
@@ -67,11 +67,32 @@ class Entry(Moment[SensesT], Generic[SensesT, ModeT, ObservationT]):
     observation: ObservationT | None = None
 
 
+@dc.dataclass
+class Memory:
+    """A memory, or a part of one, that modes may change; derive from it.
+
+    The machine gives a mode a draft: a copy of the memory and of those parts that
+    derive from this class, too. Modes change attributes of the draft. Everything else
+    is shared by all copies, so replace it instead of changing it: arrays, tuples,
+    frozen dataclasses. Never change what is in a context.
+    """
+
+    def __copy__(self) -> Self:
+        draft = object.__new__(type(self))
+        for name, value in vars(self).items():
+            part = copy.copy(value) if isinstance(value, Memory) else value
+            object.__setattr__(draft, name, part)
+        return draft
+
+    def __deepcopy__(self, memo: dict[int, Any]) -> Self:
+        return self  # Drake copies contexts at every step; nobody changes this one
+
+
 class ModeActions(abc.ABC, Generic[ModeT, MemoryT, SensesT, ObservationT]):
     """The actions of a state machine in one mode; they hold no state of their own.
 
-    Never change memory in place: return another one, such as `dc.replace(memory, ...)`
-    of a frozen dataclass.
+    `enter` and `update` get a memory that they may change, if it is a `Memory`, and
+    return it. Other memories, such as numbers or frozen dataclasses, they replace.
     """
 
     def enter(
@@ -210,20 +231,21 @@ class StateMachine(LeafSystem, Generic[ModeT, MemoryT, SensesT, ObservationT]):
             entry = Entry[SensesT, ModeT, ObservationT](
                 context.get_time(), self.sense(context)
             )
-            self._SetState(state, self._entered(machine.mode, machine.memory, entry))
+            memory = copy.copy(machine.memory)
+            self._SetState(state, self._entered(machine.mode, memory, entry))
         return EventStatus.Succeeded()
 
     def _update(self, context: Context, state: State) -> EventStatus:
         now = Moment(context.get_time(), self.sense(context))
         machine = self.state(context)
         actions = self._actions(machine.mode)
-        memory = actions.update(machine.memory, now)
+        memory = actions.update(copy.copy(machine.memory), now)
         observation = actions.observe(memory, now)
         mode = self._transition(machine.mode, observation, now.time - machine.since)
         if mode != machine.mode:
             entry = Entry(now.time, now.senses, machine.mode, observation)
             self._SetState(state, self._entered(mode, memory, entry))
-        elif memory is not machine.memory:
+        else:
             self._SetState(state, dc.replace(machine, memory=memory))
         return EventStatus.Succeeded()
 

@@ -17,7 +17,7 @@ from drake_srg.safety.limits import Command
 from drake_srg.safety.path import Path
 from drake_srg.types import Vector
 
-_HEAD = 9  # numbers before the vectors
+_HEAD = 8  # numbers before the vectors
 
 
 @dc.dataclass(frozen=True)
@@ -29,7 +29,6 @@ class Memory:
         command: The last command that was accepted.
         state: The state.
         reason: Why the arm is stopped.
-        updated_at: Time of the last update [s].
         rate: Speed along the path, 0 .. 1.
         pressed_since: Since when the force is above its quasi-static limit [s];
             infinite if it is not.
@@ -42,7 +41,6 @@ class Memory:
     command: Command
     state: SafetyState = SafetyState.RUNNING
     reason: StopReason = StopReason.NONE
-    updated_at: float = -math.inf
     rate: float = 1.0
     pressed_since: float = math.inf
     release_pressed: bool = False
@@ -65,7 +63,6 @@ class Memory:
             [
                 [
                     *self.indices,
-                    self.updated_at,
                     self.rate,
                     self.pressed_since,
                     self.release_pressed,
@@ -83,11 +80,6 @@ class Memory:
         )
 
     @staticmethod
-    def time(flat: Vector) -> float:
-        """Return `updated_at` of a vector from `flat`."""
-        return float(flat[2])
-
-    @staticmethod
     def position(flat: Vector, n: int) -> Vector:
         """Return `path.q` of a vector from `flat`, shape (N,)."""
         return flat[_HEAD : _HEAD + n]
@@ -103,14 +95,13 @@ class Memory:
         """
         head, vectors = flat[:_HEAD].tolist(), flat[_HEAD:].copy()
         q, step, tangent, commanded, command_step = vectors[: 5 * n].reshape(5, n)
-        rows = int(head[8])
+        rows = int(head[7])
         return cls(
-            Path(q, step, ahead[: rows * n].reshape(rows, n).copy(), head[7], tangent),
+            Path(q, step, ahead[: rows * n].reshape(rows, n).copy(), head[6], tangent),
             Command(commanded, command_step, vectors[5 * n :]),
             *safety_state(flat),
             head[2],
             head[3],
-            head[4],
+            bool(head[4]),
             bool(head[5]),
-            bool(head[6]),
         )

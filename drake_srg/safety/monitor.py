@@ -6,17 +6,15 @@ import dataclasses as dc
 import math
 
 import numpy as np
-from pydrake.common.value import AbstractValue
 from pydrake.systems.framework import (
     BasicVector,
     Context,
     DiscreteValues,
     InputPort,
-    ValueProducer,
 )
 
 from drake_srg.common.safety_states import SafetyState, StopReason
-from drake_srg.lifetime import LeafSystem, weak
+from drake_srg.lifetime import LeafSystem
 from drake_srg.safety.config import SafetyConfig
 from drake_srg.safety.limits import Command, JointLimits, ToolLimits, check_command
 from drake_srg.safety.memory import Memory
@@ -60,7 +58,8 @@ class SafetyMonitor(LeafSystem):
     into `STATES` and `REASONS`; `speed_scale` (1), the speed along the path as a share
     of the commanded one, 0 .. 1.
 
-    While nothing is wrong, each command passes at once and unchanged. Any violation
+    While nothing is wrong, each command passes unchanged, one period after the update
+    that has read it: all outputs change in updates alone. Any violation
     brakes the arm along the path of the commands, as hard as the limits allow
     (a category 1 stop, IEC 60204-1), and it rests until the cause is over and the stop
     is acknowledged. Commands that go on meanwhile are remembered: after a protective
@@ -110,21 +109,6 @@ class SafetyMonitor(LeafSystem):
         self._release = declare("release", 1)
         self._override = declare("speed_override", 1)
         self._heartbeat = declare("heartbeat", 1)
-        # Computed once for the driver, which reads the output, and for the update.
-        entry = self.DeclareCacheEntry(
-            description="next",
-            value_producer=ValueProducer(
-                allocate=lambda: AbstractValue.Make(object()),
-                calc=weak(self._calc_next),
-            ),
-            prerequisites_of_calc={
-                self.all_input_ports_ticket(),
-                self.xd_ticket(),
-                self.time_ticket(),
-            },
-        )
-        # Its index, because a wrapper of the entry would keep the system alive forever.
-        self._next = entry.cache_index()
         for name, size, calc in (
             ("position_allowed", n, self._calc_position),
             ("position_held", n, self._calc_held),
@@ -135,58 +119,37 @@ class SafetyMonitor(LeafSystem):
                 name=name,
                 size=size,
                 calc=calc,
-                prerequisites_of_calc={entry.ticket()},
+                prerequisites_of_calc={self.xd_ticket()},
             )
         self.DeclarePeriodicDiscreteUpdateEvent(
             period_sec=period, offset_sec=0.0, update=self._update
         )
 
-    # The outputs hold from one update to the next. At the time of an update, what it
-    # will store is known already: commands pass without delay.
-
     def _calc_position(self, context: Context, output: BasicVector) -> None:
-        # The plant asks for it at all of its steps, so this must be quick.
         flat = context.get_discrete_state(self._flat).value()
-        if self._is_due(flat, context):
-            output.SetFromVector(self._known(context).path.q)
-        else:
-            output.SetFromVector(Memory.position(flat, self._n))
+        output.SetFromVector(Memory.position(flat, self._n))
 
     def _calc_held(self, context: Context, output: BasicVector) -> None:
-        memory = self._known(context)
+        memory = self._memory(context)
         stopped = memory.state in _STOPS
         output.SetFromVector(memory.path.q if stopped else np.full(self._n, np.nan))
 
     def _calc_state(self, context: Context, output: BasicVector) -> None:
-        output.SetFromVector(self._known(context).indices)
+        output.SetFromVector(self._memory(context).indices)
 
     def _calc_speed_scale(self, context: Context, output: BasicVector) -> None:
-        output[0] = self._known(context).rate
+        output[0] = self._memory(context).rate
 
     def _update(self, context: Context, discrete_state: DiscreteValues) -> None:
-        memory = self._known(context)
+        memory = self._advanced(self._memory(context), context, context.get_time())
         discrete_state.set_value(self._flat, memory.flat())
         ahead = memory.path.ahead.ravel()
         discrete_state.get_mutable_value(self._ahead)[: len(ahead)] = ahead
 
-    def _known(self, context: Context) -> Memory:
-        entry = self.get_cache_entry(self._next)
-        memory: Memory = entry.EvalAbstract(context).get_value()
-        return memory
-
-    def _calc_next(self, context: Context, output: AbstractValue) -> None:
+    def _memory(self, context: Context) -> Memory:
         flat = context.get_discrete_state(self._flat).value()
         ahead = context.get_discrete_state(self._ahead).value()
-        memory = Memory.of(flat, ahead, self._n)
-        if self._is_due(flat, context):
-            memory = self._advanced(memory, context, context.get_time())
-        output.set_value(memory)
-
-    def _is_due(self, flat: Vector, context: Context) -> bool:
-        """Return whether the update of this time is still to come."""
-        # Times are multiples of the period but for their rounding.
-        due: float = Memory.time(flat) + 0.999 * self._period
-        return context.get_time() >= due
+        return Memory.of(flat, ahead, self._n)
 
     def _advanced(self, memory: Memory, context: Context, time: float) -> Memory:
         """Return the memory one control period later."""
@@ -213,9 +176,7 @@ class SafetyMonitor(LeafSystem):
         running = state is SafetyState.RUNNING
         if running and memory.state is not SafetyState.RUNNING:
             reason, cut = StopReason.NONE, False
-        memory = Memory(
-            path, command, state, reason, time, memory.rate, since, pressed, cut
-        )
+        memory = Memory(path, command, state, reason, memory.rate, since, pressed, cut)
         return self._moved(memory, context) if running else self._braked(memory)
 
     def _condition(

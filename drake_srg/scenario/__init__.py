@@ -18,6 +18,8 @@ from drake_srg.scenario.schema import (
     TaskConfig,
     is_continuous,
     perception_cameras,
+    script_of,
+    servo_of,
 )
 
 __all__ = [
@@ -36,4 +38,6 @@ __all__ = [
     "load_scenario",
     "load_tree",
     "perception_cameras",
+    "script_of",
+    "servo_of",
 ]

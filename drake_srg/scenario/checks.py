@@ -12,8 +12,9 @@ from drake_srg.common.drake_version import contact_approximations
 from drake_srg.common.exceptions import ScenarioError
 from drake_srg.objects.config import ObjectConfig
 from drake_srg.objects.disturbances import Topple
+from drake_srg.planning.script.scripted import Script
 from drake_srg.scenario.pick import clear_problems
-from drake_srg.scenario.servoing import servoing_problems
+from drake_srg.scenario.planner import planner_problems
 from drake_srg.types import Box
 
 if TYPE_CHECKING:
@@ -48,11 +49,9 @@ def _problems(scenario: Scenario) -> Iterator[tuple[str, str]]:
     yield from _sleeping_problems(scenario)
     yield from clear_problems(scenario)
     yield from _region_problems(scenario)
-    yield from _script_problems(scenario)
-    yield from _taught_problems(scenario)
+    yield from planner_problems(scenario)
     yield from _disturbance_problems(scenario)
     yield from _camera_problems(scenario)
-    yield from servoing_problems(scenario)
 
 
 def _config_problems(scenario: Scenario) -> Iterator[tuple[str, str]]:
@@ -119,8 +118,8 @@ def _periods(scenario: Scenario) -> Iterator[tuple[str, float]]:
     yield "recording.video_fps", 1.0 / scenario.recording.video_fps
     if scenario.twin.period is not None:
         yield "twin.period", scenario.twin.period
-    planner = () if scenario.script else ("planner", "localizer")
-    for key in ("arm", "gripper", "servoing", *planner):
+    planner = () if isinstance(scenario.planner, Script) else ("planner", "localizer")
+    for key in ("arm", "gripper", *planner):
         yield from _periods_of(key, getattr(scenario, key))
 
 
@@ -230,30 +229,10 @@ def _region_problems(scenario: Scenario) -> Iterator[tuple[str, str]]:
         )
 
 
-def _script_problems(scenario: Scenario) -> Iterator[tuple[str, str]]:
-    duration = sum(step.duration for step in scenario.script)
-    budget = scenario.planner.time_budget
-    if duration > budget:
-        problem = f"must last at most planner.time_budget ({budget:g} s)"
-        yield "script", f"{problem}, got {duration:g} s"
-    n = len(scenario.arm.home) if scenario.arm else 0
-    for i, step in enumerate(scenario.script):
-        if step.arm is not None and len(step.arm) != n:
-            yield (
-                f"script[{i}].arm",
-                f"needs one entry per joint of the arm ({n}), got {len(step.arm)}",
-            )
-
-
-def _taught_problems(scenario: Scenario) -> Iterator[tuple[str, str]]:
-    if scenario.taught is not None and scenario.localizer.obstacles:
-        problem = "must be false with taught waypoints, which avoid nothing"
-        yield "localizer.obstacles", f"{problem}, got true"
-
-
 def _disturbance_problems(scenario: Scenario) -> Iterator[tuple[str, str]]:
     rigid = ", ".join(n for n, o in scenario.objects.items() if not o.soft) or "none"
-    modes = sorted({step.mode for step in scenario.script})
+    script = scenario.planner if isinstance(scenario.planner, Script) else None
+    modes = sorted({step.mode for step in script.steps}) if script else []
     for i, disturbance in enumerate(scenario.disturbances):
         key = f"disturbances[{i}]"
         name = disturbance.object or scenario.task.pick
@@ -261,7 +240,7 @@ def _disturbance_problems(scenario: Scenario) -> Iterator[tuple[str, str]]:
         if config is None or config.soft:
             problem = f"must be a rigid object, got {name!r} (allowed: {rigid})"
             yield f"{key}.object", problem
-        if scenario.script and disturbance.at not in modes:
+        if script and disturbance.at not in modes:
             yield (
                 f"{key}.at",
                 f"must be a mode of the script, got {disturbance.at!r} "

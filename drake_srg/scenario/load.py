@@ -11,10 +11,11 @@ from pydrake.common.schema import UniformVectorX
 
 from drake_srg.arm.drivers import ArmPositionDriver
 from drake_srg.common.exceptions import ScenarioError, scenario_errors
-from drake_srg.planning.script.messages import message_script
+from drake_srg.planning.script.scripted import Script, message_script
 from drake_srg.scenario.checks import check_scenario
 from drake_srg.scenario.draws import add_clutter, draw_distributions, key_generator
 from drake_srg.scenario.pick import resolve_pick
+from drake_srg.scenario.planner import with_planner_tag
 from drake_srg.scenario.schema import Scenario
 from drake_srg.scenario.yaml_tree import merge, parse_yaml, set_key
 from drake_srg.scenario.yaml_typed import load_typed
@@ -55,7 +56,8 @@ def draw_scenario(tree: Mapping[str, Any], origin: str, seed: int | None) -> Dra
     values: dict[str, Any] = {}
     tree = add_clutter(tree, int(seed or 0), origin, values)
     tree = resolve_pick(tree, origin)
-    drawn = _with_arm_driver(draw_distributions(tree, int(seed or 0), origin, values))
+    tree = with_planner_tag(_with_arm_driver(tree), origin)
+    drawn = draw_distributions(tree, int(seed or 0), origin, values)
     scenario: Scenario = load_typed(Scenario, drawn, origin)
     _play_messages(scenario, origin)
     check_scenario(scenario, origin)
@@ -93,14 +95,17 @@ def load_scenario(
 
 
 def _play_messages(scenario: Scenario, origin: str) -> None:
-    """Turn the scenario's messages, if any, into its script."""
-    if scenario.messages is None:
+    """Turn the scenario's messages, if any, into the steps of its script."""
+    planner = scenario.planner
+    if not isinstance(planner, Script) or planner.messages is None:
         return
-    if scenario.script:
-        raise ScenarioError(f"{origin}: script: must be empty if there are messages")
+    if planner.steps:
+        raise ScenarioError(
+            f"{origin}: planner.steps: must be empty if there are messages"
+        )
     with scenario_errors(origin):
         num_joints = len(scenario.arm.home) if scenario.arm else 0
-        scenario.script = message_script(scenario.messages, num_joints)
+        planner.steps = message_script(planner.messages, num_joints)
 
 
 def _draw_positions(scenario: Scenario, origin: str, values: dict[str, Any]) -> None:

@@ -22,24 +22,34 @@ from drake_srg.gripper.drivers import DRIVERS, GripperDriver
 from drake_srg.objects.config import ClutterConfig, ObjectConfig, SleepingConfig
 from drake_srg.objects.disturbances import Force, Push, Topple
 from drake_srg.objects.slides import SlideConfig
-from drake_srg.planning.script.messages import MessagesConfig
-from drake_srg.planning.script.scripted import ScriptStep
-from drake_srg.planning.task.config import PlannerConfig
-from drake_srg.planning.taught.config import TaughtConfig
+from drake_srg.planning.planner_machine import Clear, PickAndPlace, PlannerConfig
+from drake_srg.planning.script.scripted import Script, ScriptStep
+from drake_srg.planning.taught.taught_planner import Taught
 from drake_srg.safety.config import SafetyConfig
 from drake_srg.scenario.twin import TwinConfig
-from drake_srg.servoing.config import ServoingConfig
+from drake_srg.servoing.config import Servoing, ServoingConfig
 from drake_srg.types import positive
 from drake_srg.vision.calibrated_camera import CameraCalibrationConfig
 from drake_srg.vision.camera_errors import CameraErrorsConfig
 from drake_srg.vision.color_names import COLORS
-from drake_srg.vision.config import LocalizerThresholds
 from drake_srg.vision.thesis_blob_localizer import ThesisBlobConfig
+
+# The planners of the package. Its class name is a planner's tag in scenario files. For
+# one of your own, call `drake_srg.cell.register_planner`.
+PLANNERS: tuple[type[PlannerConfig], ...] = (
+    PickAndPlace,
+    Clear,
+    Servoing,
+    Taught,
+    Script,
+)
 
 if typing.TYPE_CHECKING:
     _ArmDriver = ArmDriver
     _Driver = GripperDriver
+    _Planner = PlannerConfig
 else:  # the classes that a tag selects from
+    _Planner = functools.reduce(operator.or_, PLANNERS)
     _ArmDriver = functools.reduce(operator.or_, ARM_DRIVERS)
     _Driver = functools.reduce(operator.or_, DRIVERS)
 
@@ -142,7 +152,7 @@ class TaskConfig:
     clear: ClearConfig | None = None
     place: PlaceConfig = dc.field(default_factory=PlaceConfig)
     # Number of cycles. Every second cycle returns the object to where it was found. A
-    # script or messages are played that often.
+    # script is played that often.
     repeat: int = dc.field(default=1, metadata={"ge": 1})
     # Where objects without a position are placed, and the distance between centres [m].
     # 0.15 leaves room for an open finger of the SRG between two objects.
@@ -164,11 +174,6 @@ class LocalizerConfig:
     # Whether the cameras' tilt and height are corrected by the level surfaces that they
     # see: `table` and the goal's surroundings.
     level_cameras: bool = False
-    # Time between images [s]; 0 renders only when the blobs are read.
-    period: float = dc.field(default=0.0, metadata={"ge": 0.0})
-    # Thresholds of the steps of perception. The defaults serve all scenarios of the
-    # package.
-    thresholds: LocalizerThresholds = dc.field(default_factory=LocalizerThresholds)
     # The rule of the five-axis arm's thesis, in place of the known shapes. It takes one
     # camera and finds only `task.pick`; the other keys do not apply.
     thesis: ThesisBlobConfig | None = None
@@ -229,18 +234,10 @@ class Scenario:
     sleeping: SleepingConfig | None = None
     task: TaskConfig = dc.field(default_factory=TaskConfig)
     localizer: LocalizerConfig = dc.field(default_factory=LocalizerConfig)
-    planner: PlannerConfig = dc.field(default_factory=PlannerConfig)
-    # Taught waypoints, in place of planned grasps and goals.
-    taught: TaughtConfig | None = None
+    # Without a tag, `!PickAndPlace`.
+    planner: _Planner = dc.field(default_factory=PickAndPlace)
     # When a robot and its digital twin differ; see docs/twin.md.
     twin: TwinConfig = dc.field(default_factory=TwinConfig)
-    # A visual servo for the grasp, in place of the planned motion; null: none.
-    servoing: ServoingConfig | None = None
-    # Steps for arm and gripper, in place of localizer and planner.
-    script: list[ScriptStep] = dc.field(default_factory=list)
-    # Messages to arm and gripper, as the thesis's client sends them; once loaded, they
-    # are the script. The arm moves to its targets within `arm.limits`.
-    messages: MessagesConfig | None = None
     # Motions of furniture that carries objects, by the name of a model among
     # `directives` with one actuated joint.
     slides: dict[str, SlideConfig] = dc.field(default_factory=dict)
@@ -254,14 +251,44 @@ def accept_driver(driver: type[GripperDriver]) -> None:
 
     `drake_srg.cell.register_gripper` calls this.
     """
-    (field,) = (field for field in dc.fields(Scenario) if field.name == "gripper")
-    known = [*typing.get_args(field.type)[:-1]]  # None is the last
-    known = [other for other in known if other.__name__ != driver.__name__]
+    _accept("gripper", driver)
+
+
+def accept_planner(planner: type[PlannerConfig]) -> None:
+    """Accept a planner of your own as `planner` of scenario files, tagged by its name.
+
+    `drake_srg.cell.register_planner` calls this.
+    """
+    _accept("planner", planner)
+
+
+def _accept(key: str, accepted: type[object]) -> None:
+    (field,) = (field for field in dc.fields(Scenario) if field.name == key)
+    # `None`, which only some keys take, stays last.
+    known = [kind for kind in typing.get_args(field.type) if kind is not type(None)]
+    optional = [None] if len(known) < len(typing.get_args(field.type)) else []
+    known = [other for other in known if other.__name__ != accepted.__name__]
     # Derived classes come first: Drake writes the tag of the first class that fits.
-    known = sorted([driver, *known], key=lambda kind: -len(kind.__mro__))
-    choice = functools.reduce(operator.or_, [*known, None])
-    # `check_tree` reads the annotation, Drake's YAML functions read the field.
-    field.type = Scenario.__annotations__["gripper"] = choice
+    known = sorted([accepted, *known], key=lambda kind: -len(kind.__mro__))
+    choice = functools.reduce(operator.or_, [*known, *optional])
+    # Drake's YAML functions know the tags of a field by its type alone (`field.type`,
+    # up to Drake 1.58), and a class of a user's own comes at run time. A second
+    # Scenario class would be another type than the one that all functions take. So the
+    # type is widened here, in the field for Drake and in the annotation for
+    # `check_tree`, until Drake takes tags from elsewhere.
+    field.type = Scenario.__annotations__[key] = choice
+
+
+def script_of(scenario: Scenario) -> list[ScriptStep]:
+    """Return the steps of a scenario's script; empty: it has a planner that looks."""
+    planner = scenario.planner
+    return planner.steps if isinstance(planner, Script) else []
+
+
+def servo_of(scenario: Scenario) -> ServoingConfig | None:
+    """Return the configuration of a scenario's visual servo, if it has one."""
+    planner = scenario.planner
+    return planner.servo if isinstance(planner, Servoing) else None
 
 
 def perception_cameras(scenario: Scenario) -> list[str]:

@@ -2,6 +2,7 @@
 
 import dataclasses as dc
 
+from drake_srg.planning.planner_machine import PlannerConfig
 from drake_srg.types import positive
 
 
@@ -73,3 +74,10 @@ class ServoingConfig(ServoConfig):
     goal: str = dc.field(default="shown", metadata={"among": ("shown", "calibrated")})
     # Time after which the servo counts as failed [s].
     time_limit: float = dc.field(default=6.0, metadata=positive())
+
+
+@dc.dataclass(kw_only=True)
+class Servoing(PlannerConfig):
+    """Picks and places as `PickAndPlace` does, with a visual servo for the grasp."""
+
+    servo: ServoingConfig = dc.field(default_factory=ServoingConfig)

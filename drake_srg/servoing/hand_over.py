@@ -10,7 +10,7 @@ import numpy as np
 from drake_srg.types import Vector
 
 _DECAY = 6.0  # 1/s; a hand at 0.25 m/s brakes with less than half the arm's limits
-_THERE = 1e-6  # rad, rad/s
+_GONE = 1e-6  # rad, rad/s
 
 
 @dc.dataclass(frozen=True)
@@ -31,5 +31,5 @@ class HandOver:
         slope = self.rate + _DECAY * self.offset
         offset = left * (self.offset + period * slope)
         rate = left * (self.rate - _DECAY * period * slope)
-        gone = max(np.max(np.abs(offset)), np.max(np.abs(rate))) < _THERE
+        gone = max(np.max(np.abs(offset)), np.max(np.abs(rate))) < _GONE
         return None if gone else HandOver(offset, rate)

@@ -10,18 +10,30 @@ from pydrake.trajectories import Trajectory
 
 from drake_srg.planning import state_machine
 from drake_srg.planning.motion.arm_motion import Motion
-from drake_srg.planning.task.config import PlannerConfig
-from drake_srg.planning.task.modes import Close, Grasp, Lift, Verify, task_modes
-from drake_srg.planning.task.observing import Senses
-from drake_srg.planning.task.planner_memory import Attempt, PlannerMemory, Trouble
-from drake_srg.planning.task.replanning import Replanner
-from drake_srg.planning.task.task_mode import Entry, Now, TaskMode
-from drake_srg.planning.task.transitions import (
-    TRANSITIONS,
+from drake_srg.planning.planner_machine import (
     Observation,
+    PlannerConfig,
     Table,
-    transition,
+    Transitions,
 )
+from drake_srg.planning.task.knowledge import (
+    FATAL,
+    TRANSITIONS,
+    PlannerMemory,
+    Senses,
+    Trouble,
+)
+from drake_srg.planning.task.modes import (
+    Close,
+    Entry,
+    Grasp,
+    Lift,
+    Now,
+    TaskMode,
+    Verify,
+    task_modes,
+)
+from drake_srg.planning.task.replanning import Replanner
 from drake_srg.servoing.status import (
     ServoCommand,
     ServoFault,
@@ -49,6 +61,7 @@ SERVO_TRANSITIONS: Table = {
         *TRANSITIONS[Mode.LIFT],
     ],
 }
+servo_transition = Transitions(SERVO_TRANSITIONS, FATAL)
 _HELD = (ServoState.HOLDING, ServoState.FAILED)
 _LATE = "it does not reach the object in time"
 
@@ -58,13 +71,6 @@ class ServoSenses(Senses):
     """Measurements at one time, and what the servo reports."""
 
     servo: ServoStatus = dc.field(default_factory=ServoStatus)
-
-
-def servo_transition(
-    mode: Mode, observation: Observation, t: float, config: PlannerConfig
-) -> Mode:
-    """Return the mode that follows, by the table `SERVO_TRANSITIONS`."""
-    return transition(mode, observation, t, config, SERVO_TRANSITIONS)
 
 
 def servo_command(mode: Mode, memory: PlannerMemory) -> ServoCommand:
@@ -79,15 +85,16 @@ def servo_command(mode: Mode, memory: PlannerMemory) -> ServoCommand:
 class Servoed(TaskMode):
     """A mode in which the servo moves the arm, and the planner's motion follows it."""
 
-    def trajectory(self, attempt: Attempt) -> Trajectory | None:
+    def trajectory(self, memory: PlannerMemory) -> Trajectory | None:
         """Return None: the servo knows the way."""
         return None
 
     def update(self, memory: PlannerMemory, now: Now) -> PlannerMemory:
         """Rest where the servo has taken the arm."""
-        memory = super().update(memory, now)
-        q = _servo(now).q
-        return dc.replace(memory, motion=Motion(q)) if len(q) else memory
+        memory, q = super().update(memory, now), _servo(now).q
+        if len(q):
+            memory.motion = Motion(q)
+        return memory
 
 
 class ServoGrasp(Servoed, Grasp):
@@ -124,11 +131,10 @@ class ServoGrasp(Servoed, Grasp):
             seen = servo.fault not in (None, ServoFault.STUCK)
             why = servo.fault.value if servo.fault is not None and failed else _LATE
             failure = Failure.NOT_SEEN if seen else Failure.OUT_OF_REACH
-            trouble = Trouble(failure, f"visual servo: {why}")
-            memory = dc.replace(memory, trouble=trouble)
-        if memory.trouble.failure is None or not servo.at_rest:
-            return memory
-        return self.replanner.escape(memory, now.time)
+            memory.trouble = Trouble(failure, f"visual servo: {why}")
+        if memory.trouble.failure is not None and servo.at_rest:
+            self.replanner.Escape(memory, now.time)
+        return memory
 
     def observe_mode(self, memory: PlannerMemory, now: Now) -> Observation:
         """Report that the hand has reached the object, or that there is a way out."""
@@ -158,22 +164,21 @@ class ServoLift(Lift):
     def enter(self, memory: PlannerMemory, entry: Entry) -> PlannerMemory:
         """Remember how the fingers hold the object, and brake."""
         memory = super().enter(memory, entry)
-        return dc.replace(memory, motion=Motion(_servo(entry).q))
+        memory.motion = Motion(_servo(entry).q)
+        return memory
 
-    def look(self, memory: PlannerMemory, now: Now) -> PlannerMemory:
+    def Look(self, memory: PlannerMemory, now: Now) -> None:
         """Plan once the hand is at rest; the motion begins when the plan is ready."""
         servo = _servo(now)
-        memory = dc.replace(memory, motion=Motion(servo.q))
+        memory.motion, attempt = Motion(servo.q), memory.attempt
         if servo.state not in _HELD or not servo.at_rest:
-            return memory
-        memory = self.replanner.carry(memory, now.time)
-        attempt = dc.replace(memory.attempt, looked=True)
-        if attempt.trapped:
-            return dc.replace(memory, attempt=attempt)
-        motion = memory.motion.followed_by(
-            attempt.planned.motions[self.mode], attempt.ready_at, self.wait
-        )
-        return dc.replace(memory, attempt=attempt, motion=motion)
+            return
+        self.replanner.Carry(memory, now.time)
+        attempt.looked = True
+        if not attempt.trapped:
+            memory.motion = memory.motion.followed_by(
+                attempt.planned.motions[self.mode], attempt.ready_at, self.wait
+            )
 
     def observe_mode(self, memory: PlannerMemory, now: Now) -> Observation:
         """Report a plan that failed, and then what every lift reports."""

@@ -9,7 +9,7 @@ from pydrake.common.value import AbstractValue
 from pydrake.math import RigidTransform
 from pydrake.systems.framework import Context
 
-from drake_srg.planning.task.config import PlannerConfig
+from drake_srg.planning.planner_machine import PlannerConfig
 from drake_srg.planning.task.pick_and_place import PickAndPlacePlanner
 from drake_srg.planning.task.task_motions import TaskPlanner
 from drake_srg.servoing.servo_modes import (

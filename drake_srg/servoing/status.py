@@ -1,7 +1,5 @@
 """What a visual servo is told to do, and what it tells."""
 
-from __future__ import annotations
-
 import dataclasses as dc
 import enum
 

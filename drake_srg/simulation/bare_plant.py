@@ -22,7 +22,7 @@ from drake_srg.lifetime import my_context
 from drake_srg.scenario import Scenario
 from drake_srg.simulation.flat import MakeRoot
 from drake_srg.simulation.simulate import failure_time
-from drake_srg.simulation.sleeping import Advance, MakeAdvance
+from drake_srg.station.sleeping import Advance, MakeAdvance
 from drake_srg.station.station import AddStation
 from drake_srg.types import Mode, PlannerStatus, Vector
 

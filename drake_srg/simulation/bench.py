@@ -12,6 +12,7 @@ from pydrake.math import RollPitchYaw
 from drake_srg.common.exceptions import ScenarioError
 from drake_srg.common.minimum_jerk import minimum_jerk_blend
 from drake_srg.objects.config import ObjectConfig
+from drake_srg.planning.planner_machine import PickAndPlace
 from drake_srg.scenario import Scenario, load_scenario
 from drake_srg.types import Vector
 
@@ -85,5 +86,5 @@ def bench_scenario(
         if bench.arm is None:
             raise ScenarioError(f"{scenario}: home: needs a scenario with an arm")
         bench.arm.home = [float(x) for x in home]
-    bench.script = []  # it was for the scenario's own object
+    bench.planner = PickAndPlace()  # the script was for the scenario's own object
     return bench

@@ -196,6 +196,7 @@ class RunTimes:
 
     simulated: float
     wall: float
+    planning: float = 0.0  # what the planner took of `wall`
 
 
 def calc_metrics(
@@ -279,7 +280,7 @@ def calc_metrics(
         cycles=status.cycles,
         cycle_time_s=cycle,
         time_to_placement_s=to_placement,
-        planning_wall_s=status.planning_wall,
+        planning_wall_s=times.planning,
         localization_error_m=_floats(localization),
         localization_turn_rad=turn,
         placement_error_m=_floats(error),

@@ -17,6 +17,7 @@ from drake_srg.recording.timeline import draw_timeline
 from drake_srg.recording.video import VideoRecorder
 from drake_srg.replay import ReplayRecorder
 from drake_srg.scenario import Scenario
+from drake_srg.scenario.schema import script_of
 from drake_srg.simulation.scene_topics import scene_topics
 from drake_srg.station.plant import MakeModelsPlant
 from drake_srg.station.video_process import RemoteVideoRecorder, VideoProcess
@@ -132,7 +133,7 @@ def recorded_topics(cell: Diagram, scenario: Scenario) -> list[Topic]:
         gripper_joints,
         len(sensors),
         dict.fromkeys(config.bag_cameras, config.bag_camera_period),
-        located=scenario.task.clear is None and not scenario.script,
+        located=scenario.task.clear is None and not script_of(scenario),
         watched=scenario.safety is not None and scenario.arm is not None,
         felt="arm.external_torque" in ports,
     )

@@ -35,8 +35,8 @@ from drake_srg.scenario import LocalizerConfig, Scenario, is_continuous
 from drake_srg.simulation import failure_time
 from drake_srg.simulation.bench import bench_scenario, shake
 from drake_srg.simulation.log_format import pose_to_row
-from drake_srg.simulation.sleeping import MakeAdvance
 from drake_srg.station import MakeStation
+from drake_srg.station.sleeping import MakeAdvance
 from drake_srg.types import Vector
 
 __all__ = ["Command", "Rig", "bench_scenario", "shake"]

@@ -18,15 +18,16 @@ from drake_srg.common.exceptions import ScenarioError, one_line, scenario_errors
 from drake_srg.common.simulator import MakeSimulator
 from drake_srg.common.status_line import StatusLine
 from drake_srg.lifetime import my_context
+from drake_srg.planning.planner_machine import planning_clock
 from drake_srg.recording.output import Recorder, output_folder
 from drake_srg.replay import write_page
-from drake_srg.scenario import Scenario, perception_cameras
+from drake_srg.scenario import Scenario, perception_cameras, servo_of
 from drake_srg.simulation.flat import MakeRoot
 from drake_srg.simulation.kept_replay import take_folder
 from drake_srg.simulation.metrics import Metrics, RunTimes, calc_metrics
 from drake_srg.simulation.recorders import FILES, AddRecorders
 from drake_srg.simulation.samples import Samples
-from drake_srg.simulation.sleeping import MakeAdvance
+from drake_srg.station.sleeping import MakeAdvance
 from drake_srg.station.video_process import VideoProcess, can_render_apart
 from drake_srg.types import Failure, Mode, PlannerStatus, Vector
 
@@ -209,8 +210,9 @@ def _written_on_error(write: Callable[[], object]) -> Iterator[None]:
 def _without_unused_cameras(scenario: Scenario, recorded: bool) -> Scenario:
     """Return the scenario with only those cameras that are used, to save time."""
     used = set(perception_cameras(scenario))
-    if scenario.servoing is not None:
-        used.add(scenario.servoing.camera)
+    servo = servo_of(scenario)
+    if servo is not None:
+        used.add(servo.camera)
     if recorded:
         used |= {scenario.recording.video_camera, *scenario.recording.bag_cameras}
     seen = {name: c for name, c in scenario.cameras.items() if name in used}
@@ -254,7 +256,7 @@ def _run(
     budget = scenario.task.repeat * scenario.planner.time_budget
     limit = start_time + budget + 1.0
     end = limit
-    start = wall.perf_counter()
+    start, planned = wall.perf_counter(), planning_clock()
     with failure_time(name, simulator):
         simulator.Initialize()
     samples.add(root)
@@ -285,4 +287,5 @@ def _run(
             message=STOPPED_BY_USER,
         )
     elapsed = wall.perf_counter() - start
-    return status, RunTimes(root.get_time() - start_time, elapsed)
+    planning = planning_clock() - planned
+    return status, RunTimes(root.get_time() - start_time, elapsed, planning)

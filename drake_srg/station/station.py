@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-from pydrake.geometry import SceneGraph
 from pydrake.multibody.plant import MultibodyPlant
-from pydrake.multibody.tree import BodyIndex, ModelInstanceIndex
+from pydrake.multibody.tree import ModelInstanceIndex
 from pydrake.systems.framework import Diagram, DiagramBuilder, LeafSystem
 
 from drake_srg.arm.driver import AddArmDriver, ArmDriver
@@ -13,10 +12,8 @@ from drake_srg.common.exceptions import scenario_errors
 from drake_srg.common.ports import input_ports, output_ports
 from drake_srg.gripper.drivers import AddGripperDriver
 from drake_srg.gripper.finger_sensing import PLANT_INPUTS
-from drake_srg.objects.config import SleepingConfig
 from drake_srg.objects.models import object_body
 from drake_srg.objects.poses import ObjectPoses
-from drake_srg.objects.sleeping import SleepMonitor
 from drake_srg.objects.slides import AddSlide
 from drake_srg.safety.adding import AddSafetyMonitor
 from drake_srg.safety.config import SafetyConfig
@@ -24,6 +21,7 @@ from drake_srg.safety.monitor import SafetyMonitor
 from drake_srg.scenario.schema import Scenario
 from drake_srg.station.cameras import AddCameras
 from drake_srg.station.plant import AddPlant, MakeModelsPlant
+from drake_srg.station.sleeping import AddSleepMonitor
 
 # Ports of a gripper driver that connect to the plant and are not exported.
 _INTERNAL = {*PLANT_INPUTS, "actuation", "desired_state"}
@@ -89,7 +87,7 @@ def MakeStation(scenario: Scenario) -> Diagram:
     are named `plant`, `scene_graph`, `arm_driver`, `gripper_driver`,
     `rgbd_sensor_NAME`, `object_poses`, with slides `slide_NAME`, with safety
     `safety_monitor` and, with sleeping, `sleep_monitor`. Objects
-    sleep where the caller advances with `simulation.sleeping.MakeAdvance`, as
+    sleep where the caller advances with `station.sleeping.MakeAdvance`, as
     `Simulate`, `Rig` and `Serve` do.
 
     Raises:
@@ -140,7 +138,7 @@ def AddStation(builder: DiagramBuilder, scenario: Scenario) -> None:
     forces = plant.get_applied_spatial_force_input_port()
     builder.ExportInput(forces, "object_forces_cheat")
     if scenario.sleeping is not None:
-        _AddSleepMonitor(builder, plant, scene_graph, scenario, scenario.sleeping)
+        AddSleepMonitor(builder, plant, scene_graph, scenario, scenario.sleeping)
     if builder.HasSubsystemNamed("contact_torques"):
         # The arm also feels forces on the object that it holds.
         contact_torques = builder.GetSubsystemByName("contact_torques")
@@ -242,31 +240,3 @@ def _AddObjectPoses(
             poses.get_input_port(1),
         )
     return poses
-
-
-def _AddSleepMonitor(
-    builder: DiagramBuilder,
-    plant: MultibodyPlant,
-    scene_graph: SceneGraph,
-    scenario: Scenario,
-    config: SleepingConfig,
-) -> None:
-    """Add the system that tells which objects sleep, save those to be disturbed."""
-    disturbed = {d.object or scenario.task.pick for d in scenario.disturbances}
-    bodies = {
-        name: object_body(plant, plant.GetModelInstanceByName(name))
-        for name, thing in scenario.objects.items()
-        if thing.present and name not in disturbed
-    }
-    rigid = {name: i for name, i in bodies.items() if isinstance(i, BodyIndex)}
-    inspector = scene_graph.model_inspector()
-    monitor = builder.AddNamedSystem(
-        "sleep_monitor", SleepMonitor(plant, inspector, rigid, config)
-    )
-    for output, name in (
-        (plant.get_body_poses_output_port(), "body_poses"),
-        (plant.get_body_spatial_velocities_output_port(), "body_spatial_velocities"),
-    ):
-        builder.Connect(output, monitor.GetInputPort(name))
-    builder.ConnectInput("object_forces_cheat", monitor.GetInputPort("applied_forces"))
-    builder.ExportOutput(monitor.get_output_port(), "objects_asleep_cheat")

@@ -1,4 +1,4 @@
-"""Statistics of many trials, in NumPy alone."""
+"""Statistics of many trials."""
 
 from __future__ import annotations
 
@@ -50,13 +50,6 @@ def wilson_interval(
     return min(max(0.0, centre - half), share), max(min(1.0, centre + half), share)
 
 
-def midranks(values: Vector) -> Vector:
-    """Return the ranks 1 .. n of values, shape (n,); equal values share their mean."""
-    _, inverse, counts = np.unique(values, return_inverse=True, return_counts=True)
-    ends = np.cumsum(counts)
-    return (ends - (counts - 1) / 2.0)[inverse]
-
-
 def rank_auc(first: Vector, second: Vector) -> tuple[float, float]:
     """Compare two samples with the Mann-Whitney test.
 
@@ -79,21 +72,19 @@ def rank_auc(first: Vector, second: Vector) -> tuple[float, float]:
     m, n = len(first), len(second)
     if m == 0 or n == 0:
         raise ValueError(f"rank_auc: samples must not be empty, got {m} and {n} values")
-    ranks = midranks(np.concatenate([first, second]))
-    doubled = np.rint(2.0 * ranks).astype(int)
-    above = float(ranks[:m].sum()) - m * (m + 1) / 2.0
-    few = doubled[:m] if m <= n else doubled[m:]
-    if len(few) * (m + n) <= LARGEST_EXACT:
+    import scipy.stats
+
+    above, p = scipy.stats.mannwhitneyu(first, second, method="asymptotic")
+    if min(m, n) * (m + n) <= LARGEST_EXACT:
+        # SciPy's exact p-values are those of samples without ties. Its approximation
+        # gives p = 1e-218 to a word drawn once in 1000 trials, in the only failed one.
+        ranks = scipy.stats.rankdata(np.concatenate([first, second]))
+        doubled = np.rint(2.0 * ranks).astype(int)
+        few = doubled[:m] if m <= n else doubled[m:]
         chances = _rank_sum_distribution(tuple(sorted(doubled.tolist())), len(few))
         at = int(few.sum())
-        tail = min(chances[: at + 1].sum(), chances[at:].sum())
-        return above / (m * n), float(min(1.0, 2.0 * tail))
-    _, ties = np.unique(doubled, return_counts=True)
-    total = m + n
-    variance = m * n / 12.0 * (total + 1 - (ties**3 - ties).sum() / total / (total - 1))
-    distance = max(0.0, abs(above - m * n / 2.0) - 0.5)
-    p = _two_sided(distance / math.sqrt(variance)) if variance > 0.0 else 1.0
-    return above / (m * n), p
+        p = min(1.0, 2.0 * min(chances[: at + 1].sum(), chances[at:].sum()))
+    return float(above) / (m * n), float(p)
 
 
 @functools.lru_cache(maxsize=64)  # quantities without ties share one
@@ -113,21 +104,20 @@ def _rank_sum_distribution(doubled: tuple[int, ...], chosen: int) -> Vector:
 def spearman(first: Vector, second: Vector) -> tuple[float, float]:
     """Return the rank correlation of two quantities, and its two-sided p-value.
 
-    C. Spearman, Am. J. Psychol. 15:72, 1904. Without a relation, the variance of the
-    correlation is 1 / (n - 1); the p-value comes from the normal distribution. If one
-    of the quantities does not vary, the result is (nan, 1).
+    C. Spearman, Am. J. Psychol. 15:72, 1904. The p-value comes from Student's
+    distribution with n - 2 degrees of freedom. If one of the quantities does not vary,
+    the result is (nan, 1).
 
     Args:
-        first: Shape (n,).
+        first: Shape (n,), n > 2.
         second: Shape (n,).
     """
-    a, b = midranks(first), midranks(second)
-    a, b = a - a.mean(), b - b.mean()
-    norm = math.sqrt(float(a @ a) * float(b @ b)) if len(a) else 0.0
-    if norm == 0.0:
+    import scipy.stats
+
+    if np.ptp(first) == 0.0 or np.ptp(second) == 0.0:
         return math.nan, 1.0
-    rho = float(a @ b) / norm
-    return rho, _two_sided(abs(rho) * math.sqrt(len(a) - 1.0))
+    rho, p = scipy.stats.spearmanr(first, second)
+    return float(rho), float(p)
 
 
 def benjamini_hochberg(p_values: Vector) -> Vector:
@@ -137,13 +127,6 @@ def benjamini_hochberg(p_values: Vector) -> Vector:
     share of false ones among them is at most q (Y. Benjamini, Y. Hochberg, J. R. Stat.
     Soc. B 57:289, 1995).
     """
-    p = np.asarray(p_values, dtype=float)
-    order = np.argsort(p)[::-1]
-    factors = len(p) / np.arange(len(p), 0, -1)
-    adjusted = np.empty_like(p)
-    adjusted[order] = np.minimum.accumulate(np.minimum(1.0, p[order] * factors))
-    return adjusted
+    import scipy.stats
 
-
-def _two_sided(z: float) -> float:
-    return math.erfc(z / math.sqrt(2.0))
+    return np.asarray(scipy.stats.false_discovery_control(p_values))

@@ -13,9 +13,7 @@ import numpy as np
 from drake_srg.bridges.commands import CommandError
 from drake_srg.common.exceptions import ScenarioError
 from drake_srg.hardware.config import HardwareConfig
-from drake_srg.hardware.link import Robot
-from drake_srg.hardware.messages import JointStates
-from drake_srg.hardware.ros import RosArm, RosGripper
+from drake_srg.hardware.link import JointStates, Robot, RosDriver
 from drake_srg.scenario.twin import TwinConfig
 from drake_srg.twin.sightings import Sighting, read_blobs
 from drake_srg.types import Vector
@@ -60,13 +58,13 @@ class Listener:
     def __init__(self, config: HardwareConfig, twin: TwinConfig, robot: Robot) -> None:
         arm, gripper = config.arm, config.gripper
         for key, driver in (("arm", arm), ("gripper", gripper)):
-            if not isinstance(driver, RosArm | RosGripper):
+            if not isinstance(driver, RosDriver):
                 raise ScenarioError(
                     f"{key}: a twin cannot listen to !{type(driver).__name__}, because "
                     "a bus has one master (allowed: the drivers of ROS 1 and ROS 2)"
                 )
-        assert isinstance(arm, RosArm)
-        assert isinstance(gripper, RosGripper)
+        assert isinstance(arm, RosDriver)
+        assert isinstance(gripper, RosDriver)
         self._lock = threading.Lock()
         self._arm = JointStates(arm.names(robot))
         self._fingers = JointStates(gripper.names(robot))

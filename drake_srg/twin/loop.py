@@ -14,7 +14,7 @@ from drake_srg.common.simulator import MakeSimulator
 from drake_srg.lifetime import my_context
 from drake_srg.scenario import Scenario
 from drake_srg.simulation import failure_time
-from drake_srg.simulation.sleeping import MakeAdvance
+from drake_srg.station.sleeping import MakeAdvance
 from drake_srg.twin.listener import Told
 from drake_srg.twin.monitor import KINDS
 from drake_srg.twin.placing import Placing

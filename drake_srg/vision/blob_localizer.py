@@ -10,7 +10,7 @@ import numpy as np
 import numpy.typing as npt
 from pydrake.common.value import AbstractValue
 from pydrake.math import RigidTransform
-from pydrake.systems.framework import Context, EventStatus, State
+from pydrake.systems.framework import Context
 from pydrake.systems.sensors import ImageDepth32F, ImageRgba8U
 
 from drake_srg.common.convex_pieces import Solid
@@ -19,10 +19,13 @@ from drake_srg.types import Blob, BlobFlag
 from drake_srg.vision.camera import CameraModel
 from drake_srg.vision.candidates import Candidate, Picture, Search, by_color, by_steps
 from drake_srg.vision.color import ColorRange
-from drake_srg.vision.config import BlobLocalizerConfig
 from drake_srg.vision.depth_noise import clean_and_measure
 from drake_srg.vision.shape_fit import Fit, fit_shape
 from drake_srg.vision.view import view_around
+
+# A blob is uncertain if its misfit exceeds that of the best one by more than this. A
+# target's own noise and edges hardly make as much.
+_MISFIT_MARGIN = 0.05
 
 
 @dc.dataclass(frozen=True)
@@ -75,22 +78,19 @@ class BlobLocalizer(LeafSystem):
     (RigidTransform X_WB). The output `blobs` is a list[Blob] in world [m], in the order
     of the targets and, for each target, the most trustworthy first (`Blob.trust`).
 
-    With `period` 0 the output is computed when it is evaluated, so cameras cost nothing
-    while nothing needs the blobs. With a positive period a periodic event samples the
-    images and the output repeats the last sample.
+    The output is computed when it is evaluated, so cameras cost nothing while nothing
+    needs the blobs.
 
     Args:
         targets: What to look for, by unique names.
         cameras: Camera name to its model.
-        period: 0, or the sampling period [s].
         min_area: Smaller blobs are dropped [pixels].
         min_quality: Uncertain blobs are dropped if a smaller share of their outline is
             seen, 0 .. 1.
-        config: The thresholds; None for the defaults.
 
     Raises:
-        ValueError: If targets or cameras are empty, a name appears twice, a number is
-            out of range, or a softness of `config.fit` is empty.
+        ValueError: If targets or cameras are empty, a name appears twice, or a number
+            is out of range.
     """
 
     def __init__(
@@ -98,10 +98,8 @@ class BlobLocalizer(LeafSystem):
         targets: Sequence[BlobTarget],
         cameras: Mapping[str, CameraModel],
         *,
-        period: float = 0.0,
         min_area: int = 12,
         min_quality: float = 0.2,
-        config: BlobLocalizerConfig | None = None,
     ):
         super().__init__()
         names = [target.name for target in targets]
@@ -111,16 +109,11 @@ class BlobLocalizer(LeafSystem):
             )
         if not cameras:
             raise ValueError("BlobLocalizer needs at least one camera")
-        if period < 0 or min_area < 1 or not 0 <= min_quality <= 1:
+        if min_area < 1 or not 0 <= min_quality <= 1:
             raise ValueError(
-                "BlobLocalizer needs period >= 0, min_area >= 1 and min_quality within "
-                f"0 .. 1, got period={period}, min_area={min_area}, "
-                f"min_quality={min_quality}"
+                "BlobLocalizer needs min_area >= 1 and min_quality within 0 .. 1, got "
+                f"min_area={min_area}, min_quality={min_quality}"
             )
-        self._config = config or BlobLocalizerConfig()
-        for stage in ("coarse_softness", "middle_softness", "fine_softness"):
-            if not getattr(self._config.fit, stage):
-                raise ValueError(f"config.fit.{stage} must not be empty")
         self._targets = tuple(targets)
         self._cameras = {
             name: (model.imager("color"), model.imager("depth"))
@@ -140,39 +133,22 @@ class BlobLocalizer(LeafSystem):
                 model_value=AbstractValue.Make(RigidTransform()),
             )
         empty: list[Blob] = []
-        if period == 0:
-            calc, prerequisites = self._calc_blobs, {self.all_input_ports_ticket()}
-        else:
-            self._sample = self.DeclareAbstractState(AbstractValue.Make(empty))
-            self.DeclarePeriodicUnrestrictedUpdateEvent(period, 0.0, self._update)
-            calc = self._copy_sample
-            prerequisites = {self.abstract_state_ticket(self._sample)}
         self.DeclareAbstractOutputPort(
             name="blobs",
             alloc=lambda: AbstractValue.Make(empty),
-            calc=calc,
-            prerequisites_of_calc=prerequisites,
+            calc=self._calc_blobs,
+            prerequisites_of_calc={self.all_input_ports_ticket()},
         )
 
     def _calc_blobs(self, context: Context, output: AbstractValue) -> None:
         output.set_value(self._locate(context))
-
-    def _copy_sample(self, context: Context, output: AbstractValue) -> None:
-        output.set_value(
-            list(context.get_abstract_state(int(self._sample)).get_value())
-        )
-
-    def _update(self, context: Context, state: State) -> EventStatus:
-        found = self._locate(context)
-        state.get_mutable_abstract_state(int(self._sample)).set_value(found)
-        return EventStatus.Succeeded()
 
     def _locate(self, context: Context) -> list[Blob]:
         found: dict[str, list[Blob]] = {target.name: [] for target in self._targets}
         for camera, (color_imager, depth_imager) in self._cameras.items():
             color = self._image(context, camera, "color")
             depth = self._image(context, camera, "depth")[..., 0]
-            depth, noise = clean_and_measure(depth, self._config.depth_noise)
+            depth, noise = clean_and_measure(depth)
             picture = Picture(
                 color,
                 depth,
@@ -189,9 +165,7 @@ class BlobLocalizer(LeafSystem):
         """Return the blobs of one target in one camera."""
 
         def fits(search: Search) -> list[Blob]:
-            found = search(
-                picture, target.shape, target.color, self._min_area, self._config
-            )
+            found = search(picture, target.shape, target.color, self._min_area)
             blobs = (self._fit(target, camera, picture, c) for c in found)
             return [blob for blob in blobs if blob is not None]
 
@@ -200,8 +174,7 @@ class BlobLocalizer(LeafSystem):
             others = fits(by_steps)
             # They may improve on blobs of the target's own colour, not add to them.
             seen += [o for o in others if not seen or _near(o, seen, target.shape)]
-        distinct = _distinct(seen, target.shape)
-        return _doubt_worse_fits(distinct, self._config.misfit_margin)
+        return _doubt_worse_fits(_distinct(seen, target.shape))
 
     def _fit(
         self, target: BlobTarget, camera: str, picture: Picture, candidate: Candidate
@@ -217,7 +190,7 @@ class BlobLocalizer(LeafSystem):
             picture.X_WB,
             picture.noise,
         )
-        fit = fit_shape(target.shape, view, self._config) if view else None
+        fit = fit_shape(target.shape, view) if view else None
         if fit is None or (fit.uncertain and fit.quality < self._min_quality):
             return None
         rows, columns = np.nonzero(candidate.blob)
@@ -287,12 +260,12 @@ def _distinct(blobs: list[Blob], shape: Solid) -> list[Blob]:
     return kept
 
 
-def _doubt_worse_fits(blobs: list[Blob], misfit_margin: float) -> list[Blob]:
+def _doubt_worse_fits(blobs: list[Blob]) -> list[Blob]:
     """Return the blobs, UNCERTAIN if another one is clearly more like the target."""
     least = min((blob.misfit for blob in blobs if blob.certain), default=0.0)
     return [
         blob
-        if blob.misfit <= least + misfit_margin
+        if blob.misfit <= least + _MISFIT_MARGIN
         else dc.replace(blob, flags=blob.flags | {BlobFlag.UNCERTAIN})
         for blob in blobs
     ]

@@ -13,10 +13,21 @@ from pydrake.systems.sensors import ImageDepth32F
 from drake_srg.lifetime import LeafSystem
 from drake_srg.types import Vector
 from drake_srg.vision.camera import CameraModel
-from drake_srg.vision.config import CameraLevelingConfig
 from drake_srg.vision.mask import has_depth
 from drake_srg.vision.robust import robust_deviation
 from drake_srg.vision.surface import Surface
+
+# A calibration is not more wrong than this in height [m] and tilt [rad]. What differs
+# more is not the surface.
+_MOST_OFFSET = 0.02
+_MOST_TILT = np.deg2rad(2.0)
+# Least and greatest number of points that take part. Fewer say too little about a tilt,
+# more add little.
+_LEAST_POINTS = 200
+_MOST_POINTS = 80_000
+# Points within this many standard deviations of the plane fit it.
+_INLIERS = 2.5
+_ROUNDS = 6  # of fitting the plane and dropping points that do not fit
 
 
 class CameraLeveling(LeafSystem):
@@ -41,28 +52,20 @@ class CameraLeveling(LeafSystem):
     Args:
         camera: The camera's model.
         surfaces: All horizontal surfaces of known height.
-        config: The thresholds; None for the defaults.
 
     Raises:
         ValueError: If `surfaces` is empty.
     """
 
-    def __init__(
-        self,
-        camera: CameraModel,
-        surfaces: Sequence[Surface],
-        *,
-        config: CameraLevelingConfig | None = None,
-    ) -> None:
+    def __init__(self, camera: CameraModel, surfaces: Sequence[Surface]) -> None:
         super().__init__()
         if not surfaces:
             raise ValueError("CameraLeveling needs at least one surface")
         self._surfaces = tuple(surfaces)
-        self._config = config or CameraLevelingConfig()
         imager = camera.imager("depth")
         width, height = imager.info.width(), imager.info.height()
         # Only every n-th column and row is used.
-        share = width * height / self._config.most_points
+        share = width * height / _MOST_POINTS
         self._every = int(np.ceil(np.sqrt(share)))
         rays = imager.rays(slice(0, width), slice(0, height))
         rays = rays[:: self._every, :: self._every]
@@ -90,7 +93,6 @@ class CameraLeveling(LeafSystem):
         output.set_value(self._leveled(X_WB, p_W))
 
     def _leveled(self, X_WB: RigidTransform, p_W: Vector) -> RigidTransform:
-        config = self._config
         # Height of the points above their surface, over x and y.
         over = np.concatenate(
             [
@@ -98,19 +100,19 @@ class CameraLeveling(LeafSystem):
                 for surface in self._surfaces
             ]
         )
-        over = over[np.abs(over[:, 2]) < config.most_offset]
-        if len(over) < config.least_points:
+        over = over[np.abs(over[:, 2]) < _MOST_OFFSET]
+        if len(over) < _LEAST_POINTS:
             return X_WB
         A = np.column_stack([over[:, :2] - X_WB.translation()[:2], np.ones(len(over))])
         z = over[:, 2]
         plane = np.array([0.0, 0.0, float(np.median(z))])
         fits = np.ones(len(z), dtype=bool)
         fitted = np.zeros(0, dtype=bool)  # what the plane fits
-        for _ in range(config.rounds):
+        for _ in range(_ROUNDS):
             error = z - A @ plane
             spread = robust_deviation(error[fits])
-            fits = np.abs(error) <= config.inliers * spread + 1e-9
-            if fits.sum() < config.least_points:
+            fits = np.abs(error) <= _INLIERS * spread + 1e-9
+            if fits.sum() < _LEAST_POINTS:
                 return X_WB
             if np.array_equal(fits, fitted):
                 break
@@ -118,7 +120,7 @@ class CameraLeveling(LeafSystem):
             A_fits = A * fits[:, None]
             plane = np.linalg.solve(A_fits.T @ A, A_fits.T @ z)
         slope_x, slope_y, offset = plane
-        if np.arctan(np.hypot(slope_x, slope_y)) > config.most_tilt:
+        if np.arctan(np.hypot(slope_x, slope_y)) > _MOST_TILT:
             return X_WB
         # The turn about the camera that makes the plane level, and its height after it.
         normal = np.array([-slope_x, -slope_y, 1.0])

@@ -14,8 +14,29 @@ from pydrake.math import RigidTransform
 from drake_srg.common.convex_pieces import ConvexPieces, Solid
 from drake_srg.vision.camera import Imager
 from drake_srg.vision.color import ColorImage, ColorRange
-from drake_srg.vision.config import BlobLocalizerConfig, CandidatesConfig
 from drake_srg.vision.mask import Mask, grow, has_depth
+
+# Least step in depth at an object's edge, as a share of its least extent. A surface
+# that continues behind the object is farther off.
+_STEP = 0.25
+_DEVIATIONS = 6.0  # a step also exceeds this many standard deviations of noise
+# Least area of a region, as a share of the object's smallest face. A smaller region
+# does not show what it is.
+_LEAST_AREA = 0.08
+# Likewise, of a thing that is seen whole. From any side, a box, cylinder or ball covers
+# at least 0.79 of the smallest face of the box around it.
+_LEAST_WHOLE_AREA = 0.5
+# A thing is seen whole if at most this share of the pixels beside it is neither the
+# ground nor far behind it.
+_MOST_ELSE_BESIDE = 0.05
+# Share of a region's surroundings that must lie behind it, at least, and share that may
+# lie level with it, at most. The rest may hide it or touch it.
+_LEAST_BEHIND = 0.3
+_MOST_LEVEL = 0.25
+# Width of the rim around a region [pixels]. The pixels of a step itself are neither
+# before nor behind it.
+_RIM = 2
+_BESIDE = 5  # width of the band beyond the rim that shows the surroundings [pixels]
 
 
 @dc.dataclass(frozen=True)
@@ -52,9 +73,7 @@ class Candidate:
     colored: Mask
 
 
-Search: TypeAlias = Callable[
-    [Picture, Solid, ColorRange, int, BlobLocalizerConfig], Iterator[Candidate]
-]
+Search: TypeAlias = Callable[[Picture, Solid, ColorRange, int], Iterator[Candidate]]
 
 
 def by_color(
@@ -62,20 +81,18 @@ def by_color(
     shape: Solid,
     colors: ColorRange,
     min_area: int,
-    config: BlobLocalizerConfig,
 ) -> Iterator[Candidate]:
     """Yield groups of at least `min_area` connected pixels in a range of colours.
 
     Things that are seen whole and are still too small for the shape are left out.
     """
     colored = colors.mask(picture.color)
-    limits = config.candidates
     aligned = picture.color_imager.same_as(picture.depth_imager)
     for region in _regions(colored, min_area):
-        edge = _edge_of(picture, shape, region, limits) if aligned else None
-        if edge and edge.is_too_small(picture, shape, limits):
+        edge = _edge_of(picture, shape, region) if aligned else None
+        if edge and edge.is_too_small(picture, shape):
             continue
-        if edge and picture.noise and edge.sets_off(limits):
+        if edge and picture.noise and edge.sets_off():
             blob = edge.refined(picture)
         else:
             blob = region.mask()
@@ -87,7 +104,6 @@ def by_steps(
     shape: Solid,
     colors: ColorRange,
     min_area: int,
-    config: BlobLocalizerConfig,
 ) -> Iterator[Candidate]:
     """Yield regions bounded by steps in depth, in the range's colours under any light.
 
@@ -95,14 +111,14 @@ def by_steps(
     """
     if not picture.color_imager.same_as(picture.depth_imager):
         return
-    depth, limits = picture.depth, config.candidates
+    depth = picture.depth
     known = has_depth(depth)
     near = np.where(known, depth, np.float32(0.0))
     steps = cv2.morphologyEx(near, cv2.MORPH_GRADIENT, np.ones((3, 3), np.uint8))
-    level = known & (steps < _step(picture, shape, near, limits))
-    level &= colors.mask_in_any_light(picture.color, config.any_light)
+    level = known & (steps < _step(picture, shape, near))
+    level &= colors.mask_in_any_light(picture.color)
     focal = picture.depth_imager.info.focal_x()
-    least_area = limits.least_area * _smallest_face(shape)
+    least_area = _LEAST_AREA * _smallest_face(shape)
     for region in _regions(level, min_area):
         distances = depth[region.window][region.part(region.window)]
         pixel = float(np.median(distances)) / focal
@@ -110,10 +126,10 @@ def by_steps(
         area = pixel**2 * region.area
         if area < least_area or extent > np.linalg.norm(shape.bounding_size):
             continue
-        edge = _edge_of(picture, shape, region, limits)
-        if edge is None or not edge.sets_off(limits):
+        edge = _edge_of(picture, shape, region)
+        if edge is None or not edge.sets_off():
             continue
-        if not edge.is_too_small(picture, shape, limits):
+        if not edge.is_too_small(picture, shape):
             blob = edge.refined(picture)
             yield Candidate(blob, blob)
 
@@ -183,16 +199,11 @@ class _Edge:
     step: float
     pixel: float
 
-    def sets_off(self, config: CandidatesConfig) -> bool:
+    def sets_off(self) -> bool:
         """Return whether depth sets the region off from its surroundings."""
-        return (
-            self.behind_share >= config.least_behind
-            and self.level_share <= config.most_level
-        )
+        return self.behind_share >= _LEAST_BEHIND and self.level_share <= _MOST_LEVEL
 
-    def is_too_small(
-        self, picture: Picture, shape: Solid, config: CandidatesConfig
-    ) -> bool:
+    def is_too_small(self, picture: Picture, shape: Solid) -> bool:
         """Return whether the region is a whole thing and still too small for a shape.
 
         What is beside the thing must be the ground or be too far behind it. Other parts
@@ -203,7 +214,7 @@ class _Edge:
         if (
             self.cut
             or isinstance(shape, ConvexPieces)
-            or area >= config.least_whole_area * _smallest_face(shape)
+            or area >= _LEAST_WHOLE_AREA * _smallest_face(shape)
         ):
             return False
         extent = float(np.linalg.norm(shape.bounding_size))
@@ -213,7 +224,7 @@ class _Edge:
         is_ground = np.abs(beside - ground) <= self.step
         is_ground &= beside > self.distance + self.step
         is_far = beside > self.distance + extent
-        return bool(np.mean(~(is_ground | is_far)) <= config.most_else_beside)
+        return bool(np.mean(~(is_ground | is_far)) <= _MOST_ELSE_BESIDE)
 
     def refined(self, picture: Picture) -> Mask:
         """Return the region, its rim drawn between its own colour and what is behind.
@@ -230,22 +241,20 @@ class _Edge:
         return blob
 
 
-def _edge_of(
-    picture: Picture, shape: Solid, region: _Region, config: CandidatesConfig
-) -> _Edge | None:
+def _edge_of(picture: Picture, shape: Solid, region: _Region) -> _Edge | None:
     """Return a region's edge, None if the region has no depth.
 
     Colour and depth must be seen along the same rays.
     """
-    border = config.rim + config.beside
+    border = _RIM + _BESIDE
     around = region.around(border)
     own, depth = region.part(around), picture.depth[around]
     usable = own & has_depth(depth)
     if not usable.any():
         return None
     distance = float(np.median(depth[usable]))
-    step = float(_step(picture, shape, np.float32(distance), config))
-    rim = grow(own, config.rim)
+    step = float(_step(picture, shape, np.float32(distance)))
+    rim = grow(own, _RIM)
     beside = grow(own, border) & ~rim
     behind = beside & (depth > distance + step)
     level = beside & (np.abs(depth - distance) <= step)
@@ -275,11 +284,10 @@ def _step(
     picture: Picture,
     shape: Solid,
     depth: npt.NDArray[np.float32] | np.float32,
-    config: CandidatesConfig,
 ) -> npt.NDArray[np.float32] | np.float32:
     """Return the least step in depth at the edge of an object of a shape [m]."""
-    least = np.float32(config.step * shape.bounding_size.min())
-    return least + np.float32(config.deviations * picture.noise) * depth**2
+    least = np.float32(_STEP * shape.bounding_size.min())
+    return least + np.float32(_DEVIATIONS * picture.noise) * depth**2
 
 
 def _regions(mask: Mask, min_area: int) -> Iterator[_Region]:

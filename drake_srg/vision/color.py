@@ -11,7 +11,6 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
-from drake_srg.vision.config import AnyLightConfig
 from drake_srg.vision.mask import Mask
 
 ColorImage = npt.NDArray[np.uint8]
@@ -19,6 +18,18 @@ Triple = tuple[float, float, float]
 
 # The channels' greatest values, in the units of `ColorRange`.
 _FULL_SCALE = {"hsv": (360.0, 1.0, 1.0), "rgb": (1.0, 1.0, 1.0)}
+
+# How far a light may change red over green and blue over green [natural logarithm].
+# Lamps of 3000 to 8000 K differ from daylight by factors of up to 1.3 and 1.5 (black
+# bodies in sRGB's primaries).
+_LIGHT_CHANGE = np.array([0.26, 0.41])
+# Quantile of the image's values that shows how bright the light is. Brighter pixels may
+# be lamps and reflections.
+_BRIGHT_QUANTILE = 0.9
+# Least brightness of a shaded object, as a share of its brightness in full light.
+_SHADED = 0.4
+_DARK = 8.0  # a camera's reading of black [counts of 255]
+_SAMPLES = 9  # of a colour range along each channel
 
 
 @dc.dataclass(frozen=True)
@@ -96,7 +107,7 @@ class ColorRange:
         from_red = cv2.inRange(pixels, np.array([0.0, *low[1:]]), high)
         return np.asarray((to_red > 0) | (from_red > 0))
 
-    def mask_in_any_light(self, image: ColorImage, config: AnyLightConfig) -> Mask:
+    def mask_in_any_light(self, image: ColorImage) -> Mask:
         """Return which pixels may show a colour of the range under any lamp.
 
         Light, exposure and shading multiply the channels, so the ratio of two channels
@@ -104,32 +115,30 @@ class ColorRange:
 
         Args:
             image: RGB or RGBA, shape (height, width, 3 or 4), 0 .. 255.
-            config: The thresholds.
 
         Returns:
             Shape (height, width).
         """
         samples = np.stack(
-            np.meshgrid(*np.linspace(*self._unwrapped(), config.samples).T), axis=-1
+            np.meshgrid(*np.linspace(*self._unwrapped(), _SAMPLES).T), axis=-1
         ).reshape(-1, 3)
         if self.space == "hsv":
             samples = np.array(
                 [colorsys.hsv_to_rgb(h / 360.0 % 1.0, s, v) for h, s, v in samples]
             )
         bright = np.maximum(samples.max(axis=1, keepdims=True), 1e-3)
-        known = _ratios(255.0 * samples / bright, config.dark)
+        known = _ratios(255.0 * samples / bright)
         # The logarithms of all values, because those of all pixels take long.
         red, green, blue = np.moveaxis(image[..., :3], -1, 0)
-        logs = _log(np.arange(256), config.dark)
+        logs = _log(np.arange(256))
         log_green = logs[green]
-        change = np.array(config.light_change)
-        low, high = known.min(axis=0) - change, known.max(axis=0) + change
+        low, high = known.min(axis=0) - _LIGHT_CHANGE, known.max(axis=0) + _LIGHT_CHANGE
         value = np.maximum(np.maximum(red, green), blue)
         # The brightest parts of the scene show how bright the light is.
-        scene = np.quantile(value, config.bright_quantile)
-        least = config.shaded * float(bright.min()) * scene
+        scene = np.quantile(value, _BRIGHT_QUANTILE)
+        least = _SHADED * float(bright.min()) * scene
         # Nearly black pixels are left out: their logarithm is noise.
-        fits = value > max(2 * config.dark, least)
+        fits = value > max(2 * _DARK, least)
         for channel, lowest, highest in zip((red, blue), low, high, strict=True):
             ratio = logs[channel] - log_green
             fits &= (ratio >= lowest) & (ratio <= highest)
@@ -146,20 +155,19 @@ class ColorRange:
         return self.space == "hsv" and channel == 0
 
 
-def _ratios(colors: npt.NDArray[Any], dark: float) -> npt.NDArray[Any]:
+def _ratios(colors: npt.NDArray[Any]) -> npt.NDArray[Any]:
     """Return the logarithms of red and blue over green.
 
     Args:
         colors: 0 .. 255, shape (..., 3).
-        dark: What a camera reads of black, added to every channel.
 
     Returns:
         Shape (..., 2).
     """
-    logs = _log(colors, dark)
+    logs = _log(colors)
     return np.asarray(logs[..., ::2] - logs[..., 1:2])
 
 
-def _log(values: npt.NDArray[Any], dark: float) -> npt.NDArray[np.float32]:
+def _log(values: npt.NDArray[Any]) -> npt.NDArray[np.float32]:
     """Return the logarithms of values, plus what a camera reads of black."""
-    return np.log(np.asarray(values, np.float32) + np.float32(dark))
+    return np.log(np.asarray(values, np.float32) + np.float32(_DARK))

@@ -9,7 +9,6 @@ from pydrake.math import RigidTransform, RotationMatrix
 
 from drake_srg.common.convex_pieces import ConvexPieces, Solid
 from drake_srg.types import Box, Cylinder, Sphere, Vector
-from drake_srg.vision.config import GuessesConfig
 from drake_srg.vision.piece_guesses import guess_pieces
 from drake_srg.vision.rectangle import narrowest_rectangle
 from drake_srg.vision.robust import robust_deviation
@@ -17,20 +16,21 @@ from drake_srg.vision.view import View
 
 _UP = np.array([0.0, 0.0, 1.0])
 
+_PLANE_THICKNESS = 5e-5  # at least [m]: a renderer's depth has no noise
+# A top that leans more than this is not understood and counts as level [rad].
+_MOST_LEAN = np.deg2rad(15.0)
 
-def guess_upright(
-    shape: Cylinder | Box | ConvexPieces, view: View, config: GuessesConfig
-) -> RigidTransform:
+
+def guess_upright(shape: Cylinder | Box | ConvexPieces, view: View) -> RigidTransform:
     """Return a pose X_WO with the solid's z upwards, from which a fit may start.
 
     Args:
         shape: The solid.
         view: Where it is. At least three pixels of the blob have depth.
-        config: The thresholds.
     """
     points = view.seen
     if isinstance(shape, Box):
-        return _standing_box(shape, points, view.noise, config, upright=True)
+        return _standing_box(shape, points, view.noise, upright=True)
     if isinstance(shape, ConvexPieces):
         return guess_pieces(shape, view, upright=True)[0]
     forward = points.mean(axis=0) - view.origin
@@ -38,9 +38,7 @@ def guess_upright(
     return _cylinder(shape, points, _UP, forward, view)
 
 
-def guess_poses(
-    shape: Solid, view: View, config: GuessesConfig
-) -> list[RigidTransform]:
+def guess_poses(shape: Solid, view: View) -> list[RigidTransform]:
     """Return poses X_WO from which a fit may start.
 
     A box is assumed to be on one of its faces, within 15 degrees. Convex pieces stand
@@ -53,7 +51,6 @@ def guess_poses(
     Args:
         shape: The solid.
         view: Where it is. At least three pixels of the blob have depth.
-        config: The thresholds.
     """
     points = view.seen
     middle = points.mean(axis=0)
@@ -62,10 +59,10 @@ def guess_poses(
         # On average, a ball's visible surface is this far before its centre.
         return [RigidTransform(middle + 2 / 3 * shape.radius * forward)]
     if isinstance(shape, Box):
-        return [_box_on_a_side(shape, i, points, view.noise, config) for i in (2, 0, 1)]
+        return [_box_on_a_side(shape, i, points, view.noise) for i in (2, 0, 1)]
     if isinstance(shape, ConvexPieces):
         return guess_pieces(shape, view)
-    top, _, _ = fit_plane(points, 2 * shape.radius, config, view.noise)
+    top, _, _ = fit_plane(points, 2 * shape.radius, view.noise)
     long = np.linalg.eigh(np.cov(points.T))[1][:, -1]
     normals = _normals(view)
     axes = [top, long, *np.linalg.eigh(normals.T @ normals)[1].T]
@@ -107,14 +104,12 @@ def _cylinder(
     return RigidTransform(R_WO, center)
 
 
-def _box_on_a_side(
-    shape: Box, up: int, points: Vector, noise: float, config: GuessesConfig
-) -> RigidTransform:
+def _box_on_a_side(shape: Box, up: int, points: Vector, noise: float) -> RigidTransform:
     """Return the pose of a box whose `up`-th axis is nearly vertical."""
     order = [(up + 1) % 3, (up + 2) % 3, up]
     R_OS = RotationMatrix(np.eye(3)[:, order])
     side = Box([shape.size[i] for i in order])
-    X_WS = _standing_box(side, points, noise, config)
+    X_WS = _standing_box(side, points, noise)
     return X_WS @ RigidTransform(R_OS.inverse())
 
 
@@ -122,12 +117,11 @@ def _standing_box(
     shape: Box,
     points: Vector,
     noise: float,
-    config: GuessesConfig,
     *,
     upright: bool = False,
 ) -> RigidTransform:
     """Return the pose of a box whose top is the plane through the topmost points."""
-    normal, center, thickness = fit_plane(points, min(shape.size[:2]), config, noise)
+    normal, center, thickness = fit_plane(points, min(shape.size[:2]), noise)
     normal = _UP if upright else normal
     e1 = np.cross(_UP if abs(normal[2]) < 0.5 else [0.0, 1.0, 0.0], normal)
     basis = np.stack([e1, np.cross(normal, e1)]) / np.linalg.norm(e1)
@@ -140,7 +134,7 @@ def _standing_box(
 
 
 def fit_plane(
-    points: Vector, extent: float, config: GuessesConfig, noise: float = 0.0
+    points: Vector, extent: float, noise: float = 0.0
 ) -> tuple[Vector, Vector, float]:
     """Return the nearly level plane through the topmost points.
 
@@ -151,14 +145,13 @@ def fit_plane(
     Args:
         points: Shape (n, 3), n > 0, z up [m].
         extent: Size of the surface [m].
-        config: The thresholds.
         noise: Standard deviation of the points [m].
 
     Returns:
         Unit normal (3,), a point of the plane (3,), half its thickness [m].
     """
-    floor = max(config.plane_thickness, 4 * noise)
-    steepest = np.cos(config.most_lean)
+    floor = max(_PLANE_THICKNESS, 4 * noise)
+    steepest = np.cos(_MOST_LEAN)
     normal, thickness = _UP, max(3e-3, floor)
     center = np.array([0.0, 0.0, np.quantile(points[:, 2], 0.95)])
     for _ in range(6):

@@ -11,20 +11,28 @@ from pydrake.math import RigidTransform
 
 from drake_srg.types import HeightMap, Vector
 from drake_srg.vision.camera import Imager
-from drake_srg.vision.config import DepthNoiseConfig, HeightMapConfig
 from drake_srg.vision.depth_noise import clean
 from drake_srg.vision.mask import Mask, grow, has_depth
 from drake_srg.vision.surface import Surface
 
 # Pixels are patches: those this far outside the mapped surface may reach over it [m].
 _AROUND = 0.02
+_HOLE = 2  # width of holes that are filled [cells]
+# Cells higher above the surface than this form the regions that are checked for
+# reaching too high or over the edge [m].
+THING = 0.008
+# The map is unknown this far around a region that is left out, too [cells].
+_FRINGE = 4
+# Cells this near to the surface are mostly its own, and their median corrects the
+# heights [m]. With fewer than `_LEAST_FLAT` of them, nothing is corrected.
+_NEAR = 0.01
+_LEAST_FLAT = 200
 
 
 def points_of(
     depth: Vector,
     X_WB: RigidTransform,
     imager: Imager,
-    noise: DepthNoiseConfig,
     *,
     subpixels: int = 1,
     within: Surface | None = None,
@@ -35,12 +43,11 @@ def points_of(
         depth: Along the imager's z [m], shape (height, width).
         X_WB: Pose of the camera's body in world.
         imager: Its depth imager.
-        noise: How its noise is reduced.
         subpixels: Points per side of a pixel, which counts as a patch of one depth.
         within: Keep only points above or below this surface, or within 2 cm of its
             edges; None keeps all.
     """
-    cleaned = clean(np.asarray(depth, np.float32), noise)
+    cleaned = clean(np.asarray(depth, np.float32))
     rows, columns = np.nonzero(has_depth(cleaned))
     z = cleaned[rows, columns].astype(float)
     X_WD = X_WB @ imager.X_BI
@@ -69,14 +76,15 @@ def height_map(
     resolution: float = 0.002,
     max_height: float = 0.35,
     ignored: Iterable[Surface] = (),
-    config: HeightMapConfig | None = None,
+    thing: float = THING,
+    over_edge: bool = False,
 ) -> HeightMap:
     """Return how high things reach above a surface, and the surface's own height.
 
     A cell holds the highest of its points, from whichever cloud. Holes as narrow as a
     pixel are filled from their surroundings. The arm reaches higher than things on the
     table do: a region that rises above `max_height` is unknown, and so is one that
-    hangs over the surface's edge, unless `config.over_edge`.
+    hangs over the surface's edge, unless `over_edge`.
 
     Args:
         clouds: Points that each camera sees, in world [m], shape (n, 3) each.
@@ -84,27 +92,29 @@ def height_map(
         resolution: Width of a cell [m].
         max_height: Greatest height of a thing above the surface [m].
         ignored: Parts of it that stay unknown, such as where furniture stands.
-        config: The thresholds; None for the defaults.
+        thing: What takes the place of `THING` [m].
+        over_edge: Whether the map keeps things that reach over its edge. Set it only
+            where the robot is out of view, because the robot reaches over the edge,
+            too.
     """
-    config = config or HeightMapConfig()
     low, high = np.array(surface.min), np.array(surface.max)
     nx, ny = np.maximum(np.floor((high - low) / resolution).astype(int), 1)
     origin = low + 0.5 * resolution
     height = np.full((ny, nx), -np.inf)
     for cloud in clouds:
         seen = _highest(cloud, origin, resolution, (ny, nx))
-        seen += _offset(seen, surface.height, config)
+        seen += _offset(seen, surface.height)
         height = np.fmax(height, seen)
     height[~np.isfinite(height)] = np.nan
-    height = _filled(height, config.hole)
+    height = _filled(height)
     for part in ignored:
         height[_covered(part, origin, resolution, height.shape)] = np.nan
-    things = height > surface.height + config.thing
+    things = height > surface.height + thing
     seeds = height > surface.height + max_height
-    if not config.over_edge:
+    if not over_edge:
         seeds |= _at_edge(things)
     strange = _connected(things, seeds)
-    height[grow(strange, config.fringe)] = np.nan
+    height[grow(strange, _FRINGE)] = np.nan
     return HeightMap(origin, resolution, height)
 
 
@@ -123,14 +133,14 @@ def _highest(
     return height.reshape(shape)
 
 
-def _offset(height: Vector, level: float, config: HeightMapConfig) -> float:
+def _offset(height: Vector, level: float) -> float:
     """Return what corrects a camera's heights, by what it sees of the surface [m].
 
     The highest of several noisy points is too high on average, and a camera's pose is
     known only so well.
     """
-    flat = height[np.abs(height - level) < config.near] - level
-    if len(flat) < config.least_flat:
+    flat = height[np.abs(height - level) < _NEAR] - level
+    if len(flat) < _LEAST_FLAT:
         return 0.0
     return -float(np.median(flat))
 
@@ -148,13 +158,13 @@ def _covered(
     return np.asarray(inside_y[:, np.newaxis] & inside_x)
 
 
-def _filled(height: Vector, hole: int) -> Vector:
-    """Return a map whose holes of at most `hole` cells hold the lowest neighbour.
+def _filled(height: Vector) -> Vector:
+    """Return a map whose holes of at most `_HOLE` cells hold the lowest neighbour.
 
     Holes are shadows more often than tops.
     """
     filled = height.copy()
-    for _ in range((hole + 1) // 2):
+    for _ in range((_HOLE + 1) // 2):
         missing = np.isnan(filled)
         # Erosion takes the least, and inf for what is missing.
         known = np.where(missing, np.inf, filled).astype(np.float32)

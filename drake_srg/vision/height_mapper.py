@@ -14,9 +14,12 @@ from pydrake.systems.sensors import ImageDepth32F
 from drake_srg.lifetime import LeafSystem
 from drake_srg.types import HeightMap, Vector
 from drake_srg.vision.camera import CameraModel
-from drake_srg.vision.config import DepthNoiseConfig, HeightMapConfig
-from drake_srg.vision.height_map import height_map, points_of
+from drake_srg.vision.height_map import THING, height_map, points_of
 from drake_srg.vision.surface import Surface
+
+# Points per side of a pixel. At 1.5 m a pixel of a 640x480 image is 2.6 mm wide, wider
+# than a cell.
+SUBPIXELS = 2
 
 
 class HeightMapper(LeafSystem):
@@ -46,8 +49,8 @@ class HeightMapper(LeafSystem):
         resolution: Width of a cell [m].
         max_height: Greatest height of a thing above the surface [m].
         ignored: Parts of the surface that stay unknown, such as where furniture stands.
-        config: The thresholds; None for the defaults.
-        noise: How the noise of depth is reduced; None for the defaults.
+        thing: See `height_map` [m].
+        over_edge: See `height_map`.
 
     Raises:
         ValueError: If there are no cameras, or a number is not positive.
@@ -61,8 +64,8 @@ class HeightMapper(LeafSystem):
         resolution: float = 0.002,
         max_height: float = 0.35,
         ignored: Sequence[Surface] = (),
-        config: HeightMapConfig | None = None,
-        noise: DepthNoiseConfig | None = None,
+        thing: float = THING,
+        over_edge: bool = False,
     ) -> None:
         super().__init__()
         if not cameras:
@@ -76,8 +79,7 @@ class HeightMapper(LeafSystem):
         self._surface = surface
         self._resolution, self._max_height = resolution, max_height
         self._ignored = tuple(ignored)
-        self._config = config or HeightMapConfig()
-        self._noise = noise or DepthNoiseConfig()
+        self._thing, self._over_edge = thing, over_edge
         for camera in cameras:
             self.DeclareAbstractInputPort(
                 f"{camera}.depth_image", AbstractValue.Make(ImageDepth32F())
@@ -99,7 +101,7 @@ class HeightMapper(LeafSystem):
 
     def _calc_height_map(self, context: Context, output: AbstractValue) -> None:
         clouds = [
-            self._points(context, camera, self._config.subpixels, self._surface)
+            self._points(context, camera, SUBPIXELS, self._surface)
             for camera in self._imagers
         ]
         output.set_value(
@@ -109,7 +111,8 @@ class HeightMapper(LeafSystem):
                 resolution=self._resolution,
                 max_height=self._max_height,
                 ignored=self._ignored,
-                config=self._config,
+                thing=self._thing,
+                over_edge=self._over_edge,
             )
         )
 
@@ -140,7 +143,6 @@ class HeightMapper(LeafSystem):
             image.data[..., 0],
             X_WB,
             self._imagers[camera],
-            self._noise,
             subpixels=subpixels,
             within=within,
         )

@@ -14,12 +14,25 @@ from pydrake.systems.sensors import ImageDepth32F
 from drake_srg.lifetime import LeafSystem
 from drake_srg.types import Blob, Box, Obstacle, Shape, Vector
 from drake_srg.vision.camera import CameraModel
-from drake_srg.vision.config import ObstacleFinderConfig
 from drake_srg.vision.mask import Mask
 from drake_srg.vision.rectangle import narrowest_rectangle
 from drake_srg.vision.robust import robust_deviation
 from drake_srg.vision.solids import signed_distance
 from drake_srg.vision.surface import Surface
+
+# A point stands on a surface if it is higher by this many standard deviations of noise:
+# one of three million normally distributed values is beyond.
+_DEVIATIONS = 5.0
+_LEAST_PIXELS = 8  # points of an obstacle, at least: noise makes groups of a few
+# Points this near to a surface are mostly its own and show how well its height is
+# measured [m].
+_NEAR = 0.03
+# Quantile of an obstacle's heights that counts as its top. The highest of many noisy
+# points is a millimetre higher still.
+_TOP = 0.98
+# A point this near to a known object belongs to it [m]. The object may be 3 mm off
+# where it is seen, and so may its rim.
+_KNOWN = 0.006
 
 
 class ObstacleFinder(LeafSystem):
@@ -52,7 +65,6 @@ class ObstacleFinder(LeafSystem):
         known: Shapes of the known objects, by the names in their blobs.
         max_height: Greatest height of an obstacle above its surface [m].
         min_height: Least height [m]. A marker on a table is not in the way.
-        config: The thresholds; None for the defaults.
 
     Raises:
         ValueError: If there are no cameras or surfaces, or the heights are not
@@ -67,7 +79,6 @@ class ObstacleFinder(LeafSystem):
         *,
         max_height: float = 0.3,
         min_height: float = 0.008,
-        config: ObstacleFinderConfig | None = None,
     ):
         super().__init__()
         if not cameras or not surfaces:
@@ -87,7 +98,6 @@ class ObstacleFinder(LeafSystem):
         self._surfaces = tuple(surfaces)
         self._known = dict(known)
         self._max_height, self._min_height = max_height, min_height
-        self._config = config or ObstacleFinderConfig()
         for camera in cameras:
             for port, model in (
                 ("depth_image", ImageDepth32F()),
@@ -110,12 +120,12 @@ class ObstacleFinder(LeafSystem):
         seen = [self._points(context, camera) for camera in self._imagers]
         points = np.concatenate([points for points, _ in seen])
         pixel = max(pixel for _, pixel in seen)
-        margin = self._config.known + 2 * pixel
+        margin = _KNOWN + 2 * pixel
         points = points[~self._is_known(context, points, margin)]
         output.set_value(
             [
-                _box_around(group, surface.height, 0.5 * pixel, self._config.top)
-                for group in _groups(points, 2 * pixel, self._config.least_pixels)
+                _box_around(group, surface.height, 0.5 * pixel)
+                for group in _groups(points, 2 * pixel)
                 if (surface := self._carrier(group)) is not None
             ]
         )
@@ -126,7 +136,6 @@ class ObstacleFinder(LeafSystem):
         Returns:
             The points in W [m], shape (n, 3), and how wide a pixel is there [m].
         """
-        config = self._config
         imager = self._imagers[camera]
         depth = self.GetInputPort(f"{camera}.depth_image").Eval(context).data[..., 0]
         X_WB = self.GetInputPort(f"{camera}.body_pose_in_world").Eval(context)
@@ -144,7 +153,7 @@ class ObstacleFinder(LeafSystem):
             return np.asarray(p_D @ R_WD.T + p_WD)
 
         # A quarter of the pixels shows how the surfaces' own points scatter.
-        near = (depth > 0) & (z > lowest - config.near)
+        near = (depth > 0) & (z > lowest - _NEAR)
         least = self._least_height(p_W(near[::2, ::2], step=2))
         # Points below it need no closer look.
         high = near & (z > lowest + least)
@@ -175,14 +184,13 @@ class ObstacleFinder(LeafSystem):
         Args:
             p_W: Points of the surfaces, among others, shape (n, 3).
         """
-        config = self._config
         height, on_surface = self._heights(p_W)
-        flat = height[on_surface & (np.abs(height) < config.near)]
+        flat = height[on_surface & (np.abs(height) < _NEAR)]
         if not len(flat):
             return self._min_height
         offset = float(np.median(flat))
         noise = robust_deviation(flat - offset)
-        return offset + max(self._min_height, config.deviations * noise)
+        return offset + max(self._min_height, _DEVIATIONS * noise)
 
     def _is_known(self, context: Context, points: Vector, margin: float) -> Mask:
         """Return which points belong to the most trustworthy blob of a known object."""
@@ -199,21 +207,19 @@ class ObstacleFinder(LeafSystem):
 
     def _carrier(self, group: Vector) -> Surface | None:
         """Return the surface on which a group of points stands, if any."""
-        near = self._config.near
         for surface in self._surfaces:
             top = group[:, 2].max() - surface.height
-            if surface.contains(group, near).all() and top < self._max_height - near:
+            if surface.contains(group, _NEAR).all() and top < self._max_height - _NEAR:
                 return surface
         return None
 
 
-def _groups(points: Vector, gap: float, least: int) -> Iterator[Vector]:
-    """Yield groups of at least `least` points with gaps below about `gap` [m].
+def _groups(points: Vector, gap: float) -> Iterator[Vector]:
+    """Yield groups of enough points with gaps below about `gap` [m].
 
     Args:
         points: Shape (n, 3) [m]; gaps are those seen from above.
         gap: Width of the cells in which the points are counted [m].
-        least: Points of a group.
     """
     if len(points) == 0:
         return
@@ -223,24 +229,23 @@ def _groups(points: Vector, gap: float, least: int) -> Iterator[Vector]:
     count, labels = cv2.connectedComponents(taken, connectivity=8)
     label = labels[cells[:, 0], cells[:, 1]]
     for i in range(1, count):
-        if (label == i).sum() >= least:
+        if (label == i).sum() >= _LEAST_PIXELS:
             yield points[label == i]
 
 
-def _box_around(group: Vector, height: float, margin: float, top: float) -> Obstacle:
+def _box_around(group: Vector, height: float, margin: float) -> Obstacle:
     """Return the narrowest upright box around points (n, 3), from `height` up [m].
 
     Args:
         group: The points [m].
         height: Of the surface on which they stand [m].
         margin: How much wider the box is on each side [m].
-        top: Quantile of the points' heights at which the box ends.
     """
     middle = group[:, :2].mean(axis=0)
     center, sides, yaw = narrowest_rectangle(group[:, :2] - middle)
     x, y = middle + center
     length, width = sides + 2 * margin
-    tall = float(np.quantile(group[:, 2], top)) - height
+    tall = float(np.quantile(group[:, 2], _TOP)) - height
     return Obstacle(
         Box([float(length), float(width), tall]),
         RigidTransform(RotationMatrix.MakeZRotation(yaw), [x, y, height + tall / 2]),

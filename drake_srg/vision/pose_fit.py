@@ -20,7 +20,6 @@ from pydrake.math import RigidTransform, RotationMatrix
 from drake_srg.common.convex_pieces import ConvexPieces, Solid
 from drake_srg.common.cross import cross
 from drake_srg.types import Box, Cylinder, Sphere, Vector
-from drake_srg.vision.config import AlignmentConfig, BlobLocalizerConfig
 from drake_srg.vision.outline import Outline
 from drake_srg.vision.robust import robust_deviation
 from drake_srg.vision.sight import INSIDE, UNKNOWN, look
@@ -29,6 +28,15 @@ from drake_srg.vision.symmetry import round_axis
 from drake_srg.vision.view import View
 
 Normal = tuple[Vector, Vector]  # gradient (k,) and Hessian (k, k) of a cost
+
+# Least standard deviation of depth [m]: a renderer's has none.
+_DEPTH_DEVIATION = 1e-4
+# Where Huber's cost turns linear [standard deviations]; 95 % efficient for normally
+# distributed noise.
+_HUBER = 1.345
+_SAMPLES = 400  # points, and pixels, that take part, at most: more add little
+_STEPS = 12  # of Newton's method at one softness, at most
+_RIDGE = 1e-9  # added to the Hessian's diagonal, as a share of its trace
 
 
 @dc.dataclass(frozen=True)
@@ -53,7 +61,6 @@ def align(
     X_WO: RigidTransform,
     view: View,
     softnesses: Sequence[float],
-    config: BlobLocalizerConfig,
     *,
     upright: bool = False,
 ) -> Alignment:
@@ -65,31 +72,28 @@ def align(
         view: Where to look. The blob must have depth.
         softnesses: Softness of the outline in each stage [pixels], from the error of
             the first guess to a fraction of a pixel; at least one.
-        config: The thresholds of `alignment` and `sight`.
         upright: Whether to keep the solid's z as it is.
     """
-    limits = config.alignment
     radius = 0.5 * float(np.linalg.norm(shape.bounding_size))
     pixel = float(np.linalg.norm(X_WO.translation() - view.origin)) / view.focal[0]
     for softness in softnesses:
         margin, doubt = int(np.ceil(3 + 2 * softness)), softness * pixel
-        sight = look(shape, X_WO, view, config.sight, margin=margin, doubt=doubt)
+        sight = look(shape, X_WO, view, margin=margin, doubt=doubt)
         # Within the outline, depth decides what belongs to the solid: colours may vary.
         points = sight.points[sight.blob | (sight.surface & (sight.distance < -1))]
         known = (sight.labels != UNKNOWN) & (np.abs(sight.distance) < 3 + 8 * softness)
         side = np.where(sight.labels == INSIDE, 1, -1)[known]
         count = len(points)
         points, pixels, side = (
-            _thin(values, limits.samples)
-            for values in (points, sight.pixels[known], side)
+            _thin(values, _SAMPLES) for values in (points, sight.pixels[known], side)
         )
-        for _ in range(limits.steps):
+        for _ in range(_STEPS):
             basis = _directions(shape, X_WO, radius, upright)
-            b, H = _depth_cost(shape, X_WO, points, count, basis, limits)
+            b, H = _depth_cost(shape, X_WO, points, count, basis)
             outline = Outline.of(shape, X_WO, view)
             more = _outline_cost(outline, pixels, side, softness, basis)
             b, H = b + more[0], H + more[1]
-            H += limits.ridge * np.trace(H) * np.eye(len(H))
+            H += _RIDGE * np.trace(H) * np.eye(len(H))
             step = -np.linalg.solve(H, b)
             length = float(np.linalg.norm(step))
             shorter = 0.3 * radius / max(length, 0.3 * radius)
@@ -134,15 +138,14 @@ def _depth_cost(
     points: Vector,
     count: int,
     basis: Vector,
-    config: AlignmentConfig,
 ) -> Normal:
     """Return Huber's cost of the points' distances, as if there were `count` points."""
     R, p = X_WO.rotation().matrix(), X_WO.translation()
     error, gradient = signed_distance(shape, (points - p) @ R)
     g = gradient @ R.T
     J = -np.concatenate([g, cross(points - p, g)], axis=1) @ basis
-    noise = max(config.depth_deviation, robust_deviation(error))
-    weight = np.minimum(1.0, config.huber * noise / np.maximum(np.abs(error), 1e-12))
+    noise = max(_DEPTH_DEVIATION, robust_deviation(error))
+    weight = np.minimum(1.0, _HUBER * noise / np.maximum(np.abs(error), 1e-12))
     weight *= count / len(points) / noise**2
     return J.T @ (weight * error), (J.T * weight) @ J
 

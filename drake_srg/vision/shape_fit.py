@@ -8,19 +8,75 @@ takes part, so a solid that is half hidden still gives its whole pose.
 from __future__ import annotations
 
 import dataclasses as dc
+from collections.abc import Sequence
+from operator import itemgetter
 
 import numpy as np
 from pydrake.math import RigidTransform
 
-from drake_srg.common.convex_pieces import Solid
-from drake_srg.types import Sphere
-from drake_srg.vision.config import BlobLocalizerConfig
-from drake_srg.vision.fit_start import find_start
-from drake_srg.vision.match import Match
+from drake_srg.common.convex_pieces import ConvexPieces, Solid
+from drake_srg.types import Sphere, Vector
+from drake_srg.vision.guesses import guess_poses, guess_upright
+from drake_srg.vision.mask import Mask
 from drake_srg.vision.outline import Outline
-from drake_srg.vision.sight import INSIDE, OUTSIDE, Sight
+from drake_srg.vision.piece_guesses import WORTH_A_FIT, are_rivals, guess_rivals
+from drake_srg.vision.pose_fit import Alignment, align
+from drake_srg.vision.robust import robust_deviation
+from drake_srg.vision.sight import INSIDE, OUTSIDE, Sight, look
+from drake_srg.vision.solids import signed_distance
 from drake_srg.vision.symmetry import least_turned
 from drake_srg.vision.view import View
+
+# Softness of the outline in the stages of a fit [pixels]: a guess is a few pixels off.
+# One label shows where an edge is with a standard deviation of 0.29 pixels, all labels
+# together show more.
+_COARSE_SOFTNESS = (3.0, 1.0)
+_MIDDLE_SOFTNESS = (0.3,)
+_FINE_SOFTNESS = (0.1, 0.03)
+# A guess that leaves this share of the blob's pixels unexplained is good enough:
+# another one will hardly leave fewer.
+_EXPLAINED = 0.03
+# A leaning pose replaces a standing one if it explains this share of the blob's pixels
+# more. Nothing stands that leans a little, but a size that is 1 % off, and blur, look
+# like a lean of 3 degrees.
+_UPRIGHT_MARGIN = 0.1
+# With a greater unexplained share, the fit is uncertain: it may be another solid.
+_MOST_UNEXPLAINED = 0.1
+# With a greater one, the blob belongs to another thing.
+_ANOTHER_OBJECT = 0.35
+# Standard deviations of noise: one of 16,000 normally distributed values is beyond.
+_DEVIATIONS = 4.0
+# A solid this far below its surroundings is not in a recess, and this far above them it
+# stands on nothing [m].
+_APART = 0.01
+# Pixels of a solid's top, and of its surroundings, that are needed to judge its height.
+_LEAST_PIXELS = 8
+# Guesses that are aligned in noisy images, the nearest ones. Each takes time.
+_NOISY_GUESSES = 3
+# A solid that leans more than this does not stand [rad].
+_MOST_STANDING_LEAN = np.deg2rad(15.0)
+# Width of the band around a solid that shows where it stands [pixels].
+_BESIDE = 5
+# A point that is farther off the surface is not explained [m]. It is the error of
+# position that `Fit` calls uncertain.
+_OFF_SURFACE = 1e-3
+# Samples of the outline for its quality: every 5 degrees of a circle.
+_RING = 72
+# Greatest standard deviations of a certain fit: position [m] and axis [rad].
+_POSITION_DEVIATION = 1e-3
+_AXIS_DEVIATION = np.deg2rad(1.0)
+# A certain fit gets worse when the solid slides this far along its axis [pixels].
+_SLIDES = np.array([1.75, 2.5])
+# Most pixels inside the outline that look past the solid, as a share of the blob's.
+# Noise makes some at the rim.
+_MOST_THROUGH = 0.05
+# Nearer to the outline than this, depth may be that of either side [pixels].
+_FRAYED = 1.5
+# Farther off the outline than this, no part of a pixel is on it [pixels].
+_ON_OUTLINE = np.sqrt(0.5)
+# Least share of the visible surface that has the target's colour. With less, the
+# surface may be another thing's.
+_LEAST_COLORED = 0.1
 
 
 @dc.dataclass(frozen=True)
@@ -45,18 +101,17 @@ class Fit:
     misfit: float
 
 
-def fit_shape(shape: Solid, view: View, config: BlobLocalizerConfig) -> Fit | None:
+def fit_shape(shape: Solid, view: View) -> Fit | None:
     """Return the fit of a solid, None if the view shows too little or something else.
 
     Args:
         shape: The solid.
         view: The view of its blob.
-        config: The thresholds.
     """
     view = _within_reach(shape, view)
     if len(view.seen) < 3:
         return None
-    return _Fitter(Match(shape, view, config)).fit()
+    return _Fitter(Match(shape, view)).fit()
 
 
 def _within_reach(shape: Solid, view: View) -> View:
@@ -72,30 +127,178 @@ def _within_reach(shape: Solid, view: View) -> View:
     return dc.replace(view, blob=usable & (off <= np.linalg.norm(shape.bounding_size)))
 
 
+@dc.dataclass(frozen=True)
+class Match:
+    """A solid and a view of its blob, which has depth.
+
+    Attributes:
+        shape: The solid.
+        view: The view.
+    """
+
+    shape: Solid
+    view: View
+
+    def look(self, X_WO: RigidTransform, margin: int = 0) -> Sight:
+        """Return what the pixels around the solid show; see `sight.look`."""
+        return look(self.shape, X_WO, self.view, margin=margin)
+
+    def align(
+        self, X_WO: RigidTransform, softnesses: Sequence[float], upright: bool = False
+    ) -> Alignment:
+        """Return the pose near another one that explains the view best."""
+        return align(self.shape, X_WO, self.view, softnesses, upright=upright)
+
+    @property
+    def wrong(self) -> float:
+        """Distance from the surface beyond which a point is not explained [m]."""
+        return max(_OFF_SURFACE, _DEVIATIONS * self.view.noise)
+
+    def around(self, sight: Sight) -> Mask:
+        """Return which pixels show the solid's surroundings."""
+        return np.asarray((sight.labels == OUTSIDE) & (sight.distance > _FRAYED))
+
+    def unexplained(self, sight: Sight) -> float:
+        """Return the pixels that speak against a pose, as a share of the blob's.
+
+        They are the blob's pixels off the surface, and others that look through it.
+        """
+        missed = sight.blob & (np.abs(sight.error) > self.wrong)
+        if self.view.noise:  # which frays edges
+            missed &= np.abs(sight.distance) > _FRAYED
+        through = ~sight.blob & (sight.labels == OUTSIDE) & (sight.distance < -_FRAYED)
+        return float((missed.sum() + through.sum()) / sight.blob.sum())
+
+
+@dc.dataclass(frozen=True)
+class Start:
+    """A coarsely aligned pose.
+
+    Attributes:
+        X_WO: The pose.
+        upright: Whether the solid's z stays as it is.
+        has_rival: Whether a far turned pose leaves hardly more unexplained.
+    """
+
+    X_WO: RigidTransform
+    upright: bool = False
+    has_rival: bool = False
+
+
+def find_start(match: Match) -> Start:
+    """Return the pose that explains most, coarsely.
+
+    Most things stand. Noise hides small leans, so in a noisy image a solid whose
+    depth is that of a standing one is taken to stand, unless another pose explains
+    far more. A solid that hangs from a hand may have turned in it and is free to
+    lean.
+    """
+    view, shape = match.view, match.shape
+    standing, least = Start(RigidTransform(), upright=True), np.inf
+    if view.noise and not isinstance(shape, Sphere):
+        guess = guess_upright(shape, view)
+        X_WO = match.align(guess, _COARSE_SOFTNESS, upright=True).X_WO
+        sight = match.look(X_WO)
+        scatter = robust_deviation(sight.error[sight.blob])
+        # Unless its top is in sight, its height could be anything.
+        if scatter <= 2 * view.noise and _sees_top(match, X_WO, sight):
+            standing = Start(X_WO, upright=not _hangs(match, X_WO))
+            least = match.unexplained(sight)
+            margin = _UPRIGHT_MARGIN if standing.upright else 0.0
+            if least <= max(_EXPLAINED, margin):
+                return standing
+            least -= margin
+    unexplained, start = _best_of_guesses(match)
+    return start if unexplained < least else standing
+
+
+def _best_of_guesses(match: Match) -> tuple[float, Start]:
+    """Return what the best guess leaves unexplained, and the guess, aligned."""
+    view, shape = match.view, match.shape
+    guesses = guess_poses(shape, view)
+    if isinstance(shape, ConvexPieces):
+        return _best_of_pieces(match, shape, guesses)
+    points = view.seen
+    guesses.sort(key=lambda guess: _distance(match, guess, points))
+    tried = []
+    for guess in guesses[: _NOISY_GUESSES if view.noise else None]:
+        tried.append(_try(match, guess))
+        if tried[-1][0] <= _EXPLAINED:
+            break
+    least, X_WO = min(tried, key=itemgetter(0))
+    return least, Start(X_WO)
+
+
+def _best_of_pieces(
+    match: Match, shape: ConvexPieces, guesses: list[RigidTransform]
+) -> tuple[float, Start]:
+    """Return the best guess of convex pieces, after a look for its rivals."""
+    worth = _NOISY_GUESSES if match.view.noise else WORTH_A_FIT
+    tried = [_try(match, guess) for guess in guesses[:worth]]
+    if min(tried, key=itemgetter(0))[0] > _EXPLAINED:
+        tried += [_try(match, guess) for guess in guesses[worth : 2 * worth]]
+    best = min(tried, key=itemgetter(0))[1]
+    tried += [_try(match, guess) for guess in guess_rivals(shape, best, match.view)]
+    least, best = min(tried, key=itemgetter(0))
+    has_rival = any(are_rivals(shape, (least, best), other) for other in tried)
+    return least, Start(best, has_rival=has_rival)
+
+
+def _try(match: Match, guess: RigidTransform) -> tuple[float, RigidTransform]:
+    """Return what a guess leaves unexplained once it is aligned, and its pose."""
+    X_WO = match.align(guess, _COARSE_SOFTNESS).X_WO
+    return match.unexplained(match.look(X_WO)), X_WO
+
+
+def _distance(match: Match, X_WO: RigidTransform, points: Vector) -> float:
+    """Return the mean distance of points to the solid's surface [m]."""
+    p_O = (points - X_WO.translation()) @ X_WO.rotation().matrix()
+    return float(np.abs(signed_distance(match.shape, p_O)[0]).mean())
+
+
+def _sees_top(match: Match, X_WO: RigidTransform, sight: Sight) -> bool:
+    """Return whether enough pixels show the top of an upright solid."""
+    top = X_WO.translation()[2] + 0.5 * match.shape.bounding_size[2]
+    tops = sight.blob & (np.abs(sight.points[:, 2] - top) < match.wrong)
+    return bool(tops.sum() >= _LEAST_PIXELS)
+
+
+def _hangs(match: Match, X_WO: RigidTransform) -> bool:
+    """Return whether an upright solid is far above its surroundings.
+
+    What holds it does not count. If nothing is seen around it, it hangs.
+    """
+    sight = match.look(X_WO, margin=_BESIDE)
+    bottom = X_WO.translation()[2] - 0.5 * match.shape.height
+    points = sight.points[match.around(sight)]
+    z = np.where(np.isfinite(points).all(axis=1), points[:, 2], -np.inf)
+    z = z[z < bottom + _APART]
+    return len(z) >= _LEAST_PIXELS and bool(np.median(z) < bottom - _APART)
+
+
 class _Fitter:
     """Fits a solid to a view of its blob, which has depth."""
 
     def __init__(self, match: Match) -> None:
         self._match = match
         self._shape, self._view = match.shape, match.view
-        self._limits = match.config.fit
 
     def fit(self) -> Fit | None:
         """Return the fit, None if the blob belongs to something else."""
-        limits, match = self._limits, self._match
+        match = self._match
         start = find_start(match)
         upright = start.upright
-        middle = match.align(start.X_WO, limits.middle_softness, upright=upright)
-        X_WO = match.align(middle.X_WO, limits.fine_softness, upright=upright).X_WO
-        sight = match.look(X_WO, margin=limits.beside)
+        middle = match.align(start.X_WO, _MIDDLE_SOFTNESS, upright=upright)
+        X_WO = match.align(middle.X_WO, _FINE_SOFTNESS, upright=upright).X_WO
+        sight = match.look(X_WO, margin=_BESIDE)
         lift = self._lift(X_WO, sight)
         unexplained = match.unexplained(sight)
-        if unexplained > limits.another_object or lift < -limits.apart:
+        if unexplained > _ANOTHER_OBJECT or lift < -_APART:
             return None
         unsure = (
             start.has_rival
-            or middle.position_deviation > limits.position_deviation
-            or middle.axis_deviation > limits.axis_deviation
+            or middle.position_deviation > _POSITION_DEVIATION
+            or middle.axis_deviation > _AXIS_DEVIATION
         )
         quality, cut, hidden = self._seen(sight, X_WO)
         return Fit(
@@ -112,7 +315,7 @@ class _Fitter:
 
         They are inside the outline. A pixel on the outline may be either.
         """
-        inside = sight.distance < -self._limits.on_outline
+        inside = sight.distance < -_ON_OUTLINE
         return float(((sight.labels == OUTSIDE) & inside).sum() / sight.blob.sum())
 
     def _doubtful(self, X_WO: RigidTransform, sight: Sight) -> bool:
@@ -120,20 +323,20 @@ class _Fitter:
 
         If both ends of a solid are hidden, it may slide along its axis unnoticed.
         """
-        limits, view, match = self._limits, self._view, self._match
+        view, match = self._view, self._match
         unexplained = match.unexplained(sight)
         surface = sight.surface & (sight.distance < -1)
         colored = sight.blob.sum() / max(1, surface.sum())
         distance = float(np.linalg.norm(X_WO.translation() - view.origin))
         slides = np.maximum(
-            np.array(limits.slides) * distance / view.focal[0],
-            1.5 * limits.deviations * view.noise,
+            _SLIDES * distance / view.focal[0],
+            1.5 * _DEVIATIONS * view.noise,
         )
         slid = (X_WO @ RigidTransform([0.0, 0.0, z]) for z in (*slides, *-slides))
         return (
-            unexplained > limits.most_unexplained
-            or self._through(sight) > limits.most_through
-            or bool(colored < limits.least_colored)
+            unexplained > _MOST_UNEXPLAINED
+            or self._through(sight) > _MOST_THROUGH
+            or bool(colored < _LEAST_COLORED)
             or any(
                 self._match.unexplained(self._match.look(X)) <= unexplained
                 for X in slid
@@ -147,13 +350,12 @@ class _Fitter:
         it would reach into the table, and a higher one would hover. It is 0 if the
         solid does not stand or its surroundings are not seen.
         """
-        limits = self._limits
         around = self._match.around(sight) & np.isfinite(sight.points).all(axis=1)
         upright = abs(X_WO.rotation().matrix()[2, 2])
         if (
             isinstance(self._shape, Sphere)
-            or upright < np.cos(limits.most_standing_lean)
-            or around.sum() < limits.least_pixels
+            or upright < np.cos(_MOST_STANDING_LEAN)
+            or around.sum() < _LEAST_PIXELS
         ):
             return 0.0
         bottom = X_WO.translation()[2] - 0.5 * self._shape.height
@@ -168,9 +370,9 @@ class _Fitter:
         h, w = view.depth.shape
         in_image = found = np.array(True)
         # Where pixels are not in doubt: the median of 3 x 3 reaches one pixel farther.
-        beside = self._limits.frayed + bool(view.noise)
+        beside = _FRAYED + bool(view.noise)
         for grow, expected in ((-beside, INSIDE), (beside, OUTSIDE)):
-            pixels = np.rint(outline.ring(grow, self._limits.ring)).astype(int)
+            pixels = np.rint(outline.ring(grow, _RING)).astype(int)
             u, v = pixels[:, 0], pixels[:, 1]
             in_image = in_image & (u >= 0) & (v >= 0) & (u < w) & (v < h)
             label = labels[np.clip(v, 0, h - 1), np.clip(u, 0, w - 1)]

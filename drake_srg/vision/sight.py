@@ -10,7 +10,6 @@ from pydrake.math import RigidTransform
 
 from drake_srg.common.convex_pieces import Solid
 from drake_srg.types import Vector
-from drake_srg.vision.config import SightConfig
 from drake_srg.vision.mask import Mask, grow, has_depth
 from drake_srg.vision.outline import Outline
 from drake_srg.vision.robust import robust_deviation
@@ -20,6 +19,18 @@ from drake_srg.vision.view import View
 Labels = npt.NDArray[np.int8]
 # Whether a pixel shows the solid. UNKNOWN is hidden, without depth, or in doubt.
 OUTSIDE, UNKNOWN, INSIDE = -1, 0, 1
+
+# Distance that a visible point of the solid may always be off its surface [m], and the
+# same as a share of its radius. A renderer's depth has no noise, but Drake draws
+# circles with 50 sides, up to 0.2 % inside the radius.
+_FINEST = 1e-4
+_FINEST_SHARE = 3e-3
+# Distance that it may be off if the points scatter or the pose is in doubt [m].
+_COARSEST = 3e-3
+_DEVIATIONS = 4.0  # both are at least this many standard deviations of noise
+# A surface is visible where ray times outward normal is less than this. It is not 0
+# because depth is too coarse where a surface is seen edge-on.
+_EDGE_ON = 0.3
 
 
 @dc.dataclass(frozen=True)
@@ -56,7 +67,6 @@ def look(
     shape: Solid,
     X_WO: RigidTransform,
     view: View,
-    config: SightConfig,
     *,
     margin: int,
     doubt: float = 0.0,
@@ -74,7 +84,6 @@ def look(
         shape: The solid.
         X_WO: Its supposed pose.
         view: Where to look. The blob must have depth.
-        config: The thresholds.
         margin: How far beyond the outline to look [pixels].
         doubt: How far the pose may be off, and with it the points off the surface [m].
     """
@@ -93,14 +102,14 @@ def look(
     error, normals = signed_distance(shape, (points - X_WO.translation()) @ R_WO)
     # A surface that faces away is not visible.
     slant = ((rays @ R_WO) * normals) @ np.ones(3)  # sum(axis=1) is slow
-    facing = slant < config.edge_on
+    facing = slant < _EDGE_ON
     error = np.where(valid & facing, error, np.inf)
     points[~valid] = np.inf
     spread = 4 * robust_deviation(error[blob & valid])
-    sides = config.finest_share * 0.5 * float(shape.bounding_size[0])
-    noise = config.deviations * view.noise
-    coarsest = max(config.coarsest, noise)
-    finest = min(coarsest, max(config.finest, sides, doubt, noise))
+    sides = _FINEST_SHARE * 0.5 * float(shape.bounding_size[0])
+    noise = _DEVIATIONS * view.noise
+    coarsest = max(_COARSEST, noise)
+    finest = min(coarsest, max(_FINEST, sides, doubt, noise))
     thickness = min(coarsest, max(finest, spread))
 
     # A slanting surface may come nearer by about a pixel's width per pixel.

@@ -18,21 +18,16 @@ from drake_srg.lifetime import LeafSystem
 from drake_srg.types import Blob, Vector, positive
 from drake_srg.vision.camera import CameraModel, Imager
 
+# The target's red, green and blue, 0 .. 1, and how far each may differ.
+COLOR = np.array([0.85, 0.85, 1.0])
+COLOR_TOLERANCE = 0.05
+DEPTH_OFFSET = 0.01  # added to the depth of the blob's middle [m]
+
 
 @dc.dataclass(kw_only=True)
 class ThesisBlobConfig:
-    """The numbers of the thesis's localizer."""
+    """What a scenario chooses of the thesis's localizer; the rest is as printed."""
 
-    # Red, green, blue of the target, 0 .. 1, and how far each may differ.
-    color: list[float] = dc.field(
-        default_factory=lambda: [0.85, 0.85, 1.0],
-        metadata={"length": 3, "ge": 0.0, "le": 1.0},
-    )
-    color_tolerance: float = dc.field(default=0.05, metadata={"ge": 0.0, "le": 1.0})
-    # Least share of the image that a blob covers.
-    min_size: float = dc.field(default=0.0, metadata={"ge": 0.0, "le": 1.0})
-    # Added to the depth of the blob's middle [m].
-    depth_offset: float = 0.01
     # Time between images until the blob has been sent [s].
     period: float = dc.field(default=0.05, metadata=positive())
 
@@ -62,7 +57,7 @@ class ThesisBlobLocalizer(LeafSystem):
         object_name: Name of the blob.
         camera: Name of the camera.
         model: The camera's intrinsics. Both imagers must be at the body's pose.
-        config: Colour, size and offset.
+        config: Its period.
     """
 
     def __init__(
@@ -73,7 +68,6 @@ class ThesisBlobLocalizer(LeafSystem):
         config: ThesisBlobConfig | None = None,
     ) -> None:
         super().__init__()
-        self.config = config or ThesisBlobConfig()
         self._object_name = object_name
         self._camera = camera
         self._imager: Imager = model.imager("depth")
@@ -90,9 +84,8 @@ class ThesisBlobLocalizer(LeafSystem):
             model_value=AbstractValue.Make(RigidTransform()),
         )
         self._sent = self.DeclareAbstractState(AbstractValue.Make(empty))
-        self.DeclarePeriodicUnrestrictedUpdateEvent(
-            self.config.period, 0.0, self._update
-        )
+        period = (config or ThesisBlobConfig()).period
+        self.DeclarePeriodicUnrestrictedUpdateEvent(period, 0.0, self._update)
         self.DeclareAbstractOutputPort(
             name="blobs",
             alloc=lambda: AbstractValue.Make(empty),
@@ -120,10 +113,10 @@ class ThesisBlobLocalizer(LeafSystem):
         """Return the blob in the present images, sent or not; None without one."""
         color: Any = self._color.Eval(context).data
         depth: Any = self._depth.Eval(context).data[..., 0]
-        center = first_blob(color, self.config)
+        center = first_blob(color)
         if center is None:
             return None
-        p_IO = blob_position(center, depth, self._imager.info, self.config.depth_offset)
+        p_IO = blob_position(center, depth, self._imager.info)
         X_WI = self._pose.Eval(context) @ self._imager.X_BI
         height, width = depth.shape
         return Blob(
@@ -135,9 +128,7 @@ class ThesisBlobLocalizer(LeafSystem):
         )
 
 
-def first_blob(
-    image: npt.NDArray[np.uint8], config: ThesisBlobConfig
-) -> tuple[float, float] | None:
+def first_blob(image: npt.NDArray[np.uint8]) -> tuple[float, float] | None:
     """Return the middle of the first blob of the colour; None if there is none.
 
     CoppeliaSim's images begin at the lower left, row by row, so the first blob is the
@@ -145,22 +136,20 @@ def first_blob(
 
     Args:
         image: Shape (height, width, 3 or 4), from the top left.
-        config: Colour and least size.
 
     Returns:
         Its share of the image's width from the left, and of the height from below.
     """
     channels = image[::-1, :, :3].astype(float) / 255.0
-    off = np.abs(channels - np.array(config.color))
+    off = np.abs(channels - COLOR)
     # Half a step of 8 bits: 0.8 of 1 is 204 of 255, and 0.05 is no exact number.
-    mask = np.all(off <= config.color_tolerance + 0.5 / 255.0, axis=2)
-    _, _, statistics, centers = cv2.connectedComponentsWithStats(mask.astype(np.uint8))
-    large = statistics[:, cv2.CC_STAT_AREA] >= config.min_size * mask.size
-    large[0] = False  # what is not of the colour
-    if not large.any():
+    mask = np.all(off <= COLOR_TOLERANCE + 0.5 / 255.0, axis=2)
+    count, _, statistics, centers = cv2.connectedComponentsWithStats(
+        mask.astype(np.uint8)
+    )
+    if count == 1:  # only what is not of the colour
         return None
-    (blobs,) = np.nonzero(large)
-    first = blobs[np.argmin(statistics[blobs, cv2.CC_STAT_TOP])]
+    first = 1 + int(np.argmin(statistics[1:, cv2.CC_STAT_TOP]))
     height, width = mask.shape
     x, y = centers[first]
     return (float(x) + 0.5) / width, (float(y) + 0.5) / height
@@ -170,7 +159,7 @@ def blob_position(
     center: tuple[float, float],
     depth: npt.NDArray[np.float32],
     info: CameraInfo,
-    depth_offset: float,
+    depth_offset: float = DEPTH_OFFSET,
 ) -> Vector:
     """Return the position that the thesis's formulas give a blob.
 
@@ -187,7 +176,7 @@ def blob_position(
         center: b, shares of the image's width and height from the lower left.
         depth: Shape (height, width) [m], from the top left.
         info: Intrinsics of that image.
-        depth_offset: See `ThesisBlobConfig` [m].
+        depth_offset: Added to the depth [m].
 
     Returns:
         In the imager's frame of Drake [m] (x right, y down, z ahead), shape (3,).

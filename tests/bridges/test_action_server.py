@@ -18,7 +18,7 @@ from drake_srg.bridges.ros2.follow_joint_trajectory import (
 from drake_srg.bridges.trajectory_topics import TRAJECTORY
 from drake_srg.experiments.direct_node import make_message as make
 from drake_srg.experiments.served_robot import DirectBridge, DirectNode
-from drake_srg.hardware.messages import duration, joint_trajectory
+from drake_srg.hardware.arm import duration, joint_trajectory
 from drake_srg.scenario import load_scenario
 from drake_srg.station.plant import MakeModelsPlant
 

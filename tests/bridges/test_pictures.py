@@ -8,7 +8,7 @@ from drake_srg.bridges.commands import Warnings
 from drake_srg.bridges.outlet import Outlet
 from drake_srg.bridges.pictures import Pictures, served_camera, served_cameras
 from drake_srg.bridges.topics import BLOBS, CAMERA_INFO, COLOR, DEPTH, OBJECT_POSE
-from drake_srg.scenario import load_scenario
+from drake_srg.scenario import load_scenario, servo_of
 
 KITCHEN = load_scenario("kitchen")
 
@@ -80,7 +80,7 @@ def test_the_camera_of_a_visual_servo_is_served_too(made):
     pictures = Pictures(scenario, Warnings(print))
     hand = "/camera_hand/color/image_raw"
     assert {COLOR, hand, "/camera_hand/color/camera_info"} < set(pictures.topics)
-    period = scenario.servoing.camera_period
+    period = servo_of(scenario).camera_period
     bridge = look(pictures, 0.0, hand)
     for step in range(1, 5):
         look(pictures, 0.5 * step * period, hand)

@@ -1,12 +1,15 @@
 import dataclasses as dc
 
+import numpy as np
 import pytest
 from helpers import break_camera, port_table
 from pydrake.systems.analysis import Simulator
 
-from drake_srg.cell import MakeCell
+from drake_srg.cell import ConnectCommands, MakeCell, register_planner
+from drake_srg.cell import cell as module
 from drake_srg.common.exceptions import ScenarioError
-from drake_srg.planning.script.scripted import ScriptStep
+from drake_srg.planning.planner_machine import PlannerConfig
+from drake_srg.planning.script.scripted import Script, ScriptedPlanner, ScriptStep
 from drake_srg.scenario import load_scenario
 from drake_srg.station import MakeStation
 from drake_srg.types import Mode
@@ -136,7 +139,7 @@ def test_a_script_drives_the_station(scripted):
 @pytest.mark.parametrize("limit", [None, 0.3])
 def test_a_script_limits_the_force_only_if_it_says_so(scripted, limit):
     script = [ScriptStep(closure=1.0, force_limit=limit)]
-    cell = MakeCell(dc.replace(scripted, script=script))
+    cell = MakeCell(dc.replace(scripted, planner=Script(steps=script)))
     port = cell.GetSubsystemByName("station").GetInputPort("gripper.force_limit")
     station_context = cell.GetSubsystemByName("station").GetMyContextFromRoot(
         cell.CreateDefaultContext()
@@ -151,3 +154,30 @@ def test_cells_are_freed(leaked, scenario):
     assert len(leaked()) > 6  # otherwise this would test nothing
     del simulator
     assert leaked() == []
+
+
+@dc.dataclass(kw_only=True)
+class Close(PlannerConfig):
+    """A planner of one's own, which closes the hand."""
+
+    closure: float = 0.5
+
+
+def AddClose(builder, scenario, station):
+    step = ScriptStep(closure=scenario.planner.closure)
+    planner = ScriptedPlanner(np.array(scenario.arm.home), [step])
+    ConnectCommands(builder, station, builder.AddNamedSystem("planner", planner))
+    return planner
+
+
+@pytest.mark.slow
+def test_a_planner_of_ones_own_is_added_by_its_tag(scripted, monkeypatch):
+    monkeypatch.setattr(module, "_PLANNERS", dict(module._PLANNERS))
+    monkeypatch.setattr(module, "accept_planner", lambda config: None)
+    own = dc.replace(scripted, planner=Close(closure=0.25))
+    with pytest.raises(ScenarioError, match=r"^planner: a cell does not know !Close"):
+        MakeCell(own)
+    register_planner(Close, AddClose)
+    cell = MakeCell(own)
+    port = cell.GetOutputPort("gripper.closure_commanded")
+    assert port.Eval(cell.CreateDefaultContext()) == 0.25

@@ -1,15 +1,12 @@
 """The planner of a cell that clears its table."""
 
-import dataclasses as dc
-
 import numpy as np
 import pytest
 
-from drake_srg.cell import clearing
 from drake_srg.cell.bins import bin_boxes
 from drake_srg.cell.clearing import MakeClearingPlanner, MakeReach
-from drake_srg.cell.hands import MakeHand
 from drake_srg.common.exceptions import ScenarioError
+from drake_srg.planning.grasps.srg_hand import SrgHand
 from drake_srg.scenario import load_scenario
 
 FAR = "directives.bin::bottom.add_weld.X_PC.translation=[1.2, -0.5, 0.0]"
@@ -34,10 +31,7 @@ def test_a_bin_without_walls_is_refused(tmp_path):
 
 @pytest.mark.parametrize("make", [MakeClearingPlanner, MakeReach])
 def test_a_gripper_that_does_not_pinch_from_above_is_refused(monkeypatch, make):
-    def without_pinch(scenario, plant):
-        return dc.replace(MakeHand(scenario, plant), pinch=None)
-
-    monkeypatch.setattr(clearing, "MakeHand", without_pinch)
+    monkeypatch.setattr(SrgHand, "pinch", None)
     scenario = load_scenario("clear_table", overrides=["clutter.count=1"])
     with pytest.raises(ScenarioError, match=r"^gripper: must pinch from above"):
         make(scenario)

@@ -8,7 +8,7 @@ from pydrake.math import RigidTransform, RollPitchYaw
 
 from drake_srg.cell.goals import final_pose, final_tilt, goal_pose
 from drake_srg.objects.config import ColorRangeConfig
-from drake_srg.planning.script.scripted import ScriptStep
+from drake_srg.planning.script.scripted import Script, ScriptStep
 from drake_srg.planning.task.sightings import lean, standing_at
 from drake_srg.scenario import load_scenario
 from drake_srg.types import Cylinder, Sphere
@@ -46,7 +46,7 @@ def test_every_second_cycle_returns_the_object(repeat):
 
 def test_a_script_keeps_height_and_orientation():
     lying = RigidTransform(RollPitchYaw(0.5, 1.0, 0.2), [0.6, 0.1, 0.3])
-    scripted = dc.replace(KITCHEN, script=[ScriptStep()])
+    scripted = dc.replace(KITCHEN, planner=Script(steps=[ScriptStep()]))
     final = final_pose(scripted, lying)
     np.testing.assert_allclose(final.translation(), [*KITCHEN.task.place.position, 0.3])
     np.testing.assert_array_equal(final.rotation().matrix(), lying.rotation().matrix())

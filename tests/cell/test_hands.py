@@ -48,13 +48,13 @@ def test_the_srgs_closure_commands_follow_the_full_scale_of_its_driver(
 def test_the_task_planner_has_that_hand():
     overrides = ["gripper.underactuation.full_scale=2.6"]
     scenario = load_scenario("kitchen", overrides=overrides)
-    assert MakeTaskPlanner(scenario).hand.full_scale == 2.6
+    assert MakeTaskPlanner(scenario).hand.pinch.full_scale == 2.6
 
 
 def test_the_linkage_grippers_closure_commands_follow_its_full_scale():
     hand = hand_of("assistive_arm", "gripper.master_slave.full_scale=0.6")
     assert isinstance(hand, LinkageHand)
-    assert hand.full_scale == 0.6
+    assert hand.pinch.full_scale == 0.6
 
 
 def test_a_driver_has_the_hand_of_the_class_that_it_derives_from():

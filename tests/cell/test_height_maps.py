@@ -7,10 +7,9 @@ import pytest
 
 from drake_srg.cell import MakeCell
 from drake_srg.cell.bins import bin_boxes, foot_box
-from drake_srg.cell.height_maps import destination_map_config, destinations
+from drake_srg.cell.height_maps import clearing_destinations, destination_map_limits
 from drake_srg.common.ports import input_ports
 from drake_srg.scenario import load_scenario
-from drake_srg.vision.config import HeightMapConfig
 from drake_srg.vision.height_map import height_map
 from drake_srg.vision.surface import Surface
 
@@ -21,10 +20,10 @@ def scenario():
 
 
 def test_destinations_are_the_bins_or_the_places_of_a_row(scenario):
-    (place,) = destinations(scenario)
+    (place,) = clearing_destinations(scenario)
     np.testing.assert_allclose(place.middle, [0.34, -0.56], atol=1e-9)
     assert place.level is None
-    row = destinations(load_scenario("row_table"))
+    row = clearing_destinations(load_scenario("row_table"))
     assert [round(float(p.middle[0]), 6) for p in row] == [0.25, 0.37, 0.49, 0.61]
     assert {place.level for place in row} == {0.0}
 
@@ -39,14 +38,15 @@ def test_a_hand_beside_a_bin_hides_nothing_inside(scenario):
     hand = (abs(x - 0.4) < 0.05) & (y > high[1]) & (y < high[1] + 0.08)
     z = np.where(hand, 0.5, np.where(inside, high[2], 0.0))
     cloud = np.stack([x, y, z], axis=-1).reshape(-1, 3)
-    (place,) = destinations(scenario)
+    (place,) = clearing_destinations(scenario)
 
-    def unknown(config):
-        seen = height_map([cloud], around, config=config)
+    def unknown(**limits):
+        seen = height_map([cloud], around, **limits)
         return np.mean(np.isnan(seen.height[place.contains(seen)]))
 
-    assert unknown(destination_map_config(scenario)) < 0.05
-    assert unknown(HeightMapConfig(over_edge=True)) > 0.9  # it seems to be the robot
+    thing, over_edge = destination_map_limits(scenario)
+    assert unknown(thing=thing, over_edge=over_edge) < 0.05
+    assert unknown(over_edge=True) > 0.9  # it seems to be the robot
 
 
 def test_an_arm_beside_a_bin_is_no_load(scenario):
@@ -57,7 +57,8 @@ def test_an_arm_beside_a_bin_is_no_load(scenario):
     )
     elbow = np.hypot(x - 0.3, y - around.max[1]) < 0.05
     cloud = np.stack([x, y, np.where(elbow, 0.3, 0.0)], axis=-1).reshape(-1, 3)
-    seen = height_map([cloud], around, config=destination_map_config(scenario))
+    thing, over_edge = destination_map_limits(scenario)
+    seen = height_map([cloud], around, thing=thing, over_edge=over_edge)
     assert np.nanmax(seen.height) == 0.0
 
 
@@ -81,7 +82,7 @@ def test_a_camera_above_the_bin_sees_what_is_beyond_its_walls(scenario):
         context = cell.CreateDefaultContext()
         mapper = cell.GetSubsystemByName("destination_mapper")
         seen = mapper.get_output_port(0).Eval(mapper.GetMyContextFromRoot(context))
-        (place,) = destinations(scenario)
+        (place,) = clearing_destinations(scenario)
         beyond = place.contains(seen, 0.04) & ~place.contains(seen, 0.025)
         return np.mean(np.isnan(seen.height[beyond]))
 

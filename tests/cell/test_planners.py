@@ -15,7 +15,7 @@ from drake_srg.objects.solids import planned_solid
 from drake_srg.planning.motion.arm_motion import Motion
 from drake_srg.planning.motion.failure import PlanningFailure
 from drake_srg.planning.script.scripted import ScriptedPlanner
-from drake_srg.planning.task.planner_memory import PlannerMemory
+from drake_srg.planning.task.knowledge import PlannerMemory
 from drake_srg.planning.task.replanning import Replanner
 from drake_srg.planning.task.sightings import Sightings, View, set_down_at
 from drake_srg.scenario import load_scenario
@@ -123,7 +123,7 @@ def test_a_mug_that_has_toppled_is_set_down_as_it_lies_now():
         R_WO = RotationMatrix.MakeFromOneVector(-down, 2).inverse()
         X_WO = RigidTransform(R_WO, [0.6, 0.1, mug.half_extent(down)])
         blob = Blob("soup_can", "ceiling", (0.0, 0.0), X_WO, 1.0)
-        memory = replanner.plan(View([blob]), memory, 0.0)
+        replanner.Plan(View([blob]), memory, 0.0)
         assert memory.attempt.motions is not None, memory.trouble
         R_goal = replanner.goal(memory).rotation().matrix()
         np.testing.assert_allclose(R_goal.T @ GRAVITY, down, atol=1e-6)
@@ -149,10 +149,10 @@ def test_a_script_is_played_as_often_as_the_task_says(name, repeat):
     planner = MakeScriptedPlanner(scenario)
     context = planner.CreateDefaultContext()
     mode = planner.GetOutputPort("mode")
-    once = sum(step.duration for step in scenario.script)
+    once = sum(step.duration for step in scenario.planner.steps)
     for k in range(repeat):
-        context.SetTime(once * k + 0.5 * scenario.script[0].duration)
-        assert mode.Eval(context).value == scenario.script[0].mode
+        context.SetTime(once * k + 0.5 * scenario.planner.steps[0].duration)
+        assert mode.Eval(context).value == scenario.planner.steps[0].mode
     context.SetTime(once * repeat - 0.1)
     assert mode.Eval(context) != Mode.DONE
     context.SetTime(once * repeat)
@@ -169,7 +169,7 @@ def test_targets_in_messages_are_reached_with_limited_jerk():
     simulator = Simulator(planner)
     simulator.AdvanceTo(20.0 + 1.0)  # the first 500 messages are for home
     q = planner.GetOutputPort("position_commanded").Eval(simulator.get_context())
-    target = scenario.script[1].arm
+    target = scenario.planner.steps[1].arm
     # Half a second at 80 degrees/s³, then half a second at 40 degrees/s².
     ahead = np.deg2rad(80.0 * 0.5**3 / 6.0 + 10.0 * 0.5 + 40.0 * 0.5**2 / 2.0)
     assert q[3] == pytest.approx(ahead)

@@ -29,10 +29,10 @@ def test_the_camera_is_believed_where_its_errors_say():
             ["cameras.hand.X_PB.base_frame=world"],
             "base_frame: must be fixed to the hand",
         ),
-        (["planner.approaches=[above, side]"], "servoing: needs one way to grasp"),
+        (["planner.approaches=[above, side]"], "planner: needs one way to grasp"),
         (
             [
-                "servoing.method=ibvs",
+                "planner.servo.method=ibvs",
                 "cameras.hand.X_PB.rotation=!Rpy {deg: [0, 0, 0]}",
             ],
             "hand does not see all of soup_can",

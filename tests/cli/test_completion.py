@@ -2,8 +2,7 @@ import subprocess
 
 import pytest
 
-from drake_srg.cli.completion import SHELLS
-from drake_srg.cli.main import main
+from drake_srg.cli.main import SHELLS, main
 
 
 def complete(folder, words):

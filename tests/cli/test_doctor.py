@@ -33,6 +33,7 @@ def test_this_machine_passes_every_required_check():
         "solvers",
         "models",
         "sweeps",
+        "training",
         "ray",
         "ros2",
         "import",

@@ -16,6 +16,7 @@ def in_this_process(monkeypatch):
     monkeypatch.setattr("drake_srg.cli.learn.make_engine", lambda _: StubEngine())
 
 
+@pytest.mark.learn
 def test_train_writes_a_policy_that_says_how_it_was_made(tmp_path, capsys):
     out = tmp_path / "out"
     words = ["train", HIT, "--steps", "110", "--validation", "5", "--set", "size=1"]
@@ -65,9 +66,12 @@ def test_bad_input_is_one_line(tmp_path, monkeypatch, capsys, words, message):
     assert error.count("\n") == 1
 
 
-def test_sac_without_its_packages_says_what_to_install(tmp_path, monkeypatch, capsys):
-    monkeypatch.setitem(__import__("sys").modules, "stable_baselines3", None)
-    words = ["train", HIT, "--algo", "sac", "--out", str(tmp_path)]
+@pytest.mark.parametrize("algorithm", ["q", "sac", "bc", "dagger"])
+def test_train_without_its_packages_says_what_to_install(
+    tmp_path, monkeypatch, capsys, algorithm
+):
+    monkeypatch.setitem(__import__("sys").modules, "torch", None)
+    words = ["train", HIT, "--algo", algorithm, "--out", str(tmp_path)]
     assert main(words) == 2
     error = capsys.readouterr().err
     assert "pip install 'drake_srg[learn]'" in error

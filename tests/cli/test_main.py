@@ -162,7 +162,6 @@ def test_diagram_writes_graphviz(scenario, tmp_path, capsys):
     assert main(["diagram", scenario, "-o", str(path)]) == 0
     text = path.read_text()
     assert text.startswith("digraph")
-    # A fused driver shows its stages.
     for system in ("planner", "localizer", "gripper_driver", "underactuation_logic"):
         assert system in text
 

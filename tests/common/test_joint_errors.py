@@ -8,6 +8,7 @@ from pydrake.systems.framework import DiagramBuilder
 from pydrake.systems.primitives import ConstantVectorSource
 
 from drake_srg.common.joint_errors import (
+    VELOCITY_WINDOW,
     AddEncoderNoise,
     AddLatency,
     ArmErrorsConfig,
@@ -93,7 +94,7 @@ def noise(seed, name="arm", sigma=1e-3, samples=2000):
 
 
 def test_noise_has_its_standard_deviation_and_zero_mean():
-    sigma, window = 1e-3, JointErrorsConfig().velocity_window
+    sigma, window = 1e-3, VELOCITY_WINDOW
     rows = noise(0, sigma=sigma)
     expected = [sigma] * 2 + [np.sqrt(2.0) * sigma / window] * 2
     # Five standard errors of 2000 samples: of 1.6 % and of 2.2 %.

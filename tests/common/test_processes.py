@@ -1,4 +1,4 @@
-"""Ctrl-C reaches the parent alone."""
+"""A companion outlives Ctrl-C, and its end is told."""
 
 import os
 import signal
@@ -8,25 +8,24 @@ import sys
 from helpers import HEEDING_CTRL_C
 
 PROGRAM = """
-import multiprocessing as mp, signal, time
-from drake_srg.common.processes import start_shielded
+import queue, time
+from drake_srg.common.processes import Companion
 
 def child(connection):
     connection.send("ready")
     connection.send(connection.recv())
 
 if __name__ == "__main__":
-    context = mp.get_context("spawn")
-    ours, theirs = context.Pipe()
-    process = context.Process(target=child, args=(theirs,), daemon=True)
-    start_shielded(process)
-    theirs.close()
+    received = queue.Queue()
+    companion = Companion("child", child, (), received.put, lambda: received.put("end"))
     try:
-        print(ours.recv(), flush=True)
+        print(received.get(), flush=True)
         time.sleep(60.0)
     except KeyboardInterrupt:
-        ours.send("alive")
-        print(ours.recv(), flush=True)
+        companion.send("alive")
+        print(received.get(), received.get(), flush=True)
+    companion.send("nobody hears this")
+    companion.close()
 """
 
 
@@ -44,4 +43,4 @@ def test_ctrl_c_reaches_the_parent_alone(tmp_path):
         assert parent.stdout.readline() == "ready\n"
         os.killpg(parent.pid, signal.SIGINT)  # as a terminal sends it, to all
         told, errors = parent.communicate(timeout=60.0)
-    assert (told, errors) == ("alive\n", "")
+    assert (told, errors) == ("alive end\n", "")

@@ -18,6 +18,7 @@ from drake_srg.experiments.adaptation import (
     situation_overrides,
 )
 from drake_srg.experiments.registry import quiet
+from drake_srg.planning.taught.taught_planner import Taught
 from drake_srg.scenario import load_scenario
 from experiments.made_cycles import cycle
 
@@ -51,7 +52,7 @@ def failed(placed):
 def test_every_case_is_a_valid_scenario(method, situation):
     overrides = (*METHODS[method], *situation_overrides(situation, 3))
     scenario = load_scenario(SCENARIO, seed=3, overrides=overrides)
-    assert (scenario.taught is not None) == (method == FIXED)
+    assert isinstance(scenario.planner, Taught) == (method == FIXED)
     assert scenario.planner.look_before_grasp == (method != ONE_LOOK)
     assert bool(scenario.disturbances) == (situation == PUSHED)
     position = scenario.objects["cylinder"].position

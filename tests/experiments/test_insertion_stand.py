@@ -6,7 +6,7 @@ from drake_srg.experiments.insertion_stand import InsertionStand
 
 @pytest.mark.slow
 def test_the_same_insertion_seats_twice_and_one_far_beside_does_not():
-    stand = InsertionStand("!ArmPositionDriver {fused: true}", 0.02, 0.6)
+    stand = InsertionStand("!ArmPositionDriver {}", 0.02, 0.6)
     assert set(stand.rig.contact_forces()) == {"gripper"}  # only contact holds it
     first = stand.insert(np.zeros(3))
     assert abs(first.height) < 1e-4

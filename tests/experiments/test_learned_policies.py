@@ -75,7 +75,7 @@ def test_a_policy_that_holds_nothing_fails():
     assert not rows["pick", "held, accurate, of that"].passed
 
 
-@pytest.mark.slow
+@pytest.mark.learn
 def test_a_recipe_is_trained_and_judged(monkeypatch):
     small = Training(environment="GraspOneShot", steps=20, validation=2)
     recipe = dc.replace(RECIPES["one-shot"], training=small)

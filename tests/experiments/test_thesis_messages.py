@@ -63,8 +63,8 @@ def test_the_messages_are_those_of_the_thesis():
 
 @pytest.mark.slow
 def test_a_short_demonstration_leaves_the_can_in_place():
-    overrides = ["messages.rate=500", "messages.rest=0.3"]
-    overrides += ["messages.sequence=[{routine: closehalf, mode: close}]"]
+    overrides = ["planner.messages.rate=500", "planner.messages.rest=0.3"]
+    overrides += ["planner.messages.sequence=[{routine: closehalf, mode: close}]"]
     one = demonstrate(NAME, "ROS 2", overrides)
     assert one.sent == one.served.commands == 501
     assert one.time[0] < one.time[-1] <= one.served.sim_time

@@ -14,6 +14,7 @@ from drake_srg.experiments.thesis_table import (
     figures,
     judge,
 )
+from drake_srg.planning.taught.taught_planner import Taught
 from drake_srg.scenario import load_scenario
 from experiments.made_cycles import cycle
 
@@ -40,7 +41,7 @@ def test_every_variant_has_its_own_fingertips_and_rules():
         pads = [str(directive.add_model) for directive in scenario.directives]
         assert any("flat" in pad for pad in pads) == ("flat" in name)
         by_rules = name.startswith(RULES)
-        assert (scenario.taught is not None) == by_rules
+        assert isinstance(scenario.planner, Taught) == by_rules
         assert (scenario.localizer.thesis is not None) == by_rules
     assert made[AT_PLACE].objects["cylinder"].position == [-0.32495, -0.17498]
 

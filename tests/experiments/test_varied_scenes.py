@@ -13,7 +13,6 @@ from drake_srg.experiments.varied_scenes import (
 )
 from drake_srg.objects.config import ObjectConfig
 from drake_srg.types import Box, Obstacle
-from drake_srg.vision.config import LocalizerThresholds
 
 GOOD, OFF, UNSEEN = Scene(1e-3, True), Scene(5e-3, True), Scene(np.nan, False)
 WRONG, DOUBTED = Scene(0.2, True), Scene(0.2, False)
@@ -60,21 +59,13 @@ def scenery():
 def test_the_same_images_are_perceived_again(scenery, monkeypatch):
     first = scenery.look()
     assert scenery.look() == first
-    assert scenery.look(LocalizerThresholds()) == first
     monkeypatch.setattr("drake_srg.vision.color.ColorRange.mask", nothing)
     monkeypatch.setattr("drake_srg.vision.color.ColorRange.mask_in_any_light", nothing)
     assert np.isnan(scenery.look()[0].distance)
 
 
-def nothing(_, image, *config):
+def nothing(_, image):
     return np.zeros(image.shape[:2], bool)
-
-
-def test_thresholds_take_effect(scenery):
-    thresholds = LocalizerThresholds()
-    thresholds.candidates.least_area = 100.0  # no region is as large
-    assert np.isnan(scenery.look(thresholds)[0].distance)
-    assert not np.isnan(scenery.look()[0].distance)
 
 
 @pytest.mark.slow

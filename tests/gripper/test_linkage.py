@@ -7,7 +7,11 @@ from helpers import fix, port_table, read
 from hypothesis import given
 from hypothesis import strategies as st
 
-from drake_srg.gripper.linkage import MasterSlaveConfig, MasterSlaveReference
+from drake_srg.gripper.linkage import (
+    SLAVE_GAIN,
+    MasterSlaveConfig,
+    MasterSlaveReference,
+)
 
 CONFIG = MasterSlaveConfig()
 V, T = CONFIG.max_velocity, CONFIG.period
@@ -62,7 +66,7 @@ def test_ports():
 
 def test_speed_and_gain_are_those_of_the_thesis():
     assert pytest.approx(SIXTY_DEGREES) == V
-    assert CONFIG.slave_gain == 20.0
+    assert SLAVE_GAIN == 20.0
 
 
 def test_the_master_moves_at_full_speed_and_stops_at_its_target():

@@ -2,7 +2,7 @@ import dataclasses as dc
 
 import numpy as np
 import pytest
-from helpers import port_table
+from helpers import fix, port_table, read, update
 
 from drake_srg.gripper.drivers import LinkageDriver, SrgPositionDriver
 from drake_srg.gripper.plant_joint_servos import PlantJointServos
@@ -70,9 +70,10 @@ def test_pwm_is_that_of_the_servo():
     servo = PlantJointServos(dc.replace(SERVO, law="plant"))
     reference = np.concatenate([np.full(4, x) for x in (0.1, 0.2, 0.3)])
     measured = np.array([0.05] * 4 + [0.1] * 4)
-    state = servo.update(0.0, np.zeros(8), reference, measured, None)
+    context = servo.CreateDefaultContext()
+    fix(servo, context, reference=reference, state_measured=measured)
+    update(servo, context)
     gains = (np.array(getattr(SERVO, k)) for k in ("kp", "kd", "kff1", "kff2"))
     kp, kd, kff1, kff2 = gains
     pwm = kff1 * 0.2 + kff2 * 0.3 + kp * 0.05 + kd * 0.1
-    result = servo.outputs["pwm"].calc(0.0, state, measured)
-    np.testing.assert_allclose(result, np.minimum(pwm, 1.0))
+    np.testing.assert_allclose(read(servo, context, "pwm"), np.minimum(pwm, 1.0))

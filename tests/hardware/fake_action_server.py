@@ -6,7 +6,7 @@ from drake_srg.bridges.ros2.follow_joint_trajectory import (
     ErrorCode,
     FollowJointTrajectory,
 )
-from drake_srg.hardware.ros import Ros2Arm
+from drake_srg.hardware.arm import Ros2Arm
 from hardware.stand import HOME, PERIOD, FakeNode, joint_state, make
 
 ACTION = FollowJointTrajectory("/arm/follow")

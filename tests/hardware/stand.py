@@ -6,10 +6,10 @@ from types import SimpleNamespace
 import numpy as np
 from pydrake.systems.framework import DiagramBuilder
 from pydrake.trajectories import PiecewisePolynomial
-from rosbags.typesys import Stores, get_typestore
 
-from drake_srg.bridges.commands import CommandError, Warnings
-from drake_srg.bridges.ros2.follow_joint_trajectory import with_actions
+from drake_srg.bridges.commands import Warnings
+from drake_srg.experiments.direct_node import DirectNode
+from drake_srg.experiments.direct_node import make_message as make
 from drake_srg.hardware.cell import MakeHardwareCell
 from drake_srg.hardware.exchange import Answer, PlannerLink
 from drake_srg.hardware.link import Link, Robot
@@ -25,7 +25,6 @@ from drake_srg.types import Mode, PlannerStatus
 
 PERIOD = 0.005
 HOME = np.array([0.0, -0.3, 0.0, -1.9, 0.0, 1.5, 0.0])
-STORE = with_actions(get_typestore(Stores.ROS2_HUMBLE))
 
 
 @functools.cache
@@ -131,47 +130,20 @@ class Stand:
         return all(self.loop.advance() for _ in range(round(seconds / PERIOD)))
 
 
-class FakeNode:
+class FakeNode(DirectNode):
     """A ROS node without a wire: the test delivers messages and reads the sent ones."""
 
-    def __init__(self):
-        self.sent, self.told = [], []
-        self.heard = True  # whether others listen
-        self._receivers = {}
-
-    def subscribe(self, topic, type, receive, largest=0):
-        self._receivers.setdefault(topic, []).append(receive)
-
-    def publish(self, topic):
-        pass
+    heard = True  # whether others listen
 
     def has_subscribers(self, topic):
         return self.heard
 
-    def send(self, topic, time, *values):
-        self.sent.append((topic, topic.convert(make, time, *values)))
-
-    def deliver(self, topic, message):
-        """Deliver a message; return the refusals."""
-        refused = []
-        for receive in self._receivers.get(topic, ()):
-            try:
-                receive(message)
-            except CommandError as error:
-                refused.append(str(error))
-        return refused
-
     def robot(self):
-        """Return a robot whose drivers use this node."""
+        """Return a robot of the kitchen, whose drivers use this node."""
         names = tuple(f"iiwa_joint_{i}" for i in range(1, 8))
         warnings = Warnings(self.told.append)
-        return Robot(
-            kitchen(), names, (None, None), warnings, SimpleNamespace(of=lambda v: self)
-        )
-
-
-def make(kind, *values, **fields):
-    return STORE.types[kind](*values, **fields)
+        nodes = SimpleNamespace(of=lambda version: self)
+        return Robot(kitchen(), names, (None, None), warnings, nodes)
 
 
 def joint_state(stamp, names, position, velocity, effort=()):

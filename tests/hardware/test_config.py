@@ -1,18 +1,21 @@
 import pytest
 
 from drake_srg.common.exceptions import ScenarioError
+from drake_srg.hardware.arm import Ros2Arm
 from drake_srg.hardware.config import load_hardware, parse_hardware
-from drake_srg.hardware.ros import Ros1Gripper, Ros2Arm
+from drake_srg.hardware.gripper import Ros1Gripper
 
 GOOD = "arm: !Ros2Arm {lead: 0.1}\ngripper: !Ros1Gripper {}\n"
 
 
 def test_tags_choose_the_drivers():
-    config = parse_hardware(GOOD + "cameras: {top: !Ros2Camera {}}\n", "robot.yaml")
+    more = "cameras: {top: !Ros2Camera {}}\nros2: {domain: 5}\n"
+    config = parse_hardware(GOOD + more, "robot.yaml")
     assert type(config.arm) is Ros2Arm
     assert config.arm.lead == 0.1
     assert type(config.gripper) is Ros1Gripper
     assert [*config.cameras] == ["top"]
+    assert config.ros2.domain == 5
 
 
 def test_only_ros_2_has_actions():

@@ -4,7 +4,8 @@ import numpy as np
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from drake_srg.hardware.ros import Ros2Arm, Ros2Gripper
+from drake_srg.hardware.arm import Ros2Arm
+from drake_srg.hardware.gripper import Ros2Gripper
 from hardware.stand import (
     HOME,
     MOVING,

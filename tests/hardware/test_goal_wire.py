@@ -14,8 +14,9 @@ from bridges.waiting import wait_until
 from helpers import LACKS_DDS, NO_DDS
 
 from drake_srg.bridges.commands import Warnings
-from drake_srg.hardware.goal_stream import GoalStream
-from drake_srg.hardware.nodes import Nodes, Ros1Config, Ros2Config
+from drake_srg.bridges.connecting import Ros1Config, Ros2Config
+from drake_srg.hardware.arm import GoalStream
+from drake_srg.hardware.link import Nodes
 
 pytestmark = pytest.mark.skipif(LACKS_DDS, reason=NO_DDS)
 TESTS = Path(__file__).parents[1]

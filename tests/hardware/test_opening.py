@@ -9,8 +9,7 @@ from drake_srg.common.exceptions import ScenarioError
 from drake_srg.common.safety_states import SafetyState
 from drake_srg.hardware.cameras import Ros1Camera, Ros2Camera
 from drake_srg.hardware.config import HardwareConfig
-from drake_srg.hardware.link import HardwareDriver
-from drake_srg.hardware.nodes import Nodes
+from drake_srg.hardware.link import HardwareDriver, Nodes
 from drake_srg.hardware.opening import open_cameras, open_hardware
 from drake_srg.scenario import load_scenario
 from hardware.stand import (

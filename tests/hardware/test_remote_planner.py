@@ -6,7 +6,7 @@ from drake_srg.planning.motion.arm_motion import Motion
 from drake_srg.types import PlannerStatus
 from hardware.stand import HOME, MOVING, motion_to
 
-GOAL = HOME + 0.5
+THERE = HOME + 0.5
 STATUS = PlannerStatus(mode=MOVING)
 
 
@@ -15,7 +15,7 @@ def answer(time, motion=None):
 
 
 def test_a_motion_keeps_its_clock_while_the_planners_stands_still():
-    motion = motion_to(GOAL, departed=1.0)
+    motion = motion_to(THERE, departed=1.0)
     plan = Plan(Motion(HOME)).after(answer(1.0, motion), 5.0)
     np.testing.assert_allclose(plan.position(6.0), motion.position(2.0))
     # The planner has thought for a second meanwhile.
@@ -24,7 +24,7 @@ def test_a_motion_keeps_its_clock_while_the_planners_stands_still():
 
 
 def test_a_stop_that_comes_late_does_not_jump_back():
-    motion = motion_to(GOAL, departed=1.0)
+    motion = motion_to(THERE, departed=1.0)
     plan = Plan(Motion(HOME)).after(answer(1.0, motion), 5.0)
     before = plan.position(6.2)
     plan = plan.after(answer(2.0, motion.stopped(2.0)), 6.2)

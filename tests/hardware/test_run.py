@@ -32,8 +32,8 @@ RATE = 0.05
 @pytest.mark.parametrize(
     ("release", "start", "message"),
     [
-        (5.0, {STAMP: np.zeros(1)}, "release: must be 0 with servoing"),
-        (0.0, {}, "servoing: needs an arm whose states have time stamps"),
+        (5.0, {STAMP: np.zeros(1)}, "release: must be 0 with planner: !Servoing"),
+        (0.0, {}, "planner: !Servoing needs an arm whose states have time stamps"),
     ],
 )
 def test_what_a_visual_servo_cannot_do_is_refused(release, start, message):

@@ -10,9 +10,9 @@ from hypothesis.extra.numpy import arrays
 
 from drake_srg.common.exceptions import ScenarioError
 from drake_srg.envs.grasp_one_shot import action_of, grasp_of, one_shot_state
-from drake_srg.learning.algorithms import MakeLearner
 from drake_srg.learning.demonstrations import grasp_in, read_demonstrations
 from drake_srg.learning.episodes import make_environment
+from drake_srg.learning.train import MakeLearner
 from drake_srg.types import Box, Cylinder
 
 from .toy import Toy
@@ -128,6 +128,7 @@ def env():
     return make_environment("GraspOneShot")
 
 
+@pytest.mark.learn
 def test_successful_grasps_of_a_data_set_are_cloned(tmp_path, env):
     # The gantry's joints are the pose less that of its origin.
     origin = env.unwrapped.mover.pose(np.zeros(4))

@@ -2,11 +2,11 @@ import numpy as np
 import pytest
 
 from drake_srg.common.exceptions import ScenarioError
-from drake_srg.learning.algorithms import MakeLearner
 from drake_srg.learning.baselines import TOUCH, rule_of
 from drake_srg.learning.episodes import make_environment
 from drake_srg.learning.rules import pick
 from drake_srg.learning.touch_rule import pick_by_touch
+from drake_srg.learning.train import MakeLearner
 from drake_srg.planning.grasps.srg_angles import ends_gap
 
 
@@ -160,12 +160,3 @@ def test_it_has_a_name(env):
 def test_only_clones_have_a_choice_of_rule(env, algorithm, data, message):
     with pytest.raises(ScenarioError, match=f"--rule touch: {message}"):
         MakeLearner(algorithm, env, 0, data, TOUCH)
-
-
-@pytest.mark.parametrize("algorithm", ["bc", "dagger"])
-def test_clones_imitate_the_rule_of_their_choice(env, algorithm):
-    observation, _ = env.reset(seed=next(k for k in range(100) if is_round(env, k)))
-    learner = MakeLearner(algorithm, env, 0, "", TOUCH)
-    action = learner._rule(observation)
-    np.testing.assert_array_equal(action, pick_by_touch(observation))
-    assert not np.array_equal(action, pick(observation))

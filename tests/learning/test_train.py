@@ -1,4 +1,3 @@
-import functools
 import json
 
 import numpy as np
@@ -6,10 +5,8 @@ import pytest
 from threadpoolctl import threadpool_info, threadpool_limits
 
 from drake_srg.common.exceptions import ScenarioError
-from drake_srg.learning.algorithms import MakeLearner
-from drake_srg.learning.cloning import CloningConfig
 from drake_srg.learning.policy import load_policy
-from drake_srg.learning.train import LOG, POLICY, Training, train
+from drake_srg.learning.train import LOG, POLICY, MakeLearner, Training, train
 
 HIT = "tests.learning.toy:toy/Hit-v0"
 
@@ -19,6 +16,7 @@ def training(**changes):
     return Training(**values)
 
 
+@pytest.mark.learn
 def test_training_writes_a_policy_and_how_it_went(tmp_path):
     policy = train(training(command="a command"), tmp_path)
     again = load_policy(tmp_path / POLICY)
@@ -29,24 +27,25 @@ def test_training_writes_a_policy_and_how_it_went(tmp_path):
     assert any(path.name.startswith("events.") for path in tmp_path.iterdir())
 
 
-def test_blas_has_one_thread_while_it_trains(tmp_path, monkeypatch):
+@pytest.mark.learn
+def test_it_trains_with_one_thread(tmp_path, monkeypatch):
+    import torch
+
     threads = []
 
     def validate(*_):
-        threads.extend(
-            pool["num_threads"]
-            for pool in threadpool_info()
-            if pool["user_api"] == "blas"
-        )
+        threads.extend(pool["num_threads"] for pool in threadpool_info())
+        threads.append(torch.get_num_threads())
         return 1.0
 
     monkeypatch.setattr("drake_srg.learning.train.validate", validate)
-    with threadpool_limits(2, "blas"):
+    with threadpool_limits(2):
         train(training(), tmp_path)
-    assert threads
+    assert len(threads) > 1
     assert set(threads) == {1}
 
 
+@pytest.mark.learn
 @pytest.mark.parametrize(
     ("scores", "chosen"),
     [
@@ -72,6 +71,7 @@ def test_of_equals_the_latest_policy_counts(tmp_path, monkeypatch, scores, chose
     assert load_policy(tmp_path / POLICY).info == policy.info
 
 
+@pytest.mark.learn
 def test_the_same_training_gives_the_same_bytes(tmp_path):
     for name in ("a", "b"):
         train(training(), tmp_path / name)
@@ -79,6 +79,7 @@ def test_the_same_training_gives_the_same_bytes(tmp_path):
     assert a == b
 
 
+@pytest.mark.learn
 def test_training_goes_on_only_where_asked_and_only_as_begun(tmp_path):
     train(training(steps=110), tmp_path)
     with pytest.raises(ScenarioError, match="--resume"):
@@ -90,9 +91,12 @@ def test_training_goes_on_only_where_asked_and_only_as_begun(tmp_path):
     assert [row[0] for row in history] == [110, 130]
 
 
+@pytest.mark.learn
 def test_a_clone_of_the_rule_succeeds(tmp_path, monkeypatch):
-    quick = functools.partial(CloningConfig, hidden=(32,), updates=300)
-    monkeypatch.setattr("drake_srg.learning.cloning.CloningConfig", quick)
+    from drake_srg.learning import learners
+
+    quick = learners.CloningConfig(hidden=(32,), updates=300)
+    monkeypatch.setattr(learners, "CLONING", quick)
     policy = train(training(algorithm="bc", steps=200), tmp_path)
     assert policy.kind == "actor"
     assert policy.info.scores["validation"] > 0.8
@@ -119,8 +123,9 @@ def test_a_broken_log_is_one_line(tmp_path):
         train(training(), tmp_path, resume=True)
 
 
+@pytest.mark.learn
 def test_a_broken_checkpoint_is_one_line(tmp_path):
     train(training(steps=20), tmp_path)
-    (tmp_path / "checkpoint.npz").write_bytes(b"PK")
+    (tmp_path / "checkpoint.pt").write_bytes(b"PK")
     with pytest.raises(ScenarioError, match="--resume: cannot be read"):
         train(training(), tmp_path, resume=True)

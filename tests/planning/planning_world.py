@@ -10,7 +10,7 @@ from pydrake.trajectories import PiecewisePolynomial
 
 from drake_srg.lifetime import LeafSystem
 from drake_srg.planning.grasps.srg_hand import SrgHand
-from drake_srg.planning.task.config import PlannerConfig
+from drake_srg.planning.planner_machine import PlannerConfig
 from drake_srg.planning.task.pick_and_place import PickAndPlacePlanner
 from drake_srg.planning.task.task_motions import TaskMotions
 from drake_srg.types import Blob, Cylinder, Mode

@@ -1,5 +1,6 @@
 """A state machine alone: a traffic light, and modes that end as they begin."""
 
+import copy
 import dataclasses as dc
 import enum
 
@@ -7,7 +8,12 @@ import pytest
 from helpers import port_table, read
 from pydrake.systems.analysis import Simulator
 
-from drake_srg.planning.state_machine import ModeActions, StateMachine, next_mode
+from drake_srg.planning.state_machine import (
+    Memory,
+    ModeActions,
+    StateMachine,
+    next_mode,
+)
 
 PERIOD = 0.125  # a binary fraction, so that times of updates are exact
 
@@ -262,3 +268,54 @@ def test_a_machine_is_freed(leaked):
     assert leaked() == ["StateMachine"]
     del simulator
     assert leaked() == []
+
+
+# Memories that modes change.
+
+
+@dc.dataclass
+class Part(Memory):
+    count: int = 0
+
+
+@dc.dataclass
+class Whole(Memory):
+    part: Part = dc.field(default_factory=Part)
+    shared: list = dc.field(default_factory=list)
+
+
+class Counting(ModeActions):
+    """Changes a part of its memory at every update, without asking for a copy."""
+
+    def update(self, memory, now):
+        memory.part.count += 1
+        return memory
+
+    def observe(self, memory, now):
+        return None
+
+
+def test_a_mode_changes_the_memory_of_its_own_context_alone():
+    machine = StateMachine(
+        {Light.RED: Counting()},
+        initial=Light.RED,
+        memory=Whole(),
+        transition=lambda mode, observation, t: mode,
+        period=PERIOD,
+    )
+    simulator = Simulator(machine)
+    simulator.AdvanceTo(3.0 * PERIOD)
+    earlier = simulator.get_context().Clone()
+    simulator.AdvanceTo(5.0 * PERIOD)
+    assert machine.state(earlier).memory.part.count == 3
+    assert machine.state(simulator.get_context()).memory.part.count == 5
+    assert machine.state(machine.CreateDefaultContext()).memory.part.count == 0
+
+
+def test_a_draft_copies_parts_and_shares_the_rest():
+    memory = Whole(shared=[1])
+    draft = copy.copy(memory)
+    assert draft == memory
+    assert draft.part is not memory.part
+    assert draft.shared is memory.shared
+    assert copy.deepcopy(memory) is memory

@@ -54,19 +54,22 @@ def test_ports():
     )
 
 
-def test_good_commands_pass_at_once_and_unchanged():
+def test_good_commands_pass_unchanged():
     stand, commands = Stand(), curve(200)
     np.testing.assert_array_equal(stand.follow(commands)[1:], commands)
     assert stand.speed_scale == 1.0
 
 
-def test_an_output_holds_until_the_next_update():
+@pytest.mark.parametrize("periods", [-0.6, 0.0])  # to the next update
+def test_outputs_change_in_updates_alone(periods):
     stand = moving()
-    before = stand.allowed[-1]
-    stand.fix(position_commanded=curve(1, first=200)[0])
-    stand.context.SetTime((stand.ticks - 0.6) * PERIOD)
-    output = read(stand.system, stand.context, "position_allowed")
-    np.testing.assert_array_equal(output, before)
+    names = ("position_allowed", "position_held", "state", "speed_scale")
+    before = [read(stand.system, stand.context, name) for name in names]
+    stand.fix(position_commanded=curve(1, first=200)[0], estop=1.0)
+    stand.context.SetTime((stand.ticks + periods) * PERIOD)
+    for name, value in zip(names, before, strict=True):
+        np.testing.assert_array_equal(read(stand.system, stand.context, name), value)
+    assert not stand.system.HasAnyDirectFeedthrough()
 
 
 # Every limit acts: (inputs that break it, the reason)

@@ -23,8 +23,9 @@ def test_a_loaded_scenario_passes():
 
 def test_a_scenario_changed_in_python_can_be_checked():
     bench = load_scenario("gripper_bench")
-    bench.script.append(ScriptStep(arm=[0.0]))
-    message = rf"^mine: script\[{len(bench.script) - 1}\]\.arm: .* the arm \(3\), got 1"
+    bench.planner.steps.append(ScriptStep(arm=[0.0]))
+    i = len(bench.planner.steps) - 1
+    message = rf"^mine: planner\.steps\[{i}\]\.arm: .* the arm \(3\), got 1"
     with pytest.raises(ScenarioError, match=message):
         check_scenario(bench, "mine")
 
@@ -159,16 +160,25 @@ def test_the_defaults_pass():
             "objects.soup_can: needs either a pose, or position, yaw and drop",
         ),
         ("object={yaw: 1, pose: {}}", "needs either a pose, or position, yaw and drop"),
-        ("script=[{mode: fly}]", "script[0].mode: must be one of close, grasp, home"),
-        ("script=[{duration: 0}]", "script[0].duration: must be greater than 0.0"),
-        ("script=[{closure: 2}]", "script[0].closure: must be at most 1.0, got 2.0"),
         (
-            "script=[{arm: [1]}]",
-            "script[0].arm: needs one entry per joint of the arm (7)",
+            "planner=!Script {steps: [{mode: fly}]}",
+            "planner.steps[0].mode: must be one of close, grasp, home",
         ),
         (
-            "script=[{duration: 50}]",
-            "script: must last at most planner.time_budget (40 s)",
+            "planner=!Script {steps: [{duration: 0}]}",
+            "planner.steps[0].duration: must be greater than 0.0",
+        ),
+        (
+            "planner=!Script {steps: [{closure: 2}]}",
+            "planner.steps[0].closure: must be at most 1.0, got 2.0",
+        ),
+        (
+            "planner=!Script {steps: [{arm: [1]}]}",
+            "planner.steps[0].arm: needs one entry per joint of the arm (7)",
+        ),
+        (
+            "planner=!Script {steps: [{duration: 50}]}",
+            "planner.steps: must last at most planner.time_budget (40 s)",
         ),
         ("cameras.ceiling.X_PB.translation=[1, 2]", "cameras: cannot be read: "),
     ],

@@ -213,12 +213,12 @@ def test_the_listed_scenarios_have_files():
 @pytest.mark.slow
 def test_messages_become_the_script():
     scenario = load_scenario("thesis_kitchen")
-    duration = sum(step.duration for step in scenario.script)
-    messages = scenario.messages
+    duration = sum(step.duration for step in scenario.planner.steps)
+    messages = scenario.planner.messages
     assert duration == pytest.approx(messages.number() / messages.rate + messages.rest)
-    with pytest.raises(ScenarioError, match=r"script: must be empty if"):
-        load_scenario("thesis_kitchen", overrides=["script=[{duration: 1.0}]"])
-    unknown = "messages.sequence=[{routine: gripp}]"
+    with pytest.raises(ScenarioError, match=r"planner\.steps: must be empty if"):
+        load_scenario("thesis_kitchen", overrides=["planner.steps=[{duration: 1.0}]"])
+    unknown = "planner.messages.sequence=[{routine: gripp}]"
     with pytest.raises(
         ScenarioError, match=r"unknown routine 'gripp' \(did you mean 'grip'"
     ):

@@ -56,10 +56,12 @@ def test_object_means_the_picked_object():
 
 def test_overrides_reach_into_lists():
     turned = "directives.gripper::palm.add_weld.X_PC.rotation=!Rpy {deg: [0, 0, 90]}"
-    scenario = load_scenario("gripper_bench", overrides=[turned, "script.0.duration=2"])
+    scenario = load_scenario(
+        "gripper_bench", overrides=[turned, "planner.steps.0.duration=2"]
+    )
     X_PC = scenario.directives[5].add_weld.X_PC.GetDeterministicValue()
     np.testing.assert_allclose(X_PC.rotation().col(0), [0, 1, 0], atol=1e-12)
-    assert scenario.script[0].duration == 2.0
+    assert scenario.planner.steps[0].duration == 2.0
 
 
 def test_an_object_with_a_pose_gets_no_position():

@@ -6,6 +6,7 @@ from pydrake.common.yaml import yaml_dump_typed
 
 from drake_srg.gripper.drivers import SrgPositionDriver
 from drake_srg.scenario import Scenario, is_continuous, load_scenario
+from drake_srg.scenario.planner import with_planner_tag
 from drake_srg.scenario.schema import accept_driver
 from drake_srg.scenario.yaml_tree import parse_yaml
 from drake_srg.scenario.yaml_typed import load_typed
@@ -13,7 +14,8 @@ from drake_srg.scenario.yaml_typed import load_typed
 
 def test_the_defaults_are_valid_values():
     text = yaml_dump_typed(Scenario())
-    loaded = load_typed(Scenario, parse_yaml(text, "defaults"), "defaults")
+    tree = with_planner_tag(parse_yaml(text, "defaults"), "defaults")
+    loaded = load_typed(Scenario, tree, "defaults")
     assert yaml_dump_typed(loaded) == text
 
 

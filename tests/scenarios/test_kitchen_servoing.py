@@ -12,7 +12,7 @@ from pydrake.systems.sensors import ImageDepth32F, ImageRgba8U
 from drake_srg.cell import MakeCell
 from drake_srg.common.ports import input_ports, output_ports
 from drake_srg.lifetime import LeafSystem
-from drake_srg.scenario import load_scenario
+from drake_srg.scenario import load_scenario, servo_of
 from drake_srg.servoing.arm import ServoArm
 from drake_srg.servoing.status import ServoFault, ServoState
 from drake_srg.station.plant import MakeModelsPlant
@@ -105,7 +105,7 @@ def test_a_camera_that_fails_stops_the_hand_and_is_told(broken, fault):
     faults, failed_at, speeds = set(), np.inf, []
     while status.Eval(root).mode not in (Mode.DONE, Mode.FAILED):
         assert root.get_time() < 20.0
-        simulator.AdvanceTo(root.get_time() + scenario.servoing.camera_period)
+        simulator.AdvanceTo(root.get_time() + servo_of(scenario).camera_period)
         seen = servo.Eval(planner)
         if seen.images >= _FEW:
             camera.fault = broken

@@ -7,7 +7,7 @@ from pydrake.systems.framework import DiagramBuilder
 
 from drake_srg.cell import MakeCell
 from drake_srg.common.ports import export_outputs
-from drake_srg.planning.script.scripted import ScriptStep
+from drake_srg.planning.script.scripted import Script, ScriptStep
 from drake_srg.scenario import is_continuous, list_scenarios, load_scenario
 from drake_srg.simulation import Simulate
 from drake_srg.station import MakeStation
@@ -60,9 +60,9 @@ def own_cell(scenario):
 def brief(name):
     """Return a scenario whose planner or script ends after 0.1 s."""
     scenario = load_scenario(name, seed=0)
-    if scenario.script:
+    if isinstance(scenario.planner, Script):
         step = ScriptStep(mode="home", duration=0.1)
-        scenario = dc.replace(scenario, script=[step], messages=None)
+        scenario = dc.replace(scenario, planner=Script(steps=[step]))
     scenario.planner.time_budget = 0.1
     clutter = [n for n in scenario.objects if n.startswith("clutter_")]
     for extra in clutter[1:]:

@@ -26,17 +26,20 @@ POSES = {
     "secure_start_position": [1.6, 2.4, 1.6],
 }
 GRIP_AND_LIFT = (
-    "messages.sequence=[{routine: grip, mode: close}, {routine: lift, mode: lift}]"
+    "planner.messages.sequence=[{routine: grip, mode: close}, "
+    "{routine: lift, mode: lift}]"
 )
 
 
 def faster(name, *overrides, rate=RATE):
     counts = [
-        f"messages.routines.{routine}.{i}.count={round(time * rate)}"
+        f"planner.messages.routines.{routine}.{i}.count={round(time * rate)}"
         for routine, times in POSES.items()
         for i, time in enumerate(times)
     ]
-    return load_scenario(name, overrides=[f"messages.rate={rate}", *counts, *overrides])
+    return load_scenario(
+        name, overrides=[f"planner.messages.rate={rate}", *counts, *overrides]
+    )
 
 
 def at_the_cup(name):
@@ -84,10 +87,10 @@ def test_the_can_is_carried_around_and_put_back():
     scenario = faster(
         "thesis_kitchen",
         "object.resolution=0.018",
-        "messages.routines.grip.0.grasp=[250, 1000]",
-        "messages.routines.open_full.0.grasp=[1000, 250]",
+        "planner.messages.routines.grip.0.grasp=[250, 1000]",
+        "planner.messages.routines.open_full.0.grasp=[1000, 250]",
     )
-    home = scenario.messages.sequence.pop(0)  # the arm is there already
+    home = scenario.planner.messages.sequence.pop(0)  # the arm is there already
     assert home.routine == "startpos"
     result = Simulate(scenario, record=False, make_cell=watched(touched))
     metrics = result.metrics

@@ -1,17 +1,14 @@
 """What the planner does while a servo moves the arm."""
 
-import dataclasses as dc
-
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
 from drake_srg.planning.motion.arm_motion import Motion
+from drake_srg.planning.planner_machine import Observation, PlannerConfig
 from drake_srg.planning.state_machine import Entry, Moment
-from drake_srg.planning.task.config import PlannerConfig
-from drake_srg.planning.task.planner_memory import Attempt, PlannerMemory
-from drake_srg.planning.task.transitions import Observation, transition
+from drake_srg.planning.task.knowledge import PlannerMemory, transition
 from drake_srg.servoing.servo_modes import (
     SERVO_TRANSITIONS,
     ServoGrasp,
@@ -39,14 +36,13 @@ class FakeReplanner:
     def __init__(self):
         self.escapes = self.carries = 0
 
-    def escape(self, memory, time):
+    def Escape(self, memory, time):
         self.escapes += 1
-        attempt = dc.replace(memory.attempt, escape=(None, None), ready_at=time + 0.1)
-        return dc.replace(memory, attempt=attempt)
+        memory.attempt.escape, memory.attempt.ready_at = (None, None), time + 0.1
 
-    def carry(self, memory, time):
+    def Carry(self, memory, time):
         self.carries += 1
-        return dc.replace(memory, attempt=dc.replace(memory.attempt, trapped=True))
+        memory.attempt.trapped = True
 
 
 def senses(servo):
@@ -125,21 +121,21 @@ def test_the_rest_is_planned_from_where_a_servo_has_failed():
     mode = ServoLift(CONFIG, FakeReplanner(), 1)
     memory = PlannerMemory(Motion(Q))
     failed = now(1.0, ServoState.FAILED, fault=ServoFault.STUCK)
-    assert mode.look(memory, failed).attempt.looked
+    mode.Look(memory, failed)
+    assert memory.attempt.looked
     assert mode.replanner.carries == 1
 
 
 def test_the_rest_is_planned_once_the_raised_hand_rests_and_a_failure_ends_it():
     mode = ServoLift(CONFIG, FakeReplanner(), 1)
     memory = PlannerMemory(Motion(Q))
-    memory = mode.look(memory, now(1.0, ServoState.RAISING, at_rest=False))
-    memory = mode.look(memory, now(1.1, ServoState.HOLDING, at_rest=False))
+    mode.Look(memory, now(1.0, ServoState.RAISING, at_rest=False))
+    mode.Look(memory, now(1.1, ServoState.HOLDING, at_rest=False))
     assert mode.replanner.carries == 0
     assert mode.observe(memory, now(1.1, ServoState.HOLDING)) == Observation()
-    memory = mode.look(memory, now(1.2, ServoState.HOLDING))
+    mode.Look(memory, now(1.2, ServoState.HOLDING))
     assert mode.replanner.carries == 1
-    trouble = dc.replace(memory.trouble, failure=Failure.OUT_OF_REACH)
-    memory = dc.replace(memory, trouble=trouble)
+    memory.trouble.failure = Failure.OUT_OF_REACH
     observed = mode.observe(memory, now(1.2, ServoState.HOLDING))
     assert servo_transition(Mode.LIFT, observed, 0.5, CONFIG) is Mode.FAILED
 
@@ -161,5 +157,5 @@ def test_the_servo_is_in_charge_from_the_grasp_until_the_lift_is_planned():
     assert commands.pop(Mode.VERIFY) is ServoCommand.FOLLOW
     assert commands.pop(Mode.LIFT) is ServoCommand.RAISE
     assert set(commands.values()) == {ServoCommand.PASS}
-    planned = dc.replace(memory, attempt=Attempt(looked=True))
-    assert servo_command(Mode.LIFT, planned) is ServoCommand.PASS
+    memory.attempt.looked = True  # it is planned
+    assert servo_command(Mode.LIFT, memory) is ServoCommand.PASS

@@ -49,6 +49,6 @@ def test_overrides_and_seed_are_those_of_a_scenario():
 
 
 def test_a_home_needs_an_arm():
-    overrides = ["arm=null", "script=[]"]
+    overrides = ["arm=null", "planner.steps=[]"]
     with pytest.raises(ScenarioError, match=r"^gripper_bench: home: needs .* an arm$"):
         bench_scenario(home=[0.0], overrides=overrides)

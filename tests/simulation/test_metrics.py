@@ -6,7 +6,7 @@ import pytest
 from pydrake.common.eigen_geometry import AngleAxis
 from pydrake.math import RigidTransform, RollPitchYaw, RotationMatrix
 
-from drake_srg.planning.script.scripted import ScriptStep
+from drake_srg.planning.script.scripted import Script, ScriptStep
 from drake_srg.types import Failure, Mode, PlannerStatus
 from simulation.made_logs import (
     BLOB,
@@ -74,7 +74,7 @@ def test_a_script_must_leave_a_lying_object_lying(turned):
     log = with_pose(make_log(), slice(0, 100), RigidTransform(lying, [0.6, 0.1, 0.3]))
     end = RotationMatrix.MakeYRotation(turned) @ lying
     goal = RigidTransform(end, [*GOAL[:2], 0.3])
-    scripted = dc.replace(SCENARIO, script=[ScriptStep()])
+    scripted = dc.replace(SCENARIO, planner=Script(steps=[ScriptStep()]))
     metrics = judge(with_pose(log, slice(100, None), goal), scenario=scripted)
     # A turn about the lying can's axis is rolling, which does not count.
     assert metrics.placement_tilt_rad == pytest.approx(0.0, abs=1e-9)

@@ -169,7 +169,7 @@ def test_a_cell_of_your_own_is_recorded_as_far_as_it_has_ports(tmp_path):
 def test_a_scripted_cell_is_recorded_too(tmp_path):
     overrides = ["cameras.overview.width=320", "cameras.overview.height=180"]
     scenario = load_scenario(
-        "gripper_bench", overrides=[*overrides, "script=[{duration: 0.2}]"]
+        "gripper_bench", overrides=[*overrides, "planner.steps=[{duration: 0.2}]"]
     )
     Simulate(scenario, name="gripper_bench", out=tmp_path)
     assert {path.name for path in tmp_path.iterdir()} == FILES

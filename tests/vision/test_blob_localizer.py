@@ -11,7 +11,6 @@ from drake_srg import types
 from drake_srg.types import BlobFlag
 from drake_srg.vision.blob_localizer import BlobLocalizer
 from drake_srg.vision.camera import CameraModel
-from drake_srg.vision.config import BlobLocalizerConfig, FitConfig
 from vision.vision_scene import (
     BLUE,
     CAN,
@@ -68,12 +67,8 @@ def test_every_camera_has_three_inputs():
         ({"targets": []}, "targets of unique names"),
         ({"targets": [target(), target()]}, "unique names.*'can', 'can'"),
         ({"cameras": {}}, "at least one camera"),
-        ({"period": -0.1}, "needs period >= 0.*got period=-0.1"),
+        ({"min_area": 0}, "needs min_area >= 1.*got min_area=0"),
         ({"min_quality": 2.0}, "min_quality=2.0"),
-        (
-            {"config": BlobLocalizerConfig(fit=FitConfig(middle_softness=[]))},
-            "config.fit.middle_softness must not be empty",
-        ),
     ],
 )
 def test_bad_arguments_are_named(arguments, message):
@@ -217,7 +212,7 @@ def test_small_specks_are_dropped():
     assert locate([speck], targets, min_area=100) == []
 
 
-def test_without_a_period_blobs_follow_their_inputs():
+def test_blobs_follow_their_inputs():
     diagram, localizer = make_diagram([standing(CAN, 0.0, 0.0)], [target()])
     context = localizer.GetMyContextFromRoot(diagram.CreateDefaultContext())
     port = localizer.GetOutputPort("blobs")
@@ -228,26 +223,9 @@ def test_without_a_period_blobs_follow_their_inputs():
     assert port.Eval(context)[0].position == pytest.approx([0.5, 0, 0.1509], abs=4e-4)
 
 
-def test_with_a_period_blobs_wait_for_their_event():
-    diagram, localizer = make_diagram([standing(CAN, 0.0, 0.0)], [target()], period=0.1)
-    simulator = Simulator(diagram)
-    context = localizer.GetMyContextFromRoot(simulator.get_context())
-    port = localizer.GetOutputPort("blobs")
-    assert port.Eval(context) == []
-    simulator.AdvanceTo(0.05)
-    [blob] = port.Eval(context)
-    mutable = localizer.GetMyMutableContextFromRoot(simulator.get_mutable_context())
-    pose = RigidTransform(DOWN, [0.5, 0.0, 1.5])
-    localizer.GetInputPort("camera.body_pose_in_world").FixValue(mutable, pose)
-    assert port.Eval(context)[0].X_WO is blob.X_WO
-    simulator.AdvanceTo(0.15)
-    assert port.Eval(context)[0].position[0] == pytest.approx(0.5, abs=4e-4)
-
-
 @pytest.mark.slow
-@pytest.mark.parametrize("period", [0.0, 0.1])
-def test_a_diagram_with_a_localizer_is_freed(period):
-    diagram, localizer = make_diagram([], [target()], period=period)
+def test_a_diagram_with_a_localizer_is_freed():
+    diagram, localizer = make_diagram([], [target()])
     Simulator(diagram).AdvanceTo(0.01)
     watch = weakref.ref(localizer)
     del diagram, localizer

@@ -10,7 +10,6 @@ from drake_srg.types import Box
 from drake_srg.vision.camera import CameraModel
 from drake_srg.vision.candidates import Picture, by_color, by_steps
 from drake_srg.vision.color import ColorRange
-from drake_srg.vision.config import BlobLocalizerConfig
 
 FAR, NEAR = 1.0, 0.9  # table and top of the thing [m]
 IMAGER = CameraModel(CameraInfo(80, 60, 100.0, 100.0, 40.0, 30.0)).imager("color")
@@ -37,7 +36,7 @@ def picture(rows, columns, hidden=None, level=None, below=None, noise=0.0):
 
 def found(seen, search=by_color, shape=CUBE):
     """Return the pixels of each candidate for the cube, or another shape."""
-    candidates = search(seen, shape, RED, 12, BlobLocalizerConfig())
+    candidates = search(seen, shape, RED, 12)
     return [int(candidate.blob.sum()) for candidate in candidates]
 
 

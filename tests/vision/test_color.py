@@ -4,7 +4,6 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from drake_srg.vision.color import ColorRange
-from drake_srg.vision.config import AnyLightConfig
 
 
 def seen(color_range, *rgb):
@@ -70,7 +69,7 @@ def test_bad_ranges_are_named(arguments, message):
 
 def lit(color_range, *rgb):
     image = np.array([[np.rint(255 * np.clip(rgb, 0, 1))]], dtype=np.uint8)
-    return bool(color_range.mask_in_any_light(image, AnyLightConfig())[0, 0])
+    return bool(color_range.mask_in_any_light(image)[0, 0])
 
 
 @given(

@@ -5,13 +5,11 @@ from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 
 from drake_srg.vision import depth_noise as module
-from drake_srg.vision.config import DepthNoiseConfig
 from drake_srg.vision.depth_noise import clean, clean_and_measure, depth_noise
 
 HEIGHT, WIDTH = 120, 160
 U = np.arange(WIDTH) - WIDTH / 2
 EDGE = WIDTH // 2
-CONFIG = DepthNoiseConfig()
 
 
 def plane(slope=0.0):
@@ -32,23 +30,23 @@ def step():
 @pytest.mark.parametrize("slope", [0.0, 1e-3])
 @pytest.mark.parametrize("noise", [1e-4, 2e-3])
 def test_noise_is_measured_at_any_slope(slope, noise):
-    measured = depth_noise(noisy(plane(slope), noise), CONFIG.lag)
+    measured = depth_noise(noisy(plane(slope), noise))
     assert measured == pytest.approx(noise, rel=0.05)
-    assert depth_noise(plane(slope), CONFIG.lag) < 1e-6
+    assert depth_noise(plane(slope)) < 1e-6
 
 
 def test_edges_and_holes_do_not_count_as_noise():
     depth = step()
     depth[::7, ::5] = 0.0
     depth[5:20] = np.inf
-    assert depth_noise(depth, CONFIG.lag) < 1e-6
-    assert depth_noise(np.zeros((HEIGHT, WIDTH), np.float32), CONFIG.lag) == 0.0
+    assert depth_noise(depth) < 1e-6
+    assert depth_noise(np.zeros((HEIGHT, WIDTH), np.float32)) == 0.0
 
 
 def test_an_image_without_noise_is_unchanged():
     depth = step()
     depth[3, 4] = 0.0
-    cleaned, noise = clean_and_measure(depth, CONFIG)
+    cleaned, noise = clean_and_measure(depth)
     assert cleaned is depth
     assert noise == 0.0
 
@@ -56,7 +54,7 @@ def test_an_image_without_noise_is_unchanged():
 def test_an_image_without_noise_needs_no_median(monkeypatch):
     monkeypatch.delattr(module, "robust_deviation")
     depth = step()
-    assert clean(depth, CONFIG) is depth
+    assert clean(depth) is depth
 
 
 @given(
@@ -70,15 +68,16 @@ def test_an_image_without_noise_needs_no_median(monkeypatch):
 )
 def test_only_images_with_less_noise_than_allowed_are_unchanged(depth, factor):
     noise = depth_noise(depth, lag=1)
-    config = DepthNoiseConfig(noiseless=factor * noise, lag=1)
-    assert (clean(depth, config) is depth) == (noise < config.noiseless)
+    noiseless = factor * noise
+    cleaned = clean(depth, lag=1, noiseless=noiseless)
+    assert (cleaned is depth) == (noise < noiseless)
 
 
 def test_cleaning_removes_noise_and_single_holes():
     rng = np.random.default_rng(1)
     depth = noisy(plane(), 1e-3)
     depth[rng.random(depth.shape) < 0.02] = 0.0
-    cleaned, noise = clean_and_measure(depth, CONFIG)
+    cleaned, noise = clean_and_measure(depth)
     assert (cleaned > 0).all()
     assert noise < 0.6e-3
     assert (cleaned - plane()).std() < 0.6e-3 * 1.25**2
@@ -90,7 +89,7 @@ def test_holes_along_an_edge_do_not_move_it():
     band = slice(EDGE - 1, EDGE + 1)
     lost = rng.random((HEIGHT, 2)) < 0.5
     depth[:, band] = np.where(lost, 0.0, depth[:, band])
-    near = (clean(depth, CONFIG) < 1.05).sum(axis=1)
+    near = (clean(depth) < 1.05).sum(axis=1)
     # Half of the holes are on either side of the edge, so the mean stays.
     assert near.mean() == pytest.approx(EDGE, abs=0.15)
 
@@ -99,6 +98,6 @@ def test_unknown_and_far_pixels_stay_so():
     depth = noisy(step(), 1e-3)
     depth[:, :40] = 0.0
     depth[:, -40:] = np.inf
-    cleaned = clean(depth, CONFIG)
+    cleaned = clean(depth)
     assert (cleaned[:, :38] == 0.0).all()
     assert np.isinf(cleaned[:, -38:]).all()

@@ -6,7 +6,6 @@ from pydrake.math import RigidTransform, RotationMatrix
 from pydrake.systems.sensors import CameraInfo
 
 from drake_srg.vision.camera import CameraModel
-from drake_srg.vision.config import DepthNoiseConfig
 from drake_srg.vision.height_map import height_map, points_of
 from drake_srg.vision.surface import Surface
 
@@ -103,13 +102,13 @@ def test_points_of_a_depth_image():
     depth = np.full((48, 64), 0.8, np.float32)
     depth[10, 10], depth[11, 11] = 0.0, np.inf
     X_WB = RigidTransform(DOWN, [0.1, 0.2, 1.5])
-    points = points_of(depth, X_WB, imager, DepthNoiseConfig())
+    points = points_of(depth, X_WB, imager)
     assert len(points) == 48 * 64 - 2
     np.testing.assert_allclose(points[:, 2], 0.7, atol=1e-6)
     # Drake's pixels are centred half a pixel off the middle of the image.
     pixel = 0.8 / info.focal_x()
     np.testing.assert_allclose(points.mean(axis=0)[:2], [0.1, 0.2], atol=0.6 * pixel)
-    finer = points_of(depth, X_WB, imager, DepthNoiseConfig(), subpixels=3)
+    finer = points_of(depth, X_WB, imager, subpixels=3)
     assert len(finer) == 9 * len(points)
     np.testing.assert_allclose(finer.mean(axis=0), points.mean(axis=0), atol=1e-6)
 
@@ -122,7 +121,7 @@ def test_points_far_from_the_table_do_not_change_its_map(x, lean):
     depth = (0.7 + 0.002 * u + 0.003 * (v > 20)).astype(np.float32)
     X_WB = RigidTransform(DOWN @ RotationMatrix.MakeXRotation(lean), [x, 0.1, 1.5])
     every, near = (
-        points_of(depth, X_WB, imager, DepthNoiseConfig(), subpixels=2, within=surface)
+        points_of(depth, X_WB, imager, subpixels=2, within=surface)
         for surface in (None, TABLE)
     )
     assert len(near) < len(every)

@@ -8,7 +8,7 @@ from drake_srg.vision.height_mapper import HeightMapper
 from drake_srg.vision.surface import Surface
 from vision.vision_scene import CAN, Camera, render, standing
 
-TABLE = Surface((-0.3, -0.3), (0.3, 0.3), 0.0)
+MAPPED = Surface((-0.3, -0.3), (0.3, 0.3), 0.0)
 CAMERA = Camera()
 MODEL = CameraModel(CameraInfo(CAMERA.width, CAMERA.height, CAMERA.fov_y))
 THINGS = [standing(CAN, 0.1, 0.05), standing(Box([0.06, 0.09, 0.05]), -0.1, 0.0)]
@@ -16,7 +16,7 @@ THINGS = [standing(CAN, 0.1, 0.05), standing(Box([0.06, 0.09, 0.05]), -0.1, 0.0)
 
 def connected(things):
     """Return a mapper and its context, with the image of a scene."""
-    mapper = HeightMapper({"top": MODEL}, TABLE)
+    mapper = HeightMapper({"top": MODEL}, MAPPED)
     context = mapper.CreateDefaultContext()
     image = ImageDepth32F(CAMERA.width, CAMERA.height)
     image.mutable_data[..., 0] = render(things)[1]
@@ -46,9 +46,9 @@ def test_an_empty_table_is_flat():
 
 def test_bad_input():
     with pytest.raises(ValueError, match="at least one camera"):
-        HeightMapper({}, TABLE)
+        HeightMapper({}, MAPPED)
     with pytest.raises(ValueError, match="resolution > 0"):
-        HeightMapper({"top": MODEL}, TABLE, resolution=0.0)
-    mapper = HeightMapper({"top": MODEL}, TABLE)
+        HeightMapper({"top": MODEL}, MAPPED, resolution=0.0)
+    mapper = HeightMapper({"top": MODEL}, MAPPED)
     with pytest.raises(RuntimeError, match=r"'top.depth_image' is not connected"):
         mapper.GetOutputPort("height_map").Eval(mapper.CreateDefaultContext())

@@ -7,7 +7,6 @@ from hypothesis import strategies as st
 from pydrake.math import RigidTransform, RotationMatrix
 
 from drake_srg.types import Cylinder
-from drake_srg.vision.config import BlobLocalizerConfig
 from drake_srg.vision.shape_fit import fit_shape
 from vision.ray_cast import X_WC, lying, view_of
 
@@ -19,7 +18,7 @@ places = st.floats(-0.04, 0.04)
 
 def fit_to(view):
     """Return the fit of the cylinder to a view."""
-    return fit_shape(CYLINDER, view, BlobLocalizerConfig())
+    return fit_shape(CYLINDER, view)
 
 
 def z_axis(fit):

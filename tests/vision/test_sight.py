@@ -5,7 +5,6 @@ import pytest
 from pydrake.math import RigidTransform
 
 from drake_srg.types import Cylinder
-from drake_srg.vision.config import SightConfig
 from drake_srg.vision.sight import INSIDE, OUTSIDE, UNKNOWN, look
 from vision.ray_cast import view_of
 
@@ -17,7 +16,7 @@ LID = (Cylinder(0.008, 0.01), RigidTransform([0.03, 0.02, 0.06]))
 
 def labels_of(view, X_WO=UPRIGHT, **options):
     """Return the labels as an image, and the sight."""
-    sight = look(CYLINDER, X_WO, view, SightConfig(), margin=3, **options)
+    sight = look(CYLINDER, X_WO, view, margin=3, **options)
     image = np.full(view.depth.shape, 2)
     image[sight.pixels[:, 1], sight.pixels[:, 0]] = sight.labels
     return image, sight

@@ -13,8 +13,14 @@ rotations = st.tuples(angles, angles, angles).map(
     lambda rpy: RollPitchYaw(rpy).ToRotationMatrix()
 )
 PIECES = ConvexPieces((np.concatenate([np.zeros((1, 3)), np.eye(3)]),))
-SOLIDS = [Cylinder(0.02, 0.1), Box([0.1, 0.2, 0.3]), Box([0.1] * 3), Sphere(), PIECES]
-solids = st.sampled_from(SOLIDS)
+LOOKING_ALIKE = [
+    Cylinder(0.02, 0.1),
+    Box([0.1, 0.2, 0.3]),
+    Box([0.1] * 3),
+    Sphere(),
+    PIECES,
+]
+solids = st.sampled_from(LOOKING_ALIKE)
 
 
 def angle(R):
@@ -32,7 +38,7 @@ def test_the_least_turned_pose_looks_alike_and_is_turned_no_more(solid, R_WO):
 
 @given(rotations)
 def test_a_cylinder_keeps_its_axis_and_points_upwards(R_WO):
-    z_W = least_turned(SOLIDS[0], RigidTransform(R_WO)).rotation().matrix()[:, 2]
+    z_W = least_turned(LOOKING_ALIKE[0], RigidTransform(R_WO)).rotation().matrix()[:, 2]
     expected = R_WO.matrix()[:, 2]
     np.testing.assert_array_equal(z_W, expected * np.copysign(1.0, expected[2]))
 
@@ -44,7 +50,7 @@ def test_a_ball_is_not_turned(R_WO):
 
 @given(rotations)
 def test_a_cube_is_turned_by_no_more_than_its_symmetry_leaves(R_WO):
-    R = least_turned(SOLIDS[2], RigidTransform(R_WO)).rotation()
+    R = least_turned(LOOKING_ALIKE[2], RigidTransform(R_WO)).rotation()
     # The largest misorientation of cubes (Handscomb, 1958).
     assert angle(R) <= np.deg2rad(62.8)
 
@@ -63,5 +69,5 @@ def test_the_turn_between_does_not_exceed_the_angle(solid, R_WO, about_z):
 @pytest.mark.parametrize(("yaw", "turn"), [(180, 0), (90, 90), (100, 80), (-30, 30)])
 def test_a_box_looks_alike_after_half_a_turn(yaw, turn):
     R = RotationMatrix.MakeZRotation(np.deg2rad(yaw))
-    measured = turn_between(SOLIDS[1], RotationMatrix(), R)
+    measured = turn_between(LOOKING_ALIKE[1], RotationMatrix(), R)
     assert measured == pytest.approx(np.deg2rad(turn), abs=1e-9)

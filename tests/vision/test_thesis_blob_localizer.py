@@ -9,7 +9,6 @@ from pydrake.systems.sensors import CameraInfo, ImageDepth32F, ImageRgba8U
 
 from drake_srg.vision.camera import CameraModel
 from drake_srg.vision.thesis_blob_localizer import (
-    ThesisBlobConfig,
     ThesisBlobLocalizer,
     blob_position,
     first_blob,
@@ -19,7 +18,6 @@ from vision.vision_scene import DOWN
 WIDTH, HEIGHT = 64, 48
 INFO = CameraInfo(WIDTH, HEIGHT, np.deg2rad(44.0))
 TARGET = (217, 217, 255)  # 0.85, 0.85, 1.0
-CONFIG = ThesisBlobConfig()
 X_WB = RigidTransform(DOWN, [0.1, 0.2, 1.0])
 
 
@@ -44,15 +42,12 @@ def picture(*blobs, color=TARGET):
 )
 def test_every_channel_must_be_within_the_tolerance(color, seen):
     image, _ = picture((10, 10, 5), color=color)
-    assert (first_blob(image, CONFIG) is not None) == seen
+    assert (first_blob(image) is not None) == seen
 
 
-def test_the_first_blob_is_the_lowest_that_is_large_enough():
+def test_the_first_blob_is_the_lowest():
     image, _ = picture((5, 5, 10), (30, 40, 4))
-    assert first_blob(image, CONFIG) == pytest.approx((42 / 64, 16 / 48))
-    large = ThesisBlobConfig(min_size=50 / (WIDTH * HEIGHT))
-    assert first_blob(image, large) == pytest.approx((10 / 64, 38 / 48))
-    assert first_blob(image, ThesisBlobConfig(min_size=0.1)) is None
+    assert first_blob(image) == pytest.approx((42 / 64, 16 / 48))
 
 
 @given(st.floats(0.0, 1.0), st.floats(0.0, 1.0), st.floats(0.2, 3.0))
@@ -95,7 +90,7 @@ def simulate(image, depth):
     """Return a function that advances a localizer and returns its blobs."""
     builder = DiagramBuilder()
     localizer = builder.AddSystem(
-        ThesisBlobLocalizer("cylinder", "top", CameraModel(INFO), CONFIG)
+        ThesisBlobLocalizer("cylinder", "top", CameraModel(INFO))
     )
     simulator = Simulator(builder.Build())
     context = localizer.GetMyContextFromRoot(simulator.get_mutable_context())

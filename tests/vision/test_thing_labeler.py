@@ -8,7 +8,6 @@ from pydrake.systems.sensors import CameraInfo, ImageRgba8U
 
 from drake_srg.types import Blob, BlobFlag, Box, Cylinder
 from drake_srg.vision.camera import CameraModel
-from drake_srg.vision.config import DepthNoiseConfig
 from drake_srg.vision.height_map import height_map, points_of
 from drake_srg.vision.surface import Surface
 from drake_srg.vision.thing_labeler import KnownThing, ThingLabeler
@@ -33,7 +32,7 @@ def seen():
     ]
     color, depth = render(things)[:2]
     imager = MODEL.imager("depth")
-    points = points_of(depth, CAMERA.X_WB, imager, DepthNoiseConfig(), subpixels=2)
+    points = points_of(depth, CAMERA.X_WB, imager, subpixels=2)
     return color, height_map([points], TABLE)
 
 

@@ -5,9 +5,11 @@ from __future__ import annotations
 import ast
 import inspect
 import re
+import sys
 from collections.abc import Iterator, Mapping
 
-from drake_srg.scenario import checks, pick
+from drake_srg.scenario.checks import check_scenario
+from drake_srg.scenario.pick import clear_problems
 from make_site.markdown import code, table
 
 # The keys that functions get as an argument, or from another function.
@@ -16,8 +18,9 @@ _GIVEN = {"_object_problems": "objects.NAME", "_step_problems": "NAME.period"}
 
 def rules_page() -> str:
     """Return a table of the checks of a scenario as a whole."""
-    modules = (checks, pick)
-    rows = [row for module in modules for row in rules(inspect.getsource(module))]
+    modules = dict.fromkeys(f.__module__ for f in (check_scenario, clear_problems))
+    sources = [inspect.getsource(sys.modules[name]) for name in modules]
+    rows = [row for source in sources for row in rules(source)]
     heads = ("key", "message if it is broken")
     return table(heads, [(code(key), code(problem)) for key, problem in rows])
 

@@ -26,7 +26,7 @@ from drake_srg.common.exceptions import ScenarioError
 from drake_srg.experiments.bridge_client import ServedProcess, free_port, open_wire
 from drake_srg.experiments.servo_runs import rounding
 from drake_srg.recording.log import read_log
-from drake_srg.scenario import Scenario, load_scenario
+from drake_srg.scenario import Scenario, load_scenario, servo_of
 from drake_srg.simulation.log_format import MODES, row_to_pose
 from drake_srg.types import Mode
 
@@ -192,8 +192,9 @@ def robot_file(
         ends = {"id": len(scenario.arm.home) + 1, "open": JOINT.zero, "closed": closed}
         arm, gripper = f"!DynamixelArm {bus}", f"!DynamixelGripper {bus | ends}"
     text = f"arm: {arm}\ngripper: {gripper}\ncameras:\n  ceiling: !{ros}Camera {{}}\n"
-    if scenario.servoing is not None:
-        hand = scenario.servoing.camera
+    servo = servo_of(scenario)
+    if servo is not None:
+        hand = servo.camera
         text += (
             f"  {hand}: !{ros}Camera\n"
             f"    color: /camera_{hand}/color/image_raw\n"

@@ -6,9 +6,7 @@ import os
 from collections.abc import Callable, Mapping
 from typing import Any
 
-from drake_srg.bridges.ros1.publication import Publication
-from drake_srg.bridges.ros1.subscription import Subscription
-from drake_srg.bridges.ros1.tcpros import Connection
+from drake_srg.bridges.ros1.tcpros import Connection, Publication, Subscription
 
 _XMLRPC_INT_MAX = 2**31 - 1
 

@@ -1,23 +1,269 @@
-"""Chooses among the things on a table by their labels, and where each goes."""
+"""Choosing what to pick next, and where it goes, from a height map."""
 
 from __future__ import annotations
 
 import dataclasses as dc
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 
+import cv2
 import numpy as np
 import numpy.typing as npt
+from pydrake.trajectories import Trajectory
 
-from drake_srg.planning.clearing.clearing_memory import ClearingMemory
-from drake_srg.planning.clearing.clearing_motions import ClearingMotions
 from drake_srg.planning.clearing.destination import Destination
-from drake_srg.planning.clearing.picking import PickPlanner
-from drake_srg.planning.grasps.candidates import Candidates
+from drake_srg.planning.clearing.knowledge import ClearingMemory, Pick
+from drake_srg.planning.clearing.maps import has_gone, lowest
+from drake_srg.planning.clearing.motions import ClearingMotions
+from drake_srg.planning.clearing.pushing import Push, PushMotions
 from drake_srg.planning.grasps.height_map_grasps import HeightMapGrasps
-from drake_srg.planning.grasps.relief import Relief, Thing, sides
-from drake_srg.planning.grasps.top_grasp import GraspPlanner, TopGrasp
-from drake_srg.planning.task.config import PlannerConfig
-from drake_srg.types import Failure, HeightMap, LabeledHeightMap, Vector
+from drake_srg.planning.grasps.scoring import Candidates
+from drake_srg.planning.grasps.segmentation import Segmentation, Thing, sides
+from drake_srg.planning.grasps.top_grasp import (
+    ALIKE,
+    SAME_THING,
+    GraspPlan,
+    GraspPlanner,
+    TopGrasp,
+)
+from drake_srg.planning.motion.failure import PlanningFailure
+from drake_srg.planning.planner_machine import PlannerConfig, planning_clock
+from drake_srg.types import Failure, HeightMap, LabeledHeightMap, Left, Vector
+
+# Grasps whose motions are planned, at most.
+_MOST_GRASPS = 30
+# Edges of what sticks out of a bin flicker by so many cells.
+_EDGES = np.ones((9, 9), np.uint8)
+
+
+class PickPlanner:
+    """Plans the next pick; holds nothing between calls.
+
+    Args:
+        grasps: Finds grasps in a height map.
+        motions: Plans the motions of a grasp.
+        config: Attempts and latency.
+        pushes: Plans pushes where no grasp is left; None: nothing is pushed.
+        q_aside: High beside where loads go, which the arm hides from no camera there,
+            shape (N,) [rad]; None: home.
+    """
+
+    def __init__(
+        self,
+        grasps: GraspPlanner,
+        motions: ClearingMotions,
+        config: PlannerConfig,
+        pushes: PushMotions | None = None,
+        q_aside: Vector | None = None,
+    ) -> None:
+        self.grasps = grasps
+        self.motions = motions
+        self.pushes = pushes
+        self.q_aside = motions.q_home if q_aside is None else q_aside
+        self.config = config
+
+    @property
+    def destinations(self) -> tuple[Destination, ...]:
+        """Where loads go."""
+        return (self.motions.destination,)
+
+    def route(
+        self, grasp: TopGrasp, height_map: HeightMap
+    ) -> tuple[int, ClearingMotions] | None:
+        """Return the label of what a grasp takes, and the motions to its destination.
+
+        Returns:
+            The label, -1 for none, and the motions; None if the thing must stay.
+        """
+        return -1, self.motions
+
+    def judge(self, memory: ClearingMemory, height_map: HeightMap) -> None:
+        """Judge the pick under way by the map after it, and forget its plan.
+
+        What only the map or only the fingers tell of is looked for all the same: where
+        things touch, others move. The pick has failed unless it is seen.
+        """
+        pick, attempts = memory.planned, memory.attempts
+        gone = has_gone(pick.height_map, height_map, pick.grasp.p_WC)
+        felt = pick.held and gone
+        if gone or pick.held:
+            load = pick.load(height_map, felt=felt)
+            again = memory.fell_out(pick, load.volume, height_map)
+            if again:
+                again = memory.loads.match_missed(load.destination, load.volume)
+            memory.loads.add(dc.replace(load, again=again))
+        if felt:
+            attempts.pushed = ()
+        else:
+            attempts.tried = (*attempts.tried, pick.grasp)
+        memory.pick, memory.view.latest = None, height_map
+
+    def way_out(self, memory: ClearingMemory, pick: Pick) -> Trajectory | None:
+        """Return the way up from where a load was laid in a bin; None without one.
+
+        A hand that has set a thing down in a row goes up all the way: the others that
+        stand there are on no map.
+
+        Args:
+            memory: The planner's, with the arm at rest there.
+            pick: What was laid down.
+        """
+        into = pick.destination
+        if into.rim is None:
+            return None
+        top = max(into.rim + pick.grasp.height, memory.loads.filled(into))
+        palm = top + pick.grasp.fingers.deepest
+        q, fingers = memory.motion.destination, memory.released.fingers
+        up = self.motions.plan_up(q, fingers, palm)
+        return None if isinstance(up, PlanningFailure) else up
+
+    def give_up(self, memory: ClearingMemory) -> None:
+        """Count the pick under way as failed, because something has stopped the arm."""
+        grasp, attempts = memory.planned.grasp, memory.attempts
+        attempts.tried = (*attempts.tried, grasp)
+        attempts.stopped = (*attempts.stopped, grasp)
+        memory.pick, memory.released.astray = None, True
+
+    @planning_clock.running()
+    def plan(self, memory: ClearingMemory, height_map: HeightMap, time: float) -> None:
+        """Plan the next pick; finish if no grasp takes anything that is left.
+
+        A heap from which no grasp takes anything is pushed first, `config.max_attempts`
+        times at most.
+
+        Args:
+            memory: The planner's.
+            height_map: Of the table now.
+            time: Now [s].
+        """
+        view = memory.view
+        view.latest = height_map = self._without_overhang(memory, height_map)
+        found = self.grasps.plan(height_map, tried=memory.attempts.tried)
+        pick, missed = self._next_pick(memory, found, height_map, time)
+        memory.pick, memory.push, memory.left = pick, None, ()
+        if pick is None:
+            memory.push = self._next_push(memory, height_map, time)
+            refused = [Left(r.p_W, r.failure) for r in found.refused]
+            left = _distinct([*refused, *missed])
+            memory.left = tuple(_named(found.places(SAME_THING), left))
+        else:
+            memory.first_seen_at = min(memory.first_seen_at, time)
+        memory.finished = pick is None and memory.push is None
+        # Nothing falls out of a bin before the first pick.
+        if pick is not None or view.lowest is not None:
+            view.lowest = lowest(height_map, view.lowest)
+
+    def _next_pick(
+        self,
+        memory: ClearingMemory,
+        found: GraspPlan,
+        height_map: HeightMap,
+        time: float,
+    ) -> tuple[Pick | None, list[Left]]:
+        """Return the next pick, and why better grasps are left; see `plan`."""
+        missed: list[Left] = []
+        planned = 0
+        for grasp in found.grasps:
+            if self._given_up(memory.attempts.tried, grasp, found):
+                stuck = self._given_up(memory.attempts.stopped, grasp, found)
+                why = Failure.STOPPED if stuck else Failure.NO_GRASP
+                missed.append(Left(grasp.p_WC, why))
+                continue
+            if planned == _MOST_GRASPS:
+                break
+            route = self.route(grasp, height_map)
+            if route is None:
+                continue
+            planned += 1
+            label, there = route
+            motions = there.plan(
+                memory.departure,
+                grasp,
+                height_map,
+                memory.attempts.picks,
+                filled=memory.loads.filled(there.destination),
+                spots=memory.loads.spots(there.destination),
+            )
+            if isinstance(motions, PlanningFailure):
+                missed.append(Left(grasp.p_WC, motions.failure))
+                continue
+            ready_at = time + self.config.latency
+            into = there.destination
+            return Pick(grasp, motions, height_map, into, ready_at, label), missed
+        return None, missed
+
+    def _next_push(
+        self, memory: ClearingMemory, height_map: HeightMap, time: float
+    ) -> Push | None:
+        """Return the next push; None if there is none, or enough were tried."""
+        tried = memory.attempts.pushed
+        if self.pushes is None or len(tried) >= self.config.max_attempts:
+            return None
+        push = self.pushes.plan(memory.departure, height_map, tried)
+        return push and dc.replace(push, ready_at=time + self.config.latency)
+
+    def _without_overhang(
+        self, memory: ClearingMemory, height_map: HeightMap
+    ) -> HeightMap:
+        """Return a map of the table without what sticks out of the bins.
+
+        It is in the bin. A hand that took it there would only drop it again.
+        """
+        seen = memory.loads.seen
+        if seen is None:
+            return height_map
+        over = np.zeros(seen.height.shape, np.uint8)
+        for destination in self.destinations:
+            over |= destination.overhang(seen)
+        over = np.asarray(cv2.dilate(over, _EDGES))
+        cells = seen.cells(height_map.middles())
+        known = np.all((cells >= 0) & (cells < over.shape), axis=-1)
+        hidden = np.zeros(height_map.height.shape, bool)
+        hidden[known] = over[tuple(cells[known].T)] > 0
+        return dc.replace(
+            height_map, height=np.where(hidden, np.nan, height_map.height)
+        )
+
+    def _given_up(
+        self, tried: Iterable[TopGrasp], grasp: TopGrasp, found: GraspPlan
+    ) -> bool:
+        """Return whether as many grasps as allowed have failed there, or alike."""
+        count = sum(
+            _near(failed.p_WC, grasp.p_WC)
+            or (
+                failed.takes_as_much(grasp, ALIKE)
+                # It may have moved a little since.
+                and found.beside_same(grasp.p_WC, failed.p_WC, SAME_THING)
+            )
+            for failed in tried
+        )
+        return count >= self.config.max_attempts
+
+
+def _near(p_1: Vector, p_2: Vector) -> bool:
+    return bool(np.linalg.norm(p_1[:2] - p_2[:2]) < SAME_THING)
+
+
+def _distinct(left: Iterable[Left]) -> list[Left]:
+    """Return the first of the reasons for each place."""
+    kept: list[Left] = []
+    for other in left:
+        if not any(_near(other.p_W, known.p_W) for known in kept):
+            kept.append(other)
+    return kept
+
+
+def _named(places: Iterable[Vector], left: list[Left]) -> list[Left]:
+    """Return what is left with the nearest reason for all of the given places too.
+
+    Things that touch each other count as one, and that has one reason.
+    """
+    named = list(left)
+    for p_W in places:
+        if left and not any(_near(p_W, known.p_W) for known in named):
+            nearest = min(left, key=lambda o: float(np.linalg.norm(o.p_W - p_W)))
+            named.append(Left(p_W, nearest.failure))
+    return named
+
 
 # Labels are wrong at edges: this share of what is between the fingers must agree.
 _LEAST_SHARE = 0.8
@@ -75,33 +321,33 @@ class ChosenGrasps(HeightMapGrasps):
     Its maps are LabeledHeightMaps. For its arguments see `TopGraspSearch`.
     """
 
-    def relief(self, height_map: HeightMap) -> Relief:
+    def segment(self, height_map: HeightMap) -> Segmentation:
         """Return what stands on the table, its labelled parts as things."""
-        relief = super().relief(height_map)
+        segments = super().segment(height_map)
         assert isinstance(height_map, LabeledHeightMap), "labels need a ThingLabeler"
         parts = []
-        for thing in relief.things:
+        for thing in segments.things:
             labelled = height_map.label[thing.cells[:, 0], thing.cells[:, 1]] >= 0
             if np.count_nonzero(labelled) >= _LEAST_CELLS:
-                parts.append(_part(relief, thing, thing.cells[labelled]))
-        return dc.replace(relief, things=tuple(parts))
+                parts.append(_part(segments, thing, thing.cells[labelled]))
+        return dc.replace(segments, things=tuple(parts))
 
-    def allowed(self, relief: Relief, candidates: Candidates) -> Candidates:
+    def allowed(self, segments: Segmentation, candidates: Candidates) -> Candidates:
         """Return the candidates that take one labelled thing."""
         low, high = (
             candidates.p_W + side[:, None] * candidates.direction
             for side in (candidates.low, candidates.high)
         )
-        label = labels_between(relief.map, self._table, low, high)
+        label = labels_between(segments.map, self._table, low, high)
         return candidates.take(np.flatnonzero(label >= 0))
 
 
-def _part(relief: Relief, thing: Thing, cells: npt.NDArray[np.intp]) -> Thing:
+def _part(segments: Segmentation, thing: Thing, cells: npt.NDArray[np.intp]) -> Thing:
     """Return the part of a thing that consists of some of its cells."""
-    heights = relief.above[cells[:, 0], cells[:, 1]].astype(float)
-    points = relief.map.middles()[cells[:, 0], cells[:, 1]]
+    heights = segments.above[cells[:, 0], cells[:, 1]].astype(float)
+    points = segments.map.middles()[cells[:, 0], cells[:, 1]]
     middle = np.average(points, axis=0, weights=heights)
-    size = sides(cells, relief.map.resolution)
+    size = sides(cells, segments.map.resolution)
     top = float(heights.max())
     return dc.replace(thing, cells=cells, middle=middle, size=size, top=top)
 
@@ -139,40 +385,28 @@ class ChoosingPlanner(PickPlanner):
         """Where loads of all labels go."""
         return tuple(motions.destination for motions in self._by_label)
 
-    def motions_with(
+    def route(
         self, grasp: TopGrasp, height_map: HeightMap
-    ) -> ClearingMotions | None:
-        """Return the motions to the place of what a grasp takes, None without one."""
+    ) -> tuple[int, ClearingMotions] | None:
+        """Return the label of what a grasp takes, and the motions to its place."""
         label = label_of(grasp, height_map, self._table)
-        return None if label < 0 else self._by_label[label]
+        return None if label < 0 else (label, self._by_label[label])
 
-    def judge(self, memory: ClearingMemory, height_map: HeightMap) -> ClearingMemory:
-        """Judge the pick under way, and remember the label of what it took."""
-        pick, before = memory.planned, memory.taken
-        memory = super().judge(memory, height_map)
-        if memory.taken == before:
-            return memory
-        label = label_of(pick.grasp, pick.height_map, self._table)
-        return dc.replace(memory, labels=memory.labels | {label})
-
-    def plan(
-        self, memory: ClearingMemory, height_map: HeightMap, time: float
-    ) -> ClearingMemory:
+    def plan(self, memory: ClearingMemory, height_map: HeightMap, time: float) -> None:
         """Plan the next pick; fail if what should be taken has never been seen."""
-        memory = super().plan(memory, height_map, time)
+        super().plan(memory, height_map, time)
         if not memory.finished:
-            return memory
+            return
         assert isinstance(height_map, LabeledHeightMap)
-        seen = memory.labels | set(np.unique(height_map.label).tolist())
+        seen = {load.label for load in memory.loads.known if load.felt}
+        seen |= set(np.unique(height_map.label).tolist())
+        named = zip(self._names, self._required, strict=True)
         missing = [
             name
-            for i, (name, required) in enumerate(
-                zip(self._names, self._required, strict=True)
-            )
+            for i, (name, required) in enumerate(named)
             if required and i not in seen
         ]
         if missing or not seen - {-1}:
             what = ", ".join(missing or self._names)
-            message = f"the cameras see no {what} on the table"
-            return dc.replace(memory, failure=Failure.NOT_SEEN, message=message)
-        return memory
+            memory.failure = Failure.NOT_SEEN
+            memory.message = f"the cameras see no {what} on the table"

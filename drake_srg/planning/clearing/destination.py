@@ -8,7 +8,7 @@ from collections.abc import Iterable
 import numpy as np
 import numpy.typing as npt
 
-from drake_srg.planning.clearing.comparing import parts
+from drake_srg.planning.clearing.maps import parts
 from drake_srg.types import HeightMap, Vector
 
 # How far around a destination a load may be seen that has missed it [m].
@@ -71,15 +71,15 @@ class Destination:
     Attributes:
         low: Its least x, y in world, shape (2,) [m].
         high: Its greatest.
-        level: World z of what loads are set down on, to stand as they stood before [m];
-            None where they are dropped.
+        place: Where the middle of a thing must be on its support, to stand as it stood
+            before, shape (3,) [m]; None where loads are dropped.
         rim: World z of a bin's rim [m]; None: it has none.
         floor: World z of a bin's floor [m]; -inf: unknown.
     """
 
     low: Vector
     high: Vector
-    level: float | None = None
+    place: Vector | None = None
     rim: float | None = None
     floor: float = -np.inf
 

@@ -1,18 +1,31 @@
-"""Where to push a heap apart that no grasp takes anything from."""
+"""Pushing a heap apart that no grasp takes anything from."""
 
 from __future__ import annotations
 
 import dataclasses as dc
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 
 import cv2
 import numpy as np
 import numpy.typing as npt
+from pydrake.trajectories import Trajectory
 
-from drake_srg.planning.clearing.comparing import parts
-from drake_srg.planning.grasps.relief import Relief, Thing
+from drake_srg.planning.clearing.maps import highest_near, parts
+from drake_srg.planning.clearing.motions import turned_to
+from drake_srg.planning.grasps.fingers import Fingers
+from drake_srg.planning.grasps.segmentation import Segmentation, Thing
+from drake_srg.planning.grasps.top_grasp import palm_pose
 from drake_srg.planning.grasps.top_grasp_search import Reach
-from drake_srg.types import Vector
+from drake_srg.planning.motion.failure import NoPathError
+from drake_srg.planning.motion.hand_target import HandTarget
+from drake_srg.planning.motion.inverse_kinematics import (
+    IkSolution,
+    solve_inverse_kinematics,
+)
+from drake_srg.planning.motion.moves import Moves
+from drake_srg.planning.motion.path_parts import STRAIGHT, PathPart
+from drake_srg.planning.motion.planning_scene import PlanningScene
+from drake_srg.types import HeightMap, Vector
 
 _DIRECTIONS = 16
 # The uppermost thing of a heap reaches down this far at least [m]. A heap has parts
@@ -37,6 +50,9 @@ class Push:
 
     start_W: Vector  # shape (3,) [m]
     end_W: Vector  # shape (3,) [m]
+    # What is left to move, through the heap and over the bin.
+    motions: tuple[Trajectory, ...] = ()
+    ready_at: float = 0.0  # when planning has taken its time [s]
 
     @property
     def yaw(self) -> float:
@@ -52,20 +68,23 @@ class Push:
 
 
 def best_push(
-    relief: Relief, table: float, reach: Reach | None, tried: Sequence[Push] = ()
+    segments: Segmentation,
+    table: float,
+    reach: Reach | None,
+    tried: Sequence[Push] = (),
 ) -> Push | None:
     """Return the push that moves the top of the highest heap to where there is room.
 
     Room out of reach counts for nothing, so a heap at the edge is pushed inwards.
 
     Args:
-        relief: What stands on the table.
+        segments: What stands on the table.
         table: Height of the table [m].
         reach: Where the hand can be; None for everywhere.
         tried: Pushes that did not help; similar ones are left out.
     """
-    for thing in sorted(relief.things, key=lambda t: -t.top):
-        pushes = _pushes(relief, thing, table, reach)
+    for thing in sorted(segments.things, key=lambda t: -t.top):
+        pushes = _pushes(segments, thing, table, reach)
         if reach is not None:
             pushes = [
                 (free, push)
@@ -79,15 +98,15 @@ def best_push(
 
 
 def _pushes(
-    relief: Relief, thing: Thing, table: float, reach: Reach | None
+    segments: Segmentation, thing: Thing, table: float, reach: Reach | None
 ) -> list[tuple[float, Push]]:
     """Return pushes of the uppermost thing, each with how much room is in reach."""
-    above = relief.above[thing.cells[:, 0], thing.cells[:, 1]]
+    above = segments.above[thing.cells[:, 0], thing.cells[:, 1]]
     top = float(np.quantile(above, 0.98))  # single cells are noise
-    if not _reaches_below(relief, thing, top - _FLAT):
+    if not _reaches_below(segments, thing, top - _FLAT):
         return []
     cells = thing.cells[above > top - _TOP]
-    points = relief.map.middles()[cells[:, 0], cells[:, 1]]
+    points = segments.map.middles()[cells[:, 0], cells[:, 1]]
     middle, height = points.mean(axis=0), top - _TOP
     found = []
     for yaw in 2.0 * np.pi * np.arange(_DIRECTIONS) / _DIRECTIONS:
@@ -96,35 +115,35 @@ def _pushes(
         s = (points - middle) @ along
         start = middle + (s.min() - _BEFORE) * along
         hand = _patch(start, along, across, (-_AROUND, _AROUND), 2.0 * _AROUND)
-        if relief.lookup(hand).max() > height - _UNDER:
+        if segments.lookup(hand).max() > height - _UNDER:
             continue
         room = _patch(middle, along, across, (s.max(), s.max() + _ROOM), _ACROSS)
         there = room.reshape(-1, 2)
-        free = _is_free(relief, there)
+        free = _is_free(segments, there)
         if np.mean(free) < _LEAST_FREE:
             continue
         if reach is not None:
             free &= reach.contains(there)
         ends = (start, start + (_BEFORE + _FAR) * along)
         z = table + height
-        push = Push(*(np.array([*end, z]) for end in ends))
-        found.append((float(np.mean(free)), push))
+        start_W, end_W = (np.array([*end, z]) for end in ends)
+        found.append((float(np.mean(free)), Push(start_W, end_W)))
     return found
 
 
-def _reaches_below(relief: Relief, thing: Thing, height: float) -> bool:
+def _reaches_below(segments: Segmentation, thing: Thing, height: float) -> bool:
     """Return whether a heap has a part below a height that is wider than an edge.
 
     Args:
-        relief: What stands on the table.
+        segments: What stands on the table.
         thing: The heap.
         height: Above the table [m].
     """
-    lower = (relief.labels == thing.label) & (relief.above < height)
-    size = max(3, round(_EDGE / relief.map.resolution))
+    lower = (segments.labels == thing.label) & (segments.above < height)
+    size = max(3, round(_EDGE / segments.map.resolution))
     kernel = np.ones((size, size), np.uint8)
     wide = cv2.morphologyEx(lower.astype(np.uint8), cv2.MORPH_OPEN, kernel)
-    return bool(parts(wide > 0, relief.map.resolution))
+    return bool(parts(wide > 0, segments.map.resolution))
 
 
 def _patch(
@@ -136,11 +155,108 @@ def _patch(
     return points
 
 
-def _is_free(relief: Relief, p_W: Vector) -> npt.NDArray[np.bool_]:
+def _is_free(segments: Segmentation, p_W: Vector) -> npt.NDArray[np.bool_]:
     """Return at which of points (n, 2) the table itself is seen, shape (n,)."""
-    cells = relief.map.cells(p_W)
-    shape = np.array(relief.above.shape)
+    cells = segments.map.cells(p_W)
+    shape = np.array(segments.above.shape)
     inside = np.all((cells >= 0) & (cells < shape), axis=1)
     iy, ix = np.clip(cells, 0, shape - 1).T
-    low = relief.above[iy, ix] < relief.least
-    return np.asarray(inside & ~relief.unknown[iy, ix] & low)
+    low = segments.above[iy, ix] < segments.least
+    return np.asarray(inside & ~segments.unknown[iy, ix] & low)
+
+
+_OVER = 0.06  # height of the hand's ends above everything on the way there [m]
+_STARTS = 4  # of inverse kinematics
+
+
+class PushMotions:
+    """Plans pushes in a planning scene; holds nothing between calls.
+
+    Args:
+        scene: The arm, the gripper, the furniture and the bin.
+        moves: The moves in that scene.
+        q_over: High over the bin, shape (N,) [rad].
+        fingers: The gripper's.
+        table: Height of the table [m].
+        reach: Where the hand can be; None for everywhere.
+        segment: Returns what stands on the table according to a height map.
+        period: Of the planner [s]; None: the arm rests between all motions.
+    """
+
+    def __init__(
+        self,
+        scene: PlanningScene,
+        moves: Moves,
+        q_over: Vector,
+        *,
+        fingers: Fingers,
+        table: float,
+        reach: Reach | None,
+        segment: Callable[[HeightMap], Segmentation],
+        period: float | None,
+    ) -> None:
+        self._scene, self._moves, self._q_over = scene, moves, q_over
+        self._fingers, self._table = fingers, table
+        self._reach, self._segment = reach, segment
+        self._period = period
+
+    def plan(
+        self, q_start: Vector, height_map: HeightMap, tried: Sequence[Push] = ()
+    ) -> Push | None:
+        """Plan to a heap, through its top, and over the bin; None without a way.
+
+        Args:
+            q_start: Where the arm is, at rest, shape (N,) [rad].
+            height_map: Of the table.
+            tried: See `best_push`.
+        """
+        push = best_push(self._segment(height_map), self._table, self._reach, tried)
+        if push is None:
+            return None
+        moves = self._moves
+        up = np.array([0.0, 0.0, self._fingers.deepest])
+        # Broadside first.
+        for yaw in (push.yaw + 0.5 * np.pi, push.yaw - 0.5 * np.pi, push.yaw):
+            self._scene.SetFingers(self._fingers.closed(0.0).joints)
+            start, end = (
+                HandTarget.from_pose(palm_pose(p + up, yaw))
+                for p in (push.start_W, push.end_W)
+            )
+            ik = solve_inverse_kinematics(
+                self._scene,
+                start,
+                q_nominal=self._q_over,
+                q_guess=turned_to(self._scene, self._q_over, push.start_W),
+                max_starts=_STARTS,
+            )
+            if not isinstance(ik, IkSolution):
+                continue
+            highest = highest_near(height_map, push.start_W, np.inf)
+            rise = highest + _OVER - push.start_W[2]
+            try:
+                down = moves.straight(ik.q, moves.above(ik.q, rise))[::-1]
+                across = moves.straight(ik.q, end)
+                away = moves.straight(across[-1], moves.above(across[-1], rise))
+                to = PathPart(moves.joint_path(q_start, down[0]))
+                back = PathPart(moves.joint_path(away[-1], self._q_over))
+                motions = (
+                    *self._free(to, PathPart(down, STRAIGHT)),
+                    moves.timed(across, moves.holding, straight=True),
+                    *self._free(PathPart(away, STRAIGHT), back),
+                )
+                return dc.replace(push, motions=motions)
+            except NoPathError:
+                continue
+        return None
+
+    def _free(self, *parts: PathPart) -> tuple[Trajectory, ...]:
+        """Return the motions of an empty hand along parts of a path.
+
+        Raises:
+            NoPathError: If there are none.
+        """
+        moves = self._moves
+        apart = tuple(moves.timed_part(part, moves.free) for part in parts)
+        if self._period is None:
+            return apart
+        return moves.without_rest(apart, parts, moves.free, self._period)

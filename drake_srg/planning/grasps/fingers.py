@@ -11,19 +11,6 @@ import numpy as np
 from drake_srg.types import Vector
 
 
-@dc.dataclass(frozen=True, eq=False)
-class Silhouette:
-    """How far down an open hand reaches, seen along its pads.
-
-    Attributes:
-        half_gap: Of the fingers' ends [m].
-        reach: Palm x of the lowest point of the hand at `offsets`, shape (S,) [m].
-    """
-
-    half_gap: float
-    reach: Vector
-
-
 @dc.dataclass(frozen=True)
 class Wrap:
     """How fingers take from above what is too wide for their pads.
@@ -87,12 +74,16 @@ class Fingers(abc.ABC):
     wrap: Wrap | None = None
 
     @abc.abstractmethod
-    def silhouette(self, half_gap: float, offsets: Vector) -> Silhouette:
-        """Return the silhouette of the open hand.
+    def silhouette(self, half_gap: float, offsets: Vector) -> Vector:
+        """Return how far down the open hand reaches, seen along its pads.
 
         Args:
             half_gap: Of the fingers' ends [m].
             offsets: Distances from the palm's middle along its y, shape (S,) [m].
+
+        Returns:
+            Palm x of the hand's lowest point at each offset, shape (S,) [m]; -inf
+            where it is not.
         """
 
     @abc.abstractmethod

@@ -115,6 +115,18 @@ class Grasp(abc.ABC):
         """
 
 
+@dc.dataclass(frozen=True, kw_only=True)
+class PinchGrasp(Grasp):
+    """A grasp between the pads of fingers whose angles tell what they hold."""
+
+    fingers: Fingers
+    width: float  # between the pads [m]
+
+    def holds(self, q: Vector, proximity: Vector) -> bool:
+        """See `Grasp`."""
+        return self.fingers.holds(self.width, q, proximity)
+
+
 class Hand(abc.ABC):
     """A gripper as its planner sees it.
 

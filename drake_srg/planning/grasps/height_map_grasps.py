@@ -5,15 +5,12 @@ from __future__ import annotations
 import numpy as np
 from numpy.random import Generator
 
-from drake_srg.planning.grasps.relief import Relief
-from drake_srg.planning.grasps.top_grasp_search import (
-    Reach,
-    TopGraspConfig,
-    TopGraspSearch,
-)
+from drake_srg.planning.grasps.segmentation import Segmentation
+from drake_srg.planning.grasps.top_grasp_search import YAWS, TopGraspSearch
 from drake_srg.types import Vector
 
-__all__ = ["HeightMapGrasps", "Reach", "TopGraspConfig"]
+# Points that are tried: about this many in all, and at least so many of each thing.
+_POINTS, _PER_THING = 150, 16
 
 
 class HeightMapGrasps(TopGraspSearch):
@@ -22,21 +19,23 @@ class HeightMapGrasps(TopGraspSearch):
     It tries points on things, times directions. For its arguments see `TopGraspSearch`.
     """
 
-    def proposals(self, relief: Relief, rng: Generator) -> tuple[Vector, Vector]:
+    def proposals(
+        self, segments: Segmentation, rng: Generator
+    ) -> tuple[Vector, Vector]:
         """Return points on things and their middles, each with all directions.
 
         The points are where the hand reaches, which may be only the end of a thing.
         """
-        config, middles = self._config, relief.map.middles()
-        points = [thing.middle for thing in relief.things]
-        parts = [middles[tuple(thing.cells.T)] for thing in relief.things]
+        middles = segments.map.middles()
+        points = [thing.middle for thing in segments.things]
+        parts = [middles[tuple(thing.cells.T)] for thing in segments.things]
         if self._reach is not None:
             parts = [part[self._reach.contains(part)] for part in parts]
         total = sum(map(len, parts))
         for part in parts:
-            share = round(config.points * len(part) / max(total, 1))
-            count = min(max(share, config.points_per_thing), len(part))
+            share = round(_POINTS * len(part) / max(total, 1))
+            count = min(max(share, _PER_THING), len(part))
             points += list(part[rng.choice(len(part), count, replace=False)])
         p_W = np.array(points)
-        yaws = np.pi * (np.arange(config.yaws) / config.yaws - 0.5)
+        yaws = np.pi * (np.arange(YAWS) / YAWS - 0.5)
         return np.repeat(p_W, len(yaws), axis=0), np.tile(yaws, len(p_W))

@@ -9,8 +9,13 @@ import numpy as np
 from pydrake.math import RigidTransform
 
 from drake_srg.common.convex_pieces import Solid
-from drake_srg.planning.grasps.fingers import Fingers
-from drake_srg.planning.grasps.grasps import Grasp, Hand
+from drake_srg.planning.grasps.fingers import (
+    Fingers,
+    FingerState,
+    filled_rectangle,
+    lowest,
+)
+from drake_srg.planning.grasps.grasps import Grasp, Hand, PinchGrasp
 from drake_srg.types import Cylinder, Vector
 
 # Geometry of the gripper in the palm frame G (x out of the palm, z along the pads) [m].
@@ -33,6 +38,14 @@ _LYING = np.deg2rad(5.0)
 # from a little less because the slave lags.
 _ACROSS = np.deg2rad(16.0)
 _AHEAD = np.array([1.0, 0.0, 0.0])
+# The fingertip: its end beyond the pad's middle, and its thickness [m]. Behind it are
+# crank and rocker: their back from the pad's face, and their front before the pad's
+# middle [m] (tools/models/linkage_pieces.py).
+_END, _TIP, _BACK, _FRONT = 0.0094, 0.0085, 0.020, 0.016
+# The hand is between the palm's origin and here where the pads do not reach [m].
+_PALM_X, _PALM_HALF_WIDTH, _PALM_HALF_HEIGHT = 0.040, 0.030, 0.0145
+# Crank angle by which a held thing must differ from an empty hand [rad].
+_TELLABLE = 0.03
 
 
 def crank_angle(half_gap: float) -> float:
@@ -48,15 +61,66 @@ def pads_ahead(half_gap: float) -> float:
 EMPTY_ANGLE = crank_angle(_EMPTY_HALF_GAP)  # of the cranks of an empty closed hand
 
 
-@dc.dataclass(frozen=True, kw_only=True)
-class LinkageGrasp(Grasp):
-    """A grasp with the pads along the object's axis."""
+def crank_joints(angle: float) -> dict[str, float]:
+    """Return the joint angles of both parallelograms, all alike [rad]."""
+    fingers, joints = ("master", "slave"), ("crank", "rocker", "coupler", "pin")
+    return {f"{f}_{joint}_joint": angle for f in fingers for joint in joints}
 
-    contact_angle: float  # of the cranks when holding [rad]
 
-    def holds(self, q: Vector, proximity: Vector) -> bool:
-        """See `Grasp`: the cranks are closer to contact than to an empty hand."""
-        return bool(np.max(q) < 0.5 * (self.contact_angle + EMPTY_ANGLE))
+@dc.dataclass(frozen=True)
+class LinkageFingers(Fingers):
+    """The master-slave gripper: its pads stay parallel, so it takes narrow things.
+
+    Args:
+        tip_x: Palm x of the pads' middle, cranks straight ahead [m].
+        full_scale: Crank angle that closure 1 asks for; the driver's [rad].
+    """
+
+    tip_x: float = 0.095
+    full_scale: float = 0.69
+
+    max_width = 2.0 * OPEN_HALF_GAP - 0.008
+    most_open = OPEN_HALF_GAP
+    pad_width = 0.024
+    palm_x = _PALM_X
+    palm_size = (2.0 * _PALM_HALF_WIDTH, 2.0 * _PALM_HALF_HEIGHT)
+
+    @property
+    def deepest(self) -> float:  # type: ignore[override]  # it depends on a field
+        """See `Fingers`: the cranks point straight ahead on the way."""
+        return self.tip_x + _END
+
+    def silhouette(self, half_gap: float, offsets: Vector) -> Vector:
+        """See `Fingers`."""
+        middle = self.tip_x - CRANK + pads_ahead(half_gap)
+        fingers = [
+            filled_rectangle(
+                np.array([half_gap, 0.0]),
+                np.array([depth, 0.0]),
+                np.array([0.0, end]),
+            )
+            for depth, end in ((_TIP, middle + _END), (_BACK, middle - _FRONT))
+        ]
+        palm = np.where(np.abs(offsets) <= _PALM_HALF_WIDTH, self.palm_x, -np.inf)
+        reach = lowest(np.concatenate(fingers), offsets, -np.inf)
+        return np.fmax(reach, palm)
+
+    def opened(self, half_gap: float) -> FingerState:
+        """See `Fingers`."""
+        angle = crank_angle(min(half_gap, OPEN_HALF_GAP))
+        return FingerState(angle / self.full_scale, crank_joints(angle))
+
+    def closed(self, width: float) -> FingerState:
+        """See `Fingers`; they stop once both sense something."""
+        return FingerState(1.0, crank_joints(crank_angle(0.5 * width)))
+
+    def holds(self, width: float, q: Vector, proximity: Vector) -> bool:
+        """See `Fingers`."""
+        return bool(np.max(q) < 0.5 * (crank_angle(0.5 * width) + EMPTY_ANGLE))
+
+    def tellable(self, width: float) -> bool:
+        """See `Fingers`."""
+        return EMPTY_ANGLE - crank_angle(0.5 * width) > _TELLABLE
 
 
 @dc.dataclass(frozen=True)
@@ -70,14 +134,12 @@ class LinkageHand(Hand):
         p_GT: The tip: the middle of a held object in the palm, shape (3,) [m].
         release_shift_G: How the object moves when it is set down and let go, shape
             (3,) [m].
-        full_scale: Crank angle that closure 1 asks for; the driver's [rad].
         pinch: See `Hand`.
     """
 
     p_GT: Vector
     release_shift_G: Vector = dc.field(default_factory=lambda: np.zeros(3))
-    full_scale: float = 0.69
-    pinch: Fingers | None = None
+    pinch: LinkageFingers = LinkageFingers()
 
     num_joints = num_sensors = 2
     upright_within = np.deg2rad(3.0)
@@ -98,25 +160,20 @@ class LinkageHand(Hand):
             around = OPEN_HALF_GAP
             name = f"from above, at most {np.degrees(across):.0f} degrees across it"
             taken = {"down_G": _AHEAD, "pick_angle": max(across, 0.002)}
-        opening = crank_angle(min(around, OPEN_HALF_GAP))
-        contact = crank_angle(shape.radius)
+        opened = self.pinch.opened(around)
+        width = 2.0 * shape.radius
         return [
-            LinkageGrasp(
+            PinchGrasp(
                 name=name,
                 p_GO=self.p_GT,
                 axis_G=np.array([0.0, 0.0, 1.0]),
-                closure_open=opening / self.full_scale,
-                closure_closed=1.0,  # the fingers stop once both sense something
-                fingers_open=crank_joints(opening),
-                fingers_closed=crank_joints(contact),
-                contact_angle=contact,
+                closure_open=opened.closure,
+                closure_closed=self.pinch.closed(width).closure,
+                fingers_open=opened.joints,
+                fingers_closed=self.pinch.closed(width).joints,
+                fingers=self.pinch,
+                width=width,
                 **taken,
                 release_shift_G=self.release_shift_G,
             )
         ]
-
-
-def crank_joints(angle: float) -> dict[str, float]:
-    """Return the joint angles of both parallelograms, all alike [rad]."""
-    fingers, joints = ("master", "slave"), ("crank", "rocker", "coupler", "pin")
-    return {f"{f}_{joint}_joint": angle for f in fingers for joint in joints}

@@ -10,11 +10,8 @@ from pydrake.math import RigidTransform, RotationMatrix
 
 from drake_srg.common.convex_pieces import ConvexPieces
 from drake_srg.planning.grasps.fingers import Fingers
-from drake_srg.planning.grasps.grasps import Grasp
-from drake_srg.planning.grasps.height_map_grasps import (
-    HeightMapGrasps,
-    TopGraspConfig,
-)
+from drake_srg.planning.grasps.grasps import PinchGrasp
+from drake_srg.planning.grasps.height_map_grasps import HeightMapGrasps
 from drake_srg.planning.grasps.top_grasp import TopGrasp
 from drake_srg.types import HeightMap, Vector
 
@@ -28,18 +25,6 @@ _SPARE = 1e-3
 # distance of the line between the pads from the centre of mass: the solid turns about
 # that line [rad²/m].
 _COST, _LEVER = 4.0, 200.0
-
-
-@dc.dataclass(frozen=True, kw_only=True)
-class PinchGrasp(Grasp):
-    """A pinch from above of a known solid."""
-
-    fingers: Fingers
-    width: float  # between the pads [m]
-
-    def holds(self, q: Vector, proximity: Vector) -> bool:
-        """See `Grasp`."""
-        return self.fingers.holds(self.width, q, proximity)
 
 
 @functools.lru_cache(maxsize=8)
@@ -61,9 +46,8 @@ def solid_pinches(
     """
     R_OS = RotationMatrix.MakeFromOneVector(np.array(up_O), 2)
     solid = solid.turned(R_OS.inverse().matrix())
-    config = TopGraspConfig(table_gap=clearance + _SPARE)
     X_SO = RigidTransform([0.0, 0.0, solid.half_extent(np.array([0.0, 0.0, -1.0]))])
-    search = HeightMapGrasps(fingers, 0.0, config=config)
+    search = HeightMapGrasps(fingers, 0.0, table_gap=clearance + _SPARE)
     found = search.plan(solid_map(solid)).grasps[:_MOST]
     p_SM = X_SO @ solid.center_of_mass
     return tuple(

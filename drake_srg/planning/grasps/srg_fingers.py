@@ -10,7 +10,6 @@ from drake_srg.common.srg_geometry import SRG
 from drake_srg.planning.grasps.fingers import (
     Fingers,
     FingerState,
-    Silhouette,
     Wrap,
     filled_rectangle,
     lowest,
@@ -71,7 +70,7 @@ class SrgFingers(Fingers):
         widths=(max_width - _BLUR, 0.165),
     )
 
-    def silhouette(self, half_gap: float, offsets: Vector) -> Silhouette:
+    def silhouette(self, half_gap: float, offsets: Vector) -> Vector:
         """See `Fingers`."""
         base = straight_base_angle(half_gap)
         along = np.array([np.cos(base), np.sin(base)])  # in |y|, x
@@ -92,7 +91,7 @@ class SrgFingers(Fingers):
         )
         palm = np.abs(offsets) <= 0.5 * SRG.palm_width
         reach = lowest(finger, offsets, -np.inf)
-        return Silhouette(half_gap, np.where(palm, np.fmax(reach, self.palm_x), reach))
+        return np.where(palm, np.fmax(reach, self.palm_x), reach)
 
     def opened(self, half_gap: float) -> FingerState:
         """See `Fingers`."""

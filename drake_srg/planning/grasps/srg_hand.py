@@ -11,7 +11,6 @@ from pydrake.math import RigidTransform
 
 from drake_srg.common.convex_pieces import ConvexPieces, Solid
 from drake_srg.common.srg_geometry import SRG
-from drake_srg.planning.grasps.fingers import Fingers
 from drake_srg.planning.grasps.grasps import Grasp, Hand
 from drake_srg.planning.grasps.solid_grasps import solid_pinches
 from drake_srg.planning.grasps.srg_angles import (
@@ -87,7 +86,6 @@ class SrgHand(Hand):
             contact, both together [rad]. Half of it is the position error of each joint
             (Algorithm 1), so it sets the force.
         full_scale: Base plus tip angle that closure 1 asks for; the driver's [rad].
-        pinch: See `Hand`.
         clearance: Distance that the hand must keep from the table [m].
     """
 
@@ -95,12 +93,16 @@ class SrgHand(Hand):
     tilts: Sequence[float]
     squeeze: float
     full_scale: float = SRG.full_scale
-    pinch: Fingers | None = None
     clearance: float = 0.005
 
     num_joints = num_sensors = 4
     p_GT = np.zeros(3)
     upright_within = _UPRIGHT_WITHIN
+
+    @property
+    def pinch(self) -> SrgFingers:  # type: ignore[override]  # it depends on fields
+        """See `Hand`."""
+        return SrgFingers(self.squeeze, self.full_scale)
 
     def grasps(
         self, shape: Solid, X_WO: RigidTransform, firmness: float = 1.0
@@ -111,7 +113,7 @@ class SrgHand(Hand):
         if isinstance(shape, ConvexPieces):
             if Approach.ABOVE.value not in self.approaches:
                 return []
-            fingers = SrgFingers(firmness * self.squeeze, self.full_scale)
+            fingers = SrgFingers(squeeze, self.full_scale)
             x, y, z = (round(float(value), 6) for value in up_O)
             return list(solid_pinches(fingers, shape, (x, y, z), self.clearance))
         found: list[SrgGrasp | None] = []

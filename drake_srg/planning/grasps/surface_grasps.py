@@ -11,10 +11,10 @@ from numpy.random import Generator
 
 from drake_srg.planning.grasps.fingers import Fingers
 from drake_srg.planning.grasps.known_surface import KnownSurface
-from drake_srg.planning.grasps.relief import Relief
+from drake_srg.planning.grasps.segmentation import Segmentation
 from drake_srg.planning.grasps.top_grasp_search import (
+    TABLE_GAP,
     Reach,
-    TopGraspConfig,
     TopGraspSearch,
 )
 from drake_srg.types import HeightMap, Vector
@@ -40,7 +40,7 @@ class SurfaceGrasps(TopGraspSearch):
         surfaces: Of the known things, in world (`KnownSurface.posed`), with so many
             points that every cell of the height map has one: 20,000 do for most.
         reach: Where the hand can be; None for everywhere.
-        config: Numbers and thresholds; None for the defaults.
+        table_gap: Height above the table that the ends of closing fingers keep [m].
     """
 
     def __init__(
@@ -50,12 +50,12 @@ class SurfaceGrasps(TopGraspSearch):
         surfaces: Sequence[KnownSurface],
         *,
         reach: Reach | None = None,
-        config: TopGraspConfig | None = None,
+        table_gap: float = TABLE_GAP,
     ) -> None:
-        super().__init__(fingers, table, reach=reach, config=config)
+        super().__init__(fingers, table, reach=reach, table_gap=table_gap)
         self._surfaces = tuple(surfaces)
 
-    def relief(self, height_map: HeightMap) -> Relief:
+    def segment(self, height_map: HeightMap) -> Segmentation:
         """Return what a map shows, completed by the known surfaces."""
         height = height_map.height.copy()
         known = np.full(height.shape, -np.inf, np.float32)
@@ -69,15 +69,17 @@ class SurfaceGrasps(TopGraspSearch):
         known = np.asarray(cv2.morphologyEx(known, cv2.MORPH_CLOSE, kernel))
         seen = np.isfinite(known)
         height[seen] = known[seen]
-        return super().relief(dc.replace(height_map, height=height))
+        return super().segment(dc.replace(height_map, height=height))
 
-    def proposals(self, relief: Relief, rng: Generator) -> tuple[Vector, Vector]:
+    def proposals(
+        self, segments: Segmentation, rng: Generator
+    ) -> tuple[Vector, Vector]:
         """Return the middles and directions of pairs that face each other."""
         pairs = [_pairs(surface, rng) for surface in self._surfaces]
         p_W = np.concatenate([np.zeros((0, 2)), *(p for p, _ in pairs)])
         yaw = np.concatenate([np.zeros(0), *(yaw for _, yaw in pairs)])
-        # Of a relief of one thing only, its own.
-        own = relief.lookup(p_W) > relief.least
+        # Of the segmentation of one thing only, its own.
+        own = segments.lookup(p_W) > segments.least
         return p_W[own], yaw[own]
 
 

@@ -10,10 +10,13 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.random import Generator, default_rng
 
-from drake_srg.planning.grasps.candidates import Candidates, GraspJudgeConfig
 from drake_srg.planning.grasps.fingers import Fingers
-from drake_srg.planning.grasps.pinch_judge import PinchJudge
-from drake_srg.planning.grasps.relief import Relief, Thing
+from drake_srg.planning.grasps.scoring import (
+    Candidates,
+    PinchJudge,
+    WrapJudge,
+)
+from drake_srg.planning.grasps.segmentation import Segmentation, Thing
 from drake_srg.planning.grasps.top_grasp import (
     ALIKE,
     SAME_THING,
@@ -22,8 +25,26 @@ from drake_srg.planning.grasps.top_grasp import (
     TopGrasp,
     palm_pose,
 )
-from drake_srg.planning.grasps.wrap_judge import WrapJudge
-from drake_srg.types import Failure, HeightMap, Vector, positive
+from drake_srg.types import Failure, HeightMap, Vector
+
+# Height above the table that the ends of closing fingers keep [m].
+TABLE_GAP = 0.002
+# Directions of closing that are tried at each point.
+YAWS = 18
+# Candidates that are centered, turned a little and judged again on finer samples.
+_KEPT = 120
+# Grasps of a plan, at most.
+_MOST = 40
+# Candidates that score less are not worth an attempt.
+_LEAST_SCORE = 3.5
+# Grasps within this distance [m] and angle [rad] of each other count as one; within
+# twice the distance of one that failed, they come last. Before them come those that
+# take something as wide and high of the same thing elsewhere.
+_APART, _TURNED = 0.012, 0.35
+# A thing is at least this high [m], and this large as seen from above [m²].
+_LEAST_HEIGHT, _LEAST_AREA = 0.004, 6e-5
+# Distance between the finest samples along the closing direction [m].
+_STEP = 0.002
 
 
 @dc.dataclass(frozen=True)
@@ -40,31 +61,6 @@ class Reach:
         return np.asarray((radius >= self.least) & (radius <= self.most))
 
 
-@dc.dataclass(kw_only=True)
-class TopGraspConfig(GraspJudgeConfig):
-    """How grasps are searched for. Lengths in m."""
-
-    # Points that are tried: about this many in all, and at least so many of each thing.
-    points: int = dc.field(default=150, metadata={"ge": 1})
-    points_per_thing: int = dc.field(default=16, metadata={"ge": 1})
-    # Directions of closing at each point.
-    yaws: int = dc.field(default=18, metadata={"ge": 2})
-    # Candidates that are centered, turned a little and judged again on finer samples.
-    kept: int = dc.field(default=120, metadata={"ge": 1})
-    # Grasps of a plan, at most.
-    grasps: int = dc.field(default=40, metadata={"ge": 1})
-    # Candidates that score less are not worth an attempt.
-    least_score: float = 3.5
-    # Grasps within this distance and angle [rad] of each other count as one; within
-    # twice the distance of one that failed, they come last. Before them come those that
-    # take something as wide and high of the same thing elsewhere.
-    apart: float = dc.field(default=0.012, metadata=positive())
-    turned: float = dc.field(default=0.35, metadata=positive())
-    # A thing is at least this high, and this large as seen from above [m²].
-    least_height: float = dc.field(default=0.004, metadata=positive())
-    least_area: float = dc.field(default=6e-5, metadata=positive())
-
-
 class TopGraspSearch(abc.ABC):
     """Judges places and directions on a height map, and explains what it refuses.
 
@@ -76,7 +72,7 @@ class TopGraspSearch(abc.ABC):
         fingers: The hand's.
         table: World z of the table [m].
         reach: Where the hand can be; None for everywhere.
-        config: Numbers and thresholds; None for the defaults.
+        table_gap: Height above the table that the ends of closing fingers keep [m].
     """
 
     def __init__(
@@ -85,23 +81,26 @@ class TopGraspSearch(abc.ABC):
         table: float,
         *,
         reach: Reach | None = None,
-        config: TopGraspConfig | None = None,
+        table_gap: float = TABLE_GAP,
     ) -> None:
         self._fingers, self._table, self._reach = fingers, table, reach
-        self._config = config or TopGraspConfig()
-        self._judge = PinchJudge(fingers, self._config)
-        coarse = dc.replace(self._config, step=0.004, across=0.009)
-        self._coarse = PinchJudge(fingers, coarse)
+        self._judge = PinchJudge(fingers, table_gap=table_gap, step=_STEP)
+        self._coarse = PinchJudge(
+            fingers, table_gap=table_gap, step=0.004, across=0.009
+        )
         wrap = fingers.wrap
-        broad = dc.replace(self._config, across=0.009)
-        self._wrap_judge = WrapJudge(fingers, wrap, broad) if wrap else None
+        self._wrap_judge = (
+            WrapJudge(fingers, wrap, table_gap=table_gap) if wrap else None
+        )
 
     @abc.abstractmethod
-    def proposals(self, relief: Relief, rng: Generator) -> tuple[Vector, Vector]:
+    def proposals(
+        self, segments: Segmentation, rng: Generator
+    ) -> tuple[Vector, Vector]:
         """Return where to judge pinches.
 
         Args:
-            relief: What stands on the table, or a part of that.
+            segments: What stands on the table, or a part of that.
             rng: For random draws.
 
         Returns:
@@ -109,86 +108,86 @@ class TopGraspSearch(abc.ABC):
             closing, shape (n,) [rad].
         """
 
-    def relief(self, height_map: HeightMap) -> Relief:
+    def segment(self, height_map: HeightMap) -> Segmentation:
         """Return what stands on the table according to a height map."""
-        return Relief.of(
+        return Segmentation.of(
             height_map,
             self._table,
-            least_height=self._config.least_height,
-            least_area=self._config.least_area,
+            least_height=_LEAST_HEIGHT,
+            least_area=_LEAST_AREA,
         )
 
     def plan(
         self, height_map: HeightMap, *, tried: Sequence[TopGrasp] = (), seed: int = 0
     ) -> GraspPlan:
         """See `GraspPlanner`."""
-        relief = self.relief(height_map)
-        if not relief.things:
+        segments = self.segment(height_map)
+        if not segments.things:
             return GraspPlan()
-        new, old = self._distinct(relief, self._pinches(relief, seed), tried)
+        new, old = self._distinct(segments, self._pinches(segments, seed), tried)
         # Only what no pinch takes: wraps need a flat top and more room.
-        wraps = self._wraps(relief, _not_taken(relief, new))
-        new_wraps, old_wraps = self._distinct(relief, wraps, tried)
-        grasps = (new + new_wraps + old + old_wraps)[: self._config.grasps]
+        wraps = self._wraps(segments, _not_taken(segments, new))
+        new_wraps, old_wraps = self._distinct(segments, wraps, tried)
+        grasps = (new + new_wraps + old + old_wraps)[:_MOST]
         return GraspPlan(
             tuple(grasps),
-            len(relief.things),
-            lambda: self._refusals(relief, grasps, seed),
-            relief.places,
-            relief.beside_same,
+            len(segments.things),
+            lambda: self._refusals(segments, grasps, seed),
+            segments.places,
+            segments.beside_same,
         )
 
     def _refusals(
-        self, relief: Relief, grasps: Sequence[TopGrasp], seed: int
+        self, segments: Segmentation, grasps: Sequence[TopGrasp], seed: int
     ) -> tuple[Refusal, ...]:
         """Return the things that no grasp takes."""
         return tuple(
-            self._refuse(relief, thing, seed) for thing in _not_taken(relief, grasps)
+            self._refuse(segments, thing, seed)
+            for thing in _not_taken(segments, grasps)
         )
 
-    def _pinches(self, relief: Relief, seed: int) -> list[TopGrasp]:
+    def _pinches(self, segments: Segmentation, seed: int) -> list[TopGrasp]:
         """Return the best pinches, the best first."""
-        found = self.allowed(relief, self._search(relief, seed))
+        found = self.allowed(segments, self._search(segments, seed))
         deepest = self._fingers.deepest
         return [self._grasp(row, deepest) for row in _rows(found)]
 
-    def _wraps(self, relief: Relief, things: Sequence[Thing]) -> list[TopGrasp]:
+    def _wraps(self, segments: Segmentation, things: Sequence[Thing]) -> list[TopGrasp]:
         """Return wraps around some of the things, the best first."""
         judge, wrap = self._wrap_judge, self._fingers.wrap
         if judge is None or wrap is None:
             return []
-        found = judge.judge(relief, *judge.places(relief, things))
+        found = judge.judge(segments, *judge.places(segments, things))
         if self._reach is not None:
             found = found.take(np.flatnonzero(self._reach.contains(found.p_W)))
-        found = judge.refine(relief, found.best(self._config.kept))
-        rows = _rows(self.allowed(relief, found.best(self._config.kept)))
+        found = judge.refine(segments, found.best(_KEPT))
+        rows = _rows(self.allowed(segments, found.best(_KEPT)))
         grasps = [self._grasp(row, wrap.deepest) for row in rows]
         return [dc.replace(grasp, wrapped=True) for grasp in grasps]
 
-    def allowed(self, relief: Relief, candidates: Candidates) -> Candidates:
+    def allowed(self, segments: Segmentation, candidates: Candidates) -> Candidates:
         """Return those candidates that may be grasped."""
         return candidates
 
-    def _search(self, relief: Relief, seed: int) -> Candidates:
+    def _search(self, segments: Segmentation, seed: int) -> Candidates:
         """Return the best pinches, the best first."""
-        config = self._config
-        p_W, yaw = self._within_reach(*self.proposals(relief, default_rng(seed)))
-        first = self._coarse.judge(relief, p_W, yaw).best(3 * config.kept)
-        first = self._coarse.refine(relief, first).best(config.kept)
+        p_W, yaw = self._within_reach(*self.proposals(segments, default_rng(seed)))
+        first = self._coarse.judge(segments, p_W, yaw).best(3 * _KEPT)
+        first = self._coarse.refine(segments, first).best(_KEPT)
         centered = first.p_W + (0.5 * (first.low + first.high))[:, None] * (
             first.direction
         )
-        little = 0.5 * np.pi / config.yaws
+        little = 0.5 * np.pi / YAWS
         again = self._judge.judge(
-            relief,
+            segments,
             *self._within_reach(
                 np.repeat(centered, 3, axis=0),
                 np.repeat(first.yaw, 3)
                 + np.tile([-little, 0.0, little], len(centered)),
             ),
         )
-        found = self._judge.refine(relief, again).best(3 * config.kept)
-        return found.take(np.flatnonzero(found.score > config.least_score))
+        found = self._judge.refine(segments, again).best(3 * _KEPT)
+        return found.take(np.flatnonzero(found.score > _LEAST_SCORE))
 
     def _within_reach(self, p_W: Vector, yaw: Vector) -> tuple[Vector, Vector]:
         """Return the proposals that the hand reaches."""
@@ -205,7 +204,7 @@ class TopGraspSearch(abc.ABC):
             deepest: Palm x of its lowest point [m].
         """
         tip, low, high = float(row.tip[0]), float(row.low[0]), float(row.high[0])
-        width = high - low + self._config.step
+        width = high - low + _STEP
         xy, top = row.p_W[0], float(row.top[0])
         z = self._table + tip + deepest
         middle = xy + 0.5 * (low + high) * row.direction[0]
@@ -220,23 +219,25 @@ class TopGraspSearch(abc.ABC):
         )
 
     def _distinct(
-        self, relief: Relief, grasps: Sequence[TopGrasp], tried: Sequence[TopGrasp]
+        self,
+        segments: Segmentation,
+        grasps: Sequence[TopGrasp],
+        tried: Sequence[TopGrasp],
     ) -> tuple[list[TopGrasp], list[TopGrasp]]:
         """Return grasps that differ, the best first: new ones, and like failed ones.
 
         Of those that are like failed ones, the ones at other places come first.
         """
-        config = self._config
-        near = [relief.labels_near(failed.p_WC, SAME_THING) for failed in tried]
+        near = [segments.labels_near(failed.p_WC, SAME_THING) for failed in tried]
         new: list[TopGrasp] = []
         alike: list[TopGrasp] = []
         old: list[TopGrasp] = []
         for grasp in grasps:
             found = new + alike + old
-            if any(grasp.like(g, config.apart, config.turned) for g in found):
+            if any(grasp.like(g, _APART, _TURNED) for g in found):
                 continue
-            label = relief.label_at(grasp.p_WC)
-            if any(grasp.like(g, 2 * config.apart, config.turned) for g in tried):
+            label = segments.label_at(grasp.p_WC)
+            if any(grasp.like(g, 2 * _APART, _TURNED) for g in tried):
                 old.append(grasp)
             elif any(
                 label in labels and grasp.takes_as_much(failed, ALIKE)
@@ -245,13 +246,13 @@ class TopGraspSearch(abc.ABC):
                 alike.append(grasp)
             else:
                 new.append(grasp)
-            if len(new) >= config.grasps:
+            if len(new) >= _MOST:
                 break
         return new, alike + old
 
-    def _takes(self, relief: Relief, seed: int) -> bool:
+    def _takes(self, segments: Segmentation, seed: int) -> bool:
         """Return whether any grasp takes anything."""
-        found = self._pinches(relief, seed) or self._wraps(relief, relief.things)
+        found = self._pinches(segments, seed) or self._wraps(segments, segments.things)
         return bool(found)
 
     def _anywhere(self) -> TopGraspSearch:
@@ -260,15 +261,15 @@ class TopGraspSearch(abc.ABC):
         search._reach = None
         return search
 
-    def _refuse(self, relief: Relief, thing: Thing, seed: int) -> Refusal:
+    def _refuse(self, segments: Segmentation, thing: Thing, seed: int) -> Refusal:
         """Return why there is no grasp of a thing."""
-        points = relief.map.middles()[thing.cells[:, 0], thing.cells[:, 1]]
+        points = segments.map.middles()[thing.cells[:, 0], thing.cells[:, 1]]
         if self._reach is not None and not self._reach.contains(points).any():
             failure = Failure.OUT_OF_REACH
-        elif len(relief.things) > 1 and self._takes(relief.only(thing), seed):
+        elif len(segments.things) > 1 and self._takes(segments.only(thing), seed):
             failure = Failure.BLOCKED
         elif self._reach is not None and self._anywhere()._takes(
-            relief.only(thing), seed
+            segments.only(thing), seed
         ):
             failure = Failure.OUT_OF_REACH
         elif thing.size[1] > self._fingers.max_width:
@@ -279,16 +280,16 @@ class TopGraspSearch(abc.ABC):
         return Refusal(p_W, thing.size, failure)
 
 
-def _not_taken(relief: Relief, grasps: Sequence[TopGrasp]) -> list[Thing]:
+def _not_taken(segments: Segmentation, grasps: Sequence[TopGrasp]) -> list[Thing]:
     """Return the things that no grasp takes."""
     taken: set[int] = set()
     for grasp in grasps:
         along = np.array([np.cos(grasp.yaw), np.sin(grasp.yaw)])
         offsets = np.linspace(-0.5, 0.5, 21)[:, None] * grasp.width * along
-        cells = relief.map.cells(grasp.p_WC[:2] + offsets)
-        inside = np.all((cells >= 0) & (cells < relief.labels.shape), axis=1)
-        taken |= set(relief.labels[tuple(cells[inside].T)].tolist())
-    return [thing for thing in relief.things if thing.label not in taken]
+        cells = segments.map.cells(grasp.p_WC[:2] + offsets)
+        inside = np.all((cells >= 0) & (cells < segments.labels.shape), axis=1)
+        taken |= set(segments.labels[tuple(cells[inside].T)].tolist())
+    return [thing for thing in segments.things if thing.label not in taken]
 
 
 def _rows(candidates: Candidates) -> list[Candidates]:

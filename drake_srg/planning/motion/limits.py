@@ -1,7 +1,5 @@
 """Limits of the arm's motions, and the torques that a motion takes."""
 
-from __future__ import annotations
-
 import dataclasses as dc
 
 import numpy as np
@@ -20,7 +18,7 @@ class MotionLimits:
     torque: Vector  # shape (N,) [N m]
 
     @staticmethod
-    def of_plant(arm: ArmModel) -> MotionLimits:
+    def of_plant(arm: ArmModel) -> "MotionLimits":
         """Return the limits that the arm's model states."""
         plant, indices = arm.plant, arm.arm_indices
         torque = np.full(plant.num_positions(), np.inf)
@@ -35,7 +33,7 @@ class MotionLimits:
 
     def scaled(
         self, velocity: float = 1.0, acceleration: float = 1.0, torque: float = 1.0
-    ) -> MotionLimits:
+    ) -> "MotionLimits":
         """Return these limits times factors, as for a hand that carries something."""
         return dc.replace(
             self,

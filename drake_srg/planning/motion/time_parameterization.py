@@ -54,7 +54,11 @@ def MakeTimeParameterization(name: str) -> TimeParameterization:
         return drake_parameterization
     if name == "toppra":
         # toppra draws on request only, and it uses SciPy for paths and a solver that
-        # are not used here.
+        # are not used here. Importing both takes 1 s, which every command that plans
+        # would pay. Modules that stand in for them are the only way: `LazyLoader` of
+        # the standard library loads a module at the first `from MODULE import NAME`,
+        # as toppra does, and toppra has no smaller part to import. They can go once
+        # toppra imports the two where it uses them (0.6.10 does not).
         with on_demand(
             "matplotlib",
             "matplotlib.pyplot",

@@ -27,7 +27,7 @@ _STEP = 0.03
 _JOINT_STEP = 0.3
 _REFINEMENTS = 4  # how often steps are halved while the path is not free
 # How far the spline may break a margin that its waypoints keep [m]; see `trajectories`.
-_GRAZE = 1e-3
+_TIP_GRAZE = 1e-3
 # Least distance of a turn of the joints [m/rad]. It makes motions that leave the hand
 # where it is take time; the joints' limits determine how much.
 _LEAST_DISTANCE = 1e-3
@@ -83,7 +83,7 @@ def tip_limited_trajectory(
         q, s = _refined(scene, waypoints, tip, p_GT, 0.5**refinement)
         path = _interpolation(s, q)
         # Half way between its points, the spline is farthest from the checked line.
-        hit = scene.first_hit(path.vector_values((s[1:] + s[:-1]) / 2.0).T, _GRAZE)
+        hit = scene.first_hit(path.vector_values((s[1:] + s[:-1]) / 2.0).T, _TIP_GRAZE)
         if hit is None:
             slower = _slowdown(path, _profile(s[-1], tip), limits)
             return PathParameterizedTrajectory(

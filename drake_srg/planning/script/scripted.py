@@ -1,16 +1,24 @@
-"""A fixed list of arm motions and gripper commands, in place of a planner."""
+"""A fixed list of arm motions and gripper commands, in place of a planner.
+
+The list may be the messages that a client of the SRG thesis sends. The thesis's clients
+use two topics: `/kuka`, joint positions of the arm [degrees], and `/grasp`, percent
+from 0 open to 100 closed. They send message after message at a fixed rate, in named
+routines, without looking at the outcome.
+"""
 
 import bisect
 import dataclasses as dc
+from collections import Counter
 from collections.abc import Sequence
 
 import numpy as np
 from pydrake.common.value import AbstractValue
 from pydrake.systems.framework import BasicVector, Context
 
+from drake_srg.common.exceptions import suggest
 from drake_srg.common.minimum_jerk import minimum_jerk_blend
 from drake_srg.lifetime import LeafSystem
-from drake_srg.planning.planner_outputs import AddPlannerOutputs
+from drake_srg.planning.planner_machine import AddPlannerOutputs, PlannerConfig
 from drake_srg.types import Mode, PlannerStatus, Vector, positive
 
 # The modes that steps may have: those of a cycle that is under way.
@@ -38,6 +46,63 @@ class ScriptStep:
     # Fraction of full PWM during the step; null: as before, and in the first steps the
     # driver's own limit.
     force_limit: float | None = dc.field(default=None, metadata={"ge": 0.0, "le": 1.0})
+
+
+@dc.dataclass(kw_only=True)
+class MessageConfig:
+    """Messages on one of the two topics."""
+
+    # Joint positions [degrees], the same in all `count` messages; or else `grasp`.
+    kuka: list[float] | None = None
+    count: int = dc.field(default=1, metadata={"ge": 1})
+    # First and last i of a ramp, up or down, with one message per i that says
+    # floor(i / 10) percent.
+    grasp: list[int] | None = dc.field(
+        default=None, metadata={"length": 2, "ge": 0, "le": 1000}
+    )
+
+    @property
+    def number(self) -> int:
+        """The number of messages."""
+        return self.count if self.grasp is None else len(_ramp(self.grasp))
+
+
+@dc.dataclass(kw_only=True)
+class RoutineConfig:
+    """One routine of the sequence."""
+
+    routine: str = ""
+    # The mode that metrics and recordings show.
+    mode: str = dc.field(default=Mode.TRANSFER.value, metadata={"among": SCRIPT_MODES})
+
+
+@dc.dataclass(kw_only=True)
+class MessagesConfig:
+    """Messages in the order in which they are sent, as routines."""
+
+    rate: float = dc.field(default=25.0, metadata=positive())  # messages/s
+    routines: dict[str, list[MessageConfig]] = dc.field(default_factory=dict)
+    sequence: list[RoutineConfig] = dc.field(default_factory=list)
+    # Time for the arm to come to rest after the last message [s].
+    rest: float = dc.field(default=3.0, metadata=positive())
+
+    def number(self) -> int:
+        """Return the number of messages in the whole sequence."""
+        calls = (self.routines[call.routine] for call in self.sequence)
+        return sum(message.number for routine in calls for message in routine)
+
+
+@dc.dataclass(kw_only=True)
+class Script(PlannerConfig):
+    """Steps for arm and gripper, in place of localizer and planner.
+
+    Of the other keys, only `time_budget` applies.
+    """
+
+    steps: list[ScriptStep] = dc.field(default_factory=list)
+    # Messages to arm and gripper, as the thesis's client sends them; once loaded, they
+    # are the steps. The arm moves to its targets within `arm.limits`.
+    messages: MessagesConfig | None = None
 
 
 class ScriptedPlanner(LeafSystem):
@@ -77,13 +142,13 @@ class ScriptedPlanner(LeafSystem):
     ) -> None:
         super().__init__()
         if not script:
-            raise ValueError("script: needs at least one step")
+            raise ValueError("planner.steps: needs at least one step")
         n = len(home)
         for i, step in enumerate(script):
             if step.arm is not None and len(step.arm) != n:
                 raise ValueError(
-                    f"script[{i}].arm: needs one entry per joint of the arm ({n}), "
-                    f"got {len(step.arm)}"
+                    f"planner.steps[{i}].arm: needs one entry per joint of the arm "
+                    f"({n}), got {len(step.arm)}"
                 )
         self._script = list(script)
         self._jumps = jumps
@@ -172,3 +237,61 @@ def _filled(
     for value in values:
         rows.append(rows[-1] if value is None else np.asarray(value, dtype=float))
     return np.array(rows)
+
+
+def message_script(config: MessagesConfig, num_joints: int) -> list[ScriptStep]:
+    """Return the script of all commands, one step per change.
+
+    Args:
+        config: The messages.
+        num_joints: Number of the arm's joints.
+
+    Raises:
+        ValueError: If there are no messages, a routine is unknown, or a message is not
+            on exactly one topic or does not fit the arm.
+    """
+    for name, routine in config.routines.items():
+        for i, message in enumerate(routine):
+            key = f"planner.messages.routines.{name}[{i}]"
+            if (message.kuka is None) == (message.grasp is None):
+                raise ValueError(f"{key}: needs either kuka or grasp")
+            if message.kuka is not None and len(message.kuka) != num_joints:
+                raise ValueError(
+                    f"{key}.kuka: needs one entry per joint of the arm "
+                    f"({num_joints}), got {len(message.kuka)}"
+                )
+    steps: list[ScriptStep] = []
+    for i, call in enumerate(config.sequence):
+        if call.routine not in config.routines:
+            raise ValueError(
+                f"planner.messages.sequence[{i}].routine: unknown routine "
+                f"{call.routine!r} {suggest(call.routine, config.routines)}"
+            )
+        for message in config.routines[call.routine]:
+            steps += _steps(message, call.mode, 1.0 / config.rate)
+    if not steps:
+        raise ValueError("planner.messages.sequence: needs a routine with messages")
+    return [*steps, ScriptStep(mode=steps[-1].mode, duration=config.rest)]
+
+
+def _steps(message: MessageConfig, mode: str, period: float) -> list[ScriptStep]:
+    if message.kuka is not None:
+        arm = [float(q) for q in np.deg2rad(message.kuka)]
+        return [ScriptStep(mode=mode, duration=message.count * period, arm=arm)]
+    assert message.grasp is not None
+    percents = [i // 10 for i in _ramp(message.grasp)]
+    return [
+        ScriptStep(
+            mode=mode,
+            duration=number * period,
+            closure=percent / 100.0,
+            messages=number,
+        )
+        for percent, number in Counter(percents).items()
+    ]
+
+
+def _ramp(ends: list[int]) -> range:
+    first, last = ends
+    step = 1 if last >= first else -1
+    return range(first, last + step, step)

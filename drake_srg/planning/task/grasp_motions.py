@@ -23,7 +23,7 @@ from drake_srg.planning.motion.hand_target import HandTarget
 from drake_srg.planning.motion.moves import Moves
 from drake_srg.planning.motion.paths import plan_cartesian_path
 from drake_srg.planning.motion.planning_scene import PlanningScene
-from drake_srg.planning.task.config import PlannerConfig
+from drake_srg.planning.planner_machine import PlannerConfig
 from drake_srg.types import Failure, Mode, Vector
 
 _UP = np.array([0.0, 0.0, 1.0])

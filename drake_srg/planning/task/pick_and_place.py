@@ -9,16 +9,16 @@ from pydrake.systems.framework import Context
 
 from drake_srg.common.convex_pieces import Solid
 from drake_srg.planning.motion.arm_motion import Motion
-from drake_srg.planning.planner_machine import PlannerMachine
-from drake_srg.planning.task.config import PlannerConfig
-from drake_srg.planning.task.modes import task_modes
-from drake_srg.planning.task.observing import Senses
-from drake_srg.planning.task.planner_memory import PlannerMemory
+from drake_srg.planning.planner_machine import (
+    Observation,
+    PlannerConfig,
+    PlannerMachine,
+)
+from drake_srg.planning.task.knowledge import PlannerMemory, Senses, transition
+from drake_srg.planning.task.modes import TaskMode, task_modes
 from drake_srg.planning.task.replanning import Replanner
 from drake_srg.planning.task.sightings import Sightings, View
-from drake_srg.planning.task.task_mode import TaskMode
 from drake_srg.planning.task.task_motions import TaskPlanner
-from drake_srg.planning.task.transitions import Observation, transition
 from drake_srg.types import Mode
 
 MakeModes: TypeAlias = Callable[
@@ -27,7 +27,7 @@ MakeModes: TypeAlias = Callable[
 Transition: TypeAlias = Callable[[Mode, Observation, float, PlannerConfig], Mode]
 
 
-class PickAndPlacePlanner(PlannerMachine[PlannerMemory, Senses, Observation]):
+class PickAndPlacePlanner(PlannerMachine[PlannerMemory, Senses]):
     """Finds an object, picks it up, places it on its goal and returns home.
 
     .. pydrake_system::
@@ -126,37 +126,23 @@ class PickAndPlacePlanner(PlannerMachine[PlannerMemory, Senses, Observation]):
         self.goal = goal
         self.tolerance = tolerance
         self.obstacles = others
-        self._n, self._n_fingers = n, hand.num_joints
 
         self._blobs = self.DeclareAbstractInputPort(
             name="blobs", model_value=AbstractValue.Make([])
         )
-        self._arm = self.DeclareVectorInputPort(name="arm_state", size=2 * self._n)
-        self._gripper = self.DeclareVectorInputPort(
-            name="gripper_state", size=2 * hand.num_joints
-        )
-        self._grasped = self.DeclareVectorInputPort(name="grasped", size=1)
-        self._proximity = self.DeclareVectorInputPort(
-            name="proximity", size=hand.num_sensors
-        )
+        self.DeclareHandInputs(hand.num_joints, hand.num_sensors)
         self._obstacles = self.DeclareAbstractInputPort(
             name="obstacles", model_value=AbstractValue.Make([])
         )
         self._external_torque = self.DeclareVectorInputPort(
-            name="external_torque", size=self._n
+            name="external_torque", size=n
         )
 
     def sense(self, context: Context) -> Senses:
         """Return the measurements; the cameras are asked only when a mode looks."""
-        gripper, n = self._gripper.Eval(context), self._n_fingers
         torque = self._external_torque
         return Senses(
-            q=self._arm.Eval(context)[: self._n],
-            fingers=gripper[:n],
-            finger_speeds=gripper[n:],
-            grasped=bool(self._grasped.Eval(context)[0]),
-            proximity=self._proximity.Eval(context),
-            see=lambda: self._see(context),
+            **vars(self.hand_senses(context, lambda: self._see(context))),
             external_torque=torque.Eval(context) if torque.HasValue(context) else None,
         )
 

@@ -3,9 +3,7 @@
 from __future__ import annotations
 
 import dataclasses as dc
-import time as wall
 from collections.abc import Mapping
-from typing import Any
 
 import numpy as np
 from pydrake.math import RigidTransform
@@ -13,8 +11,8 @@ from pydrake.math import RigidTransform
 from drake_srg.common.convex_pieces import ConvexPieces
 from drake_srg.planning.grasps.grasps import Grasp
 from drake_srg.planning.motion.failure import PlanningFailure
-from drake_srg.planning.task.config import PlannerConfig
-from drake_srg.planning.task.planner_memory import PlannerMemory, Trouble
+from drake_srg.planning.planner_machine import PlannerConfig, planning_clock
+from drake_srg.planning.task.knowledge import PlannerMemory, Trouble
 from drake_srg.planning.task.sightings import (
     Sightings,
     View,
@@ -39,8 +37,7 @@ _STANDING = np.deg2rad(5.0)  # lean of an object that counts as standing on its 
 class Replanner:
     """Plans with a task planner from sightings of one object.
 
-    It holds nothing between calls: its methods take the planner's memory and return
-    the next.
+    It holds nothing between calls: its methods change the planner's memory.
 
     Args:
         task_planner: Plans the motions.
@@ -74,89 +71,85 @@ class Replanner:
         back = memory.seen.X_WO_return if memory.totals.cycles % 2 else None
         return back or self._goal
 
-    def judge(self, view: View, memory: PlannerMemory, time: float) -> PlannerMemory:
+    def Judge(self, view: View, memory: PlannerMemory, time: float) -> None:
         """See whether the object is where this cycle was to take it."""
         blob, goal = self._sightings.best(view, self._rests), self.goal(memory)
-        at_goal = False
+        _Look(memory, view, blob, time)
+        memory.attempt.at_goal = False
         if blob is not None:
             X_WO = self._sightings.pose(blob)
             near = distance(X_WO, goal, self._shape) <= self._tolerance
-            at_goal = near and self._turn(X_WO, goal) <= _STANDING
-        return _looked(memory, view, blob, time, at_goal=at_goal)
+            memory.attempt.at_goal = near and self._turn(X_WO, goal) <= _STANDING
 
-    def plan(self, view: View, memory: PlannerMemory, time: float) -> PlannerMemory:
+    def Plan(self, view: View, memory: PlannerMemory, time: float) -> None:
         """Look for the object, and plan the whole cycle from where the arm is."""
-        blob = self._sightings.best(view, self._rests)
-        memory = _looked(memory, view, blob, time, next_look=np.inf)
+        blob, attempt = self._sightings.best(view, self._rests), memory.attempt
+        _Look(memory, view, blob, time)
+        attempt.next_look = np.inf
         if blob is None:
-            return self._not_seen(memory, time)
-        start, q = wall.perf_counter(), memory.motion.q_rest
-        X_WO = self._sightings.pose(blob)
-        goal = set_down_at(self._upright_goal(memory), X_WO, self._shape)
-        memory = dc.replace(memory, seen=dc.replace(memory.seen, X_WO_goal=goal))
-        p_WO = self._sightings.middle(blob)
-        obstacles = self._obstacles(view, memory, q, memory.grip.fingers_open, p_WO)
-        result = self._task_planner.plan(
-            q, X_WO, self._shape, self.goal(memory), obstacles, memory.cycle.tried
-        )
-        memory = self._planned(memory, start, time, obstacles)
-        if isinstance(result, PlanningFailure):
-            memory = _failed(memory, result.failure, result.message)
-            # There may be a plan from home even if there is none from here.
-            return memory if self._at_home(q) else self.escape(memory, time)
-        seen = memory.seen
-        if seen.localization is None:
-            seen = dc.replace(
-                seen,
-                localization=blob,
-                localized_at=time,
-                X_WO_return=standing_at(X_WO, self._shape),
+            self._MissObject(memory, time)
+            return
+        q, X_WO = memory.motion.q_rest, self._sightings.pose(blob)
+        with planning_clock.running():
+            memory.seen.X_WO_goal = set_down_at(
+                self._upright_goal(memory), X_WO, self._shape
             )
-        return dc.replace(
-            memory,
-            attempt=dc.replace(memory.attempt, motions=result, X_WO=X_WO),
-            seen=seen,
-            trouble=Trouble(),
-        )
+            p_WO = self._sightings.middle(blob)
+            obstacles = self._obstacles(view, memory, q, memory.grip.fingers_open, p_WO)
+            result = self._task_planner.plan(
+                q, X_WO, self._shape, self.goal(memory), obstacles, memory.cycle.tried
+            )
+        self._TakeTime(memory, time)
+        memory.seen.obstacles = obstacles
+        if isinstance(result, PlanningFailure):
+            _Fail(memory, result.failure, result.message)
+            # There may be a plan from home even if there is none from here.
+            if not self._at_home(q):
+                self.Escape(memory, time)
+            return
+        if memory.seen.localization is None:
+            memory.seen.localization, memory.seen.localized_at = blob, time
+            memory.seen.X_WO_return = standing_at(X_WO, self._shape)
+        attempt.motions, attempt.X_WO = result, X_WO
+        memory.trouble = Trouble()
 
-    def _not_seen(self, memory: PlannerMemory, time: float) -> PlannerMemory:
+    def _MissObject(self, memory: PlannerMemory, time: float) -> None:
         attempt = memory.attempt
         if time < attempt.began + self._config.search_time:
-            next_look = time + self._config.search_period
-            attempt = dc.replace(attempt, next_look=next_look)
-            return dc.replace(memory, attempt=attempt)
+            attempt.next_look = time + self._config.search_period
+            return
         message = f"no {self._sightings.object_name} in any image"
-        memory = _failed(memory, Failure.NOT_SEEN, message)
-        memory = dc.replace(memory, attempt=dc.replace(attempt, ready_at=time))
-        if self._at_home(memory.motion.q_rest):
-            return memory
-        return self.escape(memory, time)  # the arm may hide it
+        _Fail(memory, Failure.NOT_SEEN, message)
+        attempt.ready_at = time
+        if not self._at_home(memory.motion.q_rest):
+            self.Escape(memory, time)  # the arm may hide it
 
-    def compare(self, view: View, memory: PlannerMemory, time: float) -> PlannerMemory:
+    def Compare(self, view: View, memory: PlannerMemory, time: float) -> None:
         """See whether the object is still where the motions take it, and they free."""
         blob = self._sightings.best(view, self._rests)
         certain = blob if blob is not None and blob.certain else None
-        memory = _looked(memory, view, certain, time)
+        _Look(memory, view, certain, time)
         if memory.cycle.detours >= self._config.max_attempts:
-            return memory  # an object that never stands still must be tried as it is
+            return  # an object that never stands still must be tried as it is
         motions, X_WO = memory.attempt.planned, memory.attempt.X_WO
         assert X_WO is not None, "motions are planned from a sighting"
+        moved = False
         if view.obstacles:
             q, fingers = memory.motion.position(time), motions.grasp.fingers_open
             p_WO = X_WO @ middle_of(self._shape)
             if blob is not None:
                 p_WO = self._sightings.middle(blob)
             obstacles = self._obstacles(view, memory, q, fingers, p_WO)
-            if self._obstruction(motions, Mode.PRE_GRASP, obstacles):
-                return _detour(memory)
-        if certain is None:  # behind the hand
-            return memory
-        X_WO_seen = self._sightings.pose(certain)
-        far = distance(X_WO_seen, X_WO, self._shape) > _MOVED
-        moved = far or self._turn(X_WO_seen, X_WO) > _TURNED
-        return _detour(memory) if moved else memory
+            moved = bool(self._obstruction(motions, Mode.PRE_GRASP, obstacles))
+        if certain is not None and not moved:  # else it may be behind the hand
+            X_WO_seen = self._sightings.pose(certain)
+            far = distance(X_WO_seen, X_WO, self._shape) > _MOVED
+            moved = far or self._turn(X_WO_seen, X_WO) > _TURNED
+        if moved:  # the approach is broken off
+            memory.attempt.moved = True
+            memory.cycle.detours += 1
 
-    def correct(self, view: View, memory: PlannerMemory, time: float) -> PlannerMemory:
+    def Correct(self, view: View, memory: PlannerMemory, time: float) -> None:
         """See where the object is in the hand, and plan the rest from there."""
         motions = memory.attempt.planned
         q, grasp = memory.motion.position(time), motions.grasp
@@ -164,70 +157,60 @@ class Replanner:
         # What looks like it elsewhere may be seen better than what the hand half hides.
         blob = self._sightings.nearest(view, p_WO)
         certain = blob if blob is not None and blob.certain else None
-        memory = _looked(memory, view, certain, time)
-        attempt = memory.attempt
+        _Look(memory, view, certain, time)
         if certain is not None:
             grasp = self._in_hand(grasp, certain, q)
             if np.linalg.norm(grasp.p_GO - motions.grasp.p_GO) > _LOST:
-                return dc.replace(memory, attempt=dc.replace(attempt, lost=True))
+                memory.attempt.lost = True
+                return
         elif not view.obstacles:
-            return memory
+            return
         obstacles = memory.seen.obstacles
         if view.obstacles:
             obstacles = self._obstacles(view, memory, q, grasp.fingers_closed)
-        start = wall.perf_counter()
-        result = self._task_planner.plan_place(
-            q, grasp, self._shape, self.goal(memory), obstacles
-        )
-        memory = self._planned(memory, start, time, obstacles)
-        if isinstance(result, PlanningFailure):
-            hit = None
-            if view.obstacles:
-                hit = self._obstruction(motions, Mode.TRANSFER, obstacles)
-            if hit is None:
-                return memory  # with the motions as they were
-            trouble = dc.replace(memory.trouble, failure=Failure.BLOCKED, message=hit)
-            return dc.replace(memory, trouble=trouble)
-        rest = {**motions.motions, **result.motions}
-        corrected = dc.replace(result, motions=rest)
-        return dc.replace(memory, attempt=dc.replace(memory.attempt, motions=corrected))
+        with planning_clock.running():
+            result = self._task_planner.plan_place(
+                q, grasp, self._shape, self.goal(memory), obstacles
+            )
+        self._TakeTime(memory, time)
+        memory.seen.obstacles = obstacles
+        if not isinstance(result, PlanningFailure):
+            rest = {**motions.motions, **result.motions}
+            memory.attempt.motions = dc.replace(result, motions=rest)
+        elif view.obstacles:  # without, the motions stay as they were
+            hit = self._obstruction(motions, Mode.TRANSFER, obstacles)
+            if hit is not None:
+                memory.trouble.failure = Failure.BLOCKED
+                memory.trouble.message = hit
 
-    def carry(self, memory: PlannerMemory, time: float) -> PlannerMemory:
+    def Carry(self, memory: PlannerMemory, time: float) -> None:
         """Plan the rest of the cycle from where the arm rests with the object held."""
-        start, obstacles = wall.perf_counter(), memory.seen.obstacles
         q, grasp = memory.motion.q_rest, memory.attempt.planned.grasp
-        result = self._task_planner.plan_carry(
-            q, grasp, self._shape, self.goal(memory), obstacles
-        )
-        memory = self._planned(memory, start, time, obstacles)
+        with planning_clock.running():
+            result = self._task_planner.plan_carry(
+                q, grasp, self._shape, self.goal(memory), memory.seen.obstacles
+            )
+        self._TakeTime(memory, time)
         if isinstance(result, PlanningFailure):
-            return _trapped(memory, result)
-        return dc.replace(memory, attempt=dc.replace(memory.attempt, motions=result))
+            _Trap(memory, result)
+        else:
+            memory.attempt.motions = result
 
-    def escape(self, memory: PlannerMemory, time: float) -> PlannerMemory:
+    def Escape(self, memory: PlannerMemory, time: float) -> None:
         """Plan back from where the arm is, and home; else the arm is trapped."""
-        start = wall.perf_counter()
-        escape = self._task_planner.plan_escape(
-            memory.motion.q_rest, memory.grip.fingers_open, memory.seen.obstacles
-        )
-        memory = self._planned(memory, start, time, memory.seen.obstacles)
+        with planning_clock.running():
+            escape = self._task_planner.plan_escape(
+                memory.motion.q_rest, memory.grip.fingers_open, memory.seen.obstacles
+            )
+        self._TakeTime(memory, time)
         if isinstance(escape, PlanningFailure):
-            return _trapped(memory, escape)
-        return dc.replace(memory, attempt=dc.replace(memory.attempt, escape=escape))
+            _Trap(memory, escape)
+        else:
+            memory.attempt.escape = escape
 
-    def _planned(
-        self, memory: PlannerMemory, start: float, time: float, obstacles: Obstacles
-    ) -> PlannerMemory:
-        """Return the memory with the time since `start` [s, wall clock] accounted."""
-        totals = memory.totals
-        spent = totals.planning_wall + wall.perf_counter() - start
-        ready_at = time + self._config.latency
-        return dc.replace(
-            memory,
-            attempt=dc.replace(memory.attempt, ready_at=ready_at),
-            totals=dc.replace(totals, planning_wall=spent),
-            seen=dc.replace(memory.seen, obstacles=obstacles),
-        )
+    def _TakeTime(self, memory: PlannerMemory, time: float) -> None:
+        """Let the simulated planning latency pass from now on."""
+        memory.attempt.ready_at = time + self._config.latency
 
     def _turn(self, X_1: RigidTransform, X_2: RigidTransform) -> float:
         """Return the angle between the object's axis in two poses [rad].
@@ -281,40 +264,26 @@ class Replanner:
         return dc.replace(grasp, axis_G=axis_G)
 
 
-def _looked(
-    memory: PlannerMemory, view: View, used: Blob | None, time: float, **noticed: Any
-) -> PlannerMemory:
-    """Return the memory after a look: the blob used, if any, and what was noticed."""
-    seen = dc.replace(memory.seen, blobs=tuple(view.blobs))
+def _Look(memory: PlannerMemory, view: View, used: Blob | None, time: float) -> None:
+    """Remember a look, and the blob that it is used for, if any."""
+    memory.attempt.looked = True
+    memory.totals.looks += 1
+    memory.seen.blobs = tuple(view.blobs)
     if used is not None:
-        seen = dc.replace(seen, latest=used, latest_at=time)
-    totals = dc.replace(memory.totals, looks=memory.totals.looks + 1)
-    attempt = dc.replace(memory.attempt, looked=True, **noticed)
-    return dc.replace(memory, attempt=attempt, totals=totals, seen=seen)
+        memory.seen.latest, memory.seen.latest_at = used, time
 
 
-def _trapped(memory: PlannerMemory, why: PlanningFailure) -> PlannerMemory:
-    """Return the memory of an arm that has no way out."""
-    failure = memory.trouble.failure or why.failure
-    trouble = dc.replace(memory.trouble, failure=failure, message=why.message)
-    attempt = dc.replace(memory.attempt, trapped=True)
-    return dc.replace(memory, attempt=attempt, trouble=trouble)
+def _Trap(memory: PlannerMemory, why: PlanningFailure) -> None:
+    """Remember that the arm has no way out."""
+    memory.attempt.trapped = True
+    memory.trouble.failure = memory.trouble.failure or why.failure
+    memory.trouble.message = why.message
 
 
-def _detour(memory: PlannerMemory) -> PlannerMemory:
-    """Return the memory of an approach that is broken off."""
-    cycle = dc.replace(memory.cycle, detours=memory.cycle.detours + 1)
-    attempt = dc.replace(memory.attempt, moved=True)
-    return dc.replace(memory, attempt=attempt, cycle=cycle)
-
-
-def _failed(memory: PlannerMemory, failure: Failure, message: str) -> PlannerMemory:
-    """Return the memory with a failure, unless there is one that says more.
+def _Fail(memory: PlannerMemory, failure: Failure, message: str) -> None:
+    """Remember a failure, unless there is one that says more.
 
     That is what became of an object that was in the hand.
     """
-    trouble = memory.trouble
-    if trouble.failure is not None:
-        return memory
-    trouble = dc.replace(trouble, failure=failure, message=message)
-    return dc.replace(memory, trouble=trouble)
+    if memory.trouble.failure is None:
+        memory.trouble.failure, memory.trouble.message = failure, message

@@ -24,7 +24,7 @@ from drake_srg.planning.motion.moves import Moves
 from drake_srg.planning.motion.paths import plan_cartesian_path
 from drake_srg.planning.motion.planning_scene import PlanningScene
 from drake_srg.planning.motion.trajectories import motion_samples
-from drake_srg.planning.task.config import PlannerConfig
+from drake_srg.planning.planner_machine import PlannerConfig
 from drake_srg.planning.task.grasp_motions import GraspMotions
 from drake_srg.types import Failure, Mode, Vector
 

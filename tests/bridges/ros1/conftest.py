@@ -8,7 +8,7 @@ from bridges.ros1 import peers
 from bridges.ros1.peers import wait_until
 from drake_srg.bridges.commands import CommandInbox, Warnings
 from drake_srg.bridges.ros1.bridge import Ros1Bridge
-from drake_srg.bridges.ros1.timing import Timing
+from drake_srg.bridges.ros1.tcpros import Timing
 
 
 @pytest.fixture

@@ -1,3 +1,4 @@
+import re
 import signal
 import sys
 import threading
@@ -10,6 +11,7 @@ import pytest
 from pydrake.systems.sensors import CameraInfo
 from rosbags.typesys import Stores, get_typestore
 
+from bridges.ros2 import dds_peer
 from bridges.ros2.peers import (
     COMMANDS,
     CyclonePeer,
@@ -20,7 +22,15 @@ from bridges.ros2.peers import (
 )
 from bridges.waiting import wait_until
 from drake_srg.bridges.commands import CommandInbox, Warnings
-from drake_srg.bridges.ros2.bridge import Ros2Bridge, largest_message
+from drake_srg.bridges.ros2.bridge import (
+    Ros2Bridge,
+    domain_id,
+    largest_message,
+    open_participant,
+    payload_type,
+    topic_name,
+    type_name,
+)
 from drake_srg.bridges.topics import camera_topics
 from drake_srg.recording import ros_topics
 
@@ -267,3 +277,112 @@ def test_a_missing_package_comes_with_the_command_that_installs_it(monkeypatch):
     monkeypatch.delitem(sys.modules, "drake_srg.bridges.ros2.bridge")
     with pytest.raises(ImportError, match=r"pip install .*\[ros2\]"):
         import drake_srg.bridges.ros2.bridge  # noqa: F401 (imported for its effect)
+
+
+@pytest.fixture(autouse=True)
+def environment(monkeypatch):
+    monkeypatch.delenv("ROS_DOMAIN_ID", raising=False)
+    monkeypatch.delenv("CYCLONEDDS_URI", raising=False)
+
+
+@pytest.mark.parametrize("domain", [0, 1, 232])
+def test_a_domain_may_be_0_to_232(domain):
+    assert domain_id(domain) == domain
+
+
+@pytest.mark.parametrize("domain", [-1, 233, 1000])
+def test_other_domains_are_refused(domain):
+    with pytest.raises(
+        ValueError, match=f"ROS 2 domain: must be 0 to 232, got {domain}"
+    ):
+        domain_id(domain)
+
+
+@pytest.mark.parametrize("text, domain", [("", 0), ("0", 0), ("42", 42)])
+def test_the_environment_has_the_default_domain(monkeypatch, text, domain):
+    assert domain_id(None) == 0
+    monkeypatch.setenv("ROS_DOMAIN_ID", text)
+    assert domain_id(None) == domain
+    assert domain_id(7) == 7
+
+
+@pytest.mark.parametrize("text", ["300", "-1", "one", "1.5", "²"])
+def test_an_invalid_domain_in_the_environment_is_refused(monkeypatch, text):
+    monkeypatch.setenv("ROS_DOMAIN_ID", text)
+    message = f"ROS_DOMAIN_ID: must be 0 to 232, got {text}"
+    with pytest.raises(ValueError, match=message):
+        domain_id(None)
+
+
+@pytest.mark.parametrize("interface", ["127.0.0.1", "lo"])
+@pytest.mark.parametrize("domain", [None, 232])
+def test_a_domain_can_be_opened_and_closed_repeatedly(interface, domain):
+    domain = free_domain() if domain is None else domain
+    for _ in range(3):
+        with open_participant(domain, interface, "test", 2**20) as participant:
+            assert participant.get_domain_id() == domain
+
+
+@pytest.mark.parametrize("interface", ["198.51.100.1", "::1", "0.0.0.0", ""])
+def test_an_invalid_interface_is_refused(interface):
+    message = f"host: must be an IPv4 address .*, got '{re.escape(interface)}'"
+    with (
+        pytest.raises(ValueError, match=message),
+        open_participant(free_domain(), interface, "test", 2**20),
+    ):
+        pass
+
+
+def test_a_cyclonedds_uri_replaces_the_interface(monkeypatch, capfd):
+    monkeypatch.setenv("CYCLONEDDS_URI", "<CycloneDDS><Nonsense/></CycloneDDS>")
+    domain = free_domain()
+    with (
+        pytest.raises(OSError, match=f"cannot open domain {domain}"),
+        open_participant(domain, "127.0.0.1", "test", 2**20),
+    ):
+        pass
+    assert "Nonsense" in capfd.readouterr().err
+    interface = '<Interfaces><NetworkInterface name="lo"/></Interfaces>'
+    monkeypatch.setenv("CYCLONEDDS_URI", f"<General>{interface}</General>")
+    with open_participant(domain, "nothing", "test", 2**20):
+        pass
+
+
+STORE = get_typestore(Stores.ROS2_HUMBLE)
+
+
+@pytest.mark.parametrize(
+    "message, name",
+    [
+        ("std_msgs/msg/Int32", "std_msgs::msg::dds_::Int32_"),
+        ("rosgraph_msgs/msg/Clock", "rosgraph_msgs::msg::dds_::Clock_"),
+        ("action_msgs/srv/Cancel_Request", "action_msgs::srv::dds_::Cancel_Request_"),
+    ],
+)
+def test_types_have_ros_2_s_names(message, name):
+    assert type_name(message) == name
+
+
+def test_names_without_a_slash_are_those_of_dds():
+    assert topic_name("/grasp") == "rt/grasp"
+    assert topic_name("rq/addRequest") == "rq/addRequest"
+
+
+@pytest.mark.parametrize("cls", dds_peer.TYPES.values(), ids=dds_peer.TYPES.keys())
+def test_types_equal_those_written_by_hand(cls):
+    package, _, _, name = cls.__idl_typename__.split("::")
+    made = payload_type(STORE, f"{package}/msg/{name.rstrip('_')}")
+    # The identifier contains a hash of the whole type.
+    assert made.__idl__.get_type_id() == cls.__idl__.get_type_id()
+
+
+def test_every_type_of_ros_2_can_be_made():
+    for message in STORE.fielddefs:
+        made = payload_type(STORE, message)
+        made.__idl__.populate()
+
+
+def test_a_sample_serialises_to_its_bytes():
+    sample = payload_type(STORE, "std_msgs/msg/Int32")(b"data")
+    assert sample.cdr == sample.serialize(use_version_2=False) == b"data"
+    assert type(sample).deserialize(b"other").cdr == b"other"

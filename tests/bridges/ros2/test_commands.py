@@ -19,10 +19,13 @@ from bridges.ros2.peers import (
 )
 from bridges.waiting import wait_until
 from drake_srg.bridges.commands import CommandInbox, Warnings
-from drake_srg.bridges.ros2 import commands as ros2_commands
-from drake_srg.bridges.ros2.commands import COMMAND_LIMIT, CommandReader
-from drake_srg.bridges.ros2.dds_domain import open_participant
-from drake_srg.bridges.ros2.dds_types import payload_type
+from drake_srg.bridges.ros2 import bridge as ros2_bridge
+from drake_srg.bridges.ros2.bridge import (
+    COMMAND_LIMIT,
+    CommandReader,
+    open_participant,
+    payload_type,
+)
 from drake_srg.bridges.topics import camera_topics
 
 pytestmark = pytest.mark.slow
@@ -64,8 +67,8 @@ def test_no_command_is_lost_of_bursts_that_the_queues_hold(inbox, bridge, peer):
     advertise(inbox, peer, *COMMANDS)
     last = {topic: data for topic, (_, data) in COMMANDS.items()}
     for burst in range(1, 6):
-        peer.burst(ros2_commands.QUEUE_DEPTH, last)
-        assert received(inbox, burst * ros2_commands.QUEUE_DEPTH * len(COMMANDS))
+        peer.burst(ros2_bridge.QUEUE_DEPTH, last)
+        assert received(inbox, burst * ros2_bridge.QUEUE_DEPTH * len(COMMANDS))
     taken = inbox.take()
     for topic, data in last.items():
         assert taken[topic].tolist() == np.atleast_1d(data).tolist()
@@ -144,13 +147,16 @@ def test_a_command_of_a_writer_that_has_left_counts_once(told):
         def get_matched_publication_data(self, handle):
             return None
 
+    def receive(topic, content):
+        inbox.receive_message(topic.name, store.deserialize_cdr(content, topic.type))
+
     def make_reader(name, *policies):
         dds_topic = DdsTopic(participant, f"rt{name}", payload_type(store, topic.type))
         readers.append(Reader(participant, dds_topic, Qos(*policies)))
         return readers[-1]
 
     with open_participant(free_domain(), "127.0.0.1", "test", 2**20) as participant:
-        commands = CommandReader(participant, inbox, store, make_reader)
+        commands = CommandReader(participant, inbox, receive, make_reader)
         assert wait_until(lambda: not any(reader.samples for reader in readers))
         commands.close()
     assert len(readers) == 2  # reliable, best effort
@@ -159,7 +165,7 @@ def test_a_command_of_a_writer_that_has_left_counts_once(told):
 
 
 def test_forgotten_writers_are_looked_up_again(inbox, bridge, peer, monkeypatch):
-    monkeypatch.setattr(ros2_commands, "_MAX_WRITERS", 1)
+    monkeypatch.setattr(ros2_bridge, "_MAX_WRITERS", 1)
     advertise(inbox, peer, "/grasp", "/startgrasp", reliable=True)
     advertise(inbox, peer, "/kuka", reliable=False)
     for _ in range(3):

@@ -8,22 +8,17 @@ import numpy as np
 from pydrake.systems.analysis import Simulator
 from pydrake.trajectories import PiecewisePolynomial
 
-from drake_srg.planning.clearing.clearing_memory import Pick
+from drake_srg.planning.clearing.choosing import PickPlanner
 from drake_srg.planning.clearing.clearing_planner import ClearingPlanner
 from drake_srg.planning.clearing.destination import Destination
-from drake_srg.planning.clearing.picking import PickPlanner
+from drake_srg.planning.clearing.knowledge import Pick
 from drake_srg.planning.clearing.pushing import Push
-from drake_srg.planning.grasps.relief import Relief
+from drake_srg.planning.grasps.segmentation import Segmentation
 from drake_srg.planning.grasps.srg_fingers import SrgFingers
-from drake_srg.planning.grasps.top_grasp import (
-    GraspPlan,
-    Refusal,
-    TopGrasp,
-    palm_pose,
-)
+from drake_srg.planning.grasps.top_grasp import GraspPlan, Refusal, TopGrasp, palm_pose
 from drake_srg.planning.motion.arm_motion import Motion
 from drake_srg.planning.motion.failure import PlanningFailure
-from drake_srg.planning.task.config import PlannerConfig
+from drake_srg.planning.planner_machine import PlannerConfig
 from drake_srg.types import Failure, HeightMap, Mode
 
 HOME, OVER, ASIDE = np.zeros(2), np.full(2, 4.0), np.full(2, 5.0)
@@ -108,13 +103,13 @@ class Grasps:
             for p in left
             if p not in self.refused
         ]
-        relief = Relief.of(height_map, 0.0, least_height=0.004, least_area=1e-4)
+        segments = Segmentation.of(height_map, 0.0, least_height=0.004, least_area=1e-4)
         return GraspPlan(
             tuple(grasps),
             len(left),
             lambda: tuple(refused),
-            relief.places,
-            relief.beside_same,
+            segments.places,
+            segments.beside_same,
         )
 
 
@@ -165,7 +160,7 @@ class Pushes:
         if not height_map.height.any():
             return None
         motions = _line(q_start, np.full(2, 2.0)), _line(np.full(2, 2.0), OVER)
-        return Push(np.zeros(3), np.ones(3)), motions
+        return Push(np.zeros(3), np.ones(3), motions)
 
 
 def _line(start, end):

@@ -3,13 +3,11 @@ import pytest
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
-from drake_srg.planning.grasps.height_map_grasps import (
-    HeightMapGrasps,
-    Reach,
-    TopGraspConfig,
-)
+from drake_srg.planning.grasps import height_map_grasps
+from drake_srg.planning.grasps.height_map_grasps import HeightMapGrasps
 from drake_srg.planning.grasps.srg_fingers import SrgFingers
 from drake_srg.planning.grasps.top_grasp import ALIKE
+from drake_srg.planning.grasps.top_grasp_search import Reach
 from drake_srg.types import Failure
 from planning.grasps.box_maps import TABLE, height_map, turn
 
@@ -216,14 +214,15 @@ def test_noise_makes_no_flank_of_the_rim_of_a_plate(seed):
     assert PLANNER.plan(plate).grasps == ()
 
 
-def test_a_thing_may_be_in_reach_with_its_end_only():
+def test_a_thing_may_be_in_reach_with_its_end_only(monkeypatch):
     # A bar beside a wide box, which has most of the area.
     scene = height_map(
         (0.0, 0.0, 0.0, 0.26, 0.03, 0.03), (0.1, 0.12, 0.0, 0.2, 0.14, 0.02)
     )
-    few = TopGraspConfig(points=20, points_per_thing=4)
+    monkeypatch.setattr(height_map_grasps, "_POINTS", 20)
+    monkeypatch.setattr(height_map_grasps, "_PER_THING", 4)
     reach = Reach((-0.3, 0.0), 0.1, 0.182)
-    planner = HeightMapGrasps(HAND, TABLE, reach=reach, config=few)
+    planner = HeightMapGrasps(HAND, TABLE, reach=reach)
     for seed in range(5):
         grasps = planner.plan(scene, seed=seed).grasps
         assert grasps

@@ -5,7 +5,12 @@ from hypothesis import strategies as st
 from pydrake.math import RigidTransform, RotationMatrix
 
 from drake_srg.planning.grasps.grasps import pose_along
-from drake_srg.planning.grasps.linkage_hand import EMPTY_ANGLE, LinkageHand
+from drake_srg.planning.grasps.linkage_hand import (
+    EMPTY_ANGLE,
+    LinkageFingers,
+    LinkageHand,
+    crank_angle,
+)
 from drake_srg.types import Box, Cylinder, Sphere
 from planning.grasps.held_object import link_distances
 
@@ -13,6 +18,8 @@ UP = np.array([0.0, 0.0, 1.0])
 UPRIGHT = RigidTransform()
 HAND = LinkageHand(p_GT=np.array([0.095, 0.0, 0.0]))
 CYLINDER = Cylinder(0.0125, 0.05)
+FINGERS = LinkageFingers()
+OFFSETS = 0.001 * np.arange(-70, 71.0)
 
 
 @pytest.mark.parametrize("model", ["linkage_gripper", "linkage_gripper_flat"])
@@ -71,7 +78,7 @@ def test_a_turned_cylinder_fits_between_the_open_pads():
 def test_the_crank_angle_tells_an_object_from_an_empty_hand(radius):
     (grasp,) = HAND.grasps(Cylinder(radius, 0.05), UPRIGHT)
     proximity = np.zeros(2)
-    assert grasp.holds(np.full(2, grasp.contact_angle), proximity)
+    assert grasp.holds(np.full(2, crank_angle(radius)), proximity)
     assert not grasp.holds(np.full(2, EMPTY_ANGLE), proximity)
     assert 0.0 <= grasp.closure_open < grasp.closure_closed == 1.0
 
@@ -94,3 +101,28 @@ def test_a_reached_target_holds_the_object_along_its_axis(x, y, z):
 )
 def test_an_object_that_does_not_fit_the_hand_has_no_grasp(shape):
     assert HAND.grasps(shape, UPRIGHT) == []
+
+
+@given(half_gap=st.floats(0.005, 0.03))
+def test_the_silhouette_of_the_open_hand(half_gap):
+    reach = FINGERS.silhouette(half_gap, OFFSETS)
+    assert reach.max() <= FINGERS.deepest + 1e-9
+    between = np.abs(OFFSETS) < half_gap - 0.002
+    np.testing.assert_allclose(reach[between], FINGERS.palm_x)
+    assert reach[np.abs(OFFSETS) > half_gap + 0.022].max() <= FINGERS.palm_x
+
+
+@given(width=st.floats(0.01, 0.05))
+def test_wider_things_need_more_open_fingers(width):
+    assert FINGERS.tellable(width)
+    opened, closed = FINGERS.opened(0.5 * width + 0.003), FINGERS.closed(width)
+    assert 0.0 <= opened.closure < closed.closure <= 1.0
+    assert all(opened.joints[name] < closed.joints[name] for name in closed.joints)
+    held = np.array(list(closed.joints.values()))[:2]
+    assert FINGERS.holds(width, held, np.zeros(2))
+    empty = FINGERS.closed(0.0).joints.values()
+    assert not FINGERS.holds(width, np.array(list(empty))[:2], np.zeros(2))
+
+
+def test_it_opens_to_its_stop_at_most():
+    assert FINGERS.opened(0.1).closure == pytest.approx(0.0)

@@ -34,7 +34,7 @@ def test_the_silhouette_of_the_open_hand(half_gap):
     base = FINGERS.opened(half_gap).joints["left_base_joint"]
     gap, reach = ends(base)
     np.testing.assert_allclose(gap, half_gap, atol=1e-9)
-    seen = FINGERS.silhouette(half_gap, OFFSETS).reach
+    seen = FINGERS.silhouette(half_gap, OFFSETS)
     assert reach - 1e-3 < seen.max() <= FINGERS.deepest + 1e-9
     assert (seen[np.abs(OFFSETS) < half_gap - 0.002] < reach).all()
     assert seen[len(OFFSETS) // 2] >= FINGERS.palm_x

@@ -6,7 +6,7 @@ import pytest
 from pydrake.math import RigidTransform, RollPitchYaw
 
 from drake_srg.planning.grasps.known_surface import KnownSurface
-from drake_srg.planning.grasps.linkage_fingers import LinkageFingers
+from drake_srg.planning.grasps.linkage_hand import LinkageFingers
 from drake_srg.planning.grasps.srg_fingers import SrgFingers
 from drake_srg.planning.grasps.surface_grasps import SurfaceGrasps
 from drake_srg.types import Box, Cylinder, Failure, HeightMap, Sphere

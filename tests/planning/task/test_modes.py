@@ -1,24 +1,23 @@
 """Single modes: what they command as they begin, and what they observe."""
 
+import copy
 import dataclasses as dc
 
 import numpy as np
 import pytest
 
 from drake_srg.planning.motion.arm_motion import Motion
+from drake_srg.planning.planner_machine import Observation, PlannerConfig
 from drake_srg.planning.state_machine import Entry, Moment
-from drake_srg.planning.task.config import PlannerConfig
-from drake_srg.planning.task.modes import task_modes
-from drake_srg.planning.task.observing import Senses
-from drake_srg.planning.task.planner_memory import (
+from drake_srg.planning.task.knowledge import (
     Attempt,
     Cycle,
     PlannerMemory,
+    Senses,
     Totals,
-    Trouble,
 )
+from drake_srg.planning.task.modes import task_modes
 from drake_srg.planning.task.sightings import View
-from drake_srg.planning.task.transitions import Observation
 from drake_srg.types import Failure, Mode
 from planning.planning_world import MODES, MOVING, FakeTaskPlanner
 
@@ -33,8 +32,8 @@ NOW = 7.0  # s
 class NoReplanner:
     """Finds no way out, and must not be asked for anything else."""
 
-    def escape(self, memory, time):
-        return dc.replace(memory, attempt=dc.replace(memory.attempt, trapped=True))
+    def Escape(self, memory, time):
+        memory.attempt.trapped = True
 
 
 def modes(repeat=1, **config):
@@ -56,7 +55,7 @@ def senses(q=PLANNER.q_home, **changes):
 
 def begin(mode, memory, previous=Mode.IDLE, **config):
     entry = Entry(NOW, senses(), previous, Observation())
-    return modes(**config)[mode].enter(memory, entry)
+    return modes(**config)[mode].enter(copy.copy(memory), entry)
 
 
 def observe(mode, memory, time=NOW, felt=None, **config):
@@ -87,9 +86,9 @@ def test_only_three_modes_command_the_fingers_as_they_begin(memory, mode):
         Mode.CLOSE: GRASP.closure_closed,
         Mode.RELEASE: GRASP.closure_open,
     }
-    memory = dc.replace(memory, grip=dc.replace(memory.grip, closure=0.123))
+    memory.closure = 0.123
     after = begin(mode, memory, Mode.PLACE)
-    assert after.grip.closure == commanded.get(mode, 0.123)
+    assert after.closure == commanded.get(mode, 0.123)
 
 
 @pytest.mark.parametrize("mode", UNDER_WAY[1:])
@@ -112,7 +111,7 @@ def test_only_grasp_counts_attempts(memory):
 def test_a_spent_time_budget_and_a_touch_are_observed_in_every_mode(memory, mode):
     late = observe(mode, memory, NOW + 10.01, time_budget=10.0)
     assert late == Observation(failure=Failure.TIME_BUDGET)
-    memory = dc.replace(memory, trouble=Trouble(touched="a wall"))
+    memory.trouble.touched = "a wall"
     assert observe(mode, memory) == Observation(failure=Failure.STOPPED)
 
 
@@ -121,7 +120,7 @@ def test_the_ends_observe_nothing_and_stop_nothing(memory, mode):
     touched = senses(external_torque=np.full(2, 99.0))
     moving = begin(Mode.HOME, memory)
     made = modes(time_budget=0.1, max_external_torque=[1.0, 1.0])[mode]
-    assert made.update(moving, Moment(99.0, touched)) is moving
+    assert made.update(copy.copy(moving), Moment(99.0, touched)) == moving
     assert made.observe(moving, Moment(99.0, touched)) == Observation()
 
 
@@ -150,7 +149,7 @@ def test_an_arm_that_does_not_follow_is_stopped_by_something(memory, mode):
 def test_releasing_an_object_that_was_lost_is_a_failure(
     memory, previous, lost, failure
 ):
-    memory = dc.replace(memory, attempt=dc.replace(memory.attempt, lost=lost))
+    memory.attempt.lost = lost
     after = begin(Mode.RELEASE, memory, previous)
     assert after.trouble.failure is failure
     assert after.cycle.tried == ((GRASP.name,) if failure else ())
@@ -172,11 +171,7 @@ def test_releasing_an_object_that_was_lost_is_a_failure(
 def test_the_end_of_an_attempt_judges_it_and_forgets_its_plan(
     memory, at_goal, before, after
 ):
-    memory = dc.replace(
-        memory,
-        attempt=dc.replace(memory.attempt, at_goal=at_goal),
-        trouble=Trouble(failure=before),
-    )
+    memory.attempt.at_goal, memory.trouble.failure = at_goal, before
     ended = begin(Mode.IDLE, memory, Mode.HOME)
     assert ended.trouble.failure is after
     assert bool(ended.trouble.message) == (after is not None)

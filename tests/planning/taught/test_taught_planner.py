@@ -5,27 +5,32 @@ from pydrake.math import RigidTransform
 from pydrake.systems.analysis import Simulator
 from pydrake.trajectories import PiecewisePolynomial
 
+from drake_srg.cell import MakeTaughtPlanner
+from drake_srg.cell.planners import MakeTaughtMotions
 from drake_srg.planning.motion.failure import PlanningFailure
-from drake_srg.planning.task.config import PlannerConfig
-from drake_srg.planning.taught.config import TaughtConfig
-from drake_srg.planning.taught.taught_planner import TaughtPlanner
+from drake_srg.planning.taught.taught_planner import Taught, TaughtPlanner
+from drake_srg.scenario import load_scenario
 from drake_srg.types import Blob, Failure, Mode
 
 HOME = np.zeros(2)
 MODES = (Mode.PRE_GRASP, Mode.GRASP, Mode.LIFT, Mode.PLACE, Mode.HOME)
 WAYPOINTS = {mode: np.array([i + 1.0, 0.0]) for i, mode in enumerate(MODES)}
-CONFIG = PlannerConfig(
-    latency=0.1, grip_wait=0.5, release_wait=0.5, home_wait=0.5, close_at_home=1.5
-)
+TIMES = {
+    "latency": 0.1,
+    "grip_wait": 0.5,
+    "release_wait": 0.5,
+    "home_wait": 0.5,
+    "close_at_home": 1.5,
+}
 BLOB = Blob("cylinder", "top", (0, 0), RigidTransform([0.3, 0.2, 0.1]), 1.0)
 
 
 class Motions:
     """Stands in for `TaughtMotions`: every motion takes a second."""
 
-    def __init__(self, config=None, failure=None):
+    def __init__(self, failure=None, **config):
         self.q_home = HOME
-        self.config = config or TaughtConfig()
+        self.config = Taught(**(TIMES | config))
         self.failure = failure
         self.asked = []
 
@@ -43,9 +48,9 @@ class Motions:
 class Run:
     """Advances a planner whose inputs are fixed values."""
 
-    def __init__(self, motions=None, config=CONFIG, blobs=(BLOB,)):
+    def __init__(self, motions=None, blobs=(BLOB,)):
         self.motions = motions or Motions()
-        self.planner = TaughtPlanner(self.motions, "cylinder", config)
+        self.planner = TaughtPlanner(self.motions, "cylinder")
         self.simulator = Simulator(self.planner)
         self.context = self.simulator.get_mutable_context()
         self.show(*blobs)
@@ -79,7 +84,7 @@ class Run:
 
 
 def test_its_ports_are_those_of_a_planner():
-    inputs, outputs = port_table(TaughtPlanner(Motions(), "cylinder", CONFIG))
+    inputs, outputs = port_table(TaughtPlanner(Motions(), "cylinder"))
     assert inputs == {"blobs": None, "arm_state": 4, "grasped": 1}
     assert outputs == {
         "mode": None,
@@ -127,7 +132,8 @@ def test_a_grip_that_is_interrupted_does_not_count():
 
 
 def test_without_a_wait_it_still_waits_for_the_grip():
-    run = Run(config=PlannerConfig()).advance(4.0)
+    no_waits = dict.fromkeys(TIMES, 0.0) | {"latency": 0.1}
+    run = Run(Motions(**no_waits)).advance(4.0)
     assert run.read("mode") is Mode.CLOSE
     run.grip(True)
     assert run.advance(4.1).read("mode") is Mode.LIFT
@@ -154,7 +160,7 @@ def test_other_objects_are_not_taken():
 
 
 def test_a_fixed_pose_needs_no_look():
-    run = Run(Motions(TaughtConfig(grasp=[1.0, 2.0, 3.0])), blobs=()).advance(1.0)
+    run = Run(Motions(grasp=[1.0, 2.0, 3.0]), blobs=()).advance(1.0)
     assert run.motions.asked == [[1.0, 2.0, 3.0]]
     status = run.read("status")
     assert (status.looks, status.localization) == (0, None)
@@ -170,8 +176,7 @@ def test_a_pose_out_of_reach_ends_the_task_with_the_reason():
 
 
 def test_a_hand_that_never_grips_uses_up_the_time_budget():
-    config = PlannerConfig(time_budget=4.0)
-    run = Run(config=config).advance(5.0)
+    run = Run(Motions(time_budget=4.0)).advance(5.0)
     status = run.read("status")
     assert (status.mode, status.failure) == (Mode.FAILED, Failure.TIME_BUDGET)
 
@@ -181,3 +186,97 @@ def test_two_planners_do_not_share_their_memory():
     first.advance(1.0)
     second.advance(0.2)
     assert (first.read("mode"), second.read("mode")) == (Mode.PRE_GRASP, Mode.IDLE)
+
+
+ORDER = (Mode.PRE_GRASP, Mode.GRASP, Mode.LIFT, Mode.PLACE, Mode.HOME)
+P2 = np.array([-0.325, -0.175, 0.14])
+
+
+@pytest.fixture(scope="module")
+def motions():
+    return MakeTaughtMotions(load_scenario("assistive_arm_thesis"))
+
+
+@pytest.fixture(scope="module")
+def planned(motions):
+    return motions.plan(P2)
+
+
+def tip(motions, trajectory, time):
+    return motions.moves.tip(trajectory.value(time)[:, 0])
+
+
+@pytest.mark.slow
+def test_every_motion_begins_where_the_last_one_ended(motions, planned):
+    assert tuple(planned) == ORDER
+    ends = [motions.q_home]
+    for trajectory in planned.values():
+        np.testing.assert_allclose(trajectory.value(0.0)[:, 0], ends[-1], atol=0.01)
+        ends.append(trajectory.value(trajectory.end_time())[:, 0])
+    np.testing.assert_allclose(ends[-1], motions.q_home, atol=1e-6)
+    np.testing.assert_allclose(ends[3], motions.config.lift, atol=1e-6)
+    np.testing.assert_allclose(ends[4], motions.config.place, atol=1e-6)
+
+
+@pytest.mark.slow
+def test_p1_is_beside_the_blob_and_p2_at_it(motions, planned):
+    beside, at = (
+        tip(motions, planned[mode], planned[mode].end_time()) for mode in ORDER[:2]
+    )
+    np.testing.assert_allclose(beside, P2 + np.array([0.025, 0.0, 0.0]), atol=3e-4)
+    np.testing.assert_allclose(at, P2, atol=3e-4)
+
+
+@pytest.mark.slow
+def test_the_tip_keeps_the_thesis_s_speed(motions, planned):
+    for trajectory in planned.values():
+        times = np.linspace(0.0, trajectory.end_time(), 400)
+        path = np.array([tip(motions, trajectory, t) for t in times])
+        speed = np.linalg.norm(np.gradient(path, times, axis=0), axis=1)
+        assert np.max(speed) <= 0.1 * 1.01  # the slack of sampling
+
+
+@pytest.mark.slow
+def test_the_tip_moves_on_straight_lines(motions, planned):
+    for trajectory in planned.values():
+        times = np.linspace(0.0, trajectory.end_time(), 50)
+        path = np.array([tip(motions, trajectory, t) for t in times])
+        line = (path[-1] - path[0]) / np.linalg.norm(path[-1] - path[0])
+        beside = path - path[0] - np.outer((path - path[0]) @ line, line)
+        assert np.max(np.linalg.norm(beside, axis=1)) < 2e-3
+
+
+@pytest.mark.parametrize(
+    ("p_WT", "failure"),
+    [
+        ([-0.9, 0.0, 0.14], Failure.OUT_OF_REACH),
+        ([-0.325, -0.175, 0.09], Failure.BLOCKED),
+    ],
+)
+@pytest.mark.slow
+def test_what_cannot_be_reached_is_said(motions, p_WT, failure):
+    result = motions.plan(np.array(p_WT))
+    assert isinstance(result, PlanningFailure)
+    assert result.failure is failure
+
+
+@pytest.mark.slow
+def test_either_tip_was_taught_the_same_places(motions):
+    before = MakeTaughtMotions(load_scenario("assistive_arm_before"))
+    apart = np.linalg.norm(before.moves.p_GT - motions.moves.p_GT)
+    assert 1e-3 < apart < 1.5e-3  # a constant offset, beyond the recess's clearance
+    for name in ("lift", "place"):
+        ours, other = (
+            m.moves.tip(np.array(getattr(m.config, name))) for m in (motions, before)
+        )
+        np.testing.assert_allclose(other, ours, atol=5e-5)
+
+
+@pytest.mark.slow
+def test_a_posture_of_another_arm_is_refused():
+    scenario = load_scenario("assistive_arm_thesis")
+    scenario.planner.lift = [0.0, 0.0]
+    with pytest.raises(
+        ValueError, match=r"planner\.lift: needs one entry per joint.*5"
+    ):
+        MakeTaughtPlanner(scenario)

@@ -1,0 +1,292 @@
+"""What is known while a table is cleared, and where each mode leads."""
+
+from __future__ import annotations
+
+import dataclasses as dc
+from collections.abc import Mapping
+
+import cv2
+import numpy as np
+from pydrake.trajectories import Trajectory
+
+from drake_srg.planning.clearing.destination import AROUND, BESIDE, Destination
+from drake_srg.planning.clearing.loads import Load, Loads
+from drake_srg.planning.clearing.maps import (
+    completed,
+    fallen,
+    has_come,
+    parts,
+    volume_gone,
+    volume_taken,
+)
+from drake_srg.planning.clearing.pushing import Push
+from drake_srg.planning.grasps.fingers import Fingers
+from drake_srg.planning.grasps.top_grasp import TopGrasp
+from drake_srg.planning.planner_machine import (
+    MotionMemory,
+    Observation,
+    PlannerConfig,
+    Table,
+    Transitions,
+)
+from drake_srg.planning.state_machine import Memory
+from drake_srg.types import Failure, HeightMap, Left, Mode, PlannerStatus, Vector
+
+# What falls out of the bin rolls this far at most [m].
+_ROLLED = 0.3
+# What is gone from so near to the grasp belongs to the load for the most part [m].
+_CORE = 0.03
+# Of what a hand over the bin holds, at least this share is near the bin. A long thing
+# that was pushed there lies on both sides of the limit.
+_LEAST_NEAR = 0.8
+# Noise raises the cells at the edges of what has risen.
+_EDGES = np.ones((5, 5), np.uint8)
+
+
+@dc.dataclass
+class Pick(Memory):
+    """A grasp, the motions of the modes around it, and the map they are planned on."""
+
+    grasp: TopGrasp
+    motions: Mapping[Mode, Trajectory]
+    height_map: HeightMap
+    destination: Destination  # of what it takes
+    ready_at: float  # when planning has taken its time [s]
+    label: int = -1  # of what it takes, on labelled maps; -1: none
+    confirmed: bool = False  # what it takes was seen again on the way there
+    # Angles of the gripper's joints as the lift begins, shape (n,) [rad].
+    angles: Vector = dc.field(default_factory=lambda: np.zeros(0))
+    held: bool = False  # the fingers felt something until the arm was over the bin
+
+    @property
+    def placing(self) -> bool:
+        """Whether a load is set down or laid, not dropped.
+
+        A hand that has lost its load does not go down in a bin. Over a row it always
+        does, because things must not be dropped there.
+        """
+        felt = self.held or self.destination.rim is None
+        return felt and Mode.PLACE in self.motions
+
+    def without_load(self, seen: HeightMap) -> HeightMap:
+        """Return a map without the hand over a bin and its load.
+
+        What reaches over the edge of the bin would look like a thing on the table, and
+        so would the end of it that reaches further than what is left out. Something
+        that really comes to lie there is seen in later looks, or now, if most of it
+        does.
+        """
+        if self.destination.rim is None:
+            return seen
+        near = self.destination.contains(seen, AROUND)
+        risen = near & ~(seen.height <= self.height_map.height)
+        for part in parts(fallen(self.height_map, seen) < 0.0, seen.resolution):
+            if np.mean(near[part]) < _LEAST_NEAR:
+                risen &= ~part
+            else:
+                risen |= cv2.dilate(part.astype(np.uint8), _EDGES) > 0
+        height = np.where(risen, np.nan, seen.height)
+        return completed(dc.replace(seen, height=height), self.height_map)
+
+    def load(self, after: HeightMap, *, felt: bool) -> Load:
+        """Return what it has let go, by the map of the table after it.
+
+        Args:
+            after: The map.
+            felt: Whether the fingers felt it, and it is gone from the table.
+        """
+        return Load(
+            destination=self.destination,
+            volume=volume_taken(self.height_map, after, self.grasp.p_WC),
+            height=self.grasp.height,
+            core=volume_gone(self.height_map, after, self.grasp.p_WC, _CORE),
+            felt=felt,
+            laid=self.placing,
+            label=self.label,
+        )
+
+
+@dc.dataclass
+class View(Memory):
+    """What the cameras have shown of the table.
+
+    Attributes:
+        latest: The latest map; None before the first look.
+        lowest: The least heights of all maps since the first pick was planned.
+        looks: Number of looks, also at where loads go.
+        next_look: When the next one is due while the arm rests [s].
+        rested_at: When the arm came to rest to look [s].
+    """
+
+    latest: HeightMap | None = None
+    lowest: HeightMap | None = None
+    looks: int = 0
+    next_look: float = 0.0
+    rested_at: float = 0.0
+
+
+@dc.dataclass
+class Attempts(Memory):
+    """What was tried so far.
+
+    Attributes:
+        picks: Number of grasps begun.
+        tried: Grasps that failed.
+        stopped: Those of them on whose way the arm got stuck.
+        pushed: Pushes begun since anything was taken.
+        doubtful: Whether what the pick before was to take has moved meanwhile.
+    """
+
+    picks: int = 0
+    tried: tuple[TopGrasp, ...] = ()
+    stopped: tuple[TopGrasp, ...] = ()
+    pushed: tuple[Push, ...] = ()
+    doubtful: bool = False
+
+
+@dc.dataclass
+class Released(Memory):
+    """The hand since it let go last.
+
+    Attributes:
+        at: When that was [s].
+        hand: Its model; None before the first time.
+        fingers: Angles of the gripper's joints since then, by name [rad].
+        astray: Whether the arm is still where it got stuck or has set a thing down.
+        way_out: The way up from where the last load was laid down, from whose end the
+            next pick is planned.
+    """
+
+    at: float = -np.inf
+    hand: Fingers | None = None
+    fingers: Mapping[str, float] = dc.field(default_factory=dict)
+    astray: bool = False
+    way_out: Trajectory | None = None
+
+
+@dc.dataclass
+class ClearingMemory(MotionMemory):
+    """All that the planner remembers.
+
+    Attributes:
+        view: What the cameras have shown of the table.
+        pick: The pick under way, or the next one.
+        push: What is left of the push under way, or the next one.
+        finished: Whether nothing is left that a grasp takes.
+        left: What no grasp takes, and why.
+        attempts: What was tried.
+        released: The hand since it let go last.
+        loads: What it has let go, and where that is.
+        first_seen_at: When the first pick was planned [s].
+        failure: Why the planner gives up.
+        message: The same in words.
+    """
+
+    view: View = dc.field(default_factory=View)
+    pick: Pick | None = None
+    push: Push | None = None
+    finished: bool = False
+    left: tuple[Left, ...] = ()
+    attempts: Attempts = dc.field(default_factory=Attempts)
+    released: Released = dc.field(default_factory=Released)
+    loads: Loads = dc.field(default_factory=Loads)
+    first_seen_at: float = np.inf
+    failure: Failure | None = None
+    message: str = ""
+
+    @property
+    def planned(self) -> Pick:
+        """The pick, for modes that begin only with one."""
+        assert self.pick is not None, "this mode needs a planned pick"
+        return self.pick
+
+    @property
+    def departure(self) -> Vector:
+        """Where the next pick begins, shape (N,) [rad]."""
+        way_out = self.released.way_out
+        if way_out is None:
+            return self.motion.destination
+        q: Vector = way_out.value(way_out.end_time())[:, 0]
+        return q
+
+    def fell_out(self, pick: Pick, volume: float, after: HeightMap) -> bool:
+        """Return whether what a pick takes may have fallen out of the bin before.
+
+        Most of it has come to lie beside the bin since the first pick. Further away, it
+        must also be as large as a load that the bin has received, and that is there no
+        more.
+
+        Args:
+            pick: The pick.
+            volume: Of what it takes [m³].
+            after: The map without that.
+        """
+        p_WC, earlier = pick.grasp.p_WC[:2], self.view.lowest
+        margin = _ROLLED if self.loads.has_lost(volume) else BESIDE
+        if earlier is None or not pick.destination.encloses(p_WC, margin):
+            return False
+        return has_come(earlier, pick.height_map, after, p_WC)
+
+    def status(self, mode: Mode) -> PlannerStatus:
+        """Return the planner's report on its task in a mode."""
+        return PlannerStatus(
+            mode=mode,
+            failure=self.failure if mode is Mode.FAILED else None,
+            attempts=self.attempts.picks,
+            cycles=self.loads.arrived,
+            multi_object_picks=self.loads.several,
+            looks=self.view.looks,
+            localized_at=self.first_seen_at if self.attempts.picks else 0.0,
+            message=self.message,
+            left=self.left + self.loads.lost,
+        )
+
+
+def _released(o: Observation, t: float, c: PlannerConfig) -> bool:
+    waited = t >= max(c.gripper_reaction, c.release_wait)
+    return (waited and o.clear) or t >= c.gripper_timeout
+
+
+_TABLE: Table = {
+    Mode.IDLE: [
+        (lambda o, t, c: o.ready, Mode.PRE_GRASP),
+        (lambda o, t, c: o.pushing, Mode.PUSH),
+        (lambda o, t, c: o.finished and o.unseen, Mode.VERIFY),
+        (lambda o, t, c: o.finished, Mode.HOME),
+    ],
+    Mode.VERIFY: [(lambda o, t, c: o.arrived, Mode.IDLE)],
+    Mode.PUSH: [
+        (lambda o, t, c: o.arrived, Mode.IDLE),
+        (lambda o, t, c: o.stuck, Mode.RETREAT),
+    ],
+    Mode.PRE_GRASP: [
+        (lambda o, t, c: o.moved and (o.arrived or o.stuck), Mode.RETREAT),
+        (lambda o, t, c: o.arrived, Mode.GRASP),
+        (lambda o, t, c: o.stuck, Mode.RELEASE),
+    ],
+    Mode.GRASP: [(lambda o, t, c: o.arrived, Mode.CLOSE)],
+    Mode.CLOSE: [
+        (lambda o, t, c: t >= max(c.gripper_reaction, c.grip_wait) and o.still,
+         Mode.LIFT),
+        (lambda o, t, c: t >= c.gripper_timeout, Mode.LIFT),
+    ],
+    Mode.LIFT: [
+        (lambda o, t, c: o.arrived, Mode.TRANSFER),
+        (lambda o, t, c: o.stuck, Mode.RELEASE),
+    ],
+    Mode.TRANSFER: [
+        (lambda o, t, c: o.arrived and o.placing, Mode.PLACE),
+        (lambda o, t, c: o.arrived or o.stuck, Mode.RELEASE),
+    ],
+    Mode.PLACE: [(lambda o, t, c: o.arrived or o.stuck, Mode.RELEASE)],
+    Mode.RELEASE: [
+        (lambda o, t, c: o.astray and _released(o, t, c), Mode.RETREAT),
+        (_released, Mode.IDLE),
+    ],
+    Mode.RETREAT: [(lambda o, t, c: o.arrived, Mode.IDLE)],
+    Mode.HOME: [(lambda o, t, c: o.arrived, Mode.DONE)],
+    Mode.DONE: [],
+    Mode.FAILED: [],
+}  # fmt: skip
+
+transition = Transitions(_TABLE)

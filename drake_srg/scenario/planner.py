@@ -1,0 +1,100 @@
+"""Tags and checks of a scenario's planner."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from typing import TYPE_CHECKING, Any
+
+from drake_srg.planning.planner_machine import Clear, PickAndPlace
+from drake_srg.planning.script.scripted import Script
+from drake_srg.planning.taught.taught_planner import Taught
+from drake_srg.scenario.yaml_tree import fail
+from drake_srg.servoing.config import Servoing
+
+if TYPE_CHECKING:
+    from drake_srg.scenario.schema import Scenario
+
+# Keys of files from before planners had tags, and how the same is written now.
+_EARLIER = {
+    "taught": "planner: !Taught {lift: [...], place: [...], ...}",
+    "servoing": "planner: !Servoing {servo: {...}, ...}",
+    "script": "planner: !Script {steps: [...]}",
+    "messages": "planner: !Script {messages: {...}}",
+}
+
+
+def with_planner_tag(tree: Mapping[str, Any], origin: str) -> Mapping[str, Any]:
+    """Return a scenario's tree with a planner that picks and places, unless tagged.
+
+    Args:
+        tree: With bases and overrides.
+        origin: File or name at the start of error messages.
+
+    Raises:
+        ScenarioError: If the tree has a key from before planners had tags.
+    """
+    for key, form in _EARLIER.items():
+        if key in tree:
+            fail(origin, key, f"is a key of the planner now: write {form}")
+    planner = tree.get("planner")
+    if not isinstance(planner, Mapping) or "_tag" in planner:
+        return tree
+    return {**tree, "planner": {**planner, "_tag": f"!{PickAndPlace.__name__}"}}
+
+
+def planner_problems(scenario: Scenario) -> Iterator[tuple[str, str]]:
+    """Yield the key and the description of each problem of `planner`."""
+    yield from _task_problems(scenario)
+    planner = scenario.planner
+    if isinstance(planner, Script):
+        yield from _script_problems(scenario, planner)
+    if isinstance(planner, Taught) and scenario.localizer.obstacles:
+        problem = "must be false with taught waypoints, which avoid nothing"
+        yield "localizer.obstacles", f"{problem}, got true"
+    if isinstance(planner, Servoing):
+        yield from _servo_problems(scenario, planner)
+
+
+def _task_problems(scenario: Scenario) -> Iterator[tuple[str, str]]:
+    kind, clears = type(scenario.planner), scenario.task.clear is not None
+    if clears and kind in (PickAndPlace, Servoing, Taught):
+        problem = (
+            f"must have the tag !{Clear.__name__} with this task.pick, got "
+            f"!{kind.__name__}: write planner: !{Clear.__name__} {{...}}"
+        )
+        yield "planner", problem
+    if isinstance(scenario.planner, Clear) and not clears:
+        problem = (
+            f"must be all, a colour or a list of names with planner: "
+            f"!{Clear.__name__}, got {scenario.task.pick!r}"
+        )
+        yield "task.pick", problem
+
+
+def _script_problems(scenario: Scenario, planner: Script) -> Iterator[tuple[str, str]]:
+    duration, budget = sum(step.duration for step in planner.steps), planner.time_budget
+    if duration > budget:
+        problem = f"must last at most planner.time_budget ({budget:g} s)"
+        yield "planner.steps", f"{problem}, got {duration:g} s"
+    n = len(scenario.arm.home) if scenario.arm else 0
+    for i, step in enumerate(planner.steps):
+        if step.arm is not None and len(step.arm) != n:
+            yield (
+                f"planner.steps[{i}].arm",
+                f"needs one entry per joint of the arm ({n}), got {len(step.arm)}",
+            )
+
+
+def _servo_problems(scenario: Scenario, planner: Servoing) -> Iterator[tuple[str, str]]:
+    servo = planner.servo
+    if servo.camera not in scenario.cameras:
+        allowed = ", ".join(scenario.cameras) or "none"
+        problem = f"unknown camera {servo.camera!r} (allowed: {allowed})"
+        yield "planner.servo.camera", problem
+    images = servo.camera_period / servo.period
+    if images < 1.0 or abs(images - round(images)) > 1e-6:
+        yield (
+            "planner.servo.camera_period",
+            f"must be a multiple of planner.servo.period ({servo.period:g} s), "
+            f"got {servo.camera_period:g}",
+        )

@@ -1,0 +1,76 @@
+"""Systems keep all state in the Context: nothing of `self` changes in a simulation."""
+
+import types
+
+import numpy as np
+import pytest
+from helpers import fix
+from pydrake.systems.analysis import Simulator
+
+from drake_srg.scenario import load_scenario
+from drake_srg.station import MakeStation
+
+
+def snapshot(value, above=()):
+    """Return what a value holds, as far as the package's own code could change it."""
+    if id(value) in above:
+        return "circle"
+    above = (*above, id(value))
+    match value:
+        case np.ndarray():
+            result = value.dtype.str, value.shape, value.tobytes()
+        case dict():
+            result = [(str(key), snapshot(v, above)) for key, v in value.items()]
+        case list() | tuple():
+            result = [snapshot(item, above) for item in value]
+        case set() | frozenset():
+            result = sorted(map(str, value))
+        case bool() | int() | float() | str() | None:
+            result = value
+        case types.FunctionType() | types.MethodType() | type():
+            result = "code"
+        case _ if type(value).__module__.startswith("drake_srg"):
+            result = snapshot(getattr(value, "__dict__", None), above)
+        case _:
+            result = type(value).__name__
+    return result
+
+
+def own_systems(diagram):
+    """Yield the systems of the package in a diagram, at any depth, with their names."""
+    for system in diagram.GetSystems():
+        if hasattr(system, "GetSystems"):
+            yield from own_systems(system)
+        elif hasattr(system, "__dict__"):
+            yield system.GetSystemPathname(), system
+
+
+@pytest.mark.parametrize(
+    ("scenario", "overrides"),
+    [
+        ("kitchen", ["safety={}", "sleeping={}", "gripper.trigger=touch"]),
+        ("kitchen_tendon", ["gripper.drive.dead_band=0.1"]),
+        ("kitchen_impedance", []),
+        ("assistive_arm", ["gripper.errors={latency: 0.01, encoder_noise: 1.0e-4}"]),
+    ],
+)
+def test_a_simulation_changes_no_system(scenario, overrides):
+    station = MakeStation(load_scenario(scenario, overrides=overrides))
+    home = load_scenario(scenario).arm.home
+    simulator = Simulator(station)
+    fix(
+        station,
+        simulator.get_mutable_context(),
+        **{"arm.position_commanded": home, "gripper.closure_commanded": 0.8},
+    )
+    systems = dict(own_systems(station))
+    assert len(systems) > 5
+    before = {name: snapshot(vars(system)) for name, system in systems.items()}
+    simulator.AdvanceTo(0.1)
+    for i in range(station.num_output_ports()):
+        port = station.get_output_port(i)
+        if not port.get_name().startswith("camera"):
+            port.Eval(simulator.get_context())
+    after = {name: snapshot(vars(system)) for name, system in systems.items()}
+    changed = [name for name in systems if before[name] != after[name]]
+    assert not changed

@@ -1,0 +1,1 @@
+"""Golden runs: hashes of what the package computes, compared with committed ones."""
