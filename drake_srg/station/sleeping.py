@@ -38,6 +38,7 @@ from pydrake.systems.framework import (
 )
 
 from drake_srg.common.exceptions import ScenarioError
+from drake_srg.common.shared import Shared
 from drake_srg.lifetime import LeafSystem
 from drake_srg.objects.config import SleepingConfig
 from drake_srg.objects.corners import body_corners
@@ -53,13 +54,10 @@ _ROUNDING = 1e-9  # s; times this close are equal
 
 
 @dc.dataclass(frozen=True)
-class _Filter:
+class _Filter(Shared):  # Drake's ids cannot be deep-copied
     """The collision filter between what rests, if there is one."""
 
     id: FilterId | None = None
-
-    def __deepcopy__(self, memo: object) -> _Filter:
-        return self  # it is constant, and Drake's ids cannot be deep-copied
 
 
 class SleepMonitor(LeafSystem):
