@@ -69,7 +69,8 @@ class ServoedStand(Stand):
         """Take an image if one is due, and return the one that arrives now, if any."""
         if self.broken == "silent":
             return None
-        if (
+        period = SCENARIO.planner.servo.camera_period
+        if self.loop.time >= period * len(self._taken) - 1e-9:
             self.loop.time
             >= SCENARIO.planner.servo.camera_period * len(self._taken) - 1e-9
         ):
