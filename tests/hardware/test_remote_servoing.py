@@ -71,9 +71,6 @@ class ServoedStand(Stand):
             return None
         period = SCENARIO.planner.servo.camera_period
         if self.loop.time >= period * len(self._taken) - 1e-9:
-            self.loop.time
-            >= SCENARIO.planner.servo.camera_period * len(self._taken) - 1e-9
-        ):
             q = self.arm.sent[-1] if self.arm.sent else HOME
             X_CO = (arm().X_WG(q) @ self.X_GC).inverse() @ self.X_WO
             self._frame += self.broken != "frozen"
