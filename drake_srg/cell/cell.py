@@ -103,7 +103,8 @@ def AddCell(
     }
     if make_planner is not None:
         needed["task.pick"] = scenario.task.pick
-    if make_planner is not None or not isinstance(scenario.planner, Script):
+        needed["localizer.cameras"] = scenario.localizer.cameras
+    elif isinstance(scenario.planner, (PickAndPlace, Clear, Servoing, Taught)):
         key = "localizer.cameras (or planner: !Script)"
         needed[key] = scenario.localizer.cameras
     missing = [key for key, value in needed.items() if not value]

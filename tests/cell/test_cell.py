@@ -121,7 +121,7 @@ def test_a_gripper_that_waits_for_messages_needs_somebody_who_sends_them():
     evaluate = "gripper.underactuation.evaluate=per_message"
     cell = MakeCell(load_scenario("thesis_kitchen", overrides=[evaluate]))
     assert "gripper.closure_messages" not in port_table(cell)[0]
-    with pytest.raises(ScenarioError, match=r"evaluate: per_message needs a scenario"):
+    with pytest.raises(ScenarioError, match=r"per_message needs planner: !Script"):
         MakeCell(load_scenario("kitchen", overrides=[evaluate]))
 
 

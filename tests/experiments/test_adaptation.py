@@ -53,7 +53,7 @@ def test_every_case_is_a_valid_scenario(method, situation):
     overrides = (*METHODS[method], *situation_overrides(situation, 3))
     scenario = load_scenario(SCENARIO, seed=3, overrides=overrides)
     assert isinstance(scenario.planner, Taught) == (method == FIXED)
-    assert scenario.planner.look_before_grasp == (method != ONE_LOOK)
+    assert scenario.planner.look_before_grasp == (method == LOOKS)
     assert bool(scenario.disturbances) == (situation == PUSHED)
     position = scenario.objects["cylinder"].position
     assert (position == [-0.32495, -0.17498]) == (situation != ANYWHERE)

@@ -69,7 +69,8 @@ class ServoedStand(Stand):
         """Take an image if one is due, and return the one that arrives now, if any."""
         if self.broken == "silent":
             return None
-        if self.loop.time >= SCENARIO.servoing.camera_period * len(self._taken) - 1e-9:
+        period = SCENARIO.planner.servo.camera_period
+        if self.loop.time >= period * len(self._taken) - 1e-9:
             q = self.arm.sent[-1] if self.arm.sent else HOME
             X_CO = (arm().X_WG(q) @ self.X_GC).inverse() @ self.X_WO
             self._frame += self.broken != "frozen"

@@ -23,7 +23,7 @@ def example():
 
 @pytest.mark.slow
 def test_the_client_sends_the_messages_of_the_scenario(example):
-    played = load_scenario("thesis_kitchen").messages
+    played = load_scenario("thesis_kitchen").planner.messages
 
     def entry(message):
         if message.grasp is not None:

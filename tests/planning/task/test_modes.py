@@ -120,7 +120,9 @@ def test_the_ends_observe_nothing_and_stop_nothing(memory, mode):
     touched = senses(external_torque=np.full(2, 99.0))
     moving = begin(Mode.HOME, memory)
     made = modes(time_budget=0.1, max_external_torque=[1.0, 1.0])[mode]
-    assert made.update(copy.copy(moving), Moment(99.0, touched)) == moving
+    after = made.update(copy.copy(moving), Moment(99.0, touched))
+    assert after.motion is moving.motion
+    assert not after.trouble.touched
     assert made.observe(moving, Moment(99.0, touched)) == Observation()
 
 
