@@ -4,11 +4,12 @@ There, CENIC looks for the plant among the root's own subsystems. So the systems
 own cells and stations are added to the root itself, in place of diagrams of their own.
 Newer Drakes take a nested plant.
 
-`_Root` hides methods of `DiagramBuilder` that are not virtual, and `_Group` has those of
-a `Diagram` that callers use. Nothing plainer works: one Diagram cannot be part of two,
-and every `Add...` of a cell would otherwise need a second form for a flat root. It holds
-because only Python calls these methods. Once 1.58 is the oldest Drake supported, delete
-this file: `MakeRoot` is then `builder = DiagramBuilder()` and `builder.AddNamedSystem(...)`.
+`_Root` hides methods of `DiagramBuilder` that are not virtual, and `_Group` has those
+of a `Diagram` that callers use. Nothing plainer works: one Diagram cannot be part of
+two, and every `Add...` of a cell would otherwise need a second form for a flat root. It
+holds because only Python calls these methods. Once 1.58 is the oldest Drake supported,
+delete this file: `MakeRoot` is then `builder = DiagramBuilder()` and
+`builder.AddNamedSystem(...)`.
 """
 
 from collections.abc import Callable
