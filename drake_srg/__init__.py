@@ -11,7 +11,7 @@ _HOMES = {
     "Blob": "drake_srg.types",
     "Failure": "drake_srg.types",
     "LeafSystem": "drake_srg.lifetime",
-    "MakeCell": "drake_srg.cell",
+    "MakeCell": "drake_srg.station",
     "MakeStation": "drake_srg.station",
     "Mode": "drake_srg.types",
     "Rig": "drake_srg.simulation.rig",

@@ -6,16 +6,17 @@ import sys
 import weakref
 from pathlib import Path
 
-# One thread per process, before NumPy loads its BLAS: the test workers share the cores,
-# and BLAS's threads, which wait in a loop, cost most on small matrices. Processes that
-# tests start inherit it.
-os.environ.update(LP_NUM_THREADS="0", OMP_NUM_THREADS="1", OPENBLAS_NUM_THREADS="1")
-
 import pytest
 from experiments.fake_experiment import fake  # noqa: F401 (a fixture)
 from hypothesis import settings
 
 from drake_srg.lifetime import LeafSystem
+
+# One thread per process, before NumPy loads its BLAS: the test workers share the cores,
+# and BLAS's threads, which wait in a loop, cost most on small matrices. Processes that
+# tests start inherit it.
+os.environ.update(LP_NUM_THREADS="0", OMP_NUM_THREADS="1", OPENBLAS_NUM_THREADS="1")
+
 
 # Makes the packages in tools/ importable, such as `make_site`. At the end, so that
 # `models` stays tests/models.

@@ -16,7 +16,7 @@ PASCAL = re.compile(r"_?((Make|Add|Set|Connect)[A-Z]\w*|Simulate|Serve)")
 MONOGRAM = re.compile(r"_?[pRXV]_[A-Z]\w*")  # X_WG: a pose, a function of something
 TEMPLATE = re.compile(r"[A-Z]\w*_")  # instantiates a scalar-converted system
 # The methods of ROS 1's slave API, called by these names over XML-RPC.
-SLAVE = ROOT / "drake_srg/bridges/ros1/slave.py"
+SLAVE = ROOT / "drake_srg/robot/serve/ros1/slave.py"
 
 
 def misnamed(text):

@@ -10,32 +10,30 @@ import pytest
 from hardware.stand import FakeArm, FakeGripper, FakePlanner, kitchen
 from pydrake.systems.framework import Diagram, DiagramBuilder
 
-from drake_srg.bridges.served_station import MakeServedStation
-from drake_srg.cell import MakeCell
-from drake_srg.cell.servoing import MakeServoingPlanner
-from drake_srg.common.ports import input_ports, output_ports
-from drake_srg.envs.workspace import Workspace
+from drake_srg.common.systems import input_ports, output_ports
 from drake_srg.experiments.sighting_error import SightingError
-from drake_srg.gripper.plant_joint_servos import PlantJointServos
+from drake_srg.gripper.joint_servos import PlantJointServos
 from drake_srg.gripper.srg_position_driver import SrgPositionDriver
+from drake_srg.gripper.srg_tendon_driver import TorqueControl
 from drake_srg.gripper.tendon import TendonDriveConfig
-from drake_srg.gripper.torque_control import TorqueControl
-from drake_srg.hardware.cell import MakeHardwareCell
-from drake_srg.hardware.opening import Hardware
-from drake_srg.hardware.station import MakeHardwareStation
-from drake_srg.learning.grasp_planner import GraspPlanner
-from drake_srg.learning.policy_planner import PolicyPlanner
+from drake_srg.learning.cell_planner import GraspPlanner, PolicyPlanner
+from drake_srg.learning.envs.scenes import Workspace
 from drake_srg.planning.state_machine import ModeActions, StateMachine
+from drake_srg.robot.drive.opening import Hardware
+from drake_srg.robot.drive.run import MakeHardwareCell
+from drake_srg.robot.drive.station import MakeHardwareStation
+from drake_srg.robot.serve.loop import MakeServedStation
+from drake_srg.robot.twin.station import MakeTwin
 from drake_srg.scenario import Scenario, load_scenario
 from drake_srg.simulation.recorders import AddRecorders
-from drake_srg.station import MakeStation
+from drake_srg.station import MakeCell, MakeStation
 from drake_srg.station.cameras import MakeRemoteCameras
+from drake_srg.station.servoing import MakeServoingPlanner
 from drake_srg.station.video_process import RemoteVideoRecorder
-from drake_srg.twin.station import MakeTwin
 from drake_srg.types import Box
 from drake_srg.vision.camera import CameraModel
-from drake_srg.vision.height_mapper import HeightMapper
-from drake_srg.vision.surface import Surface
+from drake_srg.vision.height_map import HeightMapper
+from drake_srg.vision.surfaces import Surface
 from make_site.systems import find_blocks
 
 pytestmark = pytest.mark.slow

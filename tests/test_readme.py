@@ -9,7 +9,7 @@ import pyarrow.parquet as pq
 import pytest
 
 from drake_srg.cli.main import make_parser
-from drake_srg.hardware import load_hardware
+from drake_srg.robot.drive import load_hardware
 from drake_srg.scenario import load_scenario
 
 ROOT = Path(__file__).parents[1]
@@ -20,7 +20,7 @@ HARDWARE = "docs/hardware.md"  # its YAML blocks are hardware files, or go on in
 PARTS = "arm: !Ros2Arm {}\ngripper: !Ros2Gripper {}\n"
 # Other tests run the Python of these pages, or say here why none does.
 ELSEWHERE = {
-    "docs/export.md": "tests/export/test_wires.py",
+    "docs/export.md": "tests/export/test_mjcf.py",
     "docs/extending.md": "tests/test_extending.py",
     "docs/grasps.md": "tests/planning/grasps/test_surface_grasps.py",
     "docs/state_machine.md": "tests/planning/test_state_machine_ports.py",

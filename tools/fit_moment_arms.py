@@ -1,4 +1,4 @@
-"""Fit the polynomials in drake_srg/gripper/moment_arms.py to the vendor's data."""
+"""Fit the polynomials in drake_srg/gripper/tendon.py to the vendor's data."""
 
 from pathlib import Path
 

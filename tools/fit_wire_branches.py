@@ -1,10 +1,10 @@
-"""Fit the branches in drake_srg/export/wires.py to the moment arms of the wire."""
+"""Fit the branches in drake_srg/export/mjcf.py to the moment arms of the wire."""
 
 import numpy as np
 from scipy.optimize import least_squares
 
 from drake_srg.common.srg_geometry import SRG
-from drake_srg.gripper.moment_arms import base_moment_arm, tip_moment_arm
+from drake_srg.gripper.tendon import base_moment_arm, tip_moment_arm
 from drake_srg.types import Vector
 
 # Points stay within reach of the links that carry them [mm].

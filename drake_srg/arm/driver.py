@@ -1,24 +1,167 @@
-"""Base of every arm driver: its configuration, and how the driver is built."""
+"""Base of every arm driver: interpolation, gravity compensation, configuration."""
 
 import abc
 import dataclasses as dc
+from collections.abc import Sequence
 
 import numpy as np
 from pydrake.multibody.plant import MultibodyPlant
 from pydrake.multibody.tree import ModelInstanceIndex
-from pydrake.systems.framework import Diagram, DiagramBuilder, OutputPort
+from pydrake.systems.framework import (
+    BasicVector,
+    Context,
+    Diagram,
+    DiagramBuilder,
+    OutputPort,
+)
 from pydrake.systems.primitives import (
+    LinearSystem,
+    Multiplexer,
     PassThrough,
     StateInterpolatorWithDiscreteDerivative,
     ZeroOrderHold,
 )
 
-from drake_srg.arm.gravity import GravityCompensation
-from drake_srg.arm.interpolation import AddLinearInterpolation
-from drake_srg.arm.jerk_limited import JerkLimitedReference, JerkLimits
-from drake_srg.common.actuators import model_actuators
+from drake_srg.arm.reference import JerkLimitedReference, JerkLimits
 from drake_srg.common.joint_errors import ArmErrorsConfig, CommandErrors, EncoderErrors
+from drake_srg.common.systems import model_actuators
+from drake_srg.lifetime import LeafSystem
 from drake_srg.types import Vector, positive
+
+_TICKS = 10_000  # so many commands are checked to fall on steps
+
+
+def AddLinearInterpolation(
+    builder: DiagramBuilder, start: Vector, command_period: float, period: float
+) -> Diagram:
+    """Add `interpolator`, which moves evenly from one position command to the next.
+
+    .. pydrake_system::
+
+        name: Interpolation
+        input_ports:
+        - position
+        output_ports:
+        - state
+
+    `position` (N) is sampled every `command_period`. `state` (2N), [q; v], moves within
+    the next such period from the last sample but one to the last, in steps of `period`.
+
+    Args:
+        builder: Of the diagram.
+        start: Positions at the start, shape (N,).
+        command_period: Time between commands [s].
+        period: Time between steps of the output [s].
+
+    Raises:
+        ValueError: If steps and commands do not fall on the same times. The position is
+            a sum of steps, which would drift.
+    """
+    ratio, ticks = round(command_period / period), np.arange(_TICKS)
+    if ratio < 1 or np.any(ticks * command_period != ticks * ratio * period):
+        raise ValueError(
+            f"arm.command_period: must be a multiple of arm.period ({period}) whose "
+            "times are exact in binary, such as multiples of 1/1024, "
+            f"got {command_period}"
+        )
+    inner = DiagramBuilder()
+    n = len(start)
+    eye = np.eye(n)
+    # The last two commands are its state, their difference over the period the speed.
+    none = np.zeros((n, n))
+    speed = inner.AddNamedSystem(
+        "speed",
+        LinearSystem(
+            A=np.block([[none, none], [eye, none]]),
+            B=np.vstack([eye, none]),
+            C=np.hstack([eye, -eye]) / command_period,
+            D=none,
+            time_period=command_period,
+        ),
+    )
+    speed.configure_default_state(np.tile(start, 2))
+    inner.ExportInput(speed.get_input_port(), "position")
+    position = inner.AddNamedSystem(
+        "position",
+        LinearSystem(A=eye, B=period * eye, C=eye, D=none, time_period=period),
+    )
+    position.configure_default_state(start)
+    inner.Connect(speed.get_output_port(), position.get_input_port())
+    state = inner.AddNamedSystem("state", Multiplexer([n, n]))
+    inner.Connect(position.get_output_port(), state.get_input_port(0))
+    inner.Connect(speed.get_output_port(), state.get_input_port(1))
+    inner.ExportOutput(state.get_output_port(), "state")
+    return builder.AddNamedSystem("interpolator", inner.Build())
+
+
+def SetInterpolatedPosition(
+    interpolator: Diagram, context: Context, position: Vector
+) -> None:
+    """Put the output of `AddLinearInterpolation` at rest.
+
+    Args:
+        interpolator: The diagram.
+        context: A mutable context that contains it.
+        position: Of the joints, shape (N,).
+    """
+    for name, state in (("speed", np.tile(position, 2)), ("position", position)):
+        system = interpolator.GetSubsystemByName(name)
+        system.GetMyMutableContextFromRoot(context).SetDiscreteState(state)
+
+
+class GravityCompensation(LeafSystem):
+    """Computes the torques that hold an arm against gravity.
+
+    .. pydrake_system::
+
+        name: GravityCompensation
+        input_ports:
+        - MODEL_state (each model)
+        output_ports:
+        - torque
+
+    The inputs are the states [q; v] of the model instances `models`, in the order of
+    the plant's state output ports. `torque` (N) [N m] belongs to the first model, in
+    the order of its velocities. Pydrake's InverseDynamics does the same but does not
+    keep its plant alive.
+
+    Args:
+        plant: A finalized plant with these models and no other moving body.
+        models: Names of the model instances, the arm's first.
+    """
+
+    def __init__(self, plant: MultibodyPlant, models: Sequence[str]) -> None:
+        super().__init__()
+        self._plant = plant
+        self._plant_context = plant.CreateDefaultContext()  # scratch, not state
+        self._models = [plant.GetModelInstanceByName(name) for name in models]
+        self._states = [
+            self.DeclareVectorInputPort(
+                name=f"{name}_state", size=plant.num_multibody_states(model)
+            )
+            for name, model in zip(models, self._models, strict=True)
+        ]
+        numbers = np.arange(plant.num_positions(), dtype=float)
+        self._where = [  # each model's positions among all
+            plant.GetPositionsFromArray(model, numbers).astype(int)
+            for model in self._models
+        ]
+        self.DeclareVectorOutputPort(
+            name="torque",
+            size=plant.num_velocities(self._models[0]),
+            calc=self._calc_torque,
+            prerequisites_of_calc={self.all_input_ports_ticket()},
+        )
+
+    def _calc_torque(self, context: Context, output: BasicVector) -> None:
+        q = np.zeros(self._plant.num_positions())
+        for where, state in zip(self._where, self._states, strict=True):
+            q[where] = state.Eval(context)[: len(where)]
+        self._plant.SetPositions(self._plant_context, q)
+        forces = self._plant.CalcGravityGeneralizedForces(self._plant_context)
+        output.SetFromVector(
+            -self._plant.GetVelocitiesFromArray(self._models[0], forces)
+        )
 
 
 @dc.dataclass(frozen=True)

@@ -10,8 +10,7 @@ from pydrake.systems.primitives import Adder
 
 from drake_srg.arm.driver import AddSampling, ArmDriver, ArmSignals
 from drake_srg.arm.impedance import ArmImpedanceDriver
-from drake_srg.common.actuators import model_actuators
-from drake_srg.common.velocity_feedforward import AddVelocityFeedforward
+from drake_srg.common.systems import AddVelocityFeedforward, model_actuators
 
 
 @dc.dataclass(kw_only=True)

@@ -1,22 +1,322 @@
-"""External torques of an arm, from the torques and the motion of its joints."""
+"""Joint torques from outside: expected from contacts, and estimated."""
 
 from __future__ import annotations
 
+import copy
+import math
+from collections import defaultdict
 from collections.abc import Sequence
 
 import numpy as np
-from pydrake.multibody.plant import MultibodyPlant
-from pydrake.multibody.tree import ModelInstanceIndex, MultibodyForces
+from pydrake.common.value import AbstractValue
+from pydrake.math import RigidTransform
+from pydrake.multibody.math import SpatialForce, SpatialVelocity
+from pydrake.multibody.plant import (
+    ContactResults,
+    ExternallyAppliedSpatialForce,
+    MultibodyPlant,
+)
+from pydrake.multibody.tree import (
+    BodyIndex,
+    JacobianWrtVariable,
+    ModelInstanceIndex,
+    MultibodyForces,
+    RigidBody,
+)
 from pydrake.systems.framework import (
+    BasicVector,
     Context,
     DiagramBuilder,
+    DiscreteValues,
     OutputPort,
 )
 
-from drake_srg.arm.contact_torques import ContactTorques
-from drake_srg.arm.lag import TIME_CONSTANT, LaggedTorque
+from drake_srg.common.contacts import each_contact
 from drake_srg.common.joint_errors import ArmErrorsConfig, TorqueErrors
+from drake_srg.lifetime import LeafSystem
 from drake_srg.types import Vector
+
+# Time constant of the estimate [s]. Contact forces that build up at the arm's top speed
+# have 20 to 50 ms.
+TIME_CONSTANT = 0.02
+
+
+class LaggedTorque(LeafSystem):
+    """Base of a system whose output `external_torque` follows samples with a lag.
+
+    The output (N) is in N m. A subclass declares its input ports, calls
+    `_declare_torque`, and implements `_sample`.
+
+    Args:
+        period: Of the samples [s].
+        time_constant: Of the first-order lag [s].
+    """
+
+    def __init__(self, period: float, time_constant: float) -> None:
+        super().__init__()
+        self._period = period
+        self._share = lag_share(period, time_constant)
+
+    def _declare_torque(self, n: int, num_kept: int) -> None:
+        """Declare the output of N = `n` torques, and the samples.
+
+        Args:
+            n: Number of joints.
+            num_kept: Count of numbers that a sample keeps for the next one. They are
+                NaN until the first sample.
+        """
+        self._num_kept = num_kept
+        state = self.DeclareDiscreteState(
+            np.concatenate([np.full(num_kept, np.nan), np.zeros(n)])
+        )
+        self.DeclareVectorOutputPort(
+            name="external_torque",
+            size=n,
+            calc=self._calc_external_torque,
+            prerequisites_of_calc={self.discrete_state_ticket(state)},
+        )
+        self.DeclarePeriodicDiscreteUpdateEvent(
+            period_sec=self._period, offset_sec=0.0, update=self._update
+        )
+
+    def _sample(self, context: Context, kept: Vector) -> tuple[Vector | None, Vector]:
+        """Return the torque now, shape (N,) [N m], or None, and the numbers to keep."""
+        raise NotImplementedError
+
+    def _calc_external_torque(self, context: Context, output: BasicVector) -> None:
+        output.SetFromVector(context.get_discrete_state(0).value()[self._num_kept :])
+
+    def _update(self, context: Context, discrete_state: DiscreteValues) -> None:
+        state = context.get_discrete_state(0).value()
+        kept, torque = state[: self._num_kept], state[self._num_kept :]
+        felt, kept = self._sample(context, kept)
+        if felt is not None:
+            torque = torque + self._share * (felt - torque)
+        discrete_state.set_value(np.concatenate([kept, torque]))
+
+
+def lag_share(period: float, time_constant: float = TIME_CONSTANT) -> float:
+    """Return the share of a step that a first-order lag follows in a period [s]."""
+    return float(-np.expm1(-period / time_constant))
+
+
+_ZERO = np.zeros(3)
+
+
+class ContactTorques(LaggedTorque):
+    """Computes the joint torques that touch and a held load cause.
+
+    .. pydrake_system::
+
+        name: ContactTorques
+        input_ports:
+        - arm_state
+        - contact_results
+        - body_poses
+        - body_spatial_velocities
+        - applied_forces (optional)
+        output_ports:
+        - external_torque
+
+    Contact forces F on links with Jacobians J cause the torques J' F. But a hand holds
+    by large forces that nearly cancel. Regularized friction creeps, and then the forces
+    that a plant reports are out of balance by several times the weight of the load. So
+    this system takes the hand and the free bodies that it touches, its load, as one. It
+    leaves out the forces between them. By Newton, the force on both is
+
+        F = all other forces on them + weight of the load - dh/dt,
+
+    where h is the momentum of the load, from one sample to the next. A touched can that
+    stands counts nothing; one that hangs, its weight; one that is pressed on the table,
+    that pressure less its weight; one that is hit, the force that set it in motion. All
+    spatial vectors are in world and about its origin: [torque; force].
+
+    Stiff bodies touch for less than a period: something that drops by half a millimetre
+    may press with a hundred times its weight in one sample, which does not balance the
+    momentum that it gains from sample to sample. So of the forces on the load, weight
+    included, each joint feels the part that lasts from one sample to the next (minmod).
+
+    The inputs are the plant's. `arm_state` (2N) is [q; v], and `applied_forces` are the
+    spatial forces applied to the plant. `external_torque` (N) [N m], in the order of
+    the arm's velocities, follows with a first-order lag. All are sampled every
+    `period`.
+
+    Args:
+        plant: Finalized, with geometry.
+        arm: The arm whose torques are computed.
+        gripper: The hand, which moves with the arm.
+        models_plant: A finalized plant with both, by the same names, and no other
+            moving body.
+        period: [s].
+        time_constant: Of the lag [s].
+    """
+
+    def __init__(
+        self,
+        plant: MultibodyPlant,
+        arm: ModelInstanceIndex,
+        gripper: ModelInstanceIndex | None,
+        models_plant: MultibodyPlant,
+        period: float,
+        time_constant: float = TIME_CONSTANT,
+    ) -> None:
+        super().__init__(period, time_constant)
+        self._plant = models_plant
+        self._plant_context = models_plant.CreateDefaultContext()  # scratch, not state
+        self._arm = models_plant.GetModelInstanceByName(plant.GetModelInstanceName(arm))
+        self._gravity = np.array(plant.gravity_field().gravity_vector())
+
+        # Bodies and geometries by number, not by id: an id would keep the plant alive.
+        links, fingers = (
+            [] if model is None else _bodies(plant, model) for model in (arm, gripper)
+        )
+        # Rows of wrenches: one per link, then the hand, then the load.
+        self._hand, self._load = len(links), len(links) + 1
+        self._link_of = {int(link.index()): i for i, link in enumerate(links)}
+        self._link_of |= {int(finger.index()): self._hand for finger in fingers}
+        # Any finger stands for the hand, because the arm does not move the fingers.
+        self._frames = [
+            models_plant.GetFrameByName(
+                body.name(),
+                models_plant.GetModelInstanceByName(
+                    plant.GetModelInstanceName(body.model_instance())
+                ),
+            )
+            for body in (*links, *2 * (fingers or links)[:1])
+        ]
+        free = _free_bodies(plant, {arm, gripper})
+        # Copies: the plant's own inertias would keep its diagram alive.
+        self._inertias = {
+            int(body.index()): copy.copy(body.default_spatial_inertia())
+            for body in free
+        }
+        self._body_of = {
+            geometry.get_value(): int(body.index())
+            for body in (*links, *fingers, *free)
+            for geometry in plant.GetCollisionGeometriesForBody(body)
+        }
+
+        self._world = models_plant.world_frame()
+        n, n_all = models_plant.num_velocities(self._arm), models_plant.num_velocities()
+        # The arm's columns among those of all joints.
+        columns = models_plant.GetVelocitiesFromArray(
+            self._arm, np.arange(float(n_all))
+        )
+        self._columns = columns.astype(int)
+        self._state = self.DeclareVectorInputPort(
+            name="arm_state", size=models_plant.num_multibody_states(self._arm)
+        )
+        self._contacts, self._poses, self._velocities, self._applied = (
+            self.DeclareAbstractInputPort(name, AbstractValue.Make(model))
+            for name, model in (
+                ("contact_results", ContactResults()),
+                ("body_poses", [RigidTransform()]),
+                ("body_spatial_velocities", [SpatialVelocity()]),
+                ("applied_forces", [ExternallyAppliedSpatialForce()]),
+            )
+        )
+        # Kept: h of each free body, and the torque of the load's forces.
+        self._declare_torque(n, num_kept=6 * len(free) + n)
+
+    def _sample(self, context: Context, kept: Vector) -> tuple[Vector, Vector]:
+        load_last = np.nan_to_num(kept[6 * len(self._inertias) :])
+        poses, velocities = self._poses.Eval(context), self._velocities.Eval(context)
+        wrenches, touched = self._wrenches(context, poses)
+        h = np.empty((len(self._inertias), 6))
+        for i, (body, M_BBo_B) in enumerate(self._inertias.items()):
+            X_WB = poses[body]
+            p_BWo_W = -X_WB.translation()
+            M_BBo_W = M_BBo_B.ReExpress(X_WB.rotation())
+            h[i] = (M_BBo_W * velocities[body]).Shift(p_BWo_W).get_coeffs()
+            if body in touched:
+                weight = SpatialForce(_ZERO, M_BBo_W.get_mass() * self._gravity)
+                p_BcmWo_W = p_BWo_W - M_BBo_W.get_com()
+                wrenches[self._load] += weight.Shift(p_BcmWo_W).get_coeffs()
+                h_last = kept[6 * i : 6 * i + 6]
+                if not math.isnan(h_last[0]):
+                    wrenches[self._hand] -= (h[i] - h_last) / self._period
+        felt, load = self._joint_torques(self._state.Eval(context), wrenches)
+        felt += _minmod(load, load_last)
+        return felt, np.concatenate([h.ravel(), load])
+
+    def _wrenches(
+        self, context: Context, poses: list[RigidTransform]
+    ) -> tuple[dict[int, Vector], set[int]]:
+        """Return wrenches on links, hand and load, and the bodies of the load."""
+        body_of = self._body_of
+        contacts = [
+            (body_of.get(contact.id_A, -1), body_of.get(contact.id_B, -1), contact)
+            for contact in each_contact(self._contacts.Eval(context))
+        ]
+        touched = {
+            body
+            for a, b, _ in contacts
+            for body, other in ((a, b), (b, a))
+            if body in self._inertias and self._link_of.get(other) == self._hand
+        }
+        link_of = self._link_of | dict.fromkeys(touched, self._load)
+        wrenches: dict[int, Vector] = defaultdict(lambda: np.zeros(6))
+        for a, b, contact in contacts:
+            link_A, link_B = link_of.get(a, -1), link_of.get(b, -1)
+            if link_A == link_B or min(link_A, link_B) >= self._hand:
+                continue  # on none of them, or between hand and load
+            F_AWo_W = contact.F_Ac_W().Shift(-contact.p_WC()).get_coeffs()
+            if link_A >= 0:
+                wrenches[link_A] += F_AWo_W
+            if link_B >= 0:
+                wrenches[link_B] -= F_AWo_W
+        if self._applied.HasValue(context):
+            for applied in self._applied.Eval(context):
+                body = int(applied.body_index)
+                if body in link_of:
+                    p_WQ = poses[body] @ applied.p_BoBq_B
+                    F_BWo_W = applied.F_Bq_W.Shift(-p_WQ).get_coeffs()
+                    wrenches[link_of[body]] += F_BWo_W
+        return wrenches, touched
+
+    def _joint_torques(
+        self, arm_state: Vector, wrenches: dict[int, Vector]
+    ) -> tuple[Vector, Vector]:
+        """Return the torques, shape (N,) [N m], from links and hand, and from load."""
+        plant, context, world = self._plant, self._plant_context, self._world
+        felt, load = np.zeros(len(self._columns)), np.zeros(len(self._columns))
+        if wrenches:
+            q = arm_state[: plant.num_positions(self._arm)]
+            plant.SetPositions(context, self._arm, q)
+        for link, wrench in wrenches.items():
+            frame = self._frames[link]
+            p_LWo = frame.CalcPoseInWorld(context).inverse().translation()
+            J = plant.CalcJacobianSpatialVelocity(
+                context, JacobianWrtVariable.kV, frame, p_LWo, world, world
+            )
+            target = load if link == self._load else felt
+            target += wrench @ J[:, self._columns]
+        return felt, load
+
+
+def _minmod(a: Vector, b: Vector) -> Vector:
+    """Return the smaller of two numbers of the same sign, else 0."""
+    return np.minimum(np.maximum(a, np.minimum(b, 0.0)), np.maximum(b, 0.0))
+
+
+def _bodies(plant: MultibodyPlant, model: ModelInstanceIndex) -> list[RigidBody]:
+    return [plant.get_body(index) for index in plant.GetBodyIndices(model)]
+
+
+def _free_bodies(
+    plant: MultibodyPlant, others: set[ModelInstanceIndex | None]
+) -> list[RigidBody]:
+    """Return the free single bodies of other models."""
+    joints = [plant.get_joint(index) for index in plant.GetJointIndices()]
+    parents = {joint.parent_body().index() for joint in joints}
+    bodies = [plant.get_body(BodyIndex(i)) for i in range(plant.num_bodies())]
+    return [
+        body
+        for body in bodies
+        if body.is_floating_base_body()
+        and body.model_instance() not in others
+        and body.index() not in parents
+    ]
 
 
 class ExternalTorqueObserver(LaggedTorque):

@@ -1,18 +1,174 @@
-"""A command of the command line, with its arguments, each said once.
-
-`command` describes the function below it; `make_parser` in `main.py` lists them all.
-argparse it is: with cyclopts, typer or tyro, `--help` takes 0.15 to 0.3 s longer, and
-errors take several lines.
-"""
+"""Commands of the command line: arguments, exit codes, signals, what they print."""
 
 import argparse
+import contextlib
 import dataclasses as dc
-from collections.abc import Callable
+import json
+import os
+import re
+import signal
+import sys
+import threading
+from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
+from queue import SimpleQueue
 from typing import TYPE_CHECKING, Any, TypeAlias
+
+from drake_srg.common.exceptions import ScenarioError, one_line
 
 if TYPE_CHECKING:
     from drake_srg.scenario import Scenario
+
+# Exit codes.
+SUCCESS, TASK_FAILED, BAD_INPUT = 0, 1, 2
+INTERRUPTED = 130  # the shells' code for Ctrl-C
+
+
+def end_on_sigterm() -> None:
+    """Make a request to terminate end the command as Ctrl-C does."""
+    if threading.current_thread() is threading.main_thread():  # Python's own limit
+        signal.signal(signal.SIGTERM, signal.default_int_handler)
+
+
+@contextlib.contextmanager
+def writing(
+    option: str, path: Path, advise: Callable[[], str] | None = None
+) -> Iterator[None]:
+    """Report an OSError as bad input that names an option and its path.
+
+    Args:
+        option: As on the command line: `--out`.
+        path: Its value.
+        advise: Returns what to do about it, or nothing; called only if it is needed.
+
+    Raises:
+        ScenarioError: In place of the OSError.
+    """
+    try:
+        yield
+    except BrokenPipeError:  # nobody reads the output any more; nothing to report
+        raise
+    except OSError as error:
+        # PyArrow's own messages are several sentences long.
+        reason = os.strerror(error.errno) if error.errno else one_line(error)
+        message = f"{option} {path}: cannot be written: {reason}"
+        advice = advise() if advise is not None else ""
+        raise ScenarioError(f"{message}; {advice}" if advice else message) from error
+
+
+@contextlib.contextmanager
+def stop_on_signals() -> Iterator[threading.Event]:
+    """Yield an event that Ctrl-C, SIGTERM and SIGHUP (a closed terminal) set.
+
+    A second signal of the same kind has its usual effect.
+    """
+    stop = threading.Event()
+    if threading.current_thread() is not threading.main_thread():  # Python's own limit
+        yield stop
+        return
+    # A handler may interrupt the main thread while that holds the event's lock. Setting
+    # the event there would deadlock; SimpleQueue.put is reentrant.
+    signals: SimpleQueue[bool] = SimpleQueue()
+
+    def set_once() -> None:
+        if signals.get():
+            stop.set()
+
+    setter = threading.Thread(target=set_once, daemon=True)
+    setter.start()
+
+    def end(number: int, _: object) -> None:
+        signals.put(True)
+        signal.signal(number, before[number])
+
+    numbers = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
+    before: dict[int, Any] = {number: signal.getsignal(number) for number in numbers}
+    try:
+        for each in numbers:
+            signal.signal(each, end)
+        yield stop
+    finally:
+        for number, handler in before.items():
+            signal.signal(number, handler)
+        signals.put(False)
+        setter.join()
+
+
+# Pages of the documentation that explain a command, or an entry of a scenario.
+COMMAND_PAGES = {
+    "calibrate": "docs/calibration.md",
+    "serve": "docs/bridges.md",
+    "sweep": "docs/sweeps.md",
+    "report": "docs/sweeps.md",
+    "dataset": "docs/dataset.md",
+    "train": "docs/training.md",
+    "evaluate": "docs/training.md",
+    "experiment": "docs/experiments.md",
+    "export": "docs/export.md",
+    "identify": "docs/gripper.md",
+    "import": "docs/objects.md",
+    "replay": "docs/replay.md",
+    "twin": "docs/twin.md",
+}
+KEY_PAGES = {
+    "camera_calibrations": "docs/calibration.md",
+    "object": "docs/objects.md",
+    "objects": "docs/objects.md",
+    "sleeping": "docs/speed.md",
+    "gripper": "docs/extending.md",
+}
+
+# Errors that need no explanation.
+_PLAIN = (
+    r"^stopped|cannot be (read|written)|already exists|is missing|`drake-srg doctor`"
+)
+
+
+class Output:
+    """Standard output of a command.
+
+    Args:
+        json: Whether it is one JSON object and nothing else.
+        quiet: Whether only errors and warnings are printed, and the JSON object.
+        command: The command's name.
+
+    Attributes:
+        json: As given.
+        progress: Whether to show progress, on standard error.
+    """
+
+    def __init__(self, json: bool, quiet: bool, command: str = ""):
+        self.json, self.progress = json, not quiet
+        self._words = not (json or quiet)
+        self._command = command
+
+    def say(self, *lines: object) -> None:
+        """Print lines for people."""
+        if self._words:
+            for line in lines:
+                print(line)
+
+    def answer(self, values: Mapping[str, Any]) -> None:
+        """Print the result for scripts; its values are JSON's, or paths."""
+        if self.json:
+            print(json.dumps(values, indent=2, default=str))
+
+    def complain(self, message: str) -> None:
+        """Print an error: a line on standard error, and JSON where it is wanted."""
+        page = page_about(message, self._command)
+        print(f"drake-srg: {message}{page and f' (see {page})'}", file=sys.stderr)
+        self.answer({"error": message, "page": page or None})
+
+
+def page_about(message: str, command: str) -> str:
+    """Return the documentation page that explains an error, or an empty string."""
+    if re.search(_PLAIN, message):
+        return ""
+    keys = "|".join(KEY_PAGES)
+    if match := re.search(rf"(?:^|: |--set )({keys})[.=:]", message):
+        return KEY_PAGES[match[1]]
+    return COMMAND_PAGES.get(command, "")
+
 
 # Adds an argument, or several, to a parser or a group.
 Adds: TypeAlias = Callable[[Any], object]

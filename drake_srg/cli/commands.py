@@ -1,44 +1,73 @@
-"""The commands run, demo, replay, list, diagram and bench.
-
-Imports that take time are inside, so that `drake-srg --help` comes at once.
-"""
+"""The commands run, demo, replay, list, diagram, bench, export and new."""
 
 from __future__ import annotations
 
 import argparse
 import dataclasses as dc
 import json
+import keyword
+import re
 import shutil
 import subprocess
 import sys
+import tempfile
 import webbrowser
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from drake_srg.cli.command import (
+    BAD_INPUT,
     OPEN,
     SCENARIO,
+    SUCCESS,
+    TASK_FAILED,
     a_scenario,
     argument,
     command,
+    end_on_sigterm,
     flag,
     folder,
     load,
-)
-from drake_srg.cli.hardware import run_hardware
-from drake_srg.cli.objects import list_objects
-from drake_srg.cli.process import (
-    BAD_INPUT,
-    SUCCESS,
-    TASK_FAILED,
-    end_on_sigterm,
+    one_of,
+    stop_on_signals,
     writing,
 )
+from drake_srg.cli.objects import list_objects
 from drake_srg.common.exceptions import ScenarioError, scenario_errors
 from drake_srg.common.status_line import StatusLine
 
 if TYPE_CHECKING:
     from drake_srg.simulation.simulate import Result
+
+
+def run_hardware(options: argparse.Namespace) -> tuple[Result, Path]:
+    """Do a scenario's task on a robot; return the result and the folder of its files.
+
+    Raises:
+        ScenarioError: If the input is bad, or the robot cannot be reached.
+    """
+    # Imported under the signal handlers, so that a signal ends the command cleanly.
+    with stop_on_signals() as stop:
+        from drake_srg.robot.drive import load_hardware, run_on_hardware
+        from drake_srg.robot.serve.connecting import own_terminal
+
+        config = load_hardware(options.hardware)
+        scenario = load(options)
+        name = Path(options.scenario).stem
+        out: Path = options.out or Path("out") / "hardware" / name
+        with writing("--out", out):
+            result = run_on_hardware(
+                scenario,
+                config,
+                name=name,
+                out=out,
+                record=not options.no_record,
+                progress=options.console.progress,
+                stop=stop,
+                tell=lambda text: print(f"drake-srg: warning: {text}", file=sys.stderr),
+                terminal=own_terminal(sys.stdin),
+            )
+    return result, out
 
 
 @command(
@@ -128,7 +157,7 @@ def demo(options: argparse.Namespace) -> int:
 )
 def replay(options: argparse.Namespace) -> int:
     """Write the page of one recorded run again, or a page that compares several."""
-    from drake_srg.replay import write_comparison, write_page, write_rrd
+    from drake_srg.recording.replay import write_comparison, write_page, write_rrd
 
     first: Path = options.folders[0]
     if len(options.folders) == 1 and options.output is not None:
@@ -199,7 +228,7 @@ def list_all(options: argparse.Namespace) -> int:
 )
 def diagram(options: argparse.Namespace) -> int:
     """Draw a scenario's systems and their connections."""
-    from drake_srg.cell import MakeCell
+    from drake_srg.station import MakeCell
 
     output: Path = options.output
     kinds = (".svg", ".png", ".dot")
@@ -261,10 +290,10 @@ def bench(options: argparse.Namespace) -> int:
     from drake_srg.simulation.benchmark import (
         benchmark_table,
         import_times,
+        measure_robosuite,
         run_benchmark,
         scenarios_with_fast_variant,
     )
-    from drake_srg.simulation.peers import measure_robosuite
 
     # All are loaded before the first one runs, so that a mistake shows at once.
     scenarios = {
@@ -304,3 +333,106 @@ def bench(options: argparse.Namespace) -> int:
         answer["error"] = error
     options.console.answer(answer)
     return BAD_INPUT if errors else SUCCESS
+
+
+_PROGRAMS = {
+    "urdf": "ROS, Drake and most other tools",
+    "mjcf": "MuJoCo; the SRG's wires are tendons",
+    "sdf": "Gazebo and Drake",
+}
+
+
+@command(
+    "write a scenario's models as URDF, MJCF or SDF",
+    "One file per model, and `scene` with all of them in their places.",
+    SCENARIO,
+    one_of(
+        *(
+            argument(
+                f"--{kind}",
+                type=Path,
+                metavar="DIR",
+                help=f"folder for {kind.upper()} files: {programs}",
+            )
+            for kind, programs in _PROGRAMS.items()
+        ),
+        required=True,
+    ),
+)
+def export(options: argparse.Namespace) -> int:
+    """Write a scenario's models in a format, and print their paths."""
+    from drake_srg.export import export_scenario
+    from drake_srg.export.mjcf import moment_arm_error
+
+    scenario = load(options)
+    kind = next(k for k in _PROGRAMS if getattr(options, k) is not None)
+    out: Path = getattr(options, kind)
+    with writing(f"--{kind}", out):
+        exported = export_scenario(scenario, kind, out)
+    for each in exported:
+        options.console.say(each.path)
+    errors = [moment_arm_error(each.wires) for each in exported if each.wires]
+    if errors:
+        options.console.say(
+            "",
+            f"Moment arms of the tendons: within {max(errors):.2%} of the wires'.",
+        )
+    options.console.answer(
+        {
+            "models": {each.model.name: each.path for each in exported},
+            "moment_arm_error": max(errors, default=None),
+        }
+    )
+    return SUCCESS
+
+
+_TEMPLATES = Path(__file__).with_name("project")
+_PLACE = "@NAME@"
+
+
+@command(
+    "start a project: scenario, localizer, test, notebook",
+    "",
+    argument("name", metavar="NAME", help="of the project and its folder"),
+)
+def new(options: argparse.Namespace) -> int:
+    """Write a project into a new folder, and print what to do with it."""
+    with writing("NAME", Path(options.name)):
+        here = Path.cwd()  # which may have been deleted
+    folder = make_project(options.name, here)
+    files = sorted(folder.iterdir())
+    options.console.say(*(path.relative_to(here) for path in files))
+    options.console.say("", f"Next: cd {options.name} && python -m pytest")
+    options.console.answer({"project": folder, "files": [path.name for path in files]})
+    return SUCCESS
+
+
+def make_project(name: str, parent: Path) -> Path:
+    """Write a project, and return its folder.
+
+    Args:
+        name: The project's, and its folder's.
+        parent: Where the folder goes.
+
+    Raises:
+        ScenarioError: If the name is invalid or taken, or the folder cannot be written.
+    """
+    if not re.fullmatch(r"[a-z][a-z0-9_]*", name) or keyword.iskeyword(name):
+        raise ScenarioError(
+            f"NAME {name!r}: invalid (allowed: a-z, 0-9 and _, starting with a letter, "
+            "no Python keyword)"
+        )
+    folder = parent / name
+    if folder.exists():
+        raise ScenarioError(f"NAME {name}: {folder} already exists")
+    with (
+        writing("NAME", folder),
+        tempfile.TemporaryDirectory(prefix=f".{name}.", dir=parent) as hidden,
+    ):
+        draft = Path(hidden) / name
+        draft.mkdir()
+        for template in _TEMPLATES.glob("*.in"):
+            text = template.read_text("utf-8").replace(_PLACE, name)
+            (draft / template.stem).write_text(text, encoding="utf-8")
+        shutil.move(draft, folder)
+    return folder

@@ -19,8 +19,7 @@ from collections.abc import Callable, Sequence
 from functools import partial
 from pathlib import Path
 
-from drake_srg.cli.command import command
-from drake_srg.cli.process import SUCCESS, TASK_FAILED
+from drake_srg.cli.command import SUCCESS, TASK_FAILED, command
 from drake_srg.common.installing import (
     LIBRARIES,
     apt_install,

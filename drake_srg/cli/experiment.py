@@ -4,8 +4,7 @@ import argparse
 from pathlib import Path
 from typing import NoReturn
 
-from drake_srg.cli.output import Output
-from drake_srg.cli.process import SUCCESS, TASK_FAILED, end_on_sigterm, writing
+from drake_srg.cli.command import SUCCESS, TASK_FAILED, Output, end_on_sigterm, writing
 from drake_srg.common.exceptions import ScenarioError
 
 

@@ -8,8 +8,17 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
-from drake_srg.cli.command import argument, command, flag, folder, repeatable
-from drake_srg.cli.process import INTERRUPTED, SUCCESS, end_on_sigterm, writing
+from drake_srg.cli.command import (
+    INTERRUPTED,
+    SUCCESS,
+    argument,
+    command,
+    end_on_sigterm,
+    flag,
+    folder,
+    repeatable,
+    writing,
+)
 from drake_srg.cli.sweep import ENGINE, make_engine, warn
 from drake_srg.common.exceptions import ScenarioError
 
@@ -150,7 +159,7 @@ def evaluate(options: argparse.Namespace) -> int:
         ScenarioError: For bad input, or if the folder cannot be written.
         ImportError: If a package is missing.
     """
-    from drake_srg.learning.baselines import BASELINES, BUILT_IN, RULE
+    from drake_srg.learning.rules import BASELINES, BUILT_IN, RULE
     from drake_srg.sweeps.report.write import write_report
     from drake_srg.sweeps.statistics import wilson_interval
 
@@ -198,15 +207,18 @@ def evaluate(options: argparse.Namespace) -> int:
 
 def _evaluation(options: argparse.Namespace) -> Callable[..., Any]:
     """Return what evaluates in the environment or scenario that is asked for."""
-    from drake_srg.learning.baselines import BUILT_IN
     from drake_srg.learning.episodes import EVALUATION
     from drake_srg.learning.policy import load_policy
+    from drake_srg.learning.rules import BUILT_IN
     from drake_srg.scenario.load import is_scenario
 
     seed = EVALUATION if options.seed is None else options.seed
     if is_scenario(options.environment):
-        from drake_srg.learning.cell_trials import ONE_SHOT, cell_policy
-        from drake_srg.learning.evaluate_in_cell import evaluate_in_cell
+        from drake_srg.learning.evaluate_in_cell import (
+            ONE_SHOT,
+            cell_policy,
+            evaluate_in_cell,
+        )
 
         return functools.partial(
             evaluate_in_cell,
@@ -229,7 +241,7 @@ def keywords(items: Sequence[str]) -> dict[str, Any]:
     Raises:
         ScenarioError: If one has no `=`, or its value is not YAML.
     """
-    from drake_srg.scenario.yaml_tree import parse_yaml
+    from drake_srg.scenario.typed_yaml import parse_yaml
 
     found: dict[str, Any] = {}
     for item in items:

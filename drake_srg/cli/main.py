@@ -9,20 +9,18 @@ from pathlib import Path
 from typing import NoReturn
 
 import drake_srg
-from drake_srg.cli import calibrate as cli_calibrate
 from drake_srg.cli import commands, doctor
+from drake_srg.cli import commands as cli_export
+from drake_srg.cli import commands as cli_new
 from drake_srg.cli import experiment as cli_experiment
-from drake_srg.cli import export as cli_export
-from drake_srg.cli import identify as cli_identify
 from drake_srg.cli import learn as cli_learn
-from drake_srg.cli import new as cli_new
 from drake_srg.cli import objects as cli_objects
-from drake_srg.cli import serve as cli_serve
+from drake_srg.cli import robot as cli_calibrate
+from drake_srg.cli import robot as cli_identify
+from drake_srg.cli import robot as cli_serve
+from drake_srg.cli import robot as cli_twin
 from drake_srg.cli import sweep as cli_sweep
-from drake_srg.cli import twin as cli_twin
-from drake_srg.cli.command import argument, command
-from drake_srg.cli.output import Output
-from drake_srg.cli.process import BAD_INPUT, SUCCESS
+from drake_srg.cli.command import BAD_INPUT, SUCCESS, Output, argument, command
 from drake_srg.common.exceptions import ScenarioError
 from drake_srg.common.installing import advised, require
 

@@ -11,14 +11,21 @@ import xml.etree.ElementTree as ET
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from drake_srg.cli.command import argument, command, one_of
-from drake_srg.cli.process import SUCCESS, TASK_FAILED, end_on_sigterm, writing
+from drake_srg.cli.command import (
+    SUCCESS,
+    TASK_FAILED,
+    argument,
+    command,
+    end_on_sigterm,
+    one_of,
+    writing,
+)
 from drake_srg.common.exceptions import ScenarioError, scenario_errors
 from drake_srg.common.status_line import StatusLine
 
 if TYPE_CHECKING:
     from drake_srg.objects.meshes.convert import Report
-    from drake_srg.simulation.drop import DropOutcome
+    from drake_srg.simulation.rig import DropOutcome
 
 _PICTURE = "picture.png"
 _SHEET = "objects.png"
@@ -80,9 +87,8 @@ def _color(text: str) -> list[float]:
 @scenario_errors()
 def import_object(options: argparse.Namespace) -> int:
     """Make a checked SDF from a file; print what was mended and whether it rests."""
-    from drake_srg.objects.meshes.cache import copy_folder
     from drake_srg.objects.meshes.convert import MODEL, read_report
-    from drake_srg.objects.meshes.load import import_model, resolve
+    from drake_srg.objects.meshes.load import copy_folder, import_model, resolve
 
     end_on_sigterm()
     file = resolve(str(options.file))
@@ -147,8 +153,8 @@ def _draw_and_drop(model: Path, name: str) -> DropOutcome:
     import cv2
 
     from drake_srg.objects.config import ObjectConfig
-    from drake_srg.objects.portrait import take_portrait
-    from drake_srg.simulation.drop import drop
+    from drake_srg.objects.household import take_portrait
+    from drake_srg.simulation.rig import drop
 
     config = ObjectConfig(model=str(model))
     portrait = take_portrait(name, config, _PIXELS)
@@ -199,8 +205,12 @@ def _draw_all(folder: Path) -> list[Path]:
     """Draw each of our objects, and a sheet of all; return the files."""
     import cv2
 
-    from drake_srg.objects.household import HOUSEHOLD, household_object
-    from drake_srg.objects.portrait import contact_sheet, take_portrait
+    from drake_srg.objects.household import (
+        HOUSEHOLD,
+        contact_sheet,
+        household_object,
+        take_portrait,
+    )
 
     folder.mkdir(parents=True, exist_ok=True)
     pictures = {

@@ -9,20 +9,22 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from drake_srg.cli.command import (
+    INTERRUPTED,
     SCENARIO,
+    SUCCESS,
     Adds,
     all_of,
     argument,
     command,
+    end_on_sigterm,
     flag,
     folder,
+    writing,
 )
-from drake_srg.cli.process import INTERRUPTED, SUCCESS, end_on_sigterm, writing
 from drake_srg.common.exceptions import ScenarioError
 
 if TYPE_CHECKING:
     from drake_srg.sweeps.engines import Engine
-
 
 # What `make_engine` reads.
 ENGINE = all_of(
@@ -88,7 +90,7 @@ def sweep(options: argparse.Namespace) -> int:
         raise ScenarioError(f"--trials {options.trials}: must be at least 1")
     engine = make_engine(options)
     from drake_srg.sweeps.rows import all_rows_path
-    from drake_srg.sweeps.summary import summary
+    from drake_srg.sweeps.statistics import summary
     from drake_srg.sweeps.sweep import run_sweep
 
     end_on_sigterm()
@@ -204,7 +206,7 @@ def make_engine(options: argparse.Namespace) -> "Engine":
             raise ScenarioError(
                 "--jobs: needs --engine joblib; Ray runs one trial per core"
             )
-        from drake_srg.sweeps.ray_engine import RayEngine
+        from drake_srg.sweeps.engines import RayEngine
 
         return RayEngine(options.address)
     if options.address is not None:

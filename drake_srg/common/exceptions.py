@@ -1,14 +1,13 @@
-"""ScenarioError, the exception for bad input, and helpers for its messages.
-
-This module must not import Drake: the command line needs it even where importing Drake
-fails.
-"""
+"""Exceptions with messages for users, and the check of types read from a file."""
 
 from __future__ import annotations
 
 import contextlib
 import difflib
+import types
+import typing
 from collections.abc import Iterable, Iterator
+from typing import TypeVar
 
 
 class ScenarioError(ValueError):
@@ -59,3 +58,23 @@ def one_line(error: BaseException) -> str:
     if isinstance(error, SystemExit) and not isinstance(error.code, str):
         raise error
     return " ".join(str(error).split())[:300]
+
+
+T = TypeVar("T")
+
+
+def checked_types(read: T) -> T:
+    """Return a dataclass if its values have the types of its annotations.
+
+    Entries of lists and mappings are not checked.
+
+    Raises:
+        TypeError: If one has not.
+    """
+    for name, hint in typing.get_type_hints(type(read)).items():
+        union = isinstance(hint, types.UnionType)
+        kind = hint if union else typing.get_origin(hint) or hint
+        value = getattr(read, name)
+        if not isinstance(value, kind):
+            raise TypeError(f"{name}: must be {kind}, got {value!r}")
+    return read

@@ -14,7 +14,7 @@ from pydrake.systems.framework import (
     OutputPort,
 )
 
-from drake_srg.common.ports import value_or_none
+from drake_srg.common.systems import value_or_none
 from drake_srg.lifetime import LeafSystem
 from drake_srg.types import Vector
 

@@ -28,7 +28,7 @@ from drake_srg.experiments.trials import (
     quantile_rows,
     share_rows,
 )
-from drake_srg.recording.figure import COLORS, make_figure, style_axes
+from drake_srg.recording.timeline import COLORS, make_figure, style_axes
 from drake_srg.types import Vector
 
 SCENARIO = "assistive_arm_fast"

@@ -10,7 +10,11 @@ import numpy as np
 from pydrake.multibody.plant import MultibodyPlant
 from pydrake.systems.analysis import Simulator
 
-from drake_srg.arm.kinematics import (
+from drake_srg.experiments.row import Row
+from drake_srg.scenario import load_scenario
+from drake_srg.station import MakeStation
+from drake_srg.station.plant import AddDirectives
+from drake_srg.theses.arm_kinematics import (
     ASSISTIVE_ARM_HOME,
     ASSISTIVE_ARM_HOME_PRINTED,
     ASSISTIVE_ARM_HOME_SECTION_4_4_3,
@@ -19,10 +23,6 @@ from drake_srg.arm.kinematics import (
     euler_angles,
     forward_kinematics,
 )
-from drake_srg.experiments.row import Row
-from drake_srg.scenario import load_scenario
-from drake_srg.station import MakeStation
-from drake_srg.station.plant import AddDirectives
 from drake_srg.types import Vector
 
 SCENARIO = "assistive_arm"

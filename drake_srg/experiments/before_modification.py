@@ -36,7 +36,7 @@ from drake_srg.experiments.trials import (
     quantile_rows,
     share_rows,
 )
-from drake_srg.recording.figure import COLORS, make_figure, style_axes
+from drake_srg.recording.timeline import COLORS, make_figure, style_axes
 from drake_srg.scenario import load_scenario
 from drake_srg.scenario.load import load_tree
 from drake_srg.types import Vector

@@ -20,10 +20,15 @@ from typing import Any
 
 import numpy as np
 
-from drake_srg.bridges.bridge import Bridge
-from drake_srg.bridges.commands import CommandInbox, CommandTopic, PortValues, Warnings
 from drake_srg.common.exceptions import ScenarioError
-from drake_srg.recording.ros_topics import MakeMessage, Topic, float64_array
+from drake_srg.recording.rosbag import MakeMessage, Topic, float64_array
+from drake_srg.robot.serve.bridge import Bridge
+from drake_srg.robot.serve.commands import (
+    CommandInbox,
+    CommandTopic,
+    PortValues,
+    Warnings,
+)
 from drake_srg.types import Vector
 
 _PATIENCE = 60.0  # how long to wait for a start or an end [s]
@@ -178,7 +183,7 @@ def open_wire(wire: str, experiment: str) -> Iterator[Wire]:
         ImportError: If a package is missing.
     """
     if wire == "ROS 1":
-        from drake_srg.bridges.ros1.bridge import Ros1Bridge
+        from drake_srg.robot.serve.ros1.bridge import Ros1Bridge
 
         with run_roscore(experiment) as uri:
             yield Wire(
@@ -187,7 +192,7 @@ def open_wire(wire: str, experiment: str) -> Iterator[Wire]:
                 functools.partial(Ros1Bridge, master=uri, name="/client"),
             )
     else:
-        from drake_srg.bridges.ros2.bridge import Ros2Bridge
+        from drake_srg.robot.serve.ros2.bridge import Ros2Bridge
 
         domain = os.getpid() % 233
         make = functools.partial(Ros2Bridge, domain=domain)

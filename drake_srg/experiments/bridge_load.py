@@ -16,10 +16,6 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from drake_srg.bridges.commands import CommandInbox, Warnings
-from drake_srg.bridges.pictures import served_camera
-from drake_srg.bridges.served_loop import control_period
-from drake_srg.bridges.topics import COLOR, camera_topics
 from drake_srg.experiments.bridge_client import (
     WIRES,
     Client,
@@ -33,7 +29,10 @@ from drake_srg.experiments.bridge_delays import measure_delays
 from drake_srg.experiments.registry import Track
 from drake_srg.experiments.result import ExperimentResult
 from drake_srg.experiments.row import Row
-from drake_srg.recording.figure import make_figure, style_axes
+from drake_srg.recording.timeline import make_figure, style_axes
+from drake_srg.robot.serve.commands import CommandInbox, Warnings
+from drake_srg.robot.serve.loop import control_period
+from drake_srg.robot.serve.pictures import COLOR, camera_topics, served_camera
 from drake_srg.scenario import load_scenario
 from drake_srg.types import Vector
 

@@ -10,18 +10,21 @@ from pydrake.common.eigen_geometry import AngleAxis
 from pydrake.common.schema import Transform
 from pydrake.math import RigidTransform
 
-from drake_srg.calibration.board import Board
-from drake_srg.calibration.capture import take_shots
-from drake_srg.calibration.mounting import Mounting, mount
-from drake_srg.calibration.overlay import X_PB
-from drake_srg.calibration.projection import Unknowns, View, residuals
-from drake_srg.calibration.shots import find_views
-from drake_srg.calibration.solve import Calibration, calibrate
-from drake_srg.cell.planners import own_scene
 from drake_srg.common.exceptions import ScenarioError
+from drake_srg.robot.calibrate.mounting import Board, Mounting, mount
+from drake_srg.robot.calibrate.overlay import X_PB
+from drake_srg.robot.calibrate.shots import find_views, take_shots
+from drake_srg.robot.calibrate.solve import (
+    Calibration,
+    Unknowns,
+    View,
+    calibrate,
+    residuals,
+)
 from drake_srg.scenario import Scenario, load_scenario
+from drake_srg.station.planners import own_scene
 from drake_srg.types import Vector
-from drake_srg.vision.calibrated_camera import CameraCalibrationConfig
+from drake_srg.vision.camera import CameraCalibrationConfig
 
 # Noise and blur of a good camera indoors, see `CameraErrorsConfig`.
 _NOISE = {"color_noise": 2.0, "blur": 0.5}

@@ -17,12 +17,12 @@ from typing import Any
 import numpy as np
 
 from drake_srg.common.exceptions import ScenarioError
-from drake_srg.common.log_keys import pose_key
+from drake_srg.common.log_format import pose_key
 from drake_srg.experiments.registry import Track
 from drake_srg.experiments.result import ExperimentResult
 from drake_srg.experiments.row import Row
 from drake_srg.experiments.whole_run import simulate_whole
-from drake_srg.recording.figure import make_figure, style_axes
+from drake_srg.recording.timeline import make_figure, style_axes
 from drake_srg.scenario import Scenario, load_scenario
 from drake_srg.station.plant import MakeModelsPlant
 from drake_srg.types import Mode, Vector

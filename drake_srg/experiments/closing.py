@@ -9,8 +9,7 @@ import numpy.typing as npt
 
 from drake_srg.common.srg_geometry import SRG
 from drake_srg.experiments.data import household_objects
-from drake_srg.gripper.proximity import ProximityConfig
-from drake_srg.gripper.touch import TouchConfig
+from drake_srg.gripper.sensors import ProximityConfig, TouchConfig
 from drake_srg.scenario import Scenario
 from drake_srg.simulation.rig import bench_scenario
 from drake_srg.types import Vector

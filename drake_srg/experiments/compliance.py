@@ -23,7 +23,7 @@ from drake_srg.experiments.kept_trials import KeptTrials
 from drake_srg.experiments.registry import Track
 from drake_srg.experiments.result import ExperimentResult
 from drake_srg.experiments.row import Row
-from drake_srg.recording.figure import make_figure, style_axes
+from drake_srg.recording.timeline import make_figure, style_axes
 from drake_srg.sweeps.statistics import wilson_interval
 
 # The compliant arm has Sunrise's default stiffness; its centre is the cylinder's lower

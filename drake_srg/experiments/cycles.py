@@ -10,13 +10,12 @@ from pydrake.common.eigen_geometry import Quaternion
 from pydrake.math import RigidTransform
 from pydrake.systems.framework import Diagram
 
-from drake_srg.cell import MakeCell
-from drake_srg.common.log_keys import pose_key
+from drake_srg.common.log_format import MODES, pose_key
 from drake_srg.experiments.whole_run import simulate_whole
 from drake_srg.scenario import Scenario, load_scenario
-from drake_srg.simulation.hand_poses import hand_poses
-from drake_srg.simulation.log_format import MODES
+from drake_srg.simulation.measures import hand_poses
 from drake_srg.simulation.metrics import Metrics
+from drake_srg.station import MakeCell
 from drake_srg.types import Mode, Vector
 
 

@@ -14,25 +14,22 @@ from typing import Any
 
 import numpy as np
 
-from drake_srg.bridges.pictures import served_camera
-from drake_srg.bridges.topics import BLOBS, camera_topics
-from drake_srg.cell import AddCell, MakeCell
-from drake_srg.common.ports import output_ports
-from drake_srg.common.simulator import MakeSimulator
+from drake_srg.common.systems import MakeSimulator, output_ports
 from drake_srg.experiments.direct_node import DirectNode, make_message
 from drake_srg.experiments.registry import Track
 from drake_srg.experiments.result import ExperimentResult
 from drake_srg.experiments.row import Row
-from drake_srg.hardware.config import HardwareConfig
 from drake_srg.lifetime import my_context
-from drake_srg.recording.figure import make_figure, style_axes
+from drake_srg.recording.timeline import make_figure, style_axes
+from drake_srg.robot.drive.config import HardwareConfig
+from drake_srg.robot.serve.pictures import BLOBS, camera_topics, served_camera
+from drake_srg.robot.twin.comparison import KINDS
+from drake_srg.robot.twin.loop import Listener, Parting, TwinLoop
+from drake_srg.robot.twin.station import AddTwin, MakeTwin
 from drake_srg.scenario import Scenario, load_scenario
 from drake_srg.simulation.flat import MakeRoot
 from drake_srg.simulation.recorders import recorded_topics
-from drake_srg.twin.listener import Listener
-from drake_srg.twin.loop import Parting, TwinLoop
-from drake_srg.twin.monitor import KINDS
-from drake_srg.twin.station import AddTwin, MakeTwin
+from drake_srg.station import AddCell, MakeCell
 from drake_srg.types import Mode
 
 _SCENARIO = "kitchen_fast"

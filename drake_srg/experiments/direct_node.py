@@ -9,12 +9,12 @@ from typing import Any
 
 from rosbags.typesys import Stores, get_typestore
 
-from drake_srg.bridges.commands import CommandError, Warnings
-from drake_srg.bridges.ros2.follow_joint_trajectory import with_actions
-from drake_srg.hardware.config import HardwareConfig
-from drake_srg.hardware.link import Robot
-from drake_srg.hardware.opening import MakeRobot
-from drake_srg.recording.ros_topics import Topic
+from drake_srg.recording.rosbag import Topic
+from drake_srg.robot.drive.config import HardwareConfig
+from drake_srg.robot.drive.link import Robot
+from drake_srg.robot.drive.opening import MakeRobot
+from drake_srg.robot.serve.action_server import with_actions
+from drake_srg.robot.serve.commands import CommandError, Warnings
 from drake_srg.scenario import Scenario
 
 _STORE = with_actions(get_typestore(Stores.ROS2_HUMBLE))

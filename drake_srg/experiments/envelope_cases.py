@@ -8,11 +8,11 @@ from collections.abc import Callable
 import numpy as np
 from pydrake.math import RigidTransform, RollPitchYaw
 
-from drake_srg.cell import MakeTaskPlanner
-from drake_srg.cell.goals import goal_pose
 from drake_srg.experiments.cycles import run_cycle
-from drake_srg.planning.motion.failure import PlanningFailure
+from drake_srg.planning.motion.planning_scene import PlanningFailure
 from drake_srg.scenario import load_scenario
+from drake_srg.station import MakeTaskPlanner
+from drake_srg.station.planners import goal_pose
 from drake_srg.types import Cylinder, Vector
 
 SCENARIO = "assistive_arm"

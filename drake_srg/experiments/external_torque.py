@@ -9,13 +9,13 @@ from typing import Any
 import numpy as np
 
 from drake_srg.common.exceptions import ScenarioError
+from drake_srg.common.log_format import MODES
 from drake_srg.experiments.registry import Track
 from drake_srg.experiments.result import ExperimentResult
 from drake_srg.experiments.row import Row
 from drake_srg.experiments.whole_run import simulate_whole
-from drake_srg.recording.figure import make_figure, style_axes
+from drake_srg.recording.timeline import make_figure, style_axes
 from drake_srg.scenario import load_scenario
-from drake_srg.simulation.log_format import MODES
 from drake_srg.types import Mode, Vector
 
 # Each cell on the fast and on the accurate physics. The former derives the torques from

@@ -32,7 +32,7 @@ from drake_srg.experiments.registry import Track
 from drake_srg.experiments.result import ExperimentResult
 from drake_srg.experiments.row import Row
 from drake_srg.experiments.sighting_error import cell_maker
-from drake_srg.recording.figure import COLORS, make_figure, style_axes
+from drake_srg.recording.timeline import COLORS, make_figure, style_axes
 
 SCENARIOS = {"curved": "assistive_arm", "flat": "assistive_arm_flat"}
 FRICTION = {"dry": 0.5, "greasy": 0.15}

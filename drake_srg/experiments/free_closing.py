@@ -19,9 +19,9 @@ from drake_srg.experiments.data import read_csv
 from drake_srg.experiments.registry import Track
 from drake_srg.experiments.result import ExperimentResult
 from drake_srg.experiments.row import Row
-from drake_srg.gripper.moment_arms import base_moment_arm, tip_moment_arm
+from drake_srg.gripper.tendon import base_moment_arm, tip_moment_arm
 from drake_srg.gripper.underactuation import FINGERS
-from drake_srg.recording.figure import COLORS, make_figure, style_axes
+from drake_srg.recording.timeline import COLORS, make_figure, style_axes
 from drake_srg.simulation.rig import Rig, bench_scenario
 from drake_srg.types import Vector
 

@@ -8,7 +8,7 @@ from collections.abc import Callable, Sequence
 import numpy as np
 
 from drake_srg.experiments.direct_node import DirectNode, make_message
-from drake_srg.recording.ros_topics import header
+from drake_srg.recording.rosbag import header
 from drake_srg.types import Vector
 
 

@@ -17,23 +17,22 @@ import numpy as np
 from pydrake.systems.framework import DiagramBuilder
 from pydrake.trajectories import PiecewisePolynomial
 
+from drake_srg.arm.safety.config import SafetyConfig
+from drake_srg.arm.safety.limits import JointLimits
 from drake_srg.experiments.direct_node import DirectNode
 from drake_srg.experiments.fuzzed_messages import FAULTS, FuzzedRobot
 from drake_srg.experiments.kept_trials import KeptTrials
 from drake_srg.experiments.registry import Track
 from drake_srg.experiments.result import ExperimentResult
 from drake_srg.experiments.row import Row
-from drake_srg.hardware.arm import Ros2Arm
-from drake_srg.hardware.cell import MakeHardwareCell
-from drake_srg.hardware.exchange import Answer, Ended, PlannerLink, Tick
-from drake_srg.hardware.gripper import Ros2Gripper
-from drake_srg.hardware.loop import ControlLoop
-from drake_srg.hardware.opening import Hardware
-from drake_srg.hardware.station import MakeHardwareStation
 from drake_srg.planning.motion.arm_motion import Motion
-from drake_srg.recording.figure import make_figure, style_axes
-from drake_srg.safety.config import SafetyConfig
-from drake_srg.safety.limits import JointLimits
+from drake_srg.recording.timeline import make_figure, style_axes
+from drake_srg.robot.drive.arm import Ros2Arm
+from drake_srg.robot.drive.gripper import Ros2Gripper
+from drake_srg.robot.drive.opening import Hardware
+from drake_srg.robot.drive.remote_planner import Answer, Ended, PlannerLink, Tick
+from drake_srg.robot.drive.run import ControlLoop, MakeHardwareCell
+from drake_srg.robot.drive.station import MakeHardwareStation
 from drake_srg.scenario import Scenario, load_scenario
 from drake_srg.station.plant import MakeModelsPlant
 from drake_srg.types import Mode, PlannerStatus, Vector

@@ -23,10 +23,9 @@ from drake_srg.experiments.result import ExperimentResult
 from drake_srg.experiments.row import Row
 from drake_srg.objects.config import ObjectConfig
 from drake_srg.objects.household import HOUSEHOLD, household_object
-from drake_srg.planning.grasps.height_map_grasps import HeightMapGrasps
-from drake_srg.planning.grasps.srg_fingers import SrgFingers
-from drake_srg.planning.grasps.top_grasp import TopGrasp
-from drake_srg.recording.figure import COLORS, make_figure
+from drake_srg.planning.grasps.srg_hand import SrgFingers
+from drake_srg.planning.grasps.top_grasps import HeightMapGrasps, TopGrasp
+from drake_srg.recording.timeline import COLORS, make_figure
 from drake_srg.sweeps.statistics import wilson_interval
 from drake_srg.types import HeightMap
 from drake_srg.vision.camera_errors import CameraErrorsConfig

@@ -31,7 +31,7 @@ from drake_srg.experiments.shaken_grasp import (
     to_json,
 )
 from drake_srg.planning.grasps.grasp_measures import MEASURES
-from drake_srg.recording.figure import COLORS, make_figure, style_axes
+from drake_srg.recording.timeline import COLORS, make_figure, style_axes
 from drake_srg.sweeps.statistics import rank_auc
 from drake_srg.types import Vector
 

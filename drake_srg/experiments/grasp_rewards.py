@@ -21,7 +21,7 @@ from drake_srg.experiments.result import ExperimentResult
 from drake_srg.experiments.row import Row
 from drake_srg.learning.episodes import EVALUATION, make_environment, run_episode
 from drake_srg.learning.train import MakeLearner, Training, trained_policy
-from drake_srg.recording.figure import COLORS, make_figure, style_axes
+from drake_srg.recording.timeline import COLORS, make_figure, style_axes
 from drake_srg.sweeps.statistics import wilson_interval
 from drake_srg.types import Vector
 

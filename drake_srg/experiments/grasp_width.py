@@ -27,7 +27,7 @@ from drake_srg.experiments.grasp_width_cases import (
 from drake_srg.experiments.registry import Track
 from drake_srg.experiments.result import ExperimentResult
 from drake_srg.experiments.row import Row
-from drake_srg.recording.figure import COLORS, make_figure, style_axes
+from drake_srg.recording.timeline import COLORS, make_figure, style_axes
 from drake_srg.types import Vector
 
 CLAIM = 0.145  # figure of the SRG thesis [m]

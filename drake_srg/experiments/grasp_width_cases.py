@@ -10,7 +10,7 @@ import numpy as np
 from drake_srg.common.srg_geometry import SRG
 from drake_srg.experiments.data import household_objects
 from drake_srg.objects.config import ObjectConfig
-from drake_srg.planning.grasps.srg_fingers import SrgFingers
+from drake_srg.planning.grasps.srg_hand import SrgFingers
 from drake_srg.simulation.rig import Rig, bench_scenario, shake
 from drake_srg.types import Box, Cylinder, Vector
 

@@ -19,9 +19,9 @@ from drake_srg.experiments.registry import Track
 from drake_srg.experiments.result import ExperimentResult
 from drake_srg.experiments.row import Row
 from drake_srg.gripper.driver import WireMotor
-from drake_srg.gripper.motor_temperature import motor_load
-from drake_srg.gripper.spool_command import SpoolCommandConfig, spool_angle
-from drake_srg.recording.figure import COLORS, make_figure, style_axes
+from drake_srg.gripper.srg_tendon_driver import SpoolCommandConfig, spool_angle
+from drake_srg.gripper.tendon import motor_load
+from drake_srg.recording.timeline import COLORS, make_figure, style_axes
 from drake_srg.scenario import Scenario
 from drake_srg.simulation.rig import Rig, bench_scenario
 

@@ -19,9 +19,9 @@ from drake_srg.experiments.result import ExperimentResult
 from drake_srg.experiments.row import Row
 from drake_srg.experiments.servo_stand import ServoStand
 from drake_srg.experiments.vendor_test import VendorTest, press_bench, warm
-from drake_srg.identification.log import LogRow, vendor_log
-from drake_srg.identification.press import FULL_LOAD, calibrated_zero
-from drake_srg.recording.figure import COLORS, make_figure, style_axes
+from drake_srg.recording.timeline import COLORS, make_figure, style_axes
+from drake_srg.robot.identify.fits import FULL_LOAD, calibrated_zero
+from drake_srg.robot.identify.log import LogRow, vendor_log
 from drake_srg.scenario import load_scenario
 
 MODELS = {"data sheet": "gripper_bench", "specimen": "srg_specimen"}

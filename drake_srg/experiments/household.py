@@ -29,8 +29,8 @@ from drake_srg.experiments.result import ExperimentResult
 from drake_srg.experiments.row import Row
 from drake_srg.experiments.still import take_picture
 from drake_srg.gripper.tendon import TendonDriveConfig
-from drake_srg.recording.figure import COLORS, make_figure
-from drake_srg.scenario.yaml_typed import load_typed
+from drake_srg.recording.timeline import COLORS, make_figure
+from drake_srg.scenario.typed_yaml import load_typed
 
 Picture = tuple[npt.NDArray[np.uint8], str, str]  # image, caption, colour of both
 

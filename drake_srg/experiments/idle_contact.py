@@ -18,8 +18,8 @@ from drake_srg.experiments.registry import Track
 from drake_srg.experiments.response import rms
 from drake_srg.experiments.result import ExperimentResult
 from drake_srg.experiments.row import Row
-from drake_srg.gripper.touch import TouchConfig
-from drake_srg.recording.figure import make_figure, style_axes
+from drake_srg.gripper.sensors import TouchConfig
+from drake_srg.recording.timeline import make_figure, style_axes
 from drake_srg.simulation.rig import Rig, bench_scenario
 from drake_srg.types import Vector
 

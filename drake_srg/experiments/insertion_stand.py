@@ -12,7 +12,7 @@ from pydrake.multibody.inverse_kinematics import InverseKinematics
 from pydrake.multibody.parsing import AddModel, AddWeld, ModelDirective
 from pydrake.solvers import Solve
 
-from drake_srg.common.minimum_jerk import minimum_jerk_blend
+from drake_srg.common.geometry import minimum_jerk_blend
 from drake_srg.planning.grasps.srg_hand import SrgHand
 from drake_srg.scenario import Scenario, load_scenario
 from drake_srg.simulation.rig import Rig

@@ -21,7 +21,7 @@ from drake_srg.experiments.result import ExperimentResult
 from drake_srg.experiments.row import Row
 from drake_srg.experiments.table_shares import Share
 from drake_srg.experiments.table_trials import run_trial
-from drake_srg.recording.figure import COLORS, make_figure, style_axes
+from drake_srg.recording.timeline import COLORS, make_figure, style_axes
 from drake_srg.simulation.metrics import Metrics
 from drake_srg.types import Vector
 

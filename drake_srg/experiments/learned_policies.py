@@ -22,13 +22,11 @@ from drake_srg.experiments.kept_trials import KeptTrials
 from drake_srg.experiments.registry import Track
 from drake_srg.experiments.result import ExperimentResult
 from drake_srg.experiments.row import Row
-from drake_srg.learning.baselines import TOUCH
-from drake_srg.learning.cell_trials import run_cell_trial
 from drake_srg.learning.episodes import EVALUATION, Act, make_environment, run_episode
-from drake_srg.learning.rules import pick
-from drake_srg.learning.touch_rule import pick_by_touch
+from drake_srg.learning.evaluate_in_cell import run_cell_trial
+from drake_srg.learning.rules import TOUCH, pick, pick_by_touch
 from drake_srg.learning.train import POLICY, Training, train
-from drake_srg.recording.figure import COLORS, make_figure, style_axes
+from drake_srg.recording.timeline import COLORS, make_figure, style_axes
 from drake_srg.scenario import load_tree
 from drake_srg.sweeps.statistics import wilson_interval
 

@@ -13,12 +13,12 @@ from typing import Any
 
 import numpy as np
 
-from drake_srg.common.drake_version import NEWER_DRAKE, has_fast_contact
-from drake_srg.envs.pick import PickEnv
+from drake_srg.common.systems import NEWER_DRAKE, has_fast_contact
 from drake_srg.experiments.registry import Track
 from drake_srg.experiments.result import ExperimentResult
 from drake_srg.experiments.row import Row
-from drake_srg.recording.figure import COLORS, make_figure, style_axes
+from drake_srg.learning.envs.tasks import PickEnv
+from drake_srg.recording.timeline import COLORS, make_figure, style_axes
 from drake_srg.sweeps.trial import resident_memory
 from drake_srg.types import Vector
 

@@ -33,7 +33,7 @@ from drake_srg.experiments.row import Row
 from drake_srg.experiments.varied_scenes import WITHIN, Scene
 from drake_srg.experiments.varied_scenes import judge as judge_scenes
 from drake_srg.experiments.varied_scenes import look as look_at_scene
-from drake_srg.recording.figure import COLORS, make_figure, style_axes
+from drake_srg.recording.timeline import COLORS, make_figure, style_axes
 from drake_srg.scenario import load_scenario
 
 SIZES = ((320, 240), (640, 480), (1280, 960))  # images [pixels]

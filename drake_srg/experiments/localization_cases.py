@@ -9,10 +9,10 @@ import numpy as np
 from pydrake.math import RigidTransform, RotationMatrix
 from pydrake.systems.framework import DiagramBuilder
 
-from drake_srg.cell.perception import AddLocalizer
 from drake_srg.experiments.varied_scenes import angle_between_axes, put_object
 from drake_srg.scenario import Scenario, load_scenario
 from drake_srg.station import MakeStation
+from drake_srg.station.perception import AddLocalizer
 from drake_srg.types import Blob, BlobFlag, Cylinder, Vector
 
 SCENARIO, CAMERA = "assistive_arm", "ceiling"

@@ -18,8 +18,8 @@ from drake_srg.experiments.grasp_width_cases import Grasp, Thing, grasp
 from drake_srg.experiments.registry import Track
 from drake_srg.experiments.result import ExperimentResult
 from drake_srg.experiments.row import Row
-from drake_srg.planning.grasps.srg_fingers import SrgFingers
-from drake_srg.recording.figure import COLORS, make_figure, style_axes
+from drake_srg.planning.grasps.srg_hand import SrgFingers
+from drake_srg.recording.timeline import COLORS, make_figure, style_axes
 
 # Its greatest width and height as it lies, and the middle of its mass above its bottom
 # (squeeze_bottle.sdf) [m].

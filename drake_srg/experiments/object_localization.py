@@ -23,11 +23,11 @@ from drake_srg.objects.config import ColorRangeConfig, ObjectConfig
 from drake_srg.objects.household import HOUSEHOLD, household_object
 from drake_srg.objects.meshes.load import model_tree
 from drake_srg.objects.solids import known_solid, object_pieces
-from drake_srg.recording.figure import COLORS, make_figure, style_axes
+from drake_srg.recording.timeline import COLORS, make_figure, style_axes
 from drake_srg.scenario import load_scenario
 from drake_srg.types import Vector
 from drake_srg.vision.color import ColorRange
-from drake_srg.vision.symmetry import turn_between
+from drake_srg.vision.solids import turn_between
 
 SCENARIO = "kitchen"
 UPRIGHT, RESTING = "upright", "on any side"

@@ -90,8 +90,7 @@ def parse_values(
 
 
 def _parse(text: str, hint: Any, origin: str, key: str) -> Any:
-    from drake_srg.scenario.yaml_tree import fail, parse_yaml
-    from drake_srg.scenario.yaml_typed import check_tree
+    from drake_srg.scenario.typed_yaml import check_tree, fail, parse_yaml
 
     value = parse_yaml(f"value: {text}", f"--set {key}")["value"]
     if typing.get_origin(hint) is typing.Literal:

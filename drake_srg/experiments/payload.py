@@ -13,7 +13,7 @@ from drake_srg.experiments.registry import Track
 from drake_srg.experiments.result import ExperimentResult
 from drake_srg.experiments.row import Row
 from drake_srg.gripper.tendon import TendonDriveConfig
-from drake_srg.recording.figure import make_figure, style_axes
+from drake_srg.recording.timeline import make_figure, style_axes
 
 EXPERIMENTS = {
     "payload_wrap": (

@@ -15,18 +15,19 @@ from pydrake.systems.sensors import CameraConfig
 from drake_srg.common.exceptions import ScenarioError
 from drake_srg.objects.config import ObjectConfig
 from drake_srg.objects.household import object_facts
-from drake_srg.planning.grasps.top_grasp import GraspPlan, GraspPlanner, TopGrasp
-from drake_srg.planning.grasps.top_grasp_search import Reach
+from drake_srg.planning.grasps.top_grasps import (
+    GraspPlan,
+    GraspPlanner,
+    Reach,
+    TopGrasp,
+)
 from drake_srg.scenario import Scenario
-from drake_srg.simulation.bench import bench_scenario
-from drake_srg.simulation.rig import Rig
-from drake_srg.simulation.tabletop import tabletop
+from drake_srg.simulation.rig import Rig, bench_scenario, tabletop
 from drake_srg.types import Failure, HeightMap, Vector
 from drake_srg.vision.camera import CameraModel
 from drake_srg.vision.camera_errors import CameraErrorsConfig
-from drake_srg.vision.height_map import height_map, points_of
-from drake_srg.vision.height_mapper import SUBPIXELS
-from drake_srg.vision.surface import Surface
+from drake_srg.vision.height_map import SUBPIXELS, height_map, points_of
+from drake_srg.vision.surfaces import Surface
 
 MIDDLE = np.array([0.5, 0.0, 0.0])  # of the bench, under the gantry [m]
 _UP = np.array([0.0, 0.0, 1.0])

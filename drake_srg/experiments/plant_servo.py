@@ -11,11 +11,11 @@ from typing import Any
 
 import numpy as np
 
-from drake_srg.envs.grasp_one_shot import GraspOneShotEnv
 from drake_srg.experiments.registry import Track
 from drake_srg.experiments.result import ExperimentResult
 from drake_srg.experiments.row import Row
-from drake_srg.recording.figure import COLORS, make_figure, style_axes
+from drake_srg.learning.envs.tasks import GraspOneShotEnv
+from drake_srg.recording.timeline import COLORS, make_figure, style_axes
 from drake_srg.simulation.rig import Rig, bench_scenario
 from drake_srg.sweeps.statistics import wilson_interval
 from drake_srg.types import Vector

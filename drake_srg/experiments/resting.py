@@ -12,8 +12,8 @@ from typing import Any
 
 import numpy as np
 
-from drake_srg.common.drake_version import contact_approximations
 from drake_srg.common.exceptions import ScenarioError, suggest
+from drake_srg.common.systems import contact_approximations
 from drake_srg.experiments.data import household_objects
 from drake_srg.experiments.registry import Track
 from drake_srg.experiments.resting_drops import (
@@ -26,7 +26,7 @@ from drake_srg.experiments.resting_drops import (
 )
 from drake_srg.experiments.result import ExperimentResult
 from drake_srg.experiments.row import Row
-from drake_srg.recording.figure import COLORS, make_figure, style_axes
+from drake_srg.recording.timeline import COLORS, make_figure, style_axes
 
 CHOSEN = Settings()
 HALF = "half the step"

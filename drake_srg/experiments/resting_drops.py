@@ -29,11 +29,11 @@ from pydrake.multibody.tree import BodyIndex
 from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import DiagramBuilder
 
-from drake_srg.common.contact_damping import relaxation_time
+from drake_srg.common.contacts import relaxation_time
 from drake_srg.objects.config import ObjectConfig
-from drake_srg.objects.corners import body_corners
 from drake_srg.objects.models import AddObject, object_body, simple_shape
 from drake_srg.objects.slab_mesh import obj_text, slab_mesh
+from drake_srg.objects.solids import body_corners
 from drake_srg.types import Sphere, Vector
 
 # Half the width of the table, and its thickness [m].

@@ -15,8 +15,8 @@ import numpy as np
 import numpy.typing as npt
 
 from drake_srg.experiments.row import Row
-from drake_srg.recording.figure import save_png
 from drake_srg.recording.output import OutputFile
+from drake_srg.recording.timeline import save_png
 
 
 @dc.dataclass(frozen=True)

@@ -8,10 +8,9 @@ import numpy as np
 from pydrake.multibody.plant import MultibodyPlant
 
 from drake_srg.arm.drivers import ArmPositionDriver
-from drake_srg.common.actuators import model_actuators
-from drake_srg.common.minimum_jerk import minimum_jerk_blend
-from drake_srg.safety.limits import JointLimits
-from drake_srg.safety.tool import Tool
+from drake_srg.arm.safety.limits import JointLimits, Tool
+from drake_srg.common.geometry import minimum_jerk_blend
+from drake_srg.common.systems import model_actuators
 from drake_srg.scenario import Scenario, load_scenario
 from drake_srg.station.plant import MakeModelsPlant
 from drake_srg.types import Vector

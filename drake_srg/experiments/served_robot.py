@@ -9,25 +9,28 @@ from collections import deque
 from collections.abc import Callable, Sequence
 from typing import Any
 
-from drake_srg.bridges.bridge import Bridge
-from drake_srg.bridges.camera_process import Viewer
-from drake_srg.bridges.commands import Warnings
-from drake_srg.bridges.outlet import Outlet
-from drake_srg.bridges.pictures import served_cameras
-from drake_srg.bridges.served_loop import (
+from drake_srg.common.systems import MakeSimulator
+from drake_srg.experiments.direct_node import DirectNode, make_message
+from drake_srg.lifetime import my_context
+from drake_srg.recording.rosbag import Topic
+from drake_srg.robot.drive.cameras import Camera, Picture
+from drake_srg.robot.serve.bridge import Bridge, Outlet
+from drake_srg.robot.serve.commands import Warnings
+from drake_srg.robot.serve.loop import (
+    AddServedStation,
+    MakeServedStation,
     ServedLoop,
     control_period,
     fix_defaults,
     station_inbox,
 )
-from drake_srg.bridges.served_station import AddServedStation, MakeServedStation
-from drake_srg.bridges.topics import CAMERA_INFO, COLOR, DEPTH
-from drake_srg.common.simulator import MakeSimulator
-from drake_srg.experiments.direct_node import DirectNode, make_message
-from drake_srg.hardware.cameras import Camera
-from drake_srg.hardware.pictures import Picture
-from drake_srg.lifetime import my_context
-from drake_srg.recording.ros_topics import Topic
+from drake_srg.robot.serve.pictures import (
+    CAMERA_INFO,
+    COLOR,
+    DEPTH,
+    Viewer,
+    served_cameras,
+)
 from drake_srg.scenario import Scenario, servo_of
 from drake_srg.simulation.flat import MakeRoot
 from drake_srg.simulation.recorders import recorded_topics

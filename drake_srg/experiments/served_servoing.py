@@ -27,7 +27,7 @@ from drake_srg.experiments.result import ExperimentResult
 from drake_srg.experiments.row import Row
 from drake_srg.experiments.served_trials import Served, grasp_served
 from drake_srg.experiments.servo_trials import Case, trial_order
-from drake_srg.recording.figure import COLORS, make_figure, style_axes
+from drake_srg.recording.timeline import COLORS, make_figure, style_axes
 
 CASES = (Case(0.0), Case(0.02), Case(0.05))
 SERVOS = ("pbvs", "ibvs")

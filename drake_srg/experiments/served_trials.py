@@ -25,18 +25,17 @@ from drake_srg.experiments.servo_trials import (
     GraspWatch,
     grasp_scenario,
 )
-from drake_srg.hardware.arm import Ros2Arm
-from drake_srg.hardware.cameras import Ros2Camera
-from drake_srg.hardware.cell import MakeHardwareCell, measurements
-from drake_srg.hardware.exchange import Answer, Ended, PlannerLink, Tick
-from drake_srg.hardware.gripper import Ros2Gripper
-from drake_srg.hardware.loop import ControlLoop
-from drake_srg.hardware.opening import Hardware
-from drake_srg.hardware.planner_cell import MirrorLink, PlannerCell
-from drake_srg.hardware.station import MakeHardwareStation
 from drake_srg.lifetime import free_diagrams
+from drake_srg.planning.servoing.config import ServoCommand
+from drake_srg.robot.drive.arm import Ros2Arm
+from drake_srg.robot.drive.cameras import Ros2Camera
+from drake_srg.robot.drive.gripper import Ros2Gripper
+from drake_srg.robot.drive.opening import Hardware
+from drake_srg.robot.drive.planner_process import MirrorLink, PlannerCell
+from drake_srg.robot.drive.remote_planner import Answer, Ended, PlannerLink, Tick
+from drake_srg.robot.drive.run import ControlLoop, MakeHardwareCell, measurements
+from drake_srg.robot.drive.station import MakeHardwareStation
 from drake_srg.scenario import Scenario, servo_of
-from drake_srg.servoing.status import ServoCommand
 from drake_srg.types import Vector
 
 _STOPPED = (SafetyState.PROTECTIVE_STOP, SafetyState.EMERGENCY_STOP)

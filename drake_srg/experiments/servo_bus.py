@@ -20,7 +20,7 @@ from drake_srg.experiments.registry import Track
 from drake_srg.experiments.result import ExperimentResult
 from drake_srg.experiments.row import Row
 from drake_srg.experiments.servo_runs import Wire, run_over_servos
-from drake_srg.recording.figure import make_figure, style_axes
+from drake_srg.recording.timeline import make_figure, style_axes
 
 _SCENARIO = "assistive_arm"
 _WITHOUT = "without a bus"

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from typing import Any
 
 from drake_srg.experiments.servo_bench import Response
-from drake_srg.recording.figure import COLORS, make_figure, style_axes
+from drake_srg.recording.timeline import COLORS, make_figure, style_axes
 
 # Style of each law's line. Both laws of the thesis are dashed with K_I = 0.
 _LINES: dict[str, dict[str, Any]] = {

@@ -11,16 +11,13 @@ import numpy as np
 from pydrake.math import RigidTransform
 from pydrake.systems.framework import DiagramBuilder
 
-from drake_srg.bridges.commands import CommandInbox, Warnings
-from drake_srg.bridges.dynamixel.emulated_bus import EmulatedBus
-from drake_srg.bridges.dynamixel.mechanisms import station_mechanisms
-from drake_srg.bridges.dynamixel.mx64 import Mx64
-from drake_srg.bridges.dynamixel.mx64_2 import Mx64P2
-from drake_srg.bridges.dynamixel.protocol import Packet, PacketReader
-from drake_srg.bridges.served_station import AddServedStation
-from drake_srg.common.simulator import MakeSimulator
-from drake_srg.hardware.cameras import Camera
-from drake_srg.hardware.pictures import Picture
+from drake_srg.common.systems import MakeSimulator
+from drake_srg.robot.drive.cameras import Camera, Picture
+from drake_srg.robot.serve.commands import CommandInbox, Warnings
+from drake_srg.robot.serve.dynamixel.bridge import EmulatedBus, station_mechanisms
+from drake_srg.robot.serve.dynamixel.mx64 import Mx64, Mx64P2
+from drake_srg.robot.serve.dynamixel.protocol import Packet, PacketReader
+from drake_srg.robot.serve.loop import AddServedStation
 from drake_srg.scenario import Scenario
 from drake_srg.station import MakeStation
 from drake_srg.types import Vector

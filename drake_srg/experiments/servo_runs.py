@@ -10,23 +10,26 @@ import numpy as np
 from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import Diagram, DiagramBuilder
 
-from drake_srg.bridges.commands import Warnings
-from drake_srg.bridges.connecting import Ros1Config, Ros2Config
-from drake_srg.bridges.dynamixel.encoder import JOINT
-from drake_srg.cell import MakeCell
-from drake_srg.cell.goals import final_pose, final_tilt
+from drake_srg.arm.safety.config import SafetyConfig
 from drake_srg.common.safety_states import SafetyState, safety_state
 from drake_srg.experiments.servo_robot import DirectLine, ServoRobot, SimulatedCamera
-from drake_srg.hardware.dynamixel.bus_cycle import BusCycle
-from drake_srg.hardware.dynamixel.drivers import DynamixelArm, DynamixelGripper
-from drake_srg.hardware.dynamixel.servo_bus import ServoBus
-from drake_srg.hardware.faults import FaultsConfig, FaultyLink
-from drake_srg.hardware.link import Link, Nodes, Robot
-from drake_srg.hardware.opening import Hardware
-from drake_srg.hardware.station import AddHardwareStation
-from drake_srg.safety.config import SafetyConfig
+from drake_srg.planning.servoing.hand_motion import ServoArm
+from drake_srg.robot.drive.config import FaultsConfig, FaultyLink
+from drake_srg.robot.drive.dynamixel.bus import ServoBus
+from drake_srg.robot.drive.dynamixel.drivers import (
+    BusCycle,
+    DynamixelArm,
+    DynamixelGripper,
+)
+from drake_srg.robot.drive.link import Link, Nodes, Robot
+from drake_srg.robot.drive.opening import Hardware
+from drake_srg.robot.drive.station import AddHardwareStation
+from drake_srg.robot.serve.commands import Warnings
+from drake_srg.robot.serve.connecting import Ros1Config, Ros2Config
+from drake_srg.robot.serve.dynamixel.servo import JOINT
 from drake_srg.scenario import Scenario, load_scenario
-from drake_srg.servoing.arm import ServoArm
+from drake_srg.station import MakeCell
+from drake_srg.station.planners import final_pose, final_tilt
 from drake_srg.station.plant import MakeModelsPlant
 from drake_srg.types import Mode, Vector
 

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 
-from drake_srg.bridges.dynamixel.motor import SpoolMotor
-from drake_srg.bridges.dynamixel.mx64 import Mx64
-from drake_srg.bridges.dynamixel.protocol import Instruction, Packet1
-from drake_srg.bridges.dynamixel.registers import FULL_TORQUE, ControlTable1
 from drake_srg.common.exceptions import ScenarioError
+from drake_srg.robot.serve.dynamixel.mx64 import Mx64
+from drake_srg.robot.serve.dynamixel.protocol import Instruction, Packet1
+from drake_srg.robot.serve.dynamixel.registers import FULL_TORQUE, ControlTable1
+from drake_srg.robot.serve.dynamixel.servo import SpoolMotor
 from drake_srg.scenario import Scenario
 from drake_srg.simulation.rig import Rig
 

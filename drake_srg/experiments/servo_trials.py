@@ -10,16 +10,16 @@ import numpy as np
 from pydrake.math import RigidTransform
 from pydrake.systems.framework import Context, Diagram
 
-from drake_srg.cell import AddCell, MakeCell
-from drake_srg.cell.hands import MakeHand
 from drake_srg.common.exceptions import ScenarioError
-from drake_srg.common.simulator import MakeSimulator
+from drake_srg.common.systems import MakeSimulator
 from drake_srg.lifetime import free_diagrams, my_context
 from drake_srg.objects.models import object_shape
+from drake_srg.planning.servoing.hand_motion import ServoArm
 from drake_srg.scenario import Scenario, load_scenario, servo_of
-from drake_srg.servoing.arm import ServoArm
 from drake_srg.simulation.flat import MakeRoot
 from drake_srg.simulation.simulate import failure_time
+from drake_srg.station import AddCell, MakeCell
+from drake_srg.station.planners import MakeHand
 from drake_srg.station.plant import MakeModelsPlant
 from drake_srg.types import Mode, Vector
 

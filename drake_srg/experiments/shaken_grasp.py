@@ -19,8 +19,7 @@ from drake_srg.experiments.data import household_objects
 from drake_srg.experiments.grasping import GraspConfig, present
 from drake_srg.experiments.household import Case
 from drake_srg.objects.household import object_facts
-from drake_srg.planning.grasps.contact_patches import Patch
-from drake_srg.planning.grasps.grasp_measures import Body
+from drake_srg.planning.grasps.grasp_measures import Body, Patch
 from drake_srg.simulation.rig import Rig, shake
 from drake_srg.station.held_grasp import read_grasp
 from drake_srg.types import Vector

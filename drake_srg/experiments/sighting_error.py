@@ -9,12 +9,11 @@ from pydrake.common.value import AbstractValue
 from pydrake.math import RigidTransform
 from pydrake.systems.framework import Context, Diagram, DiagramBuilder
 
-from drake_srg.cell import ConnectPlanner, MakePlanner
-from drake_srg.cell.perception import AddLocalizer
-from drake_srg.common.ports import export_outputs
+from drake_srg.common.systems import export_outputs
 from drake_srg.lifetime import LeafSystem
 from drake_srg.scenario import Scenario
-from drake_srg.station import MakeStation
+from drake_srg.station import ConnectPlanner, MakePlanner, MakeStation
+from drake_srg.station.perception import AddLocalizer
 from drake_srg.types import Blob, Vector
 
 

@@ -18,6 +18,7 @@ from typing import Any
 
 import numpy as np
 
+from drake_srg.common.log_format import MODES
 from drake_srg.experiments.kept_trials import KeptTrials
 from drake_srg.experiments.registry import Track
 from drake_srg.experiments.result import ExperimentResult
@@ -32,9 +33,8 @@ from drake_srg.experiments.single_things import (
 from drake_srg.experiments.table_shares import WIDEST, Share
 from drake_srg.experiments.table_trials import NOISE
 from drake_srg.experiments.whole_run import simulate_whole
-from drake_srg.recording.figure import COLORS, make_figure, style_axes
+from drake_srg.recording.timeline import COLORS, make_figure, style_axes
 from drake_srg.scenario import load_scenario
-from drake_srg.simulation.log_format import MODES
 from drake_srg.types import Mode, Vector
 
 SCENARIO = "clear_table_fast"

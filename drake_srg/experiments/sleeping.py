@@ -24,10 +24,9 @@ from drake_srg.experiments.result import ExperimentResult
 from drake_srg.experiments.row import Row
 from drake_srg.objects.config import ObjectConfig, SleepingConfig
 from drake_srg.objects.models import object_body
-from drake_srg.recording.figure import COLORS, make_figure, style_axes
+from drake_srg.recording.timeline import COLORS, make_figure, style_axes
 from drake_srg.scenario import Scenario
-from drake_srg.simulation.rig import Rig
-from drake_srg.simulation.tabletop import tabletop
+from drake_srg.simulation.rig import Rig, tabletop
 from drake_srg.types import Box, Cylinder, Vector
 
 SLEEPING = SleepingConfig()

@@ -15,13 +15,13 @@ from typing import Any
 
 import numpy as np
 
-from drake_srg.common.log_keys import is_pose
+from drake_srg.common.log_format import is_pose
 from drake_srg.experiments.registry import Track
 from drake_srg.experiments.result import ExperimentResult
 from drake_srg.experiments.row import Row
 from drake_srg.experiments.sleeping import ASLEEP, AWAKE, MOVED
 from drake_srg.experiments.whole_run import simulate_whole
-from drake_srg.recording.figure import COLORS, make_figure, style_axes
+from drake_srg.recording.timeline import COLORS, make_figure, style_axes
 from drake_srg.scenario import load_scenario
 from drake_srg.sweeps.statistics import wilson_interval
 from drake_srg.types import Vector

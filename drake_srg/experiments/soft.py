@@ -30,7 +30,7 @@ from drake_srg.experiments.sponge import (
     Grasp,
     grasp,
 )
-from drake_srg.recording.figure import make_figure, style_axes
+from drake_srg.recording.timeline import make_figure, style_axes
 
 PULLS = ("gentle", "strong")
 # Duration of the ramp of the strong pull up to the servo's limit, after the hold [s].

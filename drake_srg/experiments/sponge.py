@@ -10,8 +10,7 @@ import numpy.typing as npt
 from pydrake.multibody.tree import DeformableBody
 
 from drake_srg.common.srg_geometry import SRG
-from drake_srg.gripper.moment_arms import base_moment_arm
-from drake_srg.gripper.tendon import TendonDriveConfig
+from drake_srg.gripper.tendon import TendonDriveConfig, base_moment_arm
 from drake_srg.gripper.underactuation import JOINT_NAMES
 from drake_srg.objects.config import ObjectConfig, SoftConfig
 from drake_srg.objects.models import object_body

@@ -10,7 +10,7 @@ import numpy.typing as npt
 from pydrake.common.schema import Transform
 
 from drake_srg.common.exceptions import ScenarioError
-from drake_srg.common.viewing import look_at
+from drake_srg.common.geometry import look_at
 from drake_srg.scenario import LocalizerConfig, Scenario
 from drake_srg.station import MakeStation
 from drake_srg.types import Vector

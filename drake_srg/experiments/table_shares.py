@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from drake_srg.planning.grasps.top_grasp_search import Reach
+from drake_srg.planning.grasps.top_grasps import Reach
 from drake_srg.simulation.metrics import Metrics
 from drake_srg.sweeps.statistics import wilson_interval
 

@@ -10,17 +10,17 @@ from typing import Any, TypeAlias
 
 import numpy as np
 
-from drake_srg.cell.clearing import MakeReach
 from drake_srg.experiments.kept_trials import KeptTrials
 from drake_srg.experiments.registry import Track
 from drake_srg.experiments.result import ExperimentResult
 from drake_srg.experiments.row import Row
 from drake_srg.experiments.table_shares import false_claims, lay_in, shares
 from drake_srg.experiments.whole_run import simulate_whole
-from drake_srg.planning.grasps.top_grasp_search import Reach
-from drake_srg.recording.figure import COLORS, make_figure, style_axes
+from drake_srg.planning.grasps.top_grasps import Reach
+from drake_srg.recording.timeline import COLORS, make_figure, style_axes
 from drake_srg.scenario import load_scenario
 from drake_srg.simulation.metrics import Metrics
+from drake_srg.station.clearing import MakeReach
 
 # Of a scenario: its name and its overrides.
 Scenes: TypeAlias = Mapping[str, tuple[str, tuple[str, ...]]]

@@ -16,18 +16,18 @@ import numpy as np
 from pydrake.math import RigidTransform
 from pydrake.systems.framework import DiagramBuilder
 
-from drake_srg.cell.perception import AddLocalizer
 from drake_srg.experiments.localization import ACTUAL, DETECTED
 from drake_srg.experiments.localization_cases import CAMERA, SCENARIO, STANDING, poses
 from drake_srg.experiments.registry import Track
 from drake_srg.experiments.result import ExperimentResult
 from drake_srg.experiments.row import Row
 from drake_srg.experiments.varied_scenes import put_object
-from drake_srg.recording.figure import COLORS, make_figure, style_axes
+from drake_srg.recording.timeline import COLORS, make_figure, style_axes
 from drake_srg.scenario import Scenario, load_scenario
 from drake_srg.station import MakeStation
+from drake_srg.station.perception import AddLocalizer
+from drake_srg.theses.blob_localizer import ThesisBlobConfig, ThesisBlobLocalizer
 from drake_srg.types import Vector
-from drake_srg.vision.thesis_blob_localizer import ThesisBlobConfig, ThesisBlobLocalizer
 
 # Cameras that look straight down: where they hang in world [m]. The thesis describes
 # its camera as above the middle of the scene, and publishes neither place nor angle. At

@@ -17,18 +17,18 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from drake_srg.bridges.bridge import Bridge
-from drake_srg.bridges.commands import CommandInbox
-from drake_srg.bridges.serve import Serve, Served
 from drake_srg.experiments.bridge_client import Client, MakeBridge, open_wire
 from drake_srg.experiments.registry import Track
 from drake_srg.experiments.result import ExperimentResult
 from drake_srg.experiments.row import Row
-from drake_srg.planning.script.scripted import MessagesConfig, Script
-from drake_srg.recording.figure import make_figure, style_axes
-from drake_srg.recording.ros_topics import Topic
+from drake_srg.recording.rosbag import Topic
+from drake_srg.recording.timeline import make_figure, style_axes
+from drake_srg.robot.serve.bridge import Bridge
+from drake_srg.robot.serve.commands import CommandInbox
+from drake_srg.robot.serve.loop import Serve, Served
 from drake_srg.scenario import Scenario, load_scenario
 from drake_srg.scenario.schema import script_of
+from drake_srg.theses.script import MessagesConfig, Script
 from drake_srg.types import Vector
 
 # One wire per driver is enough, because drivers and wires do not affect each other.

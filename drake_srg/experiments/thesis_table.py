@@ -20,7 +20,7 @@ from drake_srg.experiments.localization import ACTUAL
 from drake_srg.experiments.registry import Track
 from drake_srg.experiments.result import ExperimentResult
 from drake_srg.experiments.row import Row
-from drake_srg.recording.figure import COLORS, make_figure, style_axes
+from drake_srg.recording.timeline import COLORS, make_figure, style_axes
 
 _AT_ITS_PLACE = f"object.position={ACTUAL[:2].tolist()}"
 

@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from drake_srg.common.log_keys import pose_key
+from drake_srg.common.log_format import pose_key, row_to_pose
 from drake_srg.experiments.kept_trials import KeptTrials
 from drake_srg.experiments.registry import Track
 from drake_srg.experiments.result import ExperimentResult
@@ -22,9 +22,8 @@ from drake_srg.experiments.row import Row
 from drake_srg.experiments.whole_run import simulate_whole
 from drake_srg.objects.config import SleepingConfig
 from drake_srg.objects.household import object_facts
-from drake_srg.recording.figure import COLORS, make_figure, style_axes
+from drake_srg.recording.timeline import COLORS, make_figure, style_axes
 from drake_srg.scenario import load_scenario
-from drake_srg.simulation.log_format import row_to_pose
 from drake_srg.types import Vector
 
 TABLES = {"spread": "clear_table_fast", "heap": "clear_heap_fast"}

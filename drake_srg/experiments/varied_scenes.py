@@ -16,12 +16,12 @@ from pydrake.multibody.plant import MultibodyPlant
 from pydrake.systems.framework import Context, Diagram, DiagramBuilder
 from pydrake.systems.primitives import ConstantValueSource
 
-from drake_srg.cell.perception import AddLocalizer, AddObstacleFinder
 from drake_srg.experiments.row import Row
 from drake_srg.objects.config import ObjectConfig
 from drake_srg.objects.models import simple_shape
 from drake_srg.scenario import load_scenario
 from drake_srg.station import MakeStation
+from drake_srg.station.perception import AddLocalizer, AddObstacleFinder
 from drake_srg.types import Blob, BlobFlag, Obstacle, Shape, Vector
 
 # Scenarios, and the greatest error of position with which the object can be picked [m]:

@@ -15,13 +15,12 @@ from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import DiagramBuilder
 from pydrake.systems.primitives import ConstantVectorSource
 
-from drake_srg.bridges.dynamixel.registers import CLOCKWISE, FULL_TORQUE
 from drake_srg.experiments.servo_stand import ServoStand
 from drake_srg.gripper.driver import WireMotor
-from drake_srg.gripper.motor_temperature import MotorTemperature
-from drake_srg.identification.heat import NEVER, RISE
-from drake_srg.identification.log import LogRow
-from drake_srg.identification.press import polls
+from drake_srg.gripper.tendon import MotorTemperature
+from drake_srg.robot.identify.fits import NEVER, RISE, polls
+from drake_srg.robot.identify.log import LogRow
+from drake_srg.robot.serve.dynamixel.registers import CLOCKWISE, FULL_TORQUE
 from drake_srg.scenario import Scenario
 from drake_srg.simulation.rig import bench_scenario
 

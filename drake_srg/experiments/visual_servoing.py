@@ -32,7 +32,7 @@ from drake_srg.experiments.servo_trials import (
     grasp_once,
     trial_order,
 )
-from drake_srg.recording.figure import COLORS, make_figure, style_axes
+from drake_srg.recording.timeline import COLORS, make_figure, style_axes
 from drake_srg.sweeps.statistics import wilson_interval
 
 CASES = (

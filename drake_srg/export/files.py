@@ -12,14 +12,11 @@ from pathlib import Path
 from pydrake.systems.framework import DiagramBuilder
 
 from drake_srg.common.exceptions import ScenarioError, suggest
-from drake_srg.export.constraints import read_constraints
-from drake_srg.export.describe import PlantReader
-from drake_srg.export.meshes import FOLDER, Meshes
-from drake_srg.export.mjcf import to_mjcf
-from drake_srg.export.model import Model
+from drake_srg.export.describe import PlantReader, read_constraints
+from drake_srg.export.mjcf import Wires, find_wires, to_mjcf
+from drake_srg.export.model import FOLDER, Meshes, Model
 from drake_srg.export.sdf import to_sdf
 from drake_srg.export.urdf import to_urdf
-from drake_srg.export.wires import Wires, find_wires
 from drake_srg.scenario import Scenario
 from drake_srg.station.plant import AddPlant
 

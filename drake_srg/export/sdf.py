@@ -9,12 +9,12 @@ import numpy as np
 from pydrake.geometry import Box, Cylinder, Shape, Sphere
 from pydrake.math import RigidTransform, RollPitchYaw
 
-from drake_srg.export.meshes import Meshes
 from drake_srg.export.model import (
     WORLD,
     Geometry,
     Joint,
     Link,
+    Meshes,
     Model,
     add,
     numbers,

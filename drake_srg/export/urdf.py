@@ -10,8 +10,16 @@ from pydrake.geometry import Box, Cylinder, Shape, Sphere
 from pydrake.math import RigidTransform, RollPitchYaw
 
 from drake_srg.common.exceptions import ScenarioError
-from drake_srg.export.meshes import Meshes
-from drake_srg.export.model import WORLD, Geometry, Joint, Link, Model, add, to_text
+from drake_srg.export.model import (
+    WORLD,
+    Geometry,
+    Joint,
+    Link,
+    Meshes,
+    Model,
+    add,
+    to_text,
+)
 
 # URDF requires limits of effort and velocity, and reads a missing position limit as 0.
 _NO_LIMIT = 1e9

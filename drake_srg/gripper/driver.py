@@ -11,14 +11,13 @@ from pydrake.systems.framework import Diagram, DiagramBuilder, InputPort, Output
 
 from drake_srg.common.exceptions import ScenarioError
 from drake_srg.common.joint_errors import AddLatency
-from drake_srg.gripper.finger_sensing import (
+from drake_srg.gripper.sensing import (
     AddFingerSensing,
     FingerSensing,
     FingerSensingConfig,
 )
-from drake_srg.gripper.motor_temperature import MotorTemperatureConfig
 from drake_srg.gripper.servo import GripperServoConfig
-from drake_srg.gripper.tendon import TendonDriveConfig
+from drake_srg.gripper.tendon import MotorTemperatureConfig, TendonDriveConfig
 from drake_srg.types import Vector
 
 # Commands that arrive late if the driver has latency.

@@ -34,7 +34,7 @@ __all__ = [
 ]
 
 # The drivers of the package. Its class name is a driver's tag in scenario files. For
-# one of your own, call `drake_srg.cell.register_gripper`.
+# one of your own, call `drake_srg.station.register_gripper`.
 DRIVERS: tuple[type[GripperDriver], ...] = (
     SrgPositionDriver,
     SrgTendonDriver,

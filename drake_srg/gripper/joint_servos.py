@@ -1,4 +1,4 @@
-"""Servos at a gripper's joints."""
+"""Servos at a gripper's joints, sampled or solved by the plant."""
 
 from __future__ import annotations
 
@@ -6,20 +6,133 @@ from collections.abc import Sequence
 
 import numpy as np
 from pydrake.multibody.plant import MultibodyPlant
-from pydrake.multibody.tree import ModelInstanceIndex
-from pydrake.systems.framework import DiagramBuilder, OutputPort
+from pydrake.multibody.tree import ModelInstanceIndex, PdControllerGains
+from pydrake.systems.framework import (
+    BasicVector,
+    Context,
+    DiagramBuilder,
+    DiscreteValues,
+    OutputPort,
+)
 from pydrake.systems.primitives import MatrixGain
 
-from drake_srg.common.actuators import joint_to_actuator, model_actuators
+from drake_srg.common.systems import joint_to_actuator, model_actuators, value_or_none
 from drake_srg.gripper.driver import GripperControl
-from drake_srg.gripper.plant_joint_servos import PlantJointServos
-from drake_srg.gripper.servo import (
-    LAWS,
-    PLANT_LAW,
-    GripperServo_,
-    GripperServoConfig,
-)
+from drake_srg.gripper.servo import LAWS, PLANT_LAW, GripperServo_, GripperServoConfig
+from drake_srg.lifetime import LeafSystem
 from drake_srg.types import Vector
+
+
+def SetPlantServos(
+    plant: MultibodyPlant,
+    gripper: ModelInstanceIndex,
+    names: Sequence[str],
+    config: GripperServoConfig,
+    strength: float,
+) -> None:
+    """Give a gripper's actuators the gains and limits of servos.
+
+    Args:
+        plant: With the gripper, not yet finalized.
+        gripper: Its model instance.
+        names: Of the joints, in the order of the gains.
+        config: Gains.
+        strength: Torque at full PWM, as a fraction of the effort limit.
+
+    Raises:
+        ValueError: If the servos integrate, or their PWM has steps.
+    """
+    if any(config.ki) or config.pwm_steps:
+        raise ValueError(
+            "gripper.servo: the plant's servos neither integrate nor have steps "
+            "(allowed: ki and pwm_steps 0)"
+        )
+    for actuator in model_actuators(plant, gripper):
+        i = names.index(actuator.joint().name())
+        limit = strength * actuator.effort_limit()
+        gains = PdControllerGains(p=limit * config.kp[i], d=limit * config.kd[i])
+        actuator.set_controller_gains(gains)
+        actuator.set_effort_limit(limit)
+
+
+class PlantJointServos(LeafSystem):
+    """Tells PD actuators of the plant what `GripperServo` would make of a reference.
+
+    .. pydrake_system::
+
+        name: PlantJointServos
+        input_ports:
+        - reference
+        - state_measured
+        - force_limit (optional)
+        output_ports:
+        - position
+        - feedforward
+        - pwm
+
+    The inputs are those of `GripperServo`. The plant solves its law `pid`, without the
+    integral, implicitly and within its effort limits, so the law does not limit the
+    plant's step. The reference is sampled every `config.period`. `position` (n) [rad]
+    is where the actuators must move, `feedforward` (n) the part of the PWM that does
+    not depend on the measurement, and `pwm` (n) their torque now, both fractions of
+    full scale.
+
+    The plant's limits are those of the motors. A smaller `force_limit` kappa takes
+    `position` within kappa / K_P of the measured angles, as often as it is sampled.
+
+    Args:
+        config: Gains.
+    """
+
+    def __init__(self, config: GripperServoConfig) -> None:
+        super().__init__()
+        self.config = config
+        self._kp, self._kd = np.array(config.kp), np.array(config.kd)
+        self._kff1, self._kff2 = np.array(config.kff1), np.array(config.kff2)
+        self._n = n = len(config.kp)
+        self._reference = self.DeclareVectorInputPort(name="reference", size=3 * n)
+        self._measured = self.DeclareVectorInputPort(name="state_measured", size=2 * n)
+        self._limit = self.DeclareVectorInputPort(name="force_limit", size=1)
+        self._position, self._feedforward = (
+            self.DeclareDiscreteState(n) for _ in range(2)
+        )
+        self.DeclareStateOutputPort("position", self._position)
+        self.DeclareStateOutputPort("feedforward", self._feedforward)
+        self.DeclareVectorOutputPort(
+            name="pwm",
+            size=n,
+            calc=self._calc_pwm,
+            prerequisites_of_calc={self.xd_ticket(), self._measured.ticket()},
+        )
+        self.DeclarePeriodicDiscreteUpdateEvent(
+            period_sec=config.period, offset_sec=0.0, update=self._update
+        )
+
+    def _update(self, context: Context, discrete_state: DiscreteValues) -> None:
+        q, v, a = self._reference.Eval(context).reshape(3, self._n)
+        feedforward = (self._kff1 + self._kd) * v + self._kff2 * a
+        kappa, force_limit = (
+            self.config.force_limit,
+            value_or_none(self._limit, context),
+        )
+        if force_limit is not None and np.isfinite(force_limit[0]):
+            kappa = min(max(float(force_limit[0]), 0.0), 1.0)
+        if kappa < 1.0:
+            measured = self._measured.Eval(context)[: self._n]
+            ahead = kappa / self._kp
+            q = np.clip(q, measured - ahead, measured + ahead)
+            feedforward = np.clip(feedforward, -kappa, kappa)
+        discrete_state.set_value(self._position, q)
+        discrete_state.set_value(self._feedforward, feedforward)
+
+    def _calc_pwm(self, context: Context, output: BasicVector) -> None:
+        position, feedforward = (
+            context.get_discrete_state(index).value()
+            for index in (self._position, self._feedforward)
+        )
+        q, v = self._measured.Eval(context).reshape(2, self._n)
+        pwm = self._kp * (position - q) - self._kd * v + feedforward
+        output.SetFromVector(np.clip(pwm, -1.0, 1.0))
 
 
 def AddJointServos(
@@ -102,7 +215,7 @@ def _AddPlantServos(
     inner.Connect(reference, servo.GetInputPort("reference"))
     inner.Connect(state_measured, servo.GetInputPort("state_measured"))
     outputs = {"pwm": servo.GetOutputPort("pwm")}
-    # Speeds count as torques; see drake_srg/common/velocity_feedforward.py.
+    # Speeds count as torques; see drake_srg/common/systems.py.
     state = np.vstack([order, np.zeros_like(order)])
     for name, source, gain in (
         ("desired_state", "position", state),

@@ -1,4 +1,4 @@
-"""The master-slave linkage gripper: two servos, one per finger."""
+"""The master-slave linkage gripper: its reference and its driver."""
 
 import dataclasses as dc
 from typing import ClassVar
@@ -6,17 +6,147 @@ from typing import ClassVar
 import numpy as np
 from pydrake.multibody.plant import MultibodyPlant
 from pydrake.multibody.tree import ModelInstanceIndex
-from pydrake.systems.framework import Diagram, DiagramBuilder
+from pydrake.systems.framework import (
+    BasicVector,
+    Context,
+    Diagram,
+    DiagramBuilder,
+    DiscreteValues,
+)
 
+from drake_srg.common.systems import value_or_none
 from drake_srg.gripper.driver import GripperControl, GripperDriver
-from drake_srg.gripper.finger_layout import LINKAGE_FINGERS, FingerLayout
-from drake_srg.gripper.finger_sensing import FingerSensing
-from drake_srg.gripper.joint_servos import AddJointServos
-from drake_srg.gripper.linkage import MasterSlaveConfig, MasterSlaveReference
-from drake_srg.gripper.plant_joint_servos import SetPlantServos
-from drake_srg.gripper.proximity import ProximityConfig
+from drake_srg.gripper.joint_servos import AddJointServos, SetPlantServos
+from drake_srg.gripper.sensing import FingerSensing
+from drake_srg.gripper.sensors import LINKAGE_FINGERS, FingerLayout, ProximityConfig
 from drake_srg.gripper.servo import PLANT_LAW, GripperServoConfig
+from drake_srg.lifetime import LeafSystem
 from drake_srg.types import Vector, positive
+
+# Entries of the discrete state: reference angles and speeds of both cranks, the time
+# when these were chosen, the last closure, and whether something is gripped.
+_ANGLES, _SPEEDS, _TIME, _CLOSURE, _GRIPPED = slice(0, 2), slice(2, 4), 4, 5, 6
+
+# Speed of the slave per angle by which it is behind the master [1/s].
+SLAVE_GAIN = 20.0
+
+
+@dc.dataclass(kw_only=True)
+class MasterSlaveConfig:
+    """How the fingers move, with the arm thesis's values."""
+
+    # Crank angle of the master that closure 1 asks for [rad]: a little beyond 0.681,
+    # where flat pads meet.
+    full_scale: float = dc.field(default=0.69, metadata=positive(le=0.69))
+    # Speed of either crank [rad/s]: 60 degrees/s.
+    max_velocity: float = dc.field(default=np.pi / 3, metadata=positive())
+    # Time between evaluations [s]: the period of the proximity sensors.
+    period: float = dc.field(default=0.01, metadata=positive())
+
+
+class MasterSlaveReference(LeafSystem):
+    """Turns one closure command into the motion of the master's and the slave's crank.
+
+    .. pydrake_system::
+
+        name: MasterSlaveReference
+        input_ports:
+        - closure_commanded
+        - state_measured
+        - grasped
+        - joint_position_commanded (optional)
+        - hold (optional)
+        output_ports:
+        - reference
+
+    The cranks are in the order master, slave. Their angles increase as they close.
+    Every `config.period`, the system chooses their speeds:
+
+    * The master moves at `config.max_velocity` to the angle that `closure_commanded`
+      (1) asks for: 0 open .. 1 closed, clipped, NaN ignored.
+    * The slave follows at clip(gain (master - slave), +-max_velocity), with the angles
+      of `state_measured` (4), [q; v]. (The thesis has -master because its joints turn
+      against each other.) At full speed it is max_velocity / gain behind, 3 degrees.
+    * Once `grasped` (1) is nonzero while the master closes, both stand still. What
+      their references ask for beyond the contact is the grip. They let go only when the
+      command asks the master to open: if the object is lost, they stay where they are.
+    * When opening, the slave does not follow while its reference still presses. It goes
+      back at full speed, as the master's does, so the grip fades on both sides alike
+      and neither finger pushes the object. The slave, which lags, never closes while
+      the master opens.
+    * A finite entry of `joint_position_commanded` (2) [rad] overrides all that for its
+      crank, which moves there at `config.max_velocity`.
+    * While `hold` (1) is nonzero, both stand still and keep their grip.
+
+    `reference` (6) is [q; v; a] in rad, rad/s, rad/s² for a servo. q is continuous in
+    time and within 0 .. full_scale; a is zero.
+    """
+
+    def __init__(self, config: MasterSlaveConfig | None = None) -> None:
+        super().__init__()
+        self.config = config or MasterSlaveConfig()
+        self._closure, self._measured, self._grasped, self._commanded, self._hold = (
+            self.DeclareVectorInputPort(name=name, size=size)
+            for name, size in (
+                ("closure_commanded", 1),
+                ("state_measured", 4),
+                ("grasped", 1),
+                ("joint_position_commanded", 2),
+                ("hold", 1),
+            )
+        )
+        self.DeclareDiscreteState([0.0] * 7)
+        self.DeclareVectorOutputPort(
+            name="reference",
+            size=6,
+            calc=self._calc_reference,
+            prerequisites_of_calc={self.time_ticket(), self.xd_ticket()},
+        )
+        self.DeclarePeriodicDiscreteUpdateEvent(
+            period_sec=self.config.period, offset_sec=0.0, update=self._update
+        )
+
+    def _update(self, context: Context, discrete_state: DiscreteValues) -> None:
+        config, time = self.config, context.get_time()
+        state = context.get_discrete_state(0).value()
+        angles, gripped = _angles(time, state), bool(state[_GRIPPED])
+        closure = self._closure.Eval(context)[0]
+        if not np.isfinite(closure):
+            closure = state[_CLOSURE]
+        closure = min(max(closure, 0.0), 1.0)
+        hold = value_or_none(self._hold, context)
+        if hold is not None and hold[0] != 0.0:
+            speeds = np.zeros(2)
+        else:
+            measured = self._measured.Eval(context)[:2]
+            target = config.full_scale * closure
+            opens = target < angles[0]
+            grasped = self._grasped.Eval(context)[0] != 0.0
+            gripped = not opens and (gripped or grasped)
+            follow = SLAVE_GAIN * (measured[0] - measured[1])
+            if opens:
+                presses = angles[1] > measured[1]
+                follow = -config.max_velocity if presses else min(follow, 0.0)
+            lead = (target - angles[0]) / config.period
+            speeds = np.zeros(2) if gripped else np.array([lead, follow])
+            wanted = value_or_none(self._commanded, context)
+            if wanted is not None:
+                to_wanted = (wanted - angles) / config.period
+                speeds = np.where(np.isfinite(wanted), to_wanted, speeds)
+        speeds = np.clip(speeds, -config.max_velocity, config.max_velocity)
+        last = np.clip(angles + speeds * config.period, 0.0, config.full_scale)
+        speeds = (last - angles) / config.period
+        discrete_state.set_value([*angles, *speeds, time, closure, float(gripped)])
+
+    def _calc_reference(self, context: Context, output: BasicVector) -> None:
+        state = context.get_discrete_state(0).value()
+        angles = _angles(context.get_time(), state)
+        output.SetFromVector([*angles, *state[_SPEEDS], 0.0, 0.0])
+
+
+def _angles(time: float, state: Vector) -> Vector:
+    """Return the angles of the references now, shape (2,) [rad]."""
+    return state[_ANGLES] + state[_SPEEDS] * (time - state[_TIME])
 
 
 def _default_servo() -> GripperServoConfig:

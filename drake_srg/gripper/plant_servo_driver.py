@@ -1,4 +1,7 @@
-"""The SRG driven by PD actuators of the plant, for simulations that must be fast."""
+"""Algorithm 1 for joints that the plant itself controls.
+
+The SRG driven by PD actuators of the plant, for simulations that must be fast.
+"""
 
 import dataclasses as dc
 from typing import ClassVar
@@ -6,24 +9,79 @@ from typing import ClassVar
 import numpy as np
 from pydrake.multibody.plant import MultibodyPlant
 from pydrake.multibody.tree import ModelInstanceIndex
-from pydrake.systems.framework import Diagram, DiagramBuilder
+from pydrake.systems.framework import Context, Diagram, DiagramBuilder, DiscreteValues
 from pydrake.systems.primitives import MatrixGain, Multiplexer, Saturation
 
-from drake_srg.common.actuators import joint_to_actuator, model_actuators
-from drake_srg.common.ports import input_ports
 from drake_srg.common.srg_geometry import SRG
+from drake_srg.common.systems import (
+    input_ports,
+    joint_to_actuator,
+    model_actuators,
+    value_or_none,
+)
 from drake_srg.gripper.driver import GripperControl, GripperDriver
-from drake_srg.gripper.finger_layout import SRG_FINGERS, FingerLayout
-from drake_srg.gripper.finger_sensing import FingerSensing
-from drake_srg.gripper.grasp_detector import GraspDetectorConfig
-from drake_srg.gripper.moment_arms import empty_hand
-from drake_srg.gripper.plant_joint_servos import SetPlantServos
-from drake_srg.gripper.plant_servo import PlantServoLogic
-from drake_srg.gripper.proximity import ProximityConfig
+from drake_srg.gripper.joint_servos import SetPlantServos
+from drake_srg.gripper.sensing import FingerSensing, GraspDetectorConfig
+from drake_srg.gripper.sensors import SRG_FINGERS, FingerLayout, ProximityConfig
 from drake_srg.gripper.servo import GripperServoConfig
 from drake_srg.gripper.srg_position_driver import SrgPositionDriver
-from drake_srg.gripper.underactuation import UnderactuationConfig
+from drake_srg.gripper.tendon import empty_hand
+from drake_srg.gripper.underactuation import UnderactuationConfig, UnderactuationLogic
 from drake_srg.types import Vector, positive
+
+
+class PlantServoLogic(UnderactuationLogic):
+    """Algorithm 1, with targets that are as far ahead as the servos may press.
+
+    .. pydrake_system::
+
+        name: PlantServoLogic
+        input_ports:
+        - closure_commanded
+        - state_measured
+        - triggered
+        - joint_position_commanded (optional)
+        - hold (optional)
+        - closure_messages (with per_message)
+        - force_limit (optional)
+        output_ports:
+        - position_desired
+
+    A proportional servo that lags its target by K_P e = kappa presses with the fraction
+    kappa of its torque. `force_limit` (1) is kappa, 0 .. 1: every `config.period`, the
+    targets are brought within kappa / K_P of the measured angles. If it is not
+    connected or NaN, it is `force_limit`. The other ports are those of
+    `UnderactuationLogic`.
+
+    Args:
+        kp: Gains K_P, shape (4,) [1/rad].
+        force_limit: kappa without a command.
+        config: Parameters of the algorithm.
+    """
+
+    def __init__(
+        self,
+        kp: Vector,
+        force_limit: float = 1.0,
+        config: UnderactuationConfig | None = None,
+    ) -> None:
+        super().__init__(config)
+        self._kp = kp
+        self._default_limit = force_limit
+        self._limit = self.DeclareVectorInputPort(name="force_limit", size=1)
+
+    def _update(self, context: Context, discrete_state: DiscreteValues) -> None:
+        super()._update(context, discrete_state)
+        kappa, force_limit = self._default_limit, value_or_none(self._limit, context)
+        if force_limit is not None and np.isfinite(force_limit[0]):
+            kappa = min(max(float(force_limit[0]), 0.0), 1.0)
+        if kappa == 1.0:
+            return  # the plant limits the torque
+        q, ahead = self._measured.Eval(context)[:4], kappa / self._kp
+        desired = discrete_state.value(self._desired)
+        desired = np.clip(desired, q - ahead, q + ahead)
+        discrete_state.set_value(self._desired, desired)
+
 
 # Control period [s]: exact in binary, so that no step is as short as a rounding error.
 _PERIOD = 3 / 64

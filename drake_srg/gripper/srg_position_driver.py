@@ -8,15 +8,18 @@ from pydrake.multibody.plant import MultibodyPlant
 from pydrake.multibody.tree import ModelInstanceIndex
 from pydrake.systems.framework import Diagram, DiagramBuilder
 
-from drake_srg.common.ports import input_ports
+from drake_srg.common.systems import input_ports
 from drake_srg.gripper.driver import GripperControl, GripperDriver
-from drake_srg.gripper.finger_layout import SRG_FINGERS, FingerLayout
-from drake_srg.gripper.finger_sensing import FingerSensing
-from drake_srg.gripper.joint_servos import AddJointServos
-from drake_srg.gripper.minimum_jerk import MinimumJerkConfig, MinimumJerkReference
-from drake_srg.gripper.moment_arms import empty_hand
-from drake_srg.gripper.plant_joint_servos import SetPlantServos
-from drake_srg.gripper.servo import PLANT_LAW, GripperServoConfig
+from drake_srg.gripper.joint_servos import AddJointServos, SetPlantServos
+from drake_srg.gripper.sensing import FingerSensing
+from drake_srg.gripper.sensors import SRG_FINGERS, FingerLayout
+from drake_srg.gripper.servo import (
+    PLANT_LAW,
+    GripperServoConfig,
+    MinimumJerkConfig,
+    MinimumJerkReference,
+)
+from drake_srg.gripper.tendon import empty_hand
 from drake_srg.gripper.underactuation import (
     JOINT_NAMES,
     UnderactuationConfig,

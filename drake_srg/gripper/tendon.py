@@ -1,30 +1,148 @@
-"""The SRG's drive: one servo motor winds one wire per finger, springs pull back."""
+"""The SRG's drive: a motor that winds a wire per finger, friction, temperature."""
 
 import dataclasses as dc
+import math
 import sys
 from typing import Any
 
+import numpy as np
 from pydrake.common.value import AbstractValue
+from pydrake.math import exp
 from pydrake.math import max as max_
-from pydrake.systems.framework import LeafSystem_, ValueProducer
+from pydrake.math import min as min_
+from pydrake.systems.framework import (
+    Context,
+    DiscreteValues,
+    LeafSystem_,
+    ValueProducer,
+)
 from pydrake.systems.scalar_conversion import TemplateSystem
 
 from drake_srg.common.exceptions import ScenarioError
-from drake_srg.gripper.friction import (
-    WIRE_PRESLIDING,
-    DriveFrictionConfig,
-    passed_on,
-    slid,
-    slowed,
-)
-from drake_srg.gripper.moment_arms import (
-    base_moment_arm,
-    tip_moment_arm,
-    wire_travel,
-)
 from drake_srg.gripper.underactuation import FINGERS
-from drake_srg.lifetime import collectable, weak
-from drake_srg.types import positive
+from drake_srg.lifetime import LeafSystem, collectable, weak
+from drake_srg.types import Vector, positive
+
+# Coefficients, lowest power first [m, m/rad, ...].
+_BASE = (
+    *(6.482929e-3, 7.294326e-3, -3.261617e-4, -2.293250e-3),
+    *(3.144639e-3, -2.975419e-3, 1.379180e-3, -2.771902e-4),
+)
+_TIP = (4.628336e-3, -2.780686e-5, -5.128206e-4, -1.948426e-4, 3.614142e-5)
+_BASE_TRAVEL = (0.0, *(c / (i + 1) for i, c in enumerate(_BASE)))
+_TIP_TRAVEL = (0.0, *(c / (i + 1) for i, c in enumerate(_TIP)))
+
+
+def base_moment_arm(base: Any) -> Any:
+    """Return the wire's arm about the base hinge [m] at a base angle [rad]."""
+    return _polynomial(_BASE, base)
+
+
+def tip_moment_arm(tip: Any) -> Any:
+    """Return the wire's arm about the tip hinge [m] at a tip angle [rad]."""
+    return _polynomial(_TIP, tip)
+
+
+def wire_travel(base: Any, tip: Any) -> Any:
+    """Return the length of wire that moves a finger from open to these angles [m].
+
+    It is the integral of the moment arms, so the wire's work is the joints' work.
+
+    Args:
+        base: Base angle [rad].
+        tip: Tip angle [rad].
+    """
+    return _polynomial(_BASE_TRAVEL, base) + _polynomial(_TIP_TRAVEL, tip)
+
+
+def empty_hand(
+    closure: float, full_scale: float, base_limit: float
+) -> tuple[float, Vector]:
+    """Return the wire travel [m] and the joints [rad] of an SRG that closes on nothing.
+
+    A wire moves the base to its limit and then the tip, as Algorithm 1 does.
+
+    Args:
+        closure: 0 open .. 1 closed, clipped.
+        full_scale: Base plus tip angle at closure 1 [rad].
+        base_limit: Limit of the base, beyond which the tip closes [rad].
+    """
+    total = full_scale * min(max(closure, 0.0), 1.0)
+    base = min(total, base_limit)
+    tip = total - base
+    return float(wire_travel(base, tip)), np.array([base, base, tip, tip])
+
+
+def _polynomial(coefficients: tuple[float, ...], x: Any) -> Any:
+    value: Any = 0.0
+    for c in coefficients[::-1]:
+        value = value * x + c
+    return value
+
+
+# Travel after which a wire that reverses slides on its guides [m]: its stretch in
+# there, about 10 mm at 1 %.
+WIRE_PRESLIDING = 1e-4
+
+
+@dc.dataclass(kw_only=True)
+class DriveFrictionConfig:
+    """Friction of gears and wires. Off by default: no data sheet states any of it."""
+
+    # Friction of the gear train at the spool: a constant part [N m] and a share of the
+    # wires' torque (the tooth forces' part; 1 cannot be driven back). The motor's stall
+    # torque is that before this friction.
+    gear: float = dc.field(default=0.0, metadata={"ge": 0.0})
+    gear_load: float = dc.field(default=0.0, metadata={"ge": 0.0, "le": 1.0})
+    # Capstan friction of a wire on its guides: coefficient times angle of wrap [rad].
+    # The finger's end pulls with exp(-wire) of the spool's while the wire winds in,
+    # and with exp(wire) while it pays out.
+    wire: float = dc.field(default=0.0, metadata={"ge": 0.0, "le": 1.0})
+
+    def of_gears(self, load: Any) -> Any:
+        """Return the most that the gears take or hold [N m], for a load [N m]."""
+        return self.gear + self.gear_load * load
+
+    def motor_torque(self, load: float) -> float:
+        """Return the torque that winds the spool against a load [N m]."""
+        return load + float(self.of_gears(load))
+
+    def load(self, motor_torque: float) -> float:
+        """Return the load that a torque of the motor just winds against [N m]."""
+        return (motor_torque - self.gear) / (1.0 + self.gear_load)
+
+
+def slowed(speed: Any, most: Any) -> Any:
+    """Return a speed after Coulomb friction, which stops it but never turns it.
+
+    Args:
+        speed: Without the friction [rad/s].
+        most: By which the friction can change it in this step [rad/s].
+    """
+    return max_(speed - most, 0.0) + min_(speed + most, 0.0)
+
+
+def slid(state: Any, travel: Any, presliding: float) -> Any:
+    """Return how far a wire's friction has built up: -1 paying out .. 1 winding in.
+
+    Args:
+        state: Before the travel, -1 .. 1.
+        travel: Of the wire along its guides towards the spool [m].
+        presliding: Travel from no friction to sliding [m].
+    """
+    return max_(-1.0, min_(1.0, state + travel / presliding))
+
+
+def passed_on(state: Any, friction: float) -> Any:
+    """Return the share of the spool's pull that reaches the finger.
+
+    Args:
+        state: From `slid`.
+        friction: Coefficient times angle of wrap [rad].
+    """
+    if isinstance(state, float):
+        return math.exp(-friction * state)
+    return exp(-friction * state)
 
 
 @dc.dataclass(kw_only=True)
@@ -309,3 +427,103 @@ def __getattr__(name: str) -> Any:
     if name != "TendonDrive":
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
     return globals().setdefault(name, TendonDrive_[float])
+
+
+@dc.dataclass(kw_only=True)
+class MotorTemperatureConfig:
+    """A Dynamixel MX-64 in still air."""
+
+    # Data sheet: current at stall and 12 V [A]. The windings then have 2.9 ohm.
+    stall_current: float = dc.field(default=4.1, metadata=positive())
+    supply_voltage: float = dc.field(default=12.0, metadata=positive())  # V
+    ambient: float = 25.0  # degC
+    # From the motor, windings and housing taken as one, to the air [K/W]: 0.0132 m²
+    # (40 x 61 x 41 mm, data sheet) at 10 W/(m² K), common for free convection with
+    # radiation. A fifth of the stall torque, the most that ROBOTIS recommends, then
+    # warms it by 15 K.
+    thermal_resistance: float = dc.field(default=7.6, metadata=positive())
+    # Heat capacity [J/K]: 126 g (data sheet) of metal gears, windings and plastics at
+    # 0.9 J/(g K). The time constant, 14 min, agrees with the manual, which asks to wait
+    # 20 min after an alarm.
+    heat_capacity: float = dc.field(default=113.0, metadata=positive())
+    # Heat of the electronics, at any load [W]. It is off by default: the
+    # manual's standby current of 0.1 A would be 1.2 W.
+    idle_power: float = dc.field(default=0.0, metadata={"ge": 0.0})
+    period: float = dc.field(default=0.1, metadata=positive())  # s
+
+    @property
+    def time_constant(self) -> float:
+        """Time in which the temperature goes 63 % of its way [s]."""
+        return self.thermal_resistance * self.heat_capacity
+
+
+def motor_load(drive: TendonDriveConfig, pwm: float, speed: float) -> float:
+    """Return the motor's torque over its stall torque; the same holds for its current.
+
+    It is the current that the servo's own register shows. An MX-64 has no sensor for
+    it, but estimates it (docs/gripper.md).
+
+    Args:
+        drive: The motor.
+        pwm: Fraction of full scale, -1 .. 1.
+        speed: Of the spool [rad/s].
+    """
+    return drive.full_scale * drive.useful_pwm(pwm) - speed / drive.no_load_speed
+
+
+class MotorTemperature(LeafSystem):
+    """Computes the motor's temperature: copper loss warms it, air cools it.
+
+    .. pydrake_system::
+
+        name: MotorTemperature
+        input_ports:
+        - pwm
+        - motor_state
+        output_ports:
+        - motor_temperature
+
+    `pwm` (1) is a fraction of full scale, and `motor_state` (2) is [angle; speed] in
+    rad, rad/s. `motor_temperature` (1) [degC] starts at that of the air. The model is
+    of first order, with the current I that gives the torque and the resistance R of the
+    windings:
+
+        C T' = P_idle + I² R + I U_0 - (T - T_air) / R_thermal
+
+    U_0 is the voltage lost to the drive's dead band, if any. It is solved exactly for
+    a current that is constant during `config.period`.
+
+    Args:
+        drive: The motor's torque and speed.
+        config: Its thermal properties.
+    """
+
+    def __init__(
+        self,
+        drive: TendonDriveConfig | None = None,
+        config: MotorTemperatureConfig | None = None,
+    ) -> None:
+        super().__init__()
+        self.config = config or MotorTemperatureConfig()
+        self._drive = drive or TendonDriveConfig()
+        self._pwm = self.DeclareVectorInputPort(name="pwm", size=1)
+        self._motor = self.DeclareVectorInputPort(name="motor_state", size=2)
+        temperature = self.DeclareDiscreteState([self.config.ambient])
+        self.DeclareStateOutputPort("motor_temperature", temperature)
+        self.DeclarePeriodicDiscreteUpdateEvent(
+            period_sec=self.config.period, offset_sec=0.0, update=self._update
+        )
+
+    def _update(self, context: Context, discrete_state: DiscreteValues) -> None:
+        config = self.config
+        before = context.get_discrete_state(0).value()[0]
+        pwm, speed = self._pwm.Eval(context)[0], self._motor.Eval(context)[1]
+        load = motor_load(self._drive, pwm, speed)
+        # I² R + I U_0 with R = (U - U_0) / I_stall and I = load I_stall
+        band = self._drive.dead_band
+        loss = load**2 * config.stall_current * config.supply_voltage * (1.0 - band)
+        loss += abs(load) * config.stall_current * config.supply_voltage * band
+        loss += config.idle_power
+        final = config.ambient + loss * config.thermal_resistance
+        decay = math.exp(-config.period / config.time_constant)
+        discrete_state.set_value([final + (before - final) * decay])

@@ -5,8 +5,8 @@ import math
 
 from pydrake.systems.framework import Context, DiscreteValues
 
-from drake_srg.common.ports import value_or_none
 from drake_srg.common.srg_geometry import SRG
+from drake_srg.common.systems import value_or_none
 from drake_srg.lifetime import LeafSystem
 from drake_srg.types import positive
 

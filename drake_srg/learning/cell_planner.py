@@ -1,4 +1,8 @@
-"""What the planners that act by a policy share: they look once, and then act."""
+"""What the planners that act by a policy share: they look once, and then act.
+
+A one-shot grasp in a cell, in place of a planner: look, come down, close, lift.
+A policy that moves the hand step by step, in a cell, in place of a planner.
+"""
 
 from __future__ import annotations
 
@@ -12,20 +16,27 @@ from pydrake.common.value import AbstractValue
 from pydrake.math import RollPitchYaw
 from pydrake.systems.framework import BasicVector, Context, EventStatus, State
 
-from drake_srg.common.minimum_jerk import minimum_jerk_blend
-from drake_srg.envs.movers import Mover
-from drake_srg.envs.physics import CONTROL_PERIOD
+from drake_srg.common.geometry import minimum_jerk_blend
+from drake_srg.learning.envs.hand_env import checked
+from drake_srg.learning.envs.hand_task import SHAKE, Mover
+from drake_srg.learning.envs.rewards import LIFTED
+from drake_srg.learning.envs.scenes import CONTROL_PERIOD, Workspace
+from drake_srg.learning.envs.tasks import (
+    CLOSE,
+    DOWN,
+    MAX_STEPS,
+    STEP,
+    UP,
+    Grasp,
+    grasp_of,
+    one_shot_state,
+    pick_state,
+)
+from drake_srg.learning.episodes import Act
 from drake_srg.lifetime import LeafSystem
 from drake_srg.planning.planner_machine import AddPlannerOutputs
-from drake_srg.types import (
-    Blob,
-    Cylinder,
-    Failure,
-    Mode,
-    PlannerStatus,
-    Shape,
-    Vector,
-)
+from drake_srg.simulation.rig import shake
+from drake_srg.types import Blob, Cylinder, Failure, Mode, PlannerStatus, Shape, Vector
 
 # How long the localizer may take to find the object [s].
 _PATIENCE = 1.0
@@ -84,7 +95,7 @@ class CellPlanner(LeafSystem):
     come to an end.
 
     Args:
-        mover: Of the arm; see `drake_srg.envs.movers.MakeMover`.
+        mover: Of the arm; see `drake_srg.learning.envs.hand_task.MakeMover`.
         home: Positions of the arm's joints at the start, shape (N,).
         name: Of the object.
         shape: Of the object, about the origin of its frame.
@@ -214,3 +225,234 @@ def between(start: Vector, end: Vector, tick: int, ticks: int) -> Vector:
     """Return the pose (4) at a control period of a motion that takes `ticks` ones."""
     pose: Vector = start + minimum_jerk_blend(tick / max(ticks, 1)) * (end - start)
     return pose
+
+
+@dc.dataclass(frozen=True, eq=False)
+class _GraspAttempt:
+    """A grasp, and the control periods since the object was seen."""
+
+    grasp: Grasp
+    tick: int = 0
+
+
+class GraspPlanner(CellPlanner):
+    """Grasps, lifts and shakes an object by a policy of `GraspOneShot`.
+
+    .. pydrake_system::
+
+        name: GraspPlanner
+        input_ports:
+        - blobs
+        output_ports:
+        - position_commanded
+        - closure_commanded
+        - mode
+        - status
+
+    The policy sees the object's size and acts once, when `blobs` shows the object for
+    the first time. From then on everything is as in the environment: the hand comes
+    down from above, closes, lifts and shakes. The ports are those of `CellPlanner`.
+
+    Args:
+        act: The policy: a `Policy`, or a rule of `drake_srg.learning.rules`.
+        mover: See `CellPlanner`, as for all that follow.
+        home: Shape (N,).
+        name: Of the object.
+        shape: Of the object.
+        table: Height of the table [m].
+    """
+
+    def __init__(
+        self,
+        act: Act,
+        mover: Mover,
+        home: Sequence[float],
+        name: str,
+        shape: Shape,
+        table: float,
+    ) -> None:
+        super().__init__(mover, home, name, shape, table)
+        self._act = act
+
+    def begin(self, estimate: Vector) -> _GraspAttempt:
+        """See `CellPlanner`."""
+        action = checked(self._act(one_shot_state(self.shape)))
+        return _GraspAttempt(grasp_of(action, estimate, self.table))
+
+    def act(
+        self, context: Context, attempt: _GraspAttempt
+    ) -> tuple[_GraspAttempt, Command]:
+        """See `CellPlanner`."""
+        del context
+        command = self._command(attempt.grasp, attempt.tick)
+        return dc.replace(attempt, tick=attempt.tick + 1), command
+
+    def _command(self, grasp: Grasp, tick: int) -> Command:
+        """Return what the hand does so many control periods after the look."""
+        legs = (
+            (Mode.PRE_GRASP, ticks_between(self.start, grasp.over), grasp.over, 0.0),
+            (Mode.GRASP, DOWN, grasp.at, grasp.preshape),
+            (Mode.CLOSE, CLOSE, grasp.at, grasp.closure),
+            (Mode.LIFT, UP, grasp.up, grasp.closure),
+        )
+        pose = self.start
+        for mode, ticks, end, closure in legs:
+            if tick <= ticks:
+                return Command(mode, between(pose, end, tick, ticks), closure)
+            tick, pose = tick - ticks, end
+        acceleration, frequency, duration = SHAKE
+        time = tick * CONTROL_PERIOD
+        if time > duration:
+            return Command(Mode.DONE, grasp.up, grasp.closure)
+        motion = shake(grasp.up, acceleration, frequency, duration)
+        return Command(Mode.VERIFY, motion(time), grasp.closure)
+
+
+# The policy has done its part once the closed hand has risen by this [m].
+_RISEN = LIFTED + 0.02
+
+
+@dc.dataclass(frozen=True, eq=False)
+class _PolicyAttempt:
+    """How far an attempt is.
+
+    Attributes:
+        estimate: Where the object was seen, shape (4,).
+        pose: Of the hand, as commanded, shape (4,).
+        tick: Control periods since the object was seen.
+        closure: As commanded.
+        steps: Of the policy.
+        lowest: Height at which the hand has been, at least [m].
+        risen: Whether the closed hand has risen, so that it is shaken.
+        shaken: Control periods since the shake began.
+    """
+
+    estimate: Vector
+    pose: Vector
+    tick: int = 0
+    closure: float = 0.0
+    steps: int = 0
+    lowest: float = np.inf
+    risen: bool = False
+    shaken: int = 0
+
+
+class PolicyPlanner(CellPlanner):
+    """Picks up and shakes an object by a policy of `Pick`.
+
+    .. pydrake_system::
+
+        name: PolicyPlanner
+        input_ports:
+        - blobs
+        - arm_state
+        - gripper_state
+        - contact_force
+        output_ports:
+        - position_commanded
+        - closure_commanded
+        - mode
+        - status
+
+    Once `blobs` shows the object, the hand goes to where the environment's episodes
+    begin. Then the policy sees `arm_state` (2N), `gripper_state` (8) and
+    `contact_force` (4) of the station and where the object was seen at first, and moves
+    hand and closure every control period. Once the closed hand has risen by 12 cm, it
+    is shaken, whatever it holds: no sensor tells how high the object is, by which the
+    environment decides. A policy that has not come so far in the time of an episode
+    ends as FAILED. The other ports are those of `CellPlanner`.
+
+    Args:
+        act: The policy: a `Policy`, or a rule of `drake_srg.learning.rules`.
+        mover: See `CellPlanner`, as for `home`, `name`, `shape` and `table`.
+        home: Shape (N,).
+        name: Of the object.
+        shape: Of the object.
+        table: Height of the table [m].
+        workspace: Where the hand may go.
+        touch: Whether the policy sees the forces; zeros otherwise.
+    """
+
+    def __init__(
+        self,
+        act: Act,
+        mover: Mover,
+        home: Sequence[float],
+        name: str,
+        shape: Shape,
+        table: float,
+        *,
+        workspace: Workspace,
+        touch: bool = True,
+    ) -> None:
+        super().__init__(mover, home, name, shape, table)
+        self._act, self._workspace, self._touch = act, workspace, touch
+        self._n = len(home)
+        self._sensors = {
+            port: self.DeclareVectorInputPort(port, size)
+            for port, size in (
+                ("arm_state", 2 * self._n),
+                ("gripper_state", 8),
+                ("contact_force", 4),
+            )
+        }
+
+    def begin(self, estimate: Vector) -> _PolicyAttempt:
+        """See `CellPlanner`."""
+        return _PolicyAttempt(estimate, self._workspace.start)
+
+    def act(
+        self, context: Context, attempt: _PolicyAttempt
+    ) -> tuple[_PolicyAttempt, Command]:
+        """See `CellPlanner`."""
+        attempt = dc.replace(attempt, tick=attempt.tick + 1)
+        far = ticks_between(self.start, self._workspace.start)
+        if attempt.tick <= far:
+            pose = between(self.start, self._workspace.start, attempt.tick, far)
+            return attempt, Command(Mode.PRE_GRASP, pose)
+        if attempt.risen:
+            return self._shake(attempt)
+        if attempt.steps < MAX_STEPS:
+            return self._step(context, attempt)
+        message = f"the closed hand has not risen after {MAX_STEPS} steps"
+        return attempt, Command(Mode.FAILED, attempt.pose, attempt.closure, message)
+
+    def _step(
+        self, context: Context, attempt: _PolicyAttempt
+    ) -> tuple[_PolicyAttempt, Command]:
+        """Let the policy act."""
+        sensed = {name: port.Eval(context) for name, port in self._sensors.items()}
+        observation = pick_state(
+            self.mover.pose(sensed["arm_state"][: self._n]),
+            attempt.estimate,
+            self.shape,
+            self.table,
+            sensed["gripper_state"],
+            sensed["contact_force"] if self._touch else np.zeros(4),
+            attempt.closure,
+            attempt.steps / MAX_STEPS,
+        )
+        action = np.clip(checked(self._act(observation)), -1.0, 1.0)
+        pose = self._workspace.within(attempt.pose + STEP * action[:4])
+        closure = 0.5 * (action[4] + 1.0)
+        lowest = min(attempt.lowest, pose[2])
+        closed = closure > 0.5
+        attempt = dc.replace(
+            attempt,
+            pose=pose,
+            closure=closure,
+            steps=attempt.steps + 1,
+            lowest=lowest,
+            risen=bool(closed and pose[2] > lowest + _RISEN),
+        )
+        return attempt, Command(Mode.CLOSE if closed else Mode.GRASP, pose, closure)
+
+    def _shake(self, attempt: _PolicyAttempt) -> tuple[_PolicyAttempt, Command]:
+        """Shake the hand, and end."""
+        acceleration, frequency, duration = SHAKE
+        attempt = dc.replace(attempt, shaken=attempt.shaken + 1)
+        time = attempt.shaken * CONTROL_PERIOD
+        if time > duration:
+            return attempt, Command(Mode.DONE, attempt.pose, attempt.closure)
+        motion = shake(attempt.pose, acceleration, frequency, duration)
+        return attempt, Command(Mode.VERIFY, motion(time), attempt.closure)

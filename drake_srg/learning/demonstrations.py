@@ -17,9 +17,9 @@ from pydrake.common.eigen_geometry import Quaternion
 from pydrake.math import RollPitchYaw
 
 from drake_srg.common.exceptions import ScenarioError, one_line
-from drake_srg.envs.grasp_one_shot import GraspOneShotEnv, action_of, one_shot_state
-from drake_srg.envs.movers import Mover
-from drake_srg.learning.network import Array
+from drake_srg.learning.envs.hand_task import Mover
+from drake_srg.learning.envs.tasks import GraspOneShotEnv, action_of, one_shot_state
+from drake_srg.learning.policy import Array
 from drake_srg.sweeps.rows import require_sweep
 from drake_srg.types import Box, Cylinder, Failure, Shape, Vector
 

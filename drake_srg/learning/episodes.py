@@ -13,7 +13,7 @@ import numpy as np
 
 from drake_srg.common.exceptions import ScenarioError, one_line, suggest
 from drake_srg.common.installing import require
-from drake_srg.learning.network import Array
+from drake_srg.learning.policy import Array
 
 NAMESPACE = "drake_srg/"
 # Seeds of episodes. The three ranges never meet, so that no policy is judged by an
@@ -98,7 +98,7 @@ def environment_id(name: str) -> str:
 
     Ids of others stay as they are; `MODULE:ID` imports the module that registers it.
     """
-    name = name.removeprefix("drake_srg.envs:")  # imported for all ours
+    name = name.removeprefix("drake_srg.learning.envs:")  # imported for all ours
     name = name if "/" in name or ":" in name else NAMESPACE + name
     return name if re.search(r"-v\d+$", name) else f"{name}-v0"
 
@@ -118,7 +118,7 @@ def make_environment(name: str, keywords: Mapping[str, Any] | None = None) -> An
     name = environment_id(name)
     module, _, registered = name.rpartition(":")
     if name.startswith(NAMESPACE):
-        module = "drake_srg.envs"
+        module = "drake_srg.learning.envs"
     if module:
         try:
             importlib.import_module(module)  # registers its environments

@@ -19,7 +19,6 @@ from pathlib import Path
 from typing import Any
 
 from drake_srg.common.exceptions import ScenarioError, one_line
-from drake_srg.learning.baselines import BUILT_IN, RANDOM, random_policy, rule_of
 from drake_srg.learning.episodes import (
     EVALUATION,
     Act,
@@ -27,16 +26,12 @@ from drake_srg.learning.episodes import (
     make_environment,
     run_episode,
 )
-from drake_srg.learning.policy import (
-    Policy,
-    check_sizes,
-    load_policy,
-    policy_digest,
-)
+from drake_srg.learning.policy import Policy, check_sizes, load_policy, policy_digest
+from drake_srg.learning.rules import BUILT_IN, RANDOM, random_policy, rule_of
 from drake_srg.sweeps.engines import Engine
 from drake_srg.sweeps.info import SweepInfo, current_versions, dump_tree
+from drake_srg.sweeps.sweep import run_missing_trials
 from drake_srg.sweeps.trial import TrialResult, empty_row, resident_memory
-from drake_srg.sweeps.trials import run_missing_trials
 
 _MOST_SEED = 2**63  # rows have 64-bit integers
 

@@ -24,11 +24,10 @@ from torch.optim import AdamW
 from torch.optim.lr_scheduler import LinearLR
 
 from drake_srg.common.exceptions import ScenarioError, one_line
-from drake_srg.learning.baselines import RULE, rule_of
 from drake_srg.learning.demonstrations import read_demonstrations
 from drake_srg.learning.episodes import Episode, run_episode, training_seed
-from drake_srg.learning.network import Array, Network, best_action
-from drake_srg.learning.policy import Kind, scaled
+from drake_srg.learning.policy import Array, Kind, Network, best_action, scaled
+from drake_srg.learning.rules import RULE, rule_of
 from drake_srg.recording.output import OutputFile
 from drake_srg.sweeps.files import write_file
 

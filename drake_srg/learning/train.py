@@ -23,7 +23,6 @@ from threadpoolctl import threadpool_limits
 
 from drake_srg.common.exceptions import ScenarioError, one_line
 from drake_srg.common.status_line import StatusLine
-from drake_srg.learning.baselines import RULE, RULE_NAMES
 from drake_srg.learning.episodes import (
     VALIDATION,
     environment_id,
@@ -31,15 +30,16 @@ from drake_srg.learning.episodes import (
     run_episode,
     training_seed,
 )
-from drake_srg.learning.network import Network
 from drake_srg.learning.policy import (
     Kind,
+    Network,
     Policy,
     PolicyInfo,
     check_sizes,
     load_policy,
     write_onnx,
 )
+from drake_srg.learning.rules import RULE, RULE_NAMES
 from drake_srg.sweeps.files import write_file
 
 ALGORITHMS = ("q", "sac", "bc", "dagger")

@@ -1,19 +1,215 @@
-"""The system that disturbs objects when its time has come."""
+"""Configuration of disturbances: forces on objects that the robot does not exert.
+
+The force that each kind of disturbance exerts on its object over time.
+The system that disturbs objects when its time has come.
+"""
 
 import dataclasses as dc
+import math
 from collections.abc import Sequence
+from typing import TypeAlias
 
 import numpy as np
 from pydrake.common.value import AbstractValue
+from pydrake.math import RigidTransform
 from pydrake.multibody.math import SpatialForce
 from pydrake.multibody.plant import ExternallyAppliedSpatialForce
+from pydrake.multibody.tree import BodyIndex, SpatialInertia
 from pydrake.systems.framework import Context, EventStatus, State
 
+from drake_srg.common.geometry import minimum_jerk_blend
 from drake_srg.common.shared import Shared
 from drake_srg.lifetime import LeafSystem
-from drake_srg.objects.disturbance_forces import Course, Target, Wrench, disturb
-from drake_srg.objects.disturbances import AnyDisturbance, Topple
-from drake_srg.types import Box, Cylinder, Mode
+from drake_srg.types import Box, Cylinder, Mode, Shape, Vector, positive
+
+
+@dc.dataclass(kw_only=True)
+class Disturbance:
+    """Which object is disturbed, and when."""
+
+    # The planner's mode that triggers it.
+    at: str = dc.field(
+        default=Mode.PRE_GRASP.value,
+        metadata={
+            "among": tuple(m.value for m in Mode if m not in (Mode.DONE, Mode.FAILED))
+        },
+    )
+    # Delay from the mode's beginning [s]. By then, the mode may be another.
+    after: float = dc.field(default=0.0, metadata={"ge": 0.0})
+    # It happens whenever the mode begins, up to this often.
+    times: int = dc.field(default=1, metadata={"ge": 1})
+    object: str | None = None  # null: the picked one
+
+
+@dc.dataclass(kw_only=True)
+class Push(Disturbance):
+    """A hand lifts the object a little, moves it without turning it, and lets go.
+
+    Its force is at most three times the object's weight, so a firmly held object stays.
+    """
+
+    # Of the object, in world [m].
+    displacement: list[float] = dc.field(
+        default_factory=lambda: [0.03, 0.0, 0.0], metadata={"length": 3}
+    )
+    duration: float = dc.field(default=0.4, metadata=positive())  # s, rest to rest
+
+
+@dc.dataclass(kw_only=True)
+class Topple(Disturbance):
+    """A hand pushes at the top of a cylinder or box, ever harder, until it falls."""
+
+    # Horizontal, [x, y] in world, of any length.
+    direction: list[float] = dc.field(
+        default_factory=lambda: [1.0, 0.0], metadata={"length": 2}
+    )
+
+
+@dc.dataclass(kw_only=True)
+class Force(Disturbance):
+    """A constant force at the object's centre of mass, and a constant torque."""
+
+    force: list[float] = dc.field(
+        default_factory=lambda: [0.0, 0.0, 0.0], metadata={"length": 3}
+    )  # N, in world
+    torque: list[float] = dc.field(
+        default_factory=lambda: [0.0, 0.0, 0.0], metadata={"length": 3}
+    )  # N m, in world
+    duration: float = dc.field(default=0.1, metadata=positive())  # s
+
+
+AnyDisturbance: TypeAlias = Push | Topple | Force
+
+
+_GRAVITY = 9.81  # m/s²
+# Height by which a pushing hand lifts the object [m]. Sliding would depend on friction,
+# and with steps above 2 ms a stiff object that slides on a table rattles.
+_PUSH_LIFT = 0.002
+# Natural frequency of the spring between hand and object [rad/s]: a third of what is
+# stable when a plant with steps of 10 ms samples it, and fast beside a push of 0.3 s.
+_PUSH_FREQUENCY = 25.0
+# Time for which the hand stays at the end of its path [s]: four time constants.
+_PUSH_HOLD = 4.0 / _PUSH_FREQUENCY
+# Largest force of a pushing hand, over the object's weight. Carrying takes 1, and
+# accelerating adds less than 1. Held or blocked objects stay.
+_LARGEST_PUSH = 3.0
+# A toppling force grows by one weight in this time [s]. Beside the 0.1 s in which
+# objects of a hand's size fall, that is slow: the object is tipped, not hit.
+_TOPPLE_RAMP = 1.0
+# An object that has not fallen by then, because it slides, is left alone [s].
+_TOPPLE_PATIENCE = 2.0
+
+
+@dc.dataclass(frozen=True)
+class Target:
+    """The object that is disturbed."""
+
+    name: str
+    body: BodyIndex  # its frame is the object's
+    inertia: SpatialInertia  # about the object's origin
+    shape: Shape | None  # None: unknown; then the origin is underneath the object
+
+
+@dc.dataclass(frozen=True)
+class Course:
+    """Progress of a disturbance."""
+
+    count: int = 0  # how often it has been triggered
+    begin: float = np.inf  # when it last began or will begin [s]; inf: it waits
+    # For a push: the object's pose at the beginning, and its latest distance from the
+    # path, rotation [rad] before translation [m], shape (6,).
+    X_WO_begin: RigidTransform | None = None
+    error: Vector = dc.field(default_factory=lambda: np.zeros(6))
+
+
+# A force [N] and a torque [N m] in world, and their point of application in the
+# object's frame [m].
+Wrench: TypeAlias = tuple[Vector, Vector, Vector]
+
+
+def disturb(
+    disturbance: AnyDisturbance,
+    target: Target,
+    t: float,
+    X_WO: RigidTransform,
+    course: Course,
+    period: float,
+) -> tuple[Course, Wrench | None]:
+    """Return the present force of a disturbance that has begun.
+
+    Args:
+        disturbance: The disturbance.
+        target: The object that is disturbed.
+        t: Time since the beginning [s].
+        X_WO: The object's pose now.
+        course: The disturbance's course at the last update.
+        period: Time between updates [s].
+
+    Returns:
+        The course now, and the wrench; None once the disturbance is over.
+    """
+    wrench: Wrench | None = None
+    match disturbance:
+        case Force():
+            if t < disturbance.duration:
+                force, torque = disturbance.force, disturbance.torque
+                p_OC = target.inertia.get_com()
+                wrench = np.array(force), np.array(torque), p_OC
+        case Topple():
+            wrench = _topple(disturbance, target, t, X_WO)
+        case Push():
+            if t < disturbance.duration + _PUSH_HOLD:
+                return _push(disturbance, target, t, X_WO, course, period)
+    return (Course(course.count) if wrench is None else course), wrench
+
+
+def _topple(
+    topple: Topple, target: Target, t: float, X_WO: RigidTransform
+) -> Wrench | None:
+    assert isinstance(target.shape, (Cylinder, Box))
+    R_WO = X_WO.rotation().matrix()
+    push_W = np.array([*topple.direction, 0.0]) / np.linalg.norm(topple.direction)
+    push_O = R_WO.T @ push_W
+    push_O[2] = 0.0
+    half_width = target.shape.half_extent(push_O / max(np.linalg.norm(push_O), 1e-9))
+    half_height = 0.5 * target.shape.height
+    # Once its centre is beyond the edge that it turns about, it falls by itself.
+    tilt = math.acos(min(abs(R_WO[2, 2]), 1.0))
+    if tilt > math.atan2(half_width, half_height) or t > _TOPPLE_PATIENCE:
+        return None
+    force = target.inertia.get_mass() * _GRAVITY * t / _TOPPLE_RAMP
+    p_OTop = np.array([0.0, 0.0, math.copysign(half_height, R_WO[2, 2])])
+    return force * push_W, np.zeros(3), p_OTop
+
+
+def _push(
+    push: Push,
+    target: Target,
+    t: float,
+    X_WO: RigidTransform,
+    course: Course,
+    period: float,
+) -> tuple[Course, Wrench]:
+    """Act as a critically damped spring between the object and its path."""
+    X_WO_begin, p_OC = course.X_WO_begin or X_WO, target.inertia.get_com()
+    s = t / push.duration
+    path = minimum_jerk_blend(s) * np.array(push.displacement)
+    # Up within the first quarter, down within the last.
+    path[2] += _PUSH_LIFT * minimum_jerk_blend(4.0 * min(s, 1.0 - s))
+    R_WO = X_WO.rotation()
+    turn = (X_WO_begin.rotation() @ R_WO.inverse()).ToAngleAxis()
+    p_error = X_WO_begin @ p_OC + path - X_WO @ p_OC
+    error = np.concatenate([turn.angle() * turn.axis(), p_error])
+    rate = (error - course.error) / period
+    acceleration = _PUSH_FREQUENCY**2 * error + 2.0 * _PUSH_FREQUENCY * rate
+    acceleration[5] += _GRAVITY
+    size = float(np.linalg.norm(acceleration[3:]))
+    acceleration *= min(1.0, _LARGEST_PUSH * _GRAVITY / max(size, _GRAVITY))
+    I_C = target.inertia.Shift(p_OC).CalcRotationalInertia().CopyToFullMatrix3()
+    torque = R_WO @ (I_C @ (R_WO.inverse() @ acceleration[:3]))
+    force = target.inertia.get_mass() * acceleration[3:]
+    course = dc.replace(course, X_WO_begin=X_WO_begin, error=error)
+    return course, (force, torque, p_OC)
 
 
 @dc.dataclass(frozen=True)

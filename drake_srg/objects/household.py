@@ -1,16 +1,34 @@
-"""The household objects among our models, for experiments, clutter and trying out."""
+"""The household objects among our models, for experiments, clutter and trying out.
+
+Pictures of single objects.
+"""
 
 from __future__ import annotations
 
 import dataclasses as dc
+import math
+from collections.abc import Mapping
 
+import cv2
 import numpy as np
+import numpy.typing as npt
+from pydrake.geometry import (
+    ClippingRange,
+    ColorRenderCamera,
+    LightParameter,
+    MakeRenderEngineVtk,
+    RenderCameraCore,
+    RenderEngineVtkParams,
+)
+from pydrake.math import RigidTransform
 from pydrake.multibody.plant import AddMultibodyPlantSceneGraph
 from pydrake.systems.framework import DiagramBuilder
+from pydrake.systems.sensors import CameraInfo
 
+from drake_srg.common.geometry import look_at
 from drake_srg.objects.config import ObjectConfig
-from drake_srg.objects.corners import hull_points
 from drake_srg.objects.models import AddObject, object_body
+from drake_srg.objects.solids import hull_points
 from drake_srg.types import Vector
 
 # Numbers are those of the YCB object set. The generators, tools/models/props.py,
@@ -88,3 +106,75 @@ def object_facts(name: str, config: ObjectConfig) -> ObjectFacts:
     mass = body.default_mass()
     low, high = points.min(axis=0), points.max(axis=0)
     return ObjectFacts(low, high, points, mass, len(pieces))
+
+
+Image = npt.NDArray[np.uint8]
+
+_DIRECTION = np.array([0.55, -0.70, 0.46])  # from the object to the camera
+_FIELD_OF_VIEW = 0.5  # rad
+_LIGHTS = (([-0.4, 0.8, -1.0], 0.9), ([-0.8, 0.1, -0.2], 0.5), ([0.6, 0.6, -0.1], 0.3))
+
+
+def take_portrait(name: str, config: ObjectConfig, size: int = 320) -> Image:
+    """Return an image of an object on white, RGB, shape (size, size, 3).
+
+    Args:
+        name: The object's name, for error messages.
+        config: The object, not soft; its origin and axes are the world's.
+        size: Width and height [pixels].
+
+    Raises:
+        ScenarioError: If the model cannot be read.
+    """
+    facts = object_facts(name, config)
+    builder = DiagramBuilder()
+    plant, scene_graph = AddMultibodyPlantSceneGraph(builder, time_step=0.0)
+    lights = [
+        LightParameter(
+            type="directional", frame="world", direction=direction, intensity=intensity
+        )
+        for direction, intensity in _LIGHTS
+    ]
+    params = RenderEngineVtkParams(default_clear_color=[1.0, 1.0, 1.0], lights=lights)
+    scene_graph.AddRenderer("portrait", MakeRenderEngineVtk(params))
+    AddObject(plant, name, config)
+    plant.Finalize()
+    diagram = builder.Build()
+    context = diagram.CreateDefaultContext()
+    query = scene_graph.get_query_output_port().Eval(
+        scene_graph.GetMyContextFromRoot(context)
+    )
+    middle, radius = 0.5 * (facts.low + facts.high), 0.5 * np.linalg.norm(facts.size)
+    distance = 1.05 * radius / math.sin(0.5 * _FIELD_OF_VIEW)
+    core = RenderCameraCore(
+        "portrait",
+        CameraInfo(size, size, _FIELD_OF_VIEW),
+        ClippingRange(0.1 * distance, 10.0 * distance),
+        RigidTransform(),
+    )
+    image = query.RenderColorImage(
+        ColorRenderCamera(core),
+        scene_graph.world_frame_id(),
+        look_at(middle + distance * _DIRECTION / np.linalg.norm(_DIRECTION), middle),
+    )
+    return np.array(image.data[:, :, :3])
+
+
+def contact_sheet(pictures: Mapping[str, Image], across: int = 5) -> Image:
+    """Return pictures of one size with their names below, row by row.
+
+    Args:
+        pictures: RGB images by name.
+        across: Number of pictures in a row.
+    """
+    tiles = []
+    for name, picture in pictures.items():
+        strip = np.full((24, picture.shape[1], 3), 255, np.uint8)
+        font = cv2.FONT_HERSHEY_SIMPLEX
+        cv2.putText(strip, name, (6, 15), font, 0.42, (60, 60, 60), 1, cv2.LINE_AA)
+        tiles.append(np.vstack([picture, strip]))
+    blank = np.full_like(tiles[0], 255)
+    tiles += [blank] * (-len(tiles) % across)
+    rows = [np.hstack(tiles[i : i + across]) for i in range(0, len(tiles), across)]
+    sheet: Image = np.vstack(rows)
+    return sheet

@@ -1,4 +1,7 @@
-"""Models of movable objects in a plant, and their shapes."""
+"""Models of movable objects in a plant, and their shapes.
+
+Gives an object of a finished plant other properties, in a context alone.
+"""
 
 from __future__ import annotations
 
@@ -6,9 +9,10 @@ import xml.etree.ElementTree as ET
 
 import numpy as np
 from pydrake import geometry
+from pydrake.geometry import ProximityProperties, RoleAssign, SceneGraph
 from pydrake.math import RigidTransform, RollPitchYaw
 from pydrake.multibody.parsing import Parser
-from pydrake.multibody.plant import MultibodyPlant
+from pydrake.multibody.plant import CoulombFriction, MultibodyPlant
 from pydrake.multibody.tree import (
     BodyIndex,
     DeformableBody,
@@ -16,19 +20,22 @@ from pydrake.multibody.tree import (
     SpatialInertia,
     UnitInertia,
 )
+from pydrake.systems.framework import Context
 
-from drake_srg.common.contact_damping import relaxation_time
+from drake_srg.common.contacts import relaxation_time
 from drake_srg.common.exceptions import ScenarioError, scenario_errors
-from drake_srg.common.shapes import drake_shape
+from drake_srg.common.geometry import drake_shape
 from drake_srg.objects.config import ObjectConfig
-from drake_srg.objects.contact import (
+from drake_srg.objects.meshes.load import model_tree
+from drake_srg.objects.sdf import (
     DISSIPATION,
     MODULUS,
+    SetContact,
+    SetMass,
     contact_properties,
     facet_length,
+    is_placed,
 )
-from drake_srg.objects.meshes.load import model_tree
-from drake_srg.objects.sdf import SetContact, SetMass, is_placed
 from drake_srg.objects.soft import AddSoftObject
 from drake_srg.parsing import configure_parser
 from drake_srg.types import Box, Cylinder, Shape, Sphere
@@ -277,3 +284,55 @@ def _unit_inertia(shape: Shape) -> UnitInertia:
             return UnitInertia.SolidBox(*size)
         case Sphere(radius):
             return UnitInertia.SolidSphere(radius)
+
+
+def SetObject(
+    plant: MultibodyPlant,
+    scene_graph: SceneGraph,
+    context: Context,
+    body_index: BodyIndex,
+    config: ObjectConfig,
+) -> None:
+    """Give an object shape, mass and friction of another configuration.
+
+    An object with a `shape` takes all of them, one from a `model` mass and friction.
+
+    Args:
+        plant: With the object, finalized.
+        scene_graph: With the plant's geometry.
+        context: Of the root of both, changed.
+        body_index: The object's body.
+        config: What it becomes.
+    """
+    body = plant.get_body(body_index)
+    plant_context = plant.GetMyMutableContextFromRoot(context)
+    geometry_context = scene_graph.GetMyMutableContextFromRoot(context)
+    source = plant.get_source_id()
+    if config.shape is not None:
+        assert config.mass is not None
+        inertia = solid_inertia(config.mass, config.shape)
+        shape = collision_shape(config.shape)
+        properties = shape_contact(config)
+        for geometry in plant.GetCollisionGeometriesForBody(body):
+            scene_graph.AssignRole(
+                geometry_context, source, geometry, properties, RoleAssign.kReplace
+            )
+            scene_graph.ChangeShape(geometry_context, source, geometry, shape)
+        for geometry in plant.GetVisualGeometriesForBody(body):
+            scene_graph.ChangeShape(geometry_context, source, geometry, shape)
+        body.SetSpatialInertiaInBodyFrame(plant_context, inertia)
+        return
+    if config.mass is not None:
+        own = body.default_spatial_inertia()
+        inertia = SpatialInertia(config.mass, own.get_com(), own.get_unit_inertia())
+        body.SetSpatialInertiaInBodyFrame(plant_context, inertia)
+    inspector = scene_graph.model_inspector()
+    for geometry in plant.GetCollisionGeometriesForBody(body):
+        # The model's own friction may have been replaced before.
+        properties = ProximityProperties(inspector.GetProximityProperties(geometry))
+        if config.friction is not None:
+            friction = CoulombFriction(config.friction, config.friction)
+            properties.UpdateProperty("material", "coulomb_friction", friction)
+        scene_graph.AssignRole(
+            geometry_context, source, geometry, properties, RoleAssign.kReplace
+        )

@@ -9,7 +9,7 @@ from pydrake.systems.framework import DiagramBuilder
 from pydrake.systems.primitives import TrajectorySource
 from pydrake.trajectories import PiecewisePolynomial
 
-from drake_srg.common.velocity_feedforward import AddVelocityFeedforward
+from drake_srg.common.systems import AddVelocityFeedforward
 from drake_srg.types import positive
 
 # Stiffness and damping per mass of the slide: a natural frequency of 40 rad/s as the

@@ -18,7 +18,7 @@ from pydrake.trajectories import Trajectory
 
 from drake_srg.lifetime import LeafSystem
 from drake_srg.planning.motion.arm_motion import Motion
-from drake_srg.planning.motion.config import MotionConfig
+from drake_srg.planning.motion.limits import MotionConfig
 from drake_srg.planning.state_machine import (
     Entry,
     Memory,

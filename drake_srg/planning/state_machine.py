@@ -15,12 +15,7 @@ from collections.abc import Callable, Hashable, Mapping, Sequence
 from typing import Any, Generic, Self, TypeVar
 
 from pydrake.common.value import AbstractValue
-from pydrake.systems.framework import (
-    Context,
-    DependencyTicket,
-    EventStatus,
-    State,
-)
+from pydrake.systems.framework import Context, DependencyTicket, EventStatus, State
 
 from drake_srg.common.shared import make_read_only
 from drake_srg.lifetime import LeafSystem

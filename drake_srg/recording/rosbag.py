@@ -1,16 +1,286 @@
-"""Records ROS topics in a rosbag."""
+"""ROS topics, made from the values of ports.
+
+Port names are those of a station or cell, so that a loop over its ports connects a
+recorder. The functions here return a `Topic`; write your own the same way.
+
+Records ROS topics in a rosbag.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import dataclasses as dc
+import enum
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
+import cv2
+import numpy as np
+from pydrake.common.value import AbstractValue
+from pydrake.math import RigidTransform
 from pydrake.systems.framework import Context
+from pydrake.systems.sensors import ImageRgba8U
 
+from drake_srg.common.safety_states import describe_safety
 from drake_srg.lifetime import weak
 from drake_srg.recording.output import OutputFile, Recorder, require
-from drake_srg.recording.ros_topics import Topic
+from drake_srg.types import PlannerStatus
+
+# Makes a message: (type name such as "std_msgs/msg/String", fields) -> message. Fields
+# are given by name or, where ROS 1 and 2 name them differently, in order.
+MakeMessage = Callable[..., Any]
+# (make, time [s], one value per port, None for an unconnected optional port) -> message
+Convert = Callable[..., Any]
+OBJECT_POSE = "/planner/object_pose"
+
+
+@dc.dataclass(frozen=True)
+class Topic:
+    """A ROS topic whose messages are made from port values.
+
+    Attributes:
+        name: Its name, with the slash.
+        type: Its ROS 2 message type, such as "std_msgs/msg/String".
+        ports: Input port name to its model value, or to its size if it is a vector;
+            topics may share a port.
+        convert: Called as `convert(make, time, *values)`; returns a message, or None
+            for no message.
+        period: Time between messages [s]; None: the recorder's.
+        optional: The ports that may stay unconnected.
+        sensor: Whether ROS 2 publishes it with its QoS for sensors, which never sends
+            a lost message again.
+        latched: Whether ROS 2 keeps the last message for later subscribers.
+    """
+
+    name: str
+    type: str
+    ports: Mapping[str, int | AbstractValue]
+    convert: Convert
+    period: float | None = None
+    optional: frozenset[str] = frozenset()
+    sensor: bool = False
+    latched: bool = False
+
+
+def stamp(make: MakeMessage, time: float) -> Any:
+    """Return simulated time [s] as a builtin_interfaces/msg/Time."""
+    sec, nanosec = divmod(round(time * 1e9), 10**9)
+    return make("builtin_interfaces/msg/Time", sec=sec, nanosec=nanosec)
+
+
+def header(make: MakeMessage, time: float, frame_id: str = "") -> Any:
+    """Return a std_msgs/msg/Header."""
+    return make("std_msgs/msg/Header", stamp=stamp(make, time), frame_id=frame_id)
+
+
+def clock() -> Topic:
+    """Return /clock: simulated time as rosgraph_msgs/msg/Clock."""
+    kind = "rosgraph_msgs/msg/Clock"
+    return Topic("/clock", kind, {}, lambda make, t: make(kind, clock=stamp(make, t)))
+
+
+def float64(name: str, port: str) -> Topic:
+    """Return a topic of a vector port of size 1, as std_msgs/msg/Float64."""
+    kind = "std_msgs/msg/Float64"
+    return Topic(
+        name, kind, {port: 1}, lambda make, t, value: make(kind, data=float(value[0]))
+    )
+
+
+def float64_array(name: str, port: str, size: int) -> Topic:
+    """Return a topic of a vector port, as std_msgs/msg/Float64MultiArray."""
+    kind = "std_msgs/msg/Float64MultiArray"
+
+    def convert(make: MakeMessage, time: float, value: Any) -> Any:
+        layout = make("std_msgs/msg/MultiArrayLayout", dim=[], data_offset=0)
+        return make(kind, layout=layout, data=np.array(value, dtype=np.float64))
+
+    return Topic(name, kind, {port: size}, convert)
+
+
+def string(name: str, port: str) -> Topic:
+    """Return a topic of a string or an enum's value, as std_msgs/msg/String."""
+    kind = "std_msgs/msg/String"
+
+    def convert(make: MakeMessage, time: float, value: Any) -> Any:
+        text = value.value if isinstance(value, enum.Enum) else value
+        return make(kind, data=str(text))
+
+    return Topic(name, kind, {port: AbstractValue.Make(object())}, convert)
+
+
+def _safety_topics() -> tuple[Topic, Topic]:
+    """Return the topics of a safety monitor: state with reason, and speed.
+
+    The state is text: "running", or such as "protective_stop: stale".
+    """
+    kind = "std_msgs/msg/String"
+
+    def convert(make: MakeMessage, time: float, value: Any) -> Any:
+        return make(kind, data=describe_safety(value))
+
+    return (
+        Topic("/safety/state", kind, {"safety.state": 2}, convert),
+        float64("/safety/speed_scale", "safety.speed_scale"),
+    )
+
+
+def pose_message(make: MakeMessage, time: float, X_WO: RigidTransform) -> Any:
+    """Return a pose in world at a time [s] as a geometry_msgs/msg/PoseStamped."""
+    x, y, z = X_WO.translation()
+    turn = X_WO.rotation().ToQuaternion()
+    return make(
+        "geometry_msgs/msg/PoseStamped",
+        header=header(make, time, "world"),
+        pose=make(
+            "geometry_msgs/msg/Pose",
+            position=make("geometry_msgs/msg/Point", x=x, y=y, z=z),
+            orientation=make(
+                "geometry_msgs/msg/Quaternion",
+                **{name: float(getattr(turn, name)()) for name in "xyzw"},
+            ),
+        ),
+    )
+
+
+def object_pose(name: str, port: str) -> Topic:
+    """Return a topic of where a planner last saw its object.
+
+    A geometry_msgs/msg/PoseStamped, stamped with the time of the look; no message
+    before the planner has seen it.
+
+    Args:
+        name: The topic's.
+        port: An input port of `PlannerStatus`.
+    """
+
+    def convert(make: MakeMessage, time: float, status: PlannerStatus) -> Any:
+        blob = status.sighting
+        return blob and pose_message(make, status.sighted_at, blob.X_WO)
+
+    model = AbstractValue.Make(PlannerStatus())
+    return Topic(name, "geometry_msgs/msg/PoseStamped", {port: model}, convert)
+
+
+def image(name: str, port: str, frame_id: str, period: float) -> Topic:
+    """Return a topic of an ImageRgba8U port, as sensor_msgs/msg/Image in rgb8.
+
+    Args:
+        name: The topic's.
+        port: The input port's.
+        frame_id: The camera's frame.
+        period: Time between messages [s].
+    """
+
+    def convert(make: MakeMessage, time: float, value: ImageRgba8U) -> Any:
+        rgb = cv2.cvtColor(value.data, cv2.COLOR_RGBA2RGB)  # faster than a slice's copy
+        return image_message(make, time, frame_id, "rgb8", rgb)
+
+    model = AbstractValue.Make(ImageRgba8U())
+    return Topic(name, "sensor_msgs/msg/Image", {port: model}, convert, period)
+
+
+def image_message(
+    make: MakeMessage, time: float, frame_id: str, encoding: str, pixels: Any
+) -> Any:
+    """Return pixels, shape (height, width, channels), as a sensor_msgs/msg/Image."""
+    pixels = np.ascontiguousarray(pixels)
+    height, width = pixels.shape[:2]
+    return make(
+        "sensor_msgs/msg/Image",
+        header=header(make, time, frame_id),
+        height=height,
+        width=width,
+        encoding=encoding,
+        is_bigendian=0,
+        step=pixels.nbytes // height,
+        data=pixels.reshape(-1).view(np.uint8),
+    )
+
+
+def joint_states(joints: Mapping[str, Sequence[str]]) -> Topic:
+    """Return /joint_states: all instances' joints in one sensor_msgs/msg/JointState.
+
+    Args:
+        joints: Instance name to its joint names. Instance I has the ports
+            `I.state_measured` ([q; v], rad and rad/s) and, optionally,
+            `I.torque_measured` (N m); efforts that are not measured are NaN.
+    """
+    kind = "sensor_msgs/msg/JointState"
+    names = [name for group in joints.values() for name in group]
+    ports: dict[str, int | AbstractValue] = {}
+    for instance, group in joints.items():
+        ports[f"{instance}.state_measured"] = 2 * len(group)
+        ports[f"{instance}.torque_measured"] = len(group)
+
+    def convert(make: MakeMessage, time: float, *values: Any) -> Any:
+        states = [np.split(np.asarray(state), 2) for state in values[::2]]
+        efforts = [
+            np.full(len(q), np.nan) if torque is None else torque
+            for (q, _), torque in zip(states, values[1::2], strict=True)
+        ]
+        return make(
+            kind,
+            header=header(make, time),
+            name=names,
+            position=np.concatenate([q for q, _ in states]),
+            velocity=np.concatenate([v for _, v in states]),
+            effort=np.concatenate(efforts),
+        )
+
+    optional = frozenset(f"{instance}.torque_measured" for instance in joints)
+    return Topic("/joint_states", kind, ports, convert, optional=optional)
+
+
+def cell_topics(
+    arm_joints: Sequence[str],
+    gripper_joints: Sequence[str],
+    sensors: int,
+    cameras: Mapping[str, float] | None = None,
+    *,
+    located: bool = False,
+    watched: bool = False,
+    felt: bool = False,
+) -> list[Topic]:
+    """Return the topics of a cell.
+
+    Args:
+        arm_joints: Names of the arm's joints; empty: no arm.
+        gripper_joints: Names of the gripper's actuated joints; empty: no gripper.
+        sensors: Number of finger sensors.
+        cameras: Camera name to the time between its images [s].
+        located: Whether the planner locates one object to pick.
+        watched: Whether the station has a safety monitor.
+        felt: Whether the station tells the arm's external torques.
+    """
+    size = len(arm_joints)
+    joints = {"arm": arm_joints, "gripper": gripper_joints}
+    joints = {instance: names for instance, names in joints.items() if names}
+    return [
+        clock(),
+        *([joint_states(joints)] if joints else []),
+        float64_array("/arm/position_commanded", "arm.position_commanded", size),
+        float64("/gripper/closure_commanded", "gripper.closure_commanded"),
+        float64_array("/gripper/proximity", "gripper.proximity", sensors),
+        float64_array("/gripper/contact_force", "gripper.contact_force", sensors),
+        string("/planner/mode", "planner.mode"),
+        *(_safety_topics() if watched else ()),
+        *(
+            [float64_array("/arm/external_torque", "arm.external_torque", size)]
+            if felt
+            else []
+        ),
+        *([object_pose(OBJECT_POSE, "planner.status")] if located else []),
+        *(
+            image(
+                f"/camera_{name}/color/image_raw",
+                f"camera_{name}.color_image",
+                f"camera_{name}",
+                period,
+            )
+            for name, period in (cameras or {}).items()
+        ),
+    ]
 
 
 class RosbagRecorder(Recorder):
@@ -30,7 +300,7 @@ class RosbagRecorder(Recorder):
 
     Args:
         path: The .mcap file.
-        topics: The topics; see `drake_srg.recording.ros_topics`.
+        topics: The topics; see `drake_srg.recording.rosbag`.
         period: Time between messages of topics without a period of their own [s].
 
     Raises:

@@ -1,18 +1,72 @@
-"""Draws a run over time: modes, gripper, arm and object."""
+"""The style of all our figures, and their PNG files.
+
+Draws a run over time: modes, gripper, arm and object.
+The timeline of a run's log.
+"""
 
 from __future__ import annotations
 
 import dataclasses as dc
 import itertools
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
-from drake_srg.recording.figure import make_figure, save_png, style_axes
-from drake_srg.types import Vector
+from drake_srg.common.log_format import pose_key
+from drake_srg.recording.output import OutputFile, require
+from drake_srg.types import Mode, Vector
+
+# Distinct for colour-blind readers, too (M. Okabe, K. Ito, Color Universal Design).
+COLORS = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00", "#56b4e9", "#333333")
+
+
+def make_figure(
+    width: float, height: float, title: str = "", *, layout: str | None = "constrained"
+) -> Any:
+    """Return an empty matplotlib Figure; it needs no display.
+
+    Args:
+        width: [inch].
+        height: [inch].
+        title: Text above the axes, on the left.
+        layout: Of matplotlib; None for axes that are placed by hand.
+
+    Raises:
+        ImportError: If matplotlib is missing.
+    """
+    require("matplotlib.backends.backend_agg")
+    figure = require("matplotlib.figure").Figure(
+        figsize=(width, height), dpi=110, layout=layout
+    )
+    if title:
+        figure.suptitle(title, x=0.01, ha="left", weight="bold")
+    return figure
+
+
+def style_axes(axes: Any, *, xlabel: str = "", ylabel: str = "") -> None:
+    """Give axes our style and labels; call this before plotting and drawing legends."""
+    axes.set_prop_cycle(color=COLORS)
+    axes.set_xlabel(xlabel, fontsize=9)
+    axes.set_ylabel(ylabel, fontsize=9)
+    axes.tick_params(labelsize=8)
+    axes.grid(axis="y", color="#c8ced6", lw=0.5)
+    axes.spines[["top", "right"]].set_visible(False)
+
+
+def save_png(figure: Any, path: Path | str) -> Path:
+    """Write a figure, completely or not at all; equal figures give equal bytes.
+
+    Raises:
+        OSError: If the file cannot be written.
+    """
+    output = OutputFile(path)
+    # matplotlib would write its version into the file.
+    figure.savefig(output.path, format="png", metadata={"Software": None})
+    return output.commit()
+
 
 _BANDS = ("#eef2f6", "#dbe4ed")
 # Of the figure, its margins and a panel [inch].
@@ -202,3 +256,55 @@ def _draw_modes(all_axes: npt.NDArray[Any], time: Vector, mode: Sequence[str]) -
             rotation=45,
             rotation_mode="anchor",
         )
+
+
+_MODES = list(Mode)
+
+
+@dc.dataclass(frozen=True)
+class Labels:
+    """What a log does not tell about its columns.
+
+    Attributes:
+        title: The run's.
+        pick: Name of the picked object.
+        gripper_joints: Names of the gripper's measured joints.
+        sensors: Names of the finger sensors.
+        arm_slides: Whether the arm's joints are prismatic.
+    """
+
+    title: str
+    pick: str = ""
+    gripper_joints: tuple[str, ...] = ()
+    sensors: tuple[str, ...] = ()
+    arm_slides: bool = False
+
+
+def run_timeline(log: Mapping[str, Vector], labels: Labels) -> Timeline:
+    """Return the timeline of a log that `Simulate` wrote."""
+    arm = log["arm.state_measured"]
+    gripper = log.get("gripper.state_measured")
+    poses = log.get(pose_key(labels.pick))
+    return Timeline(
+        time=log["time"],
+        mode=[_MODES[int(i)].value for i in log["mode"]],
+        gripper_position=(
+            None if gripper is None else gripper[:, : len(labels.gripper_joints)]
+        ),
+        gripper_joints=[
+            _words(n.removesuffix("_joint")) for n in labels.gripper_joints
+        ],
+        closure=log.get("gripper.closure_commanded"),
+        proximity=log.get("gripper.proximity"),
+        sensors=[_words(name) for name in labels.sensors],
+        grip_force=log.get("contact_force"),
+        arm_velocity=arm[:, arm.shape[1] // 2 :],
+        arm_torque=log.get("arm.torque_measured"),
+        arm_slides=labels.arm_slides,
+        object_height=None if poses is None else poses[:, 2],
+        title=labels.title,
+    )
+
+
+def _words(name: str) -> str:
+    return name.replace("_", " ")

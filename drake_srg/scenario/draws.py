@@ -19,8 +19,7 @@ from pydrake.common.schema import (
     UniformVectorX,
 )
 
-from drake_srg.scenario.yaml_tree import fail, join, names
-from drake_srg.scenario.yaml_typed import check_tree
+from drake_srg.scenario.typed_yaml import check_tree, fail, join, names
 
 _MOST_CLUTTER = 100
 

@@ -11,14 +11,12 @@ from pydrake.common.schema import UniformVectorX
 
 from drake_srg.arm.drivers import ArmPositionDriver
 from drake_srg.common.exceptions import ScenarioError, scenario_errors
-from drake_srg.planning.script.scripted import Script, message_script
-from drake_srg.scenario.checks import check_scenario
+from drake_srg.scenario.checks import check_scenario, resolve_pick
 from drake_srg.scenario.draws import add_clutter, draw_distributions, key_generator
-from drake_srg.scenario.pick import resolve_pick
 from drake_srg.scenario.planner import with_planner_tag
 from drake_srg.scenario.schema import Scenario
-from drake_srg.scenario.yaml_tree import merge, parse_yaml, set_key
-from drake_srg.scenario.yaml_typed import load_typed
+from drake_srg.scenario.typed_yaml import load_typed, merge, parse_yaml, set_key
+from drake_srg.theses.script import Script, message_script
 from drake_srg.types import Vector
 
 SCENARIOS = Path(__file__).parents[1] / "scenarios"

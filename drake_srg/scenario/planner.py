@@ -6,10 +6,10 @@ from collections.abc import Iterator, Mapping
 from typing import TYPE_CHECKING, Any
 
 from drake_srg.planning.planner_machine import Clear, PickAndPlace
-from drake_srg.planning.script.scripted import Script
-from drake_srg.planning.taught.taught_planner import Taught
-from drake_srg.scenario.yaml_tree import fail
-from drake_srg.servoing.config import Servoing
+from drake_srg.planning.servoing.config import Servoing
+from drake_srg.scenario.typed_yaml import fail
+from drake_srg.theses.script import Script
+from drake_srg.theses.taught import Taught
 
 if TYPE_CHECKING:
     from drake_srg.scenario.schema import Scenario

@@ -1,8 +1,6 @@
-"""The dataclasses that a scenario file fills.
+"""Configuration of a digital twin: when robot and model part.
 
-A scenario is YAML. Plant, simulator, scene graph, model directives and cameras follow
-Drake's own schema. `base: NAME` lays a file over another. Any numeric field may be one
-of Drake's distributions, drawn from `random_seed`.
+The dataclasses that a scenario file fills.
 """
 
 import dataclasses as dc
@@ -18,24 +16,67 @@ from pydrake.systems.sensors import CameraConfig
 
 from drake_srg.arm.driver import ArmDriver
 from drake_srg.arm.drivers import DRIVERS as ARM_DRIVERS
+from drake_srg.arm.safety.config import SafetyConfig
 from drake_srg.gripper.drivers import DRIVERS, GripperDriver
 from drake_srg.objects.config import ClutterConfig, ObjectConfig, SleepingConfig
-from drake_srg.objects.disturbances import Force, Push, Topple
+from drake_srg.objects.disturber import Force, Push, Topple
 from drake_srg.objects.slides import SlideConfig
 from drake_srg.planning.planner_machine import Clear, PickAndPlace, PlannerConfig
-from drake_srg.planning.script.scripted import Script, ScriptStep
-from drake_srg.planning.taught.taught_planner import Taught
-from drake_srg.safety.config import SafetyConfig
-from drake_srg.scenario.twin import TwinConfig
-from drake_srg.servoing.config import Servoing, ServoingConfig
+from drake_srg.planning.servoing.config import Servoing, ServoingConfig
+from drake_srg.theses.blob_localizer import ThesisBlobConfig
+from drake_srg.theses.script import Script, ScriptStep
+from drake_srg.theses.taught import Taught
 from drake_srg.types import positive
-from drake_srg.vision.calibrated_camera import CameraCalibrationConfig
+from drake_srg.vision.camera import CameraCalibrationConfig
 from drake_srg.vision.camera_errors import CameraErrorsConfig
-from drake_srg.vision.color_names import COLORS
-from drake_srg.vision.thesis_blob_localizer import ThesisBlobConfig
+from drake_srg.vision.color import COLORS
+
+
+@dc.dataclass(kw_only=True)
+class TwinConfig:
+    """Differences between a robot and its twin that are reported; see docs/twin.md."""
+
+    # Time between samples of the twin, in place of `arm.period` [s]: at long periods, a
+    # twin lags behind, and misses pictures that arrive at once. Null: `arm.period`.
+    period: float | None = dc.field(default=None, metadata=positive())
+    # Largest difference between a measured joint of the arm and the twin's, which
+    # follows it [rad or m]. It does so two control periods late: 0.05 rad at the
+    # fastest joint's top speed in the fast kitchen.
+    joint: float = dc.field(default=0.1, metadata=positive())
+    # Largest difference between measured and expected torques of the arm, as a share of
+    # the joint's effort limit. The iiwa's axis-specific torque accuracy is 2 % (KUKA,
+    # LBR iiwa, technical data).
+    torque: float = dc.field(default=0.02, metadata=positive())
+    # Joint speed above which torques do not count [rad/s or m/s]: acceleration and
+    # friction are known less well. The arm must have been slower for this long, and the
+    # torque must have differed for as long [s]; the comparison's time constant is
+    # 0.02 s. The planner's shortest rest is 0.3 s.
+    still_speed: float = dc.field(default=0.005, metadata=positive())
+    still_time: float = dc.field(default=0.1, metadata={"ge": 0.0})
+    # Largest difference between a measured finger joint and the twin's [rad]. Fingers
+    # around cans of 60 and 66 mm differ by 0.1 rad.
+    finger: float = dc.field(default=0.1, metadata=positive())
+    # Largest distance between where a camera sees an object and where the twin has it
+    # [m]. Half hidden by the hand, an object is seen up to 10 mm off.
+    object: float = dc.field(default=0.03, metadata=positive())
+    # How long a difference must last to be reported [s]: the fingers' commands arrive
+    # up to 0.1 s early or late.
+    patience: float = dc.field(default=0.3, metadata={"ge": 0.0})
+    # Nothing is reported for this time [s] at first, and after messages that were more
+    # than `patience` apart: the twin's fingers need it to reach their command.
+    settle: float = dc.field(default=2.0, metadata={"ge": 0.0})
+    # The twin ends when the robot has been silent for this long [s, real].
+    silence: float = dc.field(default=3.0, metadata=positive())
+    # Topics of what cameras see, std_msgs/String as `serve` publishes it, and of the
+    # commands to the gripper: std_msgs/Float64, 0 open .. 1 closed, and std_msgs/Int32,
+    # 0 open .. 100 closed. Empty: there is none.
+    blobs: str = "/blobs"
+    closure: str = "/gripper/closure_commanded"
+    grasp: str = "/grasp"
+
 
 # The planners of the package. Its class name is a planner's tag in scenario files. For
-# one of your own, call `drake_srg.cell.register_planner`.
+# one of your own, call `drake_srg.station.register_planner`.
 PLANNERS: tuple[type[PlannerConfig], ...] = (
     PickAndPlace,
     Clear,
@@ -249,7 +290,7 @@ class Scenario:
 def accept_driver(driver: type[GripperDriver]) -> None:
     """Accept a driver of your own as `gripper` of scenario files, tagged by its name.
 
-    `drake_srg.cell.register_gripper` calls this.
+    `drake_srg.station.register_gripper` calls this.
     """
     _accept("gripper", driver)
 
@@ -257,7 +298,7 @@ def accept_driver(driver: type[GripperDriver]) -> None:
 def accept_planner(planner: type[PlannerConfig]) -> None:
     """Accept a planner of your own as `planner` of scenario files, tagged by its name.
 
-    `drake_srg.cell.register_planner` calls this.
+    `drake_srg.station.register_planner` calls this.
     """
     _accept("planner", planner)
 

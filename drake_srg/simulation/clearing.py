@@ -9,16 +9,14 @@ from typing import Any
 import cv2
 import numpy as np
 
-from drake_srg.cell.bins import bin_boxes
-from drake_srg.cell.choosing import ROW, destinations, row_places
-from drake_srg.common.log_keys import pose_key
+from drake_srg.common.log_format import MODES, pose_key, row_to_pose
 from drake_srg.common.srg_geometry import SRG
 from drake_srg.objects.household import ObjectFacts, object_facts
 from drake_srg.objects.models import simple_shape
 from drake_srg.scenario import Scenario
 from drake_srg.simulation import measures
-from drake_srg.simulation.hand_poses import hand_poses
-from drake_srg.simulation.log_format import MODES, row_to_pose
+from drake_srg.simulation.measures import hand_poses
+from drake_srg.station.perception import ROW, bin_boxes, destinations, row_places
 from drake_srg.types import Failure, Left, Mode, PlannerStatus, Sphere, Vector
 
 # Where the fingers take things, in the palm [m].

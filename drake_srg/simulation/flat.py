@@ -23,9 +23,13 @@ from pydrake.systems.framework import (
     OutputPort,
 )
 
-from drake_srg.common.drake_version import NEWER_DRAKE, takes_nested_plant
 from drake_srg.common.exceptions import ScenarioError, scenario_errors
-from drake_srg.common.ports import input_ports, output_ports
+from drake_srg.common.systems import (
+    NEWER_DRAKE,
+    input_ports,
+    output_ports,
+    takes_nested_plant,
+)
 from drake_srg.lifetime import collectable
 from drake_srg.scenario.schema import Scenario, is_continuous
 from drake_srg.station.station import AddStation

@@ -1,20 +1,37 @@
-"""Figures that are computed from the log of a run.
+"""Quantities of a run's log that metrics are made of."""
 
-Unless stated otherwise, arrays have one row per sample: `time` [s], `mode` (index into
-`MODES`) and `poses` of the picked object (see `pose_to_row`).
-"""
+from __future__ import annotations
 
 from collections.abc import Mapping
 
 import numpy as np
 import numpy.typing as npt
+from pydrake.math import RigidTransform
 
-from drake_srg.common.log_keys import is_pose, pose_key
+from drake_srg.common.log_format import MODES, is_pose, pose_key
 from drake_srg.common.safety_states import SafetyState, safety_state
 from drake_srg.scenario import Scenario
-from drake_srg.simulation.hand_poses import hand_poses
-from drake_srg.simulation.log_format import MODES
+from drake_srg.station.plant import MakeModelsPlant
 from drake_srg.types import Mode, Vector
+
+
+def hand_poses(scenario: Scenario, arm_states: Vector) -> list[RigidTransform]:
+    """Return the poses of the palm in world, X_WG [m].
+
+    Args:
+        scenario: The scenario with the models of arm and gripper.
+        arm_states: States [q; v] of the arm, shape (K, 2N).
+    """
+    plant = MakeModelsPlant(scenario)
+    context = plant.CreateDefaultContext()
+    arm = plant.GetModelInstanceByName("arm")
+    palm = plant.GetFrameByName("palm", plant.GetModelInstanceByName("gripper"))
+    poses = []
+    for state in arm_states:
+        plant.SetPositions(context, arm, state[: plant.num_positions(arm)])
+        poses.append(palm.CalcPoseInWorld(context))
+    return poses
+
 
 _MAX_HOME_ERROR = 0.01  # rad; farther from home, the arm does not count as home
 # An object that has risen this far is off its support [m]. Toppling a 25 mm cylinder

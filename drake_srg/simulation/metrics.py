@@ -8,16 +8,15 @@ from typing import Any
 
 import numpy as np
 
-from drake_srg.cell.goals import final_pose, final_tilt
-from drake_srg.common.log_keys import pose_key
+from drake_srg.common.log_format import MODES, pose_key, row_to_pose
 from drake_srg.objects.models import simple_shape
 from drake_srg.recording.output import OutputFile
 from drake_srg.scenario import Scenario
 from drake_srg.simulation import measures
 from drake_srg.simulation.clearing import clearing_outcome
-from drake_srg.simulation.log_format import MODES, row_to_pose
+from drake_srg.station.planners import final_pose, final_tilt
 from drake_srg.types import Failure, Mode, PlannerStatus, Vector
-from drake_srg.vision.symmetry import turn_between
+from drake_srg.vision.solids import turn_between
 
 SCHEMA_VERSION = 1
 # Entries that only tasks with several objects have.

@@ -1,43 +1,109 @@
-"""A station driven from Python, step by step, for experiments.
+"""A station by hand: benches, tables, drops."""
 
-For example::
-
-    scenario = bench_scenario(household_objects()["056_tennis_ball"])
-    with Rig(scenario) as rig:
-        rig.move([0.0, 0.0, 0.2], 1.0)  # lower the hand over the object
-        rig.advance(1.5, closure=1.0, force_limit=0.3)
-        rig.move([0.0, 0.0, 0.4], 1.0)
-        rig.advance(2.0, arm=shake([0.0, 0.0, 0.4], [0.0, 9.81, 0.0], 2.0, 2.0))
-        held = rig.X_WO().translation()[2] > 0.1
-        log = rig.log()
-    largest_force = log["gripper.contact_force"].max()
-"""
+from __future__ import annotations
 
 import contextlib
+import copy
 import dataclasses as dc
-from collections.abc import Callable
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from types import TracebackType
 
 import numpy as np
 import numpy.typing as npt
-from pydrake.math import RigidTransform
+from pydrake.common.schema import Rotation, Transform
+from pydrake.math import RigidTransform, RollPitchYaw
 from pydrake.systems.framework import DiagramBuilder, PortDataType
 
 from drake_srg.common.exceptions import ScenarioError, scenario_errors
-from drake_srg.common.log_keys import pose_key
-from drake_srg.common.minimum_jerk import minimum_jerk_blend
-from drake_srg.common.ports import output_ports
-from drake_srg.common.simulator import MakeSimulator
-from drake_srg.objects.contact_reader import ContactReader
+from drake_srg.common.geometry import minimum_jerk_blend
+from drake_srg.common.log_format import pose_key, pose_to_row
+from drake_srg.common.systems import MakeSimulator, output_ports
+from drake_srg.objects.config import ObjectConfig, SleepingConfig
+from drake_srg.objects.household import object_facts
+from drake_srg.objects.poses import ContactReader
+from drake_srg.planning.planner_machine import PickAndPlace
 from drake_srg.recording.video import VideoRecorder
-from drake_srg.scenario import LocalizerConfig, Scenario, is_continuous
+from drake_srg.scenario import LocalizerConfig, Scenario, is_continuous, load_scenario
+from drake_srg.scenario.typed_yaml import load_typed, parse_yaml
 from drake_srg.simulation import failure_time
-from drake_srg.simulation.bench import bench_scenario, shake
-from drake_srg.simulation.log_format import pose_to_row
 from drake_srg.station import MakeStation
 from drake_srg.station.sleeping import MakeAdvance
 from drake_srg.types import Vector
+
+
+def shake(
+    q: npt.ArrayLike, acceleration: npt.ArrayLike, frequency: float, duration: float
+) -> Callable[[float], Vector]:
+    """Return a shaking motion about an arm position, as a function of time [s].
+
+    The motion swells and fades within two cycles each, so that it starts and ends at
+    rest.
+
+    Args:
+        q: Middle position of the joints (N) [rad or m].
+        acceleration: Acceleration of each joint at its turning points (N) [rad/s² or
+            m/s²].
+        frequency: Frequency of the sine [Hz].
+        duration: Time from rest to rest [s].
+    """
+    omega = 2.0 * np.pi * frequency
+    middle, amplitude = np.asarray(q, float), np.asarray(acceleration, float) / omega**2
+    swell = 2.0 / frequency
+
+    def position(t: float) -> Vector:
+        envelope = minimum_jerk_blend(t / swell)
+        envelope *= minimum_jerk_blend((duration - t) / swell)
+        value: Vector = middle + envelope * np.sin(omega * t) * amplitude
+        return value
+
+    return position
+
+
+def bench_scenario(
+    thing: ObjectConfig | None = None,
+    *,
+    gripper_rpy: Sequence[float] | None = None,
+    home: Sequence[float] | None = None,
+    scenario: str | Path = "gripper_bench",
+    seed: int | None = None,
+    overrides: Sequence[str] = (),
+) -> Scenario:
+    """Load a scenario of the gripper's bench with another object or hand pose.
+
+    Args:
+        thing: Object that replaces the scenario's own, as `objects.thing`. Unless it
+            has a position or pose, it takes the old one's place, under the hand.
+        gripper_rpy: Roll, pitch and yaw [degrees] of the palm in the flange's frame,
+            which is parallel to world on the gantry: [0, 90, 0] points down, [0, 0, 0]
+            to the front.
+        home: Joint positions of the arm at the start [rad or m].
+        scenario: Name or path of the scenario.
+        seed: Replaces `random_seed`.
+        overrides: Entries `KEY=VALUE`, as for `load_scenario`.
+
+    Raises:
+        ScenarioError: If the scenario or an override is invalid.
+    """
+    bench = load_scenario(scenario, seed=seed, overrides=overrides)
+    if thing is not None:
+        thing = copy.deepcopy(thing)
+        if thing.position is None and thing.pose is None:
+            thing.position = bench.objects[bench.task.pick].position
+        bench.objects = {"thing": thing}
+        bench.task.pick = "thing"
+        bench.task.place.marker = ""  # there is no goal for the new object
+    if gripper_rpy is not None:
+        welds = [d.add_weld for d in bench.directives if d.add_weld is not None]
+        (weld,) = [weld for weld in welds if weld.child == "gripper::palm"]
+        weld.X_PC.rotation = Rotation(RollPitchYaw(np.deg2rad(gripper_rpy)))
+    if home is not None:
+        if bench.arm is None:
+            raise ScenarioError(f"{scenario}: home: needs a scenario with an arm")
+        bench.arm.home = [float(x) for x in home]
+    bench.planner = PickAndPlace()  # the script was for the scenario's own object
+    return bench
+
 
 __all__ = ["Command", "Rig", "bench_scenario", "shake"]
 
@@ -265,7 +331,7 @@ class Rig:
             row[pose_key(name)] = pose_to_row(X_WO)
         self._rows.append(row)
 
-    def __enter__(self) -> "Rig":
+    def __enter__(self) -> Rig:
         return self
 
     def __exit__(
@@ -293,3 +359,111 @@ def _add_video(builder: DiagramBuilder, rig: Rig, path: Path | str) -> VideoReco
     image = rig.station.GetOutputPort(f"camera_{name}.color_image")
     builder.Connect(image, recorder.GetInputPort("color_image"))
     return recorder
+
+
+# The contact settings that `resting` has chosen, with Drake's default stiction
+# tolerance.
+TABLETOP = """
+plant_config:
+  time_step: 0.005
+  contact_model: hydroelastic_with_fallback
+  discrete_contact_approximation: lagged
+directives:
+- add_model: {name: table, file: package://drake_srg/sdf/table_mat.sdf}
+table: {min: [-0.4, -0.8], max: [1.3, 0.8]}
+"""
+
+
+def tabletop(
+    objects: Mapping[str, ObjectConfig], sleeping: SleepingConfig | None = None
+) -> Scenario:
+    """Return a scenario of objects on the table."""
+    tree = parse_yaml(TABLETOP, "tabletop")
+    scenario: Scenario = load_typed(Scenario, tree, "tabletop")
+    scenario.objects = dict(objects)
+    scenario.sleeping = sleeping
+    return scenario
+
+
+HEIGHT = 0.005  # of the underside above the table [m]
+_PLACE = (0.5, 0.0)  # on the table, in world [m]
+QUIET = 0.005  # a slower object rests [m/s]
+# When it must rest, at best and at the latest, and how long it is watched [s].
+SOON, LATE, _WATCHED = 1.2, 3.0, 0.2
+_PERIOD = 0.01  # between looks at the speed [s]
+
+
+@dc.dataclass(frozen=True)
+class DropOutcome:
+    """What a dropped object does.
+
+    Attributes:
+        rests: Whether it is quiet, and still on the table.
+        after: Time from its release [s].
+        speed: Largest speed of any of its points in the last 0.2 s [m/s].
+        moved: Distance of its origin from where it was released, sideways [m].
+    """
+
+    rests: bool
+    after: float
+    speed: float
+    moved: float
+
+    def __str__(self) -> str:
+        """The outcome in words."""
+        verb = "rests" if self.rests else "does not rest"
+        return (
+            f"{verb}: {1e3 * self.speed:.1f} mm/s {self.after:g} s after a drop from "
+            f"{1e3 * HEIGHT:g} mm, {1e3 * self.moved:.1f} mm to the side"
+        )
+
+
+def above_table(thing: ObjectConfig) -> Scenario:
+    """Return a scenario in which an object is let go just above a table.
+
+    The table brings objects to rest (see `tabletop`).
+
+    Args:
+        thing: The object, named `thing`, as it stands.
+
+    Raises:
+        ScenarioError: If the object's model cannot be read.
+    """
+    low = object_facts("thing", thing).low
+    X_WO = RigidTransform([*_PLACE, HEIGHT - low[2]])
+    return tabletop({"thing": dc.replace(thing, pose=Transform(X_WO), position=None)})
+
+
+def drop(thing: ObjectConfig) -> DropOutcome:
+    """Drop an object and watch it until it rests, for 3 s at most.
+
+    Args:
+        thing: The object; it falls as it stands.
+
+    Raises:
+        ScenarioError: If its model cannot be read.
+    """
+    prepared = above_table(thing)
+    size = np.linalg.norm(object_facts("thing", thing).size)
+    with Rig(prepared, name="drop", period=_PERIOD, log_period=_PERIOD) as rig:
+        model = rig.plant.GetModelInstanceByName("thing")
+        (index,) = rig.plant.GetBodyIndices(model)
+        body = rig.plant.get_body(index)
+        start = rig.X_WO("thing").translation()
+        speeds: list[float] = []
+        try:
+            while True:
+                rig.advance(_PERIOD)
+                V = rig.plant.EvalBodySpatialVelocityInWorld(rig.plant_context, body)
+                turning = 0.5 * size * np.linalg.norm(V.rotational())
+                speeds.append(float(max(np.linalg.norm(V.translational()), turning)))
+                recent = speeds[-round(_WATCHED / _PERIOD) :]
+                quiet = max(recent) < QUIET
+                if rig.time > LATE - 1e-6 or (rig.time > SOON - 1e-6 and quiet):
+                    break
+        except ScenarioError:  # Drake gave up on what became of the contact
+            return DropOutcome(False, rig.time, np.inf, np.inf)
+        away = rig.X_WO("thing").translation() - start
+    moved = float(np.linalg.norm(away[:2]))
+    on_table = abs(away[2]) < size
+    return DropOutcome(bool(quiet and on_table), round(rig.time, 2), max(recent), moved)

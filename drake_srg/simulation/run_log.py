@@ -1,14 +1,18 @@
-"""The log of a run."""
+"""A run's log: its signals, and its samples with the replay."""
+
+from pathlib import Path
 
 import numpy as np
 from pydrake.systems.framework import Context, Diagram, OutputPort, PortDataType
 
-from drake_srg.common.log_keys import pose_key
-from drake_srg.common.ports import output_ports
-from drake_srg.objects.contact_reader import ContactReader
+from drake_srg.common.log_format import MODES, pose_key, pose_to_row
+from drake_srg.common.systems import output_ports
+from drake_srg.lifetime import my_context
+from drake_srg.objects.poses import ContactReader
+from drake_srg.recording.replay import ReplayRecorder
 from drake_srg.scenario import Scenario
-from drake_srg.simulation.log_format import MODES, pose_to_row
 from drake_srg.simulation.measures import AT_REST, final_speed
+from drake_srg.simulation.recorders import write_samples
 from drake_srg.types import Mode, Vector
 
 _LOGGED = (
@@ -132,3 +136,50 @@ class RunLog:
         return {
             name: np.array([row[name] for row in self._rows]) for name in self._rows[0]
         }
+
+
+class Samples:
+    """The samples of a run so far.
+
+    Args:
+        name: The scenario's.
+        scenario: The scenario of the run.
+        root: The root diagram.
+        cell: The cell in it.
+        replayed: Whether to sample the scene, too.
+
+    Attributes:
+        log: The log.
+    """
+
+    def __init__(
+        self,
+        name: str,
+        scenario: Scenario,
+        root: Diagram,
+        cell: Diagram,
+        replayed: bool,
+    ) -> None:
+        self._name, self._scenario, self._cell = name, scenario, cell
+        self.log = RunLog(scenario, cell)
+        self._replay = None
+        if replayed:
+            cameras = scenario.localizer.cameras
+            self._replay = ReplayRecorder(root, cell, scenario.objects, cameras)
+
+    def add(self, root: Context) -> None:
+        """Add a sample, at the time of the root diagram's context."""
+        self.log.sample(my_context(self._cell, root))
+        if self._replay is not None:
+            self._replay.sample(root)
+
+    def write(self, out: Path | None) -> dict[str, str]:
+        """Write the samples, if there are any; return paths by kind (see `FILES`).
+
+        Raises:
+            OSError: If a file cannot be written.
+        """
+        if out is None or not self.log:
+            return {}
+        log = self.log.arrays()
+        return write_samples(self._name, log, self._scenario, out, self._replay)

@@ -12,21 +12,21 @@ from typing import Self
 from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import Diagram, System
 
-from drake_srg.cell import AddCell, MakeCell
-from drake_srg.cell.choosing import chooses
 from drake_srg.common.exceptions import ScenarioError, one_line, scenario_errors
-from drake_srg.common.simulator import MakeSimulator
 from drake_srg.common.status_line import StatusLine
+from drake_srg.common.systems import MakeSimulator
 from drake_srg.lifetime import my_context
 from drake_srg.planning.planner_machine import planning_clock
 from drake_srg.recording.output import Recorder, output_folder
-from drake_srg.replay import write_page
+from drake_srg.recording.replay import write_page
 from drake_srg.scenario import Scenario, perception_cameras, servo_of
 from drake_srg.simulation.flat import MakeRoot
 from drake_srg.simulation.kept_replay import take_folder
 from drake_srg.simulation.metrics import Metrics, RunTimes, calc_metrics
 from drake_srg.simulation.recorders import FILES, AddRecorders
-from drake_srg.simulation.samples import Samples
+from drake_srg.simulation.run_log import Samples
+from drake_srg.station import AddCell, MakeCell
+from drake_srg.station.perception import chooses
 from drake_srg.station.sleeping import MakeAdvance
 from drake_srg.station.video_process import VideoProcess, can_render_apart
 from drake_srg.types import Failure, Mode, PlannerStatus, Vector

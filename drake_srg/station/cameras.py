@@ -15,7 +15,7 @@ from drake_srg.common.exceptions import ScenarioError
 from drake_srg.common.installing import require_rendering
 from drake_srg.scenario import Scenario
 from drake_srg.station.plant import AddDirectives, AddObjects
-from drake_srg.vision.calibrated_camera import CalibratedPose
+from drake_srg.vision.camera import CalibratedPose
 from drake_srg.vision.camera_errors import CameraErrors
 
 

@@ -8,9 +8,8 @@ import numpy as np
 from pydrake.geometry import GeometryId
 from pydrake.systems.framework import Context, Diagram
 
-from drake_srg.objects.corners import body_corners
-from drake_srg.planning.grasps.contact_patches import Patch, contact_patches
-from drake_srg.planning.grasps.grasp_measures import Body
+from drake_srg.objects.solids import body_corners
+from drake_srg.planning.grasps.grasp_measures import Body, Patch, contact_patches
 
 
 class HeldGrasp(NamedTuple):

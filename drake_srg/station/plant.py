@@ -1,24 +1,26 @@
-"""The plant of a scenario: all models in their places."""
+"""A scenario's plant: its objects, what is checked before, and what hides them."""
 
 from __future__ import annotations
 
 import dataclasses as dc
 import functools
-from collections.abc import Sequence
+import itertools
+import re
+from collections.abc import Iterator, Sequence
 from fnmatch import fnmatchcase
+from pathlib import Path
 
 import numpy as np
 from pydrake.common.yaml import yaml_dump_typed
-from pydrake.geometry import (
-    CollisionFilterDeclaration,
-    GeometrySet,
-    Role,
-    SceneGraph,
-)
-from pydrake.math import RigidTransform
+from pydrake.geometry import Box as DrakeBox
+from pydrake.geometry import CollisionFilterDeclaration, GeometrySet, Role, SceneGraph
+from pydrake.math import RigidTransform, RotationMatrix
 from pydrake.multibody.parsing import (
+    FlattenModelDirectives,
     GetScopedFrameByName,
     LoadModelDirectivesFromString,
+    ModelDirectives,
+    PackageMap,
     Parser,
 )
 from pydrake.multibody.plant import AddMultibodyPlant, MultibodyPlant
@@ -26,6 +28,9 @@ from pydrake.systems.framework import DiagramBuilder
 
 from drake_srg import parsing
 from drake_srg.common.exceptions import ScenarioError, one_line, scenario_errors
+from drake_srg.common.systems import NEWER_DRAKE, takes_loop_constraints
+from drake_srg.objects.config import ObjectConfig
+from drake_srg.objects.household import object_facts
 from drake_srg.objects.models import (
     AddObject,
     SetDefaultObjectPose,
@@ -33,10 +38,224 @@ from drake_srg.objects.models import (
     simple_shape,
 )
 from drake_srg.objects.slides import SetSlideGains
-from drake_srg.scenario import Scenario
-from drake_srg.station.drops import Drops
-from drake_srg.station.occlusion import AddCard
-from drake_srg.station.preflight import check_constraints, flat_directives, model_files
+from drake_srg.parsing import configure_parser
+from drake_srg.scenario import Scenario, is_continuous
+from drake_srg.types import Vector
+
+
+class Drops:
+    """Heights at which objects with `drop` start, in the order of the objects.
+
+    Args:
+        table_height: In world [m].
+    """
+
+    def __init__(self, table_height: float) -> None:
+        self._table = table_height
+        self._boxes: list[tuple[Vector, Vector]] = []
+
+    def X_WO_start(
+        self, name: str, config: ObjectConfig, X_WO: RigidTransform
+    ) -> RigidTransform:
+        """Return where an object starts.
+
+        The box around it clears the table and those of falling objects before it. It
+        may overlap objects that stand on the table.
+
+        Args:
+            name: The object's name, for error messages.
+            config: The object, with `drop`.
+            X_WO: Its pose, of which the height does not count [m].
+
+        Raises:
+            ScenarioError: If its model cannot be read.
+        """
+        assert config.drop is not None
+        facts = object_facts(name, config)
+        ends = np.array([facts.low, facts.high])
+        choices = itertools.product((0, 1), repeat=3)
+        corners = np.array([ends[choice, range(3)] for choice in choices])
+        p_W = corners @ X_WO.rotation().matrix().T + X_WO.translation()
+        low, high = p_W.min(axis=0), p_W.max(axis=0)
+        floor = self._table
+        # From the lowest box up: an object may fit under one that starts high.
+        for below, above in sorted(self._boxes, key=lambda box: box[0][2]):
+            beside = np.any((below[:2] > high[:2]) | (above[:2] < low[:2]))
+            room = below[2] - floor
+            if not beside and room < config.drop + high[2] - low[2]:
+                floor = max(floor, above[2])
+        rise = np.array([0.0, 0.0, floor + config.drop - low[2]])
+        self._boxes.append((low + rise, high + rise))
+        return RigidTransform(X_WO.rotation(), X_WO.translation() + rise)
+
+
+# Distance from the camera to the card, over that to the object: so near the camera that
+# an arm on the table does not reach it.
+_SHARE_OF_DISTANCE = 0.3
+_GREY = [0.35, 0.35, 0.35, 1.0]
+
+
+def AddCard(plant: MultibodyPlant, scenario: Scenario, name: str, p_WO: Vector) -> None:
+    """Hang up a card that hides part of an object, before the plant is finalized.
+
+    The card can be seen, not touched.
+
+    Args:
+        plant: A plant registered with a scene graph.
+        scenario: The card hides the object from its localizer's first camera.
+        name: An object with an `occlusion`.
+        p_WO: Position of the object in world [m], shape (3,).
+
+    Raises:
+        ScenarioError: If the localizer's first camera is not fixed in world, or the
+            object is not of one simple shape.
+    """
+    config = scenario.objects[name].occlusion
+    key = f"objects.{name}.occlusion"
+    if not scenario.localizer.cameras:
+        raise ScenarioError(f"{key}: needs at least one camera in localizer.cameras")
+    camera = scenario.cameras[scenario.localizer.cameras[0]]
+    if camera.X_PB.base_frame not in (None, "world"):
+        raise ScenarioError(
+            f"{key}: needs a first localizer camera that is fixed in world, got one in "
+            f"{camera.X_PB.base_frame}"
+        )
+    if config is None or config.share == 0.0:
+        return
+    p_WC = camera.X_PB.GetDeterministicValue().translation()
+    sight = _SHARE_OF_DISTANCE * (p_WO - p_WC)
+    R_WCard = _facing(sight, config.direction)
+    radius = _SHARE_OF_DISTANCE * _half_width(scenario, name)  # projected onto the card
+    side = 2.4 * radius  # wide enough to hide all of it
+    aside = radius * (1.0 - 2.0 * config.share) + 0.5 * side
+    X_WCard = RigidTransform(R_WCard, p_WC + sight + aside * R_WCard.matrix()[:, 0])
+    plant.RegisterVisualGeometry(
+        plant.world_body(), X_WCard, DrakeBox(side, side, 1e-3), f"card_{name}", _GREY
+    )
+
+
+def _facing(sight: Vector, direction: float) -> RotationMatrix:
+    """Return the axes of a card: z along a line of sight, x closest to a direction."""
+    z = sight / np.linalg.norm(sight)
+    x = np.array([np.cos(direction), np.sin(direction), 0.0])
+    x = x - (x @ z) * z
+    x = x / np.linalg.norm(x)
+    return RotationMatrix(np.column_stack([x, np.cross(z, x), z]))
+
+
+def _half_width(scenario: Scenario, name: str) -> float:
+    """Return half the width of an upright object [m]."""
+    shape = simple_shape(name, scenario.objects[name])
+    if shape is None:
+        raise ScenarioError(
+            f"objects.{name}.occlusion: needs an object of one simple shape"
+        )
+    return shape.upright_radius
+
+
+# Elements that define constraints, by the suffix of the model's file.
+_ELEMENTS = {
+    ".sdf": ("drake:mimic", "drake:ball_constraint", "drake:tendon_constraint"),
+    ".urdf": ("mimic", "drake:ball_constraint", "drake:tendon_constraint"),
+    ".xml": ("connect",),  # MuJoCo
+}
+_SAP = "discrete_contact_approximation sap, similar or lagged"
+
+
+def check_constraints(scenario: Scenario) -> None:
+    """Check that the scenario's solver supports all constraints of its models.
+
+    Raises:
+        ScenarioError: If it does not. Names the model, the solver and what is allowed.
+    """
+    for model, path in model_files(scenario):
+        text = re.sub("<!--.*?-->", "", path.read_text("utf-8"), flags=re.DOTALL)
+        found = [e for e in _ELEMENTS.get(path.suffix, ()) if _count(e, text)]
+        for element, why in (
+            *_ignored(path.suffix, text),
+            *((element, _refused(element, scenario)) for element in found),
+        ):
+            if why:
+                raise ScenarioError(
+                    f"directives: {model}: {path.name} has <{element}>, {why}"
+                )
+
+
+def _refused(element: str, scenario: Scenario) -> str:
+    """Return why the solver refuses an element and what is allowed, else empty text."""
+    if is_continuous(scenario):
+        discrete = f"plant_config.time_step greater than 0.0 with {_SAP}"
+        if element.endswith("tendon_constraint"):
+            return f"which integrator cenic refuses (allowed: {discrete})"
+        if element.endswith("mimic") or takes_loop_constraints():
+            return ""
+        return (
+            "which integrator cenic refuses on this Drake (allowed: <drake:mimic>, "
+            f"{NEWER_DRAKE}, or {discrete})"
+        )
+    if scenario.plant_config.discrete_contact_approximation == "tamsi":
+        return f"which tamsi does not support (allowed: {_SAP})"
+    return ""
+
+
+def _ignored(suffix: str, text: str) -> Iterator[tuple[str, str]]:
+    """Yield elements that Drake silently ignores, and what is allowed instead."""
+    why = "which Drake ignores (allowed: {})"
+    if suffix == ".urdf" and _count("drake:mimic", text):
+        yield "drake:mimic", why.format("<mimic>")
+    if suffix == ".sdf":
+        outside = re.sub(r"<axis\b.*?</axis>", "", text, flags=re.DOTALL)
+        effective = _count("drake:mimic", outside)
+        for element in ("mimic", "drake:mimic"):
+            if _count(element, text) > effective:
+                yield element, why.format("<drake:mimic> directly in the joint")
+
+
+def _count(element: str, text: str) -> int:
+    return len(re.findall(rf"<{element}\b", text))
+
+
+def model_files(scenario: Scenario) -> Iterator[tuple[str, Path]]:
+    """Yield name and file of each model in the directives, and of included models.
+
+    Files that cannot be found are left out; the parser reports them.
+    """
+    plant = MultibodyPlant(time_step=0.0)  # the parser does not keep it alive
+    parser = Parser(plant)
+    configure_parser(parser)
+    try:
+        flat = flat_directives(scenario, parser)
+    except RuntimeError:
+        return
+    for directive in flat.directives:
+        if (model := directive.add_model) is not None:
+            for path in _with_includes(model.file, parser.package_map()):
+                yield model.name, path
+
+
+def flat_directives(scenario: Scenario, parser: Parser) -> ModelDirectives:
+    """Return a scenario's directives, with included files replaced by their contents.
+
+    Raises:
+        RuntimeError: If Drake cannot read a file.
+    """
+    return FlattenModelDirectives(
+        ModelDirectives(directives=scenario.directives), parser.package_map()
+    )
+
+
+def _with_includes(url: str, packages: PackageMap) -> Iterator[Path]:
+    try:
+        path = Path(packages.ResolveUrl(url))
+        text = path.read_text("utf-8")
+    except (RuntimeError, OSError, UnicodeError):
+        return
+    yield path
+    for included in re.findall(
+        r"<include>.*?<uri>\s*(\S+?)\s*</uri>.*?</include>", text, flags=re.DOTALL
+    ):
+        yield from _with_includes(included, packages)
+
 
 _LID = "package://drake_srg/sdf/lid.sdf"
 

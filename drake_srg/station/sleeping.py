@@ -30,19 +30,14 @@ from pydrake.multibody.math import SpatialVelocity
 from pydrake.multibody.plant import ExternallyAppliedSpatialForce, MultibodyPlant
 from pydrake.multibody.tree import BodyIndex, RigidBody
 from pydrake.systems.analysis import Simulator
-from pydrake.systems.framework import (
-    Context,
-    Diagram,
-    DiagramBuilder,
-    DiscreteValues,
-)
+from pydrake.systems.framework import Context, Diagram, DiagramBuilder, DiscreteValues
 
 from drake_srg.common.exceptions import ScenarioError
 from drake_srg.common.shared import Shared
 from drake_srg.lifetime import LeafSystem
 from drake_srg.objects.config import SleepingConfig
-from drake_srg.objects.corners import body_corners
 from drake_srg.objects.models import object_body
+from drake_srg.objects.solids import body_corners
 from drake_srg.scenario.schema import Scenario
 from drake_srg.types import Vector
 

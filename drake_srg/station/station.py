@@ -8,16 +8,15 @@ from pydrake.systems.framework import Diagram, DiagramBuilder, LeafSystem
 
 from drake_srg.arm.driver import AddArmDriver, ArmDriver
 from drake_srg.arm.external_torque import AddExternalTorque
+from drake_srg.arm.safety.config import SafetyConfig
+from drake_srg.arm.safety.monitor import AddSafetyMonitor, SafetyMonitor
 from drake_srg.common.exceptions import scenario_errors
-from drake_srg.common.ports import input_ports, output_ports
+from drake_srg.common.systems import input_ports, output_ports
 from drake_srg.gripper.drivers import AddGripperDriver
-from drake_srg.gripper.finger_sensing import PLANT_INPUTS
+from drake_srg.gripper.sensing import PLANT_INPUTS
 from drake_srg.objects.models import object_body
 from drake_srg.objects.poses import ObjectPoses
 from drake_srg.objects.slides import AddSlide
-from drake_srg.safety.adding import AddSafetyMonitor
-from drake_srg.safety.config import SafetyConfig
-from drake_srg.safety.monitor import SafetyMonitor
 from drake_srg.scenario.schema import Scenario
 from drake_srg.station.cameras import AddCameras
 from drake_srg.station.plant import AddPlant, MakeModelsPlant

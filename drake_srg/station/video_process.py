@@ -30,7 +30,7 @@ import drake_srg
 from drake_srg.common.exceptions import one_line
 from drake_srg.common.real_time import lower_priority
 from drake_srg.recording.output import OutputFile, Recorder, require
-from drake_srg.recording.video_file import VideoFile
+from drake_srg.recording.video import VideoFile
 from drake_srg.scenario import LocalizerConfig, Scenario
 from drake_srg.station.cameras import MakeRemoteCameras
 

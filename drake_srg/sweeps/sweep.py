@@ -1,28 +1,344 @@
-"""Runs many trials of a scenario, each exactly once, also across interruptions.
+"""The folder of a sweep, which one process at a time may write to.
 
-DIR/sweep.json           identifies the sweep; see `info`
-DIR/trials.parquet       one row per trial; see `rows`
-DIR/recordings/000017/   recording of a trial: the files of `drake-srg run`
+Gives trials to an engine, again if their worker dies.
+Runs the trials that a folder lacks, and writes each row as its trial ends.
+Runs many trials of a scenario, each exactly once, also across interruptions.
 """
 
 from __future__ import annotations
 
+import collections
+import contextlib
+import dataclasses as dc
 import datetime
-from collections.abc import Callable, Iterable, Mapping
-from concurrent.futures import Future
+import fcntl
+import itertools
+import os
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from concurrent.futures import FIRST_COMPLETED, Future, wait
 from pathlib import Path
-from typing import Any
+from typing import IO, Any
 
-from drake_srg.cell import MakeCell
-from drake_srg.common.exceptions import ScenarioError, scenario_errors
+from drake_srg.common.exceptions import ScenarioError, one_line, scenario_errors
+from drake_srg.common.status_line import StatusLine
 from drake_srg.lifetime import free_diagrams
 from drake_srg.recording.output import require
 from drake_srg.scenario import draw_scenario, load_tree
+from drake_srg.station import MakeCell
 from drake_srg.sweeps.engines import Engine
-from drake_srg.sweeps.info import RECORD, SweepInfo, current_versions, dump_tree
-from drake_srg.sweeps.rows import require_sweep
+from drake_srg.sweeps.files import remove_folder, remove_partial, write_folder
+from drake_srg.sweeps.info import (
+    FILE,
+    RECORD,
+    SweepInfo,
+    current_versions,
+    difference,
+    dump_tree,
+    read_sweep,
+)
+from drake_srg.sweeps.rows import (
+    BrokenRowsError,
+    all_rows_path,
+    read_file,
+    require_sweep,
+    row_path,
+    row_paths,
+    unique_rows,
+    write_row,
+    write_rows,
+)
 from drake_srg.sweeps.trial import TrialResult, empty_row, run_trial, with_contents
-from drake_srg.sweeps.trials import run_missing_trials
+
+RECORDINGS = "recordings"
+
+
+class SweepFolder:
+    """The rows and recordings of a sweep, locked from `begin` to `close`.
+
+    A trial has finished when its row is there; its recording is written before that.
+
+    Args:
+        path: The folder.
+    """
+
+    def __init__(self, path: Path):
+        self.path = path
+        self._lock: IO[str] | None = None
+
+    def begin(self, info: SweepInfo, resume: bool, tell: Callable[[str], None]) -> Any:
+        """Prepare the folder for a new sweep, or to continue one.
+
+        A single row whose content is broken is set aside, so that its trial runs again.
+
+        Args:
+            info: The sweep.
+            resume: Whether the folder may contain trials of it.
+            tell: Receives warnings, one line each.
+
+        Returns:
+            The rows that are there, a pyarrow.Table.
+
+        Raises:
+            ScenarioError: If another process is writing there, the folder contains
+                trials of another sweep, or of this one without `resume`, or rows
+                cannot be read.
+            OSError: If the folder cannot be written.
+        """
+        self.path.mkdir(parents=True, exist_ok=True)
+        self._take_lock()
+        files = row_paths(self.path)
+        if (self.path / FILE).exists() and files:
+            if not resume:
+                raise ScenarioError(
+                    f"{self.path}: already contains trials of a sweep; continue it "
+                    "with --resume, or choose another --out"
+                )
+            begun = read_sweep(self.path)
+            different = difference(begun, info)
+            info = dc.replace(info, started=begun.started)
+            if different:
+                raise ScenarioError(
+                    f"{self.path}: contains another sweep: {different}; choose another "
+                    "--out"
+                )
+        elif files:
+            raise ScenarioError(
+                f"{self.path}: contains trials but no {FILE}; choose another --out"
+            )
+        for folder in (self.path, self.path / "trials", self.path / RECORDINGS):
+            remove_partial(folder)
+        info.write(self.path)
+        tables = []
+        for file in files:
+            try:
+                tables.append(read_file(file, info))
+            except BrokenRowsError as error:
+                if file == all_rows_path(self.path):
+                    raise
+                aside = _set_aside(file)
+                tell(f"{error.problem}; renamed to {aside.name}, its trial runs again")
+        return unique_rows(tables)
+
+    def add(self, result: TrialResult) -> None:
+        """Write the result of a trial, its row last.
+
+        Raises:
+            OSError: If it cannot be written; the trial then counts as not run.
+        """
+        trial = result.row["trial"]
+        recording = self.path / RECORDINGS / f"{trial:06}"
+        if result.files:
+            write_folder(recording, result.files)
+        else:
+            remove_folder(recording)  # an earlier one, whose row was lost
+        write_row(row_path(self.path, trial), result.row)
+
+    def finish(self) -> Any:
+        """Collect all rows in one file, and return them as a pyarrow.Table.
+
+        Raises:
+            OSError: If it cannot be written; the single rows then stay.
+        """
+        info = read_sweep(self.path)
+        files = row_paths(self.path)
+        rows = unique_rows([read_file(file, info) for file in files])
+        whole = all_rows_path(self.path)
+        if files != [whole]:
+            write_rows(whole, rows)
+        for file in files:
+            if file != whole:
+                file.unlink()
+        single = self.path / "trials"
+        if single.exists() and not any(single.iterdir()):
+            single.rmdir()
+        return rows
+
+    def close(self) -> None:
+        """Release the lock."""
+        if self._lock is not None:
+            self._lock.close()
+            self._lock = None
+
+    def _take_lock(self) -> None:
+        """Take the lock, which the system releases however this process ends."""
+        lock = (self.path / "lock").open("a+", encoding="utf-8")
+        try:
+            fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except BlockingIOError:
+            lock.seek(0)
+            holder = lock.read().strip() or "another process"
+            lock.close()
+            raise ScenarioError(
+                f"{self.path}: {holder} is running a sweep there; wait for it to end, "
+                "or choose another --out"
+            ) from None
+        except BaseException:
+            lock.close()
+            raise
+        lock.truncate(0)
+        lock.write(f"process {os.getpid()}\n")
+        lock.flush()
+        self._lock = lock
+
+
+def _set_aside(file: Path) -> Path:
+    """Rename a file to a free name that ends in .broken; returns the new path."""
+    for number in itertools.count(1):
+        suffix = ".broken" if number == 1 else f".broken-{number}"
+        aside = file.with_name(file.name + suffix)
+        if not aside.exists():
+            break
+    return file.rename(aside)
+
+
+# After so many dead workers, the trial is to blame: two may have died of another trial
+# beside it, and it has to die alone twice, because one death may be its worker's.
+TRIES = 4
+# After so many deaths per slot without a single result, no trial is to blame.
+_DEATHS = 5
+
+
+def dispatch(
+    engine: Engine,
+    trials: Iterable[int],
+    submit: Callable[[int], Future[TrialResult]],
+    lost: Callable[[int, str], TrialResult],
+) -> Iterator[TrialResult]:
+    """Run trials and yield their results as they arrive, each exactly once.
+
+    A dying worker may take others with it, so its trials simply run again. A trial that
+    dies a second time waits until all others have finished, and then runs alone, so
+    that only the one to blame dies again.
+
+    Args:
+        engine: Runs the trials.
+        trials: Their numbers.
+        submit: Gives a trial to the engine.
+        lost: Makes the result of a trial whose workers keep dying, from the reason.
+
+    Raises:
+        ScenarioError: If workers keep dying without a result, or a trial cannot read
+            or write a file.
+        Exception: Any other exception of a trial.
+    """
+    waiting = collections.deque(trials)
+    suspects: collections.deque[int] = collections.deque()
+    tries: collections.Counter[int] = collections.Counter()
+    pending: dict[Future[TrialResult], int] = {}
+    deaths = 0
+
+    def fill() -> None:
+        while waiting and len(pending) < engine.slots():
+            trial = waiting.popleft()
+            pending[submit(trial)] = trial
+        if suspects and not pending:
+            trial = suspects.popleft()
+            pending[submit(trial)] = trial
+
+    fill()
+    while pending:
+        for future in wait(pending, return_when=FIRST_COMPLETED).done:
+            trial = pending.pop(future)
+            try:
+                result = future.result()
+            except engine.deaths as error:
+                deaths += 1
+                tries[trial] += 1
+                reason = one_line(error)
+                if deaths >= _DEATHS * engine.slots():
+                    raise ScenarioError(
+                        f"workers keep dying, {deaths} times without a result: {reason}"
+                    ) from error
+                if tries[trial] < TRIES:
+                    if tries[trial] == 1:
+                        waiting.append(trial)
+                    elif tries[trial] == 2:
+                        suspects.append(trial)
+                    else:
+                        suspects.appendleft(trial)  # whose result resets `deaths`
+                    continue
+                result = lost(trial, f"its worker died {TRIES} times: {reason}")
+            except Exception as error:
+                cause = _cause(error)
+                if isinstance(
+                    cause, OSError
+                ):  # the trial's, not one of writing the sweep
+                    raise ScenarioError(
+                        f"trial {trial}: {_words(cause)}; finished trials are kept, "
+                        "--resume continues"
+                    ) from error
+                raise cause from error
+            deaths = 0
+            fill()  # first, because the caller takes time to write the result
+            yield result
+        fill()
+
+
+def _words(error: OSError) -> str:
+    """Return in one line what went wrong, and with which file."""
+    if error.strerror is None:
+        return one_line(error)
+    return f"{error.filename}: {error.strerror}" if error.filename else error.strerror
+
+
+def _cause(error: Exception) -> Exception:
+    """Return a worker's own exception, which Ray wraps."""
+    inner: Any = getattr(error, "cause", None)
+    return inner if isinstance(inner, Exception) else error
+
+
+def run_missing_trials(
+    info: SweepInfo,
+    engine: Engine,
+    submit: Callable[[int], Future[TrialResult]],
+    lost: Callable[[int, str], TrialResult],
+    *,
+    out: Path,
+    resume: bool,
+    progress: bool,
+    tell: Callable[[str], None],
+    noun: str = "trials",
+) -> Any:
+    """Run the trials of a sweep that have no row yet.
+
+    Args:
+        info: Identifies the sweep.
+        engine: Runs the trials; entered here, if any are missing.
+        submit: Gives a trial to the engine.
+        lost: Returns the result of a trial that keeps killing its worker, and why.
+        out: Folder of the sweep.
+        resume: Whether `out` may already contain trials of this sweep.
+        progress: Whether to show progress on standard error.
+        tell: Receives warnings, one line each.
+        noun: What the trials are called in the progress.
+
+    Returns:
+        All rows, a pyarrow.Table.
+
+    Raises:
+        ScenarioError: If `out` has another sweep, or workers keep dying.
+        OSError: If the folder cannot be written.
+    """
+    with contextlib.closing(SweepFolder(out)) as folder:
+        rows = folder.begin(info, resume, tell)
+        done = set(rows["trial"].to_pylist())
+        missing = [trial for trial in range(info.trials) if trial not in done]
+        with contextlib.ExitStack() as stack:
+            if missing:
+                stack.enter_context(engine)
+            line = stack.enter_context(StatusLine(shown=progress))
+            begun, succeeded = len(done), sum(rows["success"].to_pylist())
+            for number, result in enumerate(
+                dispatch(engine, missing, submit, lost), begun + 1
+            ):
+                folder.add(result)
+                if result.warning:
+                    line.interrupt(result.warning, tell)
+                succeeded += result.row["success"]
+                words = f"{noun}, {succeeded / number:.1%} succeeded"
+                line.count(number, info.trials, words, begun)
+        return folder.finish()
+
 
 TrialFunction = Callable[[Mapping[str, Any], str, int, int, str], TrialResult]
 

@@ -13,15 +13,15 @@ from pydrake.math import RigidTransform
 from pydrake.systems.framework import Context
 from pydrake.systems.sensors import ImageDepth32F, ImageRgba8U
 
-from drake_srg.common.convex_pieces import Solid
+from drake_srg.common.geometry import Solid
 from drake_srg.lifetime import LeafSystem
 from drake_srg.types import Blob, BlobFlag
 from drake_srg.vision.camera import CameraModel
 from drake_srg.vision.candidates import Candidate, Picture, Search, by_color, by_steps
 from drake_srg.vision.color import ColorRange
-from drake_srg.vision.depth_noise import clean_and_measure
+from drake_srg.vision.images import clean_and_measure
 from drake_srg.vision.shape_fit import Fit, fit_shape
-from drake_srg.vision.view import view_around
+from drake_srg.vision.sight import view_around
 
 # A blob is uncertain if its misfit exceeds that of the best one by more than this. A
 # target's own noise and edges hardly make as much.

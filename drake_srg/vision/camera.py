@@ -1,18 +1,20 @@
-"""Pixels to rays and back for Drake's cameras."""
-
-from __future__ import annotations
+"""Camera models: how rays meet pixels, and what a calibration corrects."""
 
 import dataclasses as dc
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
+from pydrake.common.schema import Transform
+from pydrake.common.value import AbstractValue
 from pydrake.geometry import ColorRenderCamera, DepthRenderCamera
 from pydrake.math import RigidTransform
+from pydrake.systems.framework import Context
 from pydrake.systems.sensors import CameraConfig, CameraInfo, RgbdSensor
 
-from drake_srg.types import Vector
-from drake_srg.vision.mask import Mask
+from drake_srg.lifetime import LeafSystem
+from drake_srg.types import Vector, positive
+from drake_srg.vision.images import Mask
 
 # Pixel (u, v) of Drake's images samples the scene along the ray through (u + 0.5,
 # v + 0.5), in colour and in depth. Measured on rendered boxes with edges at random
@@ -43,12 +45,12 @@ class CameraModel:
     pixel_center: float = DRAKE_PIXEL_CENTER
 
     @classmethod
-    def from_config(cls, config: CameraConfig) -> CameraModel:
+    def from_config(cls, config: CameraConfig) -> "CameraModel":
         """Return the model of the camera that Drake makes of a config."""
         return cls._from_render_cameras(*config.MakeCameras())
 
     @classmethod
-    def from_sensor(cls, sensor: RgbdSensor) -> CameraModel:
+    def from_sensor(cls, sensor: RgbdSensor) -> "CameraModel":
         """Return the model of a Drake sensor, from its default render cameras."""
         return cls._from_render_cameras(
             sensor.default_color_render_camera(), sensor.default_depth_render_camera()
@@ -57,7 +59,7 @@ class CameraModel:
     @classmethod
     def _from_render_cameras(
         cls, color: ColorRenderCamera, depth: DepthRenderCamera
-    ) -> CameraModel:
+    ) -> "CameraModel":
         return cls(
             color=color.core().intrinsics(),
             depth=depth.core().intrinsics(),
@@ -65,7 +67,7 @@ class CameraModel:
             X_BD=depth.core().sensor_pose_in_camera_body(),
         )
 
-    def imager(self, which: str) -> Imager:
+    def imager(self, which: str) -> "Imager":
         """Return the "color" or the "depth" imager."""
         if which == "color":
             return Imager(self.color, self.X_BC, self.pixel_center)
@@ -132,7 +134,7 @@ class Imager:
         z = np.maximum(p_I[..., 2:], 1e-9)
         return np.asarray(p_I[..., :2] / z * self._focal + self._offset)
 
-    def same_as(self, other: Imager) -> bool:
+    def same_as(self, other: "Imager") -> bool:
         """Return whether both imagers sample the scene along the same rays."""
         a, b = self.info, other.info
         return (
@@ -158,3 +160,73 @@ class Imager:
         found = np.zeros(inside.shape, dtype=bool)
         found[inside] = image[v[inside], u[inside]]
         return found.reshape(p_I.shape[:-1])
+
+
+@dc.dataclass(kw_only=True)
+class CameraCalibrationConfig:
+    """A camera's calibrated intrinsics and pose, as `drake-srg calibrate` writes them.
+
+    The localizer believes them. Simulated images still come from the camera's entry in
+    `cameras`.
+    """
+
+    # Focal lengths and principal point of the colour image [pixels]; the image's upper
+    # left corner is [0, 0], as in Drake's CameraInfo.
+    focal: list[float] = dc.field(
+        default_factory=lambda: [500.0] * 2, metadata=positive(length=2)
+    )
+    center: list[float] = dc.field(
+        default_factory=lambda: [320.0, 240.0], metadata={"length": 2}
+    )
+    # Pose of the camera's body. Its base frame is that of the entry in `cameras`.
+    X_PB: Transform = dc.field(default_factory=Transform)
+
+
+def calibrated_model(
+    config: CameraConfig, calibration: CameraCalibrationConfig | None
+) -> CameraModel:
+    """Return a camera's model with its calibrated intrinsics.
+
+    They also replace those of the depth image where both images share them.
+
+    Args:
+        config: The camera.
+        calibration: Of it; None: it is as configured.
+    """
+    model = CameraModel.from_config(config)
+    if calibration is None:
+        return model
+    (fx, fy), (cx, cy) = calibration.focal, calibration.center
+    width, height = model.color.width(), model.color.height()
+    color = CameraInfo(width, height, fx, fy, cx, cy)
+    shared = model.imager("depth").same_as(model.imager("color"))
+    return dc.replace(model, color=color, depth=color if shared else model.depth)
+
+
+class CalibratedPose(LeafSystem):
+    """Moves a camera's pose from where its config has it to where it is calibrated.
+
+    .. pydrake_system::
+
+        name: CalibratedPose
+        input_ports:
+        - body_pose_in_world
+        output_ports:
+        - body_pose_in_world
+
+    Args:
+        X_PB: The camera's body in its base frame, according to its config [m].
+        X_PB_calibrated: The same, calibrated [m].
+    """
+
+    def __init__(self, X_PB: RigidTransform, X_PB_calibrated: RigidTransform) -> None:
+        super().__init__()
+        self._X_BE = X_PB.inverse() @ X_PB_calibrated
+        value = AbstractValue.Make(RigidTransform())
+        source = self.DeclareAbstractInputPort("body_pose_in_world", value)
+        self.DeclareAbstractOutputPort(
+            "body_pose_in_world", value.Clone, self._calc_pose, {source.ticket()}
+        )
+
+    def _calc_pose(self, context: Context, output: AbstractValue) -> None:
+        output.set_value(self.get_input_port().Eval(context) @ self._X_BE)

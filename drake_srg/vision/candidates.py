@@ -11,10 +11,10 @@ import numpy as np
 import numpy.typing as npt
 from pydrake.math import RigidTransform
 
-from drake_srg.common.convex_pieces import ConvexPieces, Solid
+from drake_srg.common.geometry import ConvexPieces, Solid
 from drake_srg.vision.camera import Imager
 from drake_srg.vision.color import ColorImage, ColorRange
-from drake_srg.vision.mask import Mask, grow, has_depth
+from drake_srg.vision.images import Mask, grow, has_depth
 
 # Least step in depth at an object's edge, as a share of its least extent. A surface
 # that continues behind the object is farther off.

@@ -14,11 +14,9 @@ from pydrake.systems.sensors import ImageDepth32F
 from drake_srg.lifetime import LeafSystem
 from drake_srg.types import Blob, Box, Obstacle, Shape, Vector
 from drake_srg.vision.camera import CameraModel
-from drake_srg.vision.mask import Mask
-from drake_srg.vision.rectangle import narrowest_rectangle
-from drake_srg.vision.robust import robust_deviation
+from drake_srg.vision.images import Mask, narrowest_rectangle, robust_deviation
 from drake_srg.vision.solids import signed_distance
-from drake_srg.vision.surface import Surface
+from drake_srg.vision.surfaces import Surface
 
 # A point stands on a surface if it is higher by this many standard deviations of noise:
 # one of three million normally distributed values is beyond.

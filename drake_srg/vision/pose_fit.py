@@ -17,15 +17,11 @@ import cv2
 import numpy as np
 from pydrake.math import RigidTransform, RotationMatrix
 
-from drake_srg.common.convex_pieces import ConvexPieces, Solid
-from drake_srg.common.cross import cross
+from drake_srg.common.geometry import ConvexPieces, Solid, cross
 from drake_srg.types import Box, Cylinder, Sphere, Vector
-from drake_srg.vision.outline import Outline
-from drake_srg.vision.robust import robust_deviation
-from drake_srg.vision.sight import INSIDE, UNKNOWN, look
-from drake_srg.vision.solids import signed_distance
-from drake_srg.vision.symmetry import round_axis
-from drake_srg.vision.view import View
+from drake_srg.vision.images import robust_deviation
+from drake_srg.vision.sight import INSIDE, UNKNOWN, Outline, View, look
+from drake_srg.vision.solids import round_axis, signed_distance
 
 Normal = tuple[Vector, Vector]  # gradient (k,) and Hessian (k, k) of a cost
 

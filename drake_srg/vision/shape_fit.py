@@ -14,18 +14,19 @@ from operator import itemgetter
 import numpy as np
 from pydrake.math import RigidTransform
 
-from drake_srg.common.convex_pieces import ConvexPieces, Solid
+from drake_srg.common.geometry import ConvexPieces, Solid
 from drake_srg.types import Sphere, Vector
-from drake_srg.vision.guesses import guess_poses, guess_upright
-from drake_srg.vision.mask import Mask
-from drake_srg.vision.outline import Outline
-from drake_srg.vision.piece_guesses import WORTH_A_FIT, are_rivals, guess_rivals
+from drake_srg.vision.guesses import (
+    WORTH_A_FIT,
+    are_rivals,
+    guess_poses,
+    guess_rivals,
+    guess_upright,
+)
+from drake_srg.vision.images import Mask, robust_deviation
 from drake_srg.vision.pose_fit import Alignment, align
-from drake_srg.vision.robust import robust_deviation
-from drake_srg.vision.sight import INSIDE, OUTSIDE, Sight, look
-from drake_srg.vision.solids import signed_distance
-from drake_srg.vision.symmetry import least_turned
-from drake_srg.vision.view import View
+from drake_srg.vision.sight import INSIDE, OUTSIDE, Outline, Sight, View, look
+from drake_srg.vision.solids import least_turned, signed_distance
 
 # Softness of the outline in the stages of a fit [pixels]: a guess is a few pixels off.
 # One label shows where an edge is with a standard deviation of 0.29 pixels, all labels

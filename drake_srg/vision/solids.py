@@ -1,16 +1,15 @@
-"""Geometry of the known solids: distances to their surface and points of their outline.
-
-Points are in the solid's own frame O. The solids are convex, so a solid's outline in an
-image is the convex hull of the images of some of its points.
-"""
+"""Solids: distance to their surface, outline, poses that look alike."""
 
 from __future__ import annotations
 
 import functools
+import itertools
 
 import numpy as np
+from pydrake.common.eigen_geometry import AngleAxis
+from pydrake.math import RigidTransform, RotationMatrix
 
-from drake_srg.common.convex_pieces import ConvexPieces, Solid
+from drake_srg.common.geometry import ConvexPieces, Solid
 from drake_srg.types import Box, Cylinder, Sphere, Vector
 
 # Corners of the polygon that stands for a circle, which is within 0.1 % of the radius.
@@ -115,3 +114,117 @@ def _beyond(*away: Vector) -> tuple[Vector, list[Vector]]:
         shares.append(np.where(own, 1.0, past * scale))
         between = between & ~own
     return np.where(outside <= 0.0, nearest, outside), shares
+
+
+# Distance from the surface within which the corners of convex pieces look alike [m].
+_ALIKE = 2e-3
+
+
+def least_turned(solid: Solid, X_WO: RigidTransform) -> RigidTransform:
+    """Return the pose that looks like another one and is turned least.
+
+    A ball is not turned at all. A cylinder's z points upwards, and the cylinder does
+    not spin about it. A box has four such poses, more with sides of equal length.
+    Convex pieces have one.
+    """
+    R_WO = X_WO.rotation().matrix()
+    match solid:
+        case Sphere():
+            return RigidTransform(X_WO.translation())
+        case Cylinder():
+            z_W = R_WO[:, 2] * np.copysign(1.0, R_WO[2, 2])
+            R_WO = _turn_of_z(z_W)
+        case Box(size):
+            turns = _turns_onto_itself(np.array(size))
+            R_WO = max((R_WO @ turn for turn in turns), key=np.trace)
+    return RigidTransform(RotationMatrix(R_WO), X_WO.translation())
+
+
+def turn_between(solid: Solid, R_1: RotationMatrix, R_2: RotationMatrix) -> float:
+    """Return the least angle between orientations that look like two given ones [rad].
+
+    It is 0 for a ball and the angle between the axes for a cylinder. Convex pieces look
+    alike where their corners are within 2 mm of the other's surface.
+    """
+    R_12 = R_1.InvertAndCompose(R_2).matrix()
+    match solid:
+        case Sphere():
+            return 0.0
+        case Cylinder():
+            return _between_axes(R_12, 2, flips=True)
+        case Box(size):
+            turns = _turns_onto_itself(np.array(size))
+        case ConvexPieces():
+            turns, axis = _turns_of_pieces(solid)
+            if axis is not None:
+                flips = any(turn[axis, axis] < -0.5 for turn in turns)
+                return _between_axes(R_12, axis, flips)
+    R_12 = max((R_12 @ turn for turn in turns), key=np.trace)
+    return float(RotationMatrix(R_12).ToAngleAxis().angle())
+
+
+def round_axis(solid: Solid) -> int | None:
+    """Return the axis (0: x) about which convex pieces or a cylinder are round."""
+    match solid:
+        case Cylinder():
+            return 2
+        case ConvexPieces():
+            return _turns_of_pieces(solid)[1]
+    return None
+
+
+def _between_axes(R_12: Vector, axis: int, flips: bool) -> float:
+    """Return the angle between two axes [rad], whose ends may look alike."""
+    sine = np.linalg.norm(np.delete(R_12[:, axis], axis))
+    cosine = abs(R_12[axis, axis]) if flips else R_12[axis, axis]
+    return float(np.arctan2(sine, cosine))
+
+
+@functools.cache
+def _turns_of_pieces(solid: ConvexPieces) -> tuple[list[Vector], int | None]:
+    """Return rotations (3, 3) that keep a solid's surface, and its round axis.
+
+    They are turns about x, y and z in steps of 30 degrees. A solid that all turns about
+    an axis keep is round about it.
+    """
+    turns: list[Vector] = []
+    is_round: int | None = None
+    for axis in range(3):
+        about = [
+            RotationMatrix(AngleAxis(angle, np.eye(3)[axis])).matrix()
+            for angle in np.deg2rad(range(0, 360, 30))
+        ]
+        kept = [turn for turn in about if _keeps(solid, turn)]
+        turns += kept
+        if len(kept) == len(about):
+            is_round = axis
+    return turns, is_round
+
+
+def _keeps(solid: ConvexPieces, turn: Vector) -> bool:
+    return bool(signed_distance(solid, solid.corners @ turn.T)[0].max() < _ALIKE)
+
+
+def _turn_of_z(z_W: Vector) -> Vector:
+    """Return the least rotation (3, 3) that takes z to a unit vector with z >= 0."""
+    x, y, z = z_W
+    share = 1.0 / (1.0 + z)
+    return np.array(
+        [
+            [1.0 - share * x * x, -share * x * y, x],
+            [-share * x * y, 1.0 - share * y * y, y],
+            [-x, -y, z],
+        ]
+    )
+
+
+def _turns_onto_itself(size: Vector) -> list[Vector]:
+    """Return the rotations that take a box of some size onto itself, (3, 3) each."""
+    signs = [np.diag(s) for s in itertools.product((1.0, -1.0), repeat=3)]
+    swaps = [np.eye(3)[list(order)] for order in itertools.permutations(range(3))]
+    turns = (swap @ sign for swap in swaps for sign in signs)
+    return [
+        turn
+        for turn in turns
+        if np.linalg.det(turn) > 0 and np.array_equal(np.abs(turn) @ size, size)
+    ]

@@ -8,6 +8,6 @@
 a repository.
 """
 
-from drake_srg.envs.lerobot_env import make_env
+from drake_srg.learning.envs.lerobot_env import make_env
 
 __all__ = ["make_env"]

@@ -11,9 +11,8 @@ from pydrake.multibody.plant import (
 )
 from pydrake.systems.framework import DiagramBuilder
 
-from drake_srg.arm.external_torque import AddExternalTorque
-from drake_srg.arm.lag import lag_share
-from drake_srg.objects.contact_reader import ContactReader
+from drake_srg.arm.external_torque import AddExternalTorque, lag_share
+from drake_srg.objects.poses import ContactReader
 
 PERIOD, G = 0.01, 9.81
 MASS, RADIUS, INERTIA = 0.3, 0.05, 3e-4  # of the balls

@@ -5,11 +5,7 @@ import pytest
 from helpers import fix, port_table
 from pydrake.multibody.plant import AddMultibodyPlant, MultibodyPlant
 from pydrake.multibody.plant import MultibodyPlantConfig as PlantConfig
-from pydrake.systems.analysis import (
-    ApplySimulatorConfig,
-    Simulator,
-    SimulatorConfig,
-)
+from pydrake.systems.analysis import ApplySimulatorConfig, Simulator, SimulatorConfig
 from pydrake.systems.framework import DiagramBuilder
 
 from drake_srg.arm.driver import AddArmDriver

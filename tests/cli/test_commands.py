@@ -1,15 +1,23 @@
+"""`drake-srg run --hardware` goes by the planner's word: nobody else knows."""
+
+import dataclasses as dc
 import json
+import subprocess
+import sys
 from pathlib import Path
 
 import pytest
 from replay.tiny_scene import record
+from simulation.made_logs import BLOB, judge, make_log
 
+import drake_srg.robot.drive
 from drake_srg.cli import commands
 from drake_srg.cli.main import main
 from drake_srg.common.exceptions import ScenarioError
-from drake_srg.simulation import benchmark, peers
-from drake_srg.simulation.benchmark import Benchmark
-from drake_srg.simulation.peers import Peer
+from drake_srg.simulation import benchmark
+from drake_srg.simulation.benchmark import Benchmark, Peer
+from drake_srg.simulation.simulate import Result
+from drake_srg.types import Mode, PlannerStatus
 
 
 def test_replay_makes_the_page_again_and_opens_it(tmp_path, capsys, monkeypatch):
@@ -67,7 +75,9 @@ def test_bench_tells_scenarios_imports_and_peers(capsys, monkeypatch):
     peer = Peer("1.5.2", True, 8.25, 0.8, 260.0)
     monkeypatch.setattr(benchmark, "run_benchmark", lambda scenario, name: measured)
     monkeypatch.setattr(benchmark, "import_times", lambda: {"import drake_srg": 0.02})
-    monkeypatch.setattr(peers, "measure_robosuite", {Path("other"): peer}.__getitem__)
+    monkeypatch.setattr(
+        benchmark, "measure_robosuite", {Path("other"): peer}.__getitem__
+    )
     assert main(["bench", "kitchen_fast", "--peers", "other"]) == 0
     said = capsys.readouterr().out.splitlines()
     assert said[-1] == "kitchen_fast : PickPlaceCan  0.75 of the wall clock"
@@ -108,3 +118,185 @@ def test_bench_prints_the_others_where_a_scenario_cannot_be_measured(
     assert answer["error"] == complaint
     assert main(["bench", "gripper_bench", "--quiet"]) == 2
     assert capsys.readouterr() == ("", "drake-srg: gripper_bench: no arm\n")
+
+
+PARTS = "arm: !Ros2Arm {}\ngripper: !Ros2Gripper {}\n"
+
+
+def without_truth():
+    """Return the log of a robot's run, which does not tell where objects are."""
+    log = make_log()
+    del log["object_pose.soup_can"], log["contact_force"]
+    return log
+
+
+@pytest.mark.parametrize(("claimed", "code"), [(True, 0), (False, 1)])
+def test_the_exit_code_follows_what_is_claimed(
+    claimed, code, tmp_path, capsys, monkeypatch
+):
+    mode = Mode.DONE if claimed else Mode.FAILED
+    status = PlannerStatus(mode=mode, attempts=1, localization=BLOB, localized_at=0.0)
+
+    def run(scenario, config, *, out, **_):
+        metrics = dc.replace(
+            judge(without_truth(), status), success=False, claimed=claimed
+        )
+        out.mkdir()
+        metrics.write(out / "metrics.json")
+        return Result(metrics, {}, status)
+
+    monkeypatch.setattr(drake_srg.robot.drive, "run_on_hardware", run)
+    (tmp_path / "robot.yaml").write_text(PARTS)
+    out = tmp_path / "out"
+    command = ["run", "kitchen", "--hardware", str(tmp_path / "robot.yaml")]
+    assert main([*command, "--out", str(out)]) == code
+    assert ("done, by the planner's word" in capsys.readouterr().out) == claimed
+    metrics = json.loads((out / "metrics.json").read_text())
+    assert metrics["success"] is None
+    assert metrics["claimed"] is claimed
+    assert metrics["placement_error_m"] is metrics["localization_error_m"] is None
+
+
+BENCH = ["export", "gripper_bench"]
+
+
+def test_export_prints_its_files_and_the_error_of_the_wires(tmp_path, capsys):
+    assert main([*BENCH, "--mjcf", str(tmp_path / "out")]) == 0
+    printed = capsys.readouterr().out
+    for name in ("arm", "gripper", "scene"):
+        path = tmp_path / "out" / f"{name}.xml"
+        assert path.is_file()
+        assert str(path) in printed
+    assert "Moment arms of the tendons: within 0.25% of the wires'." in printed
+
+
+def test_json_names_every_model(tmp_path, capsys):
+    assert main([*BENCH, "--urdf", str(tmp_path), "--json"]) == 0
+    answer = json.loads(capsys.readouterr().out)
+    assert answer["moment_arm_error"] is None
+    assert answer["models"]["gripper"] == str(tmp_path / "gripper.urdf")
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (["export", "nowhere", "--sdf", "out"], "'nowhere'"),
+        ([*BENCH, "--sdf", "file/out"], "--sdf file/out: cannot be written"),
+        (
+            [*BENCH, "--set", "object={soft: {edge: 0.02}}", "--sdf", "out"],
+            "soft",
+        ),
+    ],
+)
+def test_bad_input_is_one_line_and_leaves_nothing(
+    tmp_path, monkeypatch, capsys, arguments, words
+):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "file").touch()
+    assert main(arguments) == 2
+    (line,) = capsys.readouterr().err.splitlines()
+    assert words in line
+    assert [path.name for path in tmp_path.iterdir()] == ["file"]
+
+
+def test_a_folder_in_the_way_of_a_file_stops_all_files(tmp_path, capsys):
+    (tmp_path / "gripper.urdf").mkdir()
+    assert main([*BENCH, "--urdf", str(tmp_path)]) == 2
+    (line,) = capsys.readouterr().err.splitlines()
+    assert f"--urdf {tmp_path}: cannot be written: Is a directory" in line
+    assert [path.name for path in tmp_path.iterdir()] == ["gripper.urdf"]
+    assert not list((tmp_path / "gripper.urdf").iterdir())
+
+
+@pytest.mark.parametrize("formats", [[], ["--urdf", "a", "--sdf", "b"]])
+def test_exactly_one_format_is_asked_for(formats, capsys):
+    with pytest.raises(SystemExit) as stopped:
+        main([*BENCH, *formats])
+    assert stopped.value.code == 2
+    (line,) = capsys.readouterr().err.splitlines()
+    assert "--urdf" in line
+
+
+ROOT = Path(__file__).parents[2]
+
+
+@pytest.fixture(scope="module")
+def project(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("projects")
+    with pytest.MonkeyPatch.context() as patch:
+        patch.chdir(folder)
+        assert main(["new", "my_cell", "--quiet"]) == 0
+    return folder / "my_cell"
+
+
+def test_a_project_has_its_files_with_its_name(project):
+    assert sorted(path.name for path in project.iterdir()) == [
+        "README.md",
+        "cell.py",
+        "notebook.ipynb",
+        "scenario.yaml",
+        "test_cell.py",
+    ]
+    for path in project.iterdir():
+        assert "@NAME@" not in path.read_text()
+    assert "# my_cell" in (project / "README.md").read_text()
+
+
+@pytest.mark.slow
+def test_a_project_passes_its_tests_and_its_notebook_runs(project):
+    notebook = json.loads((project / "notebook.ipynb").read_text())
+    cells = [cell for cell in notebook["cells"] if cell["cell_type"] == "code"]
+    script = "\n".join("".join(cell["source"]) for cell in cells)
+    (project / "test_notebook.py").write_text(
+        "def test_notebook():\n"
+        '    import matplotlib; matplotlib.use("Agg")\n'
+        f"    exec({script!r}, {{}})\n"
+    )
+    done = subprocess.run(
+        [sys.executable, "-m", "pytest", "-q", "-p", "no:cacheprovider"],
+        cwd=project,
+        env={
+            "PYTHONPATH": str(ROOT),
+            "PATH": "/usr/bin:/bin",
+            "OPENBLAS_NUM_THREADS": "1",
+        },
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert "3 passed" in done.stdout, done.stdout[-2000:]
+
+
+def test_a_project_is_formatted(project):
+    ruff = Path(sys.executable).with_name("ruff")
+    for command in (["check", "--select", "E,F,I,UP,B"], ["format", "--check"]):
+        files = [project / "cell.py", project / "test_cell.py"]
+        config = ["--config", "line-length = 88", "--isolated"]
+        subprocess.run([ruff, *command, *config, *files], check=True)
+
+
+@pytest.mark.parametrize("name", ["", "My", "a-b", "../x", "class", "1st", "a b"])
+def test_a_bad_name_is_refused(name, tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    assert main(["new", name]) == 2
+    (line,) = capsys.readouterr().err.splitlines()
+    assert f"NAME {name!r}: invalid (allowed: " in line
+    assert not list(tmp_path.iterdir())
+
+
+def test_an_existing_folder_stays_as_it_is(tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "mine").mkdir()
+    assert main(["new", "mine"]) == 2
+    (line,) = capsys.readouterr().err.splitlines()
+    assert "already exists" in line
+    assert not list((tmp_path / "mine").iterdir())
+
+
+def test_a_folder_that_is_gone_is_told(tmp_path, monkeypatch, capsys):
+    gone = tmp_path / "gone"
+    gone.mkdir()
+    monkeypatch.chdir(gone)
+    gone.rmdir()
+    assert main(["new", "my_cell"]) == 2
+    assert "NAME my_cell: cannot be written: No such file" in capsys.readouterr().err

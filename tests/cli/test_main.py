@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 
 from drake_srg.cli.main import main
-from drake_srg.recording.log import read_log
+from drake_srg.recording.output import read_log
 
 # A run that ends after less than a second of simulated time.
 ABSENT = ["run", "kitchen", "--set", "object.present=false", "--no-record"]

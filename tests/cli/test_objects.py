@@ -10,8 +10,8 @@ from drake_srg.cli import objects as cli_objects
 from drake_srg.cli.main import main
 from drake_srg.objects.config import ObjectConfig
 from drake_srg.objects.household import HOUSEHOLD, object_facts
-from drake_srg.simulation import drop
-from drake_srg.simulation.drop import DropOutcome
+from drake_srg.simulation import rig
+from drake_srg.simulation.rig import DropOutcome
 
 
 @pytest.fixture(autouse=True)
@@ -23,7 +23,7 @@ def _own_cache(tmp_path, monkeypatch):
 def outcomes(monkeypatch):
     """The outcome of the drop test, in place of a simulation."""
     results = [DropOutcome(True, 1.2, 0.0, 0.0)]
-    monkeypatch.setattr(drop, "drop", lambda *_: results[-1])
+    monkeypatch.setattr(rig, "rig", lambda *_: results[-1])
     return results
 
 
@@ -97,7 +97,7 @@ def test_a_failure_midway_leaves_nothing(tmp_path, capsys, monkeypatch):
     def fail(*_):
         raise RuntimeError("no picture")
 
-    monkeypatch.setattr("drake_srg.objects.portrait.take_portrait", fail)
+    monkeypatch.setattr("drake_srg.objects.household.take_portrait", fail)
     path = urdf(tmp_path / "a.urdf", CYLINDER)
     out = tmp_path / "made" / "out"
     assert main(["import", str(path), "-o", str(out)]) == 2

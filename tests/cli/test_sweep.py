@@ -14,8 +14,8 @@ from sweeps import stub
 from drake_srg.cli import sweep as cli_sweep
 from drake_srg.cli.main import main
 from drake_srg.sweeps import sweep
-from drake_srg.sweeps.folder import SweepFolder
 from drake_srg.sweeps.rows import TIMING_COLUMNS, read_rows
+from drake_srg.sweeps.sweep import SweepFolder
 
 TESTS = Path(__file__).parents[1]
 ROOT = TESTS.parent

@@ -1,5 +1,7 @@
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 from pydrake.geometry import (
     AddContactMaterial,
     AddRigidHydroelasticProperties,
@@ -15,11 +17,21 @@ from pydrake.multibody.plant import (
 from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import DiagramBuilder
 
-from drake_srg.common.contacts import each_contact
+from drake_srg.common.contacts import each_contact, relaxation_time
 from drake_srg.objects.config import ObjectConfig, SoftConfig
 from drake_srg.objects.models import AddObject, SetDefaultObjectPose
 from drake_srg.types import Box as BoxShape
 from drake_srg.types import Sphere
+
+DEPTH = 2e-4  # m
+
+
+@given(st.floats(0.0, 100.0), st.floats(-1.0, 1.0))
+def test_both_models_press_alike_at_the_same_depth(dissipation, rate):
+    hunt_crossley = DEPTH * (1.0 + dissipation * rate)
+    kelvin_voigt = DEPTH + relaxation_time(dissipation) * rate
+    assert kelvin_voigt == pytest.approx(hunt_crossley, abs=1e-15)
+
 
 MASS, WEIGHT = 0.2, 0.2 * 9.81
 RIGID = ObjectConfig(shape=Sphere(0.03), mass=MASS, friction=0.5, modulus=1e6)

@@ -1,3 +1,6 @@
+"""What a file holds must have the types of the dataclass that it becomes."""
+
+import dataclasses as dc
 import subprocess
 import sys
 
@@ -5,6 +8,7 @@ import pytest
 
 from drake_srg.common.exceptions import (
     ScenarioError,
+    checked_types,
     one_line,
     scenario_errors,
     suggest,
@@ -81,3 +85,24 @@ def test_the_module_does_not_import_drake():
     code = "import sys, drake_srg.common.exceptions; print('pydrake' in sys.modules)"
     command = [sys.executable, "-c", code]
     assert subprocess.check_output(command, text=True).strip() == "False"
+
+
+@dc.dataclass
+class Read:
+    name: str
+    jobs: int | None
+    sizes: dict[str, float]
+
+
+def test_right_types_pass():
+    read = Read("a", None, {"b": 1.0})
+    assert checked_types(read) is read
+
+
+@pytest.mark.parametrize(
+    "change", [{"name": 1}, {"jobs": "2"}, {"sizes": [1.0]}, {"sizes": None}]
+)
+def test_wrong_types_are_named(change):
+    (name,) = change
+    with pytest.raises(TypeError, match=f"{name}: must be"):
+        checked_types(dc.replace(Read("a", 1, {}), **change))

@@ -15,7 +15,7 @@ from typing import Literal
 
 from drake_srg.experiments.result import ExperimentResult
 from drake_srg.experiments.row import Row
-from drake_srg.recording.figure import make_figure
+from drake_srg.recording.timeline import make_figure
 
 {declared}
 

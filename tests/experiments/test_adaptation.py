@@ -18,8 +18,8 @@ from drake_srg.experiments.adaptation import (
     situation_overrides,
 )
 from drake_srg.experiments.registry import quiet
-from drake_srg.planning.taught.taught_planner import Taught
 from drake_srg.scenario import load_scenario
+from drake_srg.theses.taught import Taught
 from experiments.made_cycles import cycle
 
 MISSED = {"success": False, "grasp_lifted": False, "cycle_time_s": None}

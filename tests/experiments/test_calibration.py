@@ -2,12 +2,7 @@ import numpy as np
 import pytest
 from calibration.helpers import make_views
 
-from drake_srg.experiments.calibration import (
-    BUILT,
-    CALIBRATED,
-    KNOCKED,
-    make_result,
-)
+from drake_srg.experiments.calibration import BUILT, CALIBRATED, KNOCKED, make_result
 from drake_srg.experiments.calibration_runs import Rendered, Trial
 from experiments.test_calibration_runs import TRUTH
 

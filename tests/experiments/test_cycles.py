@@ -2,10 +2,10 @@ import numpy as np
 import pytest
 from pydrake.math import RigidTransform, RotationMatrix
 
+from drake_srg.common.log_format import MODES, pose_to_row
 from drake_srg.experiments.cycles import make_cycle
 from drake_srg.scenario import load_scenario
-from drake_srg.simulation.hand_poses import hand_poses
-from drake_srg.simulation.log_format import MODES, pose_to_row
+from drake_srg.simulation.measures import hand_poses
 from drake_srg.types import Mode
 from experiments.made_cycles import metrics
 

@@ -3,8 +3,8 @@ import dataclasses as dc
 import pytest
 
 from drake_srg.experiments.digital_twin import FAULTS, Beside, beside, judge
+from drake_srg.robot.twin.loop import Parting
 from drake_srg.scenario import load_scenario
-from drake_srg.twin.loop import Parting
 from drake_srg.types import Mode
 
 PARTING = Parting(2.5, "finger", 0.2, 0.1, "")

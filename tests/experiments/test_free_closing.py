@@ -13,8 +13,7 @@ from drake_srg.experiments.free_closing import (
     vendor_closing,
 )
 from drake_srg.experiments.registry import quiet
-from drake_srg.gripper.moment_arms import base_moment_arm, tip_moment_arm
-from drake_srg.gripper.tendon import TendonDriveConfig
+from drake_srg.gripper.tendon import TendonDriveConfig, base_moment_arm, tip_moment_arm
 
 
 def failed(rows):

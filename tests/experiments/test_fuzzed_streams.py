@@ -6,7 +6,7 @@ import pytest
 from drake_srg.experiments.direct_node import DirectNode
 from drake_srg.experiments.fuzzed_messages import FAULTS, FuzzedRobot
 from drake_srg.experiments.fuzzed_streams import Outcome, judge, stream
-from drake_srg.hardware.link import JointStates
+from drake_srg.robot.drive.link import JointStates
 
 GOOD = Outcome(("NaN",), "stale", 0.5, 1.0, -0.1)
 

@@ -2,7 +2,7 @@ import pytest
 
 from drake_srg.common.exceptions import ScenarioError
 from drake_srg.experiments import grasp_anything
-from drake_srg.recording.figure import save_png
+from drake_srg.recording.timeline import save_png
 
 
 def track(cases, label=str):

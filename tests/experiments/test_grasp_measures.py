@@ -10,8 +10,7 @@ from drake_srg.experiments.grasp_measures import (
 )
 from drake_srg.experiments.household import household_cases
 from drake_srg.experiments.shaken_grasp import ShakenGrasp, from_json, to_json
-from drake_srg.planning.grasps.contact_patches import Patch
-from drake_srg.planning.grasps.grasp_measures import MEASURES, Body
+from drake_srg.planning.grasps.grasp_measures import MEASURES, Body, Patch
 
 
 def shaken(seed, force, survived, lifted=True):

@@ -3,7 +3,7 @@ import pytest
 from drake_srg.common.exceptions import ScenarioError
 from drake_srg.experiments.grip_ladder import closure_of, markdown, run
 from drake_srg.experiments.registry import quiet
-from drake_srg.gripper.spool_command import SpoolCommandConfig, spool_angle
+from drake_srg.gripper.srg_tendon_driver import SpoolCommandConfig, spool_angle
 
 
 @pytest.mark.parametrize("closure", [0.0, 0.3, 0.65, 0.9, 1.0])

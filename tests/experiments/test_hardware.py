@@ -1,7 +1,7 @@
 import dataclasses as dc
 
 from drake_srg.experiments.hardware import judge
-from drake_srg.identification.log import vendor_log
+from drake_srg.robot.identify.log import vendor_log
 
 REAL = vendor_log()
 

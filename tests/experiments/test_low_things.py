@@ -15,8 +15,7 @@ from drake_srg.experiments.low_things import (
     lying_bottle,
 )
 from drake_srg.experiments.registry import quiet
-from drake_srg.simulation.bench import bench_scenario
-from drake_srg.simulation.rig import Rig
+from drake_srg.simulation.rig import Rig, bench_scenario
 
 HELD = Grasp(
     free=True,

@@ -3,9 +3,8 @@ import pytest
 
 from drake_srg.experiments import picking
 from drake_srg.objects.config import ObjectConfig
-from drake_srg.planning.grasps.height_map_grasps import HeightMapGrasps
-from drake_srg.planning.grasps.srg_fingers import SrgFingers
-from drake_srg.planning.grasps.top_grasp import GraspPlan, Refusal
+from drake_srg.planning.grasps.srg_hand import SrgFingers
+from drake_srg.planning.grasps.top_grasps import GraspPlan, HeightMapGrasps, Refusal
 from drake_srg.types import Box, Failure
 from drake_srg.vision.camera_errors import CameraErrorsConfig
 

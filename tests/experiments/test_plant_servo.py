@@ -1,13 +1,13 @@
 import numpy as np
 import pytest
 
-from drake_srg.envs.grasp_one_shot import GraspOneShotEnv
 from drake_srg.experiments.plant_servo import (
     Closing,
     borderline_action,
     closing_rows,
     grasp_rows,
 )
+from drake_srg.learning.envs.tasks import GraspOneShotEnv
 
 TIME = np.array([0.0, 1.0])
 

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from drake_srg.experiments.result import ExperimentResult
 from drake_srg.experiments.row import Row
-from drake_srg.recording.figure import make_figure, style_axes
+from drake_srg.recording.timeline import make_figure, style_axes
 
 numbers = st.floats(-1e6, 1e6)
 

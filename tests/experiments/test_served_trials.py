@@ -7,7 +7,7 @@ from drake_srg.common.safety_states import SafetyState
 from drake_srg.experiments.served_trials import ServedTrial, grasp_served
 from drake_srg.experiments.servo_trials import Case, grasp_scenario
 from drake_srg.lifetime import my_context
-from drake_srg.servoing.status import ServoFault
+from drake_srg.planning.servoing.config import ServoFault
 from drake_srg.types import Failure, Mode
 
 pytestmark = pytest.mark.slow

@@ -5,7 +5,7 @@ from drake_srg.experiments import sleeping
 from drake_srg.experiments.registry import quiet
 from drake_srg.experiments.sleeping import ASLEEP, AWAKE, HALF, Outcome, judge, scene
 from drake_srg.scenario.checks import check_scenario
-from drake_srg.simulation.tabletop import tabletop
+from drake_srg.simulation.rig import tabletop
 
 COSTS = {(6, AWAKE): 1.0, (6, ASLEEP): 0.1, (40, AWAKE): 8.0, (40, ASLEEP): 0.5}
 

@@ -2,9 +2,9 @@
 
 import pytest
 
-from drake_srg.cell.choosing import destinations
 from drake_srg.experiments import clearing, clearing_conditions, sorting
 from drake_srg.scenario import load_scenario
+from drake_srg.station.perception import destinations
 
 
 @pytest.mark.parametrize("experiment", [clearing, clearing_conditions, sorting])

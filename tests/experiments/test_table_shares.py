@@ -1,7 +1,7 @@
 import pytest
 
 from drake_srg.experiments.table_shares import lay_in, shares
-from drake_srg.planning.grasps.top_grasp_search import Reach
+from drake_srg.planning.grasps.top_grasps import Reach
 from experiments.made_tables import table
 
 PLACE = "in the bin"

@@ -15,7 +15,7 @@ from drake_srg.experiments.table_trials import (
     run_tables,
     trial_columns,
 )
-from drake_srg.planning.grasps.top_grasp_search import Reach
+from drake_srg.planning.grasps.top_grasps import Reach
 from drake_srg.simulation.metrics import Metrics
 from drake_srg.simulation.simulate import STOPPED_BY_USER
 from drake_srg.types import Mode, PlannerStatus

@@ -3,7 +3,6 @@ import dataclasses as dc
 import numpy as np
 import pytest
 
-from drake_srg.bridges.serve import Served
 from drake_srg.experiments.thesis_messages import (
     CASES,
     Witnessed,
@@ -12,6 +11,7 @@ from drake_srg.experiments.thesis_messages import (
     messages,
     rows_of,
 )
+from drake_srg.robot.serve.loop import Served
 from drake_srg.scenario import load_scenario
 
 NAME = "thesis_kitchen"

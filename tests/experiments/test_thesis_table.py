@@ -14,8 +14,8 @@ from drake_srg.experiments.thesis_table import (
     figures,
     judge,
 )
-from drake_srg.planning.taught.taught_planner import Taught
 from drake_srg.scenario import load_scenario
+from drake_srg.theses.taught import Taught
 from experiments.made_cycles import cycle
 
 OTHER = "ours, flat fingertips"

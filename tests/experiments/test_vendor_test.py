@@ -3,9 +3,8 @@ from types import SimpleNamespace
 import pytest
 
 from drake_srg.experiments.vendor_test import VendorTest, press_bench, warm
-from drake_srg.identification.heat import predict_seconds
-from drake_srg.identification.log import LogRow
-from drake_srg.identification.press import Motor
+from drake_srg.robot.identify.fits import Motor, predict_seconds
+from drake_srg.robot.identify.log import LogRow
 from drake_srg.scenario import load_scenario
 
 

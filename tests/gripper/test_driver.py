@@ -9,7 +9,7 @@ from pydrake.systems.primitives import MatrixGain
 from drake_srg.common.joint_errors import JointErrorsConfig
 from drake_srg.gripper.driver import GripperControl, GripperDriver
 from drake_srg.gripper.drivers import DRIVERS, SrgPositionDriver, SrgTendonDriver
-from drake_srg.gripper.finger_layout import SRG_FINGERS, FingerLayout
+from drake_srg.gripper.sensors import SRG_FINGERS, FingerLayout
 from drake_srg.gripper.servo import GripperServoConfig
 from gripper.srg_hand import Hand
 

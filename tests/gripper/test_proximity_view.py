@@ -9,7 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from drake_srg.common.srg_geometry import SRG
-from drake_srg.gripper.finger_layout import LINKAGE_FINGERS, SRG_FINGERS
+from drake_srg.gripper.sensors import LINKAGE_FINGERS, SRG_FINGERS
 from drake_srg.objects.config import ObjectConfig
 from drake_srg.simulation.rig import Rig, bench_scenario
 from drake_srg.types import Box

@@ -7,11 +7,11 @@ from hypothesis import given
 from hypothesis import strategies as st
 from pydrake.symbolic import Evaluate, MakeVectorContinuousVariable
 
-from drake_srg.gripper.minimum_jerk import minimum_jerk_coefficients
 from drake_srg.gripper.servo import (
     LAWS,
     GripperServo,
     GripperServoConfig,
+    minimum_jerk_coefficients,
 )
 from gripper.servo_case import GAINS, MEASURED, REFERENCE, TARGET, make, pwm
 

@@ -8,7 +8,7 @@ from pydrake.multibody.plant import AddMultibodyPlantSceneGraph, CoulombFriction
 from pydrake.multibody.tree import SpatialInertia
 from pydrake.systems.framework import DiagramBuilder
 
-from drake_srg.gripper.proximity import AddProximitySensors, ProximityConfig
+from drake_srg.gripper.sensors import AddProximitySensors, ProximityConfig
 from drake_srg.parsing import AddModel
 
 RADIUS = 0.01  # of the ball [m]

@@ -4,8 +4,7 @@ import itertools
 
 import numpy as np
 
-from drake_srg.learning.network import Network
-from drake_srg.learning.policy import Policy, PolicyInfo
+from drake_srg.learning.policy import Network, Policy, PolicyInfo
 
 
 def made_network(sizes, members=1, seed=0):

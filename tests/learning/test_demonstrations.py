@@ -9,8 +9,8 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
 from drake_srg.common.exceptions import ScenarioError
-from drake_srg.envs.grasp_one_shot import action_of, grasp_of, one_shot_state
 from drake_srg.learning.demonstrations import grasp_in, read_demonstrations
+from drake_srg.learning.envs.tasks import action_of, grasp_of, one_shot_state
 from drake_srg.learning.episodes import make_environment
 from drake_srg.learning.train import MakeLearner
 from drake_srg.types import Box, Cylinder

@@ -42,7 +42,7 @@ def test_seeds_out_of_range_are_refused(run, episode):
     [
         ("Pick", "drake_srg/Pick-v0"),
         ("drake_srg/Pick-v0", "drake_srg/Pick-v0"),
-        ("drake_srg.envs:drake_srg/Pick-v0", "drake_srg/Pick-v0"),
+        ("drake_srg.learning.envs:drake_srg/Pick-v0", "drake_srg/Pick-v0"),
         ("toy/Hit", "toy/Hit-v0"),
         ("a.b:Toy-v1", "a.b:Toy-v1"),
     ],

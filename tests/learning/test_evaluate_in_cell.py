@@ -3,11 +3,10 @@ import dataclasses as dc
 import pytest
 
 from drake_srg.common.exceptions import ScenarioError
-from drake_srg.learning.cell_trials import ONE_SHOT, cell_policy
 from drake_srg.learning.episodes import EVALUATION
-from drake_srg.learning.evaluate_in_cell import evaluate_in_cell
+from drake_srg.learning.evaluate_in_cell import ONE_SHOT, cell_policy, evaluate_in_cell
 from drake_srg.learning.policy import load_policy
-from drake_srg.learning.touch_rule import pick_by_touch
+from drake_srg.learning.rules import pick_by_touch
 from tests.sweeps.stub import StubEngine
 
 from .made_policies import made_policy

@@ -4,22 +4,20 @@ import json
 
 import numpy as np
 import pytest
-
-pytest.importorskip("torch", reason="the extra `learn` is not installed")
-
 from onnx.reference import ReferenceEvaluator
 
 from drake_srg.common.exceptions import ScenarioError
 from drake_srg.learning import learners
-from drake_srg.learning.baselines import TOUCH
 from drake_srg.learning.episodes import make_environment
 from drake_srg.learning.learners import CHECKPOINT, CloningConfig, QConfig, QRounds
 from drake_srg.learning.policy import load_policy
-from drake_srg.learning.rules import pick
-from drake_srg.learning.touch_rule import pick_by_touch
+from drake_srg.learning.rules import TOUCH, pick, pick_by_touch
 from drake_srg.learning.train import LOG, ONNX, POLICY, MakeLearner, Training, train
 
 from .toy import Toy
+
+pytest.importorskip("torch", reason="the extra `learn` is not installed")
+
 
 pytestmark = pytest.mark.learn
 HITS = "tests.learning.toy:toy/Hits-v0"

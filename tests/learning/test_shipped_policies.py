@@ -1,8 +1,8 @@
 import pytest
 
-from drake_srg.learning.baselines import rule_of
 from drake_srg.learning.episodes import EVALUATION, make_environment, run_episode
 from drake_srg.learning.policy import load_policy, shipped_policies
+from drake_srg.learning.rules import rule_of
 
 EPISODES = 8
 # What policies hold, at least: where they are shown the object's place to 5 mm, and,

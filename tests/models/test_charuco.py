@@ -3,7 +3,7 @@
 import numpy as np
 from pydrake.geometry import Role
 
-from drake_srg.calibration.board import Board
+from drake_srg.robot.calibrate.mounting import Board
 from models.built_models import build
 
 

@@ -19,7 +19,7 @@ from pydrake.geometry import (
     Sphere,
 )
 
-from drake_srg.common.contact_damping import relaxation_time
+from drake_srg.common.contacts import relaxation_time
 from drake_srg.objects.household import HOUSEHOLD
 from drake_srg.parsing import models_path
 from models.built_models import (

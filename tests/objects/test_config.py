@@ -8,8 +8,7 @@ from drake_srg.objects.config import (
     OcclusionConfig,
     SoftConfig,
 )
-from drake_srg.scenario.yaml_tree import parse_yaml
-from drake_srg.scenario.yaml_typed import load_typed
+from drake_srg.scenario.typed_yaml import load_typed, parse_yaml
 
 
 def load(schema, text):

@@ -3,7 +3,7 @@ import pytest
 from pydrake.multibody.plant import AddMultibodyPlantSceneGraph
 from pydrake.systems.framework import DiagramBuilder
 
-from drake_srg.common.contact_damping import relaxation_time
+from drake_srg.common.contacts import relaxation_time
 from drake_srg.common.exceptions import ScenarioError
 from drake_srg.objects.config import ObjectConfig
 from drake_srg.objects.models import AddObject, known_shape, object_shape

@@ -9,12 +9,18 @@ from pydrake.multibody.plant import MultibodyPlant
 from pydrake.multibody.tree import SpatialInertia
 
 from drake_srg.objects.sdf import (
+    DISSIPATION,
+    FRICTION,
+    MODULUS,
     AddChild,
+    AddContact,
     AddInertial,
     AddPose,
     SetColor,
     SetContact,
     SetMass,
+    contact_properties,
+    facet_length,
     is_placed,
     sdf_text,
 )
@@ -87,3 +93,29 @@ def test_every_visual_gets_the_colour():
     root = tree("<visual><material><diffuse>0 0 0 1</diffuse></material></visual>")
     SetColor(root, [0.1, 0.2, 0.3])
     assert [e.text for e in root.iter("diffuse")] == ["0.1 0.2 0.3 1"]
+
+
+def test_a_circle_has_about_22_sides():
+    assert 2 * 3.1416 * 0.03 / facet_length(0.03) == pytest.approx(21, abs=1)
+
+
+def test_both_forms_say_the_same():
+    collision = ET.Element("collision")
+    AddContact(collision, 0.01)
+    (node,) = collision
+    said = {e.tag.rpartition("}")[2]: e.text for e in node}
+    properties = contact_properties(FRICTION, MODULUS, 0.01, DISSIPATION)
+
+    def get(group, name):
+        return properties.GetProperty(group, name)
+
+    assert float(said["hydroelastic_modulus"]) == MODULUS
+    assert get("hydroelastic", "hydroelastic_modulus") == MODULUS
+    assert float(said["mesh_resolution_hint"]) == get("hydroelastic", "resolution_hint")
+    assert float(said["hunt_crossley_dissipation"]) == DISSIPATION
+    assert get("material", "hunt_crossley_dissipation") == DISSIPATION
+    tau = get("material", "relaxation_time")
+    assert float(said["relaxation_time"]) == pytest.approx(tau)
+    friction = get("material", "coulomb_friction")
+    assert float(said["mu_static"]) == friction.static_friction() == FRICTION
+    assert "compliant_hydroelastic" in said

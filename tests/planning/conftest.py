@@ -7,11 +7,11 @@ import pytest
 from pydrake.math import RigidTransform
 from pydrake.planning import RobotDiagramBuilder
 
-from drake_srg.cell import MakeTaskPlanner
 from drake_srg.parsing import configure_parser
 from drake_srg.planning.motion.planning_scene import PlanningScene
-from drake_srg.planning.task.task_motions import TaskMotions, TaskPlanner
+from drake_srg.planning.pick_and_place.task_motions import TaskMotions, TaskPlanner
 from drake_srg.scenario import load_scenario
+from drake_srg.station import MakeTaskPlanner
 from planning.planning_world import CAN
 from planning.task.kitchen_task import GOAL, START
 

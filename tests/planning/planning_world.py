@@ -10,9 +10,9 @@ from pydrake.trajectories import PiecewisePolynomial
 
 from drake_srg.lifetime import LeafSystem
 from drake_srg.planning.grasps.srg_hand import SrgHand
+from drake_srg.planning.pick_and_place.planner import PickAndPlacePlanner
+from drake_srg.planning.pick_and_place.task_motions import TaskMotions
 from drake_srg.planning.planner_machine import PlannerConfig
-from drake_srg.planning.task.pick_and_place import PickAndPlacePlanner
-from drake_srg.planning.task.task_motions import TaskMotions
 from drake_srg.types import Blob, Cylinder, Mode
 
 CAN, CUP = Cylinder(0.034, 0.1), Cylinder(0.04, 0.09)

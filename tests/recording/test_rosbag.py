@@ -15,9 +15,8 @@ from rosbags.rosbag2 import Reader
 from rosbags.typesys import Stores, get_typestore
 
 from drake_srg.common.safety_states import SafetyState, StopReason, state_indices
-from drake_srg.recording import ros_topics
-from drake_srg.recording.ros_topics import Topic, cell_topics
-from drake_srg.recording.rosbag import RosbagRecorder
+from drake_srg.recording import rosbag
+from drake_srg.recording.rosbag import RosbagRecorder, Topic, cell_topics
 from drake_srg.types import Mode
 from recording.recording_sources import RED, Sweep, is_freed
 
@@ -180,7 +179,7 @@ def test_users_can_add_topics_and_skip_messages(tmp_path):
 
 
 def test_topics_can_share_a_port(tmp_path):
-    topics = [ros_topics.float64(name, "x") for name in ("/a", "/b")]
+    topics = [rosbag.float64(name, "x") for name in ("/a", "/b")]
     with RosbagRecorder(tmp_path / "r.mcap", topics) as recorder:
         assert recorder.num_input_ports() == 1
 
@@ -189,19 +188,19 @@ def test_topics_can_share_a_port(tmp_path):
     ("topics", "arguments", "message"),
     [
         ([], {}, "unique names, got"),
-        ([ros_topics.clock()] * 2, {}, "unique names, got .*'/clock', '/clock'"),
+        ([rosbag.clock()] * 2, {}, "unique names, got .*'/clock', '/clock'"),
         (
-            [ros_topics.clock()],
+            [rosbag.clock()],
             {"period": 0.0},
             r"/clock: period must be greater than 0, got 0\.0",
         ),
         (
-            [ros_topics.clock()],
+            [rosbag.clock()],
             {"path": "bag.db3"},
             r"must end in .mcap, got 'bag\.db3'",
         ),
         (
-            [ros_topics.float64("/a", "x"), ros_topics.float64_array("/b", "x", 3)],
+            [rosbag.float64("/a", "x"), rosbag.float64_array("/b", "x", 3)],
             {},
             "/b: port 'x' is 3 here and 1 in another topic",
         ),
@@ -242,7 +241,7 @@ def test_a_recording_up_to_an_error_is_kept(tmp_path, error):
 def test_a_recording_stopped_before_its_first_message_is_an_empty_bag(tmp_path, error):
     with (
         contextlib.suppress(KeyboardInterrupt),
-        RosbagRecorder(tmp_path / "r.mcap", [ros_topics.clock()]),
+        RosbagRecorder(tmp_path / "r.mcap", [rosbag.clock()]),
     ):
         if error:
             raise error
@@ -253,7 +252,7 @@ def test_a_recording_stopped_before_its_first_message_is_an_empty_bag(tmp_path, 
 def test_an_error_before_the_first_message_leaves_nothing(tmp_path):
     with (
         pytest.raises(ZeroDivisionError),
-        RosbagRecorder(tmp_path / "r.mcap", [ros_topics.clock()]),
+        RosbagRecorder(tmp_path / "r.mcap", [rosbag.clock()]),
     ):
         raise ZeroDivisionError
     assert not list(tmp_path.iterdir())

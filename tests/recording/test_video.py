@@ -6,8 +6,7 @@ from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import DiagramBuilder
 from pydrake.systems.primitives import ConstantValueSource
 
-from drake_srg.recording.video import VideoRecorder
-from drake_srg.recording.video_file import caption
+from drake_srg.recording.video import VideoRecorder, caption
 from drake_srg.types import Mode
 from recording.recording_sources import Sweep, image, is_freed
 

@@ -3,7 +3,7 @@ import pytest
 
 from drake_srg.common.exceptions import ScenarioError
 from drake_srg.scenario.draws import draw_distributions, key_generator
-from drake_srg.scenario.yaml_tree import parse_yaml
+from drake_srg.scenario.typed_yaml import parse_yaml
 
 
 def draw(text, seed=3, key="k"):

@@ -6,12 +6,12 @@ import pytest
 
 from drake_srg.common.exceptions import ScenarioError
 from drake_srg.planning.planner_machine import Clear, PickAndPlace, PlannerConfig
-from drake_srg.planning.script.scripted import Script
-from drake_srg.planning.taught.taught_planner import Taught
+from drake_srg.planning.servoing.config import Servoing
 from drake_srg.scenario import load_scenario, script_of, servo_of
 from drake_srg.scenario import schema as module
 from drake_srg.scenario.schema import Scenario, accept_planner
-from drake_srg.servoing.config import Servoing
+from drake_srg.theses.script import Script
+from drake_srg.theses.taught import Taught
 
 
 @pytest.mark.parametrize(

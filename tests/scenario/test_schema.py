@@ -8,8 +8,7 @@ from drake_srg.gripper.drivers import SrgPositionDriver
 from drake_srg.scenario import Scenario, is_continuous, load_scenario
 from drake_srg.scenario.planner import with_planner_tag
 from drake_srg.scenario.schema import accept_driver
-from drake_srg.scenario.yaml_tree import parse_yaml
-from drake_srg.scenario.yaml_typed import load_typed
+from drake_srg.scenario.typed_yaml import load_typed, parse_yaml
 
 
 def test_the_defaults_are_valid_values():

@@ -6,9 +6,9 @@ Disturbed cycles run in the fast cell, which agrees with the accurate one.
 import numpy as np
 import pytest
 
+from drake_srg.common.log_format import MODES
 from drake_srg.scenario import load_scenario
 from drake_srg.simulation import Simulate
-from drake_srg.simulation.log_format import MODES
 from drake_srg.types import Mode
 
 pytestmark = pytest.mark.slow

@@ -4,11 +4,10 @@ import numpy as np
 import pytest
 from helpers import port_table
 
-from drake_srg.cell import MakeCell
 from drake_srg.common.exceptions import ScenarioError
 from drake_srg.scenario import load_scenario
 from drake_srg.simulation import Simulate
-from drake_srg.station import MakeStation
+from drake_srg.station import MakeCell, MakeStation
 
 pytestmark = pytest.mark.slow
 

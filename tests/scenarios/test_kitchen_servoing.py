@@ -9,12 +9,12 @@ from pydrake.systems.analysis import ApplySimulatorConfig, Simulator
 from pydrake.systems.framework import DiagramBuilder
 from pydrake.systems.sensors import ImageDepth32F, ImageRgba8U
 
-from drake_srg.cell import MakeCell
-from drake_srg.common.ports import input_ports, output_ports
+from drake_srg.common.systems import input_ports, output_ports
 from drake_srg.lifetime import LeafSystem
+from drake_srg.planning.servoing.config import ServoFault, ServoState
+from drake_srg.planning.servoing.hand_motion import ServoArm
 from drake_srg.scenario import load_scenario, servo_of
-from drake_srg.servoing.arm import ServoArm
-from drake_srg.servoing.status import ServoFault, ServoState
+from drake_srg.station import MakeCell
 from drake_srg.station.plant import MakeModelsPlant
 from drake_srg.station.station import MakeStation
 from drake_srg.types import Failure, Mode

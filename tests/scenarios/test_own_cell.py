@@ -5,12 +5,11 @@ import dataclasses as dc
 import pytest
 from pydrake.systems.framework import DiagramBuilder
 
-from drake_srg.cell import MakeCell
-from drake_srg.common.ports import export_outputs
-from drake_srg.planning.script.scripted import Script, ScriptStep
+from drake_srg.common.systems import export_outputs
 from drake_srg.scenario import is_continuous, list_scenarios, load_scenario
 from drake_srg.simulation import Simulate
-from drake_srg.station import MakeStation
+from drake_srg.station import MakeCell, MakeStation
+from drake_srg.theses.script import Script, ScriptStep
 
 pytestmark = pytest.mark.slow
 

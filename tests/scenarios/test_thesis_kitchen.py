@@ -6,14 +6,13 @@ from pydrake.common.value import AbstractValue
 from pydrake.multibody.plant import ContactResults
 from pydrake.systems.framework import DiagramBuilder
 
-from drake_srg.cell import MakeCell
-from drake_srg.cell.perception import AddLocalizer
-from drake_srg.common.ports import output_ports
+from drake_srg.common.systems import output_ports
 from drake_srg.lifetime import LeafSystem
-from drake_srg.objects.contact_reader import ContactReader
+from drake_srg.objects.poses import ContactReader
 from drake_srg.scenario import load_scenario
 from drake_srg.simulation import Simulate
-from drake_srg.station import MakeStation
+from drake_srg.station import MakeCell, MakeStation
+from drake_srg.station.perception import AddLocalizer
 
 RATE = 125.0  # messages/s: the fingers close and open in 8 s
 # Seconds per pose: a little more than the arm needs within its limits. A motion that

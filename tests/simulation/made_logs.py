@@ -4,8 +4,8 @@ import numpy as np
 from numpy.polynomial import Polynomial
 from pydrake.math import RigidTransform
 
+from drake_srg.common.log_format import MODES, pose_to_row
 from drake_srg.scenario import load_scenario
-from drake_srg.simulation.log_format import MODES, pose_to_row
 from drake_srg.simulation.metrics import RunTimes, calc_metrics
 from drake_srg.types import Blob, Mode, PlannerStatus
 

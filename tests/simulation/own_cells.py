@@ -2,8 +2,8 @@
 
 from pydrake.systems.framework import DiagramBuilder, EventStatus
 
-from drake_srg.cell import MakeCell
 from drake_srg.lifetime import LeafSystem
+from drake_srg.station import MakeCell
 
 
 class RaisingPort(LeafSystem):

@@ -6,13 +6,12 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from pydrake.math import RigidTransform, RotationMatrix
 
-from drake_srg.cell.bins import bin_boxes
-from drake_srg.cell.choosing import row_places
+from drake_srg.common.log_format import MODES, pose_to_row, row_to_pose
 from drake_srg.objects.household import object_facts
 from drake_srg.scenario import load_scenario
 from drake_srg.simulation.clearing import clearing_outcome, delivered, least_width
-from drake_srg.simulation.log_format import MODES, pose_to_row, row_to_pose
 from drake_srg.simulation.metrics import RunTimes, calc_metrics
+from drake_srg.station.perception import bin_boxes, row_places
 from drake_srg.types import Failure, Left, Mode, PlannerStatus
 
 IN_BIN, ON_TABLE = [0.34, -0.56, 0.05], [0.6, 0.1, 0.025]

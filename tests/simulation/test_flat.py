@@ -1,14 +1,13 @@
 import numpy as np
 import pytest
 
-from drake_srg.cell import AddCell, MakeCell
-from drake_srg.common.drake_version import takes_nested_plant
 from drake_srg.common.exceptions import ScenarioError
-from drake_srg.common.ports import input_ports, output_ports
+from drake_srg.common.systems import input_ports, output_ports, takes_nested_plant
 from drake_srg.lifetime import my_context
 from drake_srg.scenario import load_scenario
 from drake_srg.simulation import Simulate, flat
 from drake_srg.simulation.flat import MakeRoot
+from drake_srg.station import AddCell, MakeCell
 
 
 def my_cell(scenario):

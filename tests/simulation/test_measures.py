@@ -5,9 +5,11 @@ import pytest
 from pydrake.math import RigidTransform
 from pydrake.multibody.plant import MultibodyPlant
 
+from drake_srg.common.log_format import MODES, pose_to_row
 from drake_srg.common.safety_states import SafetyState, StopReason, state_indices
 from drake_srg.simulation import measures
-from drake_srg.simulation.log_format import MODES, pose_to_row
+from drake_srg.simulation.measures import hand_poses
+from drake_srg.simulation.rig import Rig, bench_scenario
 from drake_srg.station.plant import AddDirectives
 from drake_srg.types import Mode, PlannerStatus
 from simulation.made_logs import (
@@ -20,6 +22,26 @@ from simulation.made_logs import (
     make_log,
     moving,
 )
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("rpy", [(0.0, 90.0, 0.0), (0.0, 0.0, 30.0)])
+def test_logged_arm_states_give_the_poses_of_the_palm(rpy):
+    scenario = bench_scenario(gripper_rpy=rpy, home=[0.1, -0.2, 0.5])
+    palms = []
+    with Rig(scenario, log_period=0.05) as rig:
+        palms.append(rig.X_WG())
+        for _ in range(3):
+            rig.move(rig.commanded("arm.position_commanded") + 0.01, 0.05)
+            palms.append(rig.X_WG())
+        states = rig.log()["arm.state_measured"]
+    assert not palms[0].IsNearlyEqualTo(palms[-1], 1e-3)
+    for X_WG, expected in zip(hand_poses(scenario, states), palms, strict=True):
+        assert X_WG.IsNearlyEqualTo(expected, 1e-9)
+
+
+def test_no_states_give_no_poses():
+    assert hand_poses(bench_scenario(), np.zeros((0, 6))) == []
 
 
 def test_the_grasp_shift_is_the_motion_while_closing():

@@ -6,7 +6,7 @@ import pytest
 from pydrake.common.eigen_geometry import AngleAxis
 from pydrake.math import RigidTransform, RollPitchYaw, RotationMatrix
 
-from drake_srg.planning.script.scripted import Script, ScriptStep
+from drake_srg.theses.script import Script, ScriptStep
 from drake_srg.types import Failure, Mode, PlannerStatus
 from simulation.made_logs import (
     BLOB,

@@ -4,13 +4,13 @@ import json
 import numpy as np
 import pytest
 
-from drake_srg.cell import MakeCell
 from drake_srg.common.exceptions import ScenarioError
-from drake_srg.recording.log import read_log
+from drake_srg.recording.output import read_log
 from drake_srg.scenario import load_scenario
 from drake_srg.simulation import Simulate
 from drake_srg.simulation.metrics import OF_SEVERAL
 from drake_srg.simulation.run_log import RunLog
+from drake_srg.station import MakeCell
 from drake_srg.types import Mode
 from simulation.own_cells import RaisingStep, cell_with
 

@@ -15,8 +15,7 @@ from pydrake.systems.framework import DiagramBuilder
 from drake_srg.common.exceptions import ScenarioError
 from drake_srg.objects.config import ObjectConfig, SleepingConfig
 from drake_srg.scenario import load_scenario
-from drake_srg.simulation.rig import Rig
-from drake_srg.simulation.tabletop import tabletop
+from drake_srg.simulation.rig import Rig, tabletop
 from drake_srg.station import MakeStation
 from drake_srg.station.sleeping import MakeAdvance, SleepMonitor, box_gaps
 from drake_srg.types import Box

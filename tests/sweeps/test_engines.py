@@ -17,10 +17,9 @@ from helpers import HEEDING_CTRL_C, needs_module
 from drake_srg.cli.main import main
 from drake_srg.common.exceptions import ScenarioError
 from drake_srg.sweeps import engines, sweep
-from drake_srg.sweeps.dispatch import TRIES
 from drake_srg.sweeps.engines import THREADS, JoblibEngine
-from drake_srg.sweeps.folder import SweepFolder
 from drake_srg.sweeps.rows import TIMING_COLUMNS, read_rows, read_sweep
+from drake_srg.sweeps.sweep import TRIES, SweepFolder
 
 from . import stub
 
@@ -73,7 +72,7 @@ def disconnected():
 def engine(request):
     if request.param != "ray":
         return JoblibEngine(int(request.param[0]))
-    from drake_srg.sweeps.ray_engine import RayEngine
+    from drake_srg.sweeps.engines import RayEngine
 
     return RayEngine(request.getfixturevalue("connected").address)
 
@@ -124,28 +123,26 @@ def test_workers_have_one_thread_each(engine):
 
 @pytest.mark.parametrize("name", ["drake_srg", "drake_srg_sources", "drake"])
 def test_a_cluster_with_other_versions_is_rejected(connected, monkeypatch, name):
-    from drake_srg.sweeps import ray_engine
 
-    here = {**ray_engine.current_versions(), name: "0.0"}
-    monkeypatch.setattr(ray_engine, "current_versions", lambda: here)
+    here = {**engines.current_versions(), name: "0.0"}
+    monkeypatch.setattr(engines, "current_versions", lambda: here)
     with (
         pytest.raises(ScenarioError, match=rf"{name} .* on .*, 0.0 here"),
-        ray_engine.RayEngine(connected.address),
+        engines.RayEngine(connected.address),
     ):
         pass
 
 
 def test_a_node_with_other_code_runs_nothing():
-    from drake_srg.sweeps import ray_engine
 
-    here = ray_engine.current_versions()
-    assert ray_engine.call_on_node(here, abs, -1) == 1
+    here = engines.current_versions()
+    assert engines.call_on_node(here, abs, -1) == 1
     with pytest.raises(ScenarioError, match=r"drake_srg_sources .* on .*, other here"):
-        ray_engine.call_on_node({**here, "drake_srg_sources": "other"}, pytest.fail)
+        engines.call_on_node({**here, "drake_srg_sources": "other"}, pytest.fail)
 
 
 def test_a_sweep_survives_the_loss_of_a_node(tmp_path, monkeypatch, connected):
-    from drake_srg.sweeps.ray_engine import RayEngine
+    from drake_srg.sweeps.engines import RayEngine
 
     node = connected.add_node(num_cpus=2)
     add = SweepFolder.add
@@ -180,7 +177,7 @@ def test_the_command_runs_real_trials_on_a_cluster(cluster, tmp_path, capsys):
 
 @pytest.mark.usefixtures("disconnected")
 def test_an_address_without_a_cluster_is_named():
-    from drake_srg.sweeps.ray_engine import RayEngine
+    from drake_srg.sweeps.engines import RayEngine
 
     engine = RayEngine("127.0.0.1:9")
     with (
@@ -194,7 +191,7 @@ def test_an_address_without_a_cluster_is_named():
 def test_ray_starts_on_this_machine_without_an_address(tmp_path, monkeypatch):
     monkeypatch.delenv("RAY_ADDRESS", raising=False)
     monkeypatch.setenv("PYTHONPATH", str(Path(__file__).parents[1]))  # of the stub
-    from drake_srg.sweeps.ray_engine import RayEngine
+    from drake_srg.sweeps.engines import RayEngine
 
     rows = run(tmp_path, RayEngine(), monkeypatch, stub.recorded)
     assert rows["trial"].to_pylist() == list(range(8))

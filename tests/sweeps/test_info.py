@@ -1,15 +1,143 @@
+import ast
 import dataclasses as dc
+import shutil
+from pathlib import Path
 
 import pytest
 
+import drake_srg
+from drake_srg.parsing import models_path
 from drake_srg.sweeps.info import (
+    NOT_IN_A_TRIAL,
+    SUFFIXES,
     SweepInfo,
     current_versions,
     difference,
     dump_tree,
+    hash_files,
     read_sweep,
+    sources_hash,
     version_difference,
 )
+
+PACKAGE = Path(drake_srg.__file__).parent
+
+
+def write(folder, files):
+    for name, text in files.items():
+        (folder / name).parent.mkdir(parents=True, exist_ok=True)
+        (folder / name).write_text(text)
+
+
+@pytest.fixture
+def package(tmp_path):
+    """A checkout: the models are beside the package."""
+    write(tmp_path, {"package/a.py": "1", "package/b/c.yaml": "2"})
+    write(tmp_path, {"models/sdf/can.sdf": "3", "models/meshes/can.obj": "4"})
+    return tmp_path
+
+
+def hash_of(folder):
+    folders = {"": folder / "package", "models/": folder / "models"}
+    return hash_files(folders, NOT_IN_A_TRIAL)
+
+
+@pytest.mark.parametrize(
+    "name", ["package/a.py", "package/b/c.yaml", "models/meshes/can.obj"]
+)
+def test_contents_and_names_change_the_hash(package, name):
+    before, path = hash_of(package), package / name
+    text = path.read_text()
+    path.write_text("other")
+    assert hash_of(package) != before
+    path.write_text(text)
+    assert hash_of(package) == before
+    path.rename(path.with_stem("other"))
+    assert hash_of(package) != before
+
+
+@pytest.mark.parametrize("name", ["a.py~", ".a.py.swp", "__pycache__/a.pyc", "b/x.md"])
+def test_leftovers_of_editors_and_texts_do_not_change_the_hash(package, name):
+    before = hash_of(package)
+    write(package / "package", {name: "x"})
+    assert hash_of(package) == before
+
+
+@pytest.mark.parametrize("name", NOT_IN_A_TRIAL)
+def test_code_that_no_trial_imports_does_not_change_the_hash(package, name):
+    before = hash_of(package)
+    write(package / "package", {f"{name}page.py" if name[-1] == "/" else name: "x"})
+    assert hash_of(package) == before
+
+
+@pytest.mark.parametrize("name", NOT_IN_A_TRIAL)
+def test_all_code_counts_unless_it_is_left_out(package, name):
+    folders = {"": package / "package"}
+    before = hash_files(folders)
+    write(package / "package", {f"{name}page.py" if name[-1] == "/" else name: "x"})
+    assert hash_files(folders) != before
+
+
+def test_a_wheel_and_its_checkout_have_the_same_hash(package):
+    before = hash_of(package)
+    shutil.move(package / "models", package / "package/models")
+    inside = package / "package"
+    folders = {"": inside, "models/": inside / "models"}
+    assert hash_files(folders, NOT_IN_A_TRIAL) == before
+
+
+def module_files():
+    """The package's modules: dotted name to file."""
+    files = {}
+    for path in PACKAGE.rglob("*.py"):
+        parts = path.relative_to(PACKAGE.parent).with_suffix("").parts
+        files[".".join(parts).removesuffix(".__init__")] = path
+    return files
+
+
+def imported_names(path):
+    """The dotted names that a module imports anywhere, also inside functions."""
+    for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+        if isinstance(node, ast.Import):
+            yield from (alias.name for alias in node.names)
+        elif isinstance(node, ast.ImportFrom):
+            yield node.module
+            yield from (f"{node.module}.{alias.name}" for alias in node.names)
+
+
+def imported_modules(start):
+    """The package's modules that a module imports, directly or not."""
+    files, found, waiting = module_files(), set(), [start]
+    while waiting:
+        name = waiting.pop()
+        while name:  # importing a.b.c imports a and a.b, too
+            if name in files and name not in found:
+                found.add(name)
+                waiting += imported_names(files[name])
+            name = name.rpartition(".")[0]
+    return {files[name].relative_to(PACKAGE).as_posix() for name in found}
+
+
+@pytest.mark.slow
+def test_everything_that_a_trial_imports_is_hashed():
+    imported = imported_modules("drake_srg.sweeps.trial")
+    assert {"sweeps/trial.py", "simulation/simulate.py", "types.py"} <= imported
+    assert [name for name in imported if name.startswith(NOT_IN_A_TRIAL)] == []
+
+
+def test_every_exception_names_something_in_the_package():
+    assert [name for name in NOT_IN_A_TRIAL if not (PACKAGE / name).exists()] == []
+
+
+def test_every_kind_of_model_file_is_hashed():
+    suffixes = {path.suffix for path in models_path().rglob("*") if path.is_file()}
+    assert suffixes <= SUFFIXES
+
+
+def test_the_hash_is_among_the_versions():
+    assert len(sources_hash()) == 12
+    assert current_versions()["drake_srg_sources"] == sources_hash()
+
 
 TREE = {"object": {"mass": 0.3, "position": [0.1, 0.2]}, "seed": None}
 INFO = SweepInfo(

@@ -5,7 +5,7 @@ from pydrake.math import RigidTransform, RotationMatrix
 from pydrake.systems.sensors import CameraInfo
 
 from drake_srg.vision.camera import CameraModel
-from drake_srg.vision.view import view_around
+from drake_srg.vision.sight import view_around
 
 # A small camera straight above the table z = 0, on which a pixel is 1.3 mm wide.
 INFO = CameraInfo(160, 120, np.deg2rad(10.0))

@@ -1,14 +1,24 @@
 import numpy as np
 import pytest
+from helpers import fix, port_table, read
+from hypothesis import given, settings
+from hypothesis import strategies as st
 from pydrake.common.schema import Transform
+from pydrake.common.value import AbstractValue
 from pydrake.lcm import DrakeLcm
-from pydrake.math import RigidTransform
+from pydrake.math import RigidTransform, RollPitchYaw
 from pydrake.multibody.plant import AddMultibodyPlantSceneGraph
 from pydrake.systems.framework import DiagramBuilder
 from pydrake.systems.sensors import ApplyCameraConfig, CameraConfig, CameraInfo
 
 from drake_srg import types
-from drake_srg.vision.camera import DRAKE_PIXEL_CENTER, CameraModel
+from drake_srg.vision.camera import (
+    DRAKE_PIXEL_CENTER,
+    CalibratedPose,
+    CameraCalibrationConfig,
+    CameraModel,
+    calibrated_model,
+)
 from vision.vision_scene import FOV_Y, RED, Camera, Thing, make_sensors, render
 
 INFO = CameraInfo(640, 480, FOV_Y)
@@ -98,3 +108,40 @@ def test_a_config_gives_the_model_of_the_sensor_that_drake_makes_of_it():
     for which in ("color", "depth"):
         assert model.imager(which).same_as(made.imager(which))
     assert not model.imager("depth").same_as(model.imager("color"))
+
+
+numbers = st.lists(st.floats(-3.0, 3.0), min_size=6, max_size=6)
+
+
+def pose(values):
+    return RigidTransform(RollPitchYaw(values[:3]), values[3:])
+
+
+@given(numbers, numbers, numbers)
+@settings(max_examples=20)
+def test_the_camera_is_believed_where_it_is_calibrated(base, config, calibrated):
+    X_WP, X_PB, X_PE = pose(base), pose(config), pose(calibrated)
+    system = CalibratedPose(X_PB, X_PE)
+    context = system.CreateDefaultContext()
+    fix(system, context, body_pose_in_world=AbstractValue.Make(X_WP @ X_PB))
+    found = read(system, context, "body_pose_in_world")
+    assert found.IsNearlyEqualTo(X_WP @ X_PE, 1e-9)
+
+
+def test_its_ports_pass_a_pose():
+    system = CalibratedPose(RigidTransform(), RigidTransform())
+    ports = {"body_pose_in_world": None}
+    assert port_table(system) == (ports, ports)
+
+
+def test_calibrated_intrinsics_replace_those_of_both_images():
+    config = CameraConfig()
+    calibration = CameraCalibrationConfig(
+        focal=[600.0, 601.0], center=[310.0, 235.0], X_PB=Transform()
+    )
+    model = calibrated_model(config, calibration)
+    for which in ("color", "depth"):
+        pixel = model.imager(which).project(np.array([0.1, 0.2, 1.0]))
+        np.testing.assert_allclose(pixel, [369.5, 354.7])
+    plain = CameraModel.from_config(config).imager("color")
+    assert calibrated_model(config, None).imager("color").same_as(plain)

@@ -5,7 +5,7 @@ import pytest
 from pydrake.math import RigidTransform
 from pydrake.systems.sensors import CameraInfo
 
-from drake_srg.common.convex_pieces import ConvexPieces
+from drake_srg.common.geometry import ConvexPieces
 from drake_srg.types import Box
 from drake_srg.vision.camera import CameraModel
 from drake_srg.vision.candidates import Picture, by_color, by_steps

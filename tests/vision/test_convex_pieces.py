@@ -6,10 +6,9 @@ import numpy as np
 import pytest
 from pydrake.math import RollPitchYaw, RotationMatrix
 
-from drake_srg.common.convex_pieces import centered_pieces
+from drake_srg.common.geometry import centered_pieces
 from drake_srg.types import Box
-from drake_srg.vision.solids import signed_distance
-from drake_srg.vision.symmetry import turn_between
+from drake_srg.vision.solids import signed_distance, turn_between
 from vision.vision_scene import Thing, locate, target
 
 

@@ -10,7 +10,7 @@ from pydrake.systems.sensors import CameraInfo, ImageDepth32F
 from drake_srg.types import Blob, BlobFlag, Box, Cylinder, Sphere
 from drake_srg.vision.camera import CameraModel
 from drake_srg.vision.obstacles import ObstacleFinder
-from drake_srg.vision.surface import Surface
+from drake_srg.vision.surfaces import Surface
 from vision.vision_scene import CAN, DOWN, Camera, Thing, render, standing
 
 TABLE = Surface((-0.5, -0.4), (0.5, 0.4), 0.0)

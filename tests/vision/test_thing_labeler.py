@@ -9,7 +9,7 @@ from pydrake.systems.sensors import CameraInfo, ImageRgba8U
 from drake_srg.types import Blob, BlobFlag, Box, Cylinder
 from drake_srg.vision.camera import CameraModel
 from drake_srg.vision.height_map import height_map, points_of
-from drake_srg.vision.surface import Surface
+from drake_srg.vision.surfaces import Surface
 from drake_srg.vision.thing_labeler import KnownThing, ThingLabeler
 from vision.vision_scene import BLUE, RED, Camera, Thing, render, standing
 

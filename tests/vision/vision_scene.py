@@ -27,7 +27,7 @@ from pydrake.systems.framework import DiagramBuilder
 from pydrake.systems.sensors import CameraInfo, RgbdSensor
 
 from drake_srg import types
-from drake_srg.common.convex_pieces import ConvexPieces, Solid
+from drake_srg.common.geometry import ConvexPieces, Solid
 from drake_srg.vision.blob_localizer import BlobLocalizer, BlobTarget
 from drake_srg.vision.camera import CameraModel
 from drake_srg.vision.color import ColorRange

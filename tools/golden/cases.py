@@ -118,7 +118,7 @@ _EPISODE = """
 import sys
 import gymnasium
 import numpy as np
-import drake_srg.envs
+import drake_srg.learning.envs
 
 env = gymnasium.make(f"drake_srg/{sys.argv[1]}")
 generator = np.random.default_rng(0)

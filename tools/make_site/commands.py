@@ -6,8 +6,8 @@ import argparse
 import textwrap
 from collections.abc import Mapping
 
+from drake_srg.cli.command import COMMAND_PAGES
 from drake_srg.cli.main import make_parser
-from drake_srg.cli.output import COMMAND_PAGES
 from make_site.markdown import code, table
 
 

@@ -10,15 +10,15 @@ import numpy as np
 from pydrake.systems.framework import Diagram
 from pydrake.systems.sensors import CameraInfo
 
-from drake_srg.bridges.commands import station_topics
-from drake_srg.bridges.served_station import MakeServedStation
-from drake_srg.bridges.topics import camera_topics
-from drake_srg.cell import MakeCell
-from drake_srg.common.ports import input_ports
+from drake_srg.common.systems import input_ports
+from drake_srg.robot.serve.commands import station_topics
+from drake_srg.robot.serve.loop import MakeServedStation
+from drake_srg.robot.serve.pictures import camera_topics
 from drake_srg.scenario import Scenario, load_scenario
 from drake_srg.simulation.metrics import Metrics
 from drake_srg.simulation.recorders import recorded_topics
 from drake_srg.simulation.run_log import RunLog
+from drake_srg.station import MakeCell
 from make_site.field_comments import class_comments
 from make_site.markdown import code, table
 

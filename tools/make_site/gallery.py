@@ -8,7 +8,7 @@ from pathlib import Path
 from drake_srg.experiments.registry import list_experiments, list_measurements
 from drake_srg.scenario import load_scenario
 from drake_srg.simulation import Simulate
-from drake_srg.sweeps.sources import sources_hash
+from drake_srg.sweeps.info import sources_hash
 from make_site.systems import ROOT
 
 # The runs whose replays the gallery shows. The notebook of the arm shows its, too.

@@ -8,8 +8,7 @@ import re
 import sys
 from collections.abc import Iterator, Mapping
 
-from drake_srg.scenario.checks import check_scenario
-from drake_srg.scenario.pick import clear_problems
+from drake_srg.scenario.checks import check_scenario, clear_problems
 from make_site.markdown import code, table
 
 # The keys that functions get as an argument, or from another function.

@@ -19,7 +19,7 @@ from drake_srg.experiments.kept_trials import KeptTrials
 from drake_srg.experiments.registry import Track
 from drake_srg.experiments.result import ExperimentResult
 from drake_srg.experiments.row import Row
-from drake_srg.recording.figure import make_figure, style_axes
+from drake_srg.recording.timeline import make_figure, style_axes
 from measure.served_runs import Case, ServedRun, run_served
 
 _TRAY = ("slides.tray.start=5.0", "slides.tray.speed=0.02")

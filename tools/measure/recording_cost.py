@@ -19,7 +19,7 @@ from drake_srg.experiments.registry import Track
 from drake_srg.experiments.result import ExperimentResult
 from drake_srg.experiments.row import Row
 from drake_srg.lifetime import free_diagrams
-from drake_srg.recording.figure import COLORS, make_figure, style_axes
+from drake_srg.recording.timeline import COLORS, make_figure, style_axes
 from drake_srg.scenario import load_scenario
 from drake_srg.simulation import Simulate
 from drake_srg.sweeps.engines import JoblibEngine

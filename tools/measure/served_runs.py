@@ -19,15 +19,15 @@ from typing import Any
 import numpy as np
 import yaml
 
-from drake_srg.bridges.dynamixel.encoder import JOINT
-from drake_srg.bridges.served_replay import LONGEST
-from drake_srg.cell.goals import final_pose
 from drake_srg.common.exceptions import ScenarioError
+from drake_srg.common.log_format import MODES, row_to_pose
 from drake_srg.experiments.bridge_client import ServedProcess, free_port, open_wire
 from drake_srg.experiments.servo_runs import rounding
-from drake_srg.recording.log import read_log
+from drake_srg.recording.output import read_log
+from drake_srg.robot.serve.dynamixel.servo import JOINT
+from drake_srg.robot.serve.loop import LONGEST
 from drake_srg.scenario import Scenario, load_scenario, servo_of
-from drake_srg.simulation.log_format import MODES, row_to_pose
+from drake_srg.station.planners import final_pose
 from drake_srg.types import Mode
 
 _PATIENCE = 1200.0  # longest run [s, real]

@@ -19,7 +19,7 @@ import numpy as np
 from drake_srg.experiments.registry import Track
 from drake_srg.experiments.result import ExperimentResult
 from drake_srg.experiments.row import Row
-from drake_srg.recording.figure import COLORS, make_figure, style_axes
+from drake_srg.recording.timeline import COLORS, make_figure, style_axes
 from drake_srg.sweeps.engines import JoblibEngine
 from drake_srg.sweeps.sweep import run_sweep
 from drake_srg.types import Vector

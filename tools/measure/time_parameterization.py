@@ -9,7 +9,6 @@ from typing import Any
 
 import numpy as np
 
-from drake_srg.cell import MakeTaskPlanner
 from drake_srg.experiments.registry import Track
 from drake_srg.experiments.result import ExperimentResult
 from drake_srg.experiments.row import Row
@@ -17,8 +16,9 @@ from drake_srg.planning.motion.limits import MotionLimits
 from drake_srg.planning.motion.planning_scene import PlanningScene
 from drake_srg.planning.motion.time_parameterization import MakeTimeParameterization
 from drake_srg.planning.motion.trajectories import grid_of, rounded_path
-from drake_srg.recording.figure import COLORS, make_figure, style_axes
+from drake_srg.recording.timeline import COLORS, make_figure, style_axes
 from drake_srg.scenario import load_scenario
+from drake_srg.station import MakeTaskPlanner
 from drake_srg.types import Vector
 
 NAMES = ("toppra", "drake")

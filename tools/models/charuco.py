@@ -5,8 +5,8 @@ from __future__ import annotations
 import cv2
 import numpy as np
 
-from drake_srg.calibration.board import Board
 from drake_srg.objects.sdf import AddChild
+from drake_srg.robot.calibrate.mounting import Board
 
 from .pieces import Inertial, Piece
 from .sdf import Files, Model

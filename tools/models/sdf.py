@@ -7,9 +7,9 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from drake_srg.common.contact_damping import relaxation_time
+from drake_srg.common.contacts import relaxation_time
 from drake_srg.objects.sdf import AddChild, AddPose
-from drake_srg.objects.soft_mesh import box_mesh, vtk_text
+from drake_srg.objects.soft import box_mesh, vtk_text
 
 from .pieces import Inertial, Piece, Primitive, Proximity, Turned, VolumeMesh
 from .shapes import Solid, format_number, obj_text

@@ -6,7 +6,7 @@ import argparse
 import sys
 from collections.abc import Iterable, Mapping, Sequence
 
-from drake_srg.cli.process import (
+from drake_srg.cli.command import (
     BAD_INPUT,
     INTERRUPTED,
     SUCCESS,

@@ -12,7 +12,7 @@ from concurrent.futures import ProcessPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
 from pathlib import Path
 
-from drake_srg.cli.process import end_on_sigterm
+from drake_srg.cli.command import end_on_sigterm
 from drake_srg.common.exceptions import ScenarioError, one_line
 from drake_srg.experiments.registry import run_experiment
 from reproduce.page import show_time

@@ -12,7 +12,7 @@ from pathlib import Path
 
 from drake_srg.common.exceptions import ScenarioError
 from drake_srg.sweeps.files import write_file
-from drake_srg.sweeps.sources import hash_files
+from drake_srg.sweeps.info import hash_files
 
 ROOT = Path(__file__).resolve().parents[2]
 RESULT, STAMP = "result.json", "stamp.json"

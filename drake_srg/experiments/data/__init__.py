@@ -4,8 +4,7 @@ from importlib import resources
 from typing import Any
 
 from drake_srg.objects.config import ObjectConfig
-from drake_srg.scenario.yaml_tree import parse_yaml
-from drake_srg.scenario.yaml_typed import load_typed
+from drake_srg.scenario.typed_yaml import load_typed, parse_yaml
 
 
 def household_objects() -> dict[str, ObjectConfig]:

@@ -16,8 +16,12 @@ from scipy.spatial import ConvexHull, QhullError, cKDTree
 
 from drake_srg.common.exceptions import ScenarioError
 from drake_srg.common.installing import require
-from drake_srg.objects.meshes.contents import TriangleMesh
-from drake_srg.objects.meshes.mesh_file import is_cavity, mesh_parts, require_trimesh
+from drake_srg.objects.meshes.files import (
+    TriangleMesh,
+    is_cavity,
+    mesh_parts,
+    require_trimesh,
+)
 from drake_srg.types import Vector
 
 # Corners of a piece: hulls with 24 cost 2.4 times less in contact than untouched ones.

@@ -15,17 +15,17 @@ from drake_srg.planning.clearing.knowledge import ClearingMemory, Pick
 from drake_srg.planning.clearing.maps import has_gone, lowest
 from drake_srg.planning.clearing.motions import ClearingMotions
 from drake_srg.planning.clearing.pushing import Push, PushMotions
-from drake_srg.planning.grasps.height_map_grasps import HeightMapGrasps
 from drake_srg.planning.grasps.scoring import Candidates
 from drake_srg.planning.grasps.segmentation import Segmentation, Thing, sides
-from drake_srg.planning.grasps.top_grasp import (
+from drake_srg.planning.grasps.top_grasps import (
     ALIKE,
     SAME_THING,
     GraspPlan,
     GraspPlanner,
+    HeightMapGrasps,
     TopGrasp,
 )
-from drake_srg.planning.motion.failure import PlanningFailure
+from drake_srg.planning.motion.planning_scene import PlanningFailure
 from drake_srg.planning.planner_machine import PlannerConfig, planning_clock
 from drake_srg.types import Failure, HeightMap, LabeledHeightMap, Left, Vector
 

@@ -22,7 +22,7 @@ from drake_srg.planning.clearing.maps import (
     without_hand,
 )
 from drake_srg.planning.motion.arm_motion import Motion
-from drake_srg.planning.motion.failure import PlanningFailure
+from drake_srg.planning.motion.planning_scene import PlanningFailure
 from drake_srg.planning.planner_machine import (
     GIVES_UP,
     HandSenses,

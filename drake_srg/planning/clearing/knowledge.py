@@ -21,7 +21,7 @@ from drake_srg.planning.clearing.maps import (
 )
 from drake_srg.planning.clearing.pushing import Push
 from drake_srg.planning.grasps.fingers import Fingers
-from drake_srg.planning.grasps.top_grasp import TopGrasp
+from drake_srg.planning.grasps.top_grasps import TopGrasp
 from drake_srg.planning.planner_machine import (
     MotionMemory,
     Observation,

@@ -18,19 +18,21 @@ from drake_srg.planning.clearing.maps import (
     standing,
     thing_at,
 )
-from drake_srg.planning.grasps.top_grasp import TopGrasp, palm_pose
-from drake_srg.planning.grasps.top_grasp_search import Reach
-from drake_srg.planning.motion.failure import NoPathError, PlanningFailure
-from drake_srg.planning.motion.hand_target import HandTarget
+from drake_srg.planning.grasps.top_grasps import Reach, TopGrasp, palm_pose
 from drake_srg.planning.motion.inverse_kinematics import (
+    HandTarget,
     IkFailure,
     solve_from,
     solve_inverse_kinematics,
 )
 from drake_srg.planning.motion.limits import MotionLimits
 from drake_srg.planning.motion.moves import Moves
-from drake_srg.planning.motion.path_parts import STRAIGHT, PathPart
-from drake_srg.planning.motion.planning_scene import PlanningScene
+from drake_srg.planning.motion.planning_scene import (
+    NoPathError,
+    PlanningFailure,
+    PlanningScene,
+)
+from drake_srg.planning.motion.trajectories import STRAIGHT, PathPart
 from drake_srg.planning.planner_machine import PlannerConfig
 from drake_srg.types import Box, HeightMap, Mode, Vector
 

@@ -12,11 +12,11 @@ from pydrake.trajectories import Trajectory
 from drake_srg.planning.clearing.destination import Destination, Spot, Spots
 from drake_srg.planning.clearing.maps import standing
 from drake_srg.planning.clearing.motions import TIPS, ClearingMotions, HeldLoad
-from drake_srg.planning.grasps.top_grasp import TopGrasp
-from drake_srg.planning.motion.failure import NoPathError
-from drake_srg.planning.motion.hand_target import HandTarget
+from drake_srg.planning.grasps.top_grasps import TopGrasp
+from drake_srg.planning.motion.inverse_kinematics import HandTarget
 from drake_srg.planning.motion.limits import MotionLimits
-from drake_srg.planning.motion.path_parts import STRAIGHT, PathPart, joined
+from drake_srg.planning.motion.planning_scene import NoPathError
+from drake_srg.planning.motion.trajectories import STRAIGHT, PathPart, joined
 from drake_srg.types import HeightMap, Mode, Vector
 
 # Height above what is below at which a load is let go [m]: more than it sags in the

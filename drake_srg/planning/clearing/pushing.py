@@ -14,17 +14,15 @@ from drake_srg.planning.clearing.maps import highest_near, parts
 from drake_srg.planning.clearing.motions import turned_to
 from drake_srg.planning.grasps.fingers import Fingers
 from drake_srg.planning.grasps.segmentation import Segmentation, Thing
-from drake_srg.planning.grasps.top_grasp import palm_pose
-from drake_srg.planning.grasps.top_grasp_search import Reach
-from drake_srg.planning.motion.failure import NoPathError
-from drake_srg.planning.motion.hand_target import HandTarget
+from drake_srg.planning.grasps.top_grasps import Reach, palm_pose
 from drake_srg.planning.motion.inverse_kinematics import (
+    HandTarget,
     IkSolution,
     solve_inverse_kinematics,
 )
 from drake_srg.planning.motion.moves import Moves
-from drake_srg.planning.motion.path_parts import STRAIGHT, PathPart
-from drake_srg.planning.motion.planning_scene import PlanningScene
+from drake_srg.planning.motion.planning_scene import NoPathError, PlanningScene
+from drake_srg.planning.motion.trajectories import STRAIGHT, PathPart
 from drake_srg.types import HeightMap, Vector
 
 _DIRECTIONS = 16

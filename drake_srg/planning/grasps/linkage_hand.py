@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from pydrake.math import RigidTransform
 
-from drake_srg.common.convex_pieces import Solid
+from drake_srg.common.geometry import Solid
 from drake_srg.planning.grasps.fingers import (
     Fingers,
     FingerState,

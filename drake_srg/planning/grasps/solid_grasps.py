@@ -8,11 +8,10 @@ import functools
 import numpy as np
 from pydrake.math import RigidTransform, RotationMatrix
 
-from drake_srg.common.convex_pieces import ConvexPieces
+from drake_srg.common.geometry import ConvexPieces
 from drake_srg.planning.grasps.fingers import Fingers
 from drake_srg.planning.grasps.grasps import PinchGrasp
-from drake_srg.planning.grasps.height_map_grasps import HeightMapGrasps
-from drake_srg.planning.grasps.top_grasp import TopGrasp
+from drake_srg.planning.grasps.top_grasps import HeightMapGrasps, TopGrasp
 from drake_srg.types import HeightMap, Vector
 
 # The arm's reach decides among so many of the best pinches.

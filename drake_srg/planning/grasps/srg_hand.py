@@ -1,4 +1,8 @@
-"""Where and how the SRG can take an object: from above or from the side."""
+"""Joint angles at which the SRG's links meet an object.
+
+The SRG's fingers in grasps from above.
+Where and how the SRG can take an object: from above or from the side.
+"""
 
 from __future__ import annotations
 
@@ -9,19 +13,240 @@ from collections.abc import Sequence
 import numpy as np
 from pydrake.math import RigidTransform
 
-from drake_srg.common.convex_pieces import ConvexPieces, Solid
+from drake_srg.common.geometry import ConvexPieces, Solid
 from drake_srg.common.srg_geometry import SRG
+from drake_srg.planning.grasps.fingers import (
+    Fingers,
+    FingerState,
+    Wrap,
+    filled_rectangle,
+    lowest,
+)
 from drake_srg.planning.grasps.grasps import Grasp, Hand
 from drake_srg.planning.grasps.solid_grasps import solid_pinches
-from drake_srg.planning.grasps.srg_angles import (
-    EMPTY_BASE_ANGLE,
-    contact_angle,
-    finger_joints,
-    opening_angle,
-    pinch_angles,
-)
-from drake_srg.planning.grasps.srg_fingers import SrgFingers
 from drake_srg.types import Box, Cylinder, Shape, Sphere, Vector
+
+# The open hand leaves this much room on each side of an object [m].
+_CLEARANCE = 0.012
+
+
+def finger_joints(base: float, tip: float) -> dict[str, float]:
+    """Return the joint angles of both fingers, alike, by name [rad]."""
+    angles = {"base": base, "tip": tip}
+    sides = ("left", "right")
+    return {f"{side}_{link}_joint": angles[link] for side in sides for link in angles}
+
+
+def opening_angle(half_width: float, depth: float) -> float | None:
+    """Return the base angle at which straight fingers clear an object [rad].
+
+    Args:
+        half_width: Of the object [m].
+        depth: Where the object begins in the palm's x [m].
+
+    Returns:
+        None if the object is too wide.
+    """
+    along = max(depth - SRG.hinge_x, 0.0)
+    need = half_width + _CLEARANCE - SRG.hinge_y
+    angles = np.linspace(0.0, 0.5 * np.pi, 200)
+    gaps = along * np.cos(angles) - SRG.face_offset * np.sin(angles)
+    fitting = angles[gaps >= need]
+    return float(fitting[-1]) if len(fitting) else None
+
+
+def pinch_angles(half_width: float) -> tuple[float, float]:
+    """Return the base and tip angles of pads that lie on a thing's vertical sides.
+
+    Half the gap between vertical pads is
+    hinge_y + base_length cos(base) - face_offset.
+
+    Args:
+        half_width: Half of the thing's width [m].
+    """
+    cosine = (half_width - SRG.hinge_y + SRG.face_offset) / SRG.base_length
+    base = float(np.arccos(np.clip(cosine, -1.0, 1.0)))
+    tip = 0.5 * np.pi - base
+    if tip < 0.0:  # so thin that straight fingers meet it with their ends
+        return straight_base_angle(half_width), 0.0
+    return base, tip
+
+
+def wrap_angles(half_width: float, gap: float) -> tuple[float, float]:
+    """Return the base and tip angles of a hand over the top of a wide thing.
+
+    The base links are open. The faces of the tips meet the thing's upper edges, or are
+    vertical if it is narrower than the space between them.
+
+    Args:
+        half_width: Half of the thing's width [m].
+        gap: Between the base links and its top, at least 0 [m].
+    """
+    beyond = half_width - SRG.hinge_y - SRG.base_length
+    p_edge = np.array([SRG.face_offset + gap, beyond])
+    tip = contact_angle(p_edge, 0.0)
+    assert tip is not None  # the edge is no nearer to the hinge than the face
+    return 0.0, min(tip, 0.5 * np.pi)
+
+
+def straight_base_angle(half_gap: float) -> float:
+    """Return the base angle at which the ends of straight fingers leave a gap [rad].
+
+    Half the gap is hinge_y + finger_length cos(base) - face_offset sin(base).
+
+    Args:
+        half_gap: Half of the gap [m].
+    """
+    reach = np.hypot(SRG.finger_length, SRG.face_offset)
+    phase = np.arctan2(SRG.face_offset, SRG.finger_length)
+    return float(np.arccos((half_gap - SRG.hinge_y) / reach) - phase)
+
+
+def ends_gap(q: Vector) -> float:
+    """Return the gap between the ends of the pads [m]; below 0, they press together.
+
+    Half of it is hinge_y + base_length cos(base) + pad_end cos(base + tip)
+    - face_offset sin(base + tip) where both fingers are alike.
+
+    Args:
+        q: Angles of both base joints, then of both tip joints, shape (4,) [rad].
+    """
+    base, pad = q[:2], q[:2] + q[2:4]
+    halves = SRG.hinge_y + SRG.base_length * np.cos(base)
+    halves += SRG.pad_end * np.cos(pad) - SRG.face_offset * np.sin(pad)
+    return float(np.sum(halves))
+
+
+# Base angle at which the fingertips of an empty hand meet [rad].
+EMPTY_BASE_ANGLE = straight_base_angle(0.0)
+
+
+def contact_angle(p: Vector, radius: float) -> float | None:
+    """Return the angle at which a closing link's face meets a circle [rad].
+
+    The distance of the face from the circle's centre is
+    p_x cos(angle) - p_y sin(angle) - face_offset. The link closes on the side where
+    that falls.
+
+    Args:
+        p: The circle's centre from the link's hinge, (x, y) of the left finger [m].
+        radius: Of the circle [m].
+
+    Returns:
+        None if the face does not meet the circle.
+    """
+    cosine = float((radius + SRG.face_offset) / np.linalg.norm(p))
+    if cosine > 1.0:
+        return None
+    return float(np.arccos(cosine) - np.arctan2(p[1], p[0]))
+
+
+# Backs of base link and tip, from the line through the hinges, and how far the base
+# link goes beyond its hinges [m] (srg_fast.sdf).
+_BASE_BACK, _TIP_BACK, _HOUSING = 0.0128, 0.0088, 0.006
+# The pads' ends of an empty hand press 2 to 3 mm into each other, also when its tips
+# have turned. A larger gap than this means that something is between them [m].
+_LEAST_GAP = 0.0013
+# A straight finger's tip is turned by less than this, for 4 mm at its end [rad].
+_STRAIGHT = 0.05
+# By how much a height map shows things too wide, at most [m].
+_BLUR = 0.004
+# `squeeze` of wraps [rad]: three times the planner's default. With it, all flat boxes
+# hold (docs/experiments.md, grasp_width).
+_WRAP_SQUEEZE = 1.2
+
+
+@dc.dataclass(frozen=True)
+class SrgFingers(Fingers):
+    """The SRG: straight fingers close, then the pads turn onto the object.
+
+    Args:
+        squeeze: See `SrgHand`.
+        full_scale: See `SrgHand`.
+    """
+
+    squeeze: float = 0.6
+    full_scale: float = SRG.full_scale
+
+    # Of the edges of the ends of straight fingers.
+    deepest = SRG.hinge_x + float(np.hypot(SRG.finger_length, SRG.face_offset))
+    # The pads of a wider opening would not be parallel.
+    max_width = SRG.parallel_gap - 0.01
+    most_open = 0.1
+    pad_width = SRG.pad_width
+    palm_x = 0.0775  # of its ears
+    palm_size = (SRG.palm_width, SRG.palm_height)
+    wrap = Wrap(
+        half_gap=SRG.hinge_y + SRG.finger_length,
+        hinge_x=SRG.hinge_x,
+        hinge_y=SRG.hinge_y + SRG.base_length,
+        radius=float(np.hypot(SRG.pad_end, SRG.face_offset)),
+        face_x=SRG.hinge_x + SRG.face_offset,
+        # Flat boxes hold with anything from -1 to 10 mm, and boxes are held by their
+        # upper edges up to 170 mm (docs/experiments.md, grasp_width).
+        gap=0.006,
+        widths=(max_width - _BLUR, 0.165),
+    )
+
+    def silhouette(self, half_gap: float, offsets: Vector) -> Vector:
+        """See `Fingers`."""
+        base = straight_base_angle(half_gap)
+        along = np.array([np.cos(base), np.sin(base)])  # in |y|, x
+        inwards = np.array([-np.sin(base), np.cos(base)])
+        hinge = np.array([SRG.hinge_y, SRG.hinge_x])
+        finger = np.concatenate(
+            [
+                filled_rectangle(
+                    hinge + start * along - back * inwards,
+                    (end - start) * along,
+                    (SRG.face_offset + back) * inwards,
+                )
+                for start, end, back in (
+                    (-_HOUSING, SRG.base_length + _HOUSING, _BASE_BACK),
+                    (SRG.base_length, SRG.finger_length, _TIP_BACK),
+                )
+            ]
+        )
+        palm = np.abs(offsets) <= 0.5 * SRG.palm_width
+        reach = lowest(finger, offsets, -np.inf)
+        return np.where(palm, np.fmax(reach, self.palm_x), reach)
+
+    def opened(self, half_gap: float) -> FingerState:
+        """See `Fingers`."""
+        base = max(straight_base_angle(half_gap), 0.0)
+        return FingerState(base / self.full_scale, finger_joints(base, 0.0))
+
+    def closed(self, width: float) -> FingerState:
+        """See `Fingers`."""
+        base, tip = pinch_angles(0.5 * width)
+        return self._pressing(base, tip, self.squeeze)
+
+    def wrapped(self, width: float) -> FingerState:
+        """See `Fingers`."""
+        base, tip = wrap_angles(0.5 * width, self.wrap.gap)
+        return self._pressing(base, tip, _WRAP_SQUEEZE)
+
+    def _pressing(self, base: float, tip: float, squeeze: float) -> FingerState:
+        closure = (base + tip + squeeze) / self.full_scale
+        return FingerState(min(1.0, closure), finger_joints(base, tip))
+
+    def holds(self, width: float, q: Vector, proximity: Vector) -> bool:
+        """See `Fingers`; the base links come first in `q`.
+
+        The width says little, because a height map shows things wider or narrower than
+        they are. So there only has to be something between the ends of the pads. What
+        is enclosed above ends that meet is not told.
+        """
+        return ends_gap(q) > _LEAST_GAP
+
+    def straight(self, q: Vector) -> bool:
+        """See `Fingers`; the tips come last in `q`."""
+        return bool(np.max(q[2:]) < _STRAIGHT)
+
+    def tellable(self, width: float) -> bool:
+        """See `Fingers`."""
+        return width - _BLUR > 2.0 * _LEAST_GAP
+
 
 # What the hand must clear above and below its middle [m]: half of the palm's height,
 # rounded up to 0.1 mm.

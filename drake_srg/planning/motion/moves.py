@@ -8,22 +8,24 @@ from collections.abc import Iterable, Sequence
 import numpy as np
 from pydrake.trajectories import Trajectory
 
-from drake_srg.planning.motion.config import MotionConfig
-from drake_srg.planning.motion.failure import NoPathError, PlanningFailure
-from drake_srg.planning.motion.hand_target import AxisTarget, HandTarget
-from drake_srg.planning.motion.limits import MotionLimits
-from drake_srg.planning.motion.path_parts import (
+from drake_srg.planning.motion.inverse_kinematics import AxisTarget, HandTarget
+from drake_srg.planning.motion.limits import MotionConfig, MotionLimits
+from drake_srg.planning.motion.paths import plan_cartesian_path, plan_joint_path
+from drake_srg.planning.motion.planning_scene import (
+    NoPathError,
+    PlanningFailure,
+    PlanningScene,
+)
+from drake_srg.planning.motion.time_parameterization import MakeTimeParameterization
+from drake_srg.planning.motion.trajectories import (
     ROUNDING,
     STRAIGHT,
     PathPart,
     cut,
     joined,
+    time_optimal_trajectory,
+    tip_limited_trajectory,
 )
-from drake_srg.planning.motion.paths import plan_cartesian_path, plan_joint_path
-from drake_srg.planning.motion.planning_scene import PlanningScene
-from drake_srg.planning.motion.time_parameterization import MakeTimeParameterization
-from drake_srg.planning.motion.tip_trajectory import tip_limited_trajectory
-from drake_srg.planning.motion.trajectories import time_optimal_trajectory
 from drake_srg.types import Vector
 
 _UP = np.array([0.0, 0.0, 1.0])

@@ -1,24 +1,230 @@
-"""Free paths: of the joints, straight or around obstacles; of the hand, straight."""
+"""Newton's method for targets of the hand near the last posture.
+
+RRT-Connect (Kuffner and LaValle, ICRA 2000) and shortcuts, in any free space.
+Free paths: of the joints, straight or around obstacles; of the hand, straight.
+"""
 
 from __future__ import annotations
 
 import dataclasses as dc
+from collections.abc import Callable
 
 import numpy as np
-from numpy.random import default_rng
+from numpy.random import Generator, default_rng
 from pydrake.common.eigen_geometry import AngleAxis
 from pydrake.math import RotationMatrix
+from pydrake.multibody.tree import JacobianWrtVariable
 
-from drake_srg.planning.motion.failure import PlanningFailure
-from drake_srg.planning.motion.follow import follow
-from drake_srg.planning.motion.hand_target import HandTarget
+from drake_srg.common.geometry import cross
 from drake_srg.planning.motion.inverse_kinematics import (
+    HandTarget,
     IkFailure,
     solve_inverse_kinematics,
 )
-from drake_srg.planning.motion.planning_scene import PlanningScene
-from drake_srg.planning.motion.rrt import rrt_connect, shortcut_path
+from drake_srg.planning.motion.planning_scene import PlanningFailure, PlanningScene
 from drake_srg.types import Failure, Vector
+
+_DAMPING = 1e-6  # m² and rad²: matters only within a millimetre of a singularity
+_CLOSE = 1e-7  # m and rad; the next step would only add rounding errors
+
+
+def follow(
+    scene: PlanningScene,
+    target: HandTarget,
+    q: Vector,
+    *,
+    joint_margin: float = 0.02,
+    max_iterations: int = 20,
+) -> Vector | None:
+    """Move the joints from `q` just as far as takes the hand to `target`.
+
+    Position and orientation are met exactly, whatever their tolerances; an axis turns
+    only where it exceeds its angle. A joint that meets its limit stays there while the
+    others go on. Collisions are not checked.
+
+    Args:
+        scene: The arm.
+        target: Where the hand must be.
+        q: Where the arm is, shape (N,) [rad].
+        joint_margin: Distance kept from the joint limits [rad].
+        max_iterations: Most steps of Newton's method.
+
+    Returns:
+        Joint angles near `q`, shape (N,) [rad], or None if it does not converge.
+    """
+    # A start beyond the margin may stay there, but must go no further.
+    lower = np.minimum(scene.lower + joint_margin, q)
+    upper = np.maximum(scene.upper - joint_margin, q)
+    for _ in range(max_iterations):
+        error, jacobian = _linearize(scene, target, q)
+        if np.max(np.abs(error)) < _CLOSE:
+            return q
+        step = np.zeros_like(q)
+        free = np.ones(q.shape, dtype=bool)
+        while True:
+            J = jacobian * free
+            rest = error - jacobian @ np.where(free, 0.0, step)
+            damped = J @ J.T + _DAMPING * np.eye(len(error))
+            step = np.where(free, J.T @ np.linalg.solve(damped, rest), step)
+            beyond = (q + step < lower - 1e-12) | (q + step > upper + 1e-12)
+            if not np.any(beyond):
+                break
+            step = np.clip(q + step, lower, upper) - q
+            free &= ~beyond
+        q = q + step
+    return None
+
+
+def _linearize(
+    scene: PlanningScene, target: HandTarget, q: Vector
+) -> tuple[Vector, Vector]:
+    """Return what is missing, shape (m,) [m, rad], and its Jacobian, shape (m, N)."""
+    X_WG = scene.X_WG(q)
+    world = scene.plant.world_frame()
+    J_W = scene.plant.CalcJacobianSpatialVelocity(
+        scene.context, JacobianWrtVariable.kQDot, scene.hand_frame, target.p_GT,
+        world, world,
+    )[:, scene.arm_indices]  # fmt: skip
+    errors = [target.p_WT - X_WG @ target.p_GT]
+    rows = [J_W[3:]]
+    if target.R_WG is not None:
+        turn = (target.R_WG @ X_WG.rotation().inverse()).ToAngleAxis()
+        errors.append(turn.angle() * turn.axis())
+        rows.append(J_W[:3])
+    for axis in target.axes:
+        axis_W = X_WG.rotation() @ axis.axis_G
+        normal = cross(axis_W, axis.direction_W)
+        sine = float(np.linalg.norm(normal))
+        beyond = np.arctan2(sine, axis_W @ axis.direction_W) - axis.angle
+        if axis.angle == 0.0:
+            # The whole error across the axis: its length alone lets the axis go around.
+            errors.append(beyond * normal / max(sine, 1e-12))
+            across = np.eye(3) - np.outer(axis.direction_W, axis.direction_W)
+            rows.append(across @ J_W[:3])
+        elif beyond > 0.0 and sine > 0.0:
+            errors.append(np.array([beyond]))
+            rows.append(normal[np.newaxis] / sine @ J_W[:3])
+    return np.concatenate(errors), np.concatenate(rows)
+
+
+EdgeTest = Callable[[Vector, Vector], bool]
+
+
+class _Tree:
+    """Vertices and their parents; `weights` (N,) of the joints make the metric."""
+
+    def __init__(self, root: Vector, weights: Vector) -> None:
+        self.vertices = [root]
+        self._weighted = [weights * root]
+        self._parents = [-1]
+        self._weights = weights
+
+    def extend(self, target: Vector, step: float, is_edge_free: EdgeTest) -> bool:
+        """Grow one step towards `target`; return whether nothing is in the way."""
+        offsets = np.array(self._weighted) - self._weights * target
+        distances = np.linalg.norm(offsets, axis=1)
+        nearest = int(np.argmin(distances))
+        q_near = self.vertices[nearest]
+        share = min(1.0, step / max(distances[nearest], 1e-12))
+        q_new = target if share == 1.0 else q_near + share * (target - q_near)
+        if not is_edge_free(q_near, q_new):
+            return False
+        self.vertices.append(q_new)
+        self._weighted.append(self._weights * q_new)
+        self._parents.append(nearest)
+        return True
+
+    def branch(self) -> list[Vector]:
+        """Return the vertices from the newest down to the root."""
+        branch, index = [], len(self.vertices) - 1
+        while index >= 0:
+            branch.append(self.vertices[index])
+            index = self._parents[index]
+        return branch
+
+
+def rrt_connect(
+    q_start: Vector,
+    q_goal: Vector,
+    *,
+    lower: Vector,
+    upper: Vector,
+    weights: Vector,
+    is_edge_free: EdgeTest,
+    step: float,
+    max_iterations: int,
+    rng: Generator,
+) -> Vector | None:
+    """Search for a free polyline from `q_start` to `q_goal`, both free themselves.
+
+    Two of three samples come from the box that start and goal span, widened by 1 rad,
+    because the way around an obstacle is mostly near. The third comes from anywhere
+    within the limits.
+
+    Args:
+        q_start: First waypoint, shape (N,).
+        q_goal: Last waypoint, shape (N,).
+        lower: Lower limits, shape (N,).
+        upper: Upper limits, shape (N,).
+        weights: Weights of the coordinates in the metric, shape (N,).
+        is_edge_free: Tells whether a straight line is free.
+        step: Longest edge of a tree, in the metric.
+        max_iterations: How many samples to draw.
+        rng: Draws them.
+
+    Returns:
+        The waypoints, shape (K, N), or None after `max_iterations` samples.
+    """
+    near_lower = np.maximum(lower, np.minimum(q_start, q_goal) - 1.0)
+    near_upper = np.minimum(upper, np.maximum(q_start, q_goal) + 1.0)
+    first, second = _Tree(q_start, weights), _Tree(q_goal, weights)
+    for iteration in range(max_iterations):
+        sample = (
+            rng.uniform(lower, upper)
+            if iteration % 3 == 2
+            else rng.uniform(near_lower, near_upper)
+        )
+        if first.extend(sample, step, is_edge_free):
+            target = first.vertices[-1]
+            while second.extend(target, step, is_edge_free):
+                if second.vertices[-1] is target:
+                    path = first.branch()[::-1] + second.branch()[1:]
+                    return np.array(path if iteration % 2 == 0 else path[::-1])
+        first, second = second, first
+    return None
+
+
+def shortcut_path(
+    path: Vector, *, is_edge_free: EdgeTest, attempts: int, rng: Generator
+) -> Vector:
+    """Replace stretches of a free polyline by straight lines where those are free.
+
+    First each vertex is joined to the furthest one that it sees, then `attempts` pairs
+    of random points are joined. Start and end stay.
+
+    Returns:
+        The shorter waypoints, shape (K', N).
+    """
+    vertices, index = [path[0]], 0
+    while index < len(path) - 1:
+        index = next(
+            last
+            for last in range(len(path) - 1, index, -1)
+            if last == index + 1 or is_edge_free(path[index], path[last])
+        )
+        vertices.append(path[index])
+    for _ in range(attempts):
+        if len(vertices) == 2:
+            break
+        a, b = np.sort(rng.uniform(0.0, len(vertices) - 1.0, 2))
+        i, j = int(a), int(b)
+        if i == j:
+            continue
+        q_a = vertices[i] + (a - i) * (vertices[i + 1] - vertices[i])
+        q_b = vertices[j] + (b - j) * (vertices[j + 1] - vertices[j])
+        if is_edge_free(q_a, q_b):
+            vertices = [*vertices[: i + 1], q_a, q_b, *vertices[j + 1 :]]
+    return np.array(vertices)
 
 
 def plan_joint_path(

@@ -1,9 +1,13 @@
-"""The collision checker of planning: an arm, its gripper, and what they may hit."""
+"""Clearance between bodies.
 
-from __future__ import annotations
+Why something cannot be planned: as a result, and as an exception.
+The collision checker of planning: an arm, its gripper, and what they may hit.
+How far a simulation in steps carries an object off the hand that holds it.
+"""
 
 import contextlib
 import copy
+import dataclasses as dc
 import logging
 from collections.abc import Iterable, Iterator
 
@@ -17,12 +21,50 @@ from pydrake.multibody.tree import (
     SpatialInertia,
 )
 from pydrake.planning import RobotDiagramBuilder, SceneGraphCollisionChecker
+from pydrake.trajectories import Trajectory
 
-from drake_srg.common.convex_pieces import Solid
-from drake_srg.common.shapes import drake_shape
+from drake_srg.common.geometry import Solid, drake_shape
 from drake_srg.planning.motion.arm_model import ArmModel
-from drake_srg.planning.motion.clearance import Clearance
-from drake_srg.types import Vector
+from drake_srg.types import Failure, Vector
+
+
+@dc.dataclass(frozen=True)
+class Clearance:
+    """The pair of bodies that comes closest to breaking its margin."""
+
+    distance: float  # signed distance [m]; inf where nothing is near
+    margin: float  # the distance that this pair must keep [m]
+    bodies: tuple[str, str]
+
+    @property
+    def spare(self) -> float:
+        """Distance beyond the margin [m]; negative where the margin is broken."""
+        return self.distance - self.margin
+
+    def __str__(self) -> str:
+        first, second = self.bodies
+        return (
+            f"{first} and {second} are {1e3 * self.distance:.1f} mm apart, "
+            f"must be {1e3 * self.margin:.1f} mm"
+        )
+
+
+@dc.dataclass(frozen=True)
+class PlanningFailure:
+    """Why there is no path, no motion or no plan."""
+
+    failure: Failure
+    message: str
+    clearance: Clearance | None = None  # of the colliding pair, where one is known
+
+
+class NoPathError(Exception):
+    """Raised by a move that does not exist; `failure` says why."""
+
+    def __init__(self, failure: PlanningFailure) -> None:
+        super().__init__(failure.message)
+        self.failure = failure
+
 
 # Longest part of a path, as a sum of joint motions, for which `travel` is tight [rad].
 _CLOSE = 0.2
@@ -119,7 +161,7 @@ class PlanningScene(ArmModel):
     def _SetMargin(self, body: BodyIndex, margin: float) -> None:
         self._checker.SetPaddingOneRobotBodyAllEnvironmentPairs(body, margin)
 
-    def copy(self) -> PlanningScene:
+    def copy(self) -> "PlanningScene":
         """Return a scene of the same model with a state of its own.
 
         That takes a tenth of the time of building one.
@@ -293,3 +335,35 @@ def _quiet() -> Iterator[None]:
         yield
     finally:
         logger.setLevel(level)
+
+
+_SAMPLES = 24  # of a motion
+_NEARBY = 1e-3  # time by which to follow the joints' speeds [s]
+
+
+def carried_drift(
+    scene: PlanningScene, motion: Trajectory, p_GO: Vector, time: float
+) -> Vector:
+    """Return how far a held object drifts in the hand's frame G, shape (3,) [m].
+
+    In a step of h, the joints follow their speeds and the hand an arc, while the object
+    moves along the tangent. So it drifts by -h/2 times the acceleration that the hand
+    has at constant speeds of the joints.
+
+    Args:
+        scene: The arm and the gripper.
+        motion: Of the arm's joints [rad].
+        p_GO: The object's origin in the hand [m], shape (3,).
+        time: h/2 [s].
+    """
+    ends = np.linspace(0.0, motion.end_time(), _SAMPLES + 1)
+    accelerations = []
+    for t in (ends[:-1] + ends[1:]) / 2.0:
+        q, v = motion.value(t).ravel(), motion.EvalDerivative(t).ravel()
+        before, X_WG, after = (
+            scene.X_WG(q + dt * v) for dt in (-_NEARBY, 0.0, _NEARBY)
+        )
+        change_W = before @ p_GO - 2.0 * (X_WG @ p_GO) + after @ p_GO
+        accelerations.append(X_WG.rotation().inverse() @ change_W / _NEARBY**2)
+    drift: Vector = -time * motion.end_time() * np.mean(accelerations, axis=0)
+    return drift

@@ -1,29 +1,279 @@
-"""The LeRobotDataset format, version 3.0: its features, tables and info.json.
+"""The numbered files of a LeRobot data set.
 
-It is described in https://huggingface.co/docs/lerobot/lerobot-dataset-v3 and by
-LeRobot's own reader and writer (https://github.com/huggingface/lerobot, 0.4 and
-later). Its files, and what is in them::
-
-    meta/info.json                            version, features, frame rate, paths
-    meta/stats.json                           statistics over all frames
-    meta/tasks.parquet                        the tasks in words, by number
-    meta/episodes/chunk-000/file-000.parquet  one row per episode: its frames' place
-    data/chunk-000/file-000.parquet           one row per frame, except images
-    videos/CAMERA/chunk-000/file-000.mp4      images, many episodes per file
+Computes statistics of a data set's features, in LeRobot's layout.
+Writes the videos of a data set: many episodes per file, fast random access.
+The LeRobotDataset format, version 3.0: its features, tables and info.json.
 """
 
 from __future__ import annotations
 
+import io
 import json
-from collections.abc import Mapping, Sequence
-from typing import Any
+from collections.abc import Iterable, Mapping, Sequence
+from fractions import Fraction
+from pathlib import Path
+from typing import Any, NamedTuple
 
+import cv2
+import numpy as np
+import numpy.typing as npt
 import pyarrow as pa
+import pyarrow.parquet as pq
 
-from drake_srg.sweeps.dataset.files import CHUNK_SIZE
-from drake_srg.sweeps.dataset.recording import SIGHTING, Layout
-from drake_srg.sweeps.dataset.statistics import STATISTICS
-from drake_srg.sweeps.dataset.video import CODEC, PIXEL_FORMAT
+from drake_srg.recording.output import require
+from drake_srg.sweeps.dataset.recording import SIGHTING, Image, Layout
+
+CHUNK_SIZE = 1000  # files per folder, as in LeRobot
+
+
+class FilePlace(NamedTuple):
+    """The place of a numbered file: the number of its folder and its own."""
+
+    chunk: int
+    file: int
+
+    def path(self, folder: Path, suffix: str) -> Path:
+        """Return the file's path."""
+        return folder / f"chunk-{self.chunk:03d}" / f"file-{self.file:03d}{suffix}"
+
+
+def next_place(place: FilePlace | None) -> FilePlace:
+    """Return the place after another one, or the first place after None."""
+    if place is None:
+        return FilePlace(0, 0)
+    if place.file + 1 < CHUNK_SIZE:
+        return FilePlace(place.chunk, place.file + 1)
+    return FilePlace(place.chunk + 1, 0)
+
+
+class ParquetFiles:
+    """Writes tables into Parquet files of limited size, one row group per table.
+
+    The last file is complete after `close`.
+
+    Args:
+        folder: Folder for chunk-000/file-000.parquet and so on.
+        schema: Schema of the tables.
+        limit: Largest size of a file [bytes], counted in memory, where tables are
+            larger; a table beyond the limit gets a file of its own.
+
+    Raises:
+        OSError: If a file cannot be written.
+    """
+
+    def __init__(self, folder: Path, schema: pa.Schema, limit: int):
+        self._folder, self._schema, self._limit = folder, schema, limit
+        self._place: FilePlace | None = None
+        self._size = 0
+        self._writer: Any = None
+
+    def place(self, size: int) -> FilePlace:
+        """Return the place of the next table, given its size in memory [bytes]."""
+        if self._place is None or (self._size and self._size + size > self._limit):
+            self.close()
+            self._place = next_place(self._place)
+            self._size = 0
+        return self._place
+
+    def append(self, table: pa.Table) -> FilePlace:
+        """Append a table; returns its place."""
+        place = self.place(table.nbytes)
+        if self._writer is None:
+            path = place.path(self._folder, ".parquet")
+            path.parent.mkdir(parents=True, exist_ok=True)
+            self._writer = pq.ParquetWriter(path, self._schema, compression="snappy")
+        self._writer.write_table(table)
+        self._size += table.nbytes
+        return place
+
+    def close(self) -> None:
+        """Complete the open file, if any."""
+        writer, self._writer = self._writer, None
+        if writer is not None:
+            writer.close()
+
+
+QUANTILES = {"q01": 0.01, "q10": 0.10, "q50": 0.50, "q90": 0.90, "q99": 0.99}
+STATISTICS = ("min", "max", "mean", "std", "count", *QUANTILES)
+
+Statistics = dict[str, Any]  # name to nested lists of numbers, for JSON and Parquet
+
+
+def column_statistics(column: pa.ChunkedArray | pa.Array) -> Statistics:
+    """Return the statistics of a Parquet column of numbers or of vectors."""
+    if pa.types.is_fixed_size_list(column.type):
+        size = column.type.list_size
+        values = column.combine_chunks().flatten().to_numpy().reshape(-1, size)
+    else:
+        values = column.to_numpy(zero_copy_only=False).reshape(-1, 1)
+    numbers = values.astype(np.float64)
+    statistics = {
+        "min": values.min(axis=0),  # min and max keep the feature's type
+        "max": values.max(axis=0),
+        "mean": numbers.mean(axis=0),
+        "std": numbers.std(axis=0),
+        "count": np.array([len(values)]),
+        **{name: np.quantile(numbers, q, axis=0) for name, q in QUANTILES.items()},
+    }
+    return {name: value.tolist() for name, value in statistics.items()}
+
+
+class ImageStatistics:
+    """Exact statistics of images in constant memory: counts how often values occur."""
+
+    def __init__(self) -> None:
+        self._histogram = np.zeros((3, 256), dtype=np.int64)
+        self._images = 0
+
+    def add(self, image: Image) -> None:
+        """Count the values of an image, shape (height, width, 3)."""
+        for channel in range(3):
+            counts = cv2.calcHist([image], [channel], None, [256], [0, 256])
+            self._histogram[channel] += counts.ravel().astype(np.int64)
+        self._images += 1
+
+    def merge(self, other: ImageStatistics) -> None:
+        """Add the counts of another instance."""
+        self._histogram += other._histogram
+        self._images += other._images
+
+    def statistics(self) -> Statistics:
+        """Return the statistics; needs at least one image."""
+        value = np.arange(256) / 255.0
+        channels = [_weighted(value, counts) for counts in self._histogram]
+        shaped = {
+            name: np.reshape(
+                [channel[name] for channel in channels], (3, 1, 1)
+            ).tolist()
+            for name in channels[0]
+        }
+        return {**shaped, "count": [self._images]}
+
+
+def _weighted(
+    value: npt.NDArray[np.float64], counts: npt.NDArray[np.int64]
+) -> dict[str, float]:
+    """Return the statistics of values, given how often each occurs."""
+    mean = np.average(value, weights=counts)
+    seen = value[counts > 0]
+    quantiles = np.quantile(
+        value, [*QUANTILES.values()], weights=counts, method="inverted_cdf"
+    )
+    return {
+        "min": seen[0],
+        "max": seen[-1],
+        "mean": mean,
+        "std": np.sqrt(np.average((value - mean) ** 2, weights=counts)),
+        **dict(zip(QUANTILES, quantiles, strict=True)),
+    }
+
+
+CODEC, PIXEL_FORMAT = "h264", "yuv420p"
+
+_ENCODER = {
+    "crf": "23",  # constant rate factor of x264, its own default
+    "preset": "veryfast",
+    # Every second frame is a key frame, as in LeRobot's own videos, because learning
+    # reads frames in random order. Without B-frames, the file is in order of time.
+    "g": "2",
+    "bf": "0",
+}
+# ISO/IEC 23091-2 (and ffmpeg's AVCOL_*): ITU-R BT.601 in its limited range, to which
+# RGB is converted below. Without the tags, players would guess by the image size.
+_BT601, _LIMITED = 6, 1
+
+
+def encode_episode(images: Iterable[Image], fps: int) -> tuple[bytes, int]:
+    """Encode images as an MP4 file that starts with a key frame.
+
+    Equal images give equal bytes.
+
+    Args:
+        images: RGB, shape (height, width, 3), with even height and width.
+        fps: Frames per second.
+
+    Returns:
+        The file, and its number of frames.
+    """
+    av = require("av")
+    file = io.BytesIO()
+    frames = 0
+    with av.open(file, "w", format="mp4") as container:
+        stream = container.add_stream("libx264", rate=fps, options=_ENCODER)
+        stream.pix_fmt = PIXEL_FORMAT
+        codec = stream.codec_context
+        codec.thread_count = 1  # the number of threads changes the bytes
+        codec.colorspace, codec.color_range = _BT601, _LIMITED
+        for image in images:
+            if not frames:
+                stream.height, stream.width = image.shape[:2]
+            frame = av.VideoFrame.from_ndarray(np.ascontiguousarray(image), "rgb24")
+            frame.pts, frame.time_base = frames, Fraction(1, fps)
+            container.mux(stream.encode(frame))
+            frames += 1
+        container.mux(stream.encode(None))
+    return file.getvalue(), frames
+
+
+class VideoFiles:
+    """Joins a camera's encoded episodes into files of limited size.
+
+    The last file is complete after `close`.
+
+    Args:
+        folder: Folder for chunk-000/file-000.mp4 and so on.
+        fps: Frames per second.
+        limit: Largest size of a file [bytes]; an episode beyond it gets its own file.
+
+    Raises:
+        ImportError: If PyAV is missing.
+        OSError: If a file cannot be written.
+    """
+
+    def __init__(self, folder: Path, fps: int, limit: int):
+        self._av = require("av")
+        self._folder, self._fps, self._limit = folder, fps, limit
+        self._place: FilePlace | None = None
+        self._size = self._frames = 0
+        self._container: Any = None
+        self._stream: Any = None
+
+    def append(self, episode: bytes) -> tuple[FilePlace, int]:
+        """Append an episode; returns its place and the number of frames before it."""
+        if self._place is None or self._size + len(episode) > self._limit:
+            self.close()
+            self._place = next_place(self._place)
+            self._size = self._frames = 0
+        first = self._frames
+        with self._av.open(io.BytesIO(episode)) as source:
+            if self._container is None:
+                self._open(source.streams.video[0])
+            for packet in source.demux(video=0):
+                if packet.size:  # the last packet is an empty end mark
+                    packet.stream = self._stream
+                    packet.time_base = Fraction(1, self._fps)
+                    packet.pts = packet.dts = self._frames
+                    packet.duration = 1
+                    self._container.mux(packet)
+                    self._frames += 1
+        self._size += len(episode)
+        return self._place, first
+
+    def close(self) -> None:
+        """Complete the open file, if any."""
+        container, self._container = self._container, None
+        if container is not None:
+            container.close()
+
+    def _open(self, template: Any) -> None:
+        assert self._place is not None
+        path = self._place.path(self._folder, ".mp4")
+        path.parent.mkdir(parents=True, exist_ok=True)
+        self._container = self._av.open(
+            str(path), "w", options={"movflags": "faststart"}
+        )
+        self._stream = self._container.add_stream_from_template(template)
+
 
 VERSION = "v3.0"
 MEGABYTE = 1024**2  # LeRobot's

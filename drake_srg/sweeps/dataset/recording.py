@@ -17,7 +17,7 @@ import numpy.typing as npt
 
 from drake_srg.common.exceptions import ScenarioError, one_line
 from drake_srg.recording.output import require
-from drake_srg.recording.ros_topics import OBJECT_POSE
+from drake_srg.recording.rosbag import OBJECT_POSE
 
 Image = npt.NDArray[np.uint8]
 

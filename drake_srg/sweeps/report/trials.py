@@ -1,18 +1,235 @@
-"""The rows of a sweep as arrays, with nan for missing values."""
+"""Ranks the drawn quantities by how much the outcome of trials depends on them.
+
+The rows of a sweep as arrays, with nan for missing values.
+"""
 
 from __future__ import annotations
 
+import dataclasses as dc
 import itertools
 import re
 import shlex
-from collections.abc import Sequence
-from typing import Any
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any, TypeAlias
 
 import numpy as np
 import numpy.typing as npt
 
-from drake_srg.sweeps.report.effects import FEW
+from drake_srg.sweeps.statistics import (
+    benjamini_hochberg,
+    rank_auc,
+    spearman,
+    wilson_interval,
+)
 from drake_srg.types import Vector
+
+# The accepted share of false relations among those called significant.
+FALSE_DISCOVERIES = 0.05
+FEW = 10  # with fewer trials, the p-value of a rank correlation is a guess
+_BIN_TRIALS = 25  # at least; the Wilson interval is then at most 0.37 wide
+_MAX_BINS = 8
+
+Rows: TypeAlias = npt.NDArray[np.bool_]
+
+
+@dc.dataclass(frozen=True)
+class Relation:
+    """How one outcome depends on one quantity.
+
+    Attributes:
+        strength: AUC of failed against successful trials (0.5: none), or Spearman's
+            correlation (0: none).
+        p: The p-value, adjusted for the number of quantities.
+        ends: Whether the outcome depends on the distance from the quantity's median
+            instead of on the quantity.
+    """
+
+    strength: float
+    p: float
+    ends: bool = False
+
+    @property
+    def significant(self) -> bool:
+        """Whether this is more than chance."""
+        return self.p <= FALSE_DISCOVERIES
+
+
+@dc.dataclass(frozen=True)
+class Effect:
+    """How the outcomes depend on one quantity; None with too few trials."""
+
+    name: str
+    values: Vector  # one per trial, nan for none
+    failure: Relation | None
+    placement: Relation | None
+    cycle: Relation | None
+
+    @property
+    def significant(self) -> bool:
+        """Whether any outcome depends on it."""
+        relations = (self.failure, self.placement, self.cycle)
+        return any(r is not None and r.significant for r in relations)
+
+
+@dc.dataclass(frozen=True)
+class Bin:
+    """An outcome of trials with neighbouring values of a quantity."""
+
+    low: float  # of the quantity
+    high: float
+    middle: float  # median of the quantity
+    trials: int
+    outcome: float
+    bounds: tuple[float, float]  # of the outcome
+
+
+def rank_effects(
+    quantities: Mapping[str, Vector],
+    success: Rows,
+    placement_error: Vector,
+    cycle_time: Vector,
+) -> list[Effect]:
+    """Return the effects of all quantities, those that matter most first.
+
+    A quantity may matter by being large or small, or by being far from its usual value,
+    like errors of either sign. Both are tested, and the smaller p-value is doubled. The
+    p-values of each outcome are then adjusted for the number of quantities.
+
+    Args:
+        quantities: Values by name, shape (n,), nan where a trial has none.
+        success: Shape (n,).
+        placement_error: [m], shape (n,). Only successful trials count, because where a
+            failed one leaves the object says little.
+        cycle_time: [s], shape (n,). Only successful trials count.
+    """
+
+    def failure(values: Vector, rows: Rows) -> _Test:
+        failed, rest = values[rows & ~success], values[rows & success]
+        return rank_auc(failed, rest) if len(failed) and len(rest) else None
+
+    def correlation(outcome: Vector) -> _Measure:
+        def measure(values: Vector, rows: Rows) -> _Test:
+            rows = rows & success & np.isfinite(outcome)
+            if np.count_nonzero(rows) < FEW:
+                return None
+            return spearman(values[rows], outcome[rows])
+
+        return measure
+
+    columns = [
+        _relations(quantities, measure)
+        for measure in (failure, correlation(placement_error), correlation(cycle_time))
+    ]
+    effects = [
+        Effect(name, values, *(column[name] for column in columns))
+        for name, values in quantities.items()
+    ]
+    return sorted(effects, key=_rank)
+
+
+def success_bins(values: Vector, success: Rows) -> list[Bin]:
+    """Return the success rate in bins of a quantity, with Wilson's 95 % interval.
+
+    Args:
+        values: The quantity, shape (n,), nan where a trial has none.
+        success: Shape (n,).
+    """
+
+    def rate(rows: Rows) -> tuple[float, tuple[float, float]]:
+        k, n = int(np.sum(success & rows)), int(np.sum(rows))
+        return k / n, wilson_interval(k, n)
+
+    return _bins(values, rate)
+
+
+def median_bins(values: Vector, outcome: Vector) -> list[Bin]:
+    """Return the median of an outcome in bins of a quantity, with its quartiles.
+
+    Args:
+        values: The quantity, shape (n,), nan where a trial has none.
+        outcome: Shape (n,), nan where a trial has none.
+    """
+
+    def median(rows: Rows) -> tuple[float, tuple[float, float]]:
+        low, middle, high = np.quantile(outcome[rows], [0.25, 0.5, 0.75])
+        return float(middle), (float(low), float(high))
+
+    return _bins(np.where(np.isfinite(outcome), values, np.nan), median)
+
+
+def _bins(
+    values: Vector, calc: Callable[[Rows], tuple[float, tuple[float, float]]]
+) -> list[Bin]:
+    """Return bins with about equal numbers of trials, in order of the quantity.
+
+    A quantity with few distinct values has one bin for each of them.
+    """
+    finite = values[np.isfinite(values)]
+    edges = np.unique(finite)
+    if len(edges) > min(_MAX_BINS, len(finite) // 2):
+        count = int(np.clip(len(finite) // _BIN_TRIALS, 2, _MAX_BINS))
+        shares = np.arange(count) / count
+        edges = np.unique(np.quantile(finite, shares, method="inverted_cdf"))
+    index = np.searchsorted(edges, values, side="right") - 1
+    found = []
+    for i in range(len(edges)):
+        rows = np.isfinite(values) & (index == i)
+        own = values[rows]
+        found.append(
+            Bin(
+                float(own.min()),
+                float(own.max()),
+                float(np.median(own)),
+                len(own),
+                *calc(rows),
+            )
+        )
+    return found
+
+
+# Strength and p-value, or None with too few trials.
+_Test = tuple[float, float] | None
+_Measure = Callable[[Vector, Rows], _Test]
+
+
+def _relations(
+    quantities: Mapping[str, Vector], measure: _Measure
+) -> dict[str, Relation | None]:
+    """Return the relation of an outcome to every quantity, with adjusted p-values."""
+    found: dict[str, Relation | None] = {}
+    for name, values in quantities.items():
+        rows = np.isfinite(values)
+        # One of the values: a mean of two would be equally far from both.
+        median = np.quantile(values[rows], 0.5, method="inverted_cdf")
+        tests = [(measure(values, rows), False)]
+        if len(np.unique(values[rows])) > 2:
+            tests.append((measure(np.abs(values - median), rows), True))
+        relations = [
+            Relation(test[0], min(1.0, len(tests) * test[1]), ends)
+            for test, ends in tests
+            if test is not None and np.isfinite(test[0])
+        ]
+        found[name] = min(relations, key=lambda r: r.p, default=None)
+    told = {name: relation for name, relation in found.items() if relation is not None}
+    adjusted = benjamini_hochberg(np.array([r.p for r in told.values()]))
+    return found | {
+        name: dc.replace(relation, p=float(p))
+        for (name, relation), p in zip(told.items(), adjusted, strict=True)
+    }
+
+
+def _rank(effect: Effect) -> list[float]:
+    """Return a sort key: significant for failures, for the others, then the rest."""
+    relations = (effect.failure, effect.placement, effect.cycle)
+    found = [r.p if r is not None and r.significant else 1.0 for r in relations]
+    # Strengths decide between equal p-values, which occur at 0 and 1.
+    strengths = [
+        0.0 if relation is None else -abs(relation.strength - neutral)
+        for relation, neutral in zip(relations, (0.5, 0.0, 0.0), strict=True)
+    ]
+    rest = [1.0 if relation is None else relation.p for relation in relations]
+    return found + rest + strengths
+
 
 _NEAREST = "clutter: nearest to another object"
 

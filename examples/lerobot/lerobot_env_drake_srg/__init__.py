@@ -9,7 +9,7 @@ from typing import Any
 from lerobot.configs.types import FeatureType, PolicyFeature
 from lerobot.envs.configs import EnvConfig
 
-from drake_srg.envs.lerobot_env import LeRobotEnv, make_env
+from drake_srg.learning.envs.lerobot_env import LeRobotEnv, make_env
 
 # LeRobot's names of what policies take and give.
 _NAMES = {

@@ -9,8 +9,8 @@ from drake_srg.objects.config import ObjectConfig
 from drake_srg.objects.household import object_facts
 from drake_srg.objects.meshes import pieces
 from drake_srg.objects.meshes.convert import DENSITY, MODEL, convert, read_report
+from drake_srg.objects.meshes.files import read_link
 from drake_srg.objects.meshes.load import import_model
-from drake_srg.objects.meshes.xml_file import read_link
 from drake_srg.objects.models import simple_shape
 from drake_srg.types import Cylinder
 from objects.meshes.made_meshes import box, elbow, write_obj, write_stl

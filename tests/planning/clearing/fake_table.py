@@ -14,10 +14,10 @@ from drake_srg.planning.clearing.destination import Destination
 from drake_srg.planning.clearing.knowledge import Pick
 from drake_srg.planning.clearing.pushing import Push
 from drake_srg.planning.grasps.segmentation import Segmentation
-from drake_srg.planning.grasps.srg_fingers import SrgFingers
-from drake_srg.planning.grasps.top_grasp import GraspPlan, Refusal, TopGrasp, palm_pose
+from drake_srg.planning.grasps.srg_hand import SrgFingers
+from drake_srg.planning.grasps.top_grasps import GraspPlan, Refusal, TopGrasp, palm_pose
 from drake_srg.planning.motion.arm_motion import Motion
-from drake_srg.planning.motion.failure import PlanningFailure
+from drake_srg.planning.motion.planning_scene import PlanningFailure
 from drake_srg.planning.planner_machine import PlannerConfig
 from drake_srg.types import Failure, HeightMap, Mode
 

@@ -5,7 +5,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from drake_srg.planning.clearing.choosing import ChoosingPlanner, ChosenGrasps, label_of
-from drake_srg.planning.grasps.srg_fingers import SrgFingers
+from drake_srg.planning.grasps.srg_hand import SrgFingers
 from drake_srg.types import Failure, HeightMap, LabeledHeightMap, Mode
 from planning.clearing.fake_table import CONFIG, Grasps, Motions, Run, table
 

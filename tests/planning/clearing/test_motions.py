@@ -8,15 +8,17 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from pydrake.math import RigidTransform
 
-from drake_srg.cell.clearing import MakeClearingPlanner
-from drake_srg.cell.height_maps import clearing_destinations
-from drake_srg.cell.planners import own_scene
 from drake_srg.planning.clearing.motions import reach_with_hand_down, turned_to
-from drake_srg.planning.grasps.top_grasp import palm_pose
-from drake_srg.planning.motion.failure import PlanningFailure
-from drake_srg.planning.motion.hand_target import HandTarget
-from drake_srg.planning.motion.inverse_kinematics import solve_inverse_kinematics
+from drake_srg.planning.grasps.top_grasps import palm_pose
+from drake_srg.planning.motion.inverse_kinematics import (
+    HandTarget,
+    solve_inverse_kinematics,
+)
+from drake_srg.planning.motion.planning_scene import PlanningFailure
 from drake_srg.scenario import load_scenario
+from drake_srg.station.clearing import MakeClearingPlanner
+from drake_srg.station.perception import clearing_destinations
+from drake_srg.station.planners import own_scene
 from drake_srg.types import Mode
 from planning.clearing.fake_table import grasp_at, moved, table
 

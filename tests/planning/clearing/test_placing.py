@@ -8,16 +8,15 @@ from hypothesis import given
 from hypothesis import strategies as st
 from pydrake.math import RigidTransform, RotationMatrix
 
-from drake_srg.cell.bins import bin_boxes, bin_floor
-from drake_srg.cell.choosing import row_places
-from drake_srg.cell.clearing import MakeClearingPlanner
 from drake_srg.planning.clearing import placing
 from drake_srg.planning.clearing.destination import Spot, Spots
 from drake_srg.planning.clearing.motions import HeldLoad
 from drake_srg.planning.clearing.placing import laying_targets
-from drake_srg.planning.grasps.top_grasp import palm_pose
-from drake_srg.planning.motion.failure import PlanningFailure
+from drake_srg.planning.grasps.top_grasps import palm_pose
+from drake_srg.planning.motion.planning_scene import PlanningFailure
 from drake_srg.scenario import load_scenario
+from drake_srg.station.clearing import MakeClearingPlanner
+from drake_srg.station.perception import bin_boxes, bin_floor, row_places
 from drake_srg.types import Mode
 from planning.clearing.fake_table import SIDE, grasp_at, moved, table
 

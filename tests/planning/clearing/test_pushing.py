@@ -8,12 +8,12 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from drake_srg.cell.clearing import MakeClearingPlanner
 from drake_srg.planning.clearing.pushing import best_push
 from drake_srg.planning.grasps.segmentation import Segmentation
-from drake_srg.planning.grasps.srg_fingers import SrgFingers
-from drake_srg.planning.grasps.top_grasp_search import Reach
+from drake_srg.planning.grasps.srg_hand import SrgFingers
+from drake_srg.planning.grasps.top_grasps import Reach
 from drake_srg.scenario import load_scenario
+from drake_srg.station.clearing import MakeClearingPlanner
 from drake_srg.types import HeightMap
 
 LOW, HIGH = 0.05, 0.11  # of a flat thing and of one that lies on it [m]

@@ -6,7 +6,7 @@ from pydrake.multibody.plant import AddMultibodyPlantSceneGraph, CoulombFriction
 from pydrake.multibody.tree import SpatialInertia
 from pydrake.systems.framework import DiagramBuilder
 
-from drake_srg.common.shapes import drake_shape
+from drake_srg.common.geometry import drake_shape
 from drake_srg.parsing import AddModel
 
 

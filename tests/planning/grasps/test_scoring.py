@@ -7,17 +7,11 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from drake_srg.planning.grasps.height_map_grasps import HeightMapGrasps
 from drake_srg.planning.grasps.linkage_hand import LinkageFingers
-from drake_srg.planning.grasps.scoring import (
-    PinchJudge,
-    extent,
-    face_of,
-    lean_of,
-)
+from drake_srg.planning.grasps.scoring import PinchJudge, extent, face_of, lean_of
 from drake_srg.planning.grasps.segmentation import Segmentation
-from drake_srg.planning.grasps.srg_fingers import SrgFingers
-from drake_srg.planning.grasps.top_grasp_search import TABLE_GAP, Reach
+from drake_srg.planning.grasps.srg_hand import SrgFingers
+from drake_srg.planning.grasps.top_grasps import TABLE_GAP, HeightMapGrasps, Reach
 from drake_srg.types import Failure, HeightMap
 from planning.grasps.box_maps import TABLE, height_map, turn
 

@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 from pydrake.math import RigidTransform, RollPitchYaw, RotationMatrix
 
-from drake_srg.common.convex_pieces import ConvexPieces
+from drake_srg.common.geometry import ConvexPieces
 from drake_srg.planning.grasps.solid_grasps import solid_map, solid_pinches
-from drake_srg.planning.grasps.srg_fingers import SrgFingers
+from drake_srg.planning.grasps.srg_hand import SrgFingers
 
 FINGERS = SrgFingers()
 CLEARANCE = 0.005

@@ -4,11 +4,11 @@ import numpy as np
 import pytest
 from pydrake.math import RigidTransform
 
-from drake_srg.planning.motion.config import MotionConfig, TipLimits
-from drake_srg.planning.motion.failure import NoPathError, PlanningFailure
+from drake_srg.planning.motion.limits import MotionConfig, TipLimits
 from drake_srg.planning.motion.moves import Moves
-from drake_srg.planning.motion.path_parts import STRAIGHT, PathPart
 from drake_srg.planning.motion.paths import plan_joint_path
+from drake_srg.planning.motion.planning_scene import NoPathError, PlanningFailure
+from drake_srg.planning.motion.trajectories import STRAIGHT, PathPart
 from drake_srg.types import Failure, Sphere
 
 UP = np.array([0.0, 0.0, 1.0])

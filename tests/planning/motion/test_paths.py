@@ -1,19 +1,154 @@
+"""RRT-Connect with a point and a wall in the plane."""
+
 from __future__ import annotations
 
 import itertools
 
 import numpy as np
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 from pydrake.math import RigidTransform, RotationMatrix
 
-from drake_srg.planning.motion.failure import PlanningFailure
-from drake_srg.planning.motion.hand_target import AxisTarget, HandTarget
-from drake_srg.planning.motion.inverse_kinematics import solve_inverse_kinematics
+from drake_srg.planning.motion.inverse_kinematics import (
+    AxisTarget,
+    HandTarget,
+    solve_inverse_kinematics,
+)
 from drake_srg.planning.motion.paths import (
+    follow,
     plan_cartesian_path,
     plan_joint_path,
+    rrt_connect,
+    shortcut_path,
 )
+from drake_srg.planning.motion.planning_scene import PlanningFailure
 from drake_srg.types import Box, Failure, Sphere
+
+unit = st.floats(-1.0, 1.0)
+
+
+@settings(max_examples=40, deadline=None)
+@given(st.lists(unit, min_size=6, max_size=6))
+def test_it_meets_a_near_pose_exactly_and_stays_near(iiwa, shift):
+    home = np.array([0.0, -0.1, 0.0, -1.9, 0.0, 1.3, 0.0])
+    turn = RotationMatrix.MakeXRotation(0.1 * shift[3]).multiply(
+        RotationMatrix.MakeYRotation(0.1 * shift[4])
+    )
+    near = RigidTransform(turn, 0.02 * np.array(shift[:3]))
+    target = HandTarget.from_pose(iiwa.X_WG(home) @ near)
+    q = follow(iiwa, target, home)
+    assert target.distance(iiwa.X_WG(q)) < 2e-6
+    assert target.angle_violation(iiwa.X_WG(q)) == 0.0
+    assert np.max(np.abs(q - home)) < 0.4
+
+
+def test_it_stops_a_joint_at_its_limit_and_goes_on_with_the_others(iiwa, home):
+    q = home.copy()
+    q[6] = iiwa.upper[6] - 0.03
+    target = HandTarget.from_pose(
+        iiwa.X_WG(q) @ RigidTransform(RotationMatrix.MakeXRotation(0.03), np.zeros(3))
+    )
+    found = follow(iiwa, target, q)
+    # Without the limit, joint 7 does nearly all of the turn about its own axis.
+    assert iiwa.upper[6] - 0.021 < found[6] <= iiwa.upper[6] - 0.02 + 1e-9
+    assert target.distance(iiwa.X_WG(found)) < 2e-6
+
+
+def test_it_returns_none_out_of_reach(iiwa, home):
+    assert follow(iiwa, HandTarget(np.array([2.0, 0.0, 0.0])), home) is None
+
+
+def test_it_turns_an_axis_only_as_far_as_its_angle(iiwa, home):
+    X_WG = iiwa.X_WG(home)
+    tilted = X_WG.rotation().matrix()[:, 0] + np.array([0.3, 0.0, 0.0])
+    axis = AxisTarget(np.array([1.0, 0.0, 0.0]), tilted / np.linalg.norm(tilted), 0.1)
+    target = HandTarget(iiwa.X_WG(home).translation(), axes=(axis,))
+    q = follow(iiwa, target, home)
+    X_WG = iiwa.X_WG(q)
+    assert target.distance(X_WG) < 2e-6
+    angle = np.arccos(X_WG.rotation().matrix()[:, 0] @ axis.direction_W)
+    assert angle == pytest.approx(0.1, abs=1e-4)
+
+
+LOWER, UPPER = np.array([-1.0, -1.0]), np.array([1.0, 1.0])
+START, GOAL = np.array([-0.8, 0.0]), np.array([0.8, 0.0])
+
+
+def wall(gap: float):
+    """Return the edge test of a wall, |x| < 0.05, that ends `gap` below y = 1."""
+
+    def is_edge_free(q1: np.ndarray, q2: np.ndarray) -> bool:
+        left, right = sorted((q1, q2), key=lambda q: q[0])
+        inside = np.clip([-0.05, 0.05], left[0], right[0])
+        if abs(inside.sum()) > 0.1 - 1e-12 and np.ptp(inside) < 1e-12:
+            return True  # on one side of the wall
+        height = np.interp(inside, [left[0], right[0]], [left[1], right[1]])
+        return bool(np.min(height) >= 1.0 - gap - 1e-9)
+
+    return is_edge_free
+
+
+def search(gap: float, seed: int) -> np.ndarray | None:
+    return rrt_connect(
+        START,
+        GOAL,
+        lower=LOWER,
+        upper=UPPER,
+        weights=np.ones(2),
+        is_edge_free=wall(gap),
+        step=0.3,
+        max_iterations=500,
+        rng=np.random.default_rng(seed),
+    )
+
+
+@pytest.mark.parametrize("seed", range(10))
+def test_the_search_goes_around_the_wall(seed):
+    path = search(0.3, seed)
+    assert path is not None
+    np.testing.assert_array_equal(path[0], START)
+    np.testing.assert_array_equal(path[-1], GOAL)
+    assert all(map(wall(0.3), path[:-1], path[1:]))
+    assert np.all((path >= LOWER) & (path <= UPPER))
+
+
+def test_the_search_finds_nothing_without_a_gap():
+    assert search(-0.1, 0) is None
+
+
+def test_the_seed_determines_the_path():
+    np.testing.assert_array_equal(search(0.3, 1), search(0.3, 1))
+    assert not np.array_equal(search(0.3, 1), search(0.3, 2))
+
+
+@pytest.mark.parametrize("seed", range(10))
+def test_a_shortcut_is_free_no_longer_and_keeps_the_ends(seed):
+    path = search(0.3, seed)
+    short = shortcut_path(
+        path, is_edge_free=wall(0.3), attempts=50, rng=np.random.default_rng(seed)
+    )
+    assert all(map(wall(0.3), short[:-1], short[1:]))
+    np.testing.assert_array_equal(short[[0, -1]], path[[0, -1]])
+    assert length_of(short) <= length_of(path) + 1e-12
+    # Two straight lines over the wall's end are 2.13 long.
+    assert length_of(short) < 1.2 * 2.13
+
+
+def test_a_shortcut_of_a_free_detour_is_the_straight_line():
+    detour = np.array([START, [-0.4, 0.9], [0.3, -0.7], GOAL])
+    short = shortcut_path(
+        detour,
+        is_edge_free=lambda a, b: True,
+        attempts=5,
+        rng=np.random.default_rng(0),
+    )
+    np.testing.assert_array_equal(short, [START, GOAL])
+
+
+def length_of(path: np.ndarray) -> float:
+    return float(np.sum(np.linalg.norm(np.diff(path, axis=0), axis=1)))
+
 
 DOWN = RotationMatrix(np.array([[0.0, 0.0, 1.0], [0.0, 1.0, 0.0], [-1.0, 0.0, 0.0]]))
 WALL = Box((0.3, 0.03, 0.5))

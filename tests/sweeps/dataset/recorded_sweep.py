@@ -11,8 +11,7 @@ from pydrake.systems.primitives import ConstantValueSource, ConstantVectorSource
 from pydrake.systems.sensors import ImageRgba8U
 
 from drake_srg.lifetime import LeafSystem
-from drake_srg.recording.ros_topics import cell_topics
-from drake_srg.recording.rosbag import RosbagRecorder
+from drake_srg.recording.rosbag import RosbagRecorder, cell_topics
 from drake_srg.sweeps.rows import row_path, write_row
 from drake_srg.sweeps.trial import empty_row
 from drake_srg.types import Blob, Mode, PlannerStatus

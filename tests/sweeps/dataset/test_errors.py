@@ -5,7 +5,7 @@ import pytest
 
 from drake_srg.cli.main import main
 from drake_srg.common.exceptions import ScenarioError
-from drake_srg.sweeps.dataset import files, video
+from drake_srg.sweeps.dataset import format
 from drake_srg.sweeps.dataset.make import make_dataset
 from drake_srg.sweeps.dataset.recording import read_images, read_signals
 from drake_srg.sweeps.rows import all_rows_path, read_rows, row_path, write_rows
@@ -177,7 +177,7 @@ def raise_(error):
 
 
 def test_an_interruption_leaves_nothing(sweep, tmp_path, monkeypatch):
-    whole = video.VideoFiles.append
+    whole = format.VideoFiles.append
     calls = []
 
     def append(self, episode):
@@ -186,7 +186,7 @@ def test_an_interruption_leaves_nothing(sweep, tmp_path, monkeypatch):
             raise KeyboardInterrupt
         return whole(self, episode)
 
-    monkeypatch.setattr(video.VideoFiles, "append", append)
+    monkeypatch.setattr(format.VideoFiles, "append", append)
     with pytest.raises(KeyboardInterrupt):
         make_dataset(sweep, tmp_path / "made")
     assert list(tmp_path.iterdir()) == []
@@ -233,7 +233,7 @@ def test_the_command_reports_errors_in_one_line(
 
 def test_the_command_reports_a_full_disk(sweep, tmp_path, monkeypatch, capsys):
     full = OSError(28, "Error writing bytes. Detail: [errno 28] No space left")
-    monkeypatch.setattr(files.ParquetFiles, "append", raise_(full))
+    monkeypatch.setattr(format.ParquetFiles, "append", raise_(full))
     assert command(sweep, "-o", tmp_path / "made") == 2
     assert capsys.readouterr().err.endswith("written: No space left on device\n")
     assert list(tmp_path.iterdir()) == []
@@ -241,7 +241,7 @@ def test_the_command_reports_a_full_disk(sweep, tmp_path, monkeypatch, capsys):
 
 def test_an_interrupted_command_leaves_nothing(sweep, tmp_path, monkeypatch, capsys):
     stop = raise_(KeyboardInterrupt())
-    monkeypatch.setattr(files.ParquetFiles, "append", stop)
+    monkeypatch.setattr(format.ParquetFiles, "append", stop)
     assert command(sweep, "-o", tmp_path / "made") == 2
     assert capsys.readouterr().err == "drake-srg: stopped\n"
     assert list(tmp_path.iterdir()) == []

@@ -11,12 +11,15 @@ from rosbags.rosbag2 import Reader
 from rosbags.typesys import Stores, get_typestore
 
 from drake_srg.scenario import draw_scenario, load_tree
-from drake_srg.sweeps.dataset.files import FilePlace, next_place
-from drake_srg.sweeps.dataset.make import Dataset, make_dataset
+from drake_srg.sweeps.dataset.format import (
+    QUANTILES,
+    FilePlace,
+    ImageStatistics,
+    encode_episode,
+    next_place,
+)
+from drake_srg.sweeps.dataset.make import Dataset, DatasetWriter, make_dataset
 from drake_srg.sweeps.dataset.recording import read_images, read_signals
-from drake_srg.sweeps.dataset.statistics import QUANTILES, ImageStatistics
-from drake_srg.sweeps.dataset.video import encode_episode
-from drake_srg.sweeps.dataset.writer import DatasetWriter
 from drake_srg.sweeps.info import dump_tree
 from drake_srg.types import Cylinder
 from sweeps.dataset import lerobot_format as lerobot

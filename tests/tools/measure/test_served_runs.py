@@ -1,9 +1,9 @@
 import pytest
 
-from drake_srg.hardware.arm import Ros1Arm, Ros2Arm
-from drake_srg.hardware.config import parse_hardware
-from drake_srg.hardware.dynamixel.drivers import DynamixelArm, DynamixelGripper
-from drake_srg.hardware.gripper import Ros2Gripper
+from drake_srg.robot.drive.arm import Ros1Arm, Ros2Arm
+from drake_srg.robot.drive.config import parse_hardware
+from drake_srg.robot.drive.dynamixel.drivers import DynamixelArm, DynamixelGripper
+from drake_srg.robot.drive.gripper import Ros2Gripper
 from drake_srg.scenario import load_scenario
 from measure.hardware_loop import CASES
 from measure.served_runs import Case, robot_file

@@ -1,0 +1,1 @@
+"""Limits that hold whatever commands an arm, and stops along its path."""

@@ -1,0 +1,395 @@
+"""Limits of joints, tool and touch, and the check of a command."""
+
+from __future__ import annotations
+
+import dataclasses as dc
+import math
+from collections.abc import Callable
+
+import numpy as np
+from pydrake.multibody.plant import MultibodyPlant
+from pydrake.multibody.tree import Frame, JacobianWrtVariable, ModelInstanceIndex
+
+from drake_srg.arm.safety.config import SafetyConfig
+from drake_srg.common.safety_states import StopReason
+from drake_srg.types import Vector
+
+# Planned motions use all of a limit. This much more is a rounding error.
+_TOLERANCE = 1e-3
+# Measured speeds overshoot commanded ones.
+_MEASURED_SPEED = 1.2
+# Shares of the model's accelerations; see `SafetyConfig`.
+_ACCELERATION, _STOP = 1.5, 4.0 / 3.0
+
+
+@dc.dataclass(frozen=True)
+class JointLimits:
+    """Limits of N joints, each of shape (N,), per control period.
+
+    Attributes:
+        lower: Least positions [rad or m].
+        upper: Greatest positions [rad or m].
+        step: Largest change of position in a period [rad or m].
+        bend: Largest change of that change while running.
+        brake: The same in a stop; greater than `bend`.
+    """
+
+    lower: Vector
+    upper: Vector
+    step: Vector
+    bend: Vector
+    brake: Vector
+
+    @classmethod
+    def of_plant(
+        cls,
+        plant: MultibodyPlant,
+        arm: ModelInstanceIndex,
+        config: SafetyConfig,
+        period: float,
+    ) -> JointLimits:
+        """Return the limits of a configuration; the model fills in the others.
+
+        Args:
+            plant: With the arm.
+            arm: Its model instance; all of its joints have one position or none.
+            config: The limits.
+            period: The control period [s].
+
+        Raises:
+            ValueError: If a limit does not fit the joints or another limit.
+        """
+        n = plant.num_positions(arm)
+
+        def resolve(key: str, given: list[float] | None, default: Vector) -> Vector:
+            if given is None:
+                return default
+            if len(given) not in (1, n):
+                raise ValueError(
+                    f"safety.{key}: needs 1 entry or one per joint of the arm ({n}), "
+                    f"got {len(given)}"
+                )
+            return np.broadcast_to(np.array(given, dtype=float), n).copy()
+
+        def of_model(values: Vector) -> Vector:
+            found: Vector = plant.GetVelocitiesFromArray(arm, values)
+            return found
+
+        lower = resolve("lower", config.lower, of_model(plant.GetPositionLowerLimits()))
+        upper = resolve("upper", config.upper, of_model(plant.GetPositionUpperLimits()))
+        speed = resolve("speed", config.speed, of_model(plant.GetVelocityUpperLimits()))
+        model = _ACCELERATION * of_model(plant.GetAccelerationUpperLimits())
+        acceleration = resolve("acceleration", config.acceleration, model)
+        stop = _STOP * acceleration
+        stop = resolve("stop_acceleration", config.stop_acceleration, stop)
+        if not np.all(lower < upper):
+            raise ValueError("safety.lower: must be less than safety.upper")
+        if not np.all(stop[np.isfinite(stop)] > acceleration[np.isfinite(stop)]):
+            raise ValueError(
+                "safety.stop_acceleration: must be greater than safety.acceleration "
+                f"({acceleration.max():g}), got {stop.min():g}"
+            )
+        for key, values in (("speed", speed), ("acceleration", acceleration)):
+            if not np.all(np.isfinite(values)):
+                raise ValueError(
+                    f"safety.{key}: must be given, because the arm's model has no limit"
+                )
+        return cls(
+            lower,
+            upper,
+            (1.0 + _TOLERANCE) * period * speed,
+            (1.0 + _TOLERANCE) * period**2 * acceleration,
+            (1.0 + _TOLERANCE) * period**2 * stop,
+        )
+
+    def fault(
+        self, q: Vector, step: Vector, last_step: Vector, stopped: Vector
+    ) -> StopReason:
+        """Return what is wrong with a command, if anything.
+
+        Args:
+            q: Its positions, shape (N,) [rad or m].
+            step: Their change since the command before, shape (N,).
+            last_step: The change before that, shape (N,).
+            stopped: Where the arm could stop beyond `q`, shape (N,) [rad or m].
+        """
+        if (np.abs(step) > self.step).any():
+            return StopReason.SPEED
+        if (np.abs(step - last_step) > self.bend).any():
+            return StopReason.ACCELERATION
+        low, high = np.minimum(q, stopped), np.maximum(q, stopped)
+        if (low < self.lower).any() or (high > self.upper).any():
+            return StopReason.POSITION
+        return StopReason.NONE
+
+    def braking_periods(self, step: Vector) -> float:
+        """Return how many periods it takes to stop from a step (N,) straight on."""
+        return math.ceil(float(np.max(np.abs(step) / self.brake)))
+
+    def measured_fault(
+        self, measured: Vector, q: Vector, following_error: float, period: float
+    ) -> StopReason:
+        """Return what is wrong with a measured state [q; v], if anything.
+
+        Args:
+            measured: The state, shape (2N,) [rad, rad/s].
+            q: Where the joints should be, shape (N,) [rad or m].
+            following_error: Largest deviation from that [rad or m].
+            period: The control period [s].
+        """
+        n = len(q)
+        # NaN compares as false, so that one test finds all faults.
+        near = (np.abs(measured[:n] - q) <= following_error).all()
+        slow = (np.abs(measured[n:]) * period <= _MEASURED_SPEED * self.step).all()
+        if near and slow:
+            return StopReason.NONE
+        if not np.isfinite(measured).all():
+            return StopReason.MEASURED_NOT_FINITE
+        return StopReason.MEASURED_SPEED if near else StopReason.FOLLOWING_ERROR
+
+
+@dc.dataclass(frozen=True)
+class ToolLimits:
+    """Limits of the tool's point.
+
+    Attributes:
+        position: Returns its position p_WT [m] at joint positions (N,).
+        step: Largest distance in a control period [m].
+        lower: Least position in world, shape (3,) [m].
+        upper: Greatest position in world, shape (3,) [m].
+    """
+
+    position: Callable[[Vector], Vector]
+    step: float = math.inf
+    lower: Vector = dc.field(default_factory=lambda: np.full(3, -np.inf))
+    upper: Vector = dc.field(default_factory=lambda: np.full(3, np.inf))
+
+    @classmethod
+    def of(
+        cls, config: SafetyConfig, position: Callable[[Vector], Vector], period: float
+    ) -> ToolLimits | None:
+        """Return the limits of a configuration, if it has any.
+
+        Args:
+            config: The limits.
+            position: As the attribute.
+            period: The control period [s].
+
+        Raises:
+            ValueError: If the workspace is empty.
+        """
+        box = config.workspace
+        if config.tool_speed is None and box is None:
+            return None
+        speed = math.inf if config.tool_speed is None else config.tool_speed
+        if box is None:
+            return cls(position, period * speed)
+        if not np.all(np.less(box.min, box.max)):
+            raise ValueError("safety.workspace.min: must be less than max everywhere")
+        return cls(position, period * speed, np.array(box.min), np.array(box.max))
+
+    def fault(self, p_WT: Vector, last: Vector, stopped: Vector) -> StopReason:
+        """Return what is wrong with a command, if anything.
+
+        Args:
+            p_WT: The tool's position in world [m].
+            last: The same at the command before [m].
+            stopped: Joint positions where the arm could stop, shape (N,) [rad or m].
+        """
+        if np.linalg.norm(p_WT - last) > self.step:
+            return StopReason.TOOL_SPEED
+        if self._outside(p_WT) or self._outside(self.position(stopped)):
+            return StopReason.WORKSPACE
+        return StopReason.NONE
+
+    def _outside(self, p_WT: Vector) -> bool:
+        return bool((p_WT < self.lower).any() or (p_WT > self.upper).any())
+
+
+@dc.dataclass(frozen=True)
+class Command:
+    """A command that has been accepted, or where the arm rests.
+
+    Attributes:
+        q: Joint positions, shape (N,) [rad or m].
+        step: Their change since the command before, shape (N,).
+        tool: The tool's position p_WT there [m]; NaN where no limit needs it.
+    """
+
+    q: Vector
+    step: Vector
+    tool: Vector
+
+
+def check_command(
+    q: Vector, last: Command, limits: JointLimits, tool: ToolLimits | None
+) -> tuple[StopReason, Command]:
+    """Return what is wrong with a command, if anything, and the command to go on from.
+
+    A command is also refused if the arm, once there, could not stop within the limits
+    of position and workspace.
+
+    Args:
+        q: The command's joint positions, shape (N,) [rad or m].
+        last: The command before.
+        limits: Of the joints.
+        tool: Limits of the tool, if any.
+    """
+    if not np.isfinite(q).all():
+        return StopReason.NOT_FINITE, last
+    step = q - last.q
+    # It stops straight on, all joints at the same time. One more step is for rounding
+    # up to whole periods.
+    stopped = q + step * (0.5 * limits.braking_periods(step) + 1.0)
+    fault = limits.fault(q, step, last.step, stopped)
+    p_WT = last.tool
+    if tool is not None and fault is StopReason.NONE:
+        p_WT = tool.position(q)
+        fault = tool.fault(p_WT, last.tool, stopped)
+    ok = fault is StopReason.NONE
+    return fault, Command(q, step, p_WT) if ok else last
+
+
+# Directions in which a force moves the joints by less than this share of the largest
+# are not resolved: near a singular posture, noise would count as an enormous force.
+_RESOLVED = 0.05
+
+
+class Tool:
+    """A point of the hand, as a function of the arm's joints.
+
+    Args:
+        plant: A finalized plant with the arm and the hand.
+        arm: Name of the arm's model instance.
+        frame: The tool, as MODEL::FRAME; its origin counts.
+
+    Raises:
+        ValueError: If there is no such frame.
+    """
+
+    def __init__(self, plant: MultibodyPlant, arm: str, frame: str) -> None:
+        self._plant = plant
+        self._context = plant.CreateDefaultContext()  # scratch, not state
+        self._arm = plant.GetModelInstanceByName(arm)
+        self._frame = _find(plant, frame)
+        joints = plant.GetJointIndices(self._arm)
+        moving = (plant.get_joint(i) for i in joints)
+        self._columns = sorted(j.velocity_start() for j in moving if j.num_velocities())
+
+    def position(self, q: Vector) -> Vector:
+        """Return its position p_WT [m] at joint positions (N,) [rad or m]."""
+        self._plant.SetPositions(self._context, self._arm, q)
+        X_WT = self._frame.CalcPoseInWorld(self._context)
+        p_WT: Vector = X_WT.translation()
+        return p_WT
+
+    def force(self, q: Vector, torque: Vector) -> float:
+        """Return the size of the force on the point that best explains torques [N].
+
+        It is the least-squares solution of J(q)ᵀ f = torque, for a contact at this
+        point alone. A contact nearer to the base presses harder than it says.
+
+        Args:
+            q: Joint positions, shape (N,) [rad or m].
+            torque: External torques, shape (N,) [N m].
+        """
+        plant = self._plant
+        plant.SetPositions(self._context, self._arm, q)
+        world = plant.world_frame()
+        J = plant.CalcJacobianTranslationalVelocity(
+            self._context,
+            JacobianWrtVariable.kV,
+            self._frame,
+            np.zeros(3),
+            world,
+            world,
+        )[:, self._columns]
+        force = np.linalg.lstsq(J.T, torque, rcond=_RESOLVED)[0]
+        return float(np.linalg.norm(force))
+
+
+def _find(plant: MultibodyPlant, name: str) -> Frame:
+    model, _, frame = name.partition("::")
+    if frame and plant.HasModelInstanceNamed(model):
+        instance = plant.GetModelInstanceByName(model)
+        if plant.HasFrameNamed(frame, instance):
+            return plant.GetFrameByName(frame, instance)
+    raise ValueError(
+        f"safety.tool: must be a frame of the models, as MODEL::FRAME, got {name!r}"
+    )
+
+
+@dc.dataclass(frozen=True)
+class TouchLimits:
+    """Limits of external torques, and of the force that explains them.
+
+    Attributes:
+        torque: Of each joint, shape (N,) [N m].
+        tool: Where the force acts; None without limits of the force.
+        transient: Largest force [N].
+        quasi_static: Largest force that lasts longer than `transient_time` [N].
+        transient_time: How long a force counts as an impact [s].
+    """
+
+    torque: Vector
+    tool: Tool | None = None
+    transient: float = math.inf
+    quasi_static: float = math.inf
+    transient_time: float = 0.0
+
+    @classmethod
+    def of(cls, config: SafetyConfig, n: int, tool: Tool | None) -> TouchLimits | None:
+        """Return the limits of a configuration for N = `n` joints, if it has any.
+
+        Raises:
+            ValueError: If they do not fit the arm, or name unknown regions of the body.
+        """
+        if not config.feels:
+            return None
+        given = config.external_torque
+        given = [math.inf] if given is None else given
+        if len(given) not in (1, n):
+            raise ValueError(
+                "safety.external_torque: needs 1 entry or one per joint of the arm "
+                f"({n}), got {len(given)}"
+            )
+        torque, force = np.broadcast_to(np.array(given, dtype=float), n), config.force
+        if force is None:
+            return cls(torque)
+        if not force.regions or set(force.regions) - force.profile.keys():
+            raise ValueError(
+                "safety.force.regions: must name regions of the profile, got "
+                f"{force.regions} (allowed: {', '.join(force.profile) or 'none'})"
+            )
+        regions = [force.profile[name] for name in force.regions]
+        return cls(
+            torque,
+            tool,
+            min(region.transient for region in regions),
+            min(region.quasi_static for region in regions),
+            force.transient_time,
+        )
+
+    def fault(
+        self, q: Vector, torque: Vector, since: float, time: float
+    ) -> tuple[StopReason, float]:
+        """Return what is beyond a limit, if anything, and since when the tool presses.
+
+        Args:
+            q: Joint positions, shape (N,) [rad or m].
+            torque: External torques, shape (N,) [N m].
+            since: Since when the force is above `quasi_static` [s]; infinite if it was
+                not.
+            time: Now [s].
+        """
+        if not np.isfinite(torque).all():
+            return StopReason.MEASURED_NOT_FINITE, since
+        if (np.abs(torque) > self.torque).any():
+            return StopReason.EXTERNAL_TORQUE, since
+        if self.tool is None:
+            return StopReason.NONE, since
+        force = self.tool.force(q, torque)
+        since = min(since, time) if force > self.quasi_static else math.inf
+        if force > self.transient or time - since > self.transient_time:
+            return StopReason.FORCE, since
+        return StopReason.NONE, since

@@ -1,0 +1,461 @@
+"""The commands serve, twin, identify and calibrate."""
+
+from __future__ import annotations
+
+import argparse
+import contextlib
+import dataclasses as dc
+import functools
+import math
+import os
+import sys
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from drake_srg.cli.command import (
+    SCENARIO,
+    SUCCESS,
+    TASK_FAILED,
+    argument,
+    command,
+    end_on_sigterm,
+    flag,
+    folder,
+    load,
+    ros,
+    speaks_ros,
+    stop_on_signals,
+    writing,
+)
+from drake_srg.common.exceptions import ScenarioError
+from drake_srg.common.status_line import StatusLine
+
+if TYPE_CHECKING:
+    from drake_srg.robot.calibrate.mounting import Board
+    from drake_srg.robot.drive import HardwareConfig
+
+
+def _rate(text: str) -> float:
+    rate = _number(text)
+    if not 0.0 <= rate < math.inf:
+        raise argparse.ArgumentTypeError(f"must be a number of at least 0, got {text}")
+    return rate
+
+
+def _period(text: str) -> float:
+    period = _number(text)
+    if not 0.0 < period < math.inf:
+        raise argparse.ArgumentTypeError(f"must be a positive number, got {text}")
+    return period
+
+
+def _number(text: str) -> float:
+    try:
+        return float(text)
+    except ValueError:
+        return math.nan
+
+
+@command(
+    "run a scenario's station under outside command: ROS 1, ROS 2, a servo driver",
+    "",
+    SCENARIO,
+    ros("run a ROS 1 node", "run a ROS 2 node", "clients"),
+    argument(
+        "--servo",
+        metavar="tcp:PORT|pty",
+        help="run the servos of gripper and arm for real drivers (or tcp:HOST:PORT)",
+    ),
+    argument(
+        "--protocol",
+        type=int,
+        metavar="1|2",
+        help="Dynamixel protocol of the servos (default: 1)",
+    ),
+    argument(
+        "--name",
+        default="drake_srg",
+        metavar="NODE",
+        help="node name, to run several stations (default: %(default)s)",
+    ),
+    argument(
+        "--rate",
+        type=_rate,
+        default=1.0,
+        metavar="FACTOR",
+        help="simulated seconds per real second; 0: as fast as possible (default: 1)",
+    ),
+    argument(
+        "--camera-period",
+        type=_period,
+        default=0.1,
+        metavar="SECONDS",
+        help="shortest time between pictures [s] (default: %(default)s)",
+    ),
+    folder("results (default: out/served/SCENARIO)"),
+    flag("--no-record", "write no recording and replay"),
+)
+def serve(options: argparse.Namespace) -> int:
+    """Serve a station until the user stops it; return the exit code.
+
+    Raises:
+        ScenarioError: If the input is bad, or an address or folder cannot be used.
+    """
+    output = options.console
+    status = StatusLine(
+        sys.stderr if output.json else sys.stdout, shown=output.progress, at_once=True
+    )
+    with stop_on_signals() as stop, contextlib.closing(status):
+        # Imported here, under the signal handlers, so that a signal during the import
+        # of Drake ends the command cleanly.
+        from drake_srg.robot.serve.connecting import BridgeOptions, own_terminal
+        from drake_srg.robot.serve.loop import Serve
+
+        ros1, ros2 = speaks_ros(options)
+        bridges = BridgeOptions(
+            ros1=ros1,
+            master=options.master,
+            ros2=ros2,
+            domain=options.domain,
+            servo=options.servo,
+            protocol=options.protocol,
+            host=options.host,
+            name=options.name,
+            terminal=own_terminal(sys.stdin),
+        )
+        if not (bridges.ros1 or bridges.ros2 or bridges.servo):
+            raise ScenarioError(
+                "serve: needs at least one of --ros1, --ros2 and --servo"
+            )
+        scenario = load(options)
+        name = Path(options.scenario).stem
+        out: Path = options.out or Path("out") / "served" / name
+        try:
+            served = Serve(
+                scenario,
+                functools.partial(bridges.connect, scenario),
+                name=name,
+                rate=options.rate,
+                camera_period=options.camera_period,
+                out=None if options.no_record else out,
+                stop=stop,
+                tell=lambda text: status.interrupt(f"drake-srg: warning: {text}"),
+                report=status.show,
+            )
+        except BrokenPipeError:  # nobody reads the status line any more
+            raise
+        except OSError as error:
+            where = f"{error.filename}: " if error.filename else ""
+            raise ScenarioError(f"serve: {where}{error.strerror or error}") from error
+    output.say(
+        f"served {served.sim_time:.2f} s in {served.wall_time:.2f} s, "
+        f"{served.commands} commands"
+    )
+    output.say(*filter(None, [served.recording, served.replay]))
+    output.answer(dc.asdict(served))
+    return 0
+
+
+@command(
+    "follow a running robot with a simulated twin, and report where they differ",
+    "It only listens. Exit code: 0 no difference, 1 at least one, 2 bad input.",
+    SCENARIO,
+    ros("listen to ROS 1", "listen to ROS 2", "the robot"),
+    argument(
+        "--hardware",
+        type=Path,
+        metavar="FILE.yaml",
+        help="listen to the topics of this hardware file",
+    ),
+    folder("results (default: out/twin/SCENARIO)"),
+    flag("--no-record", "write nothing"),
+)
+def twin(options: argparse.Namespace) -> int:
+    """Follow a robot with a twin; return the exit code.
+
+    Raises:
+        ScenarioError: If the input is bad, or the robot cannot be reached.
+    """
+    output = options.console
+    status = StatusLine(
+        sys.stderr if output.json else sys.stdout, shown=output.progress, at_once=True
+    )
+    # Imported under the signal handlers, so that a signal ends the command cleanly.
+    with stop_on_signals() as stop, contextlib.closing(status):
+        from drake_srg.robot.twin.run import run_twin
+
+        config = _config(options)
+        scenario = load(options)
+        name = Path(options.scenario).stem
+        out: Path = options.out or Path("out") / "twin" / name
+        with writing("--out", out):
+            result = run_twin(
+                scenario,
+                config,
+                name=name,
+                out=None if options.no_record else out,
+                stop=stop,
+                tell=lambda text: status.interrupt(f"drake-srg: warning: {text}"),
+                report=status.show,
+            )
+    why = "stopped" if result.ended == "stopped" else "the robot is silent"
+    count = len(result.partings)
+    differences = f"{count} difference" + ("" if count == 1 else "s")
+    output.say(f"{why} after {result.sim_time_s:.2f} s: {differences} reported")
+    output.say(*result.artifacts.values())
+    output.answer(dc.asdict(result))
+    return TASK_FAILED if result.partings else SUCCESS
+
+
+def _config(options: argparse.Namespace) -> HardwareConfig:
+    """Return where the robot's topics are."""
+    from drake_srg.robot.drive import HardwareConfig, load_hardware
+    from drake_srg.robot.drive.arm import Ros1Arm, Ros2Arm
+    from drake_srg.robot.drive.gripper import Ros1Gripper, Ros2Gripper
+    from drake_srg.robot.serve.connecting import Ros1Config, Ros2Config
+
+    ros1, ros2 = speaks_ros(options)
+    if ros1 + ros2 + (options.hardware is not None) != 1:
+        raise ScenarioError("twin: needs one of --ros1, --ros2 and --hardware")
+    if options.hardware is not None:
+        return load_hardware(options.hardware)
+    if ros1:
+        return HardwareConfig(
+            arm=Ros1Arm(),
+            gripper=Ros1Gripper(),
+            ros1=Ros1Config(master=options.master or "", host=options.host),
+        )
+    return HardwareConfig(
+        arm=Ros2Arm(),
+        gripper=Ros2Gripper(),
+        ros2=Ros2Config(domain=options.domain, host=options.host),
+    )
+
+
+VENDOR = "vendor"
+
+
+@command(
+    "fit a gripper's motor, friction and heat to what its servo showed",
+    "It prints intervals, correlations and what the log leaves open, and writes a "
+    "scenario.",
+    argument(
+        "log",
+        metavar="LOG.csv",
+        help=f"rows of your gripper's tests, or `{VENDOR}` for the maker's own "
+        "(columns: docs/gripper.md)",
+    ),
+    argument(
+        *("-o", "--output"),
+        type=Path,
+        metavar="FILE.yaml",
+        default=Path("srg_specimen.yaml"),
+        help="the scenario to write (default: %(default)s)",
+    ),
+    argument(
+        "--base",
+        default="gripper_bench",
+        metavar="SCENARIO",
+        help="scenario whose gripper is replaced (default: %(default)s)",
+    ),
+)
+def identify(options: argparse.Namespace) -> int:
+    """Fit a gripper's parameters to its log and write a scenario with them.
+
+    Raises:
+        ScenarioError: If the log or the base is invalid, or writing fails.
+    """
+    from drake_srg.gripper.drivers import SrgTendonDriver
+    from drake_srg.robot.identify.fits import identify as fit_log
+    from drake_srg.robot.identify.log import read_log, vendor_log
+    from drake_srg.robot.identify.report import overlay, report
+    from drake_srg.scenario import load_scenario
+    from drake_srg.scenario.typed_yaml import check_tree, parse_yaml
+    from drake_srg.sweeps.files import write_file
+
+    gripper = load_scenario(options.base).gripper
+    if gripper is None or gripper.wire_motor is None:
+        raise ScenarioError(f"--base {options.base}: gripper: needs !SrgTendonDriver")
+    base = options.base
+    if base.endswith(".yaml"):
+        if Path(base).resolve() == options.output.resolve():
+            raise ScenarioError(f"-o {options.output}: must differ from --base")
+        # A scenario names its base relative to its own folder.
+        base = os.path.relpath(base, options.output.parent)
+    own = options.log != VENDOR
+    rows = read_log(Path(options.log)) if own else vendor_log()
+    result = fit_log(rows)
+    source = Path(options.log).stem if own else "an EZGripper measured by its vendor"
+    text = overlay(result, base, source)
+    # A log of something else may give values that no scenario takes.
+    tree = parse_yaml(text, options.log)["gripper"]
+    check_tree(tree, SrgTendonDriver | None, options.log, "gripper")
+    with writing("-o", options.output):
+        write_file(options.output, text.encode("utf-8"))
+    options.console.say(*report(result), "", options.output)
+    options.console.answer(
+        {
+            "parameters": {
+                e.parameter.name: {
+                    "value": e.value,
+                    "interval": [e.low, e.high],
+                    "unit": e.parameter.unit,
+                    "told": e.told,
+                }
+                for fit in result.fits.values()
+                for e in fit.estimates
+            },
+            "errors": [dc.asdict(error) for error in result.errors],
+            "scenario": options.output,
+        }
+    )
+    return SUCCESS
+
+
+_BOARD = "6,5,0.04,0.03,DICT_4X4_50"
+
+
+@command(
+    "find a camera's intrinsics and pose by images of a ChArUco board",
+    "In simulation, the arm shows the board to the camera. It prints standard "
+    "deviations and writes the images, and a scenario with the result.",
+    argument("what", choices=["camera"], help="what to calibrate"),
+    SCENARIO,
+    argument(
+        "--camera",
+        metavar="NAME",
+        help="a name in `cameras` (default: the first of `localizer.cameras`)",
+    ),
+    argument(
+        "--images",
+        metavar="N|DIR",
+        default="24",
+        help="how many to take in simulation, or a folder of images with poses.csv "
+        "(default: %(default)s)",
+    ),
+    argument(
+        "--board",
+        metavar="COLUMNS,ROWS,SQUARE,MARKER[,DICTIONARY]",
+        default=_BOARD,
+        help="the board in a folder's images; sides in metres (default: %(default)s)",
+    ),
+    folder(
+        "folder for calibration.yaml and the images (default: out/calibrate_SCENARIO)"
+    ),
+)
+def calibrate(options: argparse.Namespace) -> int:
+    """Calibrate a camera and write a scenario with the result.
+
+    Raises:
+        ScenarioError: If images, poses or scenario are invalid, or writing fails.
+    """
+    from drake_srg.robot.calibrate.mounting import mount
+    from drake_srg.robot.calibrate.overlay import answer, overlay, report, true_errors
+    from drake_srg.robot.calibrate.shots import (
+        find_views,
+        read_shots,
+        shot_files,
+        take_shots,
+    )
+    from drake_srg.robot.calibrate.solve import calibrate as solve
+    from drake_srg.station.planners import own_scene
+    from drake_srg.sweeps.files import write_file, write_folder
+
+    board, count = parse_board(options.board), parse_count(options.images)
+    if count is not None and options.board != _BOARD:
+        raise ScenarioError("--board: needs a folder of --images")
+    out: Path = options.out or Path("out") / f"calibrate_{Path(options.scenario).stem}"
+    base = _base(options.scenario, out)
+    scenario = load(options)
+    if scenario.arm is None or scenario.gripper is None:
+        raise ScenarioError(f"{options.scenario}: needs an arm and a gripper")
+    camera = options.camera or next(iter(scenario.localizer.cameras), "")
+    scene = own_scene(scenario)
+    mounting = mount(scenario, camera, scene, board)
+    end_on_sigterm()
+    if count is None:
+        shots = read_shots(Path(options.images))
+    else:
+        with StatusLine(shown=options.console.progress) as line:
+
+            def tell(taken: int) -> None:
+                line.count(taken, count, "images taken")
+
+            shots = take_shots(scenario, mounting, scene, count, tell)
+    result = solve(find_views(shots, mounting), mounting.focal, mounting.center)
+    errors = None if count is None else true_errors(result, mounting)
+    file = out / "calibration.yaml"
+    with writing("--out", out):
+        if count is not None:
+            write_folder(out / "images", shot_files(shots))
+        write_file(file, overlay(result, mounting, base).encode("utf-8"))
+    options.console.say(*report(result, mounting, errors), "", file)
+    found = answer(result, mounting, errors)
+    options.console.answer({**found, "scenario": file})
+    return SUCCESS
+
+
+def parse_board(text: str) -> Board:
+    """Return the board that `--board` describes.
+
+    Raises:
+        ScenarioError: If it describes none.
+    """
+    import cv2
+
+    from drake_srg.robot.calibrate.mounting import Board
+
+    words = text.split(",")
+    if len(words) == 4:
+        words.append("DICT_4X4_50")
+    try:
+        first, second, side, inner, dictionary = words
+        columns, rows = int(first), int(second)
+        square, marker = float(side), float(inner)
+    except ValueError:
+        raise ScenarioError(
+            f"--board: must be COLUMNS,ROWS,SQUARE,MARKER[,DICTIONARY], got {text!r}"
+        ) from None
+    if not (min(columns, rows) >= 3 and max(columns, rows) <= 50):
+        raise ScenarioError(f"--board: needs 3 to 50 columns and rows, got {text!r}")
+    if not 0.0 < marker < square <= 1.0:
+        raise ScenarioError(
+            f"--board: needs 0 < MARKER < SQUARE <= 1 m, got {marker:g} and {square:g}"
+        )
+    if not dictionary.startswith("DICT_") or not hasattr(cv2.aruco, dictionary):
+        known = [name for name in dir(cv2.aruco) if name.startswith("DICT_")]
+        raise ScenarioError(
+            f"--board: unknown dictionary {dictionary!r} (allowed: {', '.join(known)})"
+        )
+    markers = cv2.aruco.getPredefinedDictionary(getattr(cv2.aruco, dictionary))
+    if columns * rows // 2 > len(markers.bytesList):
+        raise ScenarioError(
+            f"--board: {dictionary} has too few markers for {columns} x {rows} squares"
+        )
+    return Board(columns, rows, square, marker, dictionary)
+
+
+def parse_count(text: str) -> int | None:
+    """Return the number of images that `--images` asks for; None: it is a folder.
+
+    Raises:
+        ScenarioError: If it is a number that is too small or too large.
+    """
+    from drake_srg.robot.calibrate.solve import MIN_VIEWS
+
+    try:
+        count = int(text)
+    except ValueError:
+        return None
+    if not MIN_VIEWS <= count <= 200:
+        raise ScenarioError(f"--images: must be {MIN_VIEWS} .. 200, got {count}")
+    return count
+
+
+def _base(scenario: str, out: Path) -> str:
+    """Return the scenario's name as a file in `out` refers to it."""
+    if not scenario.endswith(".yaml"):
+        return scenario
+    if Path(scenario).resolve() == (out / "calibration.yaml").resolve():
+        raise ScenarioError(f"--out {out}: would replace the scenario; choose another")
+    return os.path.relpath(scenario, out)

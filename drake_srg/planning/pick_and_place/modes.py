@@ -1,0 +1,416 @@
+"""The modes of picking and placing: what each commands, looks at and observes.
+
+`knowledge.TRANSITIONS` says where each of them leads. A mode holds no state: it changes
+the planner's memory.
+"""
+
+from __future__ import annotations
+
+from typing import TypeAlias
+
+import numpy as np
+from pydrake.trajectories import Trajectory
+
+from drake_srg.planning import state_machine
+from drake_srg.planning.pick_and_place.knowledge import (
+    Attempt,
+    Cycle,
+    PlannerMemory,
+    Senses,
+    WatchGrasp,
+    WatchTouch,
+    holding,
+)
+from drake_srg.planning.pick_and_place.replanning import Replanner
+from drake_srg.planning.planner_machine import (
+    GIVES_UP,
+    Observation,
+    PlannerConfig,
+    PlannerMode,
+)
+from drake_srg.types import Failure, Mode
+
+# Joint error within which what an object meets as it is set down is its goal [rad]: 5
+# to 8 mm at the hand of an iiwa.
+_SET_DOWN = 0.01
+
+Now: TypeAlias = state_machine.Moment[Senses]
+Entry: TypeAlias = state_machine.Entry[Senses, Mode, Observation]
+
+_MESSAGES = {
+    **GIVES_UP,
+    Failure.NO_GRASP: "the fingers closed, but nothing of the right size is in them",
+    Failure.DROPPED: "the object was in the hand and got lost",
+    Failure.MISPLACED: "the object is not seen on its goal",
+}
+
+
+class TaskMode(PlannerMode[PlannerMemory, Senses]):
+    """A mode of the task. Every mode heeds the clock and torques from outside.
+
+    Attributes:
+        mode: Which mode it is.
+        config: Times and limits.
+        replanner: Plans from what is seen.
+        repeat: How many cycles the task has.
+    """
+
+    def __init__(
+        self, config: PlannerConfig, replanner: Replanner, repeat: int
+    ) -> None:
+        self.config = config
+        self.replanner = replanner
+        self.repeat = repeat
+
+    def enter(self, memory: PlannerMemory, entry: Entry) -> PlannerMemory:
+        """Begin the mode's planned motion, if there is one."""
+        memory.attempt.ready_at, memory.attempt.looked = entry.time, False
+        return super().enter(memory, entry)
+
+    def trajectory(self, memory: PlannerMemory) -> Trajectory | None:
+        """Return the planned motion of the mode, None where the arm rests."""
+        planned = memory.attempt.motions
+        return planned.motions.get(self.mode) if planned else None
+
+    def update(self, memory: PlannerMemory, now: Now) -> PlannerMemory:
+        """Stop the arm where it meets something."""
+        WatchTouch(memory, now.senses, self.config)
+        return memory
+
+    def final_failure(self, memory: PlannerMemory, time: float) -> Failure | None:
+        """Return the failure that ends the task in whatever mode, if there is one."""
+        if memory.attempt.trapped:
+            return memory.trouble.failure
+        if memory.trouble.touched:
+            return Failure.STOPPED
+        over = time - memory.cycle.started > self.config.time_budget
+        return Failure.TIME_BUDGET if over else None
+
+
+class Moving(TaskMode):
+    """A mode that moves the arm; it ends once the arm has arrived."""
+
+    def update(self, memory: PlannerMemory, now: Now) -> PlannerMemory:
+        """Look around once the arm has arrived."""
+        memory = super().update(memory, now)
+        there = memory.motion.arrived(now.senses.q, now.time)
+        if there and not memory.attempt.looked:
+            self.Look(memory, now)
+        return memory
+
+    def Look(self, memory: PlannerMemory, now: Now) -> None:
+        """Notice what is seen at the end of the motion."""
+
+    def observe_mode(self, memory: PlannerMemory, now: Now) -> Observation:
+        """Report whether the arm has arrived, or is stopped by something."""
+        if memory.motion.arrived(now.senses.q, now.time):
+            return self.observe_arrived(memory, now)
+        late = now.time > memory.motion.due + self.config.arrival_timeout
+        return Observation(failure=Failure.STOPPED if late else None)
+
+    def observe_arrived(self, memory: PlannerMemory, now: Now) -> Observation:
+        """Return what the mode's transitions depend on once the arm has arrived."""
+        return Observation(arrived=True)
+
+
+class Carrying(Moving):
+    """A mode that moves the arm with the object in the hand."""
+
+    def update(self, memory: PlannerMemory, now: Now) -> PlannerMemory:
+        """Stop the arm where the hand loses the object."""
+        WatchGrasp(memory, now.senses, now.time, self.config)
+        return super().update(memory, now)
+
+    def observe_arrived(self, memory: PlannerMemory, now: Now) -> Observation:
+        """Report whether the object is still in the hand."""
+        return Observation(arrived=True, holding=holding(memory, now.senses))
+
+
+class BetweenAttempts(TaskMode):
+    """A mode without a plan; as it begins, the previous plan is forgotten."""
+
+    def enter(self, memory: PlannerMemory, entry: Entry) -> PlannerMemory:
+        """Judge the attempt that has ended, and forget its plan."""
+        attempt, trouble = memory.attempt, memory.trouble
+        observed = entry.observation.failure if entry.observation else None
+        failure = observed or trouble.failure
+        if entry.previous is None:
+            memory.cycle = Cycle(started=entry.time)
+        elif attempt.at_goal:
+            failure, trouble.message = None, ""
+            memory.totals.cycles += 1
+            memory.cycle = Cycle(started=entry.time)
+        elif attempt.at_goal is False:
+            failure = failure or Failure.MISPLACED
+        # Where planning failed, its own words say more.
+        worded = entry.previous is Mode.IDLE or attempt.trapped
+        if failure is not None and not worded:
+            trouble.message = trouble.touched or _MESSAGES.get(failure, trouble.message)
+        trouble.failure = failure
+        memory.motion = memory.motion.ended(entry.time)
+        memory.attempt = Attempt(began=entry.time, next_look=entry.time)
+        return memory
+
+
+class Idle(BetweenAttempts):
+    """Looks for the object, and plans all motions from where it is seen."""
+
+    mode = Mode.IDLE
+
+    def update(self, memory: PlannerMemory, now: Now) -> PlannerMemory:
+        """Look and plan whenever a look is due."""
+        memory = super().update(memory, now)
+        if now.time >= memory.attempt.next_look:
+            self.replanner.Plan(now.senses.see(), memory, now.time)
+        return memory
+
+    def observe_mode(self, memory: PlannerMemory, now: Now) -> Observation:
+        """Report motions, a way out or a failure, once planning has taken its time."""
+        attempt = memory.attempt
+        if now.time < attempt.ready_at:
+            return Observation()
+        planned, stuck = attempt.motions is not None, attempt.escape is not None
+        failure = None if planned or stuck else memory.trouble.failure
+        return Observation(ready=planned, stuck=stuck, failure=failure)
+
+
+class PreGrasp(Moving):
+    """Moves the open hand in front of the object."""
+
+    mode = Mode.PRE_GRASP
+
+    def enter(self, memory: PlannerMemory, entry: Entry) -> PlannerMemory:
+        """Open the fingers as far as the object needs, and go."""
+        grasp = memory.attempt.planned.grasp
+        memory.closure = grasp.closure_open
+        memory.grip.fingers_open = grasp.fingers_open
+        return super().enter(memory, entry)
+
+    def Look(self, memory: PlannerMemory, now: Now) -> None:
+        """See whether the object is still where the motions take it."""
+        if self.config.look_before_grasp:
+            self.replanner.Compare(now.senses.see(), memory, now.time)
+
+    def observe_arrived(self, memory: PlannerMemory, now: Now) -> Observation:
+        """Report whether anything has moved."""
+        return Observation(arrived=True, moved=memory.attempt.moved)
+
+
+class Grasp(Moving):
+    """Moves the open hand around the object."""
+
+    mode = Mode.GRASP
+
+    def enter(self, memory: PlannerMemory, entry: Entry) -> PlannerMemory:
+        """Count the attempt, and go."""
+        memory.cycle.attempts += 1
+        memory.totals.attempts += 1
+        return super().enter(memory, entry)
+
+
+class Close(TaskMode):
+    """Closes the fingers on the object."""
+
+    mode = Mode.CLOSE
+
+    def enter(self, memory: PlannerMemory, entry: Entry) -> PlannerMemory:
+        """Close the fingers."""
+        memory.closure = memory.attempt.planned.grasp.closure_closed
+        return super().enter(memory, entry)
+
+    def observe_mode(self, memory: PlannerMemory, now: Now) -> Observation:
+        """Report whether the fingers rest, and whether they hold the object."""
+        senses = now.senses
+        return Observation(still=senses.still, holding=holding(memory, senses))
+
+
+class Verify(TaskMode):
+    """Makes sure that the fingers hold the object."""
+
+    mode = Mode.VERIFY
+
+    def observe_mode(self, memory: PlannerMemory, now: Now) -> Observation:
+        """Report whether the fingers hold the object."""
+        return Observation(holding=holding(memory, now.senses))
+
+
+class Lift(Carrying):
+    """Lifts the object off its support, and makes sure that it is held."""
+
+    mode = Mode.LIFT
+
+    @property
+    def wait(self) -> float:
+        """Time to verify the grasp at rest [s]."""
+        return self.config.verify_time
+
+    def enter(self, memory: PlannerMemory, entry: Entry) -> PlannerMemory:
+        """Remember how the fingers hold the object, and go."""
+        memory.grip.angles = entry.senses.fingers.copy()
+        memory.grip.unheld_since = np.inf
+        return super().enter(memory, entry)
+
+
+class Transfer(Carrying):
+    """Carries the object above its goal, and looks at it there."""
+
+    mode = Mode.TRANSFER
+
+    @property
+    def wait(self) -> float:
+        """Time to verify the grasp at rest [s]."""
+        return self.config.verify_time
+
+    def Look(self, memory: PlannerMemory, now: Now) -> None:
+        """See where the object is in the hand, and correct its placing."""
+        if self.config.look_before_place and not memory.attempt.lost:
+            self.replanner.Correct(now.senses.see(), memory, now.time)
+
+    def observe_arrived(self, memory: PlannerMemory, now: Now) -> Observation:
+        """Report whether the object is held, and how planning went."""
+        return Observation(
+            arrived=True,
+            holding=holding(memory, now.senses),
+            ready=now.time >= memory.attempt.ready_at,
+            failure=memory.trouble.failure,
+        )
+
+
+class Place(Carrying):
+    """Sets the object down on its goal."""
+
+    mode = Mode.PLACE
+
+    def update(self, memory: PlannerMemory, now: Now) -> PlannerMemory:
+        """End where the object meets its goal early, as one that hangs askew does."""
+        touched = memory.trouble.touched
+        left = np.max(np.abs(memory.motion.destination - now.senses.q))
+        memory = super().update(memory, now)
+        if memory.trouble.touched and left < _SET_DOWN:
+            memory.trouble.touched = touched
+        return memory
+
+
+class Release(TaskMode):
+    """Opens the fingers, and plans an escape if the object was lost."""
+
+    mode = Mode.RELEASE
+
+    def enter(self, memory: PlannerMemory, entry: Entry) -> PlannerMemory:
+        """Open the fingers."""
+        grasp = memory.attempt.planned.grasp
+        memory.closure = grasp.closure_open
+        memory = super().enter(memory, entry)
+        if entry.previous is Mode.PLACE and not memory.attempt.lost:
+            return memory
+        held = entry.previous is not Mode.VERIFY
+        memory.trouble.failure = Failure.DROPPED if held else Failure.NO_GRASP
+        memory.cycle.tried = (*memory.cycle.tried, grasp.name)
+        self.replanner.Escape(memory, entry.time)
+        return memory
+
+    def observe_entry(self, memory: PlannerMemory) -> Observation | None:
+        """Report that the arm has no way out."""
+        if not memory.attempt.trapped:
+            return None
+        return Observation(failure=memory.trouble.failure)
+
+    def observe_mode(self, memory: PlannerMemory, now: Now) -> Observation:
+        """Report fingers that rest clear of the object, once an escape is planned."""
+        clear = now.time >= memory.attempt.ready_at and now.senses.clear
+        return Observation(still=now.senses.still, clear=clear)
+
+
+class Retreat(Moving):
+    """Draws the hand back from the object."""
+
+    mode = Mode.RETREAT
+
+    def trajectory(self, memory: PlannerMemory) -> Trajectory | None:
+        """Return the escape, if there is one, or the planned motion."""
+        escape = memory.attempt.escape
+        return escape[0] if escape else super().trajectory(memory)
+
+
+class Home(Moving):
+    """Moves the arm home, and looks from there whether the object is on its goal."""
+
+    mode = Mode.HOME
+
+    @property
+    def wait(self) -> float:
+        """Time at home, including that for the fingers to close [s]."""
+        return self.config.home_wait + self.config.close_at_home
+
+    def trajectory(self, memory: PlannerMemory) -> Trajectory | None:
+        """Return the escape, if there is one, or the planned motion."""
+        escape = memory.attempt.escape
+        return escape[1] if escape else super().trajectory(memory)
+
+    def update(self, memory: PlannerMemory, now: Now) -> PlannerMemory:
+        """Close the empty fingers towards the end, if the configuration says so."""
+        if 0.0 < self.config.close_at_home >= memory.motion.due - now.time:
+            memory.closure = 1.0
+        return super().update(memory, now)
+
+    def Look(self, memory: PlannerMemory, now: Now) -> None:
+        """See whether the object is on its goal."""
+        # What was dropped may have been dropped onto its goal.
+        hopeful = memory.trouble.failure in (None, Failure.DROPPED)
+        if hopeful and self.final_failure(memory, now.time) is None:
+            self.replanner.Judge(now.senses.see(), memory, now.time)
+
+    def observe_arrived(self, memory: PlannerMemory, now: Now) -> Observation:
+        """Report whether the object is on its goal, and whether to give up."""
+        at_goal = bool(memory.attempt.at_goal)
+        out_of_attempts = memory.cycle.attempts >= self.config.max_attempts
+        failure = memory.trouble.failure or Failure.MISPLACED
+        return Observation(
+            arrived=True,
+            at_goal=at_goal,
+            last_cycle=memory.totals.cycles + 1 >= self.repeat,
+            failure=failure if out_of_attempts and not at_goal else None,
+        )
+
+
+class End(BetweenAttempts):
+    """Stays where it is: the task is over."""
+
+    def update(self, memory: PlannerMemory, now: Now) -> PlannerMemory:
+        """Heed nothing."""
+        return memory
+
+    def observe(self, memory: PlannerMemory, now: Now) -> Observation:
+        """Observe nothing."""
+        return Observation()
+
+
+class Done(End):
+    """The object is on its goal, and the arm at home."""
+
+    mode = Mode.DONE
+
+
+class Failed(End):
+    """The planner has given up, for the reason that its status names."""
+
+    mode = Mode.FAILED
+
+
+_KINDS: tuple[type[TaskMode], ...] = (
+    *(Idle, PreGrasp, Grasp, Close, Verify, Lift, Transfer, Place),
+    *(Release, Retreat, Home, Done, Failed),
+)
+
+
+def task_modes(
+    config: PlannerConfig, replanner: Replanner, repeat: int
+) -> dict[Mode, TaskMode]:
+    """Return what the planner does in each mode.
+
+    Args:
+        config: Times and limits.
+        replanner: Plans from what is seen.
+        repeat: How many cycles the task has.
+    """
+    return {kind.mode: kind(config, replanner, repeat) for kind in _KINDS}

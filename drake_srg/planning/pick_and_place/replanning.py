@@ -1,0 +1,293 @@
+"""Plans, corrections and ways out, from what the planner sees."""
+
+from __future__ import annotations
+
+import dataclasses as dc
+from collections.abc import Mapping
+
+import numpy as np
+from pydrake.math import RigidTransform
+
+from drake_srg.common.geometry import ConvexPieces
+from drake_srg.planning.grasps.grasps import Grasp
+from drake_srg.planning.motion.planning_scene import PlanningFailure
+from drake_srg.planning.pick_and_place.knowledge import PlannerMemory, Trouble
+from drake_srg.planning.pick_and_place.sightings import (
+    Sightings,
+    View,
+    distance,
+    lean,
+    middle_of,
+    set_down_at,
+    standing_at,
+)
+from drake_srg.planning.pick_and_place.task_motions import (
+    Obstacles,
+    TaskMotions,
+    TaskPlanner,
+)
+from drake_srg.planning.planner_machine import PlannerConfig, planning_clock
+from drake_srg.types import Blob, Failure, Mode, Sphere, Vector
+
+# An object seen this far from where the motions take it has moved [m], [rad]: more than
+# the localisation may be off, and what fingers that close on it still make up for.
+_MOVED, _TURNED = 0.003, np.deg2rad(5.0)
+# An object seen further than this from its place in the hand is not in it [m].
+_LOST = 0.03
+_ORDER = {mode: i for i, mode in enumerate(Mode)}  # of a cycle
+_STANDING = np.deg2rad(5.0)  # lean of an object that counts as standing on its goal
+
+
+class Replanner:
+    """Plans with a task planner from sightings of one object.
+
+    It holds nothing between calls: its methods change the planner's memory.
+
+    Args:
+        task_planner: Plans the motions.
+        sightings: Reads blobs.
+        goal: Where the object must go, X_WO [m].
+        tolerance: Distance from the goal that counts as placed [m].
+        config: Times and distances.
+    """
+
+    def __init__(
+        self,
+        task_planner: TaskPlanner,
+        sightings: Sightings,
+        goal: RigidTransform,
+        tolerance: float,
+        config: PlannerConfig,
+    ) -> None:
+        self._task_planner = task_planner
+        self._sightings = sightings
+        self._shape = sightings.shape
+        self._goal = goal
+        self._tolerance = tolerance
+        self._config = config
+
+    def goal(self, memory: PlannerMemory) -> RigidTransform:
+        """Return where this cycle takes the object, as it was seen last."""
+        return memory.seen.X_WO_goal or self._upright_goal(memory)
+
+    def _upright_goal(self, memory: PlannerMemory) -> RigidTransform:
+        """Return where the object stands after this cycle: on the goal, or back."""
+        back = memory.seen.X_WO_return if memory.totals.cycles % 2 else None
+        return back or self._goal
+
+    def Judge(self, view: View, memory: PlannerMemory, time: float) -> None:
+        """See whether the object is where this cycle was to take it."""
+        blob, goal = self._sightings.best(view, self._rests), self.goal(memory)
+        _Look(memory, view, blob, time)
+        memory.attempt.at_goal = False
+        if blob is not None:
+            X_WO = self._sightings.pose(blob)
+            near = distance(X_WO, goal, self._shape) <= self._tolerance
+            memory.attempt.at_goal = near and self._turn(X_WO, goal) <= _STANDING
+
+    def Plan(self, view: View, memory: PlannerMemory, time: float) -> None:
+        """Look for the object, and plan the whole cycle from where the arm is."""
+        blob, attempt = self._sightings.best(view, self._rests), memory.attempt
+        _Look(memory, view, blob, time)
+        attempt.next_look = np.inf
+        if blob is None:
+            self._MissObject(memory, time)
+            return
+        q, X_WO = memory.motion.q_rest, self._sightings.pose(blob)
+        with planning_clock.running():
+            memory.seen.X_WO_goal = set_down_at(
+                self._upright_goal(memory), X_WO, self._shape
+            )
+            p_WO = self._sightings.middle(blob)
+            obstacles = self._obstacles(view, memory, q, memory.grip.fingers_open, p_WO)
+            result = self._task_planner.plan(
+                q, X_WO, self._shape, self.goal(memory), obstacles, memory.cycle.tried
+            )
+        self._TakeTime(memory, time)
+        memory.seen.obstacles = obstacles
+        if isinstance(result, PlanningFailure):
+            _Fail(memory, result.failure, result.message)
+            # There may be a plan from home even if there is none from here.
+            if not self._at_home(q):
+                self.Escape(memory, time)
+            return
+        if memory.seen.localization is None:
+            memory.seen.localization, memory.seen.localized_at = blob, time
+            memory.seen.X_WO_return = standing_at(X_WO, self._shape)
+        attempt.motions, attempt.X_WO = result, X_WO
+        memory.trouble = Trouble()
+
+    def _MissObject(self, memory: PlannerMemory, time: float) -> None:
+        attempt = memory.attempt
+        if time < attempt.began + self._config.search_time:
+            attempt.next_look = time + self._config.search_period
+            return
+        message = f"no {self._sightings.object_name} in any image"
+        _Fail(memory, Failure.NOT_SEEN, message)
+        attempt.ready_at = time
+        if not self._at_home(memory.motion.q_rest):
+            self.Escape(memory, time)  # the arm may hide it
+
+    def Compare(self, view: View, memory: PlannerMemory, time: float) -> None:
+        """See whether the object is still where the motions take it, and they free."""
+        blob = self._sightings.best(view, self._rests)
+        certain = blob if blob is not None and blob.certain else None
+        _Look(memory, view, certain, time)
+        if memory.cycle.detours >= self._config.max_attempts:
+            return  # an object that never stands still must be tried as it is
+        motions, X_WO = memory.attempt.planned, memory.attempt.X_WO
+        assert X_WO is not None, "motions are planned from a sighting"
+        moved = False
+        if view.obstacles:
+            q, fingers = memory.motion.position(time), motions.grasp.fingers_open
+            p_WO = X_WO @ middle_of(self._shape)
+            if blob is not None:
+                p_WO = self._sightings.middle(blob)
+            obstacles = self._obstacles(view, memory, q, fingers, p_WO)
+            moved = bool(self._obstruction(motions, Mode.PRE_GRASP, obstacles))
+        if certain is not None and not moved:  # else it may be behind the hand
+            X_WO_seen = self._sightings.pose(certain)
+            far = distance(X_WO_seen, X_WO, self._shape) > _MOVED
+            moved = far or self._turn(X_WO_seen, X_WO) > _TURNED
+        if moved:  # the approach is broken off
+            memory.attempt.moved = True
+            memory.cycle.detours += 1
+
+    def Correct(self, view: View, memory: PlannerMemory, time: float) -> None:
+        """See where the object is in the hand, and plan the rest from there."""
+        motions = memory.attempt.planned
+        q, grasp = memory.motion.position(time), motions.grasp
+        p_WO = self._task_planner.scene.X_WG(q) @ grasp.p_GO
+        # What looks like it elsewhere may be seen better than what the hand half hides.
+        blob = self._sightings.nearest(view, p_WO)
+        certain = blob if blob is not None and blob.certain else None
+        _Look(memory, view, certain, time)
+        if certain is not None:
+            grasp = self._in_hand(grasp, certain, q)
+            if np.linalg.norm(grasp.p_GO - motions.grasp.p_GO) > _LOST:
+                memory.attempt.lost = True
+                return
+        elif not view.obstacles:
+            return
+        obstacles = memory.seen.obstacles
+        if view.obstacles:
+            obstacles = self._obstacles(view, memory, q, grasp.fingers_closed)
+        with planning_clock.running():
+            result = self._task_planner.plan_place(
+                q, grasp, self._shape, self.goal(memory), obstacles
+            )
+        self._TakeTime(memory, time)
+        memory.seen.obstacles = obstacles
+        if not isinstance(result, PlanningFailure):
+            rest = {**motions.motions, **result.motions}
+            memory.attempt.motions = dc.replace(result, motions=rest)
+        elif view.obstacles:  # without, the motions stay as they were
+            hit = self._obstruction(motions, Mode.TRANSFER, obstacles)
+            if hit is not None:
+                memory.trouble.failure = Failure.BLOCKED
+                memory.trouble.message = hit
+
+    def Carry(self, memory: PlannerMemory, time: float) -> None:
+        """Plan the rest of the cycle from where the arm rests with the object held."""
+        q, grasp = memory.motion.q_rest, memory.attempt.planned.grasp
+        with planning_clock.running():
+            result = self._task_planner.plan_carry(
+                q, grasp, self._shape, self.goal(memory), memory.seen.obstacles
+            )
+        self._TakeTime(memory, time)
+        if isinstance(result, PlanningFailure):
+            _Trap(memory, result)
+        else:
+            memory.attempt.motions = result
+
+    def Escape(self, memory: PlannerMemory, time: float) -> None:
+        """Plan back from where the arm is, and home; else the arm is trapped."""
+        with planning_clock.running():
+            escape = self._task_planner.plan_escape(
+                memory.motion.q_rest, memory.grip.fingers_open, memory.seen.obstacles
+            )
+        self._TakeTime(memory, time)
+        if isinstance(escape, PlanningFailure):
+            _Trap(memory, escape)
+        else:
+            memory.attempt.escape = escape
+
+    def _TakeTime(self, memory: PlannerMemory, time: float) -> None:
+        """Let the simulated planning latency pass from now on."""
+        memory.attempt.ready_at = time + self._config.latency
+
+    def _turn(self, X_1: RigidTransform, X_2: RigidTransform) -> float:
+        """Return the angle between the object's axis in two poses [rad].
+
+        That of a solid does not count: what looks alike may have another one.
+        """
+        if isinstance(self._shape, ConvexPieces):
+            return 0.0
+        return lean(X_1.rotation().col(2), X_2.rotation().col(2))
+
+    def _rests(self, X_WO: RigidTransform) -> bool:
+        return self._task_planner.rests(self._shape, X_WO)
+
+    def _at_home(self, q: Vector) -> bool:
+        return np.allclose(q, self._task_planner.q_home, atol=1e-6)
+
+    def _obstacles(
+        self,
+        view: View,
+        memory: PlannerMemory,
+        q: Vector,
+        fingers: Mapping[str, float],
+        p_WO: Vector | None = None,
+    ) -> Obstacles:
+        """Return what is seen now, and earlier where the arm may hide it now."""
+        seen = self._sightings.obstacles(view, p_WO)
+        if seen:
+            seen = self._task_planner.others(q, fingers, seen)
+        return seen if self._at_home(q) else (*memory.seen.obstacles, *seen)
+
+    def _obstruction(
+        self, task: TaskMotions, mode: Mode, obstacles: Obstacles
+    ) -> str | None:
+        """Return what is in the way of the motions after that of `mode`, in words."""
+        rest = {m: t for m, t in task.motions.items() if _ORDER[m] > _ORDER[mode]}
+        task = dc.replace(task, motions=rest)
+        return self._task_planner.obstruction(task, self._shape, obstacles)
+
+    def _in_hand(self, grasp: Grasp, blob: Blob, q: Vector) -> Grasp:
+        """Return the grasp as it is seen with the arm at `q`."""
+        X_GW = self._task_planner.scene.X_WG(q).inverse()
+        if isinstance(self._shape, ConvexPieces):
+            seen = X_GW @ self._sightings.middle(blob)
+            shift = seen - grasp.X_GO @ self._shape.middle
+            return dc.replace(grasp, p_GO=grasp.p_GO + shift)
+        grasp = dc.replace(grasp, p_GO=X_GW @ blob.position)
+        if isinstance(self._shape, Sphere):
+            return grasp
+        axis_G = X_GW.rotation() @ blob.axis
+        axis_G = np.copysign(1.0, axis_G @ grasp.axis_G) * axis_G
+        return dc.replace(grasp, axis_G=axis_G)
+
+
+def _Look(memory: PlannerMemory, view: View, used: Blob | None, time: float) -> None:
+    """Remember a look, and the blob that it is used for, if any."""
+    memory.attempt.looked = True
+    memory.totals.looks += 1
+    memory.seen.blobs = tuple(view.blobs)
+    if used is not None:
+        memory.seen.latest, memory.seen.latest_at = used, time
+
+
+def _Trap(memory: PlannerMemory, why: PlanningFailure) -> None:
+    """Remember that the arm has no way out."""
+    memory.attempt.trapped = True
+    memory.trouble.failure = memory.trouble.failure or why.failure
+    memory.trouble.message = why.message
+
+
+def _Fail(memory: PlannerMemory, failure: Failure, message: str) -> None:
+    """Remember a failure, unless there is one that says more.
+
+    That is what became of an object that was in the hand.
+    """
+    if memory.trouble.failure is None:
+        memory.trouble.failure, memory.trouble.message = failure, message

@@ -1,0 +1,497 @@
+"""The motions of one grasp, from the approach until the arm is back home.
+
+All motions of one pick and place, planned at once from where the object is seen.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import dataclasses as dc
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from typing import TypeAlias
+
+import numpy as np
+from pydrake.math import RigidTransform
+from pydrake.trajectories import Trajectory
+
+from drake_srg.common.geometry import Solid
+from drake_srg.planning.grasps.grasps import (
+    SUPPORT_OVERLAP,
+    Candidate,
+    Grasp,
+    GraspSearch,
+    Hand,
+    carrying,
+    place_target,
+)
+from drake_srg.planning.motion.inverse_kinematics import HandTarget
+from drake_srg.planning.motion.moves import Moves
+from drake_srg.planning.motion.paths import plan_cartesian_path
+from drake_srg.planning.motion.planning_scene import (
+    Clearance,
+    NoPathError,
+    PlanningFailure,
+    PlanningScene,
+    carried_drift,
+)
+from drake_srg.planning.motion.trajectories import motion_samples
+from drake_srg.planning.planner_machine import PlannerConfig
+from drake_srg.types import Failure, Mode, Vector
+
+_UP = np.array([0.0, 0.0, 1.0])
+# How much more a carried object may lean than where it was taken [rad].
+_UPRIGHT = 0.004
+# How much higher the object may be carried over what is in its way [m].
+_HIGHER = (0.0, 0.04, 0.08)
+
+
+class GraspMotions:
+    """Plans the motions of a grasp in a planning scene; holds nothing between calls.
+
+    Args:
+        scene: The arm, the gripper and what they may hit.
+        moves: The moves in that scene.
+        q_home: Where the arm rests, shape (N,) [rad].
+        config: Distances.
+    """
+
+    def __init__(
+        self,
+        scene: PlanningScene,
+        moves: Moves,
+        q_home: Vector,
+        config: PlannerConfig,
+    ) -> None:
+        self._scene = scene
+        self._moves = moves
+        self._q_home = q_home
+        self._config = config
+
+    def plan(
+        self,
+        q_start: Vector,
+        shape: Solid,
+        X_WO_goal: RigidTransform,
+        candidate: Candidate,
+    ) -> dict[Mode, Trajectory]:
+        """Plan all motions from `q_start` to home.
+
+        Args:
+            q_start: Where the arm is, at rest, shape (N,) [rad].
+            shape: The object's shape.
+            X_WO_goal: Where the object must go [m].
+            candidate: The grasp, and where the object is.
+
+        Raises:
+            NoPathError: If a motion does not exist.
+        """
+        scene, grasp, X_WO = self._scene, candidate.grasp, candidate.X_WO
+        motions: dict[Mode, Trajectory] = {}
+
+        scene.SetFingers(grasp.fingers_open)
+        with scene.standing(shape, X_WO, touchable=True):
+            back = self._moves.straight(
+                candidate.q_grasp, self._moves.behind(candidate.q_grasp), turning=True
+            )
+            motions[Mode.GRASP] = self._moves.timed(
+                back[::-1], self._moves.free, straight=True
+            )
+        with scene.standing(shape, X_WO):
+            motions[Mode.PRE_GRASP] = self._moves.timed(
+                self._moves.joint_path(q_start, back[-1]), self._moves.free
+            )
+
+        return motions | self.carry(shape, X_WO_goal, candidate)
+
+    def carry(
+        self, shape: Solid, X_WO_goal: RigidTransform, candidate: Candidate
+    ) -> dict[Mode, Trajectory]:
+        """Plan the motions that follow a grasp, from lifting to home.
+
+        Args:
+            shape: The object's shape.
+            X_WO_goal: Where the object must go [m].
+            candidate: The grasp.
+
+        Raises:
+            NoPathError: If a motion does not exist.
+        """
+        scene, grasp = self._scene, candidate.grasp
+        motions: dict[Mode, Trajectory] = {}
+        with carrying(scene, shape, grasp):
+            with scene.supporting(SUPPORT_OVERLAP):
+                q_pick = candidate.q_grasp
+                up = self._moves.straight(
+                    q_pick, self._moves.above(q_pick), turning=True
+                )
+                motions[Mode.LIFT] = self._moves.timed(
+                    up, self._moves.holding, straight=True
+                )
+            across, down = self._transfer(up[-1], X_WO_goal, candidate)
+            motions[Mode.TRANSFER] = self._moves.timed(across, self._moves.holding)
+        drift_G = self._drift(grasp, motions.values())
+        drifted = dc.replace(grasp, p_GO=grasp.p_GO + drift_G)
+        with carrying(scene, shape, drifted, supported=True):
+            if drift_G.any():
+                drift_W = scene.X_WG(across[-1]).rotation() @ drift_G
+                below = self._moves.below(across[-1]).shifted(-drift_W)
+                down = self._moves.straight(across[-1], below)
+            motions[Mode.PLACE] = self._moves.timed(
+                down, self._moves.holding, straight=True
+            )
+        return motions | self._leave(down[-1], drifted, shape, X_WO_goal)
+
+    def place(
+        self, q_start: Vector, grasp: Grasp, shape: Solid, X_WO_goal: RigidTransform
+    ) -> dict[Mode, Trajectory]:
+        """Plan the motions onto the goal and home, with the object in the hand.
+
+        Args:
+            q_start: Where the arm is, at rest, shape (N,) [rad].
+            grasp: The grasp, with the object's actual pose in the hand.
+            shape: The object's shape.
+            X_WO_goal: Where the object must go [m].
+
+        Raises:
+            NoPathError: If a motion does not exist.
+        """
+        goal = place_target(grasp, X_WO_goal, self._config.place_height)
+        above = goal.shifted(self._config.lift_height * _UP)
+        with carrying(self._scene, shape, grasp, supported=True):
+            path = self._moves.through(q_start, [above, goal])
+            down = self._moves.timed(path, self._moves.holding, straight=True)
+        return {Mode.PLACE: down} | self._leave(path[-1], grasp, shape, X_WO_goal)
+
+    def _leave(
+        self, q_place: Vector, grasp: Grasp, shape: Solid, X_WO: RigidTransform
+    ) -> dict[Mode, Trajectory]:
+        """Return the motions away from an object that has been placed, and home."""
+        scene, motions = self._scene, {}
+        X_WO = grasp.set_down(scene.X_WG(q_place), X_WO)
+        scene.SetFingers(grasp.fingers_open)
+        with scene.standing(shape, X_WO, touchable=True):
+            away = self._moves.straight(q_place, self._moves.behind(q_place))
+            motions[Mode.RETREAT] = self._moves.timed(
+                away, self._moves.free, straight=True
+            )
+        with scene.standing(shape, X_WO):
+            motions[Mode.HOME] = self._moves.timed(
+                self._moves.joint_path(away[-1], self._q_home), self._moves.free
+            )
+        return motions
+
+    def _transfer(
+        self, q_lifted: Vector, X_WO_goal: RigidTransform, candidate: Candidate
+    ) -> tuple[Vector, Vector]:
+        """Return the paths across, and down to the goal, both (K, N) [rad]."""
+        scene = self._scene
+        lift = self._config.lift_height * _UP
+        place = place_target(
+            candidate.grasp,
+            X_WO_goal,
+            self._config.place_height,
+            angle_tolerance=_UPRIGHT,
+        )
+        # Straight across keeps the object upright. Otherwise, any way will do.
+        across = self._across(q_lifted, place.shifted(lift))
+        with scene.supporting(SUPPORT_OVERLAP):
+            if across is not None:
+                below = self._moves.below(across[-1])
+                down = plan_cartesian_path(scene, across[-1], below)
+                if not isinstance(down, PlanningFailure):
+                    return across, down
+            q_place = candidate.q_place
+            up = self._moves.straight(q_place, self._moves.above(q_place))
+        return self._moves.joint_path(q_lifted, up[-1]), up[::-1]
+
+    def _drift(self, grasp: Grasp, motions: Iterable[Trajectory]) -> Vector:
+        """Return how far the object drifts in the hand during motions, (3,) [m]."""
+        time, drift = self._config.drift_time, np.zeros(3)
+        if time > 0.0:
+            for motion in motions:
+                drift += carried_drift(self._scene, motion, grasp.p_GO, time)
+        return drift
+
+    def _across(self, q_lifted: Vector, above_goal: HandTarget) -> Vector | None:
+        """Return a path above the goal that keeps the object upright, or None."""
+        scene = self._scene
+        for higher in _HIGHER:
+            lines = [above_goal]
+            if higher:
+                over = self._moves.above(q_lifted, higher)
+                lines = [over, above_goal.shifted(higher * _UP), above_goal]
+            try:
+                across = self._moves.through(q_lifted, lines)
+                break
+            except NoPathError as error:
+                if error.failure.failure is not Failure.BLOCKED:
+                    return None
+        else:
+            return None
+        if not scene.reaches_any_pose and self._config.tip_limits is None:
+            # Without a spare joint, a straight line costs detours of the joints.
+            ends = np.array([q_lifted, across[-1]])
+            line = scene.samples(ends)
+            lean = max(above_goal.angle_violation(scene.X_WG(q)) for q in line)
+            kept = lean < 1e-6  # the end of the line uses up the tolerance
+            if kept and scene.first_hit(line) is None:
+                return ends
+        return across
+
+
+# Grasps whose motions are planned before giving up. There are more only where the hand
+# is turned about the object; each search for a way takes up to 5 s.
+_MOST_CANDIDATES = 8
+
+
+# Shapes to keep clear of, and their poses X_WO [m].
+Obstacles: TypeAlias = Sequence[tuple[Solid, RigidTransform]]
+
+
+@dc.dataclass(frozen=True)
+class TaskMotions:
+    """A grasp and the motion of each mode that moves the arm."""
+
+    grasp: Grasp
+    motions: Mapping[Mode, Trajectory]
+
+
+class TaskPlanner:
+    """Plans picking and placing with a planning scene; holds nothing between calls.
+
+    Args:
+        scene: The arm, the gripper and what they may hit.
+        hand: How that gripper takes objects.
+        q_home: Where the arm rests, shape (N,) [rad].
+        config: Distances and speeds.
+    """
+
+    def __init__(
+        self,
+        scene: PlanningScene,
+        hand: Hand,
+        q_home: Vector,
+        config: PlannerConfig,
+    ) -> None:
+        self.scene = scene
+        self.hand = hand
+        self.q_home = np.asarray(q_home, dtype=float)
+        self.config = config
+        self._moves = Moves(scene, hand.p_GT, config)
+        self._grasp_motions = GraspMotions(scene, self._moves, self.q_home, config)
+        self._search = GraspSearch(
+            scene,
+            hand,
+            self.q_home,
+            place_height=config.place_height,
+            regrasp_squeeze=config.regrasp_squeeze,
+        )
+
+    def plan(
+        self,
+        q_start: Vector,
+        X_WO: RigidTransform,
+        shape: Solid,
+        X_WO_goal: RigidTransform,
+        obstacles: Obstacles = (),
+        tried: Sequence[str] = (),
+    ) -> TaskMotions | PlanningFailure:
+        """Plan the motions from `q_start` over pick and place to home.
+
+        Args:
+            q_start: Where the arm is, at rest, shape (N,) [rad].
+            X_WO: The object's pose [m]; the turn of a round one does not count.
+            shape: The object's shape.
+            X_WO_goal: Where the object must go [m].
+            obstacles: Other objects and their poses [m].
+            tried: Names of grasps that failed.
+        """
+        with self._standing(obstacles):
+            return self._plan(q_start, X_WO, shape, X_WO_goal, tried)
+
+    def plan_carry(
+        self,
+        q_grasp: Vector,
+        grasp: Grasp,
+        shape: Solid,
+        X_WO_goal: RigidTransform,
+        obstacles: Obstacles = (),
+    ) -> TaskMotions | PlanningFailure:
+        """Plan from a grasp that holds the object, wherever that is, until home.
+
+        Args:
+            q_grasp: Where the arm is, at rest, shape (N,) [rad].
+            grasp: The grasp.
+            shape: The object's shape.
+            X_WO_goal: Where the object must go [m].
+            obstacles: Other objects and their poses [m].
+        """
+        try:
+            with self._standing(obstacles):
+                candidate = self._search.grasped(q_grasp, grasp, shape, X_WO_goal)
+                motions = self._grasp_motions.carry(shape, X_WO_goal, candidate)
+        except NoPathError as error:
+            return error.failure
+        return TaskMotions(grasp, motions)
+
+    def plan_place(
+        self,
+        q_start: Vector,
+        grasp: Grasp,
+        shape: Solid,
+        X_WO_goal: RigidTransform,
+        obstacles: Obstacles = (),
+    ) -> TaskMotions | PlanningFailure:
+        """Plan from above the goal onto it, and home, with the object in the hand.
+
+        Args:
+            q_start: Where the arm is, at rest, shape (N,) [rad].
+            grasp: The grasp, with the object's actual pose in the hand.
+            shape: The object's shape.
+            X_WO_goal: Where the object must go [m].
+            obstacles: Other objects and their poses [m].
+        """
+        try:
+            with self._standing(obstacles):
+                motions = self._grasp_motions.place(q_start, grasp, shape, X_WO_goal)
+        except NoPathError as error:
+            return error.failure
+        return TaskMotions(grasp, motions)
+
+    def _plan(
+        self,
+        q_start: Vector,
+        X_WO: RigidTransform,
+        shape: Solid,
+        X_WO_goal: RigidTransform,
+        tried: Sequence[str],
+    ) -> TaskMotions | PlanningFailure:
+        taken = self._overlap(shape, X_WO_goal)
+        if taken is not None:
+            return PlanningFailure(Failure.BLOCKED, f"the goal is taken: {taken}")
+        reasons: list[PlanningFailure] = []
+        for turned in (False, True):
+            candidates, failures = self._search.candidates(
+                X_WO, shape, X_WO_goal, turned=turned, tried=tried
+            )
+            no_path = []
+            for candidate in candidates[:_MOST_CANDIDATES]:
+                try:
+                    motions = self._grasp_motions.plan(
+                        q_start, shape, X_WO_goal, candidate
+                    )
+                    return TaskMotions(candidate.grasp, motions)
+                except NoPathError as error:
+                    no_path.append(error.failure)
+            # The grasps that came furthest tell best what is in the way.
+            reasons = reasons or no_path or failures
+            # From another side there may be a way past obstacles, but no more reach.
+            blocked = [f for f in reasons if f.failure is Failure.BLOCKED]
+            if not blocked:
+                break
+        if not reasons:
+            return PlanningFailure(Failure.NO_GRASP, f"no known grasp takes a {shape}")
+        # What only the surroundings forbid is more useful to know than what no
+        # posture of the arm reaches.
+        return (blocked or reasons)[0]
+
+    def rests(self, shape: Solid, X_WO: RigidTransform) -> bool:
+        """Return whether an object at `X_WO` [m] is on something, and in nothing."""
+        lowered = RigidTransform([0.0, 0.0, 2.0 * SUPPORT_OVERLAP]) @ X_WO
+        return not self._overlap(shape, X_WO) and bool(self._overlap(shape, lowered))
+
+    def _overlap(self, shape: Solid, X_WO: RigidTransform) -> Clearance | None:
+        """Return what an object at `X_WO` [m] is in, None where it fits there.
+
+        Fixed bodies are checked only against moving ones, so the object is attached to
+        the distant hand of an arm at home.
+        """
+        self.scene.SetFingers({})
+        X_GO = self.scene.X_WG(self.q_home).inverse() @ X_WO
+        with self.scene.holding(shape, X_GO, margin=SUPPORT_OVERLAP):
+            clearance = self.scene.clearance(self.q_home)
+        taken = clearance.spare < 0.0 and "held_object" in clearance.bodies
+        return clearance if taken else None
+
+    def others(
+        self, q: Vector, fingers: Mapping[str, float], obstacles: Obstacles
+    ) -> Obstacles:
+        """Return the obstacles that are not the arm itself, seen by a camera.
+
+        In images the arm is a few pixels, a bent joint and a yielding finger away from
+        where it is believed to be. Whatever is nearer to it than motions come to
+        anything else is the arm.
+
+        Args:
+            q: Where the arm is, shape (N,) [rad].
+            fingers: Angles of the gripper's joints by name [rad].
+            obstacles: Shapes and their poses [m].
+        """
+        self.scene.SetFingers(fingers)
+        return tuple(
+            o
+            for o in obstacles
+            if not self.scene.touches(q, *o, within=self.config.hand_clearance)
+        )
+
+    def obstruction(
+        self, task: TaskMotions, shape: Solid, obstacles: Obstacles
+    ) -> str | None:
+        """Return what is in the way of motions, in words; None if nothing is.
+
+        Half of every margin is left to differences between images of the same object.
+
+        Args:
+            task: The motions.
+            shape: Shape of the object that is taken.
+            obstacles: Other objects and their poses [m].
+        """
+        slack = 0.5 * min(self.config.clearance, self.config.hand_clearance)
+        with self._standing(obstacles):
+            for mode, motion in task.motions.items():
+                with contextlib.ExitStack() as stack:
+                    if mode in (Mode.LIFT, Mode.TRANSFER, Mode.PLACE):
+                        supported = mode is not Mode.TRANSFER
+                        held = carrying(
+                            self.scene, shape, task.grasp, supported=supported
+                        )
+                        stack.enter_context(held)
+                    else:
+                        self.scene.SetFingers(task.grasp.fingers_open)
+                    samples = motion_samples(self.scene, motion)
+                    hit = self.scene.first_hit(samples, slack)
+                if hit is not None:
+                    return f"{mode.value}: {hit}"
+        return None
+
+    def plan_escape(
+        self, q: Vector, fingers: Mapping[str, float], obstacles: Obstacles = ()
+    ) -> tuple[Trajectory, Trajectory] | PlanningFailure:
+        """Plan back out of a failed grasp: away from the object, then home.
+
+        Args:
+            q: Where the arm is, shape (N,) [rad].
+            fingers: Angles of the open gripper's joints by name [rad].
+            obstacles: Other objects and their poses [m].
+        """
+        self.scene.SetFingers(fingers)
+        try:
+            with self._standing(obstacles):
+                path = plan_cartesian_path(self.scene, q, self._moves.behind(q))
+                if isinstance(path, PlanningFailure):
+                    path = q[np.newaxis]
+                return (
+                    self._moves.timed(path, self._moves.free),
+                    self._moves.timed(
+                        self._moves.joint_path(path[-1], self.q_home), self._moves.free
+                    ),
+                )
+        except NoPathError as error:
+            return error.failure
+
+    @contextlib.contextmanager
+    def _standing(self, obstacles: Obstacles) -> Iterator[None]:
+        with contextlib.ExitStack() as stack:
+            for shape, X_WO in obstacles:
+                stack.enter_context(self.scene.standing(shape, X_WO))
+            yield

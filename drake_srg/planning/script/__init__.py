@@ -1,1 +1,0 @@
-"""Fixed scripts and message sequences in place of a planner."""

@@ -1,0 +1,138 @@
+"""Configuration of visual servoing.
+
+What a visual servo is told to do, and what it tells.
+"""
+
+import dataclasses as dc
+import enum
+
+import numpy as np
+
+from drake_srg.common.shared import Shared
+from drake_srg.planning.planner_machine import PlannerConfig
+from drake_srg.types import Vector, positive
+
+
+@dc.dataclass(kw_only=True)
+class ServoConfig:
+    """Gains, limits and tolerances of a visual servo."""
+
+    # Time between control steps [s], preferably that of the arm's driver, and between
+    # images [s], a multiple of it.
+    period: float = dc.field(default=0.01, metadata=positive())
+    camera_period: float = dc.field(default=0.04, metadata=positive())
+    # Share of the error that the hand makes up for per second. The loop is stable while
+    # the gain times the delay, here `camera_period`, stays well below 1.
+    gain: float = dc.field(default=5.0, metadata=positive())
+    # Largest speed [m/s], acceleration [m/s²] and turning rate [rad/s] of the hand
+    # relative to a goal at rest. 0.25 m/s is the usual limit of collaborative arms.
+    speed: float = dc.field(default=0.25, metadata=positive())
+    acceleration: float = dc.field(default=1.5, metadata=positive())
+    turning: float = dc.field(default=1.0, metadata=positive())
+    # Whether the hand also turns towards its goal; else it keeps its orientation.
+    turns: bool = False
+    # Gains of the alpha-beta filter that follows the goal: shares of the difference
+    # between sighting and prediction that go into position and velocity. These are
+    # near to critical damping, beta = 2 - alpha - 2 sqrt(1 - alpha).
+    alpha: float = dc.field(default=0.6, metadata=positive(le=1.0))
+    beta: float = dc.field(default=0.135, metadata={"ge": 0.0, "le": 2.0})
+    # Whether the goal's velocity is fed forward. Without, the hand trails a moving goal
+    # by its velocity over `gain`.
+    feed_forward: bool = True
+    # How much later than one period the arm follows its commands [s]; the hand is led
+    # by as much.
+    lag: float = dc.field(default=0.0, metadata={"ge": 0.0})
+    # The hand stays this far behind its goal [m] unless it is aligned: it may come
+    # `funnel` times as near as its distance from the line of approach, less
+    # `alignment` [m]. So the fingers go past the object, not into it.
+    standoff: float = dc.field(default=0.06, metadata={"ge": 0.0})
+    alignment: float = dc.field(default=0.004, metadata={"ge": 0.0})
+    funnel: float = dc.field(default=6.0, metadata={"ge": 0.0})
+    # The goal is reached once this many images in a row show the hand within this
+    # distance of it [m].
+    tolerance: float = dc.field(default=0.003, metadata=positive())
+    settled: int = dc.field(default=6, metadata={"ge": 1})
+    # How high the hand goes with what it has grasped before it brakes [m], and how fast
+    # [m/s].
+    rise: float = dc.field(default=0.02, metadata={"ge": 0.0})
+    rise_speed: float = dc.field(default=0.1, metadata=positive())
+    # Images without a usable sighting, or equal images of a moving hand, after which
+    # the servo gives up; and how far the hand must have moved meanwhile [m].
+    patience: int = dc.field(default=5, metadata={"ge": 1})
+    moved: float = dc.field(default=0.002, metadata=positive())
+    # Least singular value of the interaction matrix, and of the arm's Jacobian, below
+    # which a direction counts as lost. Image coordinates are those at focal length 1.
+    least_interaction: float = dc.field(default=0.2, metadata=positive())
+    least_jacobian: float = dc.field(default=0.05, metadata=positive())
+    # Images to heed; 0: all. With 1, the hand goes where the first one showed the goal.
+    looks: int = dc.field(default=0, metadata={"ge": 0})
+
+
+@dc.dataclass(kw_only=True)
+class ServoingConfig(ServoConfig):
+    """A visual servo that takes over in front of the object, until it is grasped."""
+
+    # `pbvs`: by the object's pose; `ibvs`: by its silhouette in the image.
+    method: str = dc.field(default="pbvs", metadata={"among": ("pbvs", "ibvs")})
+    # Name of the camera, which is fixed to the hand.
+    camera: str = "hand"
+    # How the goal is known. `shown`: by what the camera saw of an object in the hand;
+    # where the camera is need not be known. `calibrated`: by the camera's calibration.
+    goal: str = dc.field(default="shown", metadata={"among": ("shown", "calibrated")})
+    # Time after which the servo counts as failed [s].
+    time_limit: float = dc.field(default=6.0, metadata=positive())
+
+
+@dc.dataclass(kw_only=True)
+class Servoing(PlannerConfig):
+    """Picks and places as `PickAndPlace` does, with a visual servo for the grasp."""
+
+    servo: ServoingConfig = dc.field(default_factory=ServoingConfig)
+
+
+class ServoCommand(enum.Enum):
+    """What a visual servo must do."""
+
+    PASS = "pass"  # pass on the planned positions
+    TRACK = "track"  # drive the hand by what the camera shows
+    FOLLOW = "follow"  # go on as the goal last moved, without the camera
+    RAISE = "raise"  # the same, but upwards; then brake, and hold the hand
+    HOLD = "hold"  # brake, and hold the hand
+
+
+class ServoState(enum.Enum):
+    """What a visual servo does."""
+
+    PASSING = "passing"
+    TRACKING = "tracking"
+    REACHED = "reached"  # tracking, with the hand at its goal
+    FOLLOWING = "following"
+    RAISING = "raising"
+    HOLDING = "holding"
+    FAILED = "failed"  # stopped, for the reason that `ServoStatus.fault` names
+
+
+class ServoFault(enum.Enum):
+    """Why a visual servo holds the hand."""
+
+    LOST = "the object is not in the image, or not all of it"
+    FROZEN = "the image stays the same although the hand moves"
+    SILENT = "no new images arrive"
+    SINGULAR = "the features do not determine the motion"
+    STUCK = "the arm cannot move the hand that way"
+
+
+@dc.dataclass(frozen=True, eq=False)
+class ServoStatus(Shared):
+    """A visual servo's report."""
+
+    state: ServoState = ServoState.PASSING
+    # Why the hand is held now, or why the servo has failed; None: it is not held.
+    fault: ServoFault | None = None
+    # Joint positions commanded by the servo, shape (N,) [rad]; empty while it passes.
+    q: Vector = dc.field(default_factory=lambda: np.zeros(0))
+    at_rest: bool = True  # whether the commands have come to rest
+    error: float = np.inf  # distance from the goal in the last image [m]
+    # Velocity of the goal in world, shape (3,) [m/s].
+    velocity: Vector = dc.field(default_factory=lambda: np.zeros(3))
+    images: int = 0  # that the servo has heeded

@@ -1,0 +1,266 @@
+"""Kinematics of the hand that a servo moves.
+
+The interaction matrix of image points, and its damped inverse.
+From a goal pose to a twist of the hand, and from a twist to joint velocities.
+"""
+
+from __future__ import annotations
+
+import dataclasses as dc
+
+import numpy as np
+from pydrake.math import RigidTransform, RotationMatrix
+from pydrake.multibody.plant import MultibodyPlant
+from pydrake.multibody.tree import JacobianWrtVariable
+
+from drake_srg.types import Vector
+
+
+class ServoArm:
+    """An arm's limits, and the pose and Jacobian of its hand.
+
+    Args:
+        plant: A finalized plant with the arm and its hand.
+        arm: Name of the arm's model instance.
+        hand: Name of the hand's body G, in the model instance `gripper`.
+        speed: Share of the joints' velocity limits that may be used.
+
+    Attributes:
+        n: N, the number of the arm's joints.
+        speed: Largest joint speeds, shape (N,) [rad/s].
+        lower: Lower limits of the joints, shape (N,) [rad].
+        upper: Upper limits of the joints, shape (N,) [rad].
+    """
+
+    def __init__(
+        self,
+        plant: MultibodyPlant,
+        *,
+        arm: str = "arm",
+        hand: str = "palm",
+        speed: float = 0.9,
+    ) -> None:
+        self._plant = plant
+        self._context = plant.CreateDefaultContext()  # scratch, not state
+        self._arm = plant.GetModelInstanceByName(arm)
+        gripper = plant.GetModelInstanceByName("gripper")
+        self._hand = plant.GetFrameByName(hand, gripper)
+        self.n = plant.num_positions(self._arm)
+
+        def of_arm(values: Vector) -> Vector:
+            return plant.GetVelocitiesFromArray(self._arm, values)
+
+        self.speed = speed * of_arm(plant.GetVelocityUpperLimits())
+        self.lower = plant.GetPositionsFromArray(
+            self._arm, plant.GetPositionLowerLimits()
+        )
+        self.upper = plant.GetPositionsFromArray(
+            self._arm, plant.GetPositionUpperLimits()
+        )
+        self._columns = of_arm(np.arange(plant.num_velocities())).astype(int)
+
+    def X_WG(self, q: Vector) -> RigidTransform:
+        """Return the hand's pose [m] with the arm at `q` (N,) [rad]."""
+        self._plant.SetPositions(self._context, self._arm, q)
+        return self._hand.CalcPoseInWorld(self._context)
+
+    def jacobian(self, q: Vector) -> Vector:
+        """Return the matrix from joint velocities to the hand's [v; w], (6, N)."""
+        self._plant.SetPositions(self._context, self._arm, q)
+        world = self._plant.world_frame()
+        matrix = self._plant.CalcJacobianSpatialVelocity(
+            self._context,
+            JacobianWrtVariable.kV,
+            self._hand,
+            np.zeros(3),
+            world,
+            world,
+        )
+        # Drake's spatial velocities begin with the angular one.
+        return np.vstack([matrix[3:], matrix[:3]])[:, self._columns]
+
+
+def interaction_matrix(points: Vector, depths: Vector) -> Vector:
+    """Return the matrix L with ds/dt = L [v; w] of points at rest (equation 11).
+
+    Args:
+        points: Image coordinates x, y at focal length 1, shape (n, 2).
+        depths: z of the points in the camera's frame [m], shape (n,).
+
+    Returns:
+        Shape (2 n, 6); the rows are x and y of each point.
+    """
+    x, y = np.asarray(points, dtype=float).T
+    nearness = 1.0 / np.asarray(depths, dtype=float)
+    zero = np.zeros_like(x)
+    rows_x = [-nearness, zero, x * nearness, x * y, -(1.0 + x * x), y]
+    rows_y = [zero, -nearness, y * nearness, 1.0 + y * y, -x * y, -x]
+    matrix = np.stack([np.stack(rows_x, axis=-1), np.stack(rows_y, axis=-1)], axis=1)
+    return matrix.reshape(-1, 6)
+
+
+@dc.dataclass(frozen=True)
+class Solution:
+    """A damped least-squares solution."""
+
+    x: Vector  # shape (m,)
+    # Least singular value of the matrix; 0 if it has fewer rows than columns.
+    least: float
+
+
+def damped_solution(matrix: Vector, b: Vector, least: float) -> Solution:
+    """Return x with matrix x = b, damped where the matrix is nearly singular.
+
+    Every singular value s counts as s / (s² + d²), where d² grows from 0 to `least`²
+    as s falls below `least` (Nakamura and Hanafusa, J. Dyn. Sys. Meas. Control 108,
+    1986). So x is never longer than b over `least`, whatever the matrix, and is exact
+    where all singular values are above `least`.
+
+    Args:
+        matrix: Shape (n, m).
+        b: Shape (n,).
+        least: Singular value below which a direction is damped.
+    """
+    u, s, vt = np.linalg.svd(matrix, full_matrices=False)
+    damping = np.where(s < least, 1.0 - (s / least) ** 2, 0.0) * least**2
+    inverse = s / np.maximum(s * s + damping, 1e-300)
+    determined = len(s) == matrix.shape[1]
+    return Solution(vt.T @ (inverse * (u.T @ b)), float(s[-1]) if determined else 0.0)
+
+
+def image_displacement(
+    points: Vector,
+    depths: Vector,
+    goal_points: Vector,
+    goal_depths: Vector,
+    *,
+    turns: bool,
+    least: float,
+) -> Solution:
+    """Return the displacement of the camera that takes points to their goals.
+
+    It is -L^+ (s - s*) with L the mean of the interaction matrices here and at the
+    goal, which couples large motions in depth and across least (section "Choosing L").
+
+    Args:
+        points: Image coordinates at focal length 1, shape (n, 2).
+        depths: Of the points [m], shape (n,).
+        goal_points: Where they must be, shape (n, 2).
+        goal_depths: Their depths there [m], shape (n,).
+        turns: Whether the camera may turn, or only move.
+        least: See `damped_solution`.
+
+    Returns:
+        A translation [m] and a rotation vector [rad], shape (6,), and the least
+        singular value of the interaction matrix here.
+    """
+    here = interaction_matrix(points, depths)
+    there = interaction_matrix(goal_points, goal_depths)
+    freedoms = 6 if turns else 3
+    error = (np.asarray(points) - goal_points).reshape(-1)
+    found = damped_solution(0.5 * (here + there)[:, :freedoms], -error, least)
+    displacement = np.zeros(6)
+    displacement[:freedoms] = found.x
+    # The mean may have directions that the points here do not determine.
+    singular_values = np.linalg.svd(here[:, :freedoms], compute_uv=False)
+    determined = len(singular_values) == freedoms
+    return Solution(displacement, float(singular_values[-1]) if determined else 0.0)
+
+
+def rotation_vector(R: RotationMatrix) -> Vector:
+    """Return angle times axis of a rotation, shape (3,) [rad]."""
+    turn = R.ToAngleAxis()
+    vector: Vector = turn.angle() * turn.axis()
+    return vector
+
+
+def limited(vector: Vector, most: float) -> Vector:
+    """Return a vector, shortened to the length `most` if it is longer."""
+    length = float(np.linalg.norm(vector))
+    return vector if length <= most else vector * (most / length)
+
+
+def behind(
+    offset: Vector, axis: Vector, *, standoff: float, alignment: float, funnel: float
+) -> float:
+    """Return how far behind its goal a hand must stay that is not aligned [m].
+
+    Args:
+        offset: From the hand to its goal, shape (3,) [m].
+        axis: Direction of approach, a unit vector, shape (3,).
+        standoff: Greatest distance behind the goal [m].
+        alignment: Distance from the line of approach that leaves the way free [m].
+        funnel: Distance behind the goal per further distance from that line.
+    """
+    aside = float(np.linalg.norm(offset - (offset @ axis) * axis))
+    return min(standoff, funnel * max(0.0, aside - alignment))
+
+
+def hand_twist(
+    X_WG: RigidTransform,
+    X_WG_goal: RigidTransform,
+    *,
+    gain: float,
+    speed: float,
+    turning: float,
+) -> Vector:
+    """Return the twist of the hand that lets its error decay.
+
+    The error (translation, rotation vector) falls as exp(-gain t), on a straight line,
+    as long as the limits allow: the second control law of position-based visual
+    servoing in Chaumette and Hutchinson (2006), in world.
+
+    Args:
+        X_WG: The hand's pose [m].
+        X_WG_goal: Its goal [m].
+        gain: Share of the error per second.
+        speed: Largest speed [m/s].
+        turning: Largest turning rate [rad/s].
+
+    Returns:
+        [v; w] in world, shape (6,) [m/s], [rad/s].
+    """
+    away = X_WG_goal.translation() - X_WG.translation()
+    turn = rotation_vector(X_WG_goal.rotation() @ X_WG.rotation().inverse())
+    return np.concatenate([limited(gain * away, speed), limited(gain * turn, turning)])
+
+
+@dc.dataclass(frozen=True)
+class JointStep:
+    """A step of the joints towards a twist of the hand."""
+
+    q: Vector  # shape (N,) [rad]
+    achieved: float  # share of the twist that the step makes, 1 .. 0 or less
+
+
+def joint_step(
+    q: Vector,
+    jacobian: Vector,
+    twist: Vector,
+    period: float,
+    *,
+    least: float,
+    speed: Vector,
+    lower: Vector,
+    upper: Vector,
+) -> JointStep:
+    """Return the joints after a step that moves the hand along a twist.
+
+    Near singularities of the arm the step is damped. If a joint would be too fast, all
+    are slowed alike, so that the hand keeps its direction.
+
+    Args:
+        q: Positions of the joints, shape (N,) [rad].
+        jacobian: Of the hand's twist [v; w], shape (6, N).
+        twist: What the hand must do, shape (6,) [m/s], [rad/s].
+        period: Duration of the step [s].
+        least: Singular value of the Jacobian below which a direction is damped.
+        speed: Largest joint speeds, shape (N,) [rad/s].
+        lower: Lower limits of the joints, shape (N,) [rad].
+        upper: Upper limits of the joints, shape (N,) [rad].
+    """
+    velocity = damped_solution(jacobian, twist, least).x
+    slower: float = max(1.0, float(np.max(np.abs(velocity) / speed)))
+    following = np.clip(q + period / slower * velocity, lower, upper)
+    made = jacobian @ (following - q) / period
+    return JointStep(following, float(made @ twist) / max(float(twist @ twist), 1e-12))

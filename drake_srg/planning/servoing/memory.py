@@ -1,0 +1,252 @@
+"""Follows a moving goal from sightings: an alpha-beta filter.
+
+From a moving servo back to a planner's positions, without a jump.
+The memory of a visual servo.
+"""
+
+from __future__ import annotations
+
+import dataclasses as dc
+import math
+from typing import Any
+
+import numpy as np
+from pydrake.math import RigidTransform, RotationMatrix
+
+from drake_srg.common.shared import Shared
+from drake_srg.planning.servoing.config import (
+    ServoConfig,
+    ServoFault,
+    ServoState,
+    ServoStatus,
+)
+from drake_srg.planning.servoing.hand_motion import JointStep
+from drake_srg.types import Vector
+
+
+@dc.dataclass(frozen=True)
+class MovingGoal:
+    """Where a goal is, and how it moves. It is replaced, never changed."""
+
+    p_W: Vector  # at `time`, shape (3,) [m]
+    v_W: Vector = dc.field(default_factory=lambda: np.zeros(3))  # shape (3,) [m/s]
+    time: float = 0.0  # s
+
+    def at(self, time: float) -> Vector:
+        """Return where the goal is at a time, shape (3,) [m]."""
+        return self.p_W + (time - self.time) * self.v_W
+
+    def seen(self, p_W: Vector, time: float, alpha: float, beta: float) -> MovingGoal:
+        """Return the goal after a sighting.
+
+        Args:
+            p_W: Where the goal was seen, shape (3,) [m].
+            time: When, later than the sighting before [s].
+            alpha: Share of the surprise that goes into the position.
+            beta: Share of the surprise that goes into the velocity.
+        """
+        surprise = p_W - self.at(time)
+        elapsed = time - self.time
+        return MovingGoal(
+            self.at(time) + alpha * surprise,
+            self.v_W + beta / elapsed * surprise,
+            time,
+        )
+
+
+_DECAY = 6.0  # 1/s; a hand at 0.25 m/s brakes with less than half the arm's limits
+_GONE = 1e-6  # rad, rad/s
+
+
+@dc.dataclass(frozen=True)
+class HandOver:
+    """A deviation from planned positions that fades away, critically damped.
+
+    Attributes:
+        offset: Of the commands from the planned positions, shape (N,) [rad].
+        rate: Its velocity, shape (N,) [rad/s].
+    """
+
+    offset: Vector
+    rate: Vector
+
+    def stepped(self, period: float) -> HandOver | None:
+        """Return the deviation a period [s] later; None once it is gone."""
+        left = math.exp(-_DECAY * period)
+        slope = self.rate + _DECAY * self.offset
+        offset = left * (self.offset + period * slope)
+        rate = left * (self.rate - _DECAY * period * slope)
+        gone = max(np.max(np.abs(offset)), np.max(np.abs(rate))) < _GONE
+        return None if gone else HandOver(offset, rate)
+
+
+# A step that makes less than this share of the hand's motion counts as none, unless the
+# motion is slower than this [m/s].
+_NO_STEP, _SLOW = 0.1, 0.005
+# Below its top, at which a rising hand brakes [m]: it comes up to 3 mm higher.
+_THERE = 1e-3
+
+
+@dc.dataclass(frozen=True)
+class Memory(Shared):
+    """A servo's memory.
+
+    Attributes:
+        status: What the servo reports.
+        goal: The hand's goal; None before the first sighting.
+        R_WG_goal: The hand's orientation at the goal.
+        twist: Of the hand, [v; w] in world, shape (6,) [m/s], [rad/s].
+        next_look: When the next image is due [s].
+        taken: When the latest image was taken [s].
+        heard: When it arrived, or before the first one, when the servo began [s].
+        frame: Of the latest image; None before the first one.
+        p_frame: Where the hand was when that image was new, shape (3,) [m].
+        same: Number of images equal to it since.
+        missed: Images in a row without a usable sighting.
+        near_goal: Images in a row with the hand at its goal.
+        near_since: When the first of them arrived [s].
+        top: Height at which a hand that is raised stops [m]; None before that.
+        stuck: Steps in a row in which the arm did not move the hand as it should.
+        v: Velocity of the commands, shape (N,) [rad/s].
+        hand_over: While the servo passes, how far it still is from what is planned.
+    """
+
+    status: ServoStatus = dc.field(default_factory=ServoStatus)
+    goal: MovingGoal | None = None
+    R_WG_goal: RotationMatrix = dc.field(default_factory=RotationMatrix)
+    twist: Vector = dc.field(default_factory=lambda: np.zeros(6))
+    next_look: float = 0.0
+    taken: float = -np.inf
+    heard: float = 0.0
+    frame: int | None = None
+    p_frame: Vector = dc.field(default_factory=lambda: np.zeros(3))
+    same: int = 0
+    missed: int = 0
+    near_goal: int = 0
+    near_since: float = 0.0
+    top: float | None = None
+    stuck: int = 0
+    v: Vector = dc.field(default_factory=lambda: np.zeros(0))
+    hand_over: HandOver | None = None
+
+    @classmethod
+    def begun(cls, q: Vector, R_WG: RotationMatrix, time: float) -> Memory:
+        """Return the memory of a servo that begins with the arm at `q` (N,) [rad]."""
+        status = ServoStatus(ServoState.TRACKING, q=q)
+        return cls(status, R_WG_goal=R_WG, next_look=time, heard=time)
+
+    def passing(self, planned: Vector, config: ServoConfig) -> Memory:
+        """Return the memory of a servo that passes on planned positions (N,) [rad]."""
+        hand_over = self.hand_over
+        if self.status.state is not ServoState.PASSING and not self.status.at_rest:
+            hand_over = HandOver(self.status.q - planned, self.v)
+        elif self.status.state is ServoState.PASSING and hand_over is None:
+            return self
+        if hand_over is not None:
+            hand_over = hand_over.stepped(config.period)
+        return Memory(hand_over=hand_over)
+
+    def holding(self, time: float) -> Memory:
+        """Return the memory of a servo that brakes and holds the hand."""
+        memory = self._reporting(state=ServoState.HOLDING, fault=None)
+        return dc.replace(memory, heard=time)
+
+    def following(self) -> Memory:
+        """Return the memory of a servo that needs no images any more."""
+        return self._reporting(state=ServoState.FOLLOWING, fault=None)
+
+    def raising(self, height: float, config: ServoConfig) -> Memory:
+        """Return the memory of a servo that raises the hand, now at a height [m]."""
+        top = height + config.rise if self.top is None else self.top
+        there = self.status.state is ServoState.HOLDING or height > top - _THERE
+        state = ServoState.HOLDING if there else ServoState.RAISING
+        return dc.replace(self._reporting(state=state, fault=None), top=top)
+
+    def compared(
+        self, frame: int, p_WG: Vector, config: ServoConfig
+    ) -> tuple[Memory, bool]:
+        """Return the memory after an image, and whether it is an old one.
+
+        Args:
+            frame: Of the image.
+            p_WG: Where the hand is, shape (3,) [m].
+            config: How far the hand must have moved for an equal image to be an old
+                one.
+        """
+        if frame != self.frame:
+            return dc.replace(self, frame=frame, p_frame=p_WG, same=0), False
+        moved = float(np.linalg.norm(p_WG - self.p_frame))
+        return dc.replace(self, same=self.same + 1), moved > config.moved
+
+    def waited(self, time: float, config: ServoConfig) -> Memory:
+        """Return the memory after a time at which there was no new image."""
+        memory = dc.replace(self, next_look=time)
+        if time - self.heard < config.patience * config.camera_period:
+            return memory
+        return memory._reporting(state=ServoState.FAILED, fault=ServoFault.SILENT)
+
+    def missed_one(self, fault: ServoFault, config: ServoConfig) -> Memory:
+        """Return the memory after an image that does not tell the goal."""
+        missed = self.missed + 1
+        lost = max(missed, self.same) >= config.patience
+        state = ServoState.FAILED if lost else ServoState.TRACKING
+        return dc.replace(
+            self._reporting(state=state, fault=fault), missed=missed, near_goal=0
+        )
+
+    def seen(
+        self,
+        X_WG: RigidTransform,
+        X_WG_goal: RigidTransform,
+        time: float,
+        config: ServoConfig,
+    ) -> Memory:
+        """Return the memory after an image that shows where the hand must go.
+
+        Args:
+            X_WG: Where the hand was in the image [m].
+            X_WG_goal: Where it must go [m].
+            time: Of the image [s].
+            config: Gains of the filter, and tolerances.
+        """
+        p_goal = X_WG_goal.translation()
+        if self.goal is None:
+            goal = MovingGoal(p_goal, time=time)
+        else:
+            beta = config.beta if config.feed_forward else 0.0
+            goal = self.goal.seen(p_goal, time, config.alpha, beta)
+        R_goal = X_WG_goal.rotation() if config.turns else self.R_WG_goal
+        memory = dc.replace(self, goal=goal, R_WG_goal=R_goal, missed=0)
+        memory = memory._reporting(fault=None, images=self.status.images + 1)
+        return memory._close(float(np.linalg.norm(p_goal - X_WG.translation())), config)
+
+    def near(self, p_WG: Vector, time: float, config: ServoConfig) -> Memory:
+        """Return the memory after a time at which no image was looked at."""
+        assert self.goal is not None, "an image that counts shows the goal"
+        return self._close(float(np.linalg.norm(self.goal.at(time) - p_WG)), config)
+
+    def _close(self, error: float, config: ServoConfig) -> Memory:
+        assert self.goal is not None
+        near, first = error < config.tolerance, self.near_goal == 0
+        near_since = self.heard if first else self.near_since
+        # Images on their way when the first one arrived do not count: the hand could
+        # not yet react to it.
+        counts = first or self.taken >= near_since
+        near_goal = self.near_goal + counts if near else 0
+        reached = near_goal >= config.settled
+        state = ServoState.REACHED if reached else ServoState.TRACKING
+        memory = self._reporting(state=state, error=error, velocity=self.goal.v_W)
+        return dc.replace(memory, near_goal=near_goal, near_since=near_since)
+
+    def stepped(self, made: JointStep, twist: Vector, config: ServoConfig) -> Memory:
+        """Return the memory after a step of the arm towards a twist of the hand."""
+        moves = np.linalg.norm(twist[:3]) > _SLOW
+        stuck = self.stuck + 1 if moves and made.achieved < _NO_STEP else 0
+        v = (made.q - self.status.q) / config.period
+        memory = self._reporting(q=made.q, at_rest=not np.any(twist))
+        if stuck * config.period >= config.patience * config.camera_period:
+            memory = memory._reporting(state=ServoState.FAILED, fault=ServoFault.STUCK)
+        return dc.replace(memory, twist=twist, stuck=stuck, v=v)
+
+    def _reporting(self, **changes: Any) -> Memory:
+        return dc.replace(self, status=dc.replace(self.status, **changes))

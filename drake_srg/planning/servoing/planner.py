@@ -1,0 +1,312 @@
+"""The modes of picking and placing in which a visual servo moves the arm.
+
+Picking and placing with a visual servo for the grasp.
+"""
+
+from __future__ import annotations
+
+import dataclasses as dc
+import functools
+from collections.abc import Mapping
+from typing import TypeAlias
+
+from pydrake.common.value import AbstractValue
+from pydrake.math import RigidTransform
+from pydrake.systems.framework import Context
+from pydrake.trajectories import Trajectory
+
+from drake_srg.planning import state_machine
+from drake_srg.planning.motion.arm_motion import Motion
+from drake_srg.planning.pick_and_place.knowledge import (
+    FATAL,
+    TRANSITIONS,
+    PlannerMemory,
+    Senses,
+    Trouble,
+)
+from drake_srg.planning.pick_and_place.modes import (
+    Close,
+    Entry,
+    Grasp,
+    Lift,
+    Now,
+    TaskMode,
+    Verify,
+    task_modes,
+)
+from drake_srg.planning.pick_and_place.planner import PickAndPlacePlanner
+from drake_srg.planning.pick_and_place.replanning import Replanner
+from drake_srg.planning.pick_and_place.task_motions import TaskPlanner
+from drake_srg.planning.planner_machine import (
+    Observation,
+    PlannerConfig,
+    Table,
+    Transitions,
+)
+from drake_srg.planning.servoing.config import (
+    ServoCommand,
+    ServoFault,
+    ServoState,
+    ServoStatus,
+)
+from drake_srg.types import Failure, Mode, Shape
+
+# What the servo is told in each mode; it passes in all others.
+COMMANDS: Mapping[Mode, ServoCommand] = {
+    Mode.GRASP: ServoCommand.TRACK,
+    Mode.CLOSE: ServoCommand.FOLLOW,
+    Mode.VERIFY: ServoCommand.FOLLOW,
+    Mode.LIFT: ServoCommand.RAISE,  # until the motions from there are planned
+}
+# Those transitions that picking and placing does not have go first.
+SERVO_TRANSITIONS: Table = {
+    **TRANSITIONS,
+    Mode.GRASP: [
+        (lambda o, t, c: o.stuck, Mode.RETREAT),
+        *TRANSITIONS[Mode.GRASP],
+    ],
+    Mode.LIFT: [
+        (lambda o, t, c: o.failure is not None, Mode.FAILED),
+        *TRANSITIONS[Mode.LIFT],
+    ],
+}
+servo_transition = Transitions(SERVO_TRANSITIONS, FATAL)
+_HELD = (ServoState.HOLDING, ServoState.FAILED)
+_LATE = "it does not reach the object in time"
+
+
+@dc.dataclass(frozen=True)
+class ServoSenses(Senses):
+    """Measurements at one time, and what the servo reports."""
+
+    servo: ServoStatus = dc.field(default_factory=ServoStatus)
+
+
+def servo_command(mode: Mode, memory: PlannerMemory) -> ServoCommand:
+    """Return what the servo must do in a mode."""
+    if mode is Mode.GRASP and memory.trouble.failure is not None:
+        return ServoCommand.HOLD  # the way out begins where the hand rests
+    if mode is Mode.LIFT and memory.attempt.looked:
+        return ServoCommand.PASS
+    return COMMANDS.get(mode, ServoCommand.PASS)
+
+
+class Servoed(TaskMode):
+    """A mode in which the servo moves the arm, and the planner's motion follows it."""
+
+    def trajectory(self, memory: PlannerMemory) -> Trajectory | None:
+        """Return None: the servo knows the way."""
+        return None
+
+    def update(self, memory: PlannerMemory, now: Now) -> PlannerMemory:
+        """Rest where the servo has taken the arm."""
+        memory, q = super().update(memory, now), _servo(now).q
+        if len(q):
+            memory.motion = Motion(q)
+        return memory
+
+
+class ServoGrasp(Servoed, Grasp):
+    """Lets the servo move the open hand around the object.
+
+    Args:
+        config: Times and limits.
+        replanner: Plans from what is seen.
+        repeat: How many cycles the task has.
+        time_limit: Time after which the servo counts as failed [s].
+    """
+
+    mode = Mode.GRASP
+
+    def __init__(
+        self,
+        config: PlannerConfig,
+        replanner: Replanner,
+        repeat: int,
+        time_limit: float,
+    ) -> None:
+        super().__init__(config, replanner, repeat)
+        self.time_limit = time_limit
+
+    def update(self, memory: PlannerMemory, now: Now) -> PlannerMemory:
+        """Plan a way out once the servo has failed, and the hand is at rest."""
+        memory, servo = super().update(memory, now), _servo(now)
+        attempt = memory.attempt
+        if attempt.escape is not None:
+            return memory
+        failed = servo.state is ServoState.FAILED
+        late = now.time - attempt.ready_at > self.time_limit
+        if memory.trouble.failure is None and (failed or late):
+            seen = servo.fault not in (None, ServoFault.STUCK)
+            why = servo.fault.value if servo.fault is not None and failed else _LATE
+            failure = Failure.NOT_SEEN if seen else Failure.OUT_OF_REACH
+            memory.trouble = Trouble(failure, f"visual servo: {why}")
+        if memory.trouble.failure is not None and servo.at_rest:
+            self.replanner.Escape(memory, now.time)
+        return memory
+
+    def observe_mode(self, memory: PlannerMemory, now: Now) -> Observation:
+        """Report that the hand has reached the object, or that there is a way out."""
+        attempt = memory.attempt
+        if attempt.escape is not None:
+            return Observation(stuck=now.time >= attempt.ready_at)
+        return Observation(arrived=_servo(now).state is ServoState.REACHED)
+
+
+class ServoClose(Servoed, Close):
+    """Closes the fingers on the object while the hand follows it."""
+
+    mode = Mode.CLOSE
+
+
+class ServoVerify(Servoed, Verify):
+    """Makes sure that the fingers hold the object while the hand follows it."""
+
+    mode = Mode.VERIFY
+
+
+class ServoLift(Lift):
+    """Lets the servo raise the hand a little, plans the rest from there, and lifts."""
+
+    mode = Mode.LIFT
+
+    def enter(self, memory: PlannerMemory, entry: Entry) -> PlannerMemory:
+        """Remember how the fingers hold the object, and brake."""
+        memory = super().enter(memory, entry)
+        memory.motion = Motion(_servo(entry).q)
+        return memory
+
+    def Look(self, memory: PlannerMemory, now: Now) -> None:
+        """Plan once the hand is at rest; the motion begins when the plan is ready."""
+        servo = _servo(now)
+        memory.motion, attempt = Motion(servo.q), memory.attempt
+        if servo.state not in _HELD or not servo.at_rest:
+            return
+        self.replanner.Carry(memory, now.time)
+        attempt.looked = True
+        if not attempt.trapped:
+            memory.motion = memory.motion.followed_by(
+                attempt.planned.motions[self.mode], attempt.ready_at, self.wait
+            )
+
+    def observe_mode(self, memory: PlannerMemory, now: Now) -> Observation:
+        """Report a plan that failed, and then what every lift reports."""
+        if memory.attempt.trapped:
+            return Observation(failure=memory.trouble.failure)
+        if not memory.attempt.looked:
+            return Observation()
+        return super().observe_mode(memory, now)
+
+
+def servo_modes(
+    config: PlannerConfig, replanner: Replanner, repeat: int, *, time_limit: float
+) -> dict[Mode, TaskMode]:
+    """Return what the planner does in each mode.
+
+    Args:
+        config: Times and limits.
+        replanner: Plans from what is seen.
+        repeat: How many cycles the task has.
+        time_limit: Time after which the servo counts as failed [s].
+    """
+    modes = task_modes(config, replanner, repeat)
+    modes[Mode.GRASP] = ServoGrasp(config, replanner, repeat, time_limit)
+    for kind in (ServoClose, ServoVerify, ServoLift):
+        modes[kind.mode] = kind(config, replanner, repeat)
+    return modes
+
+
+_Senses: TypeAlias = state_machine.Moment[Senses]
+
+
+def _servo(now: _Senses) -> ServoStatus:
+    assert isinstance(now.senses, ServoSenses), "these modes need a servo"
+    return now.senses.servo
+
+
+class ServoingPlanner(PickAndPlacePlanner):
+    """Picks and places like its base class, but leaves the grasp to a visual servo.
+
+    .. pydrake_system::
+
+        name: ServoingPlanner
+        input_ports:
+        - blobs
+        - arm_state
+        - gripper_state
+        - grasped
+        - proximity
+        - obstacles (optional)
+        - external_torque (optional)
+        - servo_status
+        output_ports:
+        - position_commanded
+        - closure_commanded
+        - mode
+        - status
+        - servo_command
+
+    The other ports are those of `PickAndPlacePlanner`. `servo_status` (ServoStatus) and
+    `servo_command` (ServoCommand) connect to a `VisualServo`, which passes on
+    `position_commanded` whenever it is not in charge.
+
+    In front of the object, the planner hands over to the servo, and closes the fingers
+    once that has reached the object. Meanwhile the servo follows the object as it last
+    moved. Once the grasp is verified, the servo raises the hand a little and brakes,
+    and the planner plans the rest of the cycle from there. If the servo fails, the
+    planner draws the hand back, goes home and tries again.
+
+    Args:
+        task_planner: Plans the motions.
+        object_name: Name of the blobs of the object to take.
+        shape: The object's known shape.
+        goal: Where the object must go, X_WO [m].
+        tolerance: Distance from the goal that counts as placed [m].
+        obstacles: Names and shapes of the other objects.
+        repeat: How many cycles.
+        config: Times, speeds and limits.
+        time_limit: Time after which the servo counts as failed [s].
+    """
+
+    def __init__(
+        self,
+        task_planner: TaskPlanner,
+        object_name: str,
+        shape: Shape,
+        goal: RigidTransform,
+        tolerance: float = 0.005,
+        obstacles: Mapping[str, Shape] | None = None,
+        repeat: int = 1,
+        config: PlannerConfig | None = None,
+        time_limit: float = 6.0,
+    ) -> None:
+        super().__init__(
+            task_planner,
+            object_name,
+            shape,
+            goal,
+            tolerance,
+            obstacles,
+            repeat,
+            config,
+            make_modes=functools.partial(servo_modes, time_limit=time_limit),
+            transition=servo_transition,
+        )
+        self._servo = self.DeclareAbstractInputPort(
+            name="servo_status", model_value=AbstractValue.Make(ServoStatus())
+        )
+        self.DeclareAbstractOutputPort(
+            name="servo_command",
+            alloc=lambda: AbstractValue.Make(ServoCommand.PASS),
+            calc=self._calc_command,
+            prerequisites_of_calc={self.state_ticket},
+        )
+
+    def sense(self, context: Context) -> ServoSenses:
+        """Return the measurements, and what the servo reports."""
+        senses = super().sense(context)
+        return ServoSenses(**vars(senses), servo=self._servo.Eval(context))
+
+    def _calc_command(self, context: Context, output: AbstractValue) -> None:
+        state = self.state(context)
+        output.set_value(servo_command(state.mode, state.memory))

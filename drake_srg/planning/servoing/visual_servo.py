@@ -1,0 +1,373 @@
+"""The loop that all visual servos share: from goal poses of a camera to joints.
+
+Visual servoing on an object's pose.
+Visual servoing on points in the image.
+"""
+
+from __future__ import annotations
+
+import dataclasses as dc
+from typing import Any
+
+import numpy as np
+from pydrake.common.eigen_geometry import AngleAxis
+from pydrake.common.value import AbstractValue
+from pydrake.math import RigidTransform, RotationMatrix
+from pydrake.systems.framework import BasicVector, Context, EventStatus, State
+
+from drake_srg.lifetime import LeafSystem
+from drake_srg.planning.servoing.config import (
+    ServoCommand,
+    ServoConfig,
+    ServoFault,
+    ServoState,
+    ServoStatus,
+)
+from drake_srg.planning.servoing.hand_motion import (
+    ServoArm,
+    behind,
+    hand_twist,
+    image_displacement,
+    joint_step,
+    limited,
+)
+from drake_srg.planning.servoing.memory import Memory
+from drake_srg.planning.servoing.tracker import (
+    FeatureSighting,
+    PoseSighting,
+    Sighting,
+    Taken,
+)
+from drake_srg.types import Vector
+
+_UP = np.array([0.0, 0.0, 1.0])
+_PASS = ServoCommand.PASS
+_ROUNDING = 1e-9  # of times of updates, which are multiples of the period [s]
+
+
+class VisualServo(LeafSystem):
+    """Drives a hand by what the camera in it shows; base class of the servos.
+
+    It stands between whatever plans the arm's motion and the arm's driver, or the
+    safety monitor before that. Derive from it and override `goal_camera`, which says
+    where the camera must go, seen from where it is.
+
+    .. pydrake_system::
+
+        name: VisualServo
+        input_ports:
+        - command
+        - position_planned
+        - arm_state
+        - sighting
+        output_ports:
+        - position_commanded
+        - status
+
+    Inputs: `command` (ServoCommand); `position_planned` (N) [rad]; `arm_state` (2N),
+    [q; v] in rad and rad/s; `sighting`, what the camera shows, evaluated only while the
+    servo tracks, every `config.camera_period`. A sighting that is `taken` earlier is
+    used once, with the arm as it was then; the servo looks for the next one every
+    `config.period`. Outputs: `position_commanded` (N) [rad]; `status` (ServoStatus).
+
+    With PASS, `position_planned` passes at once and unchanged, if the servo rests;
+    otherwise its commands first go there without a jump. With TRACK, every image
+    gives the hand's goal in world. An alpha-beta filter follows the goal and its
+    velocity, and every `config.period` the hand moves towards where it is by now. With
+    FOLLOW, no image counts, and the hand moves on with the goal's last velocity. With
+    RAISE, it does so upwards by `config.rise`, and then brakes and rests. With HOLD, it
+    brakes and rests at once.
+
+    The hand is held while the object is not wholly in the image or the features do not
+    determine the motion. After `config.patience` such images, or as many equal images
+    of a moving hand, or as long without a new image or without getting the arm to move,
+    the servo fails: it brakes, holds, and tells why, until the command is PASS.
+
+    Args:
+        arm: Kinematics of arm and hand.
+        X_GC: Where the camera is believed to be in the hand [m].
+        axis_G: Direction of approach in the hand, a unit vector, shape (3,).
+        sighting: Model value of the input `sighting`.
+        config: Gains and limits.
+    """
+
+    def __init__(
+        self,
+        arm: ServoArm,
+        X_GC: RigidTransform,
+        axis_G: Vector,
+        sighting: Sighting,
+        config: ServoConfig,
+    ) -> None:
+        super().__init__()
+        self._arm, self._X_GC = arm, X_GC
+        self._axis_G = np.asarray(axis_G, dtype=float)
+        self.config = config
+        self._command = self.DeclareAbstractInputPort(
+            name="command", model_value=AbstractValue.Make(ServoCommand.PASS)
+        )
+        self._planned = self.DeclareVectorInputPort("position_planned", arm.n)
+        self._measured = self.DeclareVectorInputPort("arm_state", 2 * arm.n)
+        self._sighting = self.DeclareAbstractInputPort(
+            name="sighting", model_value=AbstractValue.Make(sighting)
+        )
+        self._state = self.DeclareAbstractState(AbstractValue.Make(Memory()))
+        ticket = self.abstract_state_ticket(self._state)
+        self.DeclareVectorOutputPort(
+            name="position_commanded",
+            size=arm.n,
+            calc=self._calc_position,
+            prerequisites_of_calc={
+                ticket,
+                self._command.ticket(),
+                self._planned.ticket(),
+            },
+        )
+        self.DeclareAbstractOutputPort(
+            name="status",
+            alloc=lambda: AbstractValue.Make(ServoStatus()),
+            calc=self._calc_status,
+            prerequisites_of_calc={ticket},
+        )
+        self.DeclarePeriodicUnrestrictedUpdateEvent(config.period, 0.0, self._update)
+
+    def goal_camera(self, sighting: Any) -> RigidTransform | ServoFault:
+        """Return the camera's goal, seen from where it is, X_CC_goal [m].
+
+        Args:
+            sighting: What the camera shows.
+
+        Returns:
+            The pose, or why the image does not tell it.
+        """
+        raise NotImplementedError
+
+    def _memory(self, context: Context) -> Memory:
+        memory: Memory = context.get_abstract_state(int(self._state)).get_value()
+        return memory
+
+    def _calc_position(self, context: Context, output: BasicVector) -> None:
+        memory = self._memory(context)
+        rests = memory.status.at_rest and self._command.Eval(context) is _PASS
+        passing = rests or memory.status.state is ServoState.PASSING
+        q = self._passed(context, memory) if passing else memory.status.q
+        output.SetFromVector(q)
+
+    def _passed(self, context: Context, memory: Memory) -> Vector:
+        """Return what a servo that passes commands, shape (N,) [rad]."""
+        planned: Vector = self._planned.Eval(context)
+        over = memory.hand_over
+        return planned if over is None else planned + over.offset
+
+    def _calc_status(self, context: Context, output: AbstractValue) -> None:
+        output.set_value(self._memory(context).status)
+
+    def _update(self, context: Context, state: State) -> EventStatus:
+        memory, time = self._memory(context), context.get_time()
+        command: ServoCommand = self._command.Eval(context)
+        if command is _PASS:
+            passing = memory.passing(self._planned.Eval(context), self.config)
+            if passing is memory:
+                return EventStatus.DidNothing()
+            memory = passing
+        else:
+            if memory.status.state is ServoState.PASSING:
+                q = self._passed(context, memory).copy()
+                memory = Memory.begun(q, self._arm.X_WG(q).rotation(), time)
+            if memory.status.state is not ServoState.FAILED:
+                if command is ServoCommand.HOLD:
+                    memory = memory.holding(time)
+                elif command is ServoCommand.FOLLOW:
+                    memory = memory.following()
+                elif command is ServoCommand.RAISE:
+                    height = self._arm.X_WG(memory.status.q).translation()[2]
+                    memory = memory.raising(float(height), self.config)
+                elif time > memory.next_look - _ROUNDING:
+                    memory = self._looked(context, memory, time)
+            memory = self._moved(memory, time)
+        state.get_mutable_abstract_state(int(self._state)).set_value(memory)
+        return EventStatus.Succeeded()
+
+    def _looked(self, context: Context, memory: Memory, time: float) -> Memory:
+        """Return the memory after an image, or after the time of one."""
+        config = self.config
+        q = self._measured.Eval(context)[: self._arm.n]
+        if config.looks and memory.status.images >= config.looks:
+            memory = dc.replace(memory, next_look=time + config.camera_period)
+            return memory.near(self._arm.X_WG(q).translation(), time, config)
+        sighting: Sighting = self._sighting.Eval(context)
+        taken = sighting.taken or Taken(time, q)
+        if taken.time <= memory.taken:
+            return memory.waited(time, config)
+        next_look = time + config.camera_period if sighting.taken is None else time
+        memory = dc.replace(memory, next_look=next_look, taken=taken.time, heard=time)
+        X_WG = self._arm.X_WG(taken.q)
+        memory, frozen = memory.compared(sighting.frame, X_WG.translation(), config)
+        if frozen:
+            return memory.missed_one(ServoFault.FROZEN, config)
+        X_CC_goal = self.goal_camera(sighting)
+        if isinstance(X_CC_goal, ServoFault):
+            return memory.missed_one(X_CC_goal, config)
+        X_WG_goal = X_WG @ self._X_GC @ X_CC_goal @ self._X_GC.inverse()
+        return memory.seen(X_WG, X_WG_goal, taken.time, config)
+
+    def _moved(self, memory: Memory, time: float) -> Memory:
+        """Return the memory after a step of the arm."""
+        config, arm, q = self.config, self._arm, memory.status.q
+        wanted = self._wanted(memory, time)
+        most = config.acceleration * config.period
+        step = wanted - memory.twist
+        turning = most * config.turning / config.speed
+        twist = memory.twist + np.concatenate(
+            [limited(step[:3], most), limited(step[3:], turning)]
+        )
+        made = joint_step(
+            q,
+            arm.jacobian(q),
+            twist,
+            config.period,
+            least=config.least_jacobian,
+            speed=arm.speed,
+            lower=arm.lower,
+            upper=arm.upper,
+        )
+        return memory.stepped(made, twist, config)
+
+    def _wanted(self, memory: Memory, time: float) -> Vector:
+        """Return the twist that the hand should have now, shape (6,)."""
+        config, goal = self.config, memory.goal
+        held = memory.status.state in (ServoState.HOLDING, ServoState.FAILED)
+        if goal is None or held or memory.status.fault is not None:
+            return np.zeros(6)
+        X_WG = self._arm.X_WG(memory.status.q)
+        axis_W = X_WG.rotation() @ self._axis_G
+        p_goal = goal.at(time + config.lag)
+        back = behind(
+            p_goal - X_WG.translation(),
+            axis_W,
+            standoff=config.standoff,
+            alignment=config.alignment,
+            funnel=config.funnel,
+        )
+        twist = hand_twist(
+            X_WG,
+            RigidTransform(memory.R_WG_goal, p_goal - back * axis_W),
+            gain=config.gain,
+            speed=config.speed,
+            turning=config.turning,
+        )
+        if memory.status.state is ServoState.RAISING:
+            twist[:3] = config.rise_speed * _UP
+        twist[:3] += goal.v_W
+        return twist
+
+
+class PositionBasedServo(VisualServo):
+    """Drives the hand until the camera sees an object in the pose that it must have.
+
+    .. pydrake_system::
+
+        name: PositionBasedServo
+        input_ports:
+        - command
+        - position_planned
+        - arm_state
+        - sighting
+        output_ports:
+        - position_commanded
+        - status
+
+    The ports are those of `VisualServo`; `sighting` is a PoseSighting. The error is the
+    object's pose in the camera against `X_CO_goal`. Without `config.turns`, only the
+    translation counts.
+
+    Args:
+        arm: Kinematics of arm and hand.
+        X_GC: Where the camera is believed to be in the hand [m].
+        axis_G: Direction of approach in the hand, a unit vector, shape (3,).
+        X_CO_goal: Pose of the object in the camera with the hand at its goal [m].
+        config: Gains and limits.
+    """
+
+    def __init__(
+        self,
+        arm: ServoArm,
+        X_GC: RigidTransform,
+        axis_G: Vector,
+        X_CO_goal: RigidTransform,
+        config: ServoConfig | None = None,
+    ) -> None:
+        config = config or ServoConfig()
+        super().__init__(arm, X_GC, axis_G, PoseSighting(), config)
+        self._X_CO_goal = X_CO_goal
+
+    def goal_camera(self, sighting: PoseSighting) -> RigidTransform | ServoFault:
+        """Return the camera's goal, seen from where it is; see `VisualServo`."""
+        X_CO = sighting.X_CO
+        if X_CO is None:
+            return ServoFault.LOST
+        if self.config.turns:
+            return X_CO @ self._X_CO_goal.inverse()
+        away = X_CO.translation() - self._X_CO_goal.translation()
+        return RigidTransform(away)
+
+
+class ImageBasedServo(VisualServo):
+    """Drives the hand until image points are where they must be.
+
+    .. pydrake_system::
+
+        name: ImageBasedServo
+        input_ports:
+        - command
+        - position_planned
+        - arm_state
+        - sighting
+        output_ports:
+        - position_commanded
+        - status
+
+    The ports are those of `VisualServo`; `sighting` is a FeatureSighting with as many
+    points as `goal`. The error of the points in the image goes through the damped
+    inverse of their interaction matrix (see `image_displacement`). Where that is nearly
+    singular, the hand is held.
+
+    Args:
+        arm: Kinematics of arm and hand.
+        X_GC: Where the camera is believed to be in the hand [m]; only its orientation
+            matters without `config.turns`.
+        axis_G: Direction of approach in the hand, a unit vector, shape (3,).
+        goal: The points with the hand at its goal.
+        config: Gains and limits.
+    """
+
+    def __init__(
+        self,
+        arm: ServoArm,
+        X_GC: RigidTransform,
+        axis_G: Vector,
+        goal: FeatureSighting,
+        config: ServoConfig | None = None,
+    ) -> None:
+        config = config or ServoConfig()
+        super().__init__(arm, X_GC, axis_G, FeatureSighting(), config)
+        self._goal = goal
+
+    def goal_camera(self, sighting: FeatureSighting) -> RigidTransform | ServoFault:
+        """Return the camera's goal, seen from where it is; see `VisualServo`."""
+        if not len(sighting.points):
+            return ServoFault.LOST
+        found = image_displacement(
+            sighting.points,
+            sighting.depths,
+            self._goal.points,
+            self._goal.depths,
+            turns=self.config.turns,
+            least=self.config.least_interaction,
+        )
+        if found.least < self.config.least_interaction:
+            return ServoFault.SINGULAR
+        move, turn = found.x[:3], found.x[3:]
+        angle = float(np.linalg.norm(turn))
+        axis = turn / angle if angle > 0.0 else np.array([0.0, 0.0, 1.0])
+        return RigidTransform(RotationMatrix(AngleAxis(angle, axis)), move)

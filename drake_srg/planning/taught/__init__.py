@@ -1,1 +1,0 @@
-"""Taught waypoints: the motions of the five-axis arm's thesis."""

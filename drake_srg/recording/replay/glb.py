@@ -1,0 +1,367 @@
+"""Animated glTF 2.0 in one binary file, the same bytes for the same scene.
+
+Reads the nodes of a scene that `glb.write_glb` wrote.
+"""
+
+from __future__ import annotations
+
+import dataclasses as dc
+import json
+import struct
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from drake_srg.recording.replay.triangles import Triangles
+from drake_srg.types import Vector
+
+Json = dict[str, Any]
+
+_JSON, _BINARY = 0x4E4F534A, 0x004E4942  # kinds of chunks
+_KINDS = {"f": 5126, "H": 5123, "I": 5125}  # glTF's numbers of component types
+# Smaller motion is not animated: a float32 cannot hold it 1 m from the origin.
+_STILL = 1e-7
+# Ours; glTF leaves `extras` to applications.
+EXTRAS = "drake_srg"
+
+
+@dc.dataclass(frozen=True)
+class Part:
+    """A surface of one colour, with shapes to morph into.
+
+    Attributes:
+        surface: Its triangles.
+        color: Red, green, blue, opacity, 0 .. 1, as cameras see it (sRGB).
+        targets: Displacements of the points, one array (n, 3) per morph target [m].
+    """
+
+    surface: Triangles
+    color: tuple[float, float, float, float]
+    targets: Sequence[Vector] = ()
+
+
+@dc.dataclass(frozen=True)
+class Track:
+    """Values of a node's property over time, interpolated linearly between them.
+
+    Attributes:
+        time: [s], increasing, shape (K,).
+        values: Shape (K, n): translation (3) [m], rotation (4) as a unit quaternion
+            x, y, z, w, scale (3), or the weights of the morph targets.
+    """
+
+    time: Vector
+    values: Vector
+
+
+@dc.dataclass
+class Node:
+    """A node of the scene.
+
+    Attributes:
+        name: Its unique name.
+        parts: What it looks like.
+        tracks: Its motion, by property: translation, rotation, scale, weights.
+        camera: A perspective camera in glTF's form; it looks along the node's -z.
+        extras: Anything else in JSON.
+    """
+
+    name: str
+    parts: Sequence[Part] = ()
+    tracks: dict[str, Track] = dc.field(default_factory=dict)
+    camera: Json | None = None
+    extras: Json | None = None
+
+
+def write_glb(
+    nodes: Sequence[Node], extras: Mapping[str, Any], images: Sequence[bytes] = ()
+) -> bytes:
+    """Return a GLB file; its `Y` is up, as glTF demands, and the nodes' world z.
+
+    Args:
+        nodes: The scene.
+        extras: JSON to store in the scene under EXTRAS.
+        images: JPEG files; `extras` refers to them by their index.
+    """
+    return _Writer().write(nodes, extras, images)
+
+
+class _Writer:
+    """The arrays of a file; equal ones are stored once."""
+
+    def __init__(self) -> None:
+        self._binary = bytearray()
+        self._known: dict[tuple[str, bytes | str], int] = {}
+        self._json: dict[str, list[Any]] = {
+            "bufferViews": [],
+            "accessors": [],
+            "materials": [],
+            "meshes": [],
+            "cameras": [],
+            "images": [],
+            "nodes": [],
+        }
+
+    def write(
+        self, nodes: Sequence[Node], extras: Mapping[str, Any], images: Sequence[bytes]
+    ) -> bytes:
+        channels: list[Json] = []
+        samplers: list[Json] = []
+        for index, node in enumerate(nodes):
+            entry = self._node(node)
+            for path, track in node.tracks.items():
+                values = track.values.astype(np.float32)
+                if path == "rotation":
+                    values = _continuous(values)
+                if np.ptp(values, axis=0).max() > _STILL:
+                    sampler = {
+                        "input": self._array(track.time, "SCALAR", limits=True),
+                        "output": self._array(
+                            values.ravel() if path == "weights" else values,
+                            "SCALAR" if path == "weights" else f"VEC{values.shape[1]}",
+                        ),
+                    }
+                    channels.append(
+                        {
+                            "sampler": len(samplers),
+                            "target": {"node": index, "path": path},
+                        }
+                    )
+                    samplers.append(sampler)
+                if path != "weights":
+                    entry[path] = [float(x) for x in values[0]]
+            self._json["nodes"].append(entry)
+        for image in images:
+            entry = {"bufferView": self._view(image), "mimeType": "image/jpeg"}
+            self._json["images"].append(entry)  # by index, so that equal ones count
+        half = float(np.sqrt(0.5))
+        root = {
+            "name": "world (z up)",
+            "rotation": [-half, 0.0, 0.0, half],
+            "children": list(range(len(nodes))),
+        }
+        self._json["nodes"].append(root)
+        document: Json = {
+            "asset": {"version": "2.0", "generator": "drake_srg"},
+            "scene": 0,
+            "scenes": [{"nodes": [len(nodes)], "extras": {EXTRAS: dict(extras)}}],
+            "buffers": [{"byteLength": len(self._binary)}],
+            **{name: entries for name, entries in self._json.items() if entries},
+        }
+        if channels:
+            document["animations"] = [
+                {"name": "run", "channels": channels, "samplers": samplers}
+            ]
+        return _packed(document, bytes(self._binary))
+
+    def _node(self, node: Node) -> Json:
+        entry: Json = {"name": node.name}
+        if node.parts:
+            mesh: Json = {"primitives": [self._primitive(part) for part in node.parts]}
+            if count := len(node.parts[0].targets):
+                mesh["weights"] = [0.0] * count
+            entry["mesh"] = self._add("meshes", mesh)
+        if node.camera is not None:
+            camera = {"type": "perspective", "perspective": node.camera}
+            entry["camera"] = self._add("cameras", camera)
+        if node.extras is not None:
+            entry["extras"] = {EXTRAS: node.extras}
+        return entry
+
+    def _primitive(self, part: Part) -> Json:
+        surface = part.surface
+        attributes = {
+            "POSITION": self._array(surface.points, "VEC3", limits=True),
+            "NORMAL": self._array(_units(surface.normals), "VEC3"),
+        }
+        kind = "H" if len(surface.points) < 65535 else "I"
+        primitive: Json = {
+            "attributes": attributes,
+            "indices": self._array(surface.faces.ravel(), "SCALAR", kind),
+            "material": self._material(part.color),
+        }
+        if part.targets:
+            primitive["targets"] = [
+                {"POSITION": self._array(target, "VEC3", limits=True)}
+                for target in part.targets
+            ]
+        return primitive
+
+    def _material(self, color: Sequence[float]) -> int:
+        # glTF's colours are linear, Drake's are not.
+        rgb = [round(float(np.clip(c, 0, 1) ** 2.2), 4) for c in color[:3]]
+        material: Json = {
+            "pbrMetallicRoughness": {
+                "baseColorFactor": [*rgb, float(color[3])],
+                "metallicFactor": 0.0,
+                "roughnessFactor": 0.6,
+            }
+        }
+        if color[3] < 1.0:
+            material["alphaMode"] = "BLEND"
+        return self._add("materials", material)
+
+    def _array(
+        self, values: npt.ArrayLike, shape: str, kind: str = "f", limits: bool = False
+    ) -> int:
+        array = np.ascontiguousarray(values, dtype=f"<{kind}")
+        accessor: Json = {
+            "bufferView": self._view(array.tobytes()),
+            "componentType": _KINDS[kind],
+            "count": len(array),
+            "type": shape,
+        }
+        if limits:
+            rows = array.reshape(len(array), -1)
+            accessor["min"] = rows.min(axis=0).tolist()
+            accessor["max"] = rows.max(axis=0).tolist()
+        return self._add("accessors", accessor)
+
+    def _view(self, data: bytes) -> int:
+        if (key := ("binary", data)) not in self._known:
+            view = {"buffer": 0, "byteOffset": len(self._binary)}
+            view["byteLength"] = len(data)
+            self._binary += data + bytes(-len(data) % 4)
+            self._known[key] = self._add("bufferViews", view)
+        return self._known[key]
+
+    def _add(self, name: str, entry: Json) -> int:
+        """Return the index of an entry in a list of the file, added if it is new."""
+        key = (name, json.dumps(entry))
+        if key not in self._known:
+            self._known[key] = len(self._json[name])
+            self._json[name].append(entry)
+        return self._known[key]
+
+
+def _units(normals: Vector) -> Vector:
+    """Return unit vectors of few significant bits, which compress well."""
+    bits = normals.astype(np.float32).view(np.uint32)
+    return ((bits + 0x400) & np.uint32(0xFFFFF800)).view(np.float32)
+
+
+def _continuous(rotations: npt.NDArray[np.float32]) -> npt.NDArray[np.float32]:
+    """Return quaternions with the signs that make each one near its predecessor."""
+    turned = np.sum(rotations[1:] * rotations[:-1], axis=1) < 0
+    signs = np.cumprod(np.where(turned, -1, 1))
+    return rotations * np.concatenate([[1], signs]).astype(np.float32)[:, None]
+
+
+def _packed(document: Json, binary: bytes) -> bytes:
+    text = json.dumps(document, separators=(",", ":"), allow_nan=False).encode()
+    text += b" " * (-len(text) % 4)
+    size = 12 + 8 + len(text) + 8 + len(binary)
+    return b"".join(
+        [
+            struct.pack("<4sII", b"glTF", 2, size),
+            struct.pack("<II", len(text), _JSON),
+            text,
+            struct.pack("<II", len(binary), _BINARY),
+            binary,
+        ]
+    )
+
+
+def read_glb(data: bytes) -> tuple[Json, bytes]:
+    """Return the JSON document and the binary chunk of a GLB file.
+
+    Raises:
+        ValueError: If it is not one, or cut off.
+    """
+    try:
+        magic, version, size = struct.unpack_from("<4sII", data)
+        length, kind = struct.unpack_from("<II", data, 12)
+        start = 20 + length
+        rest, binary = struct.unpack_from("<II", data, start)
+    except struct.error as error:
+        raise ValueError("not a GLB file") from error
+    known = (magic, version, kind, binary) == (b"glTF", 2, _JSON, _BINARY)
+    if not known or size != len(data) or start + 8 + rest != size:
+        raise ValueError("not a complete GLB file of glTF 2.0")
+    return json.loads(data[20:start]), data[start + 8 :]
+
+
+_DTYPES = {5126: "<f4", 5123: "<u2", 5125: "<u4"}  # glTF's component types
+_SIZES = {"SCALAR": 1, "VEC3": 3, "VEC4": 4}
+_PROPERTIES = ("translation", "rotation", "scale")
+
+
+def read_nodes(document: Json, binary: bytes) -> list[Node]:
+    """Return the nodes below the root, whose `z` is up, in the file's order.
+
+    A property that does not change has a track of one sample, at time 0.
+
+    Args:
+        document: The file's JSON.
+        binary: Its binary chunk.
+
+    Raises:
+        ValueError: If it is not such a scene.
+    """
+    try:
+        return _Reader(document, binary).nodes()
+    except (KeyError, IndexError, TypeError) as error:
+        raise ValueError(f"not a scene of ours: {error!r}") from error
+
+
+class _Reader:
+    def __init__(self, document: Json, binary: bytes) -> None:
+        self._document, self._binary = document, binary
+
+    def nodes(self) -> list[Node]:
+        (root,) = self._document["scenes"][0]["nodes"]
+        index = self._document["nodes"][root]["children"]
+        nodes = {i: self._node(self._document["nodes"][i]) for i in index}
+        for animation in self._document.get("animations", []):
+            for channel in animation["channels"]:
+                target = channel["target"]
+                node, path = nodes[target["node"]], target["path"]
+                sampler = animation["samplers"][channel["sampler"]]
+                time = self._array(sampler["input"])
+                values = self._array(sampler["output"])
+                node.tracks[path] = Track(time, values.reshape(len(time), -1))
+        return list(nodes.values())
+
+    def _node(self, entry: Json) -> Node:
+        tracks = {
+            path: Track(np.zeros(1), np.array([entry[path]], dtype=float))
+            for path in _PROPERTIES
+            if path in entry
+        }
+        mesh: Json = {"primitives": []}
+        if "mesh" in entry:
+            mesh = self._document["meshes"][entry["mesh"]]
+        camera = None
+        if "camera" in entry:
+            camera = self._document["cameras"][entry["camera"]]["perspective"]
+        return Node(
+            entry["name"],
+            [self._part(primitive) for primitive in mesh["primitives"]],
+            tracks,
+            camera,
+            entry.get("extras", {}).get(EXTRAS),
+        )
+
+    def _part(self, primitive: Json) -> Part:
+        attributes = primitive["attributes"]
+        surface = Triangles(
+            self._array(attributes["POSITION"]),
+            self._array(attributes["NORMAL"]),
+            self._array(primitive["indices"]).reshape(-1, 3).astype(np.int64),
+        )
+        material = self._document["materials"][primitive["material"]]
+        *rgb, alpha = material["pbrMetallicRoughness"]["baseColorFactor"]
+        # glTF's colours are linear, ours are not.
+        r, g, b = (float(value ** (1 / 2.2)) for value in rgb)
+        targets = [self._array(t["POSITION"]) for t in primitive.get("targets", [])]
+        return Part(surface, (r, g, b, float(alpha)), targets)
+
+    def _array(self, index: int) -> Vector:
+        accessor: dict[str, Any] = self._document["accessors"][index]
+        view = self._document["bufferViews"][accessor["bufferView"]]
+        data = self._binary[view["byteOffset"] :][: view["byteLength"]]
+        rows = np.frombuffer(data, _DTYPES[accessor["componentType"]]).astype(float)
+        size = _SIZES[accessor["type"]]
+        return rows if size == 1 else rows.reshape(-1, size)

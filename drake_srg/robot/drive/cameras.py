@@ -1,0 +1,370 @@
+"""Pictures from a camera's messages: colour and depth of the same time.
+
+Cameras that publish their images with ROS 1 or ROS 2.
+A hardware camera as a system.
+"""
+
+import abc
+import dataclasses as dc
+import threading
+from typing import Any, ClassVar
+
+import cv2
+import numpy as np
+import numpy.typing as npt
+from pydrake.common.value import AbstractValue
+from pydrake.math import RigidTransform
+from pydrake.systems.framework import Context, ValueProducer
+from pydrake.systems.sensors import CameraInfo, ImageDepth32F, ImageRgba8U
+
+from drake_srg.common.exceptions import ScenarioError
+from drake_srg.lifetime import LeafSystem, weak
+from drake_srg.robot.drive.link import Robot
+from drake_srg.robot.serve.commands import CommandError, seconds
+from drake_srg.robot.serve.pictures import CAMERA_INFO, COLOR, DEPTH
+from drake_srg.types import positive
+from drake_srg.vision.camera import DRAKE_PIXEL_CENTER, calibrated_model
+
+# Conversions of 8-bit colour images to RGBA, by ROS encoding.
+_COLORS = {
+    "rgb8": cv2.COLOR_RGB2RGBA,
+    "bgr8": cv2.COLOR_BGR2RGBA,
+    "bgra8": cv2.COLOR_BGRA2RGBA,
+    "rgba8": None,
+}
+_KEPT = 4  # unpaired images of each kind
+
+
+@dc.dataclass(frozen=True, eq=False)
+class Picture:
+    """A colour and a depth image of the same time.
+
+    Attributes:
+        stamp: The time by the camera's clock [s].
+        color: RGBA, shape (h, w, 4).
+        depth: Depths as Drake has them [m], shape (h, w): 0 too close, inf too far.
+    """
+
+    stamp: float
+    color: npt.NDArray[np.uint8]
+    depth: npt.NDArray[np.float32]
+
+
+def color_pixels(message: Any, shape: tuple[int, int]) -> npt.NDArray[np.uint8]:
+    """Return the RGBA pixels of a sensor_msgs/Image, shape (h, w, 4).
+
+    Raises:
+        CommandError: If it has another size or encoding.
+    """
+    if message.encoding not in _COLORS:
+        allowed = ", ".join(_COLORS)
+        raise CommandError(
+            "encoding", f"encoding must be one of {allowed}; got {message.encoding!r}"
+        )
+    code = _COLORS[message.encoding]
+    channels = 3 if message.encoding.endswith("8") and len(message.encoding) == 4 else 4
+    pixels = _rows(message, shape, channels)
+    return pixels if code is None else np.asarray(cv2.cvtColor(pixels, code))
+
+
+def depth_pixels(message: Any, shape: tuple[int, int]) -> npt.NDArray[np.float32]:
+    """Return the depths of a sensor_msgs/Image as Drake has them, shape (h, w) [m].
+
+    ROS writes -inf (32FC1) for too close, +inf, NaN or 0 (16UC1, in mm) for unknown.
+
+    Raises:
+        CommandError: If it has another size or encoding.
+    """
+    if message.is_bigendian:
+        raise CommandError("encoding", "must be little endian")
+    if message.encoding == "32FC1":
+        depth = _rows(message, shape, 4).view(np.float32)[..., 0].copy()
+        depth[np.isnan(depth)] = np.inf
+        depth[depth < 0.0] = 0.0
+        return depth
+    if message.encoding == "16UC1":
+        counts = _rows(message, shape, 2).view("<u2")[..., 0]
+        depth = 1e-3 * counts.astype(np.float32)
+        depth[counts == 0] = np.inf
+        return depth
+    raise CommandError(
+        "encoding", f"encoding must be 32FC1 or 16UC1; got {message.encoding!r}"
+    )
+
+
+def _rows(message: Any, shape: tuple[int, int], size: int) -> npt.NDArray[np.uint8]:
+    """Return an image's bytes without padding, shape (h, w, size)."""
+    height, width = shape
+    if (message.height, message.width) != shape:
+        raise CommandError(
+            "size",
+            f"must have {width} x {height} pixels, as the scenario's camera has, got "
+            f"{message.width} x {message.height}",
+        )
+    data = np.frombuffer(np.asarray(message.data, dtype=np.uint8), dtype=np.uint8)
+    if message.step < width * size or data.size != height * message.step:
+        raise CommandError(
+            "length",
+            f"needs {height} rows of at least {width * size} bytes, got {data.size} "
+            f"bytes in rows of {message.step}",
+        )
+    rows = data.reshape(height, message.step)[:, : width * size]
+    return np.ascontiguousarray(rows).reshape(height, width, size)
+
+
+class Album:
+    """Pairs the images of a camera, and keeps the newest pair. Any thread may call.
+
+    Args:
+        shape: Height and width of the images [pixels].
+    """
+
+    def __init__(self, shape: tuple[int, int]) -> None:
+        self._shape = shape
+        self._changed = threading.Condition()
+        self._color: dict[float, npt.NDArray[np.uint8]] = {}
+        self._depth: dict[float, npt.NDArray[np.float32]] = {}
+        self._newest: Picture | None = None
+        self._count = 0
+
+    def add_color(self, message: Any) -> None:
+        """Add a colour image; raises a CommandError if it is refused."""
+        self._add(message, self._color, color_pixels(message, self._shape))
+
+    def add_depth(self, message: Any) -> None:
+        """Add a depth image; raises a CommandError if it is refused."""
+        self._add(message, self._depth, depth_pixels(message, self._shape))
+
+    @property
+    def newest(self) -> Picture | None:
+        """The newest picture, if there is one."""
+        with self._changed:
+            return self._newest
+
+    def wait(self, after: float, patience: float) -> Picture | None:
+        """Return the newest picture once it is newer than a time; None: none came.
+
+        Args:
+            after: By the camera's clock [s]; NaN: the robot tells no time. Then it is
+                the second picture to arrive from now on, because the first may have
+                been on its way.
+            patience: How long to wait [s, real].
+        """
+        enough = self._count + 2
+
+        def newer() -> bool:
+            if np.isnan(after):
+                return self._count >= enough
+            return self._newest is not None and self._newest.stamp > after
+
+        with self._changed:
+            return self._newest if self._changed.wait_for(newer, patience) else None
+
+    def _add(self, message: Any, images: dict[float, Any], pixels: Any) -> None:
+        """Add an image to those of its kind, and keep the pair if that is newer."""
+        stamp = seconds(message.header.stamp)
+        with self._changed:
+            images[stamp] = pixels
+            while len(images) > _KEPT:
+                del images[next(iter(images))]
+            newer = self._newest is None or stamp > self._newest.stamp
+            if newer and stamp in self._color and stamp in self._depth:
+                self._count += 1
+                self._newest = Picture(stamp, self._color[stamp], self._depth[stamp])
+                self._changed.notify_all()
+
+
+_IMAGE, _INFO = "sensor_msgs/msg/Image", "sensor_msgs/msg/CameraInfo"
+# A camera's own intrinsics may differ this much from the scenario's [pixels].
+_INTRINSICS = 2.0
+
+
+class Camera(abc.ABC):
+    """A live connection to a camera."""
+
+    @abc.abstractmethod
+    def picture(self, after: float, patience: float | None = None) -> Picture:
+        """Return a picture that is newer than a time; waits for it.
+
+        Args:
+            after: By the robot's clock [s].
+            patience: How long to wait [s, real]; None: as configured.
+
+        Raises:
+            ScenarioError: If no picture arrives.
+        """
+
+    @abc.abstractmethod
+    def newest(self) -> Picture | None:
+        """Return the newest picture, if there is one; does not wait.
+
+        Raises:
+            ScenarioError: If the camera is not the scenario's.
+        """
+
+
+@dc.dataclass(kw_only=True)
+class RosCamera:
+    """A colour and depth camera with aligned images of the same time stamp."""
+
+    version: ClassVar[int]
+
+    # Topics of the images (sensor_msgs/Image: rgb8, bgr8, rgba8 or bgra8; 32FC1 [m] or
+    # 16UC1 [mm]) and of the intrinsics (sensor_msgs/CameraInfo; empty: not checked).
+    color: str = COLOR
+    depth: str = DEPTH
+    info: str = CAMERA_INFO
+    # How long to wait for a picture that is newer than a look [s].
+    patience: float = dc.field(default=10.0, metadata=positive())
+
+    def connect(self, name: str, robot: Robot) -> Camera:
+        """Return a link to the camera.
+
+        Args:
+            name: The camera's, in the scenario.
+            robot: The robot that it belongs to.
+        """
+        return _RosCamera(self, name, robot)
+
+
+class Ros1Camera(RosCamera):
+    """A camera that speaks ROS 1."""
+
+    version = 1
+
+
+class Ros2Camera(RosCamera):
+    """A camera that speaks ROS 2."""
+
+    version = 2
+
+
+class _RosCamera(Camera):
+    def __init__(self, config: RosCamera, name: str, robot: Robot) -> None:
+        self._config, self._name = config, name
+        scenario = robot.scenario
+        model = calibrated_model(
+            scenario.cameras[name], scenario.camera_calibrations.get(name)
+        )
+        self._expected = model.color
+        shape = (model.color.height(), model.color.width())
+        self._album = Album(shape)
+        self._misfit = ""
+        node, largest = robot.nodes.of(config.version), 8 * shape[0] * shape[1] + 1024
+        node.subscribe(config.color, _IMAGE, self._album.add_color, largest)
+        node.subscribe(config.depth, _IMAGE, self._album.add_depth, largest)
+        if config.info:
+            node.subscribe(config.info, _INFO, self._check_info)
+
+    def picture(self, after: float, patience: float | None = None) -> Picture:
+        """See `Camera`."""
+        config = self._config
+        patience = patience or config.patience
+        found = self._album.wait(after, patience)
+        self._check()
+        if found is None:
+            raise ScenarioError(
+                f"cameras.{self._name}: no picture newer than {after:.2f} s arrived "
+                f"within {patience:g} s on {config.color} and {config.depth}; "
+                "camera and joint states need one clock"
+            )
+        return found
+
+    def newest(self) -> Picture | None:
+        """See `Camera`."""
+        self._check()
+        return self._album.newest
+
+    def _check(self) -> None:
+        if self._misfit:
+            raise ScenarioError(f"cameras.{self._name}: {self._misfit}")
+
+    def _check_info(self, message: Any) -> None:
+        # ROS 1 has the matrix as K, which rosbags calls so too.
+        matrix = message.K if hasattr(message, "K") else message.k
+        fx, _, cx, _, fy, cy, *_ = np.array(matrix, dtype=float)
+        given = np.array([fx, fy, cx + DRAKE_PIXEL_CENTER, cy + DRAKE_PIXEL_CENTER])
+        expected = _intrinsics(self._expected)
+        if not np.all(np.abs(given - expected) <= _INTRINSICS):
+            self._misfit = (
+                f"its intrinsics fx, fy, cx, cy {np.round(given, 1).tolist()} are not "
+                f"the scenario's {np.round(expected, 1).tolist()}: calibrate it"
+            )
+            raise CommandError("intrinsics", self._misfit)
+
+
+def _intrinsics(info: CameraInfo) -> Any:
+    return np.array([info.focal_x(), info.focal_y(), info.center_x(), info.center_y()])
+
+
+class CameraFeed(LeafSystem):
+    """Outputs pictures of a camera, with the ports of Drake's RgbdSensor.
+
+    .. pydrake_system::
+
+        name: CameraFeed
+        input_ports:
+        - stamp
+        output_ports:
+        - color_image
+        - depth_image
+        - body_pose_in_world
+
+    An image is evaluated only when somebody looks. It then waits for a picture that is
+    newer than `stamp` (1), the time by the robot's clock [s]: one from before might
+    show the arm on its way. So whoever looks must not be in a hurry.
+
+    Args:
+        camera: The camera.
+        X_WB: The pose of its body in world [m].
+    """
+
+    def __init__(self, camera: Camera, X_WB: RigidTransform) -> None:
+        super().__init__()
+        self._camera = camera
+        self._stamp = self.DeclareVectorInputPort(name="stamp", size=1)
+        # Time, too: the camera sees more than the inputs tell. No update event could
+        # fetch the picture instead, because none knows whether anybody will look, and
+        # each would wait for the camera.
+        entry = self.DeclareCacheEntry(
+            description="picture",
+            value_producer=ValueProducer(
+                allocate=lambda: AbstractValue.Make(object()),
+                calc=weak(self._calc_picture),
+            ),
+            prerequisites_of_calc={self.time_ticket(), self._stamp.ticket()},
+        )
+        self._entry = entry.cache_index()
+        for name, model, calc in (
+            ("color_image", ImageRgba8U(), self._calc_color),
+            ("depth_image", ImageDepth32F(), self._calc_depth),
+        ):
+            self.DeclareAbstractOutputPort(
+                name, AbstractValue.Make(model).Clone, calc, {entry.ticket()}
+            )
+        self.DeclareAbstractOutputPort(
+            "body_pose_in_world",
+            AbstractValue.Make(X_WB).Clone,
+            lambda context, output: None,  # it never moves
+            {self.nothing_ticket()},
+        )
+
+    def _calc_picture(self, context: Context, output: AbstractValue) -> None:
+        output.set_value(self._camera.picture(self._stamp.Eval(context)[0]))
+
+    def _picture(self, context: Context) -> Picture:
+        entry = self.get_cache_entry(self._entry)
+        picture: Picture = entry.EvalAbstract(context).get_value()
+        return picture
+
+    def _calc_color(self, context: Context, output: AbstractValue) -> None:
+        pixels = self._picture(context).color
+        image = ImageRgba8U(pixels.shape[1], pixels.shape[0])
+        image.mutable_data[:] = pixels
+        output.set_value(image)
+
+    def _calc_depth(self, context: Context, output: AbstractValue) -> None:
+        depth = self._picture(context).depth
+        image = ImageDepth32F(depth.shape[1], depth.shape[0])
+        image.mutable_data[:] = depth[..., np.newaxis]
+        output.set_value(image)

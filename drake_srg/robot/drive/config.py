@@ -1,0 +1,156 @@
+"""Faults of a wire, to try out what a run makes of them.
+
+Hardware files: which drivers a robot needs.
+"""
+
+import dataclasses as dc
+import functools
+import operator
+import typing
+from collections import deque
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+
+from drake_srg.common.exceptions import ScenarioError
+from drake_srg.robot.drive.arm import Ros1Arm, Ros2Arm
+from drake_srg.robot.drive.cameras import Ros1Camera, Ros2Camera, RosCamera
+from drake_srg.robot.drive.dynamixel.drivers import DynamixelArm, DynamixelGripper
+from drake_srg.robot.drive.gripper import Ros1Gripper, Ros2Gripper
+from drake_srg.robot.drive.link import HardwareDriver, Link, RosDriver
+from drake_srg.robot.serve.commands import PortValues
+from drake_srg.robot.serve.connecting import Ros1Config, Ros2Config
+from drake_srg.scenario.typed_yaml import load_typed, parse_yaml
+
+
+@dc.dataclass(kw_only=True)
+class FaultsConfig:
+    """Latency and loss that a wire of its own does not have."""
+
+    # Added to measurements and to commands [s], in whole control periods.
+    latency: float = dc.field(default=0.0, metadata={"ge": 0.0})
+    # Share of messages that get lost, in both directions.
+    loss: float = dc.field(default=0.0, metadata={"ge": 0.0, "le": 1.0})
+    seed: int = dc.field(default=0, metadata={"ge": 0})
+
+
+class FaultyLink(Link):
+    """A link that delivers late, or not at all.
+
+    Args:
+        link: The link without faults.
+        config: The faults.
+        period: Time between calls [s].
+    """
+
+    def __init__(self, link: Link, config: FaultsConfig, period: float) -> None:
+        self.outputs = link.outputs
+        self.lag = link.lag + 2.0 * config.latency
+        self._link = link
+        self._random = np.random.default_rng(config.seed)
+        self._loss = config.loss
+        late = round(config.latency / period)
+        self._taken: deque[PortValues] = deque([{}] * late)
+        self._sent: deque[PortValues | None] = deque([None] * late)
+
+    def take(self) -> PortValues:
+        """See `Link`."""
+        self._taken.append(self._pass(self._link.take) or {})
+        return self._taken.popleft()
+
+    def send(self, commands: PortValues) -> None:
+        """See `Link`."""
+        self._sent.append(self._pass(lambda: commands))
+        due = self._sent.popleft()
+        if due is not None:
+            self._link.send(due)
+
+    def close(self) -> None:
+        """See `Link`."""
+        self._link.close()
+
+    def _pass(self, get: Callable[[], PortValues]) -> PortValues | None:
+        """Return a message, or None if it gets lost."""
+        values = get()
+        return None if self._random.random() < self._loss else values
+
+
+# The drivers that a tag selects from.
+ARMS = (Ros1Arm, Ros2Arm, DynamixelArm)
+GRIPPERS = (Ros1Gripper, Ros2Gripper, DynamixelGripper)
+CAMERAS = (Ros1Camera, Ros2Camera)
+
+if typing.TYPE_CHECKING:
+    _Arm: typing.TypeAlias = HardwareDriver
+    _Gripper: typing.TypeAlias = HardwareDriver
+    _Camera: typing.TypeAlias = RosCamera
+else:
+    _Arm, _Gripper, _Camera = (
+        functools.reduce(operator.or_, kinds) for kinds in (ARMS, GRIPPERS, CAMERAS)
+    )
+
+
+@dc.dataclass(kw_only=True)
+class HardwareConfig:
+    """The drivers of a robot's parts."""
+
+    # Both are needed in a file; Drake's reader wants defaults.
+    arm: _Arm = dc.field(default_factory=Ros2Arm)
+    gripper: _Gripper = dc.field(default_factory=Ros2Gripper)
+    # Cameras by their names in the scenario; the localizer's are needed.
+    cameras: dict[str, _Camera] = dc.field(default_factory=dict)
+    # The nodes of the drivers that speak ROS.
+    ros1: Ros1Config = dc.field(default_factory=Ros1Config)
+    ros2: Ros2Config = dc.field(default_factory=Ros2Config)
+    # How long to wait for the first measurements and pictures [s].
+    patience: float = dc.field(default=30.0, metadata={"gt": 0.0})
+    # Seconds of ours per real second. Anything but 1 is for a served simulation that is
+    # as slow (`drake-srg serve --rate`), on a machine that is too busy for real time.
+    rate: float = dc.field(default=1.0, metadata={"gt": 0.0})
+    # How long a stopped arm waits for a release, after which the run goes on [s, real];
+    # 0: a stop ends the run.
+    release: float = dc.field(default=0.0, metadata={"ge": 0.0})
+    # Faults that the wires do not have by themselves; null: none.
+    faults: FaultsConfig | None = None
+
+    @property
+    def ros_versions(self) -> set[int]:
+        """Versions of ROS that parts of the robot speak."""
+        parts = (self.arm, self.gripper, *self.cameras.values())
+        return {p.version for p in parts if isinstance(p, RosDriver | RosCamera)}
+
+
+def load_hardware(path: str | Path) -> HardwareConfig:
+    """Load a hardware file.
+
+    Raises:
+        ScenarioError: If it cannot be read, or is invalid.
+    """
+    path = Path(path)
+    try:
+        text = path.read_text(encoding="utf-8")
+    except (OSError, ValueError) as error:
+        reason = getattr(error, "strerror", None) or str(error)
+        raise ScenarioError(f"{path}: cannot be read: {reason}") from None
+    return parse_hardware(text, path.name)
+
+
+def parse_hardware(text: str, origin: str) -> HardwareConfig:
+    """Return the configuration that the text of a hardware file describes.
+
+    Args:
+        text: Of the file.
+        origin: Its name, for error messages.
+
+    Raises:
+        ScenarioError: If it is invalid.
+    """
+    tree = parse_yaml(text, origin) or {}
+    for key in ("arm", "gripper"):
+        if not isinstance(tree, dict) or key not in tree:
+            kinds = ARMS if key == "arm" else GRIPPERS
+            allowed = ", ".join(f"!{kind.__name__}" for kind in kinds)
+            raise ScenarioError(f"{origin}: {key}: missing (allowed: {allowed})")
+    config: HardwareConfig = load_typed(HardwareConfig, tree, origin)
+    return config

@@ -1,0 +1,175 @@
+"""Connect to the hardware that a file describes."""
+
+from __future__ import annotations
+
+import contextlib
+import dataclasses as dc
+import functools
+import time as wall
+from collections.abc import Callable, Iterator, Mapping, Sequence
+
+import numpy as np
+
+from drake_srg.common.exceptions import ScenarioError
+from drake_srg.robot.drive.cameras import Camera
+from drake_srg.robot.drive.config import FaultyLink, HardwareConfig
+from drake_srg.robot.drive.link import EXTERNAL_TORQUE, Link, Node, Nodes, Robot
+from drake_srg.robot.serve.commands import (
+    CommandInbox,
+    PortValues,
+    Warnings,
+    arm_joint_names,
+    joint_limits,
+)
+from drake_srg.scenario import Scenario, servo_of
+from drake_srg.station.plant import MakeModelsPlant
+from drake_srg.types import Vector
+
+# Measurements that planner and safety monitor cannot do without, if links have them.
+_NEEDED = ("arm.state_measured", "gripper.state_measured", EXTERNAL_TORQUE)
+_POLL = 0.02  # s
+
+
+@dc.dataclass(frozen=True)
+class Hardware:
+    """A robot's live connections, and where it was at first.
+
+    Attributes:
+        links: To the parts of the robot.
+        cameras: By name.
+        start: The first measurements, by the station's output port.
+    """
+
+    links: Sequence[Link]
+    cameras: Mapping[str, Camera]
+    start: PortValues
+
+    @property
+    def lag(self) -> float:
+        """How long after a command the slowest part is to be there [s]."""
+        return max((link.lag for link in self.links), default=0.0)
+
+
+@contextlib.contextmanager
+def open_hardware(
+    scenario: Scenario,
+    config: HardwareConfig,
+    warnings: Warnings,
+    *,
+    inbox: CommandInbox | None = None,
+    stopped: Callable[[], bool] = lambda: False,
+) -> Iterator[Hardware]:
+    """Connect to the arm and the gripper, and wait for their first measurements.
+
+    Args:
+        scenario: That runs on the hardware.
+        config: Of the drivers.
+        warnings: Where trouble is reported.
+        inbox: For commands to us: if any part of the robot speaks ROS, a node
+            subscribes to its topics.
+        stopped: Whether to give up waiting.
+
+    Raises:
+        ScenarioError: If the drivers do not fit the scenario, or nothing arrives.
+        OSError: If an address is in use, or the hardware cannot be reached.
+        ImportError: If a package is missing.
+    """
+    if scenario.arm is None or scenario.gripper is None:
+        raise ScenarioError("hardware: the scenario needs an arm and a gripper")
+    period = scenario.arm.period
+    with contextlib.ExitStack() as stack:
+        robot = MakeRobot(scenario, config, warnings)
+        stack.callback(robot.nodes.close)  # after the links, which may have last words
+        links: list[Link] = []
+        for driver in (config.arm, config.gripper):
+            link = driver.connect(robot)
+            stack.callback(link.close)
+            if config.faults is not None:
+                link = FaultyLink(link, config.faults, period)
+            links.append(link)
+        if inbox is not None:
+            for version in config.ros_versions:
+                _subscribe(robot.nodes.of(version), inbox)
+        robot.nodes.open()
+        yield Hardware(links, {}, _first(links, config.patience, stopped))
+
+
+def _subscribe(node: Node, inbox: CommandInbox) -> None:
+    """Have a node put the messages of an inbox's topics into it."""
+    for topic in inbox.topics.values():
+        node.subscribe(
+            topic.name, topic.type, functools.partial(inbox.receive_message, topic.name)
+        )
+
+
+@contextlib.contextmanager
+def open_cameras(
+    scenario: Scenario, config: HardwareConfig, warnings: Warnings
+) -> Iterator[Mapping[str, Camera]]:
+    """Connect to the cameras of localizer and servo, and wait for a picture of each.
+
+    Raises:
+        ScenarioError: If a camera is missing from the hardware file, does not fit the
+            scenario, or sends nothing.
+        OSError: If an address is in use.
+        ImportError: If a package is missing.
+    """
+    robot = MakeRobot(scenario, config, warnings, "_cameras")
+    with contextlib.closing(robot.nodes):
+        cameras = {}
+        users = dict.fromkeys(scenario.localizer.cameras, "localizer")
+        for name in scenario.task.place.cameras:
+            users.setdefault(name, "planner (task.place.cameras)")
+        servo = servo_of(scenario)
+        if servo is not None:
+            users[servo.camera] = "visual servo"
+        for name, user in users.items():
+            if name not in config.cameras:
+                raise ScenarioError(
+                    f"hardware: cameras.{name}: missing, but the {user} needs it"
+                )
+            cameras[name] = config.cameras[name].connect(name, robot)
+        robot.nodes.open()
+        for camera in cameras.values():
+            camera.picture(-np.inf, config.patience)
+        yield cameras
+
+
+def MakeRobot(
+    scenario: Scenario, config: HardwareConfig, warnings: Warnings, suffix: str = ""
+) -> Robot:
+    """Return the robot of a scenario; its nodes are still closed.
+
+    Args:
+        scenario: That runs on the hardware.
+        config: Of the nodes.
+        warnings: Where trouble is reported.
+        suffix: Of the nodes' names, where several processes have nodes.
+    """
+    plant = MakeModelsPlant(scenario)
+    nodes = Nodes(config.ros1, config.ros2, warnings, suffix)
+    joints, limits = tuple(arm_joint_names(plant)), joint_limits(plant, "arm")
+    return Robot(scenario, joints, limits, warnings, nodes)
+
+
+def _first(
+    links: Sequence[Link], patience: float, stopped: Callable[[], bool]
+) -> PortValues:
+    """Return the first measurements, once the needed ones have arrived."""
+    wanted = {name for link in links for name in link.outputs}
+    needed = wanted & set(_NEEDED)
+    found: dict[str, Vector] = {}
+    end = wall.monotonic() + patience
+    while needed - found.keys():
+        if stopped():
+            raise ScenarioError("hardware: stopped before anything arrived")
+        if wall.monotonic() > end:
+            missing = ", ".join(sorted(needed - found.keys()))
+            raise ScenarioError(
+                f"hardware: no {missing} within {patience:g} s: does the robot run, "
+                "and are the topics, the domain and the joints' names right?"
+            )
+        wall.sleep(_POLL)
+        for link in links:
+            found |= link.take()
+    return found

@@ -1,0 +1,284 @@
+"""The eye of a visual servo: a tracker on the pictures of a camera, never waiting.
+
+The cell that plans for a robot: its clock is moved by messages.
+Localizer and planner in a process of their own.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import dataclasses as dc
+import math
+import threading
+import time as wall
+from collections import deque
+from collections.abc import Callable, Sequence
+from multiprocessing.connection import Connection
+from typing import Any
+
+from pydrake.common.value import AbstractValue
+from pydrake.common.yaml import yaml_dump_typed, yaml_load_typed
+from pydrake.systems.analysis import Simulator
+from pydrake.systems.framework import Diagram, DiagramBuilder, System
+
+from drake_srg.common.exceptions import ScenarioError, one_line
+from drake_srg.common.real_time import Companion, lower_priority
+from drake_srg.lifetime import my_context
+from drake_srg.planning.planner_machine import PlannerMachine, planning_clock
+from drake_srg.planning.servoing.config import ServoCommand, ServoStatus
+from drake_srg.planning.servoing.tracker import Sighting, Tracker
+from drake_srg.robot.drive.cameras import Camera
+from drake_srg.robot.drive.config import HardwareConfig
+from drake_srg.robot.drive.link import Link
+from drake_srg.robot.drive.opening import Hardware, open_cameras
+from drake_srg.robot.drive.remote_planner import Answer, Ended, PlannerLink, Tick
+from drake_srg.robot.drive.station import AddHardwareStation
+from drake_srg.robot.serve.commands import PortValues, Warnings
+from drake_srg.scenario import Scenario, servo_of
+from drake_srg.station import MakeCell
+from drake_srg.station.clearing import without_cut_corners
+from drake_srg.station.servoing import MakeServoTaskPlanner, MakeTracker
+
+
+class ServoEye:
+    """Finds the object in the newest picture of a camera.
+
+    Args:
+        tracker: Reads the pictures.
+        camera: Of the hand.
+    """
+
+    def __init__(self, tracker: Tracker, camera: Camera) -> None:
+        self._tracker, self._camera = tracker, camera
+        self._stamp = -math.inf  # of the picture before
+
+    def look(self) -> Sighting | None:
+        """Return what the newest picture shows; None if it has been looked at."""
+        picture = self._camera.newest()
+        if picture is None or picture.stamp <= self._stamp:
+            return None
+        self._stamp = picture.stamp
+        seen = self._tracker.sight(picture.color, picture.depth)
+        return dc.replace(seen, stamp=picture.stamp)
+
+
+class MirrorLink(Link):
+    """A link whose measurements come from ticks; it drops the commands.
+
+    Args:
+        outputs: Sizes of the measurements, by name.
+    """
+
+    def __init__(self, outputs: dict[str, int]) -> None:
+        self.outputs = outputs
+        self.values: PortValues = {}
+
+    def take(self) -> PortValues:
+        """See `Link`."""
+        return self.values
+
+    def send(self, commands: PortValues) -> None:
+        """See `Link`."""
+
+    def close(self) -> None:
+        """See `Link`."""
+
+
+class PlannerCell:
+    """A cell whose clock ticks move.
+
+    Args:
+        scenario: That runs on the hardware.
+        hardware: With a `MirrorLink` as its only link, and the cameras. The one of a
+            visual servo is looked through only while the servo tracks.
+    """
+
+    def __init__(self, scenario: Scenario, hardware: Hardware) -> None:
+        (mirror,) = hardware.links
+        assert isinstance(mirror, MirrorLink)
+        self._mirror, self._period = mirror, scenario.planner.period
+
+        def make_station(scenario: Scenario) -> Diagram:
+            builder = DiagramBuilder()
+            AddHardwareStation(builder, scenario, hardware, None, self._period)
+            return builder.Build()
+
+        make_planner: Callable[[Scenario], System] | None = None
+        self._eye: ServoEye | None = None
+        servo = servo_of(scenario)
+        if servo is not None:
+            make_planner = MakeServoTaskPlanner
+            camera = hardware.cameras[servo.camera]
+            self._eye = ServoEye(MakeTracker(scenario), camera)
+        cell = MakeCell(without_cut_corners(scenario), make_station, make_planner)
+        self._cell = cell
+        self._planner = cell.GetSubsystemByName("planner")
+        if not isinstance(self._planner, PlannerMachine):
+            raise ScenarioError(
+                "planner: must not be !Script on hardware, where motions are planned"
+            )
+        self._simulator = Simulator(cell)
+        self._fix_servo(ServoStatus())
+        self._simulator.Initialize()
+        self._motion: Any = None
+        self._ticks = 0
+
+    def answer(self, tick: Tick) -> Answer:
+        """Advance by one planner period, and return what is commanded then."""
+        self._mirror.values = tick.values
+        if tick.servo is not None:
+            self._fix_servo(tick.servo)
+        self._ticks += 1
+        self._simulator.AdvanceTo(self._ticks * self._period)
+        root = self._simulator.get_context()
+        context = my_context(self._planner, root)
+        motion = self._planner.motion(context)
+        new = motion is not self._motion
+        self._motion = motion
+        answer = Answer(
+            root.get_time() - self._period,  # when the planner was last updated
+            motion if new else None,
+            float(self._planner.GetOutputPort("closure_commanded").Eval(context)[0]),
+            self._planner.GetOutputPort("status").Eval(context),
+            planning_wall=planning_clock(),
+        )
+        if self._eye is None:
+            return answer
+        command = self._planner.GetOutputPort("servo_command").Eval(context)
+        tracks = command is ServoCommand.TRACK
+        sighting = self._eye.look() if tracks else None
+        return dc.replace(answer, command=command, sighting=sighting)
+
+    def _fix_servo(self, status: ServoStatus) -> None:
+        """Tell the planner what the servo reports, if it has one."""
+        if self._eye is None:
+            return
+        context = my_context(self._planner, self._simulator.get_context())
+        port = self._planner.GetInputPort("servo_status")
+        port.FixValue(context, AbstractValue.Make(status))
+
+
+# Ticks under way. More would let the planner's clock run behind the robot's, fewer
+# would leave it waiting for each message.
+_UNDER_WAY = 2
+_POLL = 0.1  # s
+_UNEXPECTED = Ended("the planner's process has ended unexpectedly")
+
+
+class PlannerProcess(PlannerLink):
+    """Runs the localizer and the planner of a scenario in a process.
+
+    Args:
+        scenario: That runs on the hardware.
+        config: Of the drivers; the process opens the cameras.
+        outputs: Sizes of the measurements in the ticks, by name.
+        start: The first measurements.
+        warnings: Where the process's warnings are reported.
+    """
+
+    def __init__(
+        self,
+        scenario: Scenario,
+        config: HardwareConfig,
+        outputs: dict[str, int],
+        start: PortValues,
+        warnings: Warnings,
+    ) -> None:
+        self._warnings = warnings
+        self._answers: deque[Answer | Ended] = deque()
+        self._under_way = 0
+        self._ready = threading.Event()
+        self.planning_wall = 0.0  # what planning has taken there [s]
+        # Drake's schema objects do not pickle, but their YAML does.
+        texts = (yaml_dump_typed(scenario), yaml_dump_typed(config))
+        self._process = Companion(
+            "planner",
+            _run,
+            (*texts, outputs, dict(start)),
+            self._receive,
+            lambda: self._receive(_UNEXPECTED),
+        )
+
+    def wait(self, patience: float, stopped: Callable[[], bool]) -> None:
+        """Wait until the planner is ready for ticks.
+
+        Args:
+            patience: How long [s, real].
+            stopped: Whether to give up waiting.
+
+        Raises:
+            ScenarioError: If it does not get ready.
+        """
+        end = wall.monotonic() + patience
+        while not self._ready.wait(_POLL):
+            if stopped():
+                raise ScenarioError("hardware: stopped before the planner was ready")
+            if wall.monotonic() > end:
+                raise ScenarioError(
+                    f"hardware: the planner is not ready after {patience:g} s"
+                )
+        for message in self.take():
+            if isinstance(message, Ended):
+                raise ScenarioError(message.reason)
+
+    def post(self, tick: Tick) -> None:
+        """See `PlannerLink`."""
+        if self._under_way < _UNDER_WAY:
+            self._under_way += 1
+            self._process.send(tick)
+
+    def take(self) -> Sequence[Answer | Ended]:
+        """See `PlannerLink`."""
+        taken = []
+        while self._answers:
+            taken.append(self._answers.popleft())
+        self._under_way -= sum(isinstance(message, Answer) for message in taken)
+        return taken
+
+    def close(self) -> None:
+        """End the process."""
+        self._process.close()
+
+    def _receive(self, message: str | Answer | Ended | None) -> None:
+        if isinstance(message, str):
+            self._warnings.warn(message, message)
+            return
+        if message is not None:
+            self._answers.append(message)
+        if isinstance(message, Answer):
+            self.planning_wall = message.planning_wall
+        if not isinstance(message, Answer):  # None: ready
+            self._ready.set()
+
+
+def _run(
+    connection: Connection,
+    scenario_text: str,
+    hardware_text: str,
+    outputs: dict[str, int],
+    start: PortValues,
+) -> None:
+    """Run the process: answer ticks until the connection or the planner ends."""
+    lower_priority()
+    sending = threading.Lock()  # warnings come from any thread
+
+    def send(message: Any) -> None:
+        with sending:
+            connection.send(message)
+
+    try:
+        scenario = yaml_load_typed(schema=Scenario, data=scenario_text)
+        config = yaml_load_typed(schema=HardwareConfig, data=hardware_text)
+        warnings = Warnings(send)
+        with open_cameras(scenario, config, warnings) as cameras:
+            hardware = Hardware([MirrorLink(outputs)], cameras, start)
+            cell = PlannerCell(scenario, hardware)
+            send(None)  # ready
+            while True:
+                send(cell.answer(connection.recv()))
+    except (EOFError, OSError) as error:
+        reason = one_line(error)
+    except Exception as error:  # the robot must not be left without a word
+        reason = one_line(error) or repr(error)
+    with contextlib.suppress(OSError):  # the control loop is gone
+        send(Ended(reason))

@@ -1,0 +1,440 @@
+"""The messages between the control loop and the planner's process.
+
+What becomes of a motion while the arm is stopped, and how it goes on.
+A planner that thinks elsewhere, as a system that never waits.
+"""
+
+from __future__ import annotations
+
+import abc
+import dataclasses as dc
+import math
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+from pydrake.common.value import AbstractValue
+from pydrake.systems.framework import BasicVector, Context, EventStatus, State
+from pydrake.trajectories import PiecewisePolynomial
+
+from drake_srg.common.safety_states import SafetyState, StopReason, safety_state
+from drake_srg.lifetime import LeafSystem
+from drake_srg.planning.motion.arm_motion import STOP_TIME, Motion
+from drake_srg.planning.planner_machine import AddPlannerOutputs
+from drake_srg.planning.servoing.config import ServoCommand, ServoStatus
+from drake_srg.planning.servoing.tracker import Sighting
+from drake_srg.robot.serve.commands import PortValues
+from drake_srg.types import Failure, Mode, PlannerStatus, Vector
+
+
+@dc.dataclass(frozen=True)
+class Tick:
+    """What the planner gets to know, one period of its clock after the tick before.
+
+    Attributes:
+        values: Measurements by output port of the station, with the robot's clock.
+        servo: The visual servo's report, if there is one.
+    """
+
+    values: PortValues
+    servo: ServoStatus | None = None
+
+
+@dc.dataclass(frozen=True)
+class Answer:
+    """What the planner commands and reports after a tick.
+
+    Attributes:
+        time: The planner's clock [s]; `motion` refers to it.
+        motion: The arm's motion; None: the one before goes on.
+        closure: Of the gripper, 0 open .. 1 closed.
+        status: The report on the task.
+        command: To the visual servo, if there is one.
+        sighting: What a new picture of its camera shows; None: there is no new one.
+        planning_wall: What planning has taken so far on the wall clock [s].
+    """
+
+    time: float
+    motion: Motion | None
+    closure: float
+    status: PlannerStatus
+    command: ServoCommand = ServoCommand.PASS
+    sighting: Sighting | None = None
+    planning_wall: float = 0.0
+
+    @property
+    def mode(self) -> Mode:
+        """The planner's mode."""
+        return self.status.mode
+
+
+@dc.dataclass(frozen=True)
+class Ended:
+    """The planner's process has ended, and there will be no more answers.
+
+    Attributes:
+        reason: Why, in words.
+    """
+
+    reason: str
+
+
+class PlannerLink(abc.ABC):
+    """Connects the control loop with a planner. Both methods return at once."""
+
+    @abc.abstractmethod
+    def post(self, tick: Tick) -> None:
+        """Send a tick, or drop it while the planner is busy with earlier ones."""
+
+    @abc.abstractmethod
+    def take(self) -> Sequence[Answer | Ended]:
+        """Return what has arrived since the last call, in order."""
+
+
+# After these stops the monitor goes on along the path of the commands. After others it
+# waits for commands that begin where the arm rests.
+_PATH_KEPT = {
+    StopReason.FOLLOWING_ERROR,
+    StopReason.MEASURED_SPEED,
+    StopReason.MEASURED_NOT_FINITE,
+    StopReason.EXTERNAL_TORQUE,
+    StopReason.FORCE,
+    StopReason.STALE,
+}
+# How an arm that rests elsewhere goes to its path: at least so long [s], at most so
+# fast [rad/s or m/s].
+_RETURN_TIME, _RETURN_SPEED = 0.5, 0.2
+_THERE = 1e-6  # rad or m
+
+
+@dc.dataclass(frozen=True)
+class Pause:
+    """A motion while the arm is stopped, and until it is back on its path.
+
+    Attributes:
+        stopped: The motion in whose middle the arm was stopped. It comes to rest by
+            itself, within the planner's limits.
+        motion: The commands meanwhile.
+        held: Where the arm rests, shape (N,); None: not yet.
+        cut: Whether the monitor has forgotten the path.
+        until: When the next thing happens after the release [s]; infinite before.
+        since: Where on its path `stopped` goes on [s], once the arm returns there.
+    """
+
+    stopped: Motion
+    motion: Motion
+    held: Vector | None = None
+    cut: bool = False
+    until: float = math.inf
+    since: float | None = None
+
+    @classmethod
+    def begun(cls, motion: Motion, time: float) -> Pause:
+        """Return the pause that begins with a stop."""
+        stopped = motion.stopped(time)
+        return cls(stopped, stopped)
+
+    def go_on(
+        self, time: float, state: SafetyState, reason: StopReason, held: Vector
+    ) -> Pause | Motion:
+        """Return the pause one control period later, or the motion that ends it.
+
+        Args:
+            time: Now [s].
+            state: Of the safety monitor.
+            reason: Of the stop.
+            held: Where the arm rests in a stop, otherwise NaN; shape (N,).
+        """
+        if state is not SafetyState.RUNNING:
+            return dc.replace(
+                self,
+                motion=self.motion.stopped(time),
+                held=held.copy() if np.isfinite(held).all() else self.held,
+                cut=reason not in _PATH_KEPT,
+                until=math.inf,
+                since=None,
+            )
+        if math.isinf(self.until) and not self.cut:  # the monitor goes along its path
+            return dc.replace(self, until=time + STOP_TIME)
+        if math.isfinite(self.until) and time < self.until:
+            return self
+        if self.since is not None:
+            return self.stopped.resumed(time, self.since)
+        # Where the arm is by now.
+        start = self.motion.destination
+        if self.cut and self.held is not None:
+            start = self.held
+        since, q = self.stopped.nearest(start)
+        if np.max(np.abs(q - start)) < _THERE:
+            return self.stopped.resumed(time, since)
+        back = _line(start, q)
+        motion = Motion(start).followed_by(back, time)
+        return dc.replace(self, motion=motion, since=since, until=motion.due)
+
+
+def _line(start: Vector, goal: Vector) -> PiecewisePolynomial:
+    """Return a straight motion in joint space, from rest to rest."""
+    duration = max(_RETURN_TIME, float(np.max(np.abs(goal - start))) / _RETURN_SPEED)
+    rest = np.zeros(len(start))
+    return PiecewisePolynomial.CubicWithContinuousSecondDerivatives(
+        [0.0, duration], np.stack([start, goal], axis=1), rest, rest
+    )
+
+
+# Without an answer for so long, a servo must not go on [s]. The planner answers every
+# period unless it plans, and it does that only while the hand rests.
+_SERVO_PATIENCE = 0.5
+
+
+@dc.dataclass(frozen=True)
+class Plan:
+    """What the planner last said.
+
+    Attributes:
+        motion: The arm's motion, by the planner's clock.
+        behind: The planner's clock lags this much behind ours in `motion` [s].
+        closure: Of the gripper.
+        status: The planner's report.
+        command: To the visual servo, if there is one.
+        sighting: The newest one of its camera while it tracks, if there is one.
+        answered: When the last answer arrived [s].
+        pause: While the arm is stopped, and until it is back on its path. It replaces
+            `motion`, and is by our clock.
+        departed: When the planner's motion began by its own clock, if `motion` is the
+            rest of it after a pause [s]; otherwise None.
+    """
+
+    motion: Motion
+    behind: float = 0.0
+    closure: float = 0.0
+    status: PlannerStatus = dc.field(default_factory=PlannerStatus)
+    command: ServoCommand = ServoCommand.PASS
+    sighting: Sighting | None = None
+    answered: float = 0.0
+    pause: Pause | None = None
+    departed: float | None = None
+
+    def position(self, time: float) -> Vector:
+        """Return the commanded position at a time [s], shape (N,)."""
+        if self.pause is not None:
+            return self.pause.motion.position(time)
+        return self.motion.position(time - self.behind)
+
+    def after(self, answer: Answer, time: float) -> Plan:
+        """Return the plan that follows from an answer at a time [s]."""
+        tracks = answer.command is ServoCommand.TRACK
+        plan = dc.replace(
+            self,
+            closure=answer.closure,
+            status=answer.status,
+            command=answer.command,
+            sighting=answer.sighting or (self.sighting if tracks else None),
+            answered=time,
+        )
+        motion = answer.motion
+        if motion is None:
+            return plan
+        if self._goes_on(motion):
+            # The planner stops this motion. It may have got farther than the planner
+            # knew: it must not jump back.
+            assert motion.stopped_at is not None
+            if self.departed is not None:  # ours has been stopped once before
+                return dc.replace(plan, motion=self.motion.stopped(time - self.behind))
+            reached = time - self.behind - motion.departed
+            stop = max(motion.stopped_at, reached)
+            return dc.replace(plan, motion=dc.replace(motion, stopped_at=stop))
+        behind = time - answer.time
+        return dc.replace(plan, motion=motion, behind=behind, departed=None)
+
+    def held_up(
+        self, time: float, state: SafetyState, reason: StopReason, held: Vector
+    ) -> Plan:
+        """Return the plan after a control period in which the arm may be stopped.
+
+        Args:
+            time: Now [s].
+            state: Of the safety monitor.
+            reason: Of the stop, if there is one.
+            held: Where the arm rests in a stop, otherwise NaN; shape (N,).
+        """
+        if self.pause is None:
+            if state is SafetyState.RUNNING:
+                return self
+            motion = self.motion
+            ours = dc.replace(motion, departed=motion.departed + self.behind)
+            departed = motion.departed if self.departed is None else self.departed
+            pause = Pause.begun(ours, time)
+            return dc.replace(
+                self, pause=pause, motion=ours, behind=0.0, departed=departed
+            )
+        after = self.pause.go_on(time, state, reason, held)
+        if isinstance(after, Pause):
+            return dc.replace(self, pause=after)
+        return dc.replace(self, motion=after, pause=None, answered=time)
+
+    def broken_off(self, time: float, reason: str) -> Plan:
+        """Return the plan without a planner: the arm stops along its path."""
+        status = dc.replace(
+            self.status, mode=Mode.FAILED, failure=Failure.STOPPED, message=reason
+        )
+        motion = self.motion.stopped(time - self.behind)
+        servoed = self.command is not ServoCommand.PASS
+        command = ServoCommand.HOLD if servoed else self.command
+        return dc.replace(self, motion=motion, status=status, command=command)
+
+    def _goes_on(self, motion: Motion) -> bool:
+        """Return whether a motion is this one, but for the stop that it ends with."""
+        departed = self.motion.departed if self.departed is None else self.departed
+        return (
+            motion.stopped_at is not None
+            and self.motion.stopped_at is None
+            and self.motion.trajectory is not None
+            and motion.departed == departed
+        )
+
+
+class RemotePlanner(LeafSystem):
+    """Stands in for a planner in another process.
+
+    .. pydrake_system::
+
+        name: RemotePlanner
+        input_ports:
+        - ROOM.MEASUREMENT (each of the station)
+        - safety.state (optional)
+        - arm.position_held (optional)
+        - servo_status (optional)
+        output_ports:
+        - position_commanded
+        - closure_commanded
+        - mode
+        - status
+        - servo_command
+        - sighting
+
+    Every `planner_period`, the inputs go to the planner as a `Tick`. Every `period`,
+    its answers are taken. `position_commanded` (N) [rad] follows the motion of the last
+    answer whether or not the planner is busy; `closure_commanded` (1), `mode` and
+    `status` are the last answer's. Where the planner ends, or says nothing for
+    `patience`, the arm comes to rest along its path and the task has failed.
+
+    While `safety.state` (2), a monitor's, says that the arm is stopped, the planner's
+    clock stands still: it gets no ticks, and its motion comes to rest. After the
+    release, the motion goes on where it was stopped; after a stop that has made the
+    monitor forget the path, the arm first goes there from `arm.position_held` (N).
+
+    For a visual servo, whose tracker is in the other process, too, `servo_status`
+    (ServoStatus) goes to the planner with every tick. `servo_command` (ServoCommand)
+    and `sighting` (a Sighting with its stamp, NaN unless the servo tracks) come with
+    its answers. While the arm is stopped, and where the planner ends or does not answer
+    for half a second, a servo that is in charge is told to hold.
+
+    Args:
+        planner: The connection.
+        home: Where the arm rests at first, shape (N,) [rad].
+        sizes: Of the measurements, by name.
+        period: Time between commands [s].
+        planner_period: The planner's own period [s].
+        patience: Longest time for a plan [s].
+    """
+
+    def __init__(
+        self,
+        planner: PlannerLink,
+        home: Vector,
+        sizes: Mapping[str, int],
+        period: float,
+        planner_period: float,
+        patience: float = math.inf,
+    ) -> None:
+        super().__init__()
+        self._planner, self._patience = planner, patience
+        self._names = list(sizes)
+        for name, size in sizes.items():
+            self.DeclareVectorInputPort(name=name, size=size)
+        self._safety = self.DeclareVectorInputPort(name="safety.state", size=2)
+        self._held = self.DeclareVectorInputPort("arm.position_held", len(home))
+        self._servo = self.DeclareAbstractInputPort(
+            name="servo_status", model_value=AbstractValue.Make(ServoStatus())
+        )
+        self._plan = self.DeclareAbstractState(AbstractValue.Make(Plan(Motion(home))))
+        ticket = self.abstract_state_ticket(self._plan)
+        AddPlannerOutputs(
+            self,
+            len(home),
+            position=self._calc_position,
+            closure=self._calc_closure,
+            status=self._calc_status,
+            prerequisites={ticket},
+        )
+        for name, model, calc, tickets in (
+            ("mode", Mode.IDLE, self._calc_mode, {ticket}),
+            (
+                "servo_command",
+                ServoCommand.PASS,
+                self._calc_servo_command,
+                {ticket, self.time_ticket()},
+            ),
+            ("sighting", Sighting(), self._calc_sighting, {ticket}),
+        ):
+            self.DeclareAbstractOutputPort(
+                name, AbstractValue.Make(model).Clone, calc, tickets
+            )
+        self.DeclarePeriodicUnrestrictedUpdateEvent(period, 0.0, self._update)
+        self.DeclarePeriodicPublishEvent(planner_period, 0.0, self._post)
+
+    def plan(self, context: Context) -> Plan:
+        """Return what the planner last said."""
+        plan: Plan = context.get_abstract_state(int(self._plan)).get_value()
+        return plan
+
+    def _calc_position(self, context: Context, output: BasicVector) -> None:
+        output.SetFromVector(self.plan(context).position(context.get_time()))
+
+    def _calc_closure(self, context: Context, output: BasicVector) -> None:
+        output[0] = self.plan(context).closure
+
+    def _calc_mode(self, context: Context, output: AbstractValue) -> None:
+        output.set_value(self.plan(context).status.mode)
+
+    def _calc_status(self, context: Context, output: AbstractValue) -> None:
+        output.set_value(self.plan(context).status)
+
+    def _calc_servo_command(self, context: Context, output: AbstractValue) -> None:
+        plan = self.plan(context)
+        silent = context.get_time() - plan.answered > _SERVO_PATIENCE
+        command = plan.command
+        if command is not ServoCommand.PASS and (silent or plan.pause is not None):
+            command = ServoCommand.HOLD
+        output.set_value(command)
+
+    def _calc_sighting(self, context: Context, output: AbstractValue) -> None:
+        output.set_value(self.plan(context).sighting or Sighting())
+
+    def _update(self, context: Context, state: State) -> EventStatus:
+        before = plan = self.plan(context)
+        time = context.get_time()
+        if plan.status.mode in (Mode.DONE, Mode.FAILED):
+            return EventStatus.DidNothing()
+        if self._safety.HasValue(context):
+            state_and_reason = safety_state(self._safety.Eval(context))
+            plan = plan.held_up(time, *state_and_reason, self._held.Eval(context))
+        for message in self._planner.take() if plan.pause is None else ():
+            if isinstance(message, Ended):
+                plan = plan.broken_off(time, message.reason)
+                break
+            plan = plan.after(message, time)
+        if plan.pause is None and time - plan.answered > self._patience:
+            reason = f"the planner has not answered for {self._patience:g} s"
+            plan = plan.broken_off(time, reason)
+        if plan is before:
+            return EventStatus.DidNothing()
+        state.get_mutable_abstract_state(int(self._plan)).set_value(plan)
+        return EventStatus.Succeeded()
+
+    def _post(self, context: Context) -> None:
+        if self.plan(context).pause is not None:
+            return
+        values = {name: self.GetInputPort(name).Eval(context) for name in self._names}
+        servo = self._servo.Eval(context) if self._servo.HasValue(context) else None
+        tick = Tick({name: np.array(v) for name, v in values.items()}, servo)
+        self._planner.post(tick)

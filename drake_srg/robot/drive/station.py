@@ -1,0 +1,378 @@
+"""Measurements of hardware as output ports.
+
+Commands to hardware as input ports.
+Halts a gripper for as long as the arm is stopped.
+The hardware station: the ports of a station, with a robot behind them.
+"""
+
+from __future__ import annotations
+
+import dataclasses as dc
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+from pydrake.math import RigidTransform
+from pydrake.multibody.plant import MultibodyPlant
+from pydrake.systems.framework import (
+    BasicVector,
+    Context,
+    Diagram,
+    DiagramBuilder,
+    DiscreteValues,
+)
+from pydrake.systems.primitives import ConstantVectorSource
+
+from drake_srg.arm.safety.config import SafetyConfig
+from drake_srg.arm.safety.monitor import AddSafetyMonitor
+from drake_srg.common.exceptions import ScenarioError, scenario_errors
+from drake_srg.common.safety_states import SafetyState, safety_state
+from drake_srg.common.systems import input_ports, output_ports
+from drake_srg.gripper.sensing import GraspDetector
+from drake_srg.lifetime import LeafSystem
+from drake_srg.robot.drive.cameras import CameraFeed
+from drake_srg.robot.drive.link import EXTERNAL_TORQUE, STAMP, Link
+from drake_srg.robot.drive.opening import Hardware
+from drake_srg.robot.serve.commands import PortValues
+from drake_srg.scenario import Scenario, perception_cameras
+from drake_srg.station.plant import MakeModelsPlant
+
+
+class HardwareReader(LeafSystem):
+    """Outputs what links have measured, and when something last arrived.
+
+    .. pydrake_system::
+
+        name: HardwareReader
+        output_ports:
+        - ROOM.MEASUREMENT (each of the links)
+        - heartbeat
+        - hardware.stamp
+
+    Every `period`, the links are asked for what is new; what is not, keeps its value.
+    `heartbeat` (1) is the time [s] at which the link that has been silent for longest
+    last delivered anything. `hardware.stamp` (1) is the newest time by the robot's
+    clock [s].
+
+    Args:
+        links: The links.
+        period: Time between readings [s].
+        start: Values before anything arrives, by port; others are NaN.
+    """
+
+    def __init__(
+        self, links: Sequence[Link], period: float, start: PortValues | None = None
+    ) -> None:
+        super().__init__()
+        self._links = list(links)
+        start = start or {}
+        sizes = {name: n for link in links for name, n in link.outputs.items()}
+        self._states = {}
+        for name, size in {**sizes, STAMP: 1}.items():
+            value = start.get(name, np.full(size, np.nan))
+            index = self.DeclareDiscreteState(value)
+            self.DeclareStateOutputPort(name, index)
+            self._states[name] = int(index)
+        # When each link last delivered; it had done so when the station was built.
+        self._heard = int(self.DeclareDiscreteState(np.zeros(len(self._links))))
+        self.DeclareVectorOutputPort(
+            name="heartbeat",
+            size=1,
+            calc=self._calc_heartbeat,
+            prerequisites_of_calc={self.xd_ticket()},
+        )
+        self.DeclarePeriodicDiscreteUpdateEvent(
+            period_sec=period, offset_sec=0.0, update=self._update
+        )
+
+    def _calc_heartbeat(self, context: Context, output: BasicVector) -> None:
+        output[0] = np.min(context.get_discrete_state(self._heard).value())
+
+    def _update(self, context: Context, discrete_state: DiscreteValues) -> None:
+        for i, link in enumerate(self._links):
+            values = link.take()
+            for name, value in values.items():
+                discrete_state.set_value(self._states[name], value)
+            if values:
+                heard = discrete_state.get_mutable_value(self._heard)
+                heard[i] = context.get_time()
+
+
+class HardwareWriter(LeafSystem):
+    """Sends commands to links every period.
+
+    .. pydrake_system::
+
+        name: HardwareWriter
+        input_ports:
+        - ROOM.COMMAND (each command)
+
+    Args:
+        links: The links; each gets all commands.
+        period: Time between commands [s].
+        sizes: Of the commands, by name.
+    """
+
+    def __init__(
+        self, links: Sequence[Link], period: float, sizes: Mapping[str, int]
+    ) -> None:
+        super().__init__()
+        self._links, self._names = list(links), list(sizes)
+        for name, size in sizes.items():
+            self.DeclareVectorInputPort(name=name, size=size)
+        self.DeclarePeriodicPublishEvent(period, 0.0, self._send)
+
+    def _send(self, context: Context) -> None:
+        values = {name: self.GetInputPort(name).Eval(context) for name in self._names}
+        for link in self._links:
+            link.send(values)
+
+
+class HandHold(LeafSystem):
+    """Keeps a gripper's command while the arm is stopped, and tells it to hold.
+
+    .. pydrake_system::
+
+        name: HandHold
+        input_ports:
+        - closure_commanded
+        - safety_state
+        output_ports:
+        - closure_allowed
+        - hold
+
+    `closure_commanded` (1) is 0 open .. 1 closed, `safety_state` (2) that of a
+    `SafetyMonitor`. While the arm runs, the command passes. Otherwise `closure_allowed`
+    (1) is the last one from before, and `hold` (1) is 1: the gripper is to stay where
+    it is and keep its grip.
+
+    Args:
+        period: The control period [s].
+    """
+
+    def __init__(self, period: float) -> None:
+        super().__init__()
+        self._commanded = self.DeclareVectorInputPort(name="closure_commanded", size=1)
+        self._safety = self.DeclareVectorInputPort(name="safety_state", size=2)
+        self._kept = int(self.DeclareDiscreteState(np.zeros(1)))
+        self.DeclareVectorOutputPort(
+            name="closure_allowed", size=1, calc=self._calc_closure
+        )
+        self.DeclareVectorOutputPort(
+            name="hold",
+            size=1,
+            calc=self._calc_hold,
+            prerequisites_of_calc={self._safety.ticket()},
+        )
+        self.DeclarePeriodicDiscreteUpdateEvent(period, 0.0, self._update)
+
+    def _runs(self, context: Context) -> bool:
+        state, _ = safety_state(self._safety.Eval(context))
+        return state is SafetyState.RUNNING
+
+    def _calc_closure(self, context: Context, output: BasicVector) -> None:
+        if self._runs(context):
+            output.SetFromVector(self._commanded.Eval(context))
+        else:
+            output.SetFromVector(context.get_discrete_state(self._kept).value())
+
+    def _calc_hold(self, context: Context, output: BasicVector) -> None:
+        output[0] = 0.0 if self._runs(context) else 1.0
+
+    def _update(self, context: Context, discrete_state: DiscreteValues) -> None:
+        if self._runs(context):
+            discrete_state.set_value(self._kept, self._commanded.Eval(context))
+
+
+_TRIGGERED = "gripper.triggered"
+_MONITORED = ("estop", "release", "speed_override")
+
+
+@scenario_errors()
+def MakeHardwareStation(scenario: Scenario, hardware: Hardware) -> Diagram:
+    """Build the station of a robot: `MakeStation`'s ports, without those of a plant.
+
+    .. pydrake_system::
+
+        name: HardwareStation
+        input_ports:
+        - arm.position_commanded
+        - gripper.closure_commanded
+        - safety.estop (optional)
+        - safety.release (optional)
+        - safety.speed_override (optional)
+        output_ports:
+        - arm.MEASUREMENT (each of the arm's link)
+        - gripper.MEASUREMENT (each of the gripper's link)
+        - gripper.grasped (with finger sensors)
+        - hardware.stamp
+        - arm.position_allowed
+        - arm.position_held
+        - safety.state
+        - safety.speed_scale
+        - camera_NAME.color_image (with cameras)
+        - camera_NAME.depth_image (with cameras)
+        - camera_NAME.body_pose_in_world (with cameras)
+
+    A `SafetyMonitor` stands between the commands and the robot, also where the scenario
+    has no `safety`: it stops the arm when a link falls silent. A `HandHold` halts the
+    gripper as long. Advance it in real time,
+    in steps of `arm.period` at most. No system waits for the robot, but cameras do when
+    they are looked through.
+
+    Args:
+        scenario: That runs on the hardware.
+        hardware: The connections; they must stay open.
+
+    Raises:
+        ScenarioError: If the models or limits do not fit the scenario.
+    """
+    builder = DiagramBuilder()
+    AddHardwareStation(builder, scenario, hardware, scenario.safety or SafetyConfig())
+    diagram = builder.Build()
+    diagram.set_name("hardware_station")
+    return diagram
+
+
+def AddHardwareStation(
+    builder: DiagramBuilder,
+    scenario: Scenario,
+    hardware: Hardware,
+    safety: SafetyConfig | None,
+    period: float | None = None,
+) -> None:
+    """Add the systems of `MakeHardwareStation` to a diagram, and export their ports.
+
+    Args:
+        builder: Of the diagram.
+        scenario: That runs on the hardware.
+        hardware: The connections.
+        safety: Limits; None where a monitor stands elsewhere on the way to the robot.
+        period: Time between readings and commands [s]; None: the arm driver's.
+
+    Raises:
+        ScenarioError: If the models or limits do not fit the scenario.
+    """
+    arm, gripper = scenario.arm, scenario.gripper
+    assert arm is not None
+    assert gripper is not None
+    period = period or arm.period
+    links = hardware.links
+    felt = safety is not None and safety.feels
+    felt |= scenario.planner.max_external_torque is not None
+    if felt and not any(EXTERNAL_TORQUE in link.outputs for link in links):
+        raise ScenarioError(
+            "safety.external_torque, safety.force and planner.max_external_torque: "
+            "must be null, because the arm does not tell external torques (allowed: "
+            "!Ros1Arm and !Ros2Arm with `external_torque`, the name of a topic)"
+        )
+    reader = builder.AddNamedSystem(
+        "hardware_reader", HardwareReader(links, period, hardware.start)
+    )
+    sizes = {
+        "arm.position_commanded": len(arm.home),
+        "gripper.closure_commanded": 1,
+        "gripper.hold": 1,
+    }
+    writer = builder.AddNamedSystem(
+        "hardware_writer", HardwareWriter(links, period, sizes)
+    )
+    for name, output in output_ports(reader).items():
+        if name not in ("heartbeat", _TRIGGERED):
+            builder.ExportOutput(output, name)
+    if reader.HasOutputPort(_TRIGGERED):
+        detector = builder.AddNamedSystem(
+            "grasp_detector",
+            GraspDetector(gripper.layout.fingers, gripper.grasp_detector),
+        )
+        builder.Connect(reader.GetOutputPort(_TRIGGERED), detector.get_input_port())
+        builder.ExportOutput(detector.get_output_port(), "gripper.grasped")
+    commands = input_ports(writer)
+    if safety is None:
+        never = builder.AddNamedSystem("never", ConstantVectorSource([0.0]))
+        builder.Connect(never.get_output_port(), commands.pop("gripper.hold"))
+        for name, port in commands.items():
+            builder.ExportInput(port, name)
+    else:
+        _AddMonitor(builder, scenario, reader, writer, safety, hardware.lag)
+    for name, camera in hardware.cameras.items():
+        if name not in perception_cameras(scenario):
+            continue  # a visual servo's
+        feed = builder.AddNamedSystem(
+            f"camera_{name}", CameraFeed(camera, camera_pose(scenario, name))
+        )
+        builder.Connect(reader.GetOutputPort(STAMP), feed.get_input_port())
+        for image, output in output_ports(feed).items():
+            builder.ExportOutput(output, f"camera_{name}.{image}")
+
+
+def _AddMonitor(
+    builder: DiagramBuilder,
+    scenario: Scenario,
+    reader: HardwareReader,
+    writer: HardwareWriter,
+    safety: SafetyConfig,
+    lag: float,
+) -> None:
+    """Add the systems between the commands and the writer, and export their ports."""
+    arm = scenario.arm
+    assert arm is not None
+    plant = MakeModelsPlant(scenario)
+    monitor = AddSafetyMonitor(
+        builder, plant, arm.home, _lenient(safety, plant, lag), arm.period
+    )
+    hand = builder.AddNamedSystem("hand_hold", HandHold(arm.period))
+    for output, system, input in (
+        (reader.GetOutputPort("arm.state_measured"), monitor, "state_measured"),
+        (reader.GetOutputPort("heartbeat"), monitor, "heartbeat"),
+        (monitor.GetOutputPort("state"), hand, "safety_state"),
+        (monitor.GetOutputPort("position_allowed"), writer, "arm.position_commanded"),
+        (hand.GetOutputPort("closure_allowed"), writer, "gripper.closure_commanded"),
+        (hand.GetOutputPort("hold"), writer, "gripper.hold"),
+    ):
+        builder.Connect(output, system.GetInputPort(input))
+    for system, input, name in (
+        (monitor, "position_commanded", "arm.position_commanded"),
+        (hand, "closure_commanded", "gripper.closure_commanded"),
+        *((monitor, name, f"safety.{name}") for name in _MONITORED),
+    ):
+        builder.ExportInput(system.GetInputPort(input), name)
+    if reader.HasOutputPort(EXTERNAL_TORQUE):
+        builder.Connect(
+            reader.GetOutputPort(EXTERNAL_TORQUE),
+            monitor.GetInputPort("external_torque"),
+        )
+    for name, room in (
+        ("position_allowed", "arm"),
+        ("position_held", "arm"),
+        ("state", "safety"),
+        ("speed_scale", "safety"),
+    ):
+        builder.ExportOutput(monitor.GetOutputPort(name), f"{room}.{name}")
+
+
+def _lenient(safety: SafetyConfig, plant: MultibodyPlant, lag: float) -> SafetyConfig:
+    """Return limits that let the joints follow their commands with a lag [s]."""
+    if safety.following_error is None:
+        return safety
+    arm = plant.GetModelInstanceByName("arm")
+    speeds = plant.GetVelocitiesFromArray(arm, plant.GetVelocityUpperLimits())
+    return dc.replace(
+        safety, following_error=safety.following_error + lag * float(np.max(speeds))
+    )
+
+
+def camera_pose(scenario: Scenario, name: str) -> RigidTransform:
+    """Return the pose in world of a camera's body, by its calibration if it has one.
+
+    Raises:
+        ScenarioError: If the camera is not fixed to the world.
+    """
+    calibration = scenario.camera_calibrations.get(name)
+    pose = (calibration or scenario.cameras[name]).X_PB
+    if pose.base_frame not in (None, "", "world"):
+        raise ScenarioError(
+            f"cameras.{name}.X_PB.base_frame: must be world on hardware, "
+            f"got {pose.base_frame}"
+        )
+    X_WB: RigidTransform = pose.GetDeterministicValue()
+    return X_WB

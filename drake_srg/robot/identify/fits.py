@@ -1,0 +1,353 @@
+"""Where the spool stops when the tips press on each other: a model of one joint.
+
+The vendor's test, whose log this module explains, runs for each set point: go to a
+position just beyond where the tips meet, at full effort, and wait 1 s; then press, by
+position control with less effort or by torque control; read the position every 66 ms
+until it changes by 5 counts or less. So a stop is read up to a quarter of a second
+after the press began, while friction holds what the approach has wound up.
+
+How long the servo takes to warm by 5 degrees: one heat capacity, one resistance.
+Fits a gripper's motor, friction and heat to its log, and tests the fits.
+"""
+
+from __future__ import annotations
+
+import dataclasses as dc
+import math
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+
+from drake_srg.robot.identify.least_squares import Fit, Parameter, fit
+from drake_srg.robot.identify.log import LogRow
+from drake_srg.types import Vector
+
+COUNTS_PER_RAD = 4096 / math.tau
+FULL_LOAD = 1023
+TORQUE_UNIT = 4.5e-3  # A per unit of the goal torque
+# Torque at the spool per ampere of the data sheet, at stall [N m/A].
+TORQUE_CONSTANT = 6.0 / 4.1
+NO_LOAD_SPEED = 6.6  # data sheet [rad/s]
+# Goals of the test, relative to the calibrated zero [counts].
+_APPROACH, _PRESS = -50.0, -250.0
+# The last stretch and the time of the approach: after it, all is at rest.
+_START, _APPROACH_TIME = 450.0, 0.4  # counts, s
+# A packet and its answer take 16 ms. The goal is the second packet of a press, the
+# position is read twice at least, with 50 ms of waiting between.
+_GOAL_AT, _FIRST_READ, POLL = 0.016, 0.032, 0.066  # s
+_MOST_POLLS = 3
+_STEP = 1e-3  # s
+
+PRESS_PARAMETERS = (
+    Parameter("stiffness", "N m/rad", 30.0, 3.0),
+    Parameter("slack", "counts", 60.0, 2.0),
+    Parameter("gear", "N m", 0.1, 3.0),
+    Parameter("gear_load", "", 0.4, 1.6),
+    Parameter("torque_rise", "s", 0.1, 3.0),
+    Parameter("inertia", "kg m²", 0.01, 1.5),
+    Parameter("position_gain", "PWM units per count", 4.0, 3.0),
+)
+# Stops depend on friction and gain in valleys of their own: look into several.
+STARTS = [
+    {"position_gain": gain, "slack": slack, "gear_load": share}
+    for gain in (4.0, 8.0, 14.0)
+    for slack in (30.0, 60.0, 90.0)
+    for share in (0.2, 0.4, 0.6)
+]
+
+
+@dc.dataclass(frozen=True)
+class Motor:
+    """The motor as its registers show it; see `fits.fit_motor`.
+
+    Attributes:
+        stall_current: Estimated current at a PWM of 1 [A].
+        dead_band: PWM, 0 .. 1, below which no current shows.
+        most: Largest PWM that the servo gives, 0 .. 1.
+
+    The first two may be arrays of shape (p, 1), for p motors at once.
+    """
+
+    stall_current: float | Vector
+    dead_band: float | Vector
+    most: float
+
+    def current(self, pwm: Vector) -> Vector:
+        """Return the estimated current at rest [A] for PWMs of -1 .. 1."""
+        useful = np.sign(pwm) * np.maximum(np.abs(pwm) - self.dead_band, 0.0)
+        result: Vector = self.stall_current * useful / (1.0 - self.dead_band)
+        return result
+
+
+def calibrated_zero(rows: Sequence[LogRow]) -> float:
+    """Return the position that calibration took for closed [counts].
+
+    Calibration presses as the position rows do, so it stops where most of them stop.
+    """
+    stops = [row.stop_counts for row in rows if row.test == "position"]
+    return float(np.median(stops))
+
+
+def polls(row: LogRow) -> int:
+    """Return how many waits passed until the test noticed the stop."""
+    if math.isnan(row.seconds):
+        return 1
+    before = 1.082 if row.test == "position" else 0.062
+    return int(np.clip(round((row.seconds - before) / POLL), 1, _MOST_POLLS))
+
+
+def predict_stops(
+    rows: Sequence[LogRow],
+    zero: float,
+    motor: Motor,
+    values: Mapping[str, float | Vector],
+) -> Vector:
+    """Return the stops of position and torque rows, shape (K,) [counts].
+
+    Args:
+        rows: Of these two tests.
+        zero: Calibrated zero [counts].
+        motor: The motor.
+        values: Of `PRESS_PARAMETERS` by name; with p of each, shape (p, 1), the stops
+            are (p, K).
+    """
+    setpoint = np.array([row.setpoint_pct for row in rows]) / 100.0
+    by_torque = np.array([row.test == "torque" for row in rows])
+    limit = np.minimum(setpoint, motor.most)
+    goal_current = setpoint * FULL_LOAD * TORQUE_UNIT
+    share, gear = values["gear_load"], values["gear"]
+    stall = TORQUE_CONSTANT * motor.stall_current * (1.0 + share) + gear
+    inertia, damping = values["inertia"], stall / NO_LOAD_SPEED
+    gain = values["position_gain"] / FULL_LOAD
+    free = zero + values["slack"]
+    reads = _APPROACH_TIME + _FIRST_READ + POLL * np.arange(_MOST_POLLS + 1)
+    read_at = {round(t / _STEP) for t in reads}
+    seen = []
+    w = np.zeros(np.broadcast(free, setpoint).shape)
+    x, torque_pwm = w + zero + _START, w
+    for k in range(max(read_at) + 1):
+        t = k * _STEP - _APPROACH_TIME
+        if t < 0.0:
+            pwm = np.clip(gain * (x - zero - _APPROACH), -motor.most, motor.most)
+        else:
+            goal = zero + (_PRESS if t >= _GOAL_AT else _APPROACH)
+            wanted = goal_current if t >= _GOAL_AT else 0.0
+            missing = (wanted - motor.current(torque_pwm)) / motor.stall_current
+            rise = _STEP * missing / values["torque_rise"]
+            torque_pwm = np.clip(torque_pwm + rise, 0.0, motor.most)
+            position_pwm = np.clip(gain * (x - goal), -limit, limit)
+            pwm = np.where(by_torque, torque_pwm, position_pwm)
+        drive = stall * motor.current(pwm) / motor.stall_current
+        load = values["stiffness"] * np.maximum(free - x, 0.0) / COUNTS_PER_RAD
+        total = inertia + _STEP * damping
+        w = (inertia * w + _STEP * (drive - load)) / total
+        most = _STEP * (gear + share * load) / total
+        w = np.maximum(w - most, 0.0) + np.minimum(w + most, 0.0)
+        x = x - _STEP * w * COUNTS_PER_RAD
+        if k in read_at:
+            seen.append(x.copy())
+    chosen = [polls(row) for row in rows]
+    columns = np.arange(len(rows))
+    result: Vector = np.array(seen)[chosen, ..., columns].T
+    return result
+
+
+RISE = 5.0  # K
+SUPPLY, AIR = 12.0, 25.0  # V, degC; the vendor logged neither
+# Time to warm by RISE with no loss to the air at all stands for "never" where the loss
+# stops it [s].
+NEVER = 3600.0
+
+# Priors: data sheet and geometry (see MotorTemperatureConfig), and the standby current
+# of 0.1 A of the manual.
+HEAT_PARAMETERS = (
+    Parameter("heat_capacity", "J/K", 113.0, 2.0),
+    Parameter("thermal_resistance", "K/W", 7.6, 1.5),
+    Parameter("idle_power", "W", 1.2, 2.0),
+)
+
+
+def losses(current: Vector, motor: Motor) -> Vector:
+    """Return the heat of windings, brushes and bridge [W] at a current [A]."""
+    lost = motor.dead_band * SUPPLY
+    resistance = (SUPPLY - lost) / motor.stall_current
+    result: Vector = current**2 * resistance + current * lost
+    return result
+
+
+def predict_seconds(
+    rows: Sequence[LogRow], motor: Motor, values: Mapping[str, float | Vector]
+) -> Vector:
+    """Return the times of heating rows, shape (K,) [s]; `NEVER` at most.
+
+    Args:
+        rows: Of the test `heating`.
+        motor: The motor.
+        values: Of `HEAT_PARAMETERS` by name; with p of each, shape (p, 1), the times
+            are (p, K).
+    """
+    current = np.array([row.current_ma for row in rows]) / 1e3
+    power = losses(current, motor) + values["idle_power"]
+    resistance = values["thermal_resistance"]
+    start = np.array([row.temperature_c for row in rows])
+    left = AIR + power * resistance - start  # K to where it settles
+    share = np.where(left > RISE, RISE / np.maximum(left, RISE), 1.0)
+    with np.errstate(divide="ignore"):  # infinite where it never gets there
+        times = -resistance * values["heat_capacity"] * np.log1p(-share)
+    result: Vector = np.minimum(times, NEVER)
+    return result
+
+
+# Standard deviations of the measurements: what specimens and repeats differ by.
+CURRENT_SHARE, STOP_COUNTS, HEATING_SHARE = 0.05, 3.0, 0.1
+
+_MOTOR = (
+    Parameter("stall_current", "A", 4.1, 2.0),
+    Parameter("dead_band", "of full PWM", 0.05, 3.0),
+)
+
+
+@dc.dataclass(frozen=True)
+class Error:
+    """A measurement and its prediction.
+
+    Attributes:
+        label: The test.
+        quantity: `current`, `stop` or `heating`.
+        unit: Of the values.
+        measured: The measurement.
+        fitted: Prediction by the fit to all rows.
+        predicted: Prediction by the fit to the other half of the rows.
+        allowed: Deviation that agrees with the measurement.
+    """
+
+    label: str
+    quantity: str
+    unit: str
+    measured: float
+    fitted: float
+    predicted: float
+    allowed: float
+
+
+@dc.dataclass(frozen=True)
+class Identification:
+    """What a log tells.
+
+    Attributes:
+        motor: The motor as its registers show it.
+        zero: Calibrated zero [counts].
+        fits: By part: `motor`, `press` and `heat`.
+        errors: Of every measurement.
+    """
+
+    motor: Motor
+    zero: float
+    fits: dict[str, Fit]
+    errors: Sequence[Error]
+
+
+def identify(rows: Sequence[LogRow]) -> Identification:
+    """Fit all rows, then each half of them to predict the other.
+
+    The halves are every second row of each test.
+    """
+    motor, zero, fits = _fit(rows)
+    whole = _predict(rows, motor, zero, fits)
+    halves: list[list[LogRow]] = [[], []]
+    for test in ("position", "torque", "heating"):
+        for i, row in enumerate(r for r in rows if r.test == test):
+            halves[i % 2].append(row)
+    other: dict[tuple[str, int], float] = {}
+    for fitted, left in (halves, halves[::-1]):
+        half = _fit(fitted, motor.most)
+        predicted = _predict(left, half[0], zero, half[2])
+        other.update({(q, id(row)): v for q, row, v in predicted})
+    errors = [
+        Error(
+            row.label,
+            quantity,
+            _UNITS[quantity],
+            measured := _measured(row, quantity),
+            value,
+            other[quantity, id(row)],
+            6.0 if quantity == "stop" else 0.1 * measured,
+        )
+        for quantity, row, value in whole
+    ]
+    return Identification(motor, zero, fits, errors)
+
+
+_UNITS = {"current": "mA", "stop": "counts", "heating": "s"}
+
+
+def _measured(row: LogRow, quantity: str) -> float:
+    return {
+        "current": row.current_ma,
+        "stop": row.stop_counts,
+        "heating": row.seconds,
+    }[quantity]
+
+
+def _pressing(rows: Sequence[LogRow]) -> list[LogRow]:
+    return [row for row in rows if row.test != "heating"]
+
+
+def _heating(rows: Sequence[LogRow]) -> list[LogRow]:
+    return [row for row in rows if row.test == "heating"]
+
+
+def _fit(
+    rows: Sequence[LogRow], most: float | None = None
+) -> tuple[Motor, float, dict[str, Fit]]:
+    pressing, heating = _pressing(rows), _heating(rows)
+    if most is None:
+        most = max(row.load for row in pressing) / FULL_LOAD
+    fits = {"motor": fit(_MOTOR, lambda values: _current_errors(pressing, values))}
+    motor = Motor(**fits["motor"].values, most=most)
+    zero = calibrated_zero(rows)
+    stops = np.array([row.stop_counts for row in pressing])
+    fits["press"] = fit(
+        PRESS_PARAMETERS,
+        lambda v: (predict_stops(pressing, zero, motor, v) - stops) / STOP_COUNTS,
+        starts=STARTS,
+    )
+    seconds = np.array([row.seconds for row in heating])
+    fits["heat"] = fit(
+        HEAT_PARAMETERS,
+        lambda v: np.log(predict_seconds(heating, motor, v) / seconds) / HEATING_SHARE,
+    )
+    return motor, zero, fits
+
+
+def _current_errors(rows: Sequence[LogRow], values: dict[str, Vector]) -> Vector:
+    motor = Motor(**values, most=1.0)
+    load = np.array([row.load for row in rows]) / FULL_LOAD
+    current = np.array([row.current_ma for row in rows]) / 1e3
+    result: Vector = (motor.current(load) / current - 1.0) / CURRENT_SHARE
+    return result
+
+
+def _predict(
+    rows: Sequence[LogRow], motor: Motor, zero: float, fits: dict[str, Fit]
+) -> list[tuple[str, LogRow, float]]:
+    pressing, heating = _pressing(rows), _heating(rows)
+    load = np.array([row.load for row in pressing]) / FULL_LOAD
+    parts = (
+        ("current", pressing, 1e3 * motor.current(load)),
+        (
+            "stop",
+            pressing,
+            predict_stops(pressing, zero, motor, fits["press"].values),
+        ),
+        (
+            "heating",
+            heating,
+            predict_seconds(heating, motor, fits["heat"].values),
+        ),
+    )
+    return [
+        (quantity, row, float(value))
+        for quantity, part, values in parts
+        for row, value in zip(part, values, strict=True)
+    ]

@@ -1,0 +1,477 @@
+"""Commands from clients: checked by topic, the last good one kept.
+
+Topics that command a served arm that follows trajectories.
+Commands from clients to a served station's safety monitor.
+"""
+
+from __future__ import annotations
+
+import dataclasses as dc
+import itertools
+import threading
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from functools import partial
+from typing import Any
+
+import numpy as np
+from pydrake.multibody.plant import MultibodyPlant
+from pydrake.multibody.tree import Joint
+from pydrake.systems.framework import Context, Diagram
+
+from drake_srg.arm.reference import CAPACITY, trajectory_piece
+from drake_srg.common.safety_states import SafetyState, safety_state
+from drake_srg.types import Vector
+
+# Values of station input ports, by name.
+PortValues = Mapping[str, Vector]
+COMMAND_LIMIT = 2**20  # Largest command [bytes]; most are a thousand times smaller.
+
+
+class CommandError(ValueError):
+    """A command is refused.
+
+    Attributes:
+        kind: Kind of fault, such as "length"; each kind is reported once.
+    """
+
+    def __init__(self, kind: str, message: str):
+        super().__init__(message)
+        self.kind = kind
+
+
+@dc.dataclass(frozen=True)
+class CommandTopic:
+    """A topic that commands a station.
+
+    Attributes:
+        name: ROS topic.
+        type: Message type in ROS 2's notation, such as "std_msgs/msg/Int32".
+        convert: Returns values of input ports for the message's field `data`; raises a
+            CommandError if the command is invalid.
+        latched: Whether a value is kept until the station has seen it, even if a lower
+            one follows at once: a button may be pressed for less than a period.
+        whole: Whether `convert` takes the whole message in place of its `data`.
+        largest: Size of the largest message [bytes].
+    """
+
+    name: str
+    type: str
+    convert: Callable[[Any], PortValues]
+    latched: bool = False
+    whole: bool = False
+    largest: int = COMMAND_LIMIT
+
+
+class Warnings:
+    """Reports each kind of trouble to the user once. Any thread may call."""
+
+    def __init__(self, tell: Callable[[str], None]):
+        self._tell = tell
+        self._told: set[str] = set()
+        self._lock = threading.Lock()
+
+    def warn(self, kind: str, message: str) -> None:
+        """Report `message`, unless this kind has been reported before."""
+        with self._lock:
+            if kind in self._told:
+                return
+            self._told.add(kind)
+        self._tell(message)
+
+    def forget(self, kind: str) -> None:
+        """Report this kind again next time, because the trouble is over."""
+        with self._lock:
+            self._told.discard(kind)
+
+
+class CommandInbox:
+    """Collects commands from any thread until the station takes them.
+
+    Each topic counts with its last good message. Where several sources command the same
+    port, the most recent one wins.
+
+    Args:
+        topics: The topics to obey.
+        warnings: Where refused commands are reported.
+
+    Attributes:
+        received: Number of messages so far, good and bad.
+    """
+
+    def __init__(self, topics: Iterable[CommandTopic], warnings: Warnings):
+        self.topics = {topic.name: topic for topic in topics}
+        self.warnings = warnings
+        self.received = 0
+        self._lock = threading.Lock()
+        self._values: dict[str, Vector] = {}
+        self._next: dict[str, Vector] = {}  # follows a latched value
+        self._sources: dict[str, str] = {}  # last source of each port
+
+    def receive(self, topic: str, data: Any) -> None:
+        """Check a message's `data`, and keep its command or report what is wrong."""
+        try:
+            values = self.topics[topic].convert(data)
+        except CommandError as error:
+            self.refuse(topic, error.kind, str(error))
+            return
+        self.put(values, topic)
+        self.count()
+
+    def receive_message(self, topic: str, message: Any) -> None:
+        """Do as `receive` with a whole message."""
+        self.receive(topic, message if self.topics[topic].whole else message.data)
+
+    def put(self, values: PortValues, source: str) -> None:
+        """Keep a command that its source has checked."""
+        with self._lock:
+            self._put(values, source)
+
+    def amend(self, values: PortValues, source: str) -> None:
+        """Do as `put`, unless another source has commanded one of the ports since."""
+        with self._lock:
+            if all(self._sources.get(port) == source for port in values):
+                self._put(values, source)
+
+    def source(self, port: str) -> str | None:
+        """Return the source that commanded a port last."""
+        with self._lock:
+            return self._sources.get(port)
+
+    def _put(self, values: PortValues, source: str) -> None:
+        topic = self.topics.get(source)
+        if topic is not None and topic.latched:
+            seen = {k: np.maximum(v, self._values.get(k, v)) for k, v in values.items()}
+            lower = [port for port in values if np.any(seen[port] > values[port])]
+            self._next = {k: v for k, v in self._next.items() if k not in values}
+            self._next |= {port: values[port] for port in lower}
+            values = seen
+        self._values.update(values)
+        self._sources.update(dict.fromkeys(values, source))
+
+    def count(self, messages: int = 1) -> None:
+        """Count messages, good and bad."""
+        with self._lock:
+            self.received += messages
+
+    def refuse(self, topic: str, kind: str, reason: str) -> None:
+        """Count a message that is not obeyed, and report why."""
+        self.count()
+        self.warnings.warn(
+            f"{topic} {kind}", f"{topic}: {reason}; the last good command holds"
+        )
+
+    def take(self) -> dict[str, Vector]:
+        """Return the commands since the last call, by input port."""
+        with self._lock:
+            values, self._values, self._next = self._values, self._next, {}
+        return values
+
+
+_CLOSURE = "gripper.closure_commanded"
+_MESSAGES = "gripper.closure_messages"
+_SINGLE_JOINTS = "gripper.joint_position_commanded"
+_ARM = "arm.position_desired"
+# Ports that override the closure, or limit its force, while their values are finite.
+_GRIPPER_PORTS = (
+    _SINGLE_JOINTS,
+    "gripper.motor_position_commanded",
+    "gripper.motor_torque_commanded",
+    "gripper.force_limit",
+)
+
+
+def gripper_command(
+    inputs: Iterable[str], values: PortValues, joints: int = 1
+) -> dict[str, Vector]:
+    """Return a command of the whole gripper, which overrides every other source.
+
+    Commands of other sources at ports that `values` does not name are cancelled by NaN.
+
+    Args:
+        inputs: Names of the station's input ports.
+        values: The command, by input port.
+        joints: Number of the gripper's commanded joints.
+    """
+    return {
+        port: np.full(joints if port == _SINGLE_JOINTS else 1, np.nan)
+        for port in _GRIPPER_PORTS
+        if port in inputs
+    } | dict(values)
+
+
+def station_topics(
+    plant: MultibodyPlant, inputs: Iterable[str], gripper_joints: Iterable[str] = ()
+) -> list[CommandTopic]:
+    """Return the SRG thesis's topics that a station can obey.
+
+    `/grasp` (Int32, 0 open .. 100 closed), `/position_grasp` (Float64MultiArray, rad,
+    one number per finger joint), `/startgrasp` (Bool, false holds the gripper where it
+    is), `/kuka` (Float64MultiArray, rad, one number per joint of the arm). The most
+    recent of `/grasp`, `/position_grasp` and servo commands wins, see
+    `gripper_command`. Each `/grasp` also counts at `gripper.closure_messages`, if the
+    station has that port.
+
+    Args:
+        plant: Has the model instances `arm` and `gripper`, if the station has them.
+        inputs: Names of the station's input ports; `/kuka` needs
+            `arm.position_desired`.
+        gripper_joints: Names of the gripper's commanded joints, in their order.
+    """
+    inputs, joints = set(inputs), list(gripper_joints)
+    topics = []
+    received = itertools.count(1)  # numbers of the /grasp messages
+
+    def gripper(port: str, value: Vector) -> PortValues:
+        return gripper_command(inputs, {port: value}, len(joints))
+
+    def arm(port: str, value: Vector) -> PortValues:
+        return {port: value}
+
+    def grasp(data: Any) -> PortValues:
+        percent = int(data)
+        if not 0 <= percent <= 100:
+            raise CommandError(
+                "range", f"must be 0 (open) to 100 (closed), got {percent}"
+            )
+        values = dict(gripper(_CLOSURE, np.array([percent / 100.0])))
+        if _MESSAGES in inputs:
+            values[_MESSAGES] = np.array([next(received)], dtype=float)
+        return values
+
+    def hold(data: Any) -> PortValues:
+        return {"gripper.hold": np.array([0.0 if data else 1.0])}
+
+    if _CLOSURE in inputs:
+        topics.append(CommandTopic("/grasp", "std_msgs/msg/Int32", grasp))
+    if "gripper.hold" in inputs:
+        topics.append(CommandTopic("/startgrasp", "std_msgs/msg/Bool", hold))
+    arrays = {}
+    if joints:
+        limits = joint_limits(plant, "gripper", joints)
+        arrays["/position_grasp"] = (_SINGLE_JOINTS, limits, gripper)
+    if _ARM in inputs:
+        arrays["/kuka"] = (_ARM, joint_limits(plant, "arm"), arm)
+    for name, (port, limits, command) in arrays.items():
+        convert = checked_positions(
+            limits, partial(command, port), obeyed=port in inputs
+        )
+        topics.append(CommandTopic(name, "std_msgs/msg/Float64MultiArray", convert))
+    return topics
+
+
+def arm_joint_names(plant: MultibodyPlant) -> list[str]:
+    """Return the names of the arm's joints, in the order of its positions."""
+    return [joint.name() for joint in _moving_joints(plant, "arm")]
+
+
+def _moving_joints(plant: MultibodyPlant, instance: str) -> list[Joint]:
+    model = plant.GetModelInstanceByName(instance)
+    joints = [plant.get_joint(index) for index in plant.GetJointIndices(model)]
+    joints = [joint for joint in joints if joint.num_positions() == 1]
+    return sorted(joints, key=lambda joint: joint.position_start())
+
+
+def joint_limits(
+    plant: MultibodyPlant, instance: str, joints: list[str] | None = None
+) -> tuple[Vector, Vector]:
+    """Return the lower and upper position limits of a model's joints [rad or m]."""
+    if joints is None:
+        moving = _moving_joints(plant, instance)
+    else:
+        model = plant.GetModelInstanceByName(instance)
+        moving = [plant.GetJointByName(name, model) for name in joints]
+    return (
+        np.array([joint.position_lower_limit() for joint in moving]),
+        np.array([joint.position_upper_limit() for joint in moving]),
+    )
+
+
+def checked_positions(
+    limits: tuple[Vector, Vector],
+    command: Callable[[Vector], PortValues],
+    *,
+    obeyed: bool,
+) -> Callable[[Any], PortValues]:
+    """Return a `convert` that checks joint positions [rad or m] and commands them."""
+    lower, upper = limits
+
+    def convert(data: Any) -> PortValues:
+        if not obeyed:
+            raise CommandError(
+                "port", "this gripper has one motor, which moves all joints at once"
+            )
+        values = np.array(data, dtype=np.float64)
+        if values.shape != lower.shape:
+            raise CommandError(
+                "length", f"needs {lower.size} numbers, got {values.size}"
+            )
+        if not np.isfinite(values).all():
+            raise CommandError("finite", "needs finite numbers, got NaN or infinity")
+        for i in np.flatnonzero((values < lower) | (values > upper)):
+            raise CommandError(
+                "range",
+                f"number {i + 1} must be {lower[i]:g} to {upper[i]:g}, "
+                f"got {values[i]:g}",
+            )
+        return command(values)
+
+    return convert
+
+
+TRAJECTORY = "arm.trajectory_desired"
+_KIND = "trajectory_msgs/msg/JointTrajectory"
+
+
+def trajectory_topics(
+    plant: MultibodyPlant, inputs: Iterable[str], period: float
+) -> list[CommandTopic]:
+    """Return the topics of an arm that follows trajectories; none for another.
+
+    `/joint_trajectory` (JointTrajectory): the arm moves evenly from point to point. The
+    joints may come in any order. `/kuka` (Float64MultiArray, rad, one number per
+    joint): the arm is there one period later.
+
+    Args:
+        plant: Has the model instance `arm`.
+        inputs: Names of the station's input ports.
+        period: Of the arm's driver [s].
+    """
+    if TRAJECTORY not in inputs:
+        return []
+
+    def at_once(q: Vector) -> PortValues:
+        return {TRAJECTORY: trajectory_piece(np.array([period]), q[np.newaxis])}
+
+    return [
+        CommandTopic("/joint_trajectory", _KIND, trajectory_command(plant), whole=True),
+        CommandTopic(
+            "/kuka",
+            "std_msgs/msg/Float64MultiArray",
+            checked_positions(joint_limits(plant, "arm"), at_once, obeyed=True),
+        ),
+    ]
+
+
+def trajectory_command(plant: MultibodyPlant) -> Callable[[Any], PortValues]:
+    """Return what checks a JointTrajectory and makes a command of it.
+
+    It raises a CommandError if the trajectory is invalid.
+
+    Args:
+        plant: Has the model instance `arm`.
+    """
+    names = arm_joint_names(plant)
+    check = checked_positions(
+        joint_limits(plant, "arm"), lambda q: {"": q}, obeyed=True
+    )
+
+    def command(message: Any) -> PortValues:
+        given, points = list(message.joint_names), message.points
+        if sorted(given) != sorted(names):
+            raise CommandError("joints", f"needs the joints {', '.join(names)}")
+        if not 0 < len(points) <= CAPACITY:
+            raise CommandError(
+                "points", f"needs 1 to {CAPACITY} points, got {len(points)}"
+            )
+        order = [given.index(name) for name in names]
+        positions = []
+        for point in points:
+            if len(point.positions) != len(names):
+                raise CommandError("length", f"needs {len(names)} positions per point")
+            positions.append(check(np.array(point.positions)[order])[""])
+        times = np.array([seconds(point.time_from_start) for point in points])
+        if np.any(np.diff(times, prepend=-1e-9) <= 0.0):
+            raise CommandError("times", "needs points in the order of their times")
+        start = seconds(message.header.stamp)
+        return {TRAJECTORY: trajectory_piece(times, np.array(positions), start)}
+
+    return command
+
+
+def seconds(time: Any) -> float:
+    """Return a builtin_interfaces/Time or Duration in seconds."""
+    return float(time.sec) + 1e-9 * float(time.nanosec)
+
+
+_ARM_PORTS = ("arm.position_desired", TRAJECTORY)
+_BOOL = "std_msgs/msg/Bool"
+
+
+_SWITCHES = ("estop", "release", "heartbeat")
+
+
+def safety_topics(
+    inputs: Iterable[str], switches: Sequence[str] = _SWITCHES
+) -> list[CommandTopic]:
+    """Return the topics that command a station's safety monitor, if it has one.
+
+    `/estop` (Bool, true while the button is pressed), `/release` (Bool, true
+    acknowledges a stop), `/speed_override` (Int32, 0 .. 100 %) and `/heartbeat` (Bool;
+    from the first true until a false, the arm stops unless more of them arrive).
+
+    Args:
+        inputs: Names of the station's input ports.
+        switches: Which of the Bool topics there are.
+    """
+    if "safety.estop" not in inputs:
+        return []
+
+    def override(data: Any) -> PortValues:
+        percent = int(data)
+        if not 0 <= percent <= 100:
+            raise CommandError("range", f"must be 0 to 100 percent, got {percent}")
+        return {"safety.speed_override": np.array([percent / 100.0])}
+
+    def switch(name: str) -> CommandTopic:
+        def convert(data: Any) -> PortValues:
+            return {f"safety.{name}": np.array([1.0 if data else 0.0])}
+
+        return CommandTopic(f"/{name}", _BOOL, convert, latched=name == "estop")
+
+    return [
+        *(switch(name) for name in switches),
+        CommandTopic("/speed_override", "std_msgs/msg/Int32", override),
+    ]
+
+
+class SafetyGate:
+    """Keeps a stopped arm's commands away, so that no old one moves it once released.
+
+    A station without a safety monitor gets its commands unchanged.
+
+    Args:
+        station: The served station.
+        warnings: Where stops are reported.
+    """
+
+    def __init__(self, station: Diagram, warnings: Warnings) -> None:
+        self._warnings = warnings
+        self._state = None
+        if station.HasOutputPort("safety.state"):
+            self._state = station.GetOutputPort("safety.state")
+            (self._arm,) = filter(station.HasInputPort, _ARM_PORTS)
+            self._nowhere = np.full(station.GetInputPort(self._arm).size(), np.nan)
+
+    def admit(self, values: PortValues, context: Context) -> PortValues:
+        """Return the values of input ports to set.
+
+        Args:
+            values: Commands since the last call, by input port.
+            context: The station's.
+        """
+        if self._state is None:
+            return values
+        # A release counts once.
+        values = {"safety.release": np.zeros(1), **values}
+        if "safety.heartbeat" in values:
+            beats = values["safety.heartbeat"][0] > 0.0
+            time = context.get_time() if beats else np.inf
+            values["safety.heartbeat"] = np.array([time])
+        state, reason = safety_state(self._state.Eval(context))
+        if state is SafetyState.RUNNING:
+            self._warnings.forget("stop")
+            return values
+        self._warnings.warn(
+            "stop", f"the arm is stopped ({reason.value}); /kuka waits for a /release"
+        )
+        return {**values, self._arm: self._nowhere}

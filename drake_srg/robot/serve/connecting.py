@@ -1,0 +1,211 @@
+"""The keys of a terminal as an emergency stop.
+
+Construct the bridges that a user asks for.
+"""
+
+import contextlib
+import dataclasses as dc
+import os
+import re
+import select
+import signal
+import termios
+import threading
+import tty
+from collections.abc import Sequence
+
+from drake_srg.common.exceptions import ScenarioError
+from drake_srg.recording.rosbag import Topic
+from drake_srg.robot.serve.bridge import Bridge
+from drake_srg.robot.serve.commands import CommandInbox
+from drake_srg.scenario import Scenario
+
+# Topics and data by key.
+_KEYS = {
+    "e": [("/estop", True)],
+    "r": [("/estop", False), ("/release", True)],
+}
+
+
+class KeyboardBridge(Bridge):
+    """Commands a safety monitor by keys: `e` stops the arm, `r` releases it.
+
+    The terminal shows no keys and hands them on one by one until the bridge is closed.
+    Ctrl-C keeps its meaning.
+
+    Args:
+        inbox: Where the commands go.
+        terminal: File descriptor of the terminal.
+    """
+
+    def __init__(self, inbox: CommandInbox, terminal: int) -> None:
+        self._inbox, self._terminal = inbox, terminal
+        self._before = termios.tcgetattr(terminal)
+        tty.setcbreak(terminal)
+        self._end, self._closing = os.pipe()
+        self._lock, self._open = threading.Lock(), True
+        self._thread = threading.Thread(target=self._run, name="keys", daemon=True)
+        self._thread.start()
+
+    @property
+    def status(self) -> str:
+        """The keys, as text for the status line."""
+        return "keys e stop, r release"
+
+    @property
+    def closed(self) -> bool:
+        """True, so that it keeps no station alive that clients have shut down."""
+        return True
+
+    def close(self) -> None:
+        """Give the terminal back. A second call does nothing."""
+        with self._lock:
+            if not self._open:
+                return
+            self._open = False
+        os.close(self._closing)
+        self._thread.join()
+        os.close(self._end)
+        # In the background, the signal would stop the whole process.
+        mask = signal.pthread_sigmask(signal.SIG_BLOCK, [signal.SIGTTOU])
+        with contextlib.suppress(termios.error):  # the terminal is gone
+            termios.tcsetattr(self._terminal, termios.TCSADRAIN, self._before)
+        signal.pthread_sigmask(signal.SIG_SETMASK, mask)
+
+    def _run(self) -> None:
+        while True:
+            ready, _, _ = select.select([self._terminal, self._end], [], [])
+            if self._end in ready:
+                return
+            try:
+                typed = os.read(self._terminal, 64)
+            except OSError:  # the terminal is gone
+                return
+            if not typed:
+                return
+            for key in typed.decode(errors="ignore"):
+                for topic, data in _KEYS.get(key, ()):
+                    self._inbox.receive(topic, data)
+
+
+def own_terminal(stream: object) -> int | None:
+    """Return the descriptor of a stream if this process may read keys from it."""
+    try:
+        descriptor: int = stream.fileno()  # type: ignore[attr-defined]  # or no file
+        foreground = os.tcgetpgrp(descriptor) == os.getpgrp()
+    except (AttributeError, OSError, ValueError):  # no file, or no terminal
+        return None
+    return descriptor if foreground else None
+
+
+@dc.dataclass(kw_only=True)
+class Ros1Config:
+    """The node of ROS 1."""
+
+    # URI of the master; empty: $ROS_MASTER_URI.
+    master: str = ""
+    # This machine's address for others, and the node's name.
+    host: str = "127.0.0.1"
+    name: str = "drake_srg_hardware"
+
+    def open(self, inbox: CommandInbox, topics: Sequence[Topic]) -> Bridge:
+        """Return the node; see `Ros1Bridge`."""
+        from drake_srg.robot.serve.ros1.bridge import Ros1Bridge
+
+        name, master = f"/{self.name}", self.master or None
+        return Ros1Bridge(inbox, topics, master=master, host=self.host, name=name)
+
+
+@dc.dataclass(kw_only=True)
+class Ros2Config:
+    """The participant of ROS 2."""
+
+    # Number of the domain; null: $ROS_DOMAIN_ID.
+    domain: int | None = dc.field(default=None, metadata={"ge": 0, "le": 232})
+    # This machine's address for others, and the participant's name.
+    host: str = "127.0.0.1"
+    name: str = "drake_srg_hardware"
+
+    def open(self, inbox: CommandInbox, topics: Sequence[Topic]) -> Bridge:
+        """Return the participant; see `Ros2Bridge`."""
+        from drake_srg.robot.serve.ros2.bridge import Ros2Bridge
+
+        domain, host = self.domain, self.host
+        return Ros2Bridge(inbox, topics, domain=domain, interface=host, name=self.name)
+
+
+@dc.dataclass(frozen=True)
+class BridgeOptions:
+    """The bridges of a station and their addresses.
+
+    Attributes:
+        ros1: Whether to be a node of ROS 1.
+        master: URI of the ROS 1 master; None takes it from the environment.
+        ros2: Whether to be a node of ROS 2.
+        domain: ROS 2 domain; None takes it from the environment.
+        servo: Where the bus of the servos is, tcp:PORT, tcp:HOST:PORT or pty; None for
+            no servos.
+        protocol: Dynamixel protocol of the servos, 1 or 2; None means 1.
+        host: Address of this machine that peers reach.
+        name: Name of the nodes.
+        terminal: Descriptor of a terminal whose keys command a safety monitor, if the
+            station has one; None for no keys.
+    """
+
+    ros1: bool = False
+    master: str | None = None
+    ros2: bool = False
+    domain: int | None = None
+    servo: str | None = None
+    protocol: int | None = None
+    host: str = "127.0.0.1"
+    name: str = "drake_srg"
+    terminal: int | None = None
+
+    def connect(
+        self, scenario: Scenario, inbox: CommandInbox, topics: Sequence[Topic]
+    ) -> Sequence[Bridge]:
+        """Return the bridges to a scenario's station.
+
+        Raises:
+            ScenarioError: If an option is invalid, or the station has no servos.
+            OSError: If an address is in use.
+            ImportError: If a package is missing.
+        """
+        bridges: list[Bridge] = []
+        with contextlib.ExitStack() as stack:
+
+            def add(bridge: Bridge) -> None:
+                stack.callback(bridge.close)
+                bridges.append(bridge)
+
+            try:
+                if not re.fullmatch("[A-Za-z][A-Za-z0-9_]*", self.name):
+                    raise ValueError(
+                        "--name: must be a letter, then letters, digits and "
+                        f"underscores, got {self.name!r}"
+                    )
+                host, name = self.host, self.name
+                if self.ros1:
+                    ros1 = Ros1Config(master=self.master or "", host=host, name=name)
+                    add(ros1.open(inbox, topics))
+                if self.ros2:
+                    ros2 = Ros2Config(domain=self.domain, host=host, name=name)
+                    add(ros2.open(inbox, topics))
+                if self.terminal is not None and "/estop" in inbox.topics:
+                    add(KeyboardBridge(inbox, self.terminal))
+                if self.protocol is not None and self.servo is None:
+                    raise ValueError("--protocol: needs --servo")
+                if self.servo is not None:
+                    from drake_srg.robot.serve.dynamixel.bridge import (
+                        ServoBridge,
+                        station_mechanisms,
+                    )
+
+                    protocol = 1 if self.protocol is None else self.protocol
+                    mechanisms = station_mechanisms(scenario)
+                    add(ServoBridge(inbox, self.servo, mechanisms, protocol))
+            except ValueError as error:
+                raise ScenarioError(f"serve: {error}") from error
+            stack.pop_all()
+        return bridges

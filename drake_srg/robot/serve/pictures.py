@@ -1,0 +1,434 @@
+"""The camera and localizer topics that a served station publishes.
+
+Cameras rendered in a separate process, in parallel with the simulation.
+Publish pictures and blobs of a served station.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import dataclasses as dc
+import json
+import os
+import threading
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
+from multiprocessing.connection import Connection
+from typing import Any
+
+import numpy as np
+from pydrake.common.yaml import yaml_dump_typed, yaml_load_typed
+from pydrake.systems.framework import DiagramBuilder
+from pydrake.systems.sensors import CameraInfo
+
+from drake_srg.common.real_time import Companion, lower_priority
+from drake_srg.common.systems import export_outputs
+from drake_srg.recording.rosbag import (
+    MakeMessage,
+    Topic,
+    header,
+    image_message,
+    pose_message,
+)
+from drake_srg.robot.serve.bridge import Outlet
+from drake_srg.robot.serve.commands import Warnings
+from drake_srg.scenario import Scenario, servo_of
+from drake_srg.station.cameras import MakeRemoteCameras
+from drake_srg.station.perception import AddLocalizer
+from drake_srg.types import Blob, Vector
+from drake_srg.vision.camera import DRAKE_PIXEL_CENTER
+
+COLOR, DEPTH = "/camera/color/image_raw", "/camera/depth/image_raw"
+CAMERA_INFO, BLOBS = "/camera/color/camera_info", "/blobs"
+OBJECT_POSE = "/object_pose"
+_ROOT = "/camera"
+
+
+def image_topics(
+    camera: str, intrinsics: CameraInfo, root: str = _ROOT
+) -> dict[str, Topic]:
+    """Return the topics of a camera by COLOR, DEPTH and CAMERA_INFO.
+
+    After the time, their `convert` takes:
+
+    - COLOR: pixels, shape (h, w, 3), uint8
+    - DEPTH: Drake's depths [m], shape (h, w), float32
+    - CAMERA_INFO: nothing
+
+    Args:
+        camera: The camera's name in the scenario.
+        intrinsics: Intrinsics of both images.
+        root: What their names begin with in place of "/camera".
+    """
+    frame_id = f"camera_{camera}"
+
+    def color(make: MakeMessage, time: float, pixels: Any) -> Any:
+        return image_message(make, time, frame_id, "rgb8", pixels)
+
+    def depth(make: MakeMessage, time: float, pixels: Any) -> Any:
+        # Drake writes 0 for "too close", REP 118 -inf; both write inf for "too far".
+        pixels = np.where(pixels == 0.0, np.float32(-np.inf), pixels)
+        return image_message(make, time, frame_id, "32FC1", pixels)
+
+    def info(make: MakeMessage, time: float) -> Any:
+        return _camera_info(make, time, frame_id, intrinsics)
+
+    image = "sensor_msgs/msg/Image"
+    return {
+        name: Topic(root + name.removeprefix(_ROOT), kind, {}, convert, sensor=True)
+        for name, kind, convert in (
+            (COLOR, image, color),
+            (DEPTH, image, depth),
+            (CAMERA_INFO, "sensor_msgs/msg/CameraInfo", info),
+        )
+    }
+
+
+def camera_topics(
+    camera: str, intrinsics: CameraInfo, pick: str = ""
+) -> dict[str, Topic]:
+    """Return the topics of a camera and of the localizer, by name.
+
+    Those of the camera are `image_topics`. After the time, `convert` of BLOBS and
+    OBJECT_POSE takes a list of `Blob`.
+
+    Args:
+        camera: The camera's name in the scenario.
+        intrinsics: Intrinsics of both images.
+        pick: Name of the object that OBJECT_POSE tells of.
+    """
+
+    def pose(make: MakeMessage, time: float, blobs: Sequence[Blob]) -> Any:
+        certain = [b for b in blobs if b.object_name == pick and b.certain]
+        best = max(certain, key=lambda blob: blob.trust, default=None)
+        return best and pose_message(make, time, best.X_WO)
+
+    return {
+        **image_topics(camera, intrinsics),
+        BLOBS: Topic(BLOBS, "std_msgs/msg/String", {}, _blobs),
+        OBJECT_POSE: Topic(OBJECT_POSE, "geometry_msgs/msg/PoseStamped", {}, pose),
+    }
+
+
+def _camera_info(
+    make: MakeMessage, time: float, frame_id: str, intrinsics: CameraInfo
+) -> Any:
+    # ROS counts pixels from the centre of the first one, Drake's renderers from the
+    # point where they sample it.
+    cx = intrinsics.center_x() - DRAKE_PIXEL_CENTER
+    cy = intrinsics.center_y() - DRAKE_PIXEL_CENTER
+    fx, fy = intrinsics.focal_x(), intrinsics.focal_y()
+    region = make(
+        "sensor_msgs/msg/RegionOfInterest",
+        x_offset=0,
+        y_offset=0,
+        height=0,
+        width=0,
+        do_rectify=False,
+    )
+    return make(
+        "sensor_msgs/msg/CameraInfo",
+        header(make, time, frame_id),
+        intrinsics.height(),
+        intrinsics.width(),
+        "plumb_bob",
+        np.zeros(5),
+        np.array([fx, 0.0, cx, 0.0, fy, cy, 0.0, 0.0, 1.0]),
+        np.eye(3).reshape(-1),
+        np.array([fx, 0.0, cx, 0.0, 0.0, fy, cy, 0.0, 0.0, 0.0, 1.0, 0.0]),
+        0,
+        0,
+        region,
+    )
+
+
+def _orientation(blob: Blob) -> dict[str, float]:
+    quaternion = blob.X_WO.rotation().ToQuaternion()
+    return {name: float(getattr(quaternion, name)()) for name in "xyzw"}
+
+
+def _blobs(make: MakeMessage, time: float, blobs: Sequence[Blob]) -> Any:
+    """Return blobs as JSON: no standard message has an object's name and flags."""
+    rows = [
+        {
+            "object_name": blob.object_name,
+            "camera": blob.camera,
+            "pixel": list(blob.pixel),
+            "position": blob.position.tolist(),
+            "axis": blob.axis.tolist(),
+            "orientation": _orientation(blob),
+            "quality": blob.quality,
+            "flags": sorted(flag.value for flag in blob.flags),
+        }
+        for blob in blobs
+    ]
+    text = json.dumps({"stamp": time, "frame_id": "world", "blobs": rows})
+    return make("std_msgs/msg/String", data=text)
+
+
+# Called with a picture's time [s], its topic and the values that `convert` takes.
+Show = Callable[[float, str, tuple[Any, ...]], None]
+
+
+class CameraProcess:
+    """Renders a camera's pictures and runs the localizer for a given plant state.
+
+    Args:
+        scenario: The plant's scenario. It must not have soft objects, whose shape
+            is not part of the state vector.
+        camera: Name of the camera to render.
+        state: Initial state of the plant, with which the renderers warm up.
+        show: Called with each picture, in a thread of this object. Must not raise.
+        warnings: Where failures are reported.
+    """
+
+    def __init__(
+        self,
+        scenario: Scenario,
+        camera: str,
+        state: Vector,
+        show: Show,
+        warnings: Warnings,
+    ):
+        self._show, self._warnings = show, warnings
+        self._idle = threading.Event()
+        arguments = (yaml_dump_typed(scenario), camera, state)
+        self._process = Companion(
+            "cameras", _render, arguments, self._receive, self._end
+        )
+
+    @property
+    def idle(self) -> bool:
+        """Whether the next `look` starts at once."""
+        return self._idle.is_set()
+
+    def look(self, time: float, state: Vector, topics: Collection[str]) -> None:
+        """Start rendering `topics` for a state of the plant at `time` [s].
+
+        Does nothing while the process is busy, and for an empty `topics`.
+        """
+        if topics and self._idle.is_set():
+            self._idle.clear()
+            self._process.send((time, state, set(topics)))
+
+    def close(self) -> None:
+        """End the process."""
+        self._process.close()
+
+    def _receive(self, message: tuple[float, dict[str, tuple[Any, ...]]]) -> None:
+        time, pictures = message
+        for topic, values in pictures.items():
+            self._show(time, topic, values)
+        self._idle.set()
+
+    def _end(self) -> None:
+        self._idle.clear()
+        self._warnings.warn(
+            "cameras end", "the camera process has ended: no more pictures"
+        )
+
+
+def _render(connection: Connection, scenario: str, camera: str, state: Vector) -> None:
+    """Run the process: render whenever the connection asks for it."""
+    lower_priority()
+    os.environ.setdefault("LP_NUM_THREADS", "0")  # leaves the other cores alone
+    viewer = Viewer(yaml_load_typed(schema=Scenario, data=scenario), camera)
+    # Renderers initialize themselves the first time they render.
+    viewer.look(0.0, state, {COLOR, DEPTH, BLOBS})
+    with contextlib.suppress(EOFError, OSError):  # the parent is gone
+        connection.send((0.0, {}))  # ready
+        while True:
+            time, state, topics = connection.recv()
+            connection.send((time, viewer.look(time, state, topics)))
+
+
+class Viewer:
+    """A diagram with the cameras and the localizer alone.
+
+    Args:
+        scenario: The plant's scenario, without soft objects.
+        camera: Name of the camera to render.
+    """
+
+    def __init__(self, scenario: Scenario, camera: str) -> None:
+        builder = DiagramBuilder()
+        cameras = builder.AddNamedSystem("cameras", MakeRemoteCameras(scenario))
+        builder.ExportInput(cameras.GetInputPort("state"), "state")
+        export_outputs(builder, cameras)
+        if scenario.localizer.cameras:
+            localizer = AddLocalizer(builder, scenario, cameras)
+            builder.ExportOutput(localizer.GetOutputPort("blobs"), "blobs")
+        self._diagram = builder.Build()
+        self._context = self._diagram.CreateDefaultContext()
+        self._camera = camera
+
+    def look(
+        self, time: float, state: Vector, topics: Collection[str]
+    ) -> dict[str, tuple[Any, ...]]:
+        """Return the values for each topic's `convert` (see `camera_topics`)."""
+        self._context.SetTime(time)
+        self._diagram.GetInputPort("state").FixValue(self._context, state)
+        values: dict[str, tuple[Any, ...]] = {}
+        if CAMERA_INFO in topics:
+            values[CAMERA_INFO] = ()
+        if COLOR in topics:
+            values[COLOR] = (self._image("color")[..., :3].copy(),)
+        if DEPTH in topics:
+            values[DEPTH] = (self._image("depth")[..., 0].copy(),)
+        for name in (BLOBS, OBJECT_POSE):
+            if name in topics and self._diagram.HasOutputPort("blobs"):
+                port = self._diagram.GetOutputPort("blobs")
+                values[name] = (port.Eval(self._context),)
+        return values
+
+    def _image(self, kind: str) -> Any:
+        port = self._diagram.GetOutputPort(f"camera_{self._camera}.{kind}_image")
+        return port.Eval(self._context).data
+
+
+PERIOD = 0.1  # shortest time between pictures [s, simulated]
+
+
+@dc.dataclass(frozen=True)
+class ServedCamera:
+    """A camera whose pictures clients can subscribe to.
+
+    Attributes:
+        name: In the scenario.
+        scenario: What renders its pictures.
+        topics: By the names of `camera_topics`, whatever they are published as.
+        period: Shortest time between pictures [s, simulated].
+    """
+
+    name: str
+    scenario: Scenario
+    topics: Mapping[str, Topic]
+    period: float = PERIOD
+
+
+def served_camera(scenario: Scenario) -> tuple[str, CameraInfo] | None:
+    """Return the name and intrinsics of the camera that clients can subscribe to.
+
+    It is the localizer's first camera, or else the scenario's first. Returns None if
+    there is no camera or if an object is soft.
+    """
+    if any(config.soft for config in scenario.objects.values()):
+        return None
+    for name in (*scenario.localizer.cameras, *scenario.cameras):
+        return name, _intrinsics(scenario, name)
+    return None
+
+
+def served_cameras(
+    scenario: Scenario, period: float = PERIOD
+) -> Iterator[ServedCamera]:
+    """Yield the camera of `served_camera`, then the planner's others, the servo's last.
+
+    Args:
+        scenario: What is served.
+        period: Shortest time between pictures of the first one [s, simulated].
+    """
+    first = served_camera(scenario)
+    if first is None:
+        return
+    if scenario.task.clear is None:
+        topics = camera_topics(*first, scenario.task.pick)
+        yield ServedCamera(first[0], scenario, topics, period)
+    else:  # objects of any shape, for which there is no localizer
+        alone = _with_one_camera(scenario, first[0])
+        yield ServedCamera(first[0], alone, image_topics(*first), period)
+    others = dict.fromkeys(scenario.task.place.cameras, period)
+    servo = servo_of(scenario)
+    if servo is not None:
+        others[servo.camera] = servo.camera_period
+    for name, shortest in others.items():
+        if name == first[0]:
+            continue
+        topics = image_topics(name, _intrinsics(scenario, name), f"/camera_{name}")
+        alone = _with_one_camera(scenario, name)
+        yield ServedCamera(name, alone, topics, shortest)
+
+
+def _with_one_camera(scenario: Scenario, name: str) -> Scenario:
+    """Return a scenario with one camera, and without a localizer."""
+    localizer = dc.replace(scenario.localizer, cameras=[])
+    cameras = {name: scenario.cameras[name]}
+    return dc.replace(scenario, cameras=cameras, localizer=localizer)
+
+
+def _intrinsics(scenario: Scenario, name: str) -> CameraInfo:
+    color, _ = scenario.cameras[name].MakeCameras()
+    return color.core().intrinsics()
+
+
+class Pictures:
+    """Publishes the topics of the cameras and of the localizer.
+
+    A `CameraProcess` renders each camera; it starts with the first subscription.
+
+    Args:
+        scenario: The scenario that is served.
+        warnings: Where failures are reported.
+        period: Shortest time between pictures, except those of a visual servo's camera
+            [s, simulated].
+
+    Attributes:
+        topics: The topics that can be subscribed to, by name.
+    """
+
+    def __init__(
+        self, scenario: Scenario, warnings: Warnings, period: float = PERIOD
+    ) -> None:
+        cameras = served_cameras(scenario, period)
+        self._cameras = [_Published(camera, warnings) for camera in cameras]
+        topics = [t for c in self._cameras for t in c.camera.topics.values()]
+        self.topics = {topic.name: topic for topic in topics}
+
+    def look(
+        self, time: float, plant_state: Callable[[], Vector], outlet: Outlet
+    ) -> None:
+        """Render the plant's state for each camera that is due and has a subscriber."""
+        for camera in self._cameras:
+            camera.look(time, plant_state, outlet)
+
+    def close(self) -> None:
+        """End the camera processes."""
+        for camera in self._cameras:
+            camera.close()
+
+
+class _Published:
+    """Publishes the topics of one camera."""
+
+    def __init__(self, camera: ServedCamera, warnings: Warnings) -> None:
+        self.camera, self._warnings = camera, warnings
+        self._process: CameraProcess | None = None
+        self._next = 0.0
+
+    def look(
+        self, time: float, plant_state: Callable[[], Vector], outlet: Outlet
+    ) -> None:
+        if time < self._next or not (self._process is None or self._process.idle):
+            return
+        camera = self.camera
+        wanted = [
+            key
+            for key, topic in camera.topics.items()
+            if outlet.has_subscribers(topic.name)
+        ]
+        if not wanted:
+            return
+        if self._process is None:
+
+            def show(seen_at: float, key: str, values: tuple[Any, ...]) -> None:
+                outlet.send(camera.topics[key], seen_at, values)
+
+            self._process = CameraProcess(
+                camera.scenario, camera.name, plant_state(), show, self._warnings
+            )
+        else:
+            self._process.look(time, plant_state(), wanted)
+            self._next = time + camera.period
+
+    def close(self) -> None:
+        if self._process is not None:
+            self._process.close()

@@ -1,0 +1,315 @@
+"""The bridge to ROS 1: a node that registers at the master and answers other nodes."""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import functools
+import importlib
+import os
+import socket
+from collections.abc import Sequence
+from typing import Any
+from urllib.parse import urlsplit
+
+from drake_srg.common.installing import pip_install, this_package
+from drake_srg.recording.rosbag import Topic
+from drake_srg.robot.serve.bridge import RosBridge
+from drake_srg.robot.serve.commands import CommandInbox, CommandTopic
+from drake_srg.robot.serve.ros1.slave import SlaveApi
+from drake_srg.robot.serve.ros1.tcpros import (
+    Endpoint,
+    MessageType,
+    Publication,
+    SubscriberConnection,
+    Subscription,
+    Timing,
+)
+from drake_srg.robot.serve.ros1.xmlrpc import XmlRpcError, call, serve
+from drake_srg.robot.serve.sockets import IoThread, Resolver, own_address
+
+_DEFAULT_MASTER = "http://localhost:11311"
+# How long the constructor waits for the first attempt to register [s, real]. With a
+# roscore that takes some ms; then the first status is right.
+_REGISTRATION_TIMEOUT = 1.0
+# Separate from the resolver of publishers' hosts, so that hanging lookups of those
+# never keep the node from its master.
+_resolver = Resolver()
+
+
+class Ros1Bridge(RosBridge):
+    """A ROS 1 node that subscribes to an inbox's topics and publishes others.
+
+    It can be constructed without a roscore: it waits for one, and registers again when
+    roscore restarts. On a request to shut down, such as `rosnode kill`, it closes.
+
+    Args:
+        inbox: Where commands go. Every message is deserialized, which takes 1 to 3 us;
+            a client that sends at 1 kHz leaves 1 ms.
+        topics: The topics to publish. A subscriber that reads too slowly loses the
+            oldest messages.
+        master: The master's URI. None takes $ROS_MASTER_URI, or
+            http://localhost:11311.
+        host: Address or network interface of this machine. The node listens there and
+            gives its address to peers, which must be able to reach it. $ROS_IP and
+            $ROS_HOSTNAME are ignored, so that settings for other nodes do not open this
+            one to the network.
+        name: The node's name. The master shuts down an older node of the same name.
+        timing: Waiting times; None takes the defaults.
+
+    Raises:
+        ImportError: If rosbags is missing; the message says how to install it.
+        ValueError: If `master` or `host` is invalid.
+        OSError: If the node cannot listen at `host`.
+    """
+
+    def __init__(
+        self,
+        inbox: CommandInbox,
+        topics: Sequence[Topic],
+        *,
+        master: str | None = None,
+        host: str = "127.0.0.1",
+        name: str = "/drake_srg",
+        timing: Timing | None = None,
+    ):
+        super().__init__(_load_noetic_types(), inbox)
+        # ROS 1 has no services of ROS 2.
+        topics = [topic for topic in topics if _is_ours(topic)]
+        self._sequence = {topic.name: 0 for topic in topics}
+        self._publications = {
+            topic.name: Publication(topic.name, self._type(topic.type))
+            for topic in topics
+        }
+        self._ours = ours = Endpoint(name, inbox.warnings, timing or Timing())
+        self._subscriptions = {
+            topic.name: Subscription(
+                ours,
+                topic.name,
+                self._type(topic.type),
+                functools.partial(self._receive, topic),
+                topic.largest,
+            )
+            for topic in filter(_is_ours, inbox.topics.values())
+        }
+        self._master = master or os.environ.get("ROS_MASTER_URI") or _DEFAULT_MASTER
+        _check_uri(self._master)
+        self._registered = self._closed = False
+        self._connections: set[SubscriberConnection] = set()
+        self._servers: list[asyncio.Server] = []
+        self._tasks: list[asyncio.Task[None]] = []
+        host = own_address(host)
+        with contextlib.ExitStack() as stack:
+            self._listeners = [
+                stack.enter_context(socket.create_server((host, 0))) for _ in range(2)
+            ]
+            stack.pop_all()
+        slave, tcpros = (listener.getsockname()[1] for listener in self._listeners)
+        self._uri = f"http://{host}:{slave}/"
+        self._api = SlaveApi(
+            self._master,
+            (host, tcpros),
+            self._publications,
+            self._subscriptions,
+            self._shut_down,
+        )
+        self._io = IoThread("ros1")
+        self._io.loop.set_exception_handler(self._handle_fault)
+        try:
+            self._io.call(self._start(_REGISTRATION_TIMEOUT))
+        except BaseException:
+            self.close()
+            raise
+
+    @property
+    def status(self) -> str:
+        """The master's URI, and whether the master answers."""
+        if self._closed:
+            return "ROS 1 shut down"
+        waiting = "" if self._registered else " (waiting for roscore)"
+        return f"ROS 1 at {self._master}{waiting}"
+
+    @property
+    def closed(self) -> bool:
+        """Whether it was closed or told to shut down."""
+        return self._closed
+
+    def has_subscribers(self, topic: str) -> bool:
+        """Return whether a topic has a subscriber."""
+        publication = self._publications.get(topic)
+        return publication is not None and len(publication.connections) > 0
+
+    def publish(self, topic: Topic, time: float, values: Sequence[Any]) -> None:
+        """Send the message that `topic.convert` makes of values at a time [s]."""
+        # Unlike DDS, nobody keeps a message for subscribers to come.
+        if self.has_subscribers(topic.name):
+            super().publish(topic, time, values)
+
+    def close(self) -> None:
+        """Unregister and disconnect all peers, within about a second."""
+        if not self._io.loop.is_closed():
+            with contextlib.suppress(TimeoutError):
+                self._io.call(self._leave(), timeout=1.0)
+            self._io.stop()
+
+    def _serialize(self, topic: Topic, message: Any) -> bytes | memoryview:
+        self._sequence[topic.name] += 1
+        content: bytes | memoryview = self._store.serialize_ros1(message, topic.type)
+        return content
+
+    def _deserialize(self, content: bytes, type: str) -> Any:
+        return self._store.deserialize_ros1(content, type)
+
+    def _write(self, topic: Topic, content: bytes | memoryview) -> None:
+        with contextlib.suppress(RuntimeError):  # closed by another thread meanwhile
+            self._io.post(self._publications[topic.name].send, content)
+
+    def _make(self, topic: Topic | None, type: str, *values: Any, **fields: Any) -> Any:
+        if topic is not None and type == "std_msgs/msg/Header":
+            fields["seq"] = self._sequence[topic.name] % 2**32
+        return super()._make(topic, type, *values, **fields)
+
+    def _type(self, type: str) -> MessageType:
+        definition, md5sum = self._store.generate_msgdef(type)
+        self._store.get_msgdef(type)  # compiles now, not at the first message
+        return MessageType(self._type_name(type), md5sum, definition)
+
+    def _type_name(self, type: str) -> str:
+        return type.replace("/msg/", "/")
+
+    # Called in the thread of the event loop.
+
+    async def _start(self, timeout: float) -> None:
+        """Listen to peers, and start to look for the master.
+
+        Args:
+            timeout: How long to wait for the first attempt to register, successful or
+                not [s, real].
+        """
+        slave, tcpros = self._listeners
+        loop = asyncio.get_running_loop()
+        self._servers.append(await serve(slave, self._api.answer, self._refuse))
+        self._servers.append(await loop.create_server(self._connect, sock=tcpros))
+        tried = asyncio.Event()
+        self._tasks.append(asyncio.create_task(self._stay_registered(tried)))
+        with contextlib.suppress(asyncio.TimeoutError):
+            await asyncio.wait_for(tried.wait(), timeout)
+
+    async def _leave(self) -> None:
+        """Unregister at the master and disconnect all peers."""
+        if self._closed:
+            return
+        self._closed, self._registered = True, False
+        for task in self._tasks:
+            task.cancel()
+        for subscription in self._subscriptions.values():
+            subscription.close()
+        for server in self._servers:
+            server.close()
+        for listener in self._listeners:
+            listener.close()
+        for connection in list(self._connections):
+            connection.abort()
+        timeout = self._ours.timing.goodbye
+        goodbyes = [
+            self._call(f"unregister{kind}", topic, self._uri, timeout=timeout)
+            for kind, topics in (
+                ("Publisher", self._publications),
+                ("Subscriber", self._subscriptions),
+            )
+            for topic in topics
+        ]
+        await asyncio.gather(*goodbyes, return_exceptions=True)
+
+    async def _stay_registered(self, tried: asyncio.Event) -> None:
+        """Register whenever the master does not know the node.
+
+        Sets `tried` after the first attempt.
+        """
+        warnings = self._ours.warnings
+        while True:
+            try:
+                if self._registered:
+                    await self._call("lookupNode", self._ours.name)
+            except XmlRpcError:
+                self._registered = False
+            try:
+                if not self._registered:
+                    await self._register()
+                    self._registered = True
+                    warnings.forget("ROS 1 master")
+            except (XmlRpcError, TypeError) as error:
+                warnings.warn(
+                    "ROS 1 master", f"ROS 1: roscore: {error}; waiting for it"
+                )
+            tried.set()
+            await asyncio.sleep(self._ours.timing.poll)
+
+    async def _register(self) -> None:
+        for topic, publication in self._publications.items():
+            await self._call(
+                "registerPublisher", topic, publication.type.name, self._uri
+            )
+        for topic, subscription in self._subscriptions.items():
+            updates, type = subscription.updates, subscription.type.name
+            peers = await self._call("registerSubscriber", topic, type, self._uri)
+            # Otherwise the master has sent a newer list while its answer was on the
+            # way.
+            if subscription.updates == updates:
+                subscription.update(map(str, peers))
+
+    async def _call(self, method: str, *arguments: Any, **options: Any) -> Any:
+        """Call a method of the master."""
+        name = self._ours.name
+        return await call(
+            self._master, method, name, *arguments, resolver=_resolver, **options
+        )
+
+    def _connect(self) -> SubscriberConnection:
+        return SubscriberConnection(self._ours, self._publications, self._connections)
+
+    def _refuse(self, reason: str) -> None:
+        self._ours.warnings.warn("ROS 1 request", f"ROS 1: refused a request: {reason}")
+
+    def _shut_down(self, reason: str) -> None:
+        self._ours.warnings.warn(
+            "ROS 1 shutdown", f"ROS 1: told to shut down ({reason})"
+        )
+        self._goodbye = asyncio.create_task(self._leave())
+
+    def _handle_fault(
+        self, loop: asyncio.AbstractEventLoop, context: dict[str, Any]
+    ) -> None:
+        """Report an unexpected error; the loop goes on."""
+        reason = context.get("exception") or context["message"]
+        self._ours.warnings.warn("ROS 1 fault", f"ROS 1: {reason!r}")
+
+
+def _is_ours(topic: Topic | CommandTopic) -> bool:
+    return topic.name.startswith("/") and not topic.type.startswith("action_msgs/")
+
+
+def _check_uri(uri: str) -> None:
+    """Raise a ValueError unless a URI can be a master's."""
+    try:
+        address = urlsplit(uri)
+        good = address.scheme == "http" and address.hostname and address.port
+    except ValueError:  # an invalid port
+        good = False
+    if not good:
+        raise ValueError(
+            "ROS 1 master: must be http://HOST:PORT, such as http://localhost:11311, "
+            f"got {uri!r}"
+        )
+
+
+def _load_noetic_types() -> Any:
+    """Return ROS 1's message types."""
+    try:
+        typesys = importlib.import_module("rosbags.typesys")
+    except ImportError as error:
+        raise ImportError(
+            "ROS 1 needs 'rosbags', which is not installed. "
+            f"Run: {pip_install(*this_package('ros1'))}"
+        ) from error
+    return typesys.get_typestore(typesys.Stores.ROS1_NOETIC)

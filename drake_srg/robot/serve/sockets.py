@@ -1,0 +1,166 @@
+"""Find addresses of this machine, and of other hosts by name.
+
+A thread with an event loop for the sockets of a bridge.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import fcntl
+import ipaddress
+import socket
+import struct
+import threading
+from collections.abc import Callable, Coroutine
+from concurrent import futures
+from concurrent.futures import Future
+from typing import Any, TypeVar
+
+# ioctl that returns an interface's IPv4 address. Source: linux/sockios.h.
+_SIOCGIFADDR = 0x8915
+
+
+def own_address(host: str) -> str:
+    """Return the IPv4 address of this machine that `host` stands for.
+
+    Args:
+        host: An address, a host name, or the name of a network interface.
+
+    Raises:
+        ValueError: If `host` is none of these on this machine, or stands for all
+            addresses.
+    """
+    interfaces = [name for _, name in socket.if_nameindex()]
+    try:
+        name = _interface_address(host) if host in interfaces else host
+        address = ipaddress.ip_address(socket.gethostbyname(name))
+        with socket.socket() as probe:
+            probe.bind((str(address), 0))
+        good = not (
+            address.is_unspecified or address.is_multicast or address.is_reserved
+        )
+    except (OSError, ValueError):  # ValueError: an invalid name
+        good = False
+    if not good:
+        raise ValueError(
+            "host: must be an IPv4 address of this machine that peers can reach, or an "
+            f"interface that has one ({', '.join(interfaces)}), got {host!r}"
+        )
+    return str(address)
+
+
+def _interface_address(name: str) -> str:
+    with socket.socket() as any_socket:
+        request = struct.pack("256s", name.encode())
+        answer = fcntl.ioctl(any_socket.fileno(), _SIOCGIFADDR, request)
+    return socket.inet_ntoa(answer[20:24])  # in a sockaddr behind the name's 16 bytes
+
+
+class Resolver:
+    """Looks up addresses of hosts; a slow lookup delays neither others nor exit.
+
+    The system's resolver may take half a minute to give up on a name and cannot be
+    interrupted. asyncio runs it in a small thread pool, which the process joins when it
+    exits. Here every host gets a daemon thread instead.
+
+    Args:
+        limit: Maximum number of concurrent lookups.
+    """
+
+    def __init__(self, limit: int = 16):
+        self._limit = limit
+        self._lock = threading.Lock()
+        self._running: dict[str, Future[str]] = {}
+
+    async def address(self, host: str) -> str:
+        """Return a host's address.
+
+        Raises:
+            OSError: If the host has no address, or too many lookups are pending.
+            UnicodeError: If the name is invalid.
+        """
+        try:
+            return str(ipaddress.ip_address(host))
+        except ValueError:
+            return await asyncio.wrap_future(self._look_up(host))
+
+    def _look_up(self, host: str) -> Future[str]:
+        with self._lock:
+            if host not in self._running:
+                if len(self._running) >= self._limit:
+                    raise OSError("too many pending host lookups")
+                future: Future[str] = Future()
+                future.set_running_or_notify_cancel()  # no waiter can cancel it
+                self._running[host] = future
+                threading.Thread(
+                    target=self._run, args=(host, future), name="resolver", daemon=True
+                ).start()
+            return self._running[host]
+
+    def _run(self, host: str, future: Future[str]) -> None:
+        try:
+            # IPv4, the default of ROS 1.
+            found = socket.getaddrinfo(host, None, socket.AF_INET, socket.SOCK_STREAM)
+            address = str(found[0][4][0])
+        except Exception as error:  # the waiting coroutine gets it, whatever it is
+            self._end(host)
+            future.set_exception(error)
+        else:
+            self._end(host)
+            future.set_result(address)
+
+    def _end(self, host: str) -> None:
+        with self._lock:
+            del self._running[host]
+
+
+_T = TypeVar("_T")
+_PATIENCE = 5.0  # how long to wait for cancelled tasks to end [s]
+
+
+class IoThread:
+    """An asyncio event loop that runs in a thread until it is stopped.
+
+    Args:
+        name: The thread's name, for debugging.
+
+    Attributes:
+        loop: The event loop.
+    """
+
+    def __init__(self, name: str):
+        self.loop = asyncio.new_event_loop()
+        self._thread = threading.Thread(target=self._run, name=name, daemon=True)
+        self._thread.start()
+
+    def call(self, coroutine: Coroutine[Any, Any, _T], timeout: float = 5.0) -> _T:
+        """Run a coroutine in the thread and return its result.
+
+        Raises:
+            TimeoutError: If it takes longer than `timeout` [s]; it is cancelled.
+        """
+        future = asyncio.run_coroutine_threadsafe(coroutine, self.loop)
+        try:
+            return future.result(timeout)
+        except futures.TimeoutError:  # a class of its own up to Python 3.10
+            future.cancel()
+            raise TimeoutError(f"not done within {timeout:g} s") from None
+
+    def post(self, function: Callable[..., object], *arguments: Any) -> None:
+        """Call a function in the thread soon, without waiting for it."""
+        self.loop.call_soon_threadsafe(function, *arguments)
+
+    def stop(self) -> None:
+        """Cancel all tasks and end the thread, or give up after `_PATIENCE`."""
+        if self._thread.is_alive():
+            self.loop.call_soon_threadsafe(self.loop.stop)
+            self._thread.join(_PATIENCE)
+
+    def _run(self) -> None:
+        asyncio.set_event_loop(self.loop)
+        self.loop.run_forever()
+        tasks = asyncio.all_tasks(self.loop)
+        for task in tasks:
+            task.cancel()
+        self.loop.run_until_complete(asyncio.gather(*tasks, return_exceptions=True))
+        self.loop.close()

@@ -1,0 +1,4 @@
+"""Digital twins: a simulated station that follows a running robot.
+
+See `drake_srg.robot.twin.run.run_twin`.
+"""

@@ -1,0 +1,397 @@
+"""Where cameras see objects, as messages tell.
+
+Tells when a robot and its twin part.
+How far objects are from where cameras see them.
+Measured torques of an arm against what its twin expects.
+"""
+
+from __future__ import annotations
+
+import dataclasses as dc
+import json
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+from pydrake.common.eigen_geometry import Quaternion
+from pydrake.common.value import AbstractValue
+from pydrake.math import RigidTransform
+from pydrake.systems.framework import (
+    BasicVector,
+    Context,
+    DiscreteValues,
+    EventStatus,
+    State,
+)
+
+from drake_srg.lifetime import LeafSystem
+from drake_srg.robot.serve.commands import CommandError
+from drake_srg.scenario.schema import TwinConfig
+from drake_srg.types import BlobFlag, Vector
+
+
+@dc.dataclass(frozen=True)
+class Sighting:
+    """An object in one camera image.
+
+    Attributes:
+        name: The object's.
+        time: Of the image [s].
+        X_WO: Its pose in world [m].
+        clear: Whether nothing hides a part of it.
+    """
+
+    name: str
+    time: float
+    X_WO: RigidTransform
+    clear: bool = True
+
+
+def read_blobs(text: str) -> tuple[Sighting, ...]:
+    """Return what a message of `serve`'s topic /blobs tells, but for uncertain poses.
+
+    Args:
+        text: JSON, as `drake_srg.robot.serve.pictures` describes it.
+
+    Raises:
+        CommandError: If it is anything else.
+    """
+    try:
+        message = json.loads(text)
+        time = float(message["stamp"])
+        found = [_sighting(time, blob) for blob in message["blobs"]]
+    except (ValueError, KeyError, TypeError, AttributeError) as error:
+        raise CommandError("blobs", f"needs blobs as JSON, got {error!r}") from None
+    if not np.isfinite(time):
+        raise CommandError("blobs", f"needs a finite stamp, got {time}")
+    return tuple(sighting for sighting in found if sighting is not None)
+
+
+def _sighting(time: float, blob: Any) -> Sighting | None:
+    flags = {BlobFlag(flag) for flag in blob["flags"]}
+    wxyz = np.array([float(blob["orientation"][key]) for key in "wxyz"])
+    p_WO = np.array(blob["position"], dtype=float)
+    norm = float(np.linalg.norm(wxyz))
+    if p_WO.shape != (3,) or not np.isfinite([*p_WO, norm]).all() or norm < 0.5:
+        raise ValueError("a pose that is not one")
+    X_WO = RigidTransform(Quaternion(wxyz / norm), p_WO)
+    if BlobFlag.UNCERTAIN in flags:
+        return None
+    return Sighting(str(blob["object_name"]), time, X_WO, clear=not flags)
+
+
+# What is compared, in the order of the ports.
+KINDS = ("joint", "torque", "finger", "object")
+# A difference is over once it is below this share of its limit.
+_OVER = 0.8
+
+
+class TwinMonitor(LeafSystem):
+    """Compares a robot's measurements with its twin.
+
+    .. pydrake_system::
+
+        name: TwinMonitor
+        input_ports:
+        - arm_state
+        - arm_state_measured
+        - torque_residual
+        - gripper_state
+        - gripper_state_measured
+        - object_error
+        output_ports:
+        - joint_error
+        - finger_error
+        - difference
+        - parted
+
+    The states [q; v] (2N, 2n) are those of the twin and of the robot [rad, rad/s];
+    `torque_residual` (N) is in N m and `object_error` (m) in m. A NaN is a measurement
+    that nobody tells, and no difference.
+
+    `joint_error` (N) and `finger_error` (n) are measured minus twin [rad].
+    `difference` (4) has the largest of each of `KINDS`: joints [rad], torques [share of
+    the effort limit] while the arm is still, else 0, fingers [rad], objects [m]; all of
+    the last sample, like `parted`.
+    `parted` (4) is 1 from when a difference has exceeded its limit for
+    `config.patience`, a torque for `config.still_time`, until it is below 0.8 of the
+    limit, else 0.
+
+    Args:
+        config: The limits.
+        effort_limits: Of the arm's joints, shape (N,) [N m].
+        fingers: Number n of finger joints.
+        objects: Number m of objects.
+        period: Time between samples [s].
+    """
+
+    def __init__(
+        self,
+        config: TwinConfig,
+        effort_limits: Vector,
+        fingers: int,
+        objects: int,
+        period: float,
+    ) -> None:
+        super().__init__()
+        self._config, self._efforts = config, np.array(effort_limits)
+        n = len(self._efforts)
+        self._limits = np.array([getattr(config, kind) for kind in KINDS])
+        patience, still = config.patience, config.still_time
+        self._patience = np.array([patience, still, patience, patience])
+        self._n, self._fingers = n, fingers
+        self._inputs = {
+            name: self.DeclareVectorInputPort(name=name, size=size)
+            for name, size in (
+                ("arm_state", 2 * n),
+                ("arm_state_measured", 2 * n),
+                ("torque_residual", n),
+                ("gripper_state", 2 * fingers),
+                ("gripper_state_measured", 2 * fingers),
+                ("object_error", objects),
+            )
+        }
+        # Since when the arm is still, since when each difference exceeds its limit
+        # [s], `parted` and `difference`.
+        start = np.concatenate([np.full(5, np.inf), np.zeros(8)])
+        self._state = int(self.DeclareDiscreteState(start))
+        inputs = {port.ticket() for port in self._inputs.values()}
+        state = self.xd_ticket()
+        for name, size, calc, tickets in (
+            ("joint_error", n, self._calc_joint_error, inputs),
+            ("finger_error", fingers, self._calc_finger_error, inputs),
+            ("difference", 4, self._calc_difference, {state}),
+            ("parted", 4, self._calc_parted, {state}),
+        ):
+            self.DeclareVectorOutputPort(
+                name=name, size=size, calc=calc, prerequisites_of_calc=tickets
+            )
+        self.DeclarePeriodicDiscreteUpdateEvent(period, 0.0, self._update)
+
+    def _eval(self, context: Context, name: str) -> Vector:
+        values: Vector = self._inputs[name].Eval(context)
+        return values
+
+    def _error(self, context: Context, name: str, n: int) -> Vector:
+        measured = self._eval(context, f"{name}_measured")[:n]
+        error: Vector = measured - self._eval(context, name)[:n]
+        return error
+
+    def _calc_joint_error(self, context: Context, output: BasicVector) -> None:
+        output.SetFromVector(self._error(context, "arm_state", self._n))
+
+    def _calc_finger_error(self, context: Context, output: BasicVector) -> None:
+        output.SetFromVector(self._error(context, "gripper_state", self._fingers))
+
+    def _difference(self, context: Context) -> Vector:
+        still_since = context.get_discrete_state(self._state).value()[0]
+        still = context.get_time() - still_since >= self._config.still_time
+        shares = self._eval(context, "torque_residual") / self._efforts
+        return np.array(
+            [
+                _largest(self._error(context, "arm_state", self._n)),
+                _largest(shares) if still else 0.0,
+                _largest(self._error(context, "gripper_state", self._fingers)),
+                _largest(self._eval(context, "object_error")),
+            ]
+        )
+
+    def _calc_difference(self, context: Context, output: BasicVector) -> None:
+        output.SetFromVector(context.get_discrete_state(self._state).value()[9:])
+
+    def _calc_parted(self, context: Context, output: BasicVector) -> None:
+        output.SetFromVector(context.get_discrete_state(self._state).value()[5:9])
+
+    def _update(self, context: Context, discrete_state: DiscreteValues) -> None:
+        config, time = self._config, context.get_time()
+        before = context.get_discrete_state(self._state).value()
+        speed = self._eval(context, "arm_state_measured")[self._n :]
+        still = (np.abs(speed) <= config.still_speed).all()
+        still_since = min(before[0], time) if still else np.inf
+        difference = self._difference(context)
+        exceeded = difference > self._limits
+        since = np.where(exceeded, np.minimum(before[1:5], time), np.inf)
+        parted = before[5:9] * (difference > _OVER * self._limits)
+        parted = np.where(time - since >= self._patience, 1.0, parted)
+        discrete_state.set_value(
+            self._state, np.concatenate([[still_since], since, parted, difference])
+        )
+
+
+def _largest(values: Vector) -> float:
+    """Return the largest absolute value, without those that are not known; 0: none."""
+    return float(np.max(np.abs(np.nan_to_num(values, nan=0.0)), initial=0.0))
+
+
+# Pictures that are older when they arrive are not compared [s].
+_MEMORY = 5.0
+
+
+@dc.dataclass(frozen=True)
+class _Memory:
+    """Where the objects were, and the last comparisons.
+
+    Attributes:
+        times: Of the positions, increasing.
+        positions: p_WO of the objects at each time, shape (m, 3) [m].
+        compared: Time of the last picture that was compared, by object [s].
+        errors: Distance there, by object [m].
+    """
+
+    times: tuple[float, ...] = ()
+    positions: tuple[Vector, ...] = ()
+    compared: Mapping[str, float] = dc.field(default_factory=dict)
+    errors: Mapping[str, float] = dc.field(default_factory=dict)
+
+
+class ObjectComparison(LeafSystem):
+    """Compares objects with sightings, at the times when the pictures were taken.
+
+    .. pydrake_system::
+
+        name: ObjectComparison
+        input_ports:
+        - object_poses
+        - sightings
+        - placed_at
+        output_ports:
+        - object_error
+
+    `object_poses` is a dict[str, RigidTransform], X_WO by name [m]; `sightings` a tuple
+    of the newest `Sighting` of each object; `placed_at` a dict[str, float]: when an
+    object was put somewhere else [s], by name. Objects without an entry, and pictures
+    from before, do not count. `object_error` (m) has the distance of each object from
+    where it was last seen [m], NaN before the first comparison.
+
+    Args:
+        names: Of the objects.
+        period: Time between samples [s].
+    """
+
+    def __init__(self, names: Sequence[str], period: float) -> None:
+        super().__init__()
+        self._names = list(names)
+        self._poses, self._seen, self._placed = (
+            self.DeclareAbstractInputPort(name, AbstractValue.Make(model))
+            for name, model in (
+                ("object_poses", dict[str, RigidTransform]()),
+                ("sightings", ()),
+                ("placed_at", dict[str, float]()),
+            )
+        )
+        self._memory = int(self.DeclareAbstractState(AbstractValue.Make(_Memory())))
+        self.DeclareVectorOutputPort(
+            name="object_error",
+            size=len(self._names),
+            calc=self._calc_error,
+            prerequisites_of_calc={self.xa_ticket()},
+        )
+        self.DeclarePeriodicUnrestrictedUpdateEvent(period, 0.0, self._update)
+
+    def _calc_error(self, context: Context, output: BasicVector) -> None:
+        errors = self._remembered(context).errors
+        output.SetFromVector([errors.get(name, np.nan) for name in self._names])
+
+    def _remembered(self, context: Context) -> _Memory:
+        memory: _Memory = context.get_abstract_state(self._memory).get_value()
+        return memory
+
+    def _update(self, context: Context, state: State) -> EventStatus:
+        memory, time = self._remembered(context), context.get_time()
+        poses = self._poses.Eval(context)
+        now = np.array([poses[name].translation() for name in self._names])
+        first = sum(t < time - _MEMORY for t in memory.times[:2])
+        times = (*memory.times[first:], time)
+        positions = (*memory.positions[first:], now.reshape(-1, 3))
+        compared, errors = dict(memory.compared), dict(memory.errors)
+        placed: Mapping[str, float] = self._placed.Eval(context)
+        sightings: Sequence[Sighting] = self._seen.Eval(context)
+        for seen in sightings:
+            name = seen.name
+            if name not in placed or name not in self._names:
+                continue
+            since = max(times[0], placed[name], compared.get(name, -np.inf))
+            if not since < seen.time <= time:
+                continue
+            ours = _at(seen.time, times, positions, self._names.index(name))
+            away = np.linalg.norm(seen.X_WO.translation() - ours)
+            compared[name], errors[name] = seen.time, float(away)
+        new = _Memory(times, positions, compared, errors)
+        state.get_mutable_abstract_state(self._memory).set_value(new)
+        return EventStatus.Succeeded()
+
+
+def _at(
+    time: float, times: Sequence[float], positions: Sequence[Vector], i: int
+) -> Vector:
+    """Return where object `i` was at a time [s], shape (3,) [m]."""
+    after = int(np.clip(np.searchsorted(times, time), 1, max(len(times) - 1, 1)))
+    if after >= len(times):
+        return positions[-1][i]
+    before = after - 1
+    share = (time - times[before]) / (times[after] - times[before])
+    found: Vector = (1.0 - share) * positions[before][i] + share * positions[after][i]
+    return found
+
+
+class TorqueComparison(LeafSystem):
+    """Tells which torques a twin expects, and what is left of the measured ones.
+
+    .. pydrake_system::
+
+        name: TorqueComparison
+        input_ports:
+        - torque_measured
+        - external_felt
+        - external_expected
+        output_ports:
+        - torque_expected
+        - torque_residual
+
+    All ports have N entries [N m]. The motors must bring up what the measured motion
+    needs by inverse dynamics, less the torques from outside:
+
+        torque_measured = needed - external_felt,
+        torque_expected = needed - external_expected,
+        torque_residual = torque_measured - torque_expected.
+
+    So `external_felt` are the external torques that explain the measurement (see
+    `ExternalTorqueObserver`), and `external_expected` those of the contacts that the
+    twin simulates, such as the weight of a carried object. The outputs are NaN where
+    `torque_measured` is: nobody tells it.
+
+    Args:
+        size: Number N of joints.
+    """
+
+    def __init__(self, size: int) -> None:
+        super().__init__()
+        self._measured, self._felt, self._expected = (
+            self.DeclareVectorInputPort(name=name, size=size)
+            for name in ("torque_measured", "external_felt", "external_expected")
+        )
+        ports = (self._measured, self._felt, self._expected)
+        tickets = {port.ticket() for port in ports}
+        self.DeclareVectorOutputPort(
+            name="torque_expected",
+            size=size,
+            calc=self._calc_expected,
+            prerequisites_of_calc=tickets,
+        )
+        self.DeclareVectorOutputPort(
+            name="torque_residual",
+            size=size,
+            calc=self._calc_residual,
+            prerequisites_of_calc=tickets,
+        )
+
+    def _residual(self, context: Context) -> Vector:
+        residual: Vector = self._expected.Eval(context) - self._felt.Eval(context)
+        told = np.isfinite(self._measured.Eval(context))
+        return np.where(told, residual, np.nan)
+
+    def _calc_expected(self, context: Context, output: BasicVector) -> None:
+        output.SetFromVector(self._measured.Eval(context) - self._residual(context))
+
+    def _calc_residual(self, context: Context, output: BasicVector) -> None:
+        output.SetFromVector(self._residual(context))

@@ -1,0 +1,402 @@
+"""Listens to a robot, and never says anything to it.
+
+Puts a twin's objects where cameras see them.
+Advances a twin along with its robot.
+"""
+
+from __future__ import annotations
+
+import dataclasses as dc
+import math
+import threading
+import time as wall
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+from pydrake.common.value import AbstractValue
+from pydrake.multibody.plant import MultibodyPlant
+from pydrake.multibody.tree import BodyIndex
+from pydrake.systems.framework import Context, Diagram
+
+from drake_srg.common.exceptions import ScenarioError
+from drake_srg.common.systems import MakeSimulator, model_actuators
+from drake_srg.lifetime import my_context
+from drake_srg.objects.models import object_body
+from drake_srg.robot.drive.config import HardwareConfig
+from drake_srg.robot.drive.link import JointStates, Robot, RosDriver
+from drake_srg.robot.serve.commands import CommandError
+from drake_srg.robot.twin.comparison import KINDS, Sighting, read_blobs
+from drake_srg.robot.twin.station import twin_period
+from drake_srg.scenario import Scenario
+from drake_srg.scenario.schema import TwinConfig
+from drake_srg.simulation import failure_time
+from drake_srg.station.sleeping import MakeAdvance
+from drake_srg.types import Vector
+
+
+@dc.dataclass(frozen=True)
+class Told:
+    """What a robot has told last. Times are by its clock.
+
+    Attributes:
+        stamp: Time of the arm's state [s].
+        arm_state: [q; v] of the arm, shape (2N,) [rad, rad/s].
+        arm_torque: Of its joints, shape (N,) [N m]; NaN: not told.
+        gripper_state: [q; v] of the fingers, shape (2n,); NaN: not told.
+        closure: Command to the gripper, 0 open .. 1 closed; None: not told.
+        sightings: Of objects, since the last call of `Listener.take`.
+    """
+
+    stamp: float
+    arm_state: Vector
+    arm_torque: Vector
+    gripper_state: Vector
+    closure: float | None = None
+    sightings: tuple[Sighting, ...] = ()
+
+
+class Listener:
+    """Subscribes to a robot's topics. Any thread may deliver messages.
+
+    Args:
+        config: The hardware's, with drivers that speak ROS.
+        twin: The other topics.
+        robot: The robot; its nodes are opened by the caller.
+
+    Attributes:
+        heard_at: When the arm's state arrived last [s, real].
+
+    Raises:
+        ScenarioError: If a driver has no topics.
+    """
+
+    def __init__(self, config: HardwareConfig, twin: TwinConfig, robot: Robot) -> None:
+        arm, gripper = config.arm, config.gripper
+        for key, driver in (("arm", arm), ("gripper", gripper)):
+            if not isinstance(driver, RosDriver):
+                raise ScenarioError(
+                    f"{key}: a twin cannot listen to !{type(driver).__name__}, because "
+                    "a bus has one master (allowed: the drivers of ROS 1 and ROS 2)"
+                )
+        assert isinstance(arm, RosDriver)
+        assert isinstance(gripper, RosDriver)
+        self._lock = threading.Lock()
+        self._arm = JointStates(arm.names(robot))
+        self._fingers = JointStates(gripper.names(robot))
+        self._told: Told | None = None
+        self._gripper_state = np.full(2 * len(robot.gripper_joints), np.nan)
+        self._closure: float | None = None
+        self._sightings: list[Sighting] = []
+        self.heard_at = -math.inf
+        node, hand = robot.nodes.of(arm.version), robot.nodes.of(gripper.version)
+        states = "sensor_msgs/msg/JointState"
+        node.subscribe(arm.state, states, self._receive_arm)
+        hand.subscribe(gripper.state, states, self._receive_gripper)
+        for topic, kind, receive in (
+            (twin.closure, "std_msgs/msg/Float64", self._receive_closure),
+            (twin.grasp, "std_msgs/msg/Int32", self._receive_grasp),
+            (twin.blobs, "std_msgs/msg/String", self._receive_blobs),
+        ):
+            if topic:
+                hand.subscribe(topic, kind, receive)
+
+    def take(self) -> Told | None:
+        """Return what has been told, if the arm's state is new since the last call."""
+        with self._lock:
+            told, self._told = self._told, None
+            if told is None:
+                return None
+            seen, self._sightings = tuple(self._sightings), []
+            state, closure = self._gripper_state, self._closure
+        return dc.replace(told, gripper_state=state, closure=closure, sightings=seen)
+
+    def _receive_arm(self, message: Any) -> None:
+        with self._lock:
+            read = self._arm.read(message)
+            if read is None:
+                return
+            stamp, state, effort = read
+            torque = np.full(len(state) // 2, np.nan) if effort is None else effort
+            self._told = Told(stamp, state, torque, self._gripper_state)
+            self.heard_at = wall.monotonic()
+
+    def _receive_gripper(self, message: Any) -> None:
+        with self._lock:
+            read = self._fingers.read(message)
+            if read is not None:
+                self._gripper_state = read[1]
+
+    def _receive_closure(self, message: Any) -> None:
+        self._command(float(message.data))
+
+    def _receive_grasp(self, message: Any) -> None:
+        self._command(0.01 * float(message.data))
+
+    def _command(self, closure: float) -> None:
+        if not 0.0 <= closure <= 1.0:
+            raise CommandError("range", f"must be open to closed, got {closure:g}")
+        with self._lock:
+            self._closure = closure
+
+    def _receive_blobs(self, message: Any) -> None:
+        seen = read_blobs(message.data)
+        with self._lock:
+            self._sightings += seen
+
+
+# An object that is nearer to the hand's grasp centre is left to contact [m]: half a
+# finger and half a can.
+_HAND = 0.15
+# Two pictures in a row show an object at rest if it is this near [m].
+_RESTS = 0.01
+
+
+class Placing:
+    """Puts objects of a plant where they are seen: at first, and where twins part.
+
+    It never touches an object near the hand: whether that is held is for the simulated
+    contact to tell. Call it between two steps of the simulation.
+
+    Args:
+        plant: The twin's.
+        context: Its context, changed.
+        names: Of the objects.
+
+    Attributes:
+        placed_at: When each object was put somewhere last [s], by name.
+    """
+
+    def __init__(
+        self, plant: MultibodyPlant, context: Context, names: Sequence[str]
+    ) -> None:
+        self._plant, self._context = plant, context
+        bodies = {
+            name: object_body(plant, plant.GetModelInstanceByName(name))
+            for name in names
+        }
+        self._bodies = {n: b for n, b in bodies.items() if isinstance(b, BodyIndex)}
+        gripper = plant.GetModelInstanceByName("gripper")
+        self._hand = plant.GetFrameByName("grasp_center", gripper)
+        self._last: dict[str, Vector] = {}
+        self.placed_at: dict[str, float] = {}
+
+    def place(
+        self, sightings: Sequence[Sighting], parted: Mapping[str, bool], time: float
+    ) -> list[str]:
+        """Put objects where they are seen; return the names of those that moved.
+
+        Args:
+            sightings: The new ones.
+            parted: Whether each object is known to be elsewhere than in the twin.
+            time: Now [s].
+        """
+        p_WH = self._hand.CalcPoseInWorld(self._context).translation()
+        moved = []
+        for seen in sightings:
+            body = self._bodies.get(seen.name)
+            if body is None or not seen.clear:
+                continue
+            p_WO = seen.X_WO.translation()
+            last = self._last.get(seen.name, np.full(3, np.inf))
+            self._last[seen.name] = p_WO
+            first = seen.name not in self.placed_at
+            rests = bool(np.linalg.norm(p_WO - last) < _RESTS)
+            far = bool(np.linalg.norm(p_WO - p_WH) > _HAND)
+            if far and rests and (first or parted.get(seen.name, False)):
+                self._put(body, seen)
+                self.placed_at[seen.name] = time
+                moved.append(seen.name)
+        return moved
+
+    def _put(self, index: BodyIndex, seen: Sighting) -> None:
+        body = self._plant.get_body(index)
+        self._plant.SetFreeBodyPose(self._context, body, seen.X_WO)
+        self._plant.SetVelocities(self._context, body.model_instance(), np.zeros(6))
+
+
+_ROUNDING = 1e-6  # of stamps, which are whole nanoseconds [s]
+
+
+@dc.dataclass(frozen=True)
+class Parting:
+    """A difference between a robot and its twin that has lasted.
+
+    Attributes:
+        time: Of the report [s].
+        kind: One of `KINDS`.
+        difference: The largest, in the unit of the limit.
+        limit: That it exceeds.
+        text: A sentence for the user.
+    """
+
+    time: float
+    kind: str
+    difference: float
+    limit: float
+    text: str
+
+
+class TwinLoop:
+    """Advances a twin to the times at which its robot has told something.
+
+    The twin's clock is the robot's, from 0 on: nothing depends on this machine's speed.
+    Between two messages, the robot is taken to move evenly. Only `follow` touches the
+    context, so all of it happens in one thread.
+
+    Args:
+        name: The scenario's, for messages.
+        scenario: Of the twin.
+        root: The root diagram, with the twin in it.
+        twin: Of `MakeTwin`.
+        first: What the robot told first; the arm starts there.
+
+    Attributes:
+        context: The root's.
+        partings: All reports so far.
+        largest: Largest difference of each of `KINDS` so far, shape (4,).
+        skipped: Time between messages that were too far apart [s].
+    """
+
+    def __init__(
+        self,
+        name: str,
+        scenario: Scenario,
+        root: Diagram,
+        twin: Diagram,
+        first: Told,
+    ) -> None:
+        assert scenario.arm is not None
+        self._name, self._twin, self._config = name, twin, scenario.twin
+        self._period, self._start = twin_period(scenario), first.stamp
+        self._simulator = MakeSimulator(root, scenario.simulator_config)
+        self._simulator.set_target_realtime_rate(0.0)
+        self.context = self._simulator.get_mutable_context()
+        self._own = my_context(twin, self.context)
+        plant = twin.GetSubsystemByName("station").GetSubsystemByName("plant")
+        plant_context = plant.GetMyMutableContextFromRoot(self.context)
+        self._n = len(first.arm_torque)
+        arm = plant.GetModelInstanceByName("arm")
+        self._efforts = [a.effort_limit() for a in model_actuators(plant, arm)]
+        plant.SetPositions(plant_context, arm, first.arm_state[: self._n])
+        self._names = [n for n, config in scenario.objects.items() if config.present]
+        self._placing = Placing(plant, plant_context, self._names)
+        self._seen: dict[str, Sighting] = {}
+        self._told, self._steps = first, 0
+        self._quiet_until = self._config.settle
+        self._parted = np.zeros(len(KINDS), dtype=bool)
+        self.partings: list[Parting] = []
+        self.largest, self.skipped = np.zeros(len(KINDS)), 0.0
+        self._fix(first.arm_state, first)
+        with failure_time(name, self._simulator):
+            self._simulator.Initialize()
+        self._advance = MakeAdvance(self._simulator, twin, scenario)
+
+    @property
+    def time(self) -> float:
+        """Time since the start [s]."""
+        return float(self.context.get_time())
+
+    def value(self, port: str) -> Any:
+        """Return the present value of an output port of the twin."""
+        return self._twin.GetOutputPort(port).Eval(self._own)
+
+    def follow(self, told: Told) -> list[Parting]:
+        """Advance to the time of what the robot told; return the new reports.
+
+        Raises:
+            ScenarioError: If Drake fails.
+        """
+        last, begin = self._told, self._time_of(self._told.stamp)
+        end = self._time_of(told.stamp)
+        gap = end - begin
+        if gap > self._config.silence:  # its clock has been set, or it was away
+            self.skipped += gap - self._period
+            end = begin + self._period
+        if gap > self._config.patience:
+            self._quiet_until = end + self._config.settle
+        self._told = told
+        shift = self._start + self.skipped
+        for seen in told.sightings:
+            self._seen[seen.name] = dc.replace(seen, time=seen.time - shift)
+        new: list[Parting] = []
+        self._place(told)
+        while (self._steps + 1) * self._period <= end + _ROUNDING:
+            share = (self.time - begin) / max(end - begin, self._period)
+            share = min(max(share, 0.0), 1.0)
+            state = (1.0 - share) * last.arm_state + share * told.arm_state
+            self._fix(state, told)
+            self._steps += 1
+            with failure_time(self._name, self._simulator):
+                self._advance(self._steps * self._period)
+            new += self._reports()
+        return new
+
+    def _time_of(self, stamp: float) -> float:
+        return stamp - self._start - self.skipped
+
+    def _place(self, told: Told) -> None:
+        """Put objects where they are seen, if that is needed."""
+        where = dict(zip(self._names, self.value("twin.object_error"), strict=True))
+        parted = {
+            name: bool(self._parted[KINDS.index("object")])
+            and error > self._config.object
+            for name, error in where.items()
+        }
+        self._placing.place(told.sightings, parted, self.time)
+
+    def _fix(self, arm_state: Vector, told: Told) -> None:
+        values: dict[str, Any] = {
+            "gripper.closure_commanded": [told.closure or 0.0],
+            "robot.arm_state": arm_state,
+            "robot.arm_torque": told.arm_torque,
+            "robot.arm_torque_or_zero": np.nan_to_num(told.arm_torque),
+            "robot.gripper_state": told.gripper_state,
+            "robot.sightings": AbstractValue.Make(tuple(self._seen.values())),
+            "robot.placed_at": AbstractValue.Make(dict(self._placing.placed_at)),
+        }
+        for name, value in values.items():
+            self._twin.GetInputPort(name).FixValue(self._own, value)
+
+    def _reports(self) -> list[Parting]:
+        """Return a report for each kind of difference that has begun."""
+        difference = self.value("twin.difference")
+        self.largest = np.maximum(self.largest, difference)
+        parted = self.value("twin.parted") > 0.5
+        if self.time < self._quiet_until:
+            return []
+        begun, self._parted = parted & ~self._parted, parted
+        new = []
+        for kind, amount in zip(
+            np.array(KINDS)[begun], difference[begun].tolist(), strict=True
+        ):
+            limit = float(getattr(self._config, kind))
+            text = f"t = {self.time:.2f} s: {self._sentence(kind, amount, limit)}"
+            new.append(Parting(self.time, str(kind), amount, limit, text))
+        self.partings += new
+        return new
+
+    def _sentence(self, kind: str, amount: float, limit: float) -> str:
+        def worst(port: str) -> int:
+            return int(np.argmax(np.abs(np.nan_to_num(self.value(port)))))
+
+        if kind == "joint":
+            i = worst("twin.joint_error") + 1
+            return f"joint {i} is {amount:.3f} rad from the twin's (limit {limit:g})"
+        if kind == "torque":
+            residual = np.nan_to_num(self.value("twin.torque_residual"))
+            i = int(np.argmax(np.abs(residual) / self._efforts))
+            return (
+                f"joint {i + 1} has {amount * self._efforts[i]:.1f} N m more or less "
+                f"than the twin expects, {amount:.1%} of its largest torque "
+                f"(limit {limit:.1%})"
+            )
+        if kind == "finger":
+            i = worst("twin.finger_error")
+            more = "more" if self.value("twin.finger_error")[i] > 0.0 else "less"
+            return (
+                f"finger joint {i + 1} is {amount:.3f} rad {more} closed than the "
+                f"twin's (limit {limit:g})"
+            )
+        name = self._names[worst("twin.object_error")]
+        return f"{name} is seen {amount:.3f} m from the twin's (limit {limit:g})"

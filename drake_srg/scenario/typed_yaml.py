@@ -1,0 +1,411 @@
+"""YAML as a tree that knows its lines, checked against typed dataclasses."""
+
+from __future__ import annotations
+
+import copy
+import dataclasses as dc
+import functools
+import math
+import operator
+import types
+import typing
+from collections.abc import Iterable, Mapping, Sequence
+from typing import Any
+
+import numpy as np
+from pydrake.common.yaml import yaml_dump, yaml_load, yaml_load_typed
+
+from drake_srg.common.exceptions import ScenarioError, suggest
+
+
+def parse_yaml(text: str, origin: str) -> Any:
+    """Parse YAML text; tags of mappings become the key `_tag`.
+
+    Args:
+        text: YAML; empty text gives None.
+        origin: File or option at the start of error messages.
+
+    Raises:
+        ScenarioError: If the text is not valid YAML, has keys that are not text, or has
+            a part that contains itself.
+    """
+    try:
+        tree = copy.deepcopy(_parse(text or "null"))
+    except AttributeError:  # Drake looks for a prefix in the top-level keys
+        raise ScenarioError(f"{origin}: keys must be text") from None
+    except Exception as error:
+        lines = " ".join(part.strip() for part in str(error).splitlines())
+        raise ScenarioError(f"{origin}: not valid YAML: {lines[:200]}") from None
+    _check_is_tree(tree, origin)
+    return tree
+
+
+@functools.lru_cache(maxsize=64)
+def _parse(text: str) -> Any:
+    """Parse YAML text; scenarios share bases, whose text takes tens of milliseconds."""
+    return yaml_load(data=text)
+
+
+def merge(base: Any, override: Any, origin: str = "", key: str = "") -> Any:
+    """Return `base` with `override` laid over it, mapping by mapping.
+
+    A mapping whose tag differs from the base's replaces it as a whole. The keys of a
+    mapping over a list name the entries of the list to override; see `entry_names`.
+
+    Args:
+        base: A parsed tree; not changed.
+        override: A parsed tree; not changed.
+        origin: File or option at the start of error messages.
+        key: Dotted path of both trees.
+
+    Raises:
+        ScenarioError: If a list has no entry of a given name.
+    """
+    if not isinstance(override, Mapping):
+        return override
+    if isinstance(base, list) and override and "_tag" not in override:
+        merged = list(base)
+        for name, value in override.items():
+            i = _entry_index(base, name, origin, key)
+            merged[i] = merge(base[i], value, origin, join(key, name))
+        return merged
+    if not isinstance(base, Mapping):
+        return override
+    if override.get("_tag", base.get("_tag")) != base.get("_tag"):
+        return override
+    return {
+        **base,
+        **{
+            k: merge(base[k], v, origin, join(key, k)) if k in base else v
+            for k, v in override.items()
+        },
+    }
+
+
+def set_key(tree: dict[str, Any], key: str, value: Any) -> None:
+    """Merge `value` into `tree` at the dotted `key`, adding mappings on the way.
+
+    The entry of a list is given by its name, as in `directives.gripper.add_model.file`,
+    or, in a list without names, by its index, as in `script.0.duration`. An empty
+    mapping replaces the old value, because merging it would change nothing.
+
+    Raises:
+        ScenarioError: If the key leads through a scalar, or to an entry that a list
+            does not have.
+    """
+    node: Any = tree
+    origin, path = f"--set {key}", key.split(".")
+    for i, name in enumerate(path):
+        above = ".".join(path[:i])
+        entry: str | int = name
+        if isinstance(node, list):
+            entry = _entry_index(node, name, origin, above, indices=True)
+        elif not isinstance(node, dict):
+            raise ScenarioError(f"{origin}: {above} is a value without keys")
+        elif node.get(name) is None and i < len(path) - 1:
+            node[name] = {}
+        if i < len(path) - 1:
+            node = node[entry]
+            continue
+        old = node[entry] if isinstance(entry, int) else node.get(entry)
+        node[entry] = merge(old, value, origin, key) if value != {} else value
+
+
+def entry_names(items: Sequence[Any]) -> list[str]:
+    """Return the names of a list's entries, or an empty list unless all have one.
+
+    The name of an entry is its `name`. The name of a model directive is the `name` of
+    its model or frame, the `child` of a weld, or the stem of an included `file`.
+    """
+    found = []
+    for item in items:
+        inner = item
+        if isinstance(item, Mapping) and "name" not in item:  # a model directive?
+            inner = next(iter(item.values()), None)
+        if not isinstance(inner, Mapping):
+            return []
+        stem = str(inner.get("file", "")).rpartition("/")[2].partition(".")[0]
+        name = inner.get("name") or inner.get("child") or stem
+        if not name:
+            return []
+        found.append(str(name))
+    return found
+
+
+def _entry_index(
+    items: Sequence[Any], name: str, origin: str, key: str, *, indices: bool = False
+) -> int:
+    """Return the index of the entry of a list that a key means.
+
+    Args:
+        items: The list.
+        name: The key: a name, or an index if the list has no names.
+        origin: File or option at the start of error messages.
+        key: Dotted path of the list.
+        indices: Whether an index is accepted if the list has no names.
+    """
+    allowed = entry_names(items)
+    if allowed:
+        if name in allowed:
+            return allowed.index(name)
+        hint = ""
+        if name.isdecimal() and int(name) < len(items):
+            hint = f"write {allowed[int(name)]!r} instead of {name!r}; "
+        fail(
+            origin,
+            key,
+            f"entries are overridden by name, got {name!r} ({hint}allowed: "
+            f"{', '.join(allowed)})",
+        )
+    if not indices:
+        fail(origin, key, "entries have no names: override the list as a whole")
+    if not (name.isdecimal() and int(name) < len(items)):
+        choices = f"0 .. {len(items) - 1}" if items else "none, the list is empty"
+        fail(origin, key, f"unknown index {name!r} (allowed: {choices})")
+    return int(name)
+
+
+def _check_is_tree(node: Any, origin: str, above: tuple[int, ...] = ()) -> None:
+    if not isinstance(node, (dict, list)):
+        return
+    if id(node) in above:
+        raise ScenarioError(f"{origin}: an anchored part contains itself")
+    for key in node if isinstance(node, dict) else ():
+        if not isinstance(key, str):
+            raise ScenarioError(f"{origin}: keys must be text, got {describe(key)}")
+    for child in node.values() if isinstance(node, dict) else node:
+        _check_is_tree(child, origin, (*above, id(node)))
+
+
+def fail(origin: str, key: str, message: str) -> typing.NoReturn:
+    """Raise a ScenarioError about one key of a file or option."""
+    raise ScenarioError(f"{origin}: {key or 'top level'}: {message}")
+
+
+def join(key: str, name: object) -> str:
+    """Return the dotted path of an entry of `key`."""
+    return f"{key}.{name}" if key else str(name)
+
+
+def names(names: Iterable[str]) -> str:
+    """Return sorted names as text, for a message."""
+    return ", ".join(sorted(names))
+
+
+def describe(value: Any) -> str:
+    """Return a short description of a YAML value, for a message."""
+    if isinstance(value, Mapping):
+        tag = value.get("_tag")
+        return "a mapping" if tag is None else f"a mapping tagged {tag}"
+    if isinstance(value, bool):
+        return str(value).lower()
+    if value is None:
+        return "null"
+    return "a list" if isinstance(value, list) else repr(value)
+
+
+# Tags of the distributions that can replace a number; see draws.py.
+DISTRIBUTION_TAGS = (
+    "!Deterministic",
+    "!Gaussian",
+    "!Uniform",
+    "!UniformDiscrete",
+    "!DeterministicVector",
+    "!GaussianVector",
+    "!UniformVector",
+)
+
+
+def check_tree(value: Any, schema: Any, origin: str, key: str = "") -> Any:
+    """Check parsed YAML against a schema and return it normalised.
+
+    Checks keys, types, tags, finiteness and the metadata `gt`, `ge`, `le`, `among`,
+    `length` and `nonempty` of dataclass fields, and the fields of Drake's own classes.
+
+    Args:
+        value: A tree of `parse_yaml`, with distributions drawn.
+        schema: A type: dataclass, Drake schema class, list, dict, Union, scalar.
+        origin: File or option at the start of error messages.
+        key: Dotted path of `value`.
+
+    Raises:
+        ScenarioError: On the first mistake found.
+    """
+    generic = typing.get_origin(schema)
+    if generic in (typing.Union, types.UnionType):
+        return _check_union(value, typing.get_args(schema), origin, key)
+    if generic is list or schema is np.ndarray:
+        (item,) = typing.get_args(schema) or (float,)
+        if not isinstance(value, list):
+            fail(origin, key, f"must be a list, got {describe(value)}")
+        return [check_tree(v, item, origin, f"{key}[{i}]") for i, v in enumerate(value)]
+    if generic is dict:
+        if not isinstance(value, Mapping):
+            fail(origin, key, f"must be a mapping, got {describe(value)}")
+        item = typing.get_args(schema)[1]
+        return {k: check_tree(v, item, origin, join(key, k)) for k, v in value.items()}
+    if schema in (bool, int, float, str):
+        return _check_scalar(value, schema, origin, key)
+    if _fields(schema) is not None:
+        return _check_fields(value, schema, origin, key)
+    return value
+
+
+def load_typed(schema: type[Any], tree: Any, origin: str) -> Any:
+    """Check a parsed tree and return it as an instance of the dataclass `schema`.
+
+    Raises:
+        ScenarioError: On the first mistake found.
+    """
+    result, kinds = schema(), typing.get_type_hints(schema)
+    for key, value in check_tree(tree, schema, origin).items():
+        try:
+            loaded = _load_field(_Field(schema, key, kinds[key], repr(value), value))
+        except Exception as error:
+            line = " ".join(str(error).split())
+            fail(origin, key, f"cannot be read: {line[:200]}")
+        setattr(result, key, copy.deepcopy(loaded))
+    return result
+
+
+@dc.dataclass(frozen=True)
+class _Field:
+    """A field of a dataclass to be loaded, told from others by its value's text."""
+
+    schema: type[Any]
+    key: str
+    kind: Any  # its type, which grows as drivers are accepted
+    text: str
+    value: Any = dc.field(compare=False)
+
+
+@functools.lru_cache(maxsize=256)
+def _load_field(field: _Field) -> Any:
+    """Return the value of a field; trials share most, whose text takes milliseconds."""
+    data = yaml_dump({field.key: field.value})
+    return getattr(yaml_load_typed(schema=field.schema, data=data), field.key)
+
+
+def _fields(schema: Any) -> dict[str, tuple[Any, Mapping[str, Any]]] | None:
+    if dc.is_dataclass(schema):
+        hints = typing.get_type_hints(schema)
+        return {f.name: (hints[f.name], f.metadata) for f in dc.fields(schema)}
+    if hasattr(schema, "__fields__"):
+        return {f.name: (f.type, {}) for f in schema.__fields__}
+    return None
+
+
+def _check_fields(value: Any, schema: Any, origin: str, key: str) -> Any:
+    ours = dc.is_dataclass(schema)
+    if value is None:
+        value = {}
+    if not isinstance(value, Mapping):
+        fail(origin, key, f"must be a mapping, got {describe(value)}")
+    tag = value.get("_tag")
+    name = _base_name(schema)
+    if ours and tag not in (None, f"!{name}"):
+        fail(origin, key, f"must have the tag !{name} or none, got {tag}")
+    if not ours and tag is not None and tag != f"!{name}":
+        return value  # a tagged short form of a Drake class, such as !Rpy {deg: ...}
+    fields = _fields(schema) or {}
+    # A tag only matters in a union (`_check_union`); elsewhere it is redundant.
+    result: dict[str, Any] = {}
+    for field, item in value.items():
+        if field == "_tag":
+            continue
+        if field not in fields:
+            fail(origin, key, f"unknown key {field!r} {suggest(field, fields)}")
+        field_type, bounds = fields[field]
+        result[field] = check_tree(item, field_type, origin, join(key, field))
+        if ours:
+            _check_bounds(result[field], bounds, origin, join(key, field))
+    return result
+
+
+def _check_scalar(value: Any, schema: type, origin: str, key: str) -> Any:
+    def wrong(message: str) -> typing.NoReturn:
+        fail(origin, key, message)
+
+    if isinstance(value, Mapping) and value.get("_tag") not in (
+        None,
+        *DISTRIBUTION_TAGS,
+    ):
+        tag = value["_tag"]
+        wrong(f"unknown tag {tag} {suggest(tag, DISTRIBUTION_TAGS)}")
+    if schema is str:
+        if not isinstance(value, str):
+            wrong(f"must be text, got {describe(value)}")
+        return value
+    if schema is bool:
+        if not isinstance(value, bool):
+            wrong(f"must be true or false, got {describe(value)}")
+        return value
+    if isinstance(value, str):  # YAML 1.1 reads 1e-3 as text
+        try:
+            value = float(value)
+        except ValueError:
+            wrong(f"must be a number, got {describe(value)}")
+    if isinstance(value, bool) or not isinstance(value, (int, float)):
+        wrong(f"must be a number, got {describe(value)}")
+    if math.isnan(value):
+        wrong("must be a number, got NaN")
+    if schema is int:
+        if math.isinf(value):
+            wrong(f"must be finite, got {value}")
+        if value != int(value):
+            wrong(f"must be a whole number, got {value}")
+        return int(value)
+    return float(value)
+
+
+def _check_union(value: Any, options: Sequence[Any], origin: str, key: str) -> Any:
+    if value is None and type(None) in options:
+        return None
+    options = [
+        option
+        for option in options
+        # Drake pads its unions with classes that only report an invalid choice.
+        if option is not type(None) and not _base_name(option).startswith("_Invalid")
+    ]
+    if len(options) == 1:
+        return check_tree(value, options[0], origin, key)
+    tags = {f"!{_base_name(option)}": option for option in options}
+    tag = value.get("_tag") if isinstance(value, Mapping) else None
+    if tag is not None:
+        if tag not in tags:
+            fail(origin, key, f"unknown tag {tag} {suggest(tag, tags)}")
+        checked = check_tree(value, tags[tag], origin, key)
+        return {**checked, "_tag": tag}
+    untagged = [option for option in options if _fields(option) is None]
+    if not isinstance(value, Mapping) and untagged:
+        return check_tree(value, untagged[0], origin, key)
+    if isinstance(value, Mapping) and not dc.is_dataclass(options[0]):
+        return check_tree(value, options[0], origin, key)  # Drake's default
+    return fail(origin, key, f"needs a tag (allowed: {names(tags)})")
+
+
+def _check_bounds(value: Any, bounds: Mapping[str, Any], origin: str, key: str) -> None:
+    if value is None:
+        return
+    length = bounds.get("length")
+    if length is not None and len(value) != length:
+        fail(origin, key, f"needs {length} numbers, got {len(value)}")
+    if bounds.get("nonempty") and not value:
+        fail(origin, key, "must not be empty")
+    tests = {
+        "gt": (operator.gt, "greater than"),
+        "ge": (operator.ge, "at least"),
+        "le": (operator.le, "at most"),
+    }
+    for item in value if isinstance(value, list) else [value]:
+        if item not in bounds.get("among", (item,)):
+            fail(origin, key, f"must be one of {names(bounds['among'])}; got {item!r}")
+        if isinstance(item, float) and math.isinf(item):
+            fail(origin, key, f"must be finite, got {item}")
+        for name, (test, words) in tests.items():
+            if name in bounds and not test(item, bounds[name]):
+                fail(origin, key, f"must be {words} {bounds[name]}, got {item}")
+
+
+def _base_name(schema: Any) -> str:
+    return str(getattr(schema, "__name__", schema)).split("𝓣")[0]

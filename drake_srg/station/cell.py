@@ -1,0 +1,365 @@
+"""The cell: a station with localizer and planner, which works autonomously."""
+
+import copy
+import functools
+from collections.abc import Callable
+from typing import TypeAlias
+
+from pydrake.systems.framework import Diagram, DiagramBuilder, OutputPort, System
+
+from drake_srg.common.exceptions import ScenarioError, scenario_errors
+from drake_srg.common.systems import export_outputs, input_ports
+from drake_srg.objects.disturber import Disturber, Target
+from drake_srg.objects.models import object_body, simple_shape
+from drake_srg.planning.planner_machine import Clear, PickAndPlace, PlannerConfig
+from drake_srg.planning.servoing.config import Servoing
+from drake_srg.scenario.schema import Scenario, accept_planner, script_of
+from drake_srg.station.clearing import MakeClearingPlanner
+from drake_srg.station.perception import (
+    AddDestinationMapper,
+    AddHeightMapper,
+    AddLocalizer,
+    AddObstacleFinder,
+    AddThingLabeler,
+    chooses,
+)
+from drake_srg.station.planners import (
+    MakePlanner,
+    MakeScriptedPlanner,
+    MakeTaughtPlanner,
+)
+from drake_srg.station.servoing import ConnectHandCamera, MakeServoingPlanner
+from drake_srg.station.station import MakeStation
+from drake_srg.theses.script import Script
+from drake_srg.theses.taught import Taught
+
+# The planner's commands: its output port, and the station's input port.
+_COMMANDS = (
+    ("position_commanded", "arm.position_commanded"),
+    ("closure_commanded", "gripper.closure_commanded"),
+)
+# The planner's output port that counts messages; the station's is the gripper's.
+_MESSAGES = "closure_messages"
+
+
+@scenario_errors()
+def MakeCell(
+    scenario: Scenario,
+    make_station: Callable[[Scenario], Diagram] = MakeStation,
+    make_planner: Callable[[Scenario], System] | None = None,
+) -> Diagram:
+    """Build the diagram of a station, a localizer and a planner.
+
+    .. pydrake_system::
+
+        name: Cell
+        input_ports:
+        - safety.estop (optional; with safety)
+        - safety.release (optional; with safety)
+        - safety.speed_override (optional; with safety)
+        - safety.heartbeat (optional; with safety)
+        output_ports:
+        - (all of the station's)
+        - localizer.blobs (unless the planner is `!Clear` or `!Script`)
+        - height_mapper.height_map (with the planner `!Clear`)
+        - planner.mode
+        - planner.status
+        - arm.position_commanded
+        - gripper.closure_commanded
+
+    The subsystems are named `station`, `localizer`, `planner` and, with disturbances,
+    `disturber`. To replace one, build the diagram yourself with your own in its place;
+    `AddCell` is kept short for that purpose.
+
+    The tag of the scenario's `planner` chooses the planner: `!PickAndPlace`, a
+    `PickAndPlacePlanner`; `!Taught`, a `TaughtPlanner`; `!Servoing`, a diagram of a
+    `ServoingPlanner` and a visual servo, see `MakeServoingPlanner`; `!Clear`, a
+    `ClearingPlanner`, for which a `height_mapper` stands in for the localizer;
+    `!Script`, one that plays the script, without a localizer.
+
+    Args:
+        scenario: The scenario of the cell.
+        make_station: Builds the station: any diagram with the ports of `MakeStation`'s.
+        make_planner: Makes a planner in place of the scenario's. It needs the outputs
+            of `PickAndPlacePlanner`, and `blobs` of its inputs.
+
+    Raises:
+        ScenarioError: If the models do not fit the scenario.
+    """
+    builder = DiagramBuilder()
+    AddCell(builder, scenario, make_station, make_planner)
+    diagram = builder.Build()
+    diagram.set_name("cell")
+    return diagram
+
+
+def AddCell(
+    builder: DiagramBuilder,
+    scenario: Scenario,
+    make_station: Callable[[Scenario], Diagram] = MakeStation,
+    make_planner: Callable[[Scenario], System] | None = None,
+) -> None:
+    """Add the systems of `MakeCell` to a diagram and export their ports.
+
+    Raises:
+        ScenarioError: If the models do not fit the scenario.
+    """
+    needed: dict[str, object] = {
+        "arm": scenario.arm,
+        "gripper": scenario.gripper,
+        "task.pick": scenario.task.pick or scenario.task.clear,
+    }
+    if make_planner is not None:
+        needed["task.pick"] = scenario.task.pick
+        needed["localizer.cameras"] = scenario.localizer.cameras
+    elif isinstance(scenario.planner, (PickAndPlace, Clear, Servoing, Taught)):
+        key = "localizer.cameras (or planner: !Script)"
+        needed[key] = scenario.localizer.cameras
+    missing = [key for key, value in needed.items() if not value]
+    if missing:
+        raise ScenarioError(f"a cell also needs {', '.join(missing)}")
+    station = builder.AddNamedSystem("station", make_station(scenario))
+    export_outputs(builder, station)
+    for name, port in input_ports(station).items():
+        if name.startswith("safety."):
+            builder.ExportInput(port, name)
+    if make_planner is not None:
+        planner = AddLocalizingPlanner(builder, scenario, station, make_planner)
+    else:
+        planner = _adder(scenario.planner)(builder, scenario, station)
+    AddDisturber(builder, scenario, station, planner)
+    for name, exported in (
+        ("mode", "planner.mode"),
+        ("status", "planner.status"),
+        *_COMMANDS,
+    ):
+        builder.ExportOutput(planner.GetOutputPort(name), exported)
+
+
+def AddLocalizingPlanner(
+    builder: DiagramBuilder,
+    scenario: Scenario,
+    station: Diagram,
+    make_planner: Callable[[Scenario], System],
+) -> System:
+    """Add a planner with ports of `PickAndPlacePlanner`, and the localizer.
+
+    Args:
+        builder: The cell's.
+        scenario: The scenario of the cell.
+        station: Its station.
+        make_planner: Makes the planner.
+    """
+    localizer = AddLocalizer(builder, scenario, station)
+    planner = builder.AddNamedSystem("planner", make_planner(scenario))
+    ConnectPlanner(builder, station, localizer, planner)
+    ConnectHandCamera(builder, station, planner)
+    if scenario.localizer.obstacles and planner.HasInputPort("obstacles"):
+        finder = AddObstacleFinder(builder, scenario, station, localizer)
+        builder.Connect(finder.get_output_port(), planner.GetInputPort("obstacles"))
+    builder.ExportOutput(localizer.GetOutputPort("blobs"), "localizer.blobs")
+    return planner
+
+
+def AddClearingPlanner(
+    builder: DiagramBuilder, scenario: Scenario, station: Diagram
+) -> System:
+    """Add the planner that clears a scenario's table, and the height mappers.
+
+    Args:
+        builder: The cell's.
+        scenario: The scenario of the cell.
+        station: Its station.
+    """
+    mapper = AddHeightMapper(builder, scenario, station)
+    seen = labeled = mapper.GetOutputPort("height_map")
+    if chooses(scenario):
+        labeled = AddThingLabeler(builder, scenario, station, seen)
+    planner = builder.AddNamedSystem("planner", MakeClearingPlanner(scenario))
+    destinations = AddDestinationMapper(builder, scenario, station)
+    ConnectClearingPlanner(
+        builder,
+        station,
+        labeled,
+        planner,
+        destinations.GetOutputPort("height_map"),
+    )
+    builder.ExportOutput(seen, "height_mapper.height_map")
+    return planner
+
+
+def AddScriptedPlanner(
+    builder: DiagramBuilder, scenario: Scenario, station: Diagram
+) -> System:
+    """Add the planner that plays a scenario's script.
+
+    Args:
+        builder: The cell's.
+        scenario: The scenario of the cell.
+        station: Its station.
+    """
+    planner = builder.AddNamedSystem("planner", MakeScriptedPlanner(scenario))
+    ConnectCommands(builder, station, planner)
+    if any(step.force_limit is not None for step in script_of(scenario)):
+        builder.Connect(
+            planner.GetOutputPort("force_limit"),
+            station.GetInputPort("gripper.force_limit"),
+        )
+    return planner
+
+
+# Adds a planner, and all by which it sees, to a cell with a station; connects its
+# inputs and commands.
+AddPlanner: TypeAlias = Callable[[DiagramBuilder, Scenario, Diagram], System]
+_PLANNERS: dict[type[PlannerConfig], AddPlanner] = {
+    PickAndPlace: functools.partial(AddLocalizingPlanner, make_planner=MakePlanner),
+    Servoing: functools.partial(AddLocalizingPlanner, make_planner=MakeServoingPlanner),
+    Taught: functools.partial(AddLocalizingPlanner, make_planner=MakeTaughtPlanner),
+    Clear: AddClearingPlanner,
+    Script: AddScriptedPlanner,
+}
+
+
+def register_planner(config: type[PlannerConfig], add: AddPlanner) -> None:
+    """Make a planner known to scenario files and to cells.
+
+    Args:
+        config: Class of its configuration; the class name is its tag.
+        add: Adds the planner to a cell: the diagram's builder, the scenario and the
+            station, which is in the diagram, go in, and the planner comes back. It
+            needs the output ports of `PickAndPlacePlanner`.
+    """
+    accept_planner(config)
+    _PLANNERS[config] = add
+
+
+def _adder(config: PlannerConfig) -> AddPlanner:
+    """Return what adds the planner of a configuration, or of one that it derives from.
+
+    Raises:
+        ScenarioError: If there is none.
+    """
+    for kind in type(config).__mro__:
+        if kind in _PLANNERS:
+            return _PLANNERS[kind]
+    known = ", ".join(f"!{kind.__name__}" for kind in _PLANNERS)
+    raise ScenarioError(
+        f"planner: a cell does not know !{type(config).__name__}: give it to "
+        f"register_planner (allowed: {known})"
+    )
+
+
+def AddDisturber(
+    builder: DiagramBuilder, scenario: Scenario, station: Diagram, planner: System
+) -> None:
+    """Add the system that applies a scenario's disturbances, if it has any.
+
+    The system is connected to the station and to the planner's `mode`.
+    """
+    if not scenario.disturbances:
+        return
+    plant = station.GetSubsystemByName("plant")
+    disturbances = []
+    for disturbance in scenario.disturbances:
+        name = disturbance.object or scenario.task.pick
+        config = scenario.objects[name]
+        if config.present:
+            body = object_body(plant, plant.GetModelInstanceByName(name))
+            # A copy, because the plant's own would keep its diagram alive.
+            inertia = copy.copy(plant.get_body(body).default_spatial_inertia())
+            target = Target(name, body, inertia, simple_shape(name, config))
+            disturbances.append((disturbance, target))
+    if not disturbances:
+        return
+    # With CENIC, a power of two; see `drake_srg.scenario.checks`.
+    period = scenario.plant_config.time_step or 1.0 / 256.0
+    disturber = builder.AddNamedSystem("disturber", Disturber(disturbances, period))
+    builder.Connect(planner.GetOutputPort("mode"), disturber.GetInputPort("mode"))
+    builder.Connect(
+        station.GetOutputPort("object_poses_cheat"),
+        disturber.GetInputPort("object_poses"),
+    )
+    builder.Connect(
+        disturber.GetOutputPort("object_forces"),
+        station.GetInputPort("object_forces_cheat"),
+    )
+
+
+def ConnectPlanner(
+    builder: DiagramBuilder, station: Diagram, localizer: System, planner: System
+) -> None:
+    """Connect a planner with ports of `PickAndPlacePlanner` to the other systems.
+
+    Of the measurements, only those that the planner has an input for are connected.
+
+    Args:
+        builder: Builder of the diagram that contains all three.
+        station: A station with the ports of `MakeStation`'s.
+        localizer: A system with the output port `blobs`.
+        planner: The planner.
+    """
+    builder.Connect(localizer.GetOutputPort("blobs"), planner.GetInputPort("blobs"))
+    ConnectSensors(builder, station, planner)
+    ConnectCommands(builder, station, planner)
+
+
+def ConnectClearingPlanner(
+    builder: DiagramBuilder,
+    station: Diagram,
+    height_map: OutputPort,
+    planner: System,
+    destination_map: OutputPort | None = None,
+) -> None:
+    """Connect a planner with ports of `ClearingPlanner` to the other systems.
+
+    Args:
+        builder: Builder of the diagram that contains them all.
+        station: A station with the ports of `MakeStation`'s.
+        height_map: Where the height map comes from.
+        planner: The planner.
+        destination_map: Where the map of the bins or of the row comes from; None: the
+            planner takes what it held for cleared.
+    """
+    builder.Connect(height_map, planner.GetInputPort("height_map"))
+    if destination_map is not None:
+        builder.Connect(destination_map, planner.GetInputPort("destination_map"))
+    ConnectSensors(builder, station, planner)
+    ConnectCommands(builder, station, planner)
+
+
+def ConnectSensors(builder: DiagramBuilder, station: Diagram, planner: System) -> None:
+    """Connect a station's measurements to those inputs that a planner has for them.
+
+    Args:
+        builder: The cell's.
+        station: A station.
+        planner: The planner.
+    """
+    for source, target in (
+        ("arm.state_measured", "arm_state"),
+        ("gripper.state_measured", "gripper_state"),
+        ("gripper.grasped", "grasped"),
+        ("gripper.contact_force", "contact_force"),
+        ("gripper.proximity", "proximity"),
+        ("arm.external_torque", "external_torque"),
+    ):
+        if station.HasOutputPort(source) and planner.HasInputPort(target):
+            builder.Connect(station.GetOutputPort(source), planner.GetInputPort(target))
+
+
+def ConnectCommands(builder: DiagramBuilder, station: Diagram, planner: System) -> None:
+    """Connect a planner's commands to a station.
+
+    Raises:
+        ScenarioError: If the gripper waits for messages, and the planner sends none.
+    """
+    for source, target in _COMMANDS:
+        builder.Connect(planner.GetOutputPort(source), station.GetInputPort(target))
+    counted = f"gripper.{_MESSAGES}"
+    if station.HasInputPort(counted):
+        if not planner.HasOutputPort(_MESSAGES):
+            raise ScenarioError(
+                "gripper.underactuation.evaluate: per_message needs planner: "
+                "!Script (allowed without: periodic)"
+            )
+        builder.Connect(planner.GetOutputPort(_MESSAGES), station.GetInputPort(counted))

@@ -1,0 +1,305 @@
+"""Goal poses of the picked object: at the end of a cycle and of a run.
+
+The planner's model of each gripper.
+Planners of a scenario, for its task or for its script.
+"""
+
+from __future__ import annotations
+
+import functools
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+from pydrake.math import RigidTransform
+from pydrake.multibody.plant import MultibodyPlant
+from pydrake.planning import RobotDiagramBuilder
+from pydrake.systems.framework import DiagramBuilder, System
+
+from drake_srg.arm.driver import AddJerkLimits
+from drake_srg.common.exceptions import ScenarioError
+from drake_srg.common.geometry import Solid
+from drake_srg.common.systems import output_ports
+from drake_srg.gripper.drivers import (
+    GripperDriver,
+    LinkageDriver,
+    PlantServoDriver,
+    SrgPositionDriver,
+    SrgTendonDriver,
+)
+from drake_srg.objects.models import object_shape, simple_shape
+from drake_srg.objects.solids import planned_solid
+from drake_srg.planning.grasps.grasps import Hand
+from drake_srg.planning.grasps.linkage_hand import LinkageFingers, LinkageHand
+from drake_srg.planning.grasps.srg_hand import SrgHand
+from drake_srg.planning.motion.moves import Moves
+from drake_srg.planning.motion.planning_scene import PlanningScene
+from drake_srg.planning.pick_and_place.planner import PickAndPlacePlanner
+from drake_srg.planning.pick_and_place.sightings import lean, set_down_at, standing_at
+from drake_srg.planning.pick_and_place.task_motions import TaskPlanner
+from drake_srg.planning.planner_machine import PlannerConfig
+from drake_srg.scenario.schema import Scenario, accept_driver, script_of
+from drake_srg.station.plant import Models
+from drake_srg.theses.script import Script, ScriptedPlanner
+from drake_srg.theses.taught import Taught, TaughtMotions, TaughtPlanner
+from drake_srg.types import Sphere, Vector
+
+
+def goal_pose(scenario: Scenario, shape: Solid) -> RigidTransform:
+    """Return the upright pose at which the planner places the object, X_WO [m].
+
+    Args:
+        scenario: The scenario with the task.
+        shape: The object's shape.
+    """
+    place = scenario.task.place
+    height = scenario.table.height if place.height is None else place.height
+    below = shape.half_extent(np.array([0.0, 0.0, -1.0]))
+    return RigidTransform([*place.position, height + below])
+
+
+def final_pose(scenario: Scenario, X_WO_start: RigidTransform) -> RigidTransform:
+    """Return the pose at which the object must be at the end of a run, X_WO [m].
+
+    A script keeps the object's height and orientation, and the planner the orientation
+    of one that is no simple shape. After an even number of the planner's cycles, the
+    object is back at its start, upright if its shape is simple.
+
+    Args:
+        scenario: The scenario of the run.
+        X_WO_start: Pose at which the object was first found [m].
+    """
+    pick, place = scenario.task.pick, scenario.task.place
+    shape = simple_shape(pick, scenario.objects[pick])
+    solid = shape or planned_solid(pick, scenario.objects[pick])
+    if script_of(scenario) or solid is None:
+        height = X_WO_start.translation()[2]
+        return RigidTransform(X_WO_start.rotation(), [*place.position, height])
+    if scenario.task.repeat % 2 == 0:
+        return X_WO_start if shape is None else standing_at(X_WO_start, shape)
+    if shape is None:
+        return set_down_at(goal_pose(scenario, solid), X_WO_start, solid)
+    return goal_pose(scenario, shape)
+
+
+def final_tilt(
+    scenario: Scenario, X_WO_start: RigidTransform, X_WO: RigidTransform
+) -> float | None:
+    """Return the angle of the object's axis from its goal [rad]; None for a sphere.
+
+    An object that did not stand at the start may be placed on either end.
+
+    Args:
+        scenario: The scenario of the run.
+        X_WO_start: Pose at which the object was first found [m].
+        X_WO: Pose of the object at the end [m].
+    """
+    pick = scenario.task.pick
+    shape = simple_shape(pick, scenario.objects[pick])
+    if isinstance(shape, Sphere):
+        return None
+    if shape is None:  # it may be turned about the vertical, also where it lies
+        up_O, up_O_end = (X.rotation().matrix()[2] for X in (X_WO_start, X_WO))
+        sine = float(np.linalg.norm(np.cross(up_O, up_O_end)))
+        return float(np.arctan2(sine, up_O @ up_O_end))
+    X_WO_goal = final_pose(scenario, X_WO_start)
+    goal = X_WO_goal.rotation().col(2)
+    axis = X_WO.rotation().col(2)
+    tilt = lean(goal, axis)
+    stood = goal @ X_WO_start.rotation().col(2) > np.cos(0.25 * np.pi)
+    return np.pi - tilt if stood and goal @ axis < 0.0 else tilt
+
+
+# Makes a Hand from a driver's configuration, the planner's, and a finalized plant of
+# the scenario's models with the model instance `gripper`. The plant may not live on.
+HandMaker = Callable[[Any, PlannerConfig, MultibodyPlant], Hand]
+
+
+def register_gripper(
+    driver: type[GripperDriver], make_hand: HandMaker | None = None
+) -> None:
+    """Make a gripper driver known to scenario files and to the planner.
+
+    Args:
+        driver: Class of its configuration; the class name is its tag.
+        make_hand: Makes what the planner knows of the gripper. None: as for the class
+            that `driver` derives from, if there is a Hand for that.
+    """
+    accept_driver(driver)
+    if make_hand is not None:
+        _HANDS[driver] = make_hand
+
+
+def MakeHand(scenario: Scenario, plant: MultibodyPlant) -> Hand:
+    """Make what the planner knows of a scenario's gripper.
+
+    Args:
+        scenario: With a gripper.
+        plant: A finalized plant of the scenario's models. The Hand does not keep it.
+
+    Raises:
+        ScenarioError: If there is no Hand for the gripper's driver.
+    """
+    for kind in type(scenario.gripper).__mro__:
+        if kind in _HANDS:
+            return _HANDS[kind](scenario.gripper, scenario.planner, plant)
+    known = ", ".join(f"!{driver.__name__}" for driver in _HANDS)
+    raise ScenarioError(
+        f"gripper: the planner needs a Hand for !{type(scenario.gripper).__name__}: "
+        f"give one to register_gripper (allowed: {known})"
+    )
+
+
+def _srg_position_hand(
+    driver: SrgPositionDriver | PlantServoDriver,
+    config: PlannerConfig,
+    _: MultibodyPlant,
+) -> SrgHand:
+    return _srg_hand(config, driver.underactuation.full_scale)
+
+
+def _srg_tendon_hand(
+    driver: SrgTendonDriver, config: PlannerConfig, _: MultibodyPlant
+) -> SrgHand:
+    return _srg_hand(config, driver.spool.full_scale)
+
+
+def _srg_hand(config: PlannerConfig, full_scale: float) -> SrgHand:
+    return SrgHand(
+        config.approaches,
+        config.tilts,
+        config.squeeze,
+        full_scale,
+        clearance=config.hand_clearance,
+    )
+
+
+def _linkage_hand(
+    driver: LinkageDriver, _: PlannerConfig, plant: MultibodyPlant
+) -> LinkageHand:
+    gripper = plant.GetModelInstanceByName("gripper")
+
+    def p_GF(name: str) -> Vector:
+        frame = plant.GetFrameByName(name, gripper)
+        X_GF = frame.GetFixedPoseInBodyFrame()
+        return np.array(X_GF.translation())  # a copy: the plant may not live on
+
+    def calibrated(name: str, otherwise: Vector) -> Vector:
+        return p_GF(name) if plant.HasFrameNamed(name, gripper) else otherwise
+
+    p_GT = calibrated("tip", p_GF("grasp_center"))
+    return LinkageHand(
+        p_GT,
+        calibrated("released", p_GT) - p_GT,
+        LinkageFingers(full_scale=driver.master_slave.full_scale),
+    )
+
+
+_HANDS: dict[type[GripperDriver], HandMaker] = {
+    SrgPositionDriver: _srg_position_hand,
+    PlantServoDriver: _srg_position_hand,
+    SrgTendonDriver: _srg_tendon_hand,
+    LinkageDriver: _linkage_hand,
+}
+
+
+def MakePlanner(scenario: Scenario) -> PickAndPlacePlanner:
+    """Make the planner of a scenario's task."""
+    return PickAndPlacePlanner(**planner_arguments(scenario))
+
+
+def planner_arguments(scenario: Scenario) -> dict[str, Any]:
+    """Return the arguments of a scenario's `PickAndPlacePlanner` by name."""
+    name, place = scenario.task.pick, scenario.task.place
+    config = scenario.objects[name]
+    shape = planned_solid(name, config)
+    if shape is None and config.known and config.soft is None:
+        raise ScenarioError(
+            f"objects.{name}.color_range: must be given for {config.model}, which is "
+            "no single cylinder, box or sphere, to be localized and planned with"
+        )
+    shape = shape or object_shape(name, config)
+    return {
+        "task_planner": MakeTaskPlanner(scenario),
+        "object_name": name,
+        "shape": shape,
+        "goal": goal_pose(scenario, shape),
+        "tolerance": place.tolerance,
+        "obstacles": {
+            other: known
+            for other, config in scenario.objects.items()
+            if other != name and (known := planned_solid(other, config)) is not None
+        },
+        "repeat": scenario.task.repeat,
+        "config": scenario.planner,
+    }
+
+
+def MakeScriptedPlanner(scenario: Scenario) -> System:
+    """Make the planner that plays a scenario's script, `task.repeat` times.
+
+    It is a `ScriptedPlanner`. If the script is of messages, it is a diagram of one
+    with an `arm_reference` that makes motion of the arm's targets.
+    """
+    assert scenario.arm is not None
+    home = np.array(scenario.arm.home)
+    assert isinstance(scenario.planner, Script)
+    script = scenario.task.repeat * scenario.planner.steps
+    if scenario.planner.messages is None:
+        return ScriptedPlanner(home, script)
+    builder = DiagramBuilder()
+    messages = builder.AddNamedSystem(
+        "messages", ScriptedPlanner(home, script, jumps=True)
+    )
+    reference = AddJerkLimits(builder, scenario.arm)
+    position = "position_commanded"
+    builder.Connect(
+        messages.GetOutputPort(position), reference.GetInputPort("position_desired")
+    )
+    builder.ExportOutput(reference.get_output_port(), position)
+    for name, port in output_ports(messages).items():
+        if name != position:
+            builder.ExportOutput(port, name)
+    return builder.Build()
+
+
+def MakeTaughtPlanner(scenario: Scenario) -> TaughtPlanner:
+    """Make the planner that moves through a scenario's taught waypoints."""
+    return TaughtPlanner(MakeTaughtMotions(scenario), scenario.task.pick)
+
+
+def MakeTaughtMotions(scenario: Scenario) -> TaughtMotions:
+    """Make the planner of the motions through a scenario's taught waypoints."""
+    assert isinstance(scenario.planner, Taught)
+    assert scenario.arm is not None
+    scene = own_scene(scenario)
+    moves = Moves(scene, MakeHand(scenario, scene.plant).p_GT, scenario.planner)
+    return TaughtMotions(scene, moves, np.array(scenario.arm.home), scenario.planner)
+
+
+def MakeTaskPlanner(scenario: Scenario) -> TaskPlanner:
+    """Make the planner of motions, with its own model of arm and furniture."""
+    scene = own_scene(scenario)
+    assert scenario.arm is not None
+    hand = MakeHand(scenario, scene.plant)
+    return TaskPlanner(scene, hand, np.array(scenario.arm.home), scenario.planner)
+
+
+def own_scene(scenario: Scenario) -> PlanningScene:
+    """Return a planner's own model of arm and furniture."""
+    config = scenario.planner
+    return _planning_scene(
+        Models.of(scenario), config.clearance, config.hand_clearance, config.payload
+    ).copy()
+
+
+@functools.lru_cache(maxsize=2)
+def _planning_scene(
+    models: Models, margin: float, hand_margin: float, payload: float
+) -> PlanningScene:
+    """Return the planner's model. Use copies of it only: it is cached."""
+    builder = RobotDiagramBuilder(time_step=0.0)
+    models.add_to(builder.plant())
+    return PlanningScene(
+        builder, margin=margin, hand_margin=hand_margin, payload=payload
+    )

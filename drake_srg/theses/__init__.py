@@ -1,0 +1,1 @@
+"""What the two theses did, to compare with."""

@@ -1,0 +1,155 @@
+import errno
+import json
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from drake_srg.cli.command import COMMAND_PAGES, KEY_PAGES, Output, page_about, writing
+from drake_srg.cli.main import main
+from drake_srg.common.exceptions import ScenarioError
+
+OUT = Path("out")
+
+
+def test_an_error_while_writing_names_the_option_and_the_path():
+    with (
+        pytest.raises(ScenarioError, match=r"^--out out: cannot be written: No space"),
+        writing("--out", OUT),
+    ):
+        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+
+
+def test_a_long_message_is_replaced_by_that_of_its_number():
+    with (
+        pytest.raises(
+            ScenarioError, match=r"^-o out: cannot be written: No space[^.]*$"
+        ),
+        writing("-o", OUT),
+    ):
+        raise OSError(errno.ENOSPC, "Error writing bytes. Detail: [errno 28] Full.")
+
+
+def test_an_error_without_a_number_keeps_its_message_in_one_line():
+    with (
+        pytest.raises(
+            ScenarioError, match=r"^-o out: cannot be written: no codec here$"
+        ),
+        writing("-o", OUT),
+    ):
+        raise OSError("no codec\nhere")
+
+
+@pytest.mark.parametrize(
+    ("advice", "end"), [("try /tmp", "full; try /tmp"), ("", "full")]
+)
+def test_advice_follows_the_message(advice, end):
+    with (
+        pytest.raises(ScenarioError, match=f"written: {end}$"),
+        writing("-o", OUT, lambda: advice),
+    ):
+        raise OSError("full")
+
+
+def test_a_closed_pipe_is_no_problem_of_the_files():
+    with pytest.raises(BrokenPipeError), writing("-o", OUT):
+        raise BrokenPipeError(errno.EPIPE, os.strerror(errno.EPIPE))
+
+
+def test_sigterm_ends_a_command_like_ctrl_c():
+    code = (
+        "import os, signal, time\n"
+        "from drake_srg.cli.command import end_on_sigterm\n"
+        "end_on_sigterm()\n"
+        "try:\n"
+        "    os.kill(os.getpid(), signal.SIGTERM)\n"
+        "    time.sleep(60)\n"
+        "except KeyboardInterrupt:\n"
+        "    print('interrupted')\n"
+    )
+    done = subprocess.run(
+        [sys.executable, "-c", code], capture_output=True, text=True, check=False
+    )
+    assert (done.returncode, done.stdout) == (0, "interrupted\n")
+
+
+def test_a_signal_that_comes_while_the_event_is_looked_at_stops_too():
+    code = (
+        "import os, signal, threading\n"
+        "from drake_srg.cli.command import stop_on_signals\n"
+        "for _ in range(200):\n"
+        "    with stop_on_signals() as stop:\n"
+        "        arguments = os.getpid(), signal.SIGTERM\n"
+        "        end = threading.Timer(0.001, os.kill, arguments)\n"
+        "        end.start()\n"
+        "        while not stop.wait(0.0):\n"
+        "            pass\n"
+        "        end.join()\n"
+    )
+    done = subprocess.run([sys.executable, "-c", code], timeout=60.0, check=False)
+    assert done.returncode == 0
+
+
+ROOT = Path(__file__).parents[2]
+
+
+@pytest.mark.parametrize(
+    ("json_", "quiet", "printed"),
+    [
+        (False, False, "words\n"),
+        (False, True, ""),
+        (True, False, '{\n  "path": "a/b"\n}\n'),
+        (True, True, '{\n  "path": "a/b"\n}\n'),
+    ],
+)
+def test_words_are_for_people_and_json_for_scripts(json_, quiet, printed, capsys):
+    output = Output(json_, quiet)
+    output.say("words")
+    output.answer({"path": Path("a/b")})
+    assert capsys.readouterr().out == printed
+    assert output.progress is not quiet
+
+
+@pytest.mark.parametrize("page", sorted({*COMMAND_PAGES.values(), *KEY_PAGES.values()}))
+def test_the_pages_are_there(page):
+    assert (ROOT / page).is_file()
+
+
+@pytest.mark.parametrize(
+    ("message", "command", "page"),
+    [
+        ("kitchen: objects.can.mass: must be greater than 0", "run", "docs/objects.md"),
+        ("--set object.mas=1: unknown", "run", "docs/objects.md"),
+        ("kitchen: sleeping.after: must be positive", "sweep", "docs/speed.md"),
+        ("--trials 0: must be at least 1", "sweep", "docs/sweeps.md"),
+        ("--out x: cannot be written: No space left on device", "sweep", ""),
+        ("stopped", "sweep", ""),
+        ("unknown scenario 'kitchn'", "run", ""),
+    ],
+)
+def test_errors_name_the_page_that_explains_them(message, command, page):
+    assert page_about(message, command) == page
+
+
+def test_an_error_is_a_line_and_for_scripts_an_object(tmp_path, capsys):
+    folder = tmp_path / "nothing"
+    assert main(["replay", str(folder), "--json", "--quiet"]) == 2
+    output = capsys.readouterr()
+    answer = json.loads(output.out)
+    assert answer["page"] == "docs/replay.md"
+    assert output.err == f"drake-srg: {answer['error']} (see docs/replay.md)\n"
+
+
+@pytest.mark.parametrize("arguments", [["list", "--json"], ["experiment", "--list"]])
+def test_lists_are_for_scripts_too(arguments, capsys):
+    assert main([*arguments, "--json"]) == 0
+    lists = json.loads(capsys.readouterr().out)
+    assert all(isinstance(names, dict) for names in lists.values())
+
+
+def test_a_bad_command_line_is_an_object_too(capsys):
+    with pytest.raises(SystemExit):
+        main(["run", "--json"])
+    assert "SCENARIO" in json.loads(capsys.readouterr().out)["error"]

@@ -1,0 +1,272 @@
+"""What holds of the transitions whatever is observed; the table itself is data."""
+
+import dataclasses as dc
+import functools
+import itertools
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from drake_srg.planning.pick_and_place.knowledge import TRANSITIONS, transition
+from drake_srg.planning.planner_machine import Observation, PlannerConfig
+from drake_srg.types import Failure, Mode
+from planning.planning_world import CYCLE, MODES
+
+ENDS = {Mode.DONE, Mode.FAILED}
+MOVING = {
+    *(Mode.PRE_GRASP, Mode.GRASP, Mode.LIFT, Mode.TRANSFER, Mode.PLACE),
+    *(Mode.RETREAT, Mode.HOME),
+}
+FINAL = {Failure.STOPPED, Failure.TIME_BUDGET}
+# The facts that the table depends on.
+FLAGS = (
+    *("ready", "stuck", "moved", "arrived", "still", "holding", "clear", "at_goal"),
+    "last_cycle",
+)
+LONG = 1e6  # s
+
+failures = st.none() | st.sampled_from(Failure)
+observations = st.builds(
+    Observation, failure=failures, **{name: st.booleans() for name in FLAGS}
+)
+waits = st.floats(0.0, 3.0)
+configs = st.builds(
+    PlannerConfig,
+    **dict.fromkeys(
+        ("gripper_reaction", "verify_time", "grip_wait", "release_wait"), waits
+    ),
+    gripper_timeout=st.floats(0.1, 3.0),
+)
+times = st.floats(0.0, 4.0)
+modes = st.sampled_from(MODES)
+under_way = st.sampled_from([mode for mode in MODES if mode not in ENDS])
+
+
+@functools.cache
+def successors(mode):
+    """Modes that follow a mode by any observation at all, at once or after long."""
+    found = set()
+    for failure in (None, *Failure):
+        for flags in itertools.product([False, True], repeat=len(FLAGS)):
+            o = Observation(failure=failure, **dict(zip(FLAGS, flags, strict=True)))
+            found |= {transition(mode, o, t) for t in (0.0, LONG)}
+    return found - {mode}
+
+
+def reachable(mode, avoiding=()):
+    reached, edge = set(), {mode}
+    while edge:
+        reached |= edge
+        edge = {m for e in edge for m in successors(e)} - reached - set(avoiding)
+    return reached
+
+
+# The graph.
+
+
+def test_every_mode_has_its_row():
+    assert TRANSITIONS.keys() == set(MODES)
+
+
+@pytest.mark.slow
+def test_every_mode_can_be_reached():
+    assert reachable(Mode.IDLE) == set(MODES)
+
+
+@pytest.mark.parametrize("mode", [mode for mode in MODES if mode not in ENDS])
+def test_from_every_mode_the_task_can_be_done_and_can_fail(mode):
+    assert Mode.DONE in reachable(mode, avoiding=[Mode.FAILED])
+    assert Mode.FAILED in successors(mode)
+
+
+@pytest.mark.parametrize("mode", MODES)
+def test_no_row_of_the_table_is_hidden_by_those_above_it(mode):
+    assert {following for _, following in TRANSITIONS[mode]} <= successors(mode)
+
+
+@given(configs)
+def test_a_cycle_goes_through_its_modes_in_order_when_all_goes_well(config):
+    well = dc.replace(
+        Observation(**dict.fromkeys(FLAGS, True)), moved=False, stuck=False
+    )
+    for mode, following in itertools.pairwise(CYCLE):
+        assert transition(mode, well, LONG, config) is following
+
+
+# Single transitions.
+
+
+@given(modes, observations, times, configs)
+def test_a_transition_is_deterministic(mode, o, t, config):
+    first, second = (
+        transition(mode, dc.replace(o), t, dc.replace(config)) for _ in range(2)
+    )
+    assert first is second
+
+
+@given(modes, observations, times, times, configs)
+def test_a_transition_stays_as_it_is_as_time_goes_on(mode, o, t, later, config):
+    following = transition(mode, o, t, config)
+    if following is not mode:
+        assert transition(mode, o, t + later, config) is following
+
+
+@given(st.sampled_from(sorted(ENDS, key=str)), observations, times)
+def test_the_end_is_the_end(mode, o, t):
+    assert transition(mode, o, t) is mode
+
+
+@given(under_way, observations, times, st.sampled_from(sorted(FINAL, key=str)))
+def test_a_stop_and_a_spent_budget_end_every_mode(mode, o, t, failure):
+    assert transition(mode, dc.replace(o, failure=failure), t) is Mode.FAILED
+
+
+@given(under_way, observations, times)
+def test_nothing_fails_without_a_failure(mode, o, t):
+    assert transition(mode, dc.replace(o, failure=None), t) is not Mode.FAILED
+
+
+@pytest.mark.slow
+@given(observations, times, st.sampled_from(Failure))
+def test_a_failure_ends_modes_that_cannot_go_on(o, t, failure):
+    """No plan, no way out, no place to put the object, no attempt left."""
+    o = dc.replace(o, failure=failure, arrived=True)
+    assert transition(Mode.IDLE, o, t) is Mode.FAILED
+    assert transition(Mode.RELEASE, o, t) is Mode.FAILED
+    held, misplaced = dc.replace(o, holding=True), dc.replace(o, at_goal=False)
+    assert transition(Mode.TRANSFER, held, t) is Mode.FAILED
+    assert transition(Mode.HOME, misplaced, t) is Mode.FAILED
+
+
+@given(st.sampled_from(sorted(MOVING, key=str)), observations, times)
+def test_a_motion_is_over_when_the_arm_has_arrived(mode, o, t):
+    o = dc.replace(o, arrived=False)
+    stopped = o.failure in FINAL
+    assert transition(mode, o, t) is (Mode.FAILED if stopped else mode)
+
+
+@given(modes, observations, times)
+def test_motions_begin_only_when_they_are_planned(mode, o, t):
+    following = transition(mode, o, t)
+    if following is not mode and following is Mode.PRE_GRASP:
+        assert mode is Mode.IDLE
+        assert o.ready
+    if following is not mode and following is Mode.PLACE:
+        assert o.ready
+
+
+@given(modes, observations, times)
+def test_the_arm_lifts_and_carries_only_what_it_holds(mode, o, t):
+    following = transition(mode, o, t)
+    if following is not mode and following in (Mode.LIFT, Mode.TRANSFER, Mode.PLACE):
+        assert o.holding
+        assert mode is CYCLE[CYCLE.index(following) - 1]
+
+
+@given(modes, observations, times)
+def test_a_held_object_is_released_only_where_it_is_placed(mode, o, t):
+    following = transition(mode, o, t)
+    if following is not mode and following is Mode.RELEASE:
+        assert mode is Mode.PLACE or not o.holding
+
+
+@given(observations, times)
+def test_an_object_that_has_left_the_hand_is_not_placed(o, t):
+    """Whatever else fails, the arm goes home without it."""
+    failure = None if o.failure in FINAL else o.failure
+    o = dc.replace(o, holding=False, arrived=True, failure=failure)
+    for mode in (Mode.VERIFY, Mode.LIFT, Mode.TRANSFER):
+        assert transition(mode, o, t) is Mode.RELEASE
+
+
+@given(observations, times)
+def test_an_object_that_has_moved_is_looked_for_again(o, t):
+    o = dc.replace(o, moved=True, failure=None)
+    following = transition(Mode.PRE_GRASP, o, t)
+    assert following is (Mode.IDLE if o.arrived else Mode.PRE_GRASP)
+
+
+@given(observations, times)
+def test_an_idle_planner_waits_until_it_has_planned(o, t):
+    o = dc.replace(o, ready=False, stuck=False, failure=None)
+    assert transition(Mode.IDLE, o, t) is Mode.IDLE
+
+
+@given(observations, times)
+def test_an_arm_that_is_stuck_goes_home_before_it_looks_again(o, t):
+    o = dc.replace(o, stuck=True, failure=None)
+    expected = Mode.PRE_GRASP if o.ready else Mode.RETREAT
+    assert transition(Mode.IDLE, o, t) is expected
+    assert Mode.IDLE not in successors(Mode.RETREAT)
+
+
+@given(modes, observations, times)
+def test_the_task_is_done_when_the_object_is_on_its_last_goal(mode, o, t):
+    following = transition(mode, o, t)
+    if following is not mode and following is Mode.DONE:
+        assert mode is Mode.HOME
+        assert o.at_goal
+        assert o.last_cycle
+
+
+@given(observations, times)
+def test_at_home_the_task_goes_on_until_it_is_done(o, t):
+    forgiven = o.at_goal and o.failure not in FINAL
+    o = dc.replace(o, arrived=True, failure=o.failure if forgiven else None)
+    done = o.at_goal and o.last_cycle
+    assert transition(Mode.HOME, o, t) is (Mode.DONE if done else Mode.IDLE)
+
+
+# Waits.
+
+
+@given(observations, configs)
+def test_no_mode_waits_for_the_fingers_for_ever(o, config):
+    o = dc.replace(o, failure=None)
+    longest = config.gripper_timeout + max(
+        config.release_wait, config.grip_wait, config.verify_time
+    )
+    for mode in (Mode.CLOSE, Mode.VERIFY, Mode.RELEASE):
+        assert transition(mode, o, longest, config) is not mode
+
+
+@given(observations, times, configs)
+def test_closing_ends_with_a_held_object_or_a_timeout(o, t, config):
+    o = dc.replace(o, failure=None)
+    following = transition(Mode.CLOSE, o, t, config)
+    assert following in (Mode.CLOSE, Mode.VERIFY)
+    if following is Mode.VERIFY:
+        # Open fingers beside an object rest, too, before they begin to move.
+        closed = t >= config.gripper_reaction and o.holding and o.still
+        assert closed or t >= config.gripper_timeout
+
+
+@given(observations, times, configs)
+def test_the_arm_lifts_only_after_its_waits(o, t, config):
+    if transition(Mode.VERIFY, o, t, config) is Mode.LIFT:
+        assert t >= config.verify_time
+        assert t >= config.grip_wait
+
+
+@pytest.mark.slow
+@given(observations, times, configs)
+def test_the_hand_leaves_only_after_the_fingers_have_let_go(o, t, config):
+    o = dc.replace(o, failure=None)
+    following = transition(Mode.RELEASE, o, t, config)
+    assert following in (Mode.RELEASE, Mode.RETREAT)
+    if following is Mode.RETREAT:
+        assert t >= config.release_wait
+        opened = o.clear and o.still
+        assert opened or t >= config.gripper_timeout + config.release_wait
+
+
+@given(times, configs)
+def test_no_mode_waits_for_fingers_that_are_ready(t, config):
+    o = Observation(still=True, holding=True, clear=True)
+    for mode, least in (
+        (Mode.CLOSE, config.gripper_reaction),
+        (Mode.VERIFY, max(config.verify_time, config.grip_wait)),
+        (Mode.RELEASE, config.release_wait),
+    ):
+        assert transition(mode, o, least + t, config) is not mode

@@ -1,0 +1,47 @@
+import json
+
+import numpy as np
+import pytest
+from calibration.helpers import make_views
+
+from drake_srg.robot.calibrate.mounting import Board, mount
+from drake_srg.robot.calibrate.overlay import X_PB, answer, overlay, report, true_errors
+from drake_srg.robot.calibrate.solve import Unknowns, calibrate
+from drake_srg.scenario import load_scenario
+from drake_srg.station.planners import own_scene
+
+
+@pytest.fixture(scope="module")
+def calibrated():
+    scenario = load_scenario("kitchen_hand_camera")
+    mounting = mount(scenario, "hand", own_scene(scenario), Board())
+    camera = Unknowns(mounting.focal, mounting.center, mounting.X_PB, mounting.X_QO)
+    views = make_views(camera, count=8, noise=0.1)
+    return calibrate(views, mounting.focal, mounting.center), mounting
+
+
+def test_a_scenario_takes_the_overlay(calibrated, tmp_path):
+    result, mounting = calibrated
+    path = tmp_path / "calibration.yaml"
+    path.write_text(overlay(result, mounting, "kitchen_hand_camera"))
+    config = load_scenario(path).camera_calibrations["hand"]
+    assert config.X_PB.base_frame == "gripper::palm"
+    pose = config.X_PB.GetDeterministicValue()
+    assert pose.IsNearlyEqualTo(X_PB(result, mounting), 1e-5)
+    np.testing.assert_allclose(config.focal, result.estimate.focal, atol=1e-3)
+    # The upper left corner of the image is half a pixel from its first pixel's middle.
+    np.testing.assert_allclose(config.center, result.estimate.center + 0.5, atol=1e-3)
+
+
+def test_the_report_says_how_certain_and_how_wrong_it_is(calibrated):
+    result, mounting = calibrated
+    errors = true_errors(result, mounting)
+    assert 0.0 < np.linalg.norm(errors.position) < 4.0 * result.position_std
+    assert 0.0 < errors.rotation < 4.0 * result.rotation_std
+    lines = list(report(result, mounting, errors))
+    assert lines[0].startswith("camera hand, in the hand: 160 corners in 8 images")
+    assert any("true error" in line for line in lines)
+    assert not any("true error" in line for line in report(result, mounting, None))
+    words = json.loads(json.dumps(answer(result, mounting, errors)))
+    assert words["errors"]["rotation_deg"] == np.degrees(errors.rotation)
+    assert answer(result, mounting, None)["errors"] is None

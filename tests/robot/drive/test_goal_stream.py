@@ -1,0 +1,272 @@
+"""An arm that is driven by an action, with a server that the test answers for."""
+
+import itertools
+
+import numpy as np
+import pytest
+from hardware.fake_action_server import ACTION, ARM, LEAD, FakeServer
+from hardware.stand import HOME, MOVING, PERIOD, Stand, joint_state, make, motion_to
+
+from drake_srg.robot.serve.action_server import ErrorCode, GoalStatus
+
+GOAL = HOME + 0.2
+# By the robot's clock, how long a reply may be missing.
+PATIENCE = 1.0
+
+
+def ids(goals):
+    return [bytes(goal.goal_id.uuid) for goal in goals]
+
+
+def span(goal):
+    """First and last time of a goal's trajectory."""
+    stamp = goal.trajectory.header.stamp
+    begin = stamp.sec + 1e-9 * stamp.nanosec
+    last = goal.trajectory.points[-1].time_from_start
+    return begin, begin + last.sec + 1e-9 * last.nanosec
+
+
+def test_a_motion_becomes_two_goals_per_lead_that_overlap():
+    server = FakeServer()
+    server.move(1.0)
+    assert len(server.goals) == 20
+    spans = [span(goal) for goal in server.goals[1:]]
+    for (_, end), (begin, next_end) in itertools.pairwise(spans):
+        assert begin < end - 0.5 * LEAD + 1e-6
+        assert next_end > end
+    goal = server.goals[-1]
+    assert goal.trajectory.joint_names == ARM
+    assert server.obeys and server.node.told == []
+
+
+def test_goals_are_pieces_of_one_path():
+    server = FakeServer()
+    server.move(0.5)
+    known = {}
+    for goal in server.goals:
+        begin, _ = span(goal)
+        for point in goal.trajectory.points:
+            since = point.time_from_start
+            time = round(begin + since.sec + 1e-9 * since.nanosec, 6)
+            q = known.setdefault(time, np.array(point.positions))
+            np.testing.assert_array_equal(q, point.positions)
+    path = np.array([known[time][0] for time in sorted(known)])
+    assert np.all(np.diff(path) > 0.0)
+
+
+def test_a_resting_arm_gets_no_goals():
+    server = FakeServer()
+    server.move(0.2)
+    server.rest(0.2, HOME + 0.04)
+    count = len(server.goals)
+    np.testing.assert_allclose(
+        server.goals[-1].trajectory.points[-1].positions, HOME + 0.04
+    )
+    server.end(server.goals[-1], GoalStatus.SUCCEEDED)
+    server.rest(5.0, HOME + 0.04)
+    assert len(server.goals) == count
+    assert server.obeys and server.canceled == []
+
+
+def test_goals_that_others_replace_may_end_as_they_like():
+    # joint_trajectory_controller cancels them with INVALID_GOAL.
+    server = FakeServer()
+    server.move(0.3)
+    for goal in server.goals[:-1]:
+        server.end(goal, GoalStatus.CANCELED, ErrorCode.INVALID_GOAL)
+    server.move(0.3)
+    assert server.obeys and server.node.told == []
+
+
+def test_replaced_goals_need_no_result():
+    server = FakeServer()
+    server.move(3.0 * PATIENCE)
+    assert server.obeys and server.node.told == []
+
+
+def fail(server, reason):
+    """Check that the arm obeys no more, and why; return the number of goals."""
+    (told,) = server.node.told
+    assert told == f"/arm/follow: {reason}; the arm is stopped"
+    assert not server.obeys
+    server.serve()
+    count = len(server.goals)
+    server.move(0.5)
+    assert len(server.goals) == count
+    assert not server.obeys
+    return count
+
+
+def test_a_rejected_goal_stops_the_arm_and_cancels_the_one_before():
+    server = FakeServer()
+    server.move(0.1)
+    before = ids(server.goals)
+    server.accepts = False
+    server.move(0.1)
+    fail(server, "a goal was rejected")
+    assert server.canceled == before
+
+
+def test_a_goal_that_comes_too_late_is_followed_by_another():
+    server = FakeServer()
+    server.move(0.1)
+    server.answers = False
+    server.step(HOME + 0.5)
+    server.rest(2.0 * LEAD, HOME + 0.5)
+    late = server.goals[-1]
+    server.answers, server.accepts = True, False
+    server.answer(late)
+    server.accepts = True
+    server.rest(0.1, HOME + 0.5)
+    (told,) = server.node.told
+    assert told.startswith("/arm/follow: a goal came too late")
+    assert span(server.goals[-1])[1] > span(late)[1]
+    assert server.obeys
+
+
+@pytest.mark.parametrize(
+    "code, reason",
+    [
+        (ErrorCode.PATH_TOLERANCE_VIOLATED, "PATH_TOLERANCE_VIOLATED): joint 3"),
+        (ErrorCode.INVALID_GOAL, "INVALID_GOAL): joint 3"),
+    ],
+)
+def test_an_aborted_goal_stops_the_arm(code, reason):
+    server = FakeServer()
+    server.move(0.2)
+    server.end(server.goals[-1], GoalStatus.ABORTED, code, "joint 3")
+    fail(server, f"a goal was aborted ({reason}")
+    assert ids(server.goals)[-1] not in server.canceled
+
+
+def test_a_violation_counts_even_if_a_newer_goal_is_on_its_way():
+    server = FakeServer()
+    server.move(0.2)
+    code = ErrorCode.PATH_TOLERANCE_VIOLATED
+    server.end(server.goals[-2], GoalStatus.ABORTED, code)
+    fail(
+        server,
+        "a goal was aborted (PATH_TOLERANCE_VIOLATED): no reason given",
+    )
+    assert ids(server.goals)[-1] in server.canceled
+
+
+def test_a_goal_that_somebody_else_cancels_stops_the_arm():
+    server = FakeServer()
+    server.move(0.2)
+    server.end(server.goals[-1], GoalStatus.CANCELED, text="by hand")
+    fail(server, "a goal was canceled (SUCCESSFUL): by hand")
+
+
+def test_a_server_that_is_silent_stops_a_moving_arm():
+    server = FakeServer()
+    server.move(0.2)
+    server.answers = False
+    server.move(LEAD + PATIENCE - 0.05)
+    assert server.obeys
+    server.move(0.2)
+    fail(server, "a goal was not answered")
+
+
+def test_a_result_that_never_comes_stops_a_resting_arm():
+    server = FakeServer()
+    server.move(0.2)
+    server.rest(PATIENCE, HOME + 0.04)
+    assert server.obeys
+    server.rest(LEAD + 0.05, HOME + 0.04)
+    fail(server, "a goal has ended without a result")
+
+
+def test_a_server_that_goes_away_stops_the_arm():
+    server = FakeServer()
+    server.move(0.2)
+    server.node.heard = False
+    server.move(PERIOD)
+    fail(server, "the action server has gone")
+
+
+def test_the_server_is_waited_for_at_the_start():
+    server = FakeServer()
+    server.node.heard = False
+    server.rest(0.5)
+    assert server.obeys and server.goals == []
+    server.node.heard = True
+    server.rest(0.1)
+    assert len(server.goals) == 1
+
+
+def test_a_server_that_is_not_there_is_told():
+    server = FakeServer()
+    server.node.heard = False
+    server.rest(PATIENCE + 0.1)
+    fail(server, "no action server found")
+
+
+def test_what_a_stop_leaves_of_the_goals_is_canceled():
+    server = FakeServer()
+    server.move(0.2)
+    server.rest(LEAD + 0.02, HOME + 0.04, stopped=True)
+    assert server.canceled == ids(server.goals)
+    server.end(server.goals[-1], GoalStatus.CANCELED)
+    server.rest(3.0 * PATIENCE, HOME + 0.04, stopped=True)
+    assert server.obeys and server.node.told == []
+    count = len(server.goals)
+    server.move(0.2)  # released
+    assert len(server.goals) > count and server.obeys
+
+
+def test_goals_are_canceled_when_the_link_closes():
+    server = FakeServer()
+    server.move(0.2)
+    server.end(server.goals[0], GoalStatus.CANCELED)
+    server.link.close()
+    server.link.close()
+    server.serve()
+    assert server.canceled == ids(server.goals[1:])
+
+
+def test_replies_to_others_are_none_of_ours():
+    server = FakeServer()
+    server.answers, server.accepts = False, False
+    server.move(0.05)
+    (request,) = server.goals
+    other = (request.client + 1) % 2**64
+    stamp = make("builtin_interfaces/msg/Time", sec=0, nanosec=0)
+    server._reply(ACTION.send_goal, request, client=other, accepted=False, stamp=stamp)
+    assert server.obeys and server.node.told == []
+
+
+class StepwiseArm:
+    """The link of a `FakeServer` as the arm of a `Stand`."""
+
+    def __init__(self, server):
+        self._server, self.outputs = server, server.link.outputs
+        self.lag, self._q = LEAD, HOME
+
+    def take(self):
+        self._server.time += PERIOD
+        state = joint_state(self._server.time, ARM, self._q, np.zeros(7))
+        self._server.node.deliver("/joint_states", state)
+        return self._server.link.take()
+
+    def send(self, commands):
+        self._server.link.send(commands)
+        self._server.serve()
+        if self._server.goals:
+            self._q = self._server.goals[-1].trajectory.points[-1].positions
+
+    def close(self):
+        self._server.link.close()
+
+
+def test_the_safety_monitor_stops_an_arm_whose_goal_is_aborted():
+    server = FakeServer()
+    stand = Stand(StepwiseArm(server))
+    stand.planner.say(MOVING, motion_to(GOAL))
+    assert stand.run(1.0)
+    code = ErrorCode.PATH_TOLERANCE_VIOLATED
+    server.end(server.goals[-1], GoalStatus.ABORTED, code, "joint 3")
+    count = len(server.goals)
+    assert not stand.run(3.0)
+    assert len(server.goals) == count
+    assert stand.loop.status.message.startswith("the arm was stopped (stale)")

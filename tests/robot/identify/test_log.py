@@ -1,0 +1,70 @@
+import dataclasses as dc
+
+import pytest
+
+from drake_srg.common.exceptions import ScenarioError
+from drake_srg.robot.identify.log import COLUMNS, parse_log, read_log, vendor_log
+
+ROWS = vendor_log()
+
+
+def text(rows=ROWS, columns=COLUMNS):
+    lines = [",".join(columns)]
+    for row in rows:
+        values = dc.asdict(row)
+        cells = ("" if values[c] != values[c] else f"{values[c]}" for c in columns)
+        lines.append(",".join(cells))
+    return "\n".join(lines)
+
+
+def test_the_vendors_rows_ship_with_the_package():
+    tests = [row.test for row in ROWS]
+    assert [tests.count(t) for t in ("position", "torque", "heating")] == [9, 12, 5]
+    assert ROWS[0].label == "position 20 %"
+
+
+def test_columns_may_stand_in_any_order():
+    shuffled = parse_log(text(columns=COLUMNS[::-1]), "log")
+    assert text(shuffled) == text()
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        (lambda s: s.replace("stop_counts", "stop"), "missing column stop_counts"),
+        (lambda s: s.replace("test,", "test,note,", 1), "column note"),
+        (lambda s: s.replace("test,", "test,load,", 1), "column load"),
+        (lambda s: s + "\n" + "9" * 200_000, "not a CSV file: field larger"),
+        (lambda s: s.replace("558.0", "nan"), "row 2: current_ma: must be 10 .. 20000"),
+        (lambda s: s.replace("558.0", "0.558"), "row 2: current_ma: must be 10"),
+        (
+            lambda s: s.replace("558.0", "558 mA"),
+            "current_ma: must be a number without",
+        ),
+        (lambda s: s.replace(",558.0", ","), "row 2: current_ma: must not be empty"),
+        (lambda s: s.replace("position,30", "grasp,30"), "row 2: test: must be one of"),
+        (lambda s: s + ",9", "row 26: needs 7 entries, got 8"),
+        (lambda s: "\n".join(s.splitlines()[:2]), "test position: needs at least 4"),
+        (lambda s: "", "missing column test"),
+    ],
+)
+def test_a_bad_log_gets_one_clear_line(change, message):
+    with pytest.raises(ScenarioError, match=message) as caught:
+        parse_log(change(text()), "log.csv")
+    assert str(caught.value).startswith("log.csv: ")
+    assert "\n" not in str(caught.value)
+
+
+def test_a_file_may_start_with_a_byte_order_mark(tmp_path):
+    path = tmp_path / "log.csv"
+    path.write_text(f"# mine\n{text()}", encoding="utf-8-sig")
+    assert text(read_log(path)) == text()
+
+
+def test_a_file_that_cannot_be_read_is_named(tmp_path):
+    with pytest.raises(ScenarioError, match=r"none\.csv: No such file"):
+        read_log(tmp_path / "none.csv")
+    binary = tmp_path / "binary.csv"
+    binary.write_bytes(b"\xff\xfe\x00")
+    with pytest.raises(ScenarioError, match="must be a CSV file in UTF-8"):
+        read_log(binary)

@@ -1,0 +1,54 @@
+"""Fixtures of the ROS 1 tests: a bridge, and peers made of plain sockets."""
+
+import contextlib
+
+import pytest
+from bridges.ros1 import peers
+from bridges.ros1.peers import wait_until
+
+from drake_srg.robot.serve.commands import CommandInbox, Warnings
+from drake_srg.robot.serve.ros1.bridge import Ros1Bridge
+from drake_srg.robot.serve.ros1.tcpros import Timing
+
+
+@pytest.fixture
+def inbox(told):
+    return CommandInbox(peers.COMMANDS, Warnings(told.append))
+
+
+@pytest.fixture
+def master():
+    with contextlib.closing(peers.Master()) as master:
+        yield master
+
+
+@pytest.fixture
+def publisher():
+    with contextlib.closing(peers.Publisher()) as publisher:
+        yield publisher
+
+
+@pytest.fixture
+def timing():
+    """Short waits between attempts, so that tests are quick."""
+    return Timing(poll=0.05, retry=0.05, retry_max=0.1)
+
+
+@pytest.fixture
+def new_bridge(inbox, timing):
+    """A function that returns a new bridge; closes it at the end of the test."""
+    with contextlib.ExitStack() as stack:
+
+        def new_bridge(topics=peers.TOPICS, **options):
+            bridge = Ros1Bridge(inbox, topics, **{"timing": timing, **options})
+            return stack.enter_context(contextlib.closing(bridge))
+
+        yield new_bridge
+
+
+@pytest.fixture
+def bridge(new_bridge, master):
+    """A registered bridge with the topics of `peers`."""
+    bridge = new_bridge(master=master.uri)
+    assert wait_until(lambda: "waiting" not in bridge.status)
+    return bridge

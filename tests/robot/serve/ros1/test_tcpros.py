@@ -1,0 +1,408 @@
+import asyncio
+import contextlib
+import dataclasses as dc
+import socket
+import struct
+import time
+
+import numpy as np
+import pytest
+from bridges.ros1 import peers
+from bridges.ros1.peers import (
+    ARRAY,
+    ARRAY_MD5,
+    CLOCK,
+    CLOCK_MD5,
+    IMAGE,
+    INT32,
+    INT32_MD5,
+    JOINTS,
+    array,
+    int32,
+    taken,
+)
+from bridges.waiting import wait_until
+from hypothesis import given
+from hypothesis import strategies as st
+
+from drake_srg.robot.serve.commands import Warnings
+from drake_srg.robot.serve.ros1 import tcpros
+from drake_srg.robot.serve.ros1.tcpros import (
+    FRAME_LIMIT,
+    Endpoint,
+    Frames,
+    SubscriberConnection,
+    TcprosError,
+    Timing,
+    decode_header,
+    encode_header,
+    frame,
+)
+
+names = st.text(st.characters(codec="ascii", exclude_characters="="), min_size=1)
+values = st.text(st.characters(codec="utf-8"))
+
+
+def content(framed):
+    (size,) = struct.unpack("<I", framed[:4])
+    assert size == len(framed) - 4
+    return framed[4:]
+
+
+def test_a_header_is_framed_as_the_specification_shows():
+    # The first two fields of the example in wiki.ros.org/ROS/Connection Header.
+    header = {"message_definition": "string data\n\n", "callerid": "/rostopic_4767"}
+    definition = b"\x20\0\0\0message_definition=string data\n\n"
+    caller = b"\x17\0\0\0callerid=/rostopic_4767"
+    size = struct.pack("<I", len(definition) + len(caller))
+    assert encode_header(header) == size + definition + caller
+
+
+@given(st.dictionaries(names, values))
+def test_a_header_survives_encoding_and_decoding(fields):
+    assert decode_header(content(encode_header(fields))) == fields
+
+
+def frames_of(messages):
+    return b"".join(map(frame, messages))
+
+
+@given(st.binary(max_size=200) | st.lists(st.binary(), max_size=5).map(frames_of))
+def test_arbitrary_bytes_are_a_header_or_raise_an_error(data):
+    try:
+        fields = decode_header(data)
+    except TcprosError:
+        return
+    assert all(fields)
+
+
+@given(st.lists(st.binary(max_size=50)), st.lists(st.integers(0, 60)))
+def test_frames_do_not_depend_on_how_the_stream_is_cut(messages, pieces):
+    stream, frames, found = frames_of(messages), Frames(), []
+    for size in [*pieces, len(stream)]:
+        found += frames.feed(stream[:size])
+        stream = stream[size:]
+    assert found == messages
+    assert frames.pending == 0
+
+
+def test_half_a_frame_waits_for_the_rest():
+    frames = Frames()
+    assert list(frames.feed(frame(b"12") + frame(b"345")[:-1])) == [b"12"]
+    assert frames.pending == 6
+    assert list(frames.feed(b"5")) == [b"345"]
+
+
+def test_a_frame_longer_than_the_limit_is_refused_at_once():
+    frames = Frames()
+    assert list(frames.feed(struct.pack("<I", FRAME_LIMIT))) == []
+    with pytest.raises(TcprosError, match="at most 1048576 bytes, got 1048577"):
+        list(Frames().feed(struct.pack("<I", FRAME_LIMIT + 1)))
+
+
+def test_frames_before_an_invalid_length_are_not_lost():
+    found = []
+    with pytest.raises(TcprosError):
+        for message in Frames().feed(frame(b"good") + b"\xff" * 4):
+            found.append(message)
+    assert found == [b"good"]
+
+
+def test_a_subscriber_receives_a_header_and_messages(bridge, master):
+    assert not bridge.has_subscribers("/clock")
+    bridge.publish(CLOCK, 0.5, [])  # without a subscriber
+    connection, header = peers.subscribe(
+        master.node, "/clock", md5sum=CLOCK_MD5, type="rosgraph_msgs/Clock"
+    )
+    assert header.pop("message_definition").startswith("time clock")
+    assert header == {
+        "callerid": "/drake_srg",
+        "latching": "0",
+        "md5sum": CLOCK_MD5,
+        "topic": "/clock",
+        "type": "rosgraph_msgs/Clock",
+    }
+    assert wait_until(lambda: bridge.has_subscribers("/clock"))
+    bridge.publish(CLOCK, 1.25, [])
+    assert peers.receive_frame(connection) == struct.pack("<II", 1, 250_000_000)
+
+
+def test_the_system_does_not_delay_small_messages():
+    class Transport(asyncio.Transport):
+        def set_write_buffer_limits(self, high=None, low=None):
+            assert high == 0  # nor does asyncio
+
+    async def connect(ours):
+        connection = SubscriberConnection(
+            Endpoint("/node", Warnings(print), Timing()), {}, set()
+        )
+        connection.connection_made(Transport({"socket": ours}))
+        connection.connection_lost(None)
+
+    with socket.socket() as ours:
+        asyncio.run(connect(ours))
+        assert ours.getsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY) == 1
+
+
+def test_headers_of_messages_count_up_on_each_topic(bridge, master):
+    connection, _ = peers.subscribe(master.node, "/joint_states", md5sum="*", type="*")
+    for _ in range(3):
+        bridge.publish(JOINTS, 1.0, [np.arange(4.0), None])
+    numbers = [peers.receive_frame(connection)[:4] for _ in range(3)]
+    assert numbers == [struct.pack("<I", i) for i in range(3)]
+
+
+@pytest.mark.parametrize(
+    ("topic", "fields", "error"),
+    [
+        ("/clock", {"md5sum": INT32_MD5, "type": "std_msgs/Int32"}, CLOCK_MD5),
+        ("/nothing", {"md5sum": "*"}, "/clock, /image, /joint_states"),
+        ("/clock", {}, "'md5sum'"),
+    ],
+)
+def test_an_unsuitable_subscriber_is_refused_with_a_reason(
+    bridge, master, told, topic, fields, error
+):
+    address = peers.tcpros_address(master.node, "/clock")
+    for _ in range(2):
+        with socket.create_connection(address, timeout=20.0) as connection:
+            connection.sendall(peers.header(callerid="/peer", topic=topic, **fields))
+            assert error in peers.receive_header(connection)["error"]
+            assert connection.recv(1) == b""
+    assert len(told.about("refused a subscriber")) == 1
+    assert not bridge.has_subscribers("/clock")
+
+
+def test_a_header_may_arrive_byte_by_byte(bridge, master):
+    address = peers.tcpros_address(master.node, "/clock")
+    with socket.create_connection(address, timeout=20.0) as connection:
+        for byte in peers.header(callerid="/peer", topic="/clock", md5sum="*"):
+            connection.sendall(bytes([byte]))
+        assert peers.receive_header(connection)["type"] == "rosgraph_msgs/Clock"
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("garbage", [b"GET / HTTP/1.1\r\n\r\n", b"\xff" * 8, b"\x08"])
+def test_garbage_instead_of_a_header_ends_its_connection_only(
+    new_bridge, timing, master, garbage
+):
+    new_bridge(master=master.uri, timing=dc.replace(timing, handshake=0.5))
+    assert wait_until(lambda: len(master.registered) == 6)
+    address = peers.tcpros_address(master.node, "/clock")
+    with socket.create_connection(address, timeout=20.0) as connection:
+        connection.sendall(garbage)
+        with contextlib.suppress(ConnectionResetError):
+            while connection.recv(100):
+                pass
+    peers.subscribe(master.node, "/clock", md5sum="*")
+
+
+def test_a_subscriber_that_reads_nothing_loses_the_oldest_messages(bridge, master):
+    stuck, _ = peers.subscribe(master.node, "/image", md5sum="*")
+    reading, _ = peers.subscribe(master.node, "/image", md5sum="*")
+    pixels = np.zeros((480, 640, 3), np.uint8)
+    count = 60
+    for i in range(count):
+        bridge.publish(IMAGE, float(i), [pixels])
+        frame = peers.receive_frame(reading)
+        assert frame[:8] == struct.pack("<II", i, i)
+    numbers = []
+    while not numbers or numbers[-1] < count - 1:
+        numbers.append(struct.unpack("<I", peers.receive_frame(stuck)[:4])[0])
+    # First the contents of the system's buffers, then those of the queue.
+    assert numbers == sorted(numbers)
+    assert len(numbers) < count
+    assert numbers[-10:] == list(range(count - 10, count))
+
+    def sent():
+        topics = {topic: rows for topic, _, rows in master.node.getBusStats("/x")[2][0]}
+        return sorted(messages for _, _, messages, _ in topics["/image"])
+
+    assert wait_until(lambda: sent() == [len(numbers), count])
+
+
+def test_a_vanishing_subscriber_does_not_disturb_others(bridge, master):
+    vanishing, _ = peers.subscribe(master.node, "/clock", md5sum="*")
+    staying, _ = peers.subscribe(master.node, "/clock", md5sum="*")
+    # A reset instead of a regular close.
+    vanishing.setsockopt(socket.SOL_SOCKET, socket.SO_LINGER, struct.pack("ii", 1, 0))
+    vanishing.close()
+    for i in range(20):
+        bridge.publish(CLOCK, float(i), [])
+        assert peers.receive_frame(staying) == struct.pack("<II", i, 0)
+    staying.close()
+    assert wait_until(lambda: not bridge.has_subscribers("/clock"))
+
+
+def test_a_message_becomes_a_command(bridge, inbox, master, publisher, told):
+    master.tell("/grasp", publisher.uri)
+    connection = publisher.accept(**INT32)
+    message_definition = publisher.header.pop("message_definition")
+    assert message_definition == "int32 data\n"
+    assert publisher.header == {
+        "callerid": "/drake_srg",
+        "md5sum": INT32_MD5,
+        "tcp_nodelay": "1",
+        "topic": "/grasp",
+        "type": "std_msgs/Int32",
+    }
+    connection.sendall(int32(42))
+    assert taken(inbox, "closure") == [0.42]
+    assert told == []
+
+
+def test_a_message_may_arrive_in_pieces(bridge, inbox, master, publisher):
+    master.tell("/kuka", publisher.uri)
+    connection = publisher.accept(**ARRAY)
+    message = array(1.0, -2.0, 3.5)
+    for piece in (message[:2], message[2:20], message[20:-1]):
+        connection.sendall(piece)
+        time.sleep(0.02)
+        assert inbox.take() == {}
+    connection.sendall(message[-1:])
+    assert taken(inbox, "arm") == [1.0, -2.0, 3.5]
+
+
+def test_a_burst_of_messages_keeps_the_last_value(bridge, inbox, master, publisher):
+    master.tell("/grasp", publisher.uri)
+    connection = publisher.accept(**INT32)
+    connection.sendall(b"".join(int32(i % 100) for i in range(10_000)) + int32(99))
+    assert wait_until(lambda: inbox.received == 10_001)
+    assert inbox.take()["closure"] == [0.99]
+
+
+def test_malformed_messages_are_refused_and_counted(
+    bridge, inbox, master, publisher, told
+):
+    master.tell("/kuka", publisher.uri)
+    connection = publisher.accept(**ARRAY)
+    generator = np.random.default_rng(0)
+    good = array(1.0, 2.0)[4:]
+    bad = [good[:-1], good + b"\0", b"", *(good[:size] for size in range(len(good)))]
+    bad += [generator.bytes(size) for size in range(1, 60)]
+    for content in bad:
+        connection.sendall(struct.pack("<I", len(content)) + content)
+    connection.sendall(array(5.0))
+    assert wait_until(lambda: inbox.received == len(bad) + 1)
+    assert inbox.take()["arm"].tolist() == [5.0]
+    (warning,) = told
+    assert warning.startswith("/kuka: must be a std_msgs/Float64MultiArray: ")
+
+
+def test_a_command_out_of_range_is_refused_with_one_warning(
+    bridge, inbox, master, publisher, told
+):
+    master.tell("/grasp", publisher.uri)
+    publisher.accept(**INT32).sendall(int32(50) + int32(101) + int32(-1))
+    assert wait_until(lambda: inbox.received == 3)
+    assert inbox.take()["closure"] == [0.5]
+    assert told == ["/grasp: is 101; the last good command holds"]
+
+
+@pytest.mark.parametrize(
+    ("answer", "sent", "warning"),
+    [
+        (INT32, b"\xff\xff\xff\xff", "at most 1048576 bytes, got 4294967295"),
+        (INT32 | {"md5sum": ARRAY_MD5}, int32(1), f"Int32 with MD5 sum {INT32_MD5}"),
+        ({"error": "go\x1b away"}, b"", "refuses: 'go\\x1b away'"),
+        ({}, b"\x05\0\0\0hello", "invalid header"),
+    ],
+)
+def test_an_unsuitable_publisher_is_tried_again_with_one_warning(
+    bridge, inbox, master, publisher, told, answer, sent, warning
+):
+    master.tell("/grasp", publisher.uri)
+    for _ in range(2):
+        connection = publisher.accept(**answer)
+        connection.sendall(sent)
+        with contextlib.suppress(ConnectionResetError):
+            assert connection.recv(1) == b""
+    publisher.accept(**INT32).sendall(int32(3))
+    assert taken(inbox, "closure") == [0.03]
+    (text,) = told
+    assert warning in text
+
+
+def test_commands_go_on_after_an_unexpected_error(
+    bridge, inbox, master, publisher, told, monkeypatch
+):
+    receive = inbox.receive
+
+    def fail_once(topic, data):
+        monkeypatch.setattr(inbox, "receive", receive)
+        raise RuntimeError("unforeseen")
+
+    monkeypatch.setattr(inbox, "receive", fail_once)
+    master.tell("/grasp", publisher.uri)
+    publisher.accept(**INT32).sendall(int32(1))
+    publisher.accept(**INT32).sendall(int32(2))
+    assert taken(inbox, "closure") == [0.02]
+    (text,) = told
+    assert "unforeseen" in text
+
+
+@pytest.mark.parametrize("answer", [[], ["UDPROS"], ["TCPROS", "127.0.0.1", 0], 7])
+def test_a_publisher_without_a_tcpros_address_is_reported(bridge, master, told, answer):
+    peer = peers.Api(requestTopic=lambda *_: [1, "", answer])
+    with contextlib.closing(peer):
+        master.tell("/grasp", peer.uri)
+        assert wait_until(lambda: told)
+    assert f"invalid answer to requestTopic: {answer}" in told[0]
+
+
+def test_publishers_come_and_go(bridge, inbox, master, publisher, told):
+    master.tell("/grasp", publisher.uri)
+    vanishing = publisher.accept(**INT32)
+    vanishing.sendall(int32(5)[:6])
+    vanishing.close()  # the bridge connects again
+    first = publisher.accept(**INT32)
+    with contextlib.closing(peers.Publisher()) as other:
+        master.tell("/grasp", publisher.uri, other.uri)
+        second = other.accept(**INT32)
+        for connection, value in (first, 10), (second, 20), (first, 30):
+            connection.sendall(int32(value))
+            assert taken(inbox, "closure") == [value / 100]
+        master.tell("/grasp", other.uri)
+        first.close()
+        second.sendall(int32(40))
+        assert taken(inbox, "closure") == [0.4]
+    (text,) = told
+    assert "in the middle of a message" in text
+
+
+def test_a_publisher_that_left_is_reported_only_if_it_stays_listed(
+    bridge, inbox, master, publisher, told, monkeypatch
+):
+    master.tell("/grasp", publisher.uri)
+    connection = publisher.accept(**INT32)
+    connection.sendall(int32(5))
+    assert taken(inbox, "closure") == [0.05]
+    told_at_attempts = []
+
+    async def nobody_answers(uri, *arguments, **options):
+        told_at_attempts.append(list(told))
+        raise ConnectionRefusedError("nobody there")
+
+    monkeypatch.setattr(tcpros, "call", nobody_answers)
+    connection.close()
+    assert wait_until(lambda: told)
+    assert told_at_attempts[:2] == [[], []]  # the first failure is not reported
+    (text,) = told
+    assert "cannot be reached" in text
+
+
+@pytest.mark.parametrize(
+    "uri", ["http://127.0.0.1:9/", "nonsense", "http://a b:1/", "http://127.0.0.1:0/"]
+)
+def test_an_unreachable_publisher_is_reported_once_and_stops_no_other(
+    bridge, inbox, master, publisher, told, uri
+):
+    master.tell("/grasp", uri)
+    assert wait_until(lambda: told)
+    master.tell("/grasp", uri, publisher.uri)
+    publisher.accept(**INT32).sendall(int32(1))
+    assert taken(inbox, "closure") == [0.01]
+    time.sleep(0.2)
+    (text,) = told
+    assert "/grasp" in text
+    assert "cannot be reached" in text

@@ -1,0 +1,110 @@
+import asyncio
+import contextlib
+import socket
+
+import pytest
+from bridges.ros1.peers import Api
+
+from drake_srg.robot.serve.ros1.xmlrpc import XmlRpcError, call, serve
+from drake_srg.robot.serve.sockets import Resolver
+
+
+def run_call(uri, method, *arguments, timeout=20.0):
+    coroutine = call(uri, method, *arguments, resolver=Resolver(), timeout=timeout)
+    return asyncio.run(coroutine)
+
+
+@pytest.fixture
+def new_api():
+    """A function that starts an XML-RPC server with methods and returns its URI."""
+    with contextlib.ExitStack() as stack:
+
+        def new_api(**methods):
+            return stack.enter_context(contextlib.closing(Api(**methods))).uri
+
+        yield new_api
+
+
+def test_a_call_returns_the_value_of_a_good_answer(new_api):
+    uri = new_api(add=lambda caller, a, b: [1, "sum", a + b])
+    assert run_call(uri, "add", "/me", 2, 3) == 5
+
+
+@pytest.mark.parametrize(
+    ("answer", "words"),
+    [
+        ([-1, "unknown node", ""], "reports an error: 'unknown node'"),
+        ([0, "failed", ""], "reports an error: 'failed'"),
+        ([1, "too short"], "invalid answer"),
+        (7, "invalid answer"),
+    ],
+)
+def test_a_bad_answer_is_an_error(new_api, answer, words):
+    with pytest.raises(XmlRpcError, match=words):
+        run_call(new_api(ask=lambda caller: answer), "ask", "/me")
+
+
+@pytest.mark.parametrize(
+    "answer",
+    [
+        b"HTTP/1.0 200 OK\r\nContent-Length: 3\r\n\r\n<<<",
+        b"HTTP/1.0 200 OK\r\nContent-Length: 9999999\r\n\r\n",
+        b"SSH-2.0-OpenSSH_9.2\r\n",
+    ],
+)
+def test_a_peer_that_is_not_xml_rpc_is_an_error(answer):
+    async def main():
+        async def handle(reader, writer):
+            await reader.readuntil(b"\r\n\r\n")
+            writer.write(answer)
+            writer.close()
+
+        server = await asyncio.start_server(handle, "127.0.0.1", 0)
+        port = server.sockets[0].getsockname()[1]
+        async with server:
+            uri = f"http://127.0.0.1:{port}"
+            await call(uri, "getPid", "/me", resolver=Resolver(), timeout=20.0)
+
+    with pytest.raises(XmlRpcError, match="invalid answer"):
+        asyncio.run(main())
+
+
+def test_an_unknown_host_is_an_error(monkeypatch):
+    def getaddrinfo(*_):
+        raise socket.gaierror(-2, "Name or service not known")
+
+    monkeypatch.setattr(socket, "getaddrinfo", getaddrinfo)
+    with pytest.raises(XmlRpcError, match="http://robot:11311: host not found"):
+        run_call("http://robot:11311", "getPid", "/me")
+
+
+def test_a_peer_that_is_not_there_does_not_answer():
+    with pytest.raises(XmlRpcError, match=r"http://127\.0\.0\.1:9 does not answer"):
+        run_call("http://127.0.0.1:9", "getPid", "/me")
+
+
+def test_a_hanging_peer_does_not_answer_in_time():
+    with socket.create_server(("127.0.0.1", 0)) as hanging:
+        uri = f"http://127.0.0.1:{hanging.getsockname()[1]}"
+        with pytest.raises(XmlRpcError, match="does not answer"):
+            run_call(uri, "getPid", "/me", timeout=0.1)
+
+
+def test_a_server_answers_calls_and_faults():
+    def answer(method, arguments):
+        if method != "getPid":
+            raise TypeError(f"unknown method {method!r}")
+        return [1, "", list(arguments)]
+
+    async def main():
+        refused = []
+        listener = socket.create_server(("127.0.0.1", 0))
+        uri = f"http://127.0.0.1:{listener.getsockname()[1]}"
+        server = await serve(listener, answer, refused.append)
+        async with server:
+            good = await call(uri, "getPid", "/me", resolver=Resolver())
+            with pytest.raises(XmlRpcError, match="unknown method 'getAll'"):
+                await call(uri, "getAll", "/me", resolver=Resolver())
+        assert (good, refused) == (["/me"], [])
+
+    asyncio.run(main())

@@ -1,0 +1,69 @@
+import pytest
+from bridges.fake_bridge import FakeBridge
+
+from drake_srg.recording import rosbag
+from drake_srg.robot.serve.bridge import Bridge, Outlet
+from drake_srg.robot.serve.commands import Warnings
+
+
+def test_a_plain_bridge_has_no_clients_and_does_nothing():
+    bridge, clock = Bridge(), rosbag.clock()
+    assert bridge.status == ""
+    assert not bridge.ports
+    assert not bridge.closed
+    assert not bridge.has_subscribers(clock.name)
+    bridge.publish(clock, 0.0, [])
+    bridge.update(0.0, {})
+    bridge.close()
+    bridge.close()
+
+
+CLOCK = rosbag.clock()
+
+
+class Failing(FakeBridge):
+    def publish(self, topic, time, values):
+        raise RuntimeError("broken line")
+
+    def update(self, time, values):
+        raise RuntimeError("broken line")
+
+
+@pytest.fixture
+def warnings(told):
+    return Warnings(told.append)
+
+
+def test_messages_go_to_the_bridges_with_subscribers(warnings):
+    listening = FakeBridge(wanted=lambda name: name == "/clock")
+    deaf = FakeBridge(wanted=lambda name: False)
+    outlet = Outlet([listening, deaf], warnings)
+    assert outlet.has_subscribers("/clock")
+    assert not outlet.has_subscribers("/joint_states")
+    outlet.send(CLOCK, 1.0, [])
+    assert (listening.messages, deaf.messages) == ({"/clock": [(1.0, [])]}, {})
+
+
+def test_each_bridge_gets_the_values_of_its_ports(warnings):
+    one, other = FakeBridge(ports=["a"]), FakeBridge(ports=["a", "b"])
+    Outlet([one, other], warnings).update(0.5, {"a": 1, "b": 2, "c": 3})
+    assert one.updates == [(0.5, {"a": 1})]
+    assert other.updates == [(0.5, {"a": 1, "b": 2})]
+
+
+def test_a_failing_bridge_is_reported_once_a_task_and_stops_no_other(warnings, told):
+    good = FakeBridge()
+    outlet = Outlet([Failing(), good], warnings)
+    for time in (0.0, 0.1):
+        outlet.send(CLOCK, time, [])
+        outlet.update(time, {})
+    assert len(good.messages["/clock"]) == len(good.updates) == 2
+    assert told == [
+        "Failing /clock: RuntimeError('broken line')",
+        "Failing update: RuntimeError('broken line')",
+    ]
+
+
+def test_the_status_joins_those_of_the_bridges(warnings):
+    outlet = Outlet([FakeBridge(), Bridge(), FakeBridge()], warnings)
+    assert outlet.status == "fake, fake"

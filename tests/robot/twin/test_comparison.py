@@ -1,0 +1,196 @@
+import json
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis.extra.numpy import arrays
+from pydrake.math import RigidTransform, RollPitchYaw
+from pydrake.systems.analysis import Simulator
+
+from drake_srg.experiments.direct_node import make_message
+from drake_srg.robot.serve.commands import CommandError
+from drake_srg.robot.serve.pictures import BLOBS, camera_topics
+from drake_srg.robot.twin.comparison import (
+    KINDS,
+    TorqueComparison,
+    TwinMonitor,
+    read_blobs,
+)
+from drake_srg.scenario.schema import TwinConfig
+from drake_srg.types import Blob, BlobFlag
+
+
+def told(*blobs, time=1.5):
+    """The message of `serve` about blobs."""
+    topic = camera_topics("ceiling", None)[BLOBS]
+    return topic.convert(make_message, time, blobs).data
+
+
+def blob(name="can", X_WO=None, flags=()):
+    X_WO = X_WO or RigidTransform(RollPitchYaw(0.1, 0.2, 0.3), [0.5, -0.2, 0.05])
+    return Blob(name, "ceiling", (1.0, 2.0), X_WO, 1.0, frozenset(flags))
+
+
+def test_the_messages_of_a_served_station_are_understood():
+    hidden = blob("mug", flags=[BlobFlag.OCCLUDED])
+    uncertain = blob("box", flags=[BlobFlag.UNCERTAIN])
+    can, mug = read_blobs(told(blob(), hidden, uncertain))
+    assert (can.name, can.time, can.clear) == ("can", 1.5, True)
+    assert can.X_WO.IsNearlyEqualTo(blob().X_WO, 1e-9)
+    assert (mug.name, mug.clear) == ("mug", False)
+
+
+GOOD = json.loads(told(blob()))
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "",
+        "no JSON",
+        "[]",
+        "null",
+        "{}",
+        '{"stamp": NaN, "blobs": []}',
+        '{"stamp": 1.0, "blobs": 3}',
+        '{"stamp": 1.0, "blobs": [{}]}',
+        *(
+            json.dumps({**GOOD, "blobs": [{**GOOD["blobs"][0], **change}]})
+            for change in (
+                {"position": [0.0, 0.0]},
+                {"position": [0.0, 0.0, np.nan]},
+                {"position": "here"},
+                {"orientation": {"x": 0.0, "y": 0.0, "z": 0.0, "w": 0.0}},
+                {"orientation": {"w": 1.0}},
+                {"flags": ["imaginary"]},
+                {"flags": None},
+            )
+        ),
+    ],
+)
+def test_anything_else_is_refused(text):
+    with pytest.raises(CommandError):
+        read_blobs(text)
+
+
+PERIOD = 0.01
+CONFIG = TwinConfig(still_time=0.1, patience=0.3)
+
+
+class Stand:
+    """A monitor of a two-joint arm with two fingers and two objects."""
+
+    def __init__(self):
+        self.monitor = TwinMonitor(CONFIG, [100.0, 50.0], 2, 2, PERIOD)
+        self.simulator = Simulator(self.monitor)
+        self.context = self.simulator.get_mutable_context()
+        for name, size in (
+            ("arm_state", 4),
+            ("arm_state_measured", 4),
+            ("torque_residual", 2),
+            ("gripper_state", 4),
+            ("gripper_state_measured", 4),
+            ("object_error", 2),
+        ):
+            self.fix(name, np.zeros(size))
+        self.time = 0.0
+
+    def fix(self, name, value):
+        self.monitor.GetInputPort(name).FixValue(self.context, value)
+
+    def parted(self, seconds):
+        """Advance, and return the kinds of which robot and twin have parted."""
+        self.time += seconds
+        self.simulator.AdvanceTo(self.time)
+        parted = self.monitor.GetOutputPort("parted").Eval(self.context)
+        return [kind for kind, value in zip(KINDS, parted, strict=True) if value]
+
+
+# An input with a difference just above and just below the limit.
+CASES = {
+    "joint": ("arm_state_measured", [0.0, -1.01 * CONFIG.joint, 0.0, 0.0]),
+    "torque": ("torque_residual", [0.0, 1.01 * CONFIG.torque * 50.0]),
+    "finger": ("gripper_state_measured", [1.01 * CONFIG.finger, 0.0, 0.0, 0.0]),
+    "object": ("object_error", [np.nan, 1.01 * CONFIG.object]),
+}
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_a_difference_above_its_limit_that_lasts_is_reported(kind):
+    stand = Stand()
+    port, value = CASES[kind]
+    assert stand.parted(1.005) == []
+    stand.fix(port, value)
+    patience = CONFIG.still_time if kind == "torque" else CONFIG.patience
+    assert stand.parted(patience - 0.02) == []
+    assert stand.parted(0.1) == [kind]
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_a_difference_below_its_limit_is_none(kind):
+    stand = Stand()
+    port, value = CASES[kind]
+    stand.fix(port, 0.98 * np.array(value))
+    assert stand.parted(2.0) == []
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_it_is_over_well_below_the_limit_only(kind):
+    stand = Stand()
+    port, value = CASES[kind]
+    stand.fix(port, value)
+    assert stand.parted(1.0) == [kind]
+    stand.fix(port, 0.9 * np.array(value))
+    assert stand.parted(1.0) == [kind]
+    stand.fix(port, 0.7 * np.array(value))
+    assert stand.parted(0.1) == []
+
+
+def test_short_differences_do_not_add_up():
+    stand = Stand()
+    for _ in range(4):
+        stand.fix(*CASES["finger"])
+        assert stand.parted(0.2) == []
+        stand.fix("gripper_state_measured", np.zeros(4))
+        assert stand.parted(0.1) == []
+
+
+def test_torques_of_a_moving_arm_do_not_count():
+    stand = Stand()
+    stand.fix(*CASES["torque"])
+    stand.fix("arm_state_measured", [0.0, 0.0, 0.1, 0.0])
+    assert stand.parted(2.0) == []
+    stand.fix("arm_state_measured", np.zeros(4))
+    assert stand.parted(0.18) == []
+    assert stand.parted(0.05) == ["torque"]
+
+
+@pytest.mark.parametrize(
+    "port",
+    ["torque_residual", "gripper_state_measured", "object_error"],
+)
+def test_what_nobody_tells_is_no_difference(port):
+    stand = Stand()
+    size = stand.monitor.GetInputPort(port).size()
+    stand.fix(port, np.full(size, np.nan))
+    assert stand.parted(2.0) == []
+
+
+torques = arrays(float, 3, elements={"min_value": -300.0, "max_value": 300.0})
+
+
+@given(torques, torques, torques)
+def test_measured_is_expected_and_residual(needed, felt, simulated):
+    system = TorqueComparison(3)
+    context = system.CreateDefaultContext()
+    measured = needed - felt
+    for name, value in (
+        ("torque_measured", measured),
+        ("external_felt", felt),
+        ("external_expected", simulated),
+    ):
+        system.GetInputPort(name).FixValue(context, value)
+    expected = system.GetOutputPort("torque_expected").Eval(context)
+    residual = system.GetOutputPort("torque_residual").Eval(context)
+    np.testing.assert_allclose(expected, needed - simulated, atol=1e-9)
+    np.testing.assert_allclose(expected + residual, measured, atol=1e-9)

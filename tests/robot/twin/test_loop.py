@@ -1,0 +1,217 @@
+"""A twin beside a robot that the test plays: no sockets, no second simulation."""
+
+import dataclasses as dc
+import functools
+
+import numpy as np
+import pytest
+from pydrake.math import RigidTransform
+
+from drake_srg.common.exceptions import ScenarioError
+from drake_srg.experiments.direct_node import DirectNode, make_message
+from drake_srg.recording.rosbag import header
+from drake_srg.robot.drive.config import HardwareConfig, parse_hardware
+from drake_srg.robot.twin.comparison import Sighting
+from drake_srg.robot.twin.loop import Listener, Told, TwinLoop
+from drake_srg.robot.twin.station import AddTwin, MakeTwin
+from drake_srg.scenario import load_scenario
+from drake_srg.simulation.flat import MakeRoot
+
+HOME = np.array([0.0, -0.3, 0.0, -1.9, 0.0, 1.5, 0.0])
+REST = np.append(HOME, np.zeros(7))
+CAN = "soup_can"
+
+
+@functools.cache
+def scenario():
+    return load_scenario("kitchen_fast", seed=0, overrides=["twin.settle=0.3"])
+
+
+def told(stamp, **changes):
+    first = Told(stamp, REST, np.full(7, np.nan), np.full(8, np.nan), 0.0)
+    return dc.replace(first, **changes)
+
+
+@pytest.fixture
+def loop():
+    builder, twin = MakeRoot("twin", MakeTwin, AddTwin, scenario(), "test")
+    return TwinLoop("test", scenario(), builder.Build(), twin, told(100.0))
+
+
+def follow(loop, begin, end, step=0.05, **changes):
+    """Tell the same until a time; return the reports."""
+    reports = []
+    for stamp in np.arange(begin + step, end + 1e-9, step):
+        reports += loop.follow(told(stamp, **changes))
+    return reports
+
+
+def seen(time, p_WO, clear=True):
+    return (Sighting(CAN, time, RigidTransform(p_WO), clear),)
+
+
+def test_its_clock_is_the_robots(loop):
+    assert follow(loop, 100.0, 101.0) == []
+    assert loop.time == pytest.approx(1.0, abs=scenario().twin.period)
+    np.testing.assert_allclose(loop.value("arm.state_measured")[:7], HOME, atol=2e-3)
+
+
+def test_an_arm_that_goes_where_the_table_is_differs(loop):
+    down = REST.copy()
+    down[:7] = [0.0, 1.95, 0.0, -0.2, 0.0, 0.3, 0.0]
+    reports = []
+    for share in np.linspace(0.0, 1.0, 40):
+        state = (1.0 - share) * REST + share * down
+        state[7:] = 0.5 * (down - REST)[:7]
+        reports += loop.follow(told(100.0 + 2.0 * share + 0.05, arm_state=state))
+    reports += follow(loop, 102.05, 103.5, arm_state=down)
+    assert [report.kind for report in reports] == ["joint"]
+    assert "joint" in reports[0].text
+
+
+def test_fingers_that_do_not_close_differ(loop):
+    still = np.zeros(8)
+    assert follow(loop, 100.0, 100.5, gripper_state=still) == []
+    reports = follow(loop, 100.5, 102.0, gripper_state=still, closure=1.0)
+    assert [report.kind for report in reports] == ["finger"]
+    assert "less closed" in reports[0].text
+    assert follow(loop, 102.0, 103.0, gripper_state=still, closure=1.0) == []  # once
+    # Once it is over, the next one is reported anew.
+    assert follow(loop, 103.0, 105.0, gripper_state=still, closure=0.0) == []
+    reports = follow(loop, 105.0, 107.0, gripper_state=still, closure=1.0)
+    assert [report.kind for report in reports] == ["finger"]
+
+
+def test_objects_are_put_where_they_are_first_seen_at_rest(loop):
+    place = np.array([0.6, -0.1, 0.051])
+    loop.follow(told(100.1, sightings=seen(100.1, place)))
+    before = loop.value("object_poses_cheat")[CAN].translation()
+    assert np.linalg.norm(before - place) > 0.05
+    loop.follow(told(100.2, sightings=seen(100.2, place, clear=False)))
+    loop.follow(told(100.3, sightings=seen(100.3, place + 0.1)))
+    loop.follow(told(100.4, sightings=seen(100.4, place + 0.001)))
+    follow(loop, 100.4, 101.0)
+    after = loop.value("object_poses_cheat")[CAN].translation()
+    assert np.linalg.norm(after - place) > 0.05  # not yet: it seems to move
+    loop.follow(told(101.1, sightings=seen(101.1, place)))
+    loop.follow(told(101.2, sightings=seen(101.2, place)))
+    after = loop.value("object_poses_cheat")[CAN].translation()
+    assert np.linalg.norm(after - place) < 0.005
+
+
+def test_an_object_that_is_seen_elsewhere_differs_once(loop):
+    place, other = np.array([0.7, 0.2, 0.051]), np.array([0.7, 0.0, 0.051])
+    reports = []
+    for i, p_WO in enumerate([place] * 5 + [other] * 15):
+        stamp = 100.1 + 0.1 * i
+        reports += loop.follow(told(stamp, sightings=seen(stamp - 0.02, p_WO)))
+    assert [report.kind for report in reports] == ["object"]
+    assert reports[0].difference == pytest.approx(0.2, abs=0.01)
+    assert CAN in reports[0].text
+    now = loop.value("object_poses_cheat")[CAN].translation()
+    assert np.linalg.norm(now - other) < 0.005  # the camera was right
+
+
+def test_torques_that_the_twin_does_not_expect_are_reported(loop):
+    torque = np.zeros(7)
+    for _ in range(3):  # what the motors hold the arm with, by the twin itself
+        reports = follow(loop, 100.0 + loop.time, 100.5 + loop.time, arm_torque=torque)
+        torque = torque - loop.value("twin.torque_residual")
+    begin = 100.0 + loop.time
+    follow(loop, begin, begin + 0.5, arm_torque=torque)
+    assert np.abs(loop.value("twin.torque_residual")).max() < 0.1
+    begin = 100.0 + loop.time
+    heavier = torque + np.array([0.0, 8.0, 0.0, 0.0, 0.0, 0.0, 0.0])
+    reports = follow(loop, begin, begin + 0.5, arm_torque=heavier)
+    assert [report.kind for report in reports] == ["torque"]
+    assert "joint 2 has 8.0 N m" in reports[0].text
+
+
+def test_nothing_is_reported_for_a_while_after_lost_messages(loop):
+    still = np.zeros(8)
+    follow(loop, 100.0, 100.5, gripper_state=still)
+    # For 0.6 s nothing arrives, then the gripper is commanded to be closed.
+    assert loop.follow(told(101.1, gripper_state=still, closure=1.0)) == []
+    assert loop.skipped == 0.0
+    assert loop.time == pytest.approx(1.1, abs=0.02)
+
+
+def test_a_clock_that_is_set_is_not_followed(loop):
+    follow(loop, 100.0, 100.5)
+    loop.follow(told(5000.0))
+    assert loop.time < 0.6
+    assert loop.skipped == pytest.approx(4899.5, abs=0.1)
+    follow(loop, 5000.0, 5000.5)
+    assert loop.time < 1.1
+
+
+class Talk:
+    """A listener and the messages that it gets."""
+
+    def __init__(self, text="arm: !Ros2Arm {}\ngripper: !Ros2Gripper {}\n"):
+        self.node = DirectNode()
+        robot = self.node.robot(scenario())
+        config = parse_hardware(text, "robot.yaml")
+        self.names = [*robot.arm_joints, *robot.gripper_joints]
+        self.listener = Listener(config, scenario().twin, robot)
+
+    def joints(self, stamp, position=None):
+        position = np.zeros(11) if position is None else np.array(position)
+        message = make_message(
+            "sensor_msgs/msg/JointState",
+            header=header(make_message, stamp),
+            name=self.names,
+            position=position,
+            velocity=np.zeros(11),
+            effort=np.arange(11.0),
+        )
+        return self.node.deliver("/joint_states", message)
+
+    def say(self, topic, kind, data):
+        message = make_message(f"std_msgs/msg/{kind}", data=data)
+        return self.node.deliver(topic, message)
+
+
+def test_a_listener_tells_what_it_has_heard():
+    talk = Talk()
+    assert talk.listener.take() is None
+    assert talk.say("/grasp", "Int32", 40) == []
+    assert talk.listener.take() is None  # nothing about the arm
+    talk.joints(1.0)
+    heard = talk.listener.take()
+    assert (heard.stamp, heard.closure) == (1.0, 0.4)
+    np.testing.assert_array_equal(heard.arm_torque, np.arange(7.0))
+    talk.say("/gripper/closure_commanded", "Float64", 0.7)
+    talk.joints(1.1)
+    assert talk.listener.take().closure == 0.7
+    assert talk.listener.take() is None
+
+
+@pytest.mark.parametrize(
+    ("topic", "kind", "data"),
+    [
+        ("/grasp", "Int32", 101),
+        ("/grasp", "Int32", -1),
+        ("/gripper/closure_commanded", "Float64", np.nan),
+        ("/blobs", "String", "{"),
+    ],
+)
+def test_bad_messages_change_nothing(topic, kind, data):
+    talk = Talk()
+    assert len(talk.say(topic, kind, data)) == 1
+    assert talk.joints(1.0, [np.nan] * 11) != []
+    assert talk.listener.take() is None
+    talk.joints(1.0)
+    heard = talk.listener.take()
+    assert heard.closure is None
+    assert heard.sightings == ()
+
+
+def test_a_bus_has_one_master():
+    with pytest.raises(ScenarioError, match="arm: a twin cannot listen"):
+        Talk("arm: !DynamixelArm {}\ngripper: !Ros2Gripper {}\n")
+
+
+def test_the_default_hardware_speaks_ros_2():
+    config = HardwareConfig()
+    Listener(config, scenario().twin, DirectNode().robot(scenario()))

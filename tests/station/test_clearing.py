@@ -1,0 +1,65 @@
+"""The planner of a cell that clears its table."""
+
+import numpy as np
+import pytest
+
+from drake_srg.common.exceptions import ScenarioError
+from drake_srg.planning.grasps.srg_hand import SrgHand
+from drake_srg.scenario import load_scenario
+from drake_srg.station.clearing import MakeClearingPlanner, MakeReach
+from drake_srg.station.perception import bin_boxes
+
+FAR = "directives.bin::bottom.add_weld.X_PC.translation=[1.2, -0.5, 0.0]"
+
+
+def test_a_bin_out_of_reach_is_told():
+    scenario = load_scenario("clear_table", overrides=["clutter.count=1", FAR])
+    with pytest.raises(ScenarioError, match=r"^task\.place\.bin: out of reach: "):
+        MakeClearingPlanner(scenario)
+
+
+def test_a_bin_without_walls_is_refused(tmp_path):
+    path = tmp_path / "ghost.sdf"
+    path.write_text(
+        "<sdf version='1.9'><model name='m'><link name='bottom'/></model></sdf>"
+    )
+    ghost = f"directives.bin.add_model.file={path.as_uri()}"
+    scenario = load_scenario("clear_table", overrides=["clutter.count=1", ghost])
+    with pytest.raises(ScenarioError, match=r"^task\.place\.bin: 'bin' has no fixed"):
+        bin_boxes(scenario)
+
+
+@pytest.mark.parametrize("make", [MakeClearingPlanner, MakeReach])
+def test_a_gripper_that_does_not_pinch_from_above_is_refused(monkeypatch, make):
+    monkeypatch.setattr(SrgHand, "pinch", None)
+    scenario = load_scenario("clear_table", overrides=["clutter.count=1"])
+    with pytest.raises(ScenarioError, match=r"^gripper: must pinch from above"):
+        make(scenario)
+
+
+def test_a_table_that_the_hand_does_not_reach_has_no_ring():
+    region = "task.clear.region={min: [1.1, -0.1], max: [1.3, 0.1]}"
+    scenario = load_scenario("clear_table", overrides=["clutter.count=1", region])
+    with pytest.raises(ScenarioError, match=r"^task\.clear\.region: the hand must"):
+        MakeReach(scenario)
+
+
+@pytest.mark.parametrize("name", ["table", "floor"])
+def test_furniture_is_no_bin(name):
+    overrides = ["clutter.count=1", f"task.place.bin={name}"]
+    scenario = load_scenario("clear_table", overrides=overrides)
+    with pytest.raises(ScenarioError, match=rf"^task\.place\.bin: '{name}' is no bin"):
+        MakeClearingPlanner(scenario)
+
+
+def test_the_hand_drops_over_the_bin():
+    scenario = load_scenario("clear_table", overrides=["clutter.count=1"])
+    planner = MakeClearingPlanner(scenario)
+    motions = planner.planner.motions
+    X_WG = motions.scene.X_WG(motions.q_over)
+    p_W = X_WG.translation()
+    low, high = bin_boxes(scenario)["bin"]
+    long = int(np.argmax((high - low)[:2]))  # loads lie across the closing direction
+    assert abs(X_WG.rotation().matrix()[long, 2]) > 0.99
+    assert p_W[:2] == pytest.approx(0.5 * (low + high)[:2], abs=1e-3)
+    assert p_W[2] > high[2] + 0.2
