@@ -6,17 +6,16 @@ import sys
 import weakref
 from pathlib import Path
 
-import pytest
-from experiments.fake_experiment import fake  # noqa: F401 (a fixture)
-from hypothesis import settings
-
-from drake_srg.lifetime import LeafSystem
-
 # One thread per process, before NumPy loads its BLAS: the test workers share the cores,
 # and BLAS's threads, which wait in a loop, cost most on small matrices. Processes that
 # tests start inherit it.
 os.environ.update(LP_NUM_THREADS="0", OMP_NUM_THREADS="1", OPENBLAS_NUM_THREADS="1")
 
+import pytest
+from experiments.fake_experiment import fake  # noqa: F401 (a fixture)
+from hypothesis import settings
+
+from drake_srg.lifetime import LeafSystem
 
 # Makes the packages in tools/ importable, such as `make_site`. At the end, so that
 # `models` stays tests/models.
@@ -39,7 +38,7 @@ LONGEST = (
     "test_readme.py",
     "scenarios/test_own_cell.py",
     "scenarios/test_fast.py",
-    "planning/task/test_protective_stop.py",
+    "planning/pick_and_place/test_protective_stop.py",
     "simulation/test_recorders.py",
     "vision/test_convex_pieces.py",
     "vision/test_shape_fit.py",

@@ -7,8 +7,8 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from hardware.stand import FakeArm, FakeGripper, FakePlanner, kitchen
 from pydrake.systems.framework import Diagram, DiagramBuilder
+from robot.drive.stand import FakeArm, FakeGripper, FakePlanner, kitchen
 
 from drake_srg.common.systems import input_ports, output_ports
 from drake_srg.experiments.sighting_error import SightingError

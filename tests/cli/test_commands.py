@@ -7,7 +7,7 @@ import sys
 from pathlib import Path
 
 import pytest
-from replay.tiny_scene import record
+from recording.replay.tiny_scene import record
 from simulation.made_logs import BLOB, judge, make_log
 
 import drake_srg.robot.drive

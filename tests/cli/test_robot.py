@@ -8,8 +8,8 @@ import sys
 from pathlib import Path
 
 import pytest
-from bridges.waiting import wait_until
 from helpers import NEEDS_DDS
+from robot.serve.waiting import wait_until
 from rosbags.rosbag2 import Reader
 
 from drake_srg.cli import main as cli

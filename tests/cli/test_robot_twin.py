@@ -8,8 +8,8 @@ import time as wall
 
 import numpy as np
 import pytest
-from bridges.ros2.peers import free_domain
 from helpers import NEEDS_DDS
+from robot.serve.ros2.peers import free_domain
 
 from drake_srg.cli import main as cli
 from drake_srg.cli.command import TASK_FAILED

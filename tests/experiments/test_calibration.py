@@ -1,6 +1,6 @@
 import numpy as np
 import pytest
-from calibration.helpers import make_views
+from robot.calibrate.helpers import make_views
 
 from drake_srg.experiments.calibration import BUILT, CALIBRATED, KNOCKED, make_result
 from drake_srg.experiments.calibration_runs import Rendered, Trial

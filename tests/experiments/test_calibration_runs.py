@@ -1,6 +1,6 @@
 import numpy as np
 import pytest
-from calibration.helpers import make_views, pose, truth
+from robot.calibrate.helpers import make_views, pose, truth
 
 from drake_srg.experiments.calibration_runs import (
     Rendered,

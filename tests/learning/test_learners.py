@@ -4,6 +4,8 @@ import json
 
 import numpy as np
 import pytest
+
+pytest.importorskip("torch", reason="the extra `learn` is not installed")
 from onnx.reference import ReferenceEvaluator
 
 from drake_srg.common.exceptions import ScenarioError
@@ -15,9 +17,6 @@ from drake_srg.learning.rules import TOUCH, pick, pick_by_touch
 from drake_srg.learning.train import LOG, ONNX, POLICY, MakeLearner, Training, train
 
 from .toy import Toy
-
-pytest.importorskip("torch", reason="the extra `learn` is not installed")
-
 
 pytestmark = pytest.mark.learn
 HITS = "tests.learning.toy:toy/Hits-v0"

@@ -12,8 +12,8 @@ from drake_srg.planning.motion.planning_scene import PlanningScene
 from drake_srg.planning.pick_and_place.task_motions import TaskMotions, TaskPlanner
 from drake_srg.scenario import load_scenario
 from drake_srg.station import MakeTaskPlanner
+from planning.pick_and_place.kitchen_task import GOAL, START
 from planning.planning_world import CAN
-from planning.task.kitchen_task import GOAL, START
 
 _IIWA = """
 directives:

@@ -6,7 +6,8 @@ from helpers import port_table, read
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from pydrake.systems.analysis import Simulator
-from safety.stand import (
+
+from arm.safety.stand import (
     LIMITS,
     PERIOD,
     STOP,
@@ -16,7 +17,6 @@ from safety.stand import (
     distance_to_line,
     steps,
 )
-
 from drake_srg.arm.safety.config import SafetyConfig
 from drake_srg.arm.safety.limits import ToolLimits, TouchLimits
 from drake_srg.arm.safety.monitor import TRANSITIONS, Observation, transition

@@ -2,8 +2,8 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from safety.stand import LIMITS, curve, distance_to_line
 
+from arm.safety.stand import LIMITS, curve, distance_to_line
 from drake_srg.arm.safety.path import Path
 
 START = np.zeros(2)

@@ -5,7 +5,6 @@ import multiprocessing
 import gymnasium
 import numpy as np
 import pytest
-from envs.playing import Rule, one_shot, play
 from gymnasium.utils.env_checker import check_env
 
 from drake_srg.learning.envs import ENVIRONMENTS
@@ -13,6 +12,7 @@ from drake_srg.learning.envs.episode_station import SimulationError
 from drake_srg.learning.envs.scenes import SceneSource
 from drake_srg.scenario.load import load_tree
 from drake_srg.types import Box
+from learning.envs.playing import Rule, one_shot, play
 
 NAMES = sorted(ENVIRONMENTS)
 CAN = "{model: package://drake_srg/sdf/005_tomato_soup_can.sdf}"

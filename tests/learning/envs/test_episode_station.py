@@ -3,9 +3,9 @@
 import gymnasium
 import numpy as np
 import pytest
-from envs.playing import one_shot
 
 from drake_srg.common.exceptions import ScenarioError
+from learning.envs.playing import one_shot
 
 NAME = "drake_srg/GraspOneShot-v0"
 

@@ -5,11 +5,11 @@ import dataclasses as dc
 import gymnasium
 import numpy as np
 import pytest
-from envs.playing import one_shot
 
 from drake_srg.learning.envs.rewards import REWARDS, measure_reward
 from drake_srg.planning.grasps.grasp_measures import Body, Patch
 from drake_srg.station.held_grasp import HeldGrasp
+from learning.envs.playing import one_shot
 
 MEASURED = [name for name in REWARDS if name not in ("shaped", "success", "lifted")]
 

@@ -14,7 +14,7 @@ from drake_srg.objects.meshes.load import import_model
 from drake_srg.objects.models import simple_shape
 from drake_srg.types import Cylinder
 from objects.meshes.made_meshes import box, elbow, write_obj, write_stl
-from objects.meshes.test_xml_file import CYLINDER, collision, urdf
+from objects.meshes.test_files import CYLINDER, collision, urdf
 
 UNITS = {1.0: "m", 0.001: "mm", 0.0254: "inches"}
 

@@ -19,8 +19,8 @@ from drake_srg.scenario import load_scenario
 from drake_srg.station import MakeTaskPlanner
 from drake_srg.station.planners import goal_pose
 from drake_srg.types import Cylinder, Failure, Mode
+from planning.pick_and_place.kitchen_task import assert_joined, ends
 from planning.planning_world import MOVING
-from planning.task.kitchen_task import assert_joined, ends
 
 pytestmark = pytest.mark.slow
 

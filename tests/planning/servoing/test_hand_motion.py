@@ -9,7 +9,6 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from pydrake.common.eigen_geometry import AngleAxis
 from pydrake.math import RigidTransform, RotationMatrix
-from servoing.ideal_hand import HOME, arm
 
 from drake_srg.planning.servoing.hand_motion import (
     behind,
@@ -20,6 +19,7 @@ from drake_srg.planning.servoing.hand_motion import (
     joint_step,
     limited,
 )
+from planning.servoing.ideal_hand import HOME, arm
 
 within = st.floats(-0.5, 0.5)
 seeds = st.integers(0, 2**32 - 1)

@@ -9,10 +9,18 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from pydrake.common.value import AbstractValue
 from pydrake.math import RigidTransform, RollPitchYaw, RotationMatrix
-from servoing.ideal_hand import CONFIG, HOME, X_GC, IdealHand, LateHand, arm, object_at
 
 from drake_srg.planning.servoing.config import ServoCommand, ServoFault, ServoState
 from drake_srg.planning.servoing.tracker import FeatureSighting, PoseSighting
+from planning.servoing.ideal_hand import (
+    CONFIG,
+    HOME,
+    X_GC,
+    IdealHand,
+    LateHand,
+    arm,
+    object_at,
+)
 
 KINDS = ["pbvs", "ibvs"]
 OFFSET = np.array([0.03, -0.02, -0.05])

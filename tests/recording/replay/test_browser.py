@@ -4,10 +4,10 @@ import cv2
 import numpy as np
 import pytest
 from chromium import Chromium
-from replay.tiny_scene import PERIOD, SAMPLES, record
 from sweeps.report.test_browser import write_video
 
 from drake_srg.recording.replay import write_comparison, write_page
+from recording.replay.tiny_scene import PERIOD, SAMPLES, record
 
 pytestmark = pytest.mark.slow
 

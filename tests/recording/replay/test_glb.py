@@ -6,8 +6,6 @@ import trimesh
 from hypothesis import given
 from hypothesis import strategies as st
 from pydrake.geometry import Box, Sphere
-from replay.strict_reader import Strict
-from replay.tiny_scene import PERIOD, record
 
 from drake_srg.recording.replay.glb import (
     EXTRAS,
@@ -20,6 +18,8 @@ from drake_srg.recording.replay.glb import (
 )
 from drake_srg.recording.replay.rrd import at_times
 from drake_srg.recording.replay.triangles import shape_triangles
+from recording.replay.strict_reader import Strict
+from recording.replay.tiny_scene import PERIOD, record
 
 RED = (0.8, 0.1, 0.08, 1.0)
 CUBE = Part(shape_triangles(Box(1, 2, 3)), RED)

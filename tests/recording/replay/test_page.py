@@ -5,12 +5,12 @@ import shutil
 import cv2
 import numpy as np
 import pytest
-from replay.tiny_scene import made_log, record
 
 from drake_srg.common.exceptions import ScenarioError
 from drake_srg.recording.output import write_log
 from drake_srg.recording.replay import write_page
 from drake_srg.recording.replay.glb import write_glb
+from recording.replay.tiny_scene import made_log, record
 
 TITLE = "</script><b>&\"'kitchen"
 

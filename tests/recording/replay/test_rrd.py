@@ -5,7 +5,6 @@ import pytest
 from pydrake.common.eigen_geometry import Quaternion
 from pydrake.geometry import Sphere
 from pydrake.math import RotationMatrix
-from replay.tiny_scene import PERIOD, SAMPLES, record
 
 from drake_srg.cli.main import main
 from drake_srg.common.exceptions import ScenarioError
@@ -19,6 +18,7 @@ from drake_srg.recording.replay.glb import (
 )
 from drake_srg.recording.replay.rrd import at_times, track_times, write_rrd
 from drake_srg.recording.replay.triangles import shape_triangles
+from recording.replay.tiny_scene import PERIOD, SAMPLES, record
 
 WHY = "rerun-sdk is an extra of 500 MB that requirements.lock leaves out"
 

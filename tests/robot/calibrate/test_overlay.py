@@ -2,13 +2,13 @@ import json
 
 import numpy as np
 import pytest
-from calibration.helpers import make_views
 
 from drake_srg.robot.calibrate.mounting import Board, mount
 from drake_srg.robot.calibrate.overlay import X_PB, answer, overlay, report, true_errors
 from drake_srg.robot.calibrate.solve import Unknowns, calibrate
 from drake_srg.scenario import load_scenario
 from drake_srg.station.planners import own_scene
+from robot.calibrate.helpers import make_views
 
 
 @pytest.fixture(scope="module")

@@ -2,7 +2,6 @@ import dataclasses as dc
 
 import numpy as np
 import pytest
-from calibration.test_board import picture
 from pydrake.math import RigidTransform, RollPitchYaw
 
 from drake_srg.common.exceptions import ScenarioError
@@ -17,6 +16,7 @@ from drake_srg.robot.calibrate.shots import (
 from drake_srg.robot.calibrate.solve import Unknowns, View, project
 from drake_srg.scenario import load_scenario
 from drake_srg.station.planners import own_scene
+from robot.calibrate.test_mounting import picture
 
 
 @pytest.fixture(scope="module")

@@ -2,7 +2,6 @@ import dataclasses as dc
 
 import numpy as np
 import pytest
-from calibration.helpers import CENTER, FOCAL, make_views, pose, truth
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -14,6 +13,7 @@ from drake_srg.robot.calibrate.solve import (
     jacobian,
     project,
 )
+from robot.calibrate.helpers import CENTER, FOCAL, make_views, pose, truth
 
 angles = st.lists(st.floats(-3.0, 3.0), min_size=3, max_size=3)
 places = st.lists(st.floats(-1.0, 1.0), min_size=3, max_size=3)

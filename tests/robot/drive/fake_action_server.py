@@ -1,10 +1,10 @@
 """An action server for an arm's driver, which does what the test says."""
 
 import numpy as np
-from hardware.stand import HOME, PERIOD, FakeNode, joint_state, make
 
 from drake_srg.robot.drive.arm import Ros2Arm
 from drake_srg.robot.serve.action_server import ErrorCode, FollowJointTrajectory
+from robot.drive.stand import HOME, PERIOD, FakeNode, joint_state, make
 
 ACTION = FollowJointTrajectory("/arm/follow")
 ARM = [f"iiwa_joint_{i}" for i in range(1, 8)]

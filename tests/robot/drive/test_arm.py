@@ -4,7 +4,6 @@ import itertools
 
 import numpy as np
 import pytest
-from hardware.stand import HOME, FakeNode, array, joint_state, make
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from pydrake.systems.analysis import Simulator
@@ -13,6 +12,7 @@ from drake_srg.arm.reference import TrajectoryFollower, trajectory_piece
 from drake_srg.common.exceptions import ScenarioError
 from drake_srg.robot.drive.arm import Ros1Arm, Ros2Arm, Window, joint_trajectory
 from drake_srg.robot.drive.link import STAMP
+from robot.drive.stand import HOME, FakeNode, array, joint_state, make
 
 ARM = [f"iiwa_joint_{i}" for i in range(1, 8)]
 TORQUE = np.arange(7.0)

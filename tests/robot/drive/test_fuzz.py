@@ -1,7 +1,12 @@
 """Whatever messages arrive, the arm is never sent beyond the monitor's limits."""
 
 import numpy as np
-from hardware.stand import (
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from drake_srg.robot.drive.arm import Ros2Arm
+from drake_srg.robot.drive.gripper import Ros2Gripper
+from robot.drive.stand import (
     HOME,
     MOVING,
     FakeNode,
@@ -11,11 +16,6 @@ from hardware.stand import (
     limits,
     motion_to,
 )
-from hypothesis import given, settings
-from hypothesis import strategies as st
-
-from drake_srg.robot.drive.arm import Ros2Arm
-from drake_srg.robot.drive.gripper import Ros2Gripper
 
 ARM = [f"iiwa_joint_{i}" for i in range(1, 8)]
 FINGERS = ["left_base", "right_base", "left_tip", "right_tip"]

@@ -4,10 +4,10 @@ import itertools
 
 import numpy as np
 import pytest
-from hardware.fake_action_server import ACTION, ARM, LEAD, FakeServer
-from hardware.stand import HOME, MOVING, PERIOD, Stand, joint_state, make, motion_to
 
 from drake_srg.robot.serve.action_server import ErrorCode, GoalStatus
+from robot.drive.fake_action_server import ACTION, ARM, LEAD, FakeServer
+from robot.drive.stand import HOME, MOVING, PERIOD, Stand, joint_state, make, motion_to
 
 GOAL = HOME + 0.2
 # By the robot's clock, how long a reply may be missing.

@@ -9,14 +9,14 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from bridges.ros2.peers import free_domain
-from bridges.waiting import wait_until
 from helpers import LACKS_DDS, NO_DDS
 
 from drake_srg.robot.drive.arm import GoalStream
 from drake_srg.robot.drive.link import Nodes
 from drake_srg.robot.serve.commands import Warnings
 from drake_srg.robot.serve.connecting import Ros1Config, Ros2Config
+from robot.serve.ros2.peers import free_domain
+from robot.serve.waiting import wait_until
 
 pytestmark = pytest.mark.skipif(LACKS_DDS, reason=NO_DDS)
 TESTS = Path(__file__).parents[2]

@@ -1,6 +1,5 @@
-from hardware.stand import make
-
 from drake_srg.robot.drive.gripper import obeys, percent
+from robot.drive.stand import make
 
 
 def test_closures_become_percent():

@@ -1,9 +1,9 @@
 import numpy as np
 import pytest
-from hardware.stand import joint_state
 
 from drake_srg.robot.drive.link import JointStates
 from drake_srg.robot.serve.commands import CommandError
+from robot.drive.stand import joint_state
 
 NAMES = ["a", "b"]
 

@@ -2,15 +2,6 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from hardware.stand import (
-    HOME,
-    MOVING,
-    FakeArm,
-    FakeGripper,
-    FakeNode,
-    Stand,
-    motion_to,
-)
 
 from drake_srg.common.exceptions import ScenarioError
 from drake_srg.common.safety_states import SafetyState
@@ -20,6 +11,15 @@ from drake_srg.robot.drive.link import HardwareDriver, Nodes
 from drake_srg.robot.drive.opening import open_cameras, open_hardware
 from drake_srg.robot.serve.commands import CommandInbox, Warnings, safety_topics
 from drake_srg.scenario import load_scenario
+from robot.drive.stand import (
+    HOME,
+    MOVING,
+    FakeArm,
+    FakeGripper,
+    FakeNode,
+    Stand,
+    motion_to,
+)
 
 COMMANDS = ("estop", "release")
 

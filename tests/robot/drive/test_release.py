@@ -2,10 +2,10 @@
 
 import numpy as np
 import pytest
-from hardware.stand import HOME, MOVING, PERIOD, Stand, limits, motion_to
 
 from drake_srg.common.safety_states import SafetyState
 from drake_srg.types import Failure, Mode
+from robot.drive.stand import HOME, MOVING, PERIOD, Stand, limits, motion_to
 
 GOAL = HOME + np.array([1.0, 0.2, 0.0, 0.3, 0.0, 0.0, 0.4])
 PRESSED, RELEASED = {"safety.estop": np.ones(1)}, {"safety.estop": np.zeros(1)}

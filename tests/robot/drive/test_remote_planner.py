@@ -1,6 +1,5 @@
 import numpy as np
 import pytest
-from hardware.stand import HOME, MOVING, motion_to
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -8,6 +7,7 @@ from drake_srg.common.safety_states import SafetyState, StopReason
 from drake_srg.planning.motion.arm_motion import Motion
 from drake_srg.robot.drive.remote_planner import Answer, Pause, Plan
 from drake_srg.types import PlannerStatus
+from robot.drive.stand import HOME, MOVING, motion_to
 
 PERIOD = 0.005
 GOAL = HOME + 0.5

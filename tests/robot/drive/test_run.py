@@ -9,12 +9,10 @@ import sys
 
 import numpy as np
 import pytest
-from bridges.ros2.peers import free_domain
-from hardware.stand import HOME, FakeArm, Stand
 from helpers import NEEDS_DDS
+from planning.servoing.ideal_hand import arm
 from pydrake.math import RigidTransform
 from rosbags.rosbag2 import Reader
-from servoing.ideal_hand import arm
 
 from drake_srg.cli.command import TASK_FAILED
 from drake_srg.cli.main import main
@@ -32,6 +30,8 @@ from drake_srg.robot.drive.remote_planner import Answer, Ended
 from drake_srg.robot.drive.run import ControlLoop, check_servo
 from drake_srg.scenario import load_scenario
 from drake_srg.types import Failure, Mode, PlannerStatus
+from robot.drive.stand import HOME, FakeArm, Stand
+from robot.serve.ros2.peers import free_domain
 
 _LATE = 0.1  # s
 _AHEAD = 7.0  # of the robot's clock [s]

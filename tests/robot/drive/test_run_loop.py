@@ -1,11 +1,11 @@
 import numpy as np
 import pytest
-from hardware.stand import HOME, MOVING, PERIOD, FakeArm, Stand, motion_to
 
 from drake_srg.common.safety_states import SafetyState
 from drake_srg.robot.drive.remote_planner import Ended
 from drake_srg.simulation.measures import safety_stops
 from drake_srg.types import Failure, Mode
+from robot.drive.stand import HOME, MOVING, PERIOD, FakeArm, Stand, motion_to
 
 GOAL = HOME + np.array([1.0, 0.2, 0.0, 0.3, 0.0, 0.0, 0.4])
 

@@ -4,7 +4,6 @@ import dataclasses as dc
 
 import numpy as np
 import pytest
-from hardware.stand import HOME, FakeArm, FakeGripper, Stand, kitchen
 from pydrake.systems.analysis import Simulator
 
 from drake_srg.arm.safety.config import BodyRegionLimits, ForceLimitConfig, SafetyConfig
@@ -14,6 +13,7 @@ from drake_srg.common.safety_states import SafetyState, StopReason, state_indice
 from drake_srg.robot.drive.opening import Hardware
 from drake_srg.robot.drive.station import HandHold, MakeHardwareStation
 from drake_srg.station.plant import MakeModelsPlant
+from robot.drive.stand import HOME, FakeArm, FakeGripper, Stand, kitchen
 
 PERIOD = 0.01
 

@@ -6,8 +6,9 @@ import threading
 from types import SimpleNamespace
 
 import pytest
-from bridges.ros1.programs import Roscore
 from helpers import needs_debian
+
+from robot.serve.ros1.programs import Roscore
 
 
 def pytest_configure(config):

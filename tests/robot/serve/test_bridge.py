@@ -1,9 +1,9 @@
 import pytest
-from bridges.fake_bridge import FakeBridge
 
 from drake_srg.recording import rosbag
 from drake_srg.robot.serve.bridge import Bridge, Outlet
 from drake_srg.robot.serve.commands import Warnings
+from robot.serve.fake_bridge import FakeBridge
 
 
 def test_a_plain_bridge_has_no_clients_and_does_nothing():

@@ -2,7 +2,6 @@ import threading
 
 import numpy as np
 import pytest
-from bridges.test_serve import series, serve
 from hypothesis import given
 from hypothesis import strategies as st
 from pydrake.systems.framework import DiagramBuilder
@@ -18,6 +17,7 @@ from drake_srg.robot.serve.commands import (
 )
 from drake_srg.scenario import load_scenario
 from drake_srg.station.plant import AddPlant
+from robot.serve.test_loop import series, serve
 
 SINGLE = "gripper.joint_position_commanded"
 INPUTS = (

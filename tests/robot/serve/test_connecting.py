@@ -7,14 +7,14 @@ import termios
 from pathlib import Path
 
 import pytest
-from bridges.ros2.peers import free_domain
-from bridges.waiting import wait_until
 from helpers import NEEDS_DDS, needs_pty
 
 from drake_srg.common.exceptions import ScenarioError
 from drake_srg.robot.serve.commands import CommandInbox, Warnings, safety_topics
 from drake_srg.robot.serve.connecting import BridgeOptions, KeyboardBridge, own_terminal
 from drake_srg.scenario import Scenario, load_scenario
+from robot.serve.ros2.peers import free_domain
+from robot.serve.waiting import wait_until
 
 # A session whose only other process uses the keys and then goes to the background.
 IN_THE_BACKGROUND = """

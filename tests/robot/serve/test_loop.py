@@ -3,7 +3,6 @@ import threading
 
 import numpy as np
 import pytest
-from bridges.fake_bridge import FakeBridge
 from pydrake.systems.analysis import Simulator
 from rosbags.rosbag2 import Reader
 
@@ -14,6 +13,7 @@ from drake_srg.robot.serve import loop
 from drake_srg.robot.serve.action_server import ACTION, goal_info
 from drake_srg.robot.serve.loop import MakeServedStation, Pacer, Serve
 from drake_srg.scenario import load_scenario
+from robot.serve.fake_bridge import FakeBridge
 
 
 class Wall:

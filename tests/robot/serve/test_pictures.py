@@ -2,7 +2,6 @@ import json
 
 import numpy as np
 import pytest
-from bridges.fake_bridge import FakeBridge
 from pydrake.math import RigidTransform, RotationMatrix
 from pydrake.systems.sensors import CameraInfo
 from rosbags.typesys import Stores, get_typestore
@@ -24,6 +23,7 @@ from drake_srg.robot.serve.pictures import (
 )
 from drake_srg.scenario import load_scenario, servo_of
 from drake_srg.types import Blob, BlobFlag
+from robot.serve.fake_bridge import FakeBridge
 
 INFO = CameraInfo(640, 480, 579.4, 580.6, 319.5, 239.5)
 TOPICS = camera_topics("ceiling", INFO, "can")

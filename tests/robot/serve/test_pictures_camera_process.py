@@ -6,13 +6,13 @@ import signal
 
 import numpy as np
 import pytest
-from bridges.waiting import wait_until
 from pydrake.systems.framework import DiagramBuilder
 
 from drake_srg.robot.serve.commands import Warnings
 from drake_srg.robot.serve.pictures import BLOBS, COLOR, CameraProcess
 from drake_srg.scenario import load_scenario
 from drake_srg.station.plant import AddPlant
+from robot.serve.waiting import wait_until
 
 pytestmark = pytest.mark.slow
 

@@ -4,7 +4,6 @@ import termios
 
 import numpy as np
 import pytest
-from hardware.dynamixel.emulated_line import POSITION, EmulatedLine
 from helpers import needs_pty
 from hypothesis import given
 from hypothesis import strategies as st
@@ -17,6 +16,7 @@ from drake_srg.robot.drive.dynamixel.bus import (
     open_line,
 )
 from drake_srg.robot.serve.dynamixel.servo import JOINT
+from robot.drive.dynamixel.emulated_line import POSITION, EmulatedLine
 
 
 @pytest.fixture

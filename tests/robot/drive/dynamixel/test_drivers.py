@@ -1,220 +1,202 @@
-"""The thread, at emulated servos behind a socket."""
-
-import contextlib
-import threading
-
 import numpy as np
 import pytest
-from bridges.waiting import wait_until
-from hardware.dynamixel.emulated_line import EmulatedLine
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
-from drake_srg.robot.drive.dynamixel.bus import ServoBus, open_line
+from drake_srg.common.exceptions import ScenarioError
+from drake_srg.common.srg_geometry import SRG
+from drake_srg.gripper.drivers import SrgPositionDriver, SrgTendonDriver
+from drake_srg.robot.drive.config import parse_hardware
+from drake_srg.robot.drive.dynamixel.bus import ServoBus
 from drake_srg.robot.drive.dynamixel.drivers import (
     BusCycle,
-    BusThread,
-    GroupConfig,
-    ServoGroup,
+    DynamixelArm,
+    DynamixelConfig,
+    DynamixelGripper,
 )
-from drake_srg.robot.serve.commands import CommandInbox, Warnings
-from drake_srg.robot.serve.dynamixel.bridge import Arm, ServoBridge
-from drake_srg.robot.serve.dynamixel.servo import JOINT
+from drake_srg.robot.drive.link import Robot
+from drake_srg.robot.serve.commands import Warnings
+from drake_srg.scenario import load_scenario
+from robot.drive.dynamixel.emulated_line import TRAVEL, EmulatedLine
 
-PROTOCOLS = pytest.mark.parametrize("protocol", [1, 2])
+JOINTS = ("one", "two", "three")
+SCENARIO = load_scenario("assistive_arm")
+CLOSED = 2048 + round(TRAVEL / (2 * np.pi) * 4096)
+GRIPPER = {"id": 4, "open": 2048, "closed": CLOSED, "effort": 0.5}
+FAR = SCENARIO.gripper.proximity.range
 
 
-class Robot:
-    """Exchanges, one by one, with the joints of an emulated arm."""
+class Bench:
+    """An arm of three joints and a gripper, connected to emulated servos."""
 
-    def __init__(self, protocol, resume_within=30):
-        self.line = EmulatedLine(protocol)
-        self.opened, self.told, self.reports = 0, [], []
-        self.protocol = protocol
+    def __init__(self, arm, gripper):
+        self.line = EmulatedLine(arm.protocol)
+        self.told = []
+        ends = np.full(3, 3.0)
         warnings = Warnings(self.told.append)
-        self.cycles = BusCycle(self.open, warnings)
-        config = GroupConfig(ids=[1, 2, 3], effort=0.8, resume_within=resume_within)
-        self.group = ServoGroup(config, self.reports.append, warnings)
-        self.cycles.add(self.group)
+        self.robot = Robot(SCENARIO, JOINTS, (-ends, ends), warnings, None)
+        self.opened = []
+        self.arm, self.gripper = arm.connect(self.robot), gripper.connect(self.robot)
 
-    def open(self):
-        self.opened += 1
-        self.line.closed = False
-        return ServoBus(self.line, self.protocol, retries=1)
-
-    def cycle(self, goal=None):
-        if goal is not None:
-            self.group.goals = dict.fromkeys((1, 2, 3), goal)
-        before = len(self.reports)
-        self.cycles.cycle()
-        self.line.step()
-        return len(self.reports) > before
-
-    @property
-    def counts(self):
-        return [round(JOINT.to_counts(-q)) for q in self.line.q]
-
-
-@pytest.fixture(params=[1, 2])
-def robot(request):
-    robot = Robot(request.param)
-    assert robot.cycle()
-    return robot
-
-
-def test_servos_are_set_up_where_they_are(robot):
-    assert robot.counts == [2048] * 3
-    for number, servo in robot.line.bus.servos.items():
-        assert servo.table["torque_enable"] == (number < 4)
-        assert servo.table["led"] == (number < 4)
-    effort = {1: ("torque_limit", 818), 2: ("goal_pwm", 708)}[robot.protocol]
-    assert robot.line.bus.servos[1].table[effort[0]] == effort[1]
-    assert robot.told == []
-
-
-def test_goals_are_followed_and_states_reported(robot):
-    assert robot.cycle(2148)
-    assert robot.counts == [2148] * 3
-    assert robot.cycle()
-    assert [state.position for state in robot.reports[-1]] == [2148] * 3
-    assert robot.opened == 1
-
-
-def test_a_servo_that_reboots_near_its_goal_goes_on(robot):
-    robot.cycle(2148)
-    robot.line.bus.servos[2].reboot()
-    robot.line.step()
-    assert robot.cycle(2158)
-    assert robot.cycle()
-    assert robot.counts == [2158] * 3
-    assert robot.line.bus.servos[2].table["torque_enable"] == 1
-    (text,) = robot.told
-    assert text == "servo 2 has rebooted, 10 counts from its goal; it goes on"
-
-
-def test_a_servo_that_reboots_far_from_its_goal_stops_all(robot):
-    robot.cycle(2148)
-    robot.line.bus.servos[2].reboot()
-    robot.line.step()
-    assert not robot.cycle(2400)
-    assert not robot.cycle(2400)
-    assert robot.counts == [2148] * 3
-    (text,) = robot.told
-    assert "servo 2 has rebooted and is 252 counts from its goal (allowed: 30)" in text
-
-
-def test_a_servo_that_shuts_down_stops_all(robot):
-    robot.cycle(2148)
-    for servo in robot.line.bus.servos.values():
-        servo.table["temperature_limit"] = 20  # it has 25 degrees
-    robot.line.step()
-    assert not robot.cycle(2400)
-    assert robot.counts == [2148] * 3
-    (text,) = robot.told
-    assert "servo 1 has shut down (overheating)" in text
-
-
-def test_silence_is_told_once_and_ends_in_a_new_line(robot):
-    robot.line.silent = True
-    assert not robot.cycle(2148)
-    assert not robot.cycle(2148)
-    assert robot.counts == [2048] * 3
-    (text,) = robot.told
-    assert text.startswith("servo bus: servo 1, 2, 3: no intact reply within")
-    robot.line.silent = False
-    assert robot.cycle(2148)
-    assert robot.counts == [2148] * 3
-    robot.line.silent = True
-    robot.cycle()
-    assert len(robot.told) == 2
-
-
-@PROTOCOLS
-@settings(max_examples=20)
-@given(data=st.data())
-def test_joints_move_to_goals_only_whatever_happens(protocol, data):
-    robot = Robot(protocol)
-    allowed = {2048}
-    for _ in range(data.draw(st.integers(1, 12))):
-        match data.draw(st.sampled_from(["goal", "reboot", "silence", "noise"])):
-            case "goal":
-                goal = data.draw(st.integers(1048, 3048))
-                allowed.add(goal)
-                robot.cycle(goal)
-            case "reboot":
-                robot.line.bus.servos[data.draw(st.integers(1, 3))].reboot()
-                robot.line.step()
-                robot.cycle()
-            case "silence":
-                robot.line.silent = not robot.line.silent
-                robot.cycle()
-            case "noise":
-                end = data.draw(st.integers(0, 40))
-                robot.line.spoil = lambda reply, end=end: reply[:end]
-                robot.cycle()
-                robot.line.spoil = None
-        assert set(robot.counts) <= allowed
-
-
-POSITION = "arm.position_desired"
-
-
-class Served:
-    """Two joints behind a socket, and a thread that drives them."""
-
-    def __init__(self, stack):
-        self.inbox = CommandInbox([], Warnings(print))
-        ends = np.full(2, 3.0)
-        self.bridge = ServoBridge(self.inbox, "tcp:0", [Arm(-ends, ends, ends)])
-        stack.callback(self.bridge.close)
-        self.told, self.reports = [], []
-        warnings = Warnings(self.told.append)
-        self.thread = BusThread(self.open, 0.001, warnings)
-        config = GroupConfig(ids=[1, 2])
-        self.group = ServoGroup(config, self.reports.append, warnings)
-        stack.callback(self.thread.remove, self.group)
-
-    def open(self):
-        # Patient, because the machine may be busy.
-        return ServoBus(open_line(f"tcp:{self.bridge.address}", 57600), timeout=20.0)
+    def cycle(self, q=(0.0, 0.0, 0.0), closure=0.0, hold=0.0):
+        """Command, exchange twice and return the measurements."""
+        commands = {
+            "arm.position_commanded": np.array(q),
+            "gripper.closure_commanded": np.array([closure]),
+            "gripper.hold": np.array([hold]),
+        }
+        (_, bus) = next(iter(self.robot.shared.values()))
+        for _ in range(3):
+            self.arm.send(commands)
+            self.gripper.send(commands)
+            bus.cycle()
+            self.line.step()
+        return self.arm.take() | self.gripper.take()
 
 
 @pytest.fixture
-def served():
-    with contextlib.ExitStack() as stack:
-        yield Served(stack)
+def bench(monkeypatch):
+    """A function that connects drivers with these options to emulated servos."""
+    benches = []
+
+    def make_bus(config, robot):  # without a thread
+        line = benches[-1].line
+        return BusCycle(lambda: ServoBus(line, config.protocol), robot.warnings)
+
+    def connect(arm=None, gripper=None):
+        benches.append(Bench.__new__(Bench))
+        benches[-1].__init__(
+            DynamixelArm(**(arm or {})), DynamixelGripper(**GRIPPER | (gripper or {}))
+        )
+        return benches[-1]
+
+    monkeypatch.setattr(DynamixelConfig, "make_bus", make_bus)
+    return connect
 
 
-def test_a_thread_reads_and_commands_until_it_ends(served):
-    before = threading.active_count()
-    served.thread.add(served.group)
-    assert wait_until(lambda: len(served.reports) > 3)
-    served.group.goals = {1: 2148, 2: 1948}
-    commanded = {}
-
-    def arrived():
-        commanded.update(served.inbox.take())
-        q = commanded.get(POSITION, np.zeros(2))
-        return np.allclose(q, 100 / 4096 * 2 * np.pi * np.array([1, -1]))
-
-    assert wait_until(arrived)
-    served.thread.remove(served.group)
-    assert served.thread.closed
-    assert threading.active_count() == before
-    assert served.told == []
+@pytest.mark.parametrize("protocol", [1, 2])
+def test_joints_go_where_they_are_sent(bench, protocol):
+    both = {"protocol": protocol}
+    robot = bench({"full_torque": [1.0, 2.0, 3.0], **both}, both)
+    q = [0.5, -1.0, 2.0]
+    measured = robot.cycle(q)
+    assert robot.line.q == pytest.approx(q, abs=1e-3)
+    state = measured["arm.state_measured"]
+    assert state == pytest.approx([*q, 0.0, 0.0, 0.0], abs=1e-3)
+    assert measured["arm.torque_measured"].tolist() == [0.0, 0.0, 0.0]
+    assert measured.keys() == robot.arm.outputs.keys() | robot.gripper.outputs.keys()
+    assert all(len(measured[k]) == n for k, n in robot.arm.outputs.items())
+    assert all(len(measured[k]) == n for k, n in robot.gripper.outputs.items())
 
 
-def test_a_lost_bus_is_told_and_found_again(served):
-    served.thread.add(served.group)
-    assert wait_until(lambda: served.reports)
-    address = served.bridge.address
-    served.bridge.close()
-    assert wait_until(lambda: served.told)
-    ends = np.full(2, 3.0)
-    with contextlib.closing(
-        ServoBridge(served.inbox, f"tcp:{address}", [Arm(-ends, ends, ends)])
-    ):
-        known = len(served.reports)
-        assert wait_until(lambda: len(served.reports) > known)
-        served.thread.remove(served.group)
-    assert "servo bus: " in served.told[0]
+def test_zero_and_direction_of_a_joint_are_configured(bench):
+    robot = bench({"zero": [2048, 1048, 3048], "direction": [1, -1, 1]})
+    measured = robot.cycle([0.1, 0.2, -0.3])["arm.state_measured"]
+    assert measured[:3] == pytest.approx([0.1, 0.2, -0.3], abs=1e-3)
+    turned = 1000 / 4096 * 2 * np.pi
+    expected = [0.1, -turned - 0.2, turned - 0.3]
+    assert robot.line.q == pytest.approx(expected, abs=1e-3)
+
+
+def test_an_arm_may_follow_as_late_as_its_servos_do(bench):
+    # The emulated servos of the five-axis arm follow 0.11 s late at 2.7 rad/s.
+    assert bench().arm.lag > 0.11
+    assert bench({"lag": 0.3}).arm.lag == 0.3
+
+
+def test_a_command_that_is_not_finite_is_ignored(bench):
+    robot = bench()
+    robot.cycle([0.5, 0.5, 0.5], 0.5)
+    robot.cycle([np.nan, 0.5, 0.5], np.nan)
+    assert robot.line.q == pytest.approx([0.5, 0.5, 0.5], abs=1e-3)
+    assert robot.line.closure == pytest.approx(0.5, abs=2e-3)
+
+
+@pytest.mark.parametrize("protocol", [1, 2])
+def test_the_gripper_tells_of_contact_by_its_load(bench, protocol):
+    both = {"protocol": protocol}
+    robot = bench(both, both)
+    free = robot.cycle(closure=0.6)
+    assert robot.line.closure == pytest.approx(0.6, abs=2e-3)
+    angles = free["gripper.state_measured"]
+    assert angles == pytest.approx([0.6 * TRAVEL] * 2 + [0.0] * 2, abs=2e-3)
+    assert free["gripper.proximity"].tolist() == [FAR] * 2
+    assert free["gripper.triggered"].tolist() == [0.0] * 2
+    robot.line.load = 0.3
+    held = robot.cycle(closure=0.6)
+    assert held["gripper.proximity"].tolist() == [0.0] * 2
+    assert held["gripper.triggered"].tolist() == [1.0] * 2
+    robot.line.load = -0.3  # opening, against something
+    assert robot.cycle(closure=0.6)["gripper.triggered"].tolist() == [0.0] * 2
+
+
+@pytest.mark.parametrize("load", [0.0, 0.3])
+def test_a_held_gripper_stays_where_it_is_and_keeps_its_grip(bench, load):
+    robot = bench()
+    robot.cycle(closure=0.6)
+    robot.line.load = load
+    robot.cycle(closure=0.6)
+    for closure in (0.0, 1.0):
+        robot.cycle(closure=closure, hold=1.0)
+        assert robot.line.closure == pytest.approx(0.6, abs=2e-3)
+    robot.cycle(closure=0.3)
+    assert robot.line.closure == pytest.approx(0.3, abs=2e-3)
+
+
+def test_a_servo_that_stretches_wires_moves_no_finger(bench):
+    robot = bench({}, {"stretch": 100.0})
+    robot.line.load = 0.3
+    q = robot.cycle(closure=0.6)["gripper.state_measured"][0]
+    stretched = 0.3 * 100.0 / 4096 * 2 * np.pi
+    assert q == pytest.approx(0.6 * TRAVEL - stretched, abs=2e-3)
+
+
+@pytest.mark.parametrize("gripper", [SrgPositionDriver(), SrgTendonDriver()])
+@given(closure=st.floats(0.0, 1.0))
+def test_joints_of_an_empty_srg_add_up_to_its_closure(gripper, closure):
+    way, joints = gripper.empty_hand(closure)
+    farther, _ = gripper.empty_hand(1.0)
+    assert 0.0 <= way <= farther
+    for finger in (joints[0::2], joints[1::2]):
+        assert sum(finger) == pytest.approx(SRG.full_scale * closure)
+
+
+def test_the_bus_closes_with_its_last_part(bench):
+    robot = bench()
+    robot.arm.close()
+    assert not robot.line.closed
+    robot.gripper.close()
+    robot.gripper.close()
+    assert robot.line.closed
+
+
+@pytest.mark.parametrize(
+    ("arm", "gripper", "words"),
+    [
+        ({"ids": [1, 2]}, {}, "arm.ids: needs 0 or 3 entries, got 2"),
+        ({"zero": [1, 2]}, {}, "arm.zero: needs 1 or 3 entries, got 2"),
+        ({"direction": [2]}, {}, "arm.direction: entries must be 1 or -1"),
+        ({"baud": 57600}, {}, "arm and gripper need the same baud, protocol"),
+        ({}, {"closed": 2048}, "gripper.closed: must differ from open"),
+        ({}, {"contact_load": 0.5}, "gripper.contact_load: must be below effort"),
+    ],
+)
+def test_bad_settings_are_told(bench, arm, gripper, words):
+    with pytest.raises(ScenarioError, match=words):
+        bench(arm, gripper)
+
+
+def test_a_bad_port_is_told():
+    robot = Robot(SCENARIO, JOINTS, (None, None), Warnings(print), None)
+    with pytest.raises(ScenarioError, match="port: must be tcp:HOST:PORT or a device"):
+        DynamixelArm(port="COM3").connect(robot)
+
+
+def test_hardware_files_choose_them_by_tag():
+    text = """
+    arm: !DynamixelArm {port: "tcp:127.0.0.1:4001", protocol: 2}
+    gripper: !DynamixelGripper {id: 6, open: 2048, closed: 2498}
+    """
+    config = parse_hardware(text, "robot.yaml")
+    assert config.arm == DynamixelArm(port="tcp:127.0.0.1:4001", protocol=2)
+    assert config.gripper == DynamixelGripper(id=6, open=2048, closed=2498)

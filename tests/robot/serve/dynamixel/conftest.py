@@ -3,7 +3,8 @@
 import contextlib
 
 import pytest
-from bridges.dynamixel.fake_station import FakeStation, connect
+
+from robot.serve.dynamixel.fake_station import FakeStation, connect
 
 
 @pytest.fixture

@@ -5,13 +5,13 @@ import socket
 import threading
 
 import numpy as np
-from bridges.dynamixel.servo_client import ServoClient
-from bridges.waiting import wait_until
 from helpers import needs_pty
 
 from drake_srg.robot.serve.commands import CommandInbox, Warnings
 from drake_srg.robot.serve.dynamixel.bridge import ServoBridge
 from drake_srg.robot.serve.dynamixel.protocol import Instruction, Packet1, Packet2
+from robot.serve.dynamixel.servo_client import ServoClient
+from robot.serve.waiting import wait_until
 
 COUNT = 2 * np.pi / 4096
 CLOSED = 2.8  # angle at which the fake gripper's fingers meet [rad]

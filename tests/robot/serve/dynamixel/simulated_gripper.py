@@ -2,11 +2,10 @@
 
 import threading
 
-from bridges.waiting import wait_until
-
 from drake_srg.robot.serve.dynamixel.bridge import ServoBridge
 from drake_srg.robot.serve.loop import Serve
 from drake_srg.scenario import load_scenario
+from robot.serve.waiting import wait_until
 
 # Pointing forwards: downwards, the fingers would fall shut against their springs.
 _FRONT = "directives.gripper::palm.add_weld.X_PC.rotation=!Rpy {deg: [0, 0, 0]}"

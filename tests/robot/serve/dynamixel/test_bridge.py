@@ -7,9 +7,6 @@ import math
 import dynamixel_sdk
 import numpy as np
 import pytest
-from bridges.dynamixel.fake_station import CLOSED, COUNT, FakeStation, client_of
-from bridges.dynamixel.servo_client import ServoClient
-from bridges.dynamixel.simulated_gripper import SimulatedGripper
 
 from drake_srg.robot.serve.commands import CommandInbox, Warnings
 from drake_srg.robot.serve.dynamixel.bridge import (
@@ -28,6 +25,9 @@ from drake_srg.robot.serve.dynamixel.protocol import (
 )
 from drake_srg.robot.serve.dynamixel.servo import MotorCommand
 from drake_srg.scenario import load_scenario
+from robot.serve.dynamixel.fake_station import CLOSED, COUNT, FakeStation, client_of
+from robot.serve.dynamixel.servo_client import ServoClient
+from robot.serve.dynamixel.simulated_gripper import SimulatedGripper
 
 FIVE_AXES = load_scenario("assistive_arm")
 TRAVEL = 0.69

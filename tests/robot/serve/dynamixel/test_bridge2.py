@@ -7,7 +7,11 @@ from pathlib import Path
 import dynamixel_sdk as sdk
 import numpy as np
 import pytest
-from bridges.dynamixel.fake_station import (
+from helpers import needs_pty
+
+from drake_srg.robot.serve.commands import CommandInbox, Warnings
+from drake_srg.robot.serve.dynamixel.bridge import ServoBridge
+from robot.serve.dynamixel.fake_station import (
     CLOSED,
     COUNT,
     PING_2,
@@ -16,11 +20,7 @@ from bridges.dynamixel.fake_station import (
     answers,
     connect,
 )
-from bridges.dynamixel.simulated_gripper import SimulatedGripper
-from helpers import needs_pty
-
-from drake_srg.robot.serve.commands import CommandInbox, Warnings
-from drake_srg.robot.serve.dynamixel.bridge import ServoBridge
+from robot.serve.dynamixel.simulated_gripper import SimulatedGripper
 
 OPEN = 3298
 LED, CURRENT_LIMIT, GOAL_POSITION, POSITION = 65, 38, 116, 132

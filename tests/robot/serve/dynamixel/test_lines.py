@@ -11,13 +11,6 @@ import time
 import numpy as np
 import pytest
 import serial
-from bridges.dynamixel.fake_station import (
-    PING,
-    FakeStation,
-    answers,
-    client_of,
-    connect,
-)
 from helpers import needs_pty
 
 from drake_srg.robot.serve.commands import CommandInbox, Warnings
@@ -25,6 +18,13 @@ from drake_srg.robot.serve.dynamixel import bridge as servo_bridge
 from drake_srg.robot.serve.dynamixel.bridge import ServoBridge
 from drake_srg.robot.serve.dynamixel.protocol import Instruction, Packet1, PacketReader
 from drake_srg.robot.serve.dynamixel.servo import Servo
+from robot.serve.dynamixel.fake_station import (
+    PING,
+    FakeStation,
+    answers,
+    client_of,
+    connect,
+)
 
 # Where it listens.
 

@@ -1,11 +1,11 @@
 import math
 
 import pytest
-from bridges.dynamixel.servo_with_master import ServoWithMaster
 from hypothesis import given
 from hypothesis import strategies as st
 
 from drake_srg.robot.serve.dynamixel.protocol import Error1, Instruction
+from robot.serve.dynamixel.servo_with_master import ServoWithMaster
 
 COUNT = math.tau / 4096  # rad
 

@@ -4,7 +4,6 @@ import math
 import random
 
 import pytest
-from bridges.dynamixel.servo_with_master import ServoWithMaster2
 
 from drake_srg.robot.serve.dynamixel.protocol import (
     BROADCAST,
@@ -14,6 +13,7 @@ from drake_srg.robot.serve.dynamixel.protocol import (
     PacketReader,
 )
 from drake_srg.robot.serve.dynamixel.registers import ControlTable2
+from robot.serve.dynamixel.servo_with_master import ServoWithMaster2
 
 LED, TEMPERATURE = 65, 146
 PONG = Packet2(1, Instruction.STATUS, b"\x00\x37\x01\x2d")

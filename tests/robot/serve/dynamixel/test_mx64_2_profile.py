@@ -1,7 +1,8 @@
 """Profiles of an MX-64 with Protocol 2.0 that have no way to go, or no acceleration."""
 
 import pytest
-from bridges.dynamixel.servo_with_master import ServoWithMaster2
+
+from robot.serve.dynamixel.servo_with_master import ServoWithMaster2
 
 OPEN = 3298  # position of the open gripper
 LASTING, NEVER_FASTER = {"drive_mode": 4}, {"acceleration_limit": 0}

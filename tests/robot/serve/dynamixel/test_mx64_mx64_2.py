@@ -3,12 +3,12 @@
 import math
 
 import pytest
-from bridges.dynamixel.servo_with_master import ServoWithMaster2
 from hypothesis import given
 from hypothesis import strategies as st
 
 from drake_srg.robot.serve.dynamixel.protocol import ALERT, Error2, Instruction
 from drake_srg.robot.serve.dynamixel.registers import Mode
+from robot.serve.dynamixel.servo_with_master import ServoWithMaster2
 
 COUNT = math.tau / 4096  # rad
 OPEN = 3298  # position of the open gripper

@@ -1,7 +1,6 @@
 import math
 
 import pytest
-from bridges.dynamixel.servo_with_master import ServoWithMaster
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -11,6 +10,7 @@ from drake_srg.robot.serve.dynamixel.protocol import (
     Instruction,
     Packet1,
 )
+from robot.serve.dynamixel.servo_with_master import ServoWithMaster
 
 
 @pytest.fixture

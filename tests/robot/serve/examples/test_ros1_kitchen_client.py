@@ -4,11 +4,11 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from bridges.ros1.peers import wait_until
 
 from drake_srg.robot.serve.commands import CommandInbox, CommandTopic, Warnings
 from drake_srg.robot.serve.ros1.bridge import Ros1Bridge
 from drake_srg.scenario import load_scenario
+from robot.serve.ros1.peers import wait_until
 
 EXAMPLE = Path(__file__).parents[4] / "examples" / "ros1_kitchen_client.py"
 

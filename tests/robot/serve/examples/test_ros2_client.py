@@ -5,12 +5,12 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from bridges.ros2.peers import command_topics, free_domain
-from bridges.waiting import wait_until
 from helpers import NEEDS_DDS
 
 from drake_srg.recording import rosbag
 from drake_srg.robot.serve.commands import CommandInbox, Warnings
+from robot.serve.ros2.peers import command_topics, free_domain
+from robot.serve.waiting import wait_until
 
 pytestmark = [pytest.mark.slow, NEEDS_DDS]
 

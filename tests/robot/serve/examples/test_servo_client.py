@@ -3,7 +3,8 @@ import sys
 from pathlib import Path
 
 import pytest
-from bridges.dynamixel.fake_station import FakeStation
+
+from robot.serve.dynamixel.fake_station import FakeStation
 
 EXAMPLE = Path(__file__).parents[4] / "examples" / "servo_client.py"
 

@@ -3,12 +3,12 @@
 import contextlib
 
 import pytest
-from bridges.ros1 import peers
-from bridges.ros1.peers import wait_until
 
 from drake_srg.robot.serve.commands import CommandInbox, Warnings
 from drake_srg.robot.serve.ros1.bridge import Ros1Bridge
 from drake_srg.robot.serve.ros1.tcpros import Timing
+from robot.serve.ros1 import peers
+from robot.serve.ros1.peers import wait_until
 
 
 @pytest.fixture

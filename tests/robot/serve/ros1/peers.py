@@ -7,10 +7,10 @@ import xmlrpc.client
 from xmlrpc.server import SimpleXMLRPCServer
 
 import numpy as np
-from bridges.waiting import wait_until
 
 from drake_srg.recording import rosbag
 from drake_srg.robot.serve.commands import CommandError, CommandTopic
+from robot.serve.waiting import wait_until
 
 # From `rosmsg md5`.
 INT32_MD5 = "da5909fbe378aeaf85e547e830cc1bb7"

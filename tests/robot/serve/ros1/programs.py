@@ -9,8 +9,8 @@ import threading
 import xmlrpc.client
 from pathlib import Path
 
-from bridges.ros1.peers import free_port
-from bridges.waiting import wait_until
+from robot.serve.ros1.peers import free_port
+from robot.serve.waiting import wait_until
 
 
 class Roscore:

@@ -4,15 +4,15 @@ import threading
 import time
 
 import pytest
-from bridges.ros1 import peers
-from bridges.ros1.peers import CLOCK, INT32, free_port, int32, taken
-from bridges.waiting import wait_until
 
 from drake_srg.recording.rosbag import Topic
 from drake_srg.robot.serve.action_server import STATUS, FollowJointTrajectory
 from drake_srg.robot.serve.commands import CommandInbox, CommandTopic, Warnings
 from drake_srg.robot.serve.ros1 import bridge as ros1_bridge
 from drake_srg.robot.serve.ros1.bridge import Ros1Bridge
+from robot.serve.ros1 import peers
+from robot.serve.ros1.peers import CLOCK, INT32, free_port, int32, taken
+from robot.serve.waiting import wait_until
 
 
 def test_the_first_status_knows_whether_the_master_answers(new_bridge, master):

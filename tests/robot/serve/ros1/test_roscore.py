@@ -5,9 +5,6 @@ import threading
 
 import numpy as np
 import pytest
-from bridges.ros1.peers import taken
-from bridges.ros1.programs import RospyClient
-from bridges.waiting import wait_until
 from pydrake.math import RigidTransform
 from pydrake.systems.sensors import CameraInfo
 from rosbags.typesys import Stores, get_typestore
@@ -16,6 +13,9 @@ from drake_srg.recording import rosbag
 from drake_srg.robot.serve import pictures as camera
 from drake_srg.robot.serve.ros1.bridge import Ros1Bridge
 from drake_srg.types import Blob
+from robot.serve.ros1.peers import taken
+from robot.serve.ros1.programs import RospyClient
+from robot.serve.waiting import wait_until
 
 pytestmark = [pytest.mark.slow, pytest.mark.ros]
 

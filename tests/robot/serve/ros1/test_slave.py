@@ -4,8 +4,9 @@ import xmlrpc.client
 from urllib.parse import urlsplit
 
 import pytest
-from bridges.ros1 import peers
-from bridges.ros1.peers import CLOCK, INT32, int32, taken
+
+from robot.serve.ros1 import peers
+from robot.serve.ros1.peers import CLOCK, INT32, int32, taken
 
 
 def test_a_node_answers_questions_about_itself(bridge, inbox, master, publisher):

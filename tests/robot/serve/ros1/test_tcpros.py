@@ -7,21 +7,6 @@ import time
 
 import numpy as np
 import pytest
-from bridges.ros1 import peers
-from bridges.ros1.peers import (
-    ARRAY,
-    ARRAY_MD5,
-    CLOCK,
-    CLOCK_MD5,
-    IMAGE,
-    INT32,
-    INT32_MD5,
-    JOINTS,
-    array,
-    int32,
-    taken,
-)
-from bridges.waiting import wait_until
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -38,6 +23,21 @@ from drake_srg.robot.serve.ros1.tcpros import (
     encode_header,
     frame,
 )
+from robot.serve.ros1 import peers
+from robot.serve.ros1.peers import (
+    ARRAY,
+    ARRAY_MD5,
+    CLOCK,
+    CLOCK_MD5,
+    IMAGE,
+    INT32,
+    INT32_MD5,
+    JOINTS,
+    array,
+    int32,
+    taken,
+)
+from robot.serve.waiting import wait_until
 
 names = st.text(st.characters(codec="ascii", exclude_characters="="), min_size=1)
 values = st.text(st.characters(codec="utf-8"))

@@ -3,10 +3,10 @@ import contextlib
 import socket
 
 import pytest
-from bridges.ros1.peers import Api
 
 from drake_srg.robot.serve.ros1.xmlrpc import XmlRpcError, call, serve
 from drake_srg.robot.serve.sockets import Resolver
+from robot.serve.ros1.peers import Api
 
 
 def run_call(uri, method, *arguments, timeout=20.0):

@@ -12,7 +12,6 @@ import sys
 import threading
 import time
 
-from bridges.ros2.dds_peer import CONFIGURATION, Header, Time, qos
 from cyclonedds.domain import Domain, DomainParticipant
 from cyclonedds.idl import IdlStruct
 from cyclonedds.idl.types import (
@@ -30,6 +29,8 @@ from cyclonedds.idl.types import (
 from cyclonedds.pub import DataWriter
 from cyclonedds.sub import DataReader
 from cyclonedds.topic import Topic
+
+from robot.serve.ros2.dds_peer import CONFIGURATION, Header, Time, qos
 
 FOLLOW = "control_msgs::action::dds_::FollowJointTrajectory"
 

@@ -3,10 +3,10 @@
 import contextlib
 
 import pytest
-from bridges.ros2.peers import CyclonePeer, command_topics, free_domain
 from helpers import LACKS_DDS, NO_DDS
 
 from drake_srg.robot.serve.commands import CommandInbox, Warnings
+from robot.serve.ros2.peers import CyclonePeer, command_topics, free_domain
 
 
 class DdsModule(pytest.Module):

@@ -9,9 +9,9 @@ import threading
 from pathlib import Path
 
 import numpy as np
-from bridges.waiting import wait_until
 
 from drake_srg.robot.serve.commands import CommandError, CommandTopic
+from robot.serve.waiting import wait_until
 
 COMMANDS = {
     "/grasp": ("Int32", 42),

@@ -8,16 +8,6 @@ from contextlib import closing
 
 import numpy as np
 import pytest
-from bridges.ros2 import dds_peer
-from bridges.ros2.peers import (
-    COMMANDS,
-    CyclonePeer,
-    advertise,
-    command_topics,
-    free_domain,
-    received,
-)
-from bridges.waiting import wait_until
 from pydrake.systems.sensors import CameraInfo
 from rosbags.typesys import Stores, get_typestore
 
@@ -33,6 +23,16 @@ from drake_srg.robot.serve.ros2.bridge import (
     topic_name,
     type_name,
 )
+from robot.serve.ros2 import dds_peer
+from robot.serve.ros2.peers import (
+    COMMANDS,
+    CyclonePeer,
+    advertise,
+    command_topics,
+    free_domain,
+    received,
+)
+from robot.serve.waiting import wait_until
 
 JOINT_STATES = rosbag.joint_states({"arm": ["a", "b"]})
 STATE = np.array([0.1, 0.2, 0.3, 0.4])

@@ -4,14 +4,6 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from bridges.ros2.peers import (
-    COMMANDS,
-    advertise,
-    command_topics,
-    free_domain,
-    received,
-)
-from bridges.waiting import wait_until
 from cyclonedds.qos import Qos
 from cyclonedds.sub import DataReader
 from cyclonedds.topic import Topic as DdsTopic
@@ -27,6 +19,14 @@ from drake_srg.robot.serve.ros2.bridge import (
     open_participant,
     payload_type,
 )
+from robot.serve.ros2.peers import (
+    COMMANDS,
+    advertise,
+    command_topics,
+    free_domain,
+    received,
+)
+from robot.serve.waiting import wait_until
 
 pytestmark = pytest.mark.slow
 

@@ -4,11 +4,11 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from bridges.ros2.peers import Peer
-from bridges.waiting import wait_until
 from helpers import needs_debian
 
 from drake_srg.recording import rosbag
+from robot.serve.ros2.peers import Peer
+from robot.serve.waiting import wait_until
 
 pytestmark = [pytest.mark.slow, pytest.mark.ros]
 

@@ -1,0 +1,176 @@
+"""External torques from the contacts of a continuous plant."""
+
+import numpy as np
+import pytest
+from helpers import fix, port_table
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from hypothesis.extra.numpy import arrays
+from pydrake.common.value import AbstractValue
+from pydrake.multibody.math import SpatialForce
+from pydrake.multibody.plant import ExternallyAppliedSpatialForce
+
+from arm.contact_scene import (
+    BETWEEN,
+    INERTIA,
+    MASS,
+    PERIOD,
+    RADIUS,
+    G,
+    Scene,
+    about_origin,
+)
+from drake_srg.objects.poses import ContactReader
+
+
+@pytest.fixture(params=["hydroelastic", "point"])
+def scene(request):
+    return Scene(request.param)
+
+
+def test_ports():
+    scene = Scene()
+    assert port_table(scene.torques) == (
+        {
+            "arm_state": 4,
+            "contact_results": None,
+            "body_poses": None,
+            "body_spatial_velocities": None,
+            "applied_forces": None,
+        },
+        {"external_torque": 2},
+    )
+
+
+def test_an_untouched_arm_feels_nothing(scene):
+    scene.put([2.0, 0.0, 1.0], v=[0.0, 0.0, -1.0])
+    for _ in range(2):
+        np.testing.assert_array_equal(scene.felt(), 0.0)
+
+
+def test_a_held_ball_counts_with_its_weight_whatever_its_contacts_say(scene):
+    scene.put(BETWEEN, v=[0.0, 0.01, 0.0])
+    weight = about_origin([0.0, 0.0, -MASS * G], BETWEEN)
+    assert np.max(np.abs(scene.contacts - weight)) > 1.0  # creeping, out of balance
+    np.testing.assert_allclose(scene.felt_twice(), weight, rtol=1e-9)
+
+
+def test_a_ball_that_stands_counts_nothing_when_it_is_touched(scene):
+    scene.standing(BETWEEN[0])
+    scene.lower(RADIUS)
+    assert np.max(np.abs(scene.contacts)) > 1.0
+    np.testing.assert_allclose(scene.felt_twice(), 0.0, atol=1e-3)
+
+
+def test_a_ball_pressed_on_the_table_presses_back(scene):
+    height = RADIUS - 0.004
+    scene.put([BETWEEN[0], 0.0, height])
+    scene.lower(height)
+    pressure = scene.pressure()
+    assert pressure > 2.0 * MASS * G
+    expected = about_origin([0.0, 0.0, pressure - MASS * G], BETWEEN)
+    np.testing.assert_allclose(scene.felt_twice(), expected, rtol=1e-3)
+
+
+def test_fixed_bodies_count_with_their_contacts():
+    scene = Scene("point")  # rigid palm and finger meet the table at points only
+    scene.put([2.0, 0.0, 1.0])
+    scene.plant.SetPositions(scene.context, scene.arm, [-0.971, 0.02])
+    assert scene.contacts[0] > 1.0
+    np.testing.assert_allclose(scene.felt(), scene.contacts, rtol=1e-9)
+
+
+def test_a_ball_on_a_link_counts_with_its_contacts(scene):
+    scene.put([0.3, 0.0, 1.0 + 0.029 + RADIUS])
+    assert abs(scene.contacts[0]) > 0.1
+    np.testing.assert_allclose(scene.felt(), scene.contacts, rtol=1e-9)
+
+
+def test_links_feel_contacts_without_a_hand():
+    scene = Scene(gripper=False)
+    scene.put([0.3, 0.0, 1.0 + 0.029 + RADIUS])
+    np.testing.assert_allclose(scene.felt(), scene.contacts, rtol=1e-9)
+
+
+def test_a_held_mechanism_counts_with_its_contacts():
+    scene = Scene(balls=["bell"])
+    scene.put(BETWEEN)
+    np.testing.assert_allclose(scene.felt(), scene.contacts, rtol=1e-9)
+
+
+def test_a_ball_on_the_held_ball_counts():
+    scene = Scene(balls=["ball", "ball"])
+    scene.put(BETWEEN)
+    above = BETWEEN + np.array([0.0, 0.0, 1.98 * RADIUS])
+    scene.put(above, name="ball_1")
+    results = scene.plant.get_contact_results_output_port().Eval(scene.context)
+    force = ContactReader(scene.plant, "ball").forces(results)["ball_1"]
+    expected = about_origin([0.0, 0.0, -force - MASS * G], BETWEEN)
+    np.testing.assert_allclose(scene.felt_twice(), expected, rtol=1e-3)
+
+
+_SPEEDS = arrays(float, 3, elements=st.floats(-2.0, 2.0))
+
+
+@settings(max_examples=20, deadline=None)
+@given(dw=_SPEEDS, dv=_SPEEDS)
+def test_a_held_ball_resists_acceleration(dw, dv):
+    scene = Scene("point")
+    scene.put(BETWEEN)
+    still = scene.felt_twice()
+    scene.put(BETWEEN, w=dw, v=dv)
+    inertial = about_origin(-MASS * dv / PERIOD, BETWEEN, -INERTIA * dw / PERIOD)
+    np.testing.assert_allclose(scene.felt(), still + inertial, rtol=1e-9, atol=1e-9)
+
+
+def test_a_ball_that_is_hit_counts_from_its_first_sample_on():
+    scene = Scene("point")
+    scene.put([2.0, 0.0, 1.0])
+    scene.felt()
+    scene.put(BETWEEN, v=[0.0, 0.0, 1.0])
+    assert scene.felt()[0] == pytest.approx(-MASS / PERIOD)
+    assert scene.felt()[0] == pytest.approx(-MASS * G)
+
+
+def test_forces_on_the_hand_the_ball_and_a_link_count():
+    scene = Scene()
+    ball = scene.put(BETWEEN)
+    palm = scene.plant.GetBodyByName("palm")
+    column = scene.plant.GetBodyByName("column")
+    still = scene.felt_twice()
+    at = np.array([0.0, 0.0, 0.02])
+    pulls = {ball: BETWEEN, palm: np.zeros(3), column: np.zeros(3)}
+    expected = still.copy()
+    forces = []
+    for i, (body, p_WB) in enumerate(pulls.items()):
+        force, torque = np.array([1.0 + i, 2.0, -3.0]), np.array([0.1, 0.2, 0.3])
+        applied = ExternallyAppliedSpatialForce()
+        applied.body_index, applied.p_BoBq_B = body.index(), at
+        applied.F_Bq_W = SpatialForce(tau=torque, f=force)
+        forces.append(applied)
+        effect = about_origin(force, p_WB + at, torque)
+        expected += effect * ([1.0, 0.0] if body is column else 1.0)  # no hinge
+    context = scene.torques.GetMyMutableContextFromRoot(scene.root)
+    fix(scene.torques, context, applied_forces=AbstractValue.Make(forces))
+    np.testing.assert_allclose(scene.felt_twice(), expected, rtol=1e-9)
+
+
+def test_a_pressure_of_a_single_sample_is_not_felt(scene):
+    scene.standing(BETWEEN[0])
+    scene.lower(RADIUS)
+    scene.felt_twice()
+    low = [BETWEEN[0], 0.0, RADIUS - 0.004]
+    scene.put(low)
+    assert scene.pressure() > 2.0 * MASS * G
+    np.testing.assert_allclose(scene.felt(), 0.0, atol=1e-3)
+    scene.standing(BETWEEN[0])
+    np.testing.assert_allclose(scene.felt(), 0.0, atol=1e-3)
+
+
+def test_all_state_is_in_the_context():
+    scene = Scene("point")
+    scene.put(BETWEEN)
+    other = scene.root.Clone()
+    scene.felt()
+    own = scene.torques.GetMyContextFromRoot(other)
+    np.testing.assert_array_equal(scene.torques.get_output_port().Eval(own), 0.0)
