@@ -1,8 +1,6 @@
-"""Constraints between joints and links, read from model files.
+"""Models of a finalized plant for export, and the constraints in their files.
 
 Python cannot ask a plant for them.
-
-Reads the models of a finalized plant.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""The wires of the SRG as MuJoCo's tendons.
+"""MJCF, MuJoCo's format: models, and the SRG's wires as tendons.
 
 MuJoCo adds up the lengths of a tendon's branches. Here each branch is a straight line
 between a point on one side of a hinge and a point on the other side, and a branch at
@@ -8,8 +8,6 @@ runs in the hardware.
 
 MuJoCo's tendon is a spring that pulls when it is longer than at rest, as the wire does.
 The motor moves a slide instead of a spool: 1 m along it takes in 1 m of each wire.
-
-Writes a model as MJCF, MuJoCo's format.
 """
 
 from __future__ import annotations

@@ -1,7 +1,4 @@
-"""A model between two formats: links, joints, geometries and constraints.
-
-The mesh files beside exported models.
-"""
+"""A model between two formats: links, joints, geometries, constraints, meshes."""
 
 from __future__ import annotations
 

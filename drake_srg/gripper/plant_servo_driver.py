@@ -1,7 +1,4 @@
-"""Algorithm 1 for joints that the plant itself controls.
-
-The SRG driven by PD actuators of the plant, for simulations that must be fast.
-"""
+"""The SRG driven by PD actuators of the plant, for simulations that must be fast."""
 
 import dataclasses as dc
 from typing import ClassVar

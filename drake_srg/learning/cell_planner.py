@@ -1,8 +1,4 @@
-"""What the planners that act by a policy share: they look once, and then act.
-
-A one-shot grasp in a cell, in place of a planner: look, come down, close, lift.
-A policy that moves the hand step by step, in a cell, in place of a planner.
-"""
+"""Policies as planners of a cell: a one-shot grasp, or motions step by step."""
 
 from __future__ import annotations
 

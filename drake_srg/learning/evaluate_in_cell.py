@@ -1,7 +1,4 @@
-"""Trials of a policy in a scenario's cell, judged as in its environment.
-
-Judges a policy in the cells of a scenario, where it takes the planner's place.
-"""
+"""Evaluation of policies in a scenario's cell, in the planner's place."""
 
 from __future__ import annotations
 

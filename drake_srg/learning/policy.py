@@ -1,7 +1,4 @@
-"""Multilayer perceptrons that act, in NumPy, and the action that they think best.
-
-Policies as files: `policy.npz`, read without pickle, and ONNX for other programs.
-"""
+"""Policies: multilayer perceptrons in NumPy, and their files."""
 
 from __future__ import annotations
 

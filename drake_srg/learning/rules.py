@@ -1,7 +1,9 @@
-"""Hand-written policies of our environments: what a learner must beat.
+"""Hand-written and random policies: what a learner must beat.
 
-A hand-written policy of Pick for objects whose place is hardly known.
-Policies without a file: random actions, and rules written by hand.
+Pads catch what is off along the closing direction by 4 cm and more, but across it only
+what is between them. So the hand, nearly closed, first pushes a cylinder across, from
+beside: then it is known where it is. A box would turn as it is pushed. It is tried
+where it was seen, then on one side of that, and then on the other.
 """
 
 from __future__ import annotations

@@ -1,8 +1,4 @@
-"""Configuration of disturbances: forces on objects that the robot does not exert.
-
-The force that each kind of disturbance exerts on its object over time.
-The system that disturbs objects when its time has come.
-"""
+"""Disturbances: forces on objects that the robot does not exert."""
 
 import dataclasses as dc
 import math

@@ -1,7 +1,4 @@
-"""The household objects among our models, for experiments, clutter and trying out.
-
-Pictures of single objects.
-"""
+"""The household objects among our models, and pictures of them."""
 
 from __future__ import annotations
 

@@ -1,6 +1,6 @@
-"""Models of movable objects in a plant, and their shapes.
+"""Movable objects in a plant: their models, shapes and properties.
 
-Gives an object of a finished plant other properties, in a context alone.
+Building a plant takes a hundred times as long.
 """
 
 from __future__ import annotations

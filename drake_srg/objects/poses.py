@@ -1,7 +1,4 @@
-"""True poses of objects, for metrics, experiments and disturbances only.
-
-Contact forces on an object: ground truth for metrics.
-"""
+"""Ground truth about objects: poses and contact forces."""
 
 from __future__ import annotations
 

@@ -1,7 +1,4 @@
-"""Elements of SDF files: builds them, and replaces an object's properties in them.
-
-Contact properties of objects that do not bring their own.
-"""
+"""SDF elements of objects, and their contact properties."""
 
 from __future__ import annotations
 

@@ -1,6 +1,7 @@
-"""Tetrahedral meshes of boxes, for finite elements.
+"""Soft objects: boxes of deformable finite elements.
 
-Soft objects: boxes of deformable finite elements.
+A soft object has vertices and no pose. Its pose is defined as the rigid motion nearest
+to the motion of its vertices.
 """
 
 from __future__ import annotations

@@ -1,7 +1,4 @@
-"""How far a body's collision geometry reaches: as points of hulls, and as boxes.
-
-What the localizer knows of an object's geometry.
-"""
+"""Solids that stand for objects: how far they reach, and what is known of them."""
 
 from __future__ import annotations
 

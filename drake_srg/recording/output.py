@@ -1,7 +1,4 @@
-"""What recorders share: files that appear when complete, and optional packages.
-
-Logs: arrays in one .npz file, the same bytes for the same arrays.
-"""
+"""What recorders share: files that appear when complete, and logs."""
 
 from __future__ import annotations
 

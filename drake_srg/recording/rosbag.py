@@ -1,9 +1,7 @@
-"""ROS topics, made from the values of ports.
+"""Rosbags: ROS topics made from the values of ports, and their recorder.
 
 Port names are those of a station or cell, so that a loop over its ports connects a
 recorder. The functions here return a `Topic`; write your own the same way.
-
-Records ROS topics in a rosbag.
 """
 
 from __future__ import annotations

@@ -1,8 +1,4 @@
-"""The style of all our figures, and their PNG files.
-
-Draws a run over time: modes, gripper, arm and object.
-The timeline of a run's log.
-"""
+"""The timeline of a run as a figure, and the style of all our figures."""
 
 from __future__ import annotations
 

@@ -1,7 +1,4 @@
-"""Encodes images as an H.264 video.
-
-Records a camera as an H.264 video.
-"""
+"""Videos of cameras, encoded as H.264."""
 
 from __future__ import annotations
 

@@ -1,6 +1,8 @@
-"""Configuration of a digital twin: when robot and model part.
+"""The dataclasses that a scenario file fills.
 
-The dataclasses that a scenario file fills.
+A scenario is YAML. Plant, simulator, scene graph, model directives and cameras follow
+Drake's own schema. `base: NAME` lays a file over another. Any numeric field may be one
+of Drake's distributions, drawn from `random_seed`.
 """
 
 import dataclasses as dc

@@ -1,9 +1,4 @@
-"""The perception of a cell: the localizer and the finder of obstacles.
-
-What a cell needs to take only some things: labels, and where each of them goes.
-The bins of a scenario and the foot of its arm, measured on their models.
-The height maps of a cell that clears its table: of it, and of where loads go.
-"""
+"""The perception of a cell: localizer, obstacle finder, labels and height maps."""
 
 from __future__ import annotations
 

@@ -1,7 +1,8 @@
-"""Goal poses of the picked object: at the end of a cycle and of a run.
+"""The planners of a scenario, their models of hands, and their goals.
 
-The planner's model of each gripper.
-Planners of a scenario, for its task or for its script.
+Gripper drivers know nothing of planning, so the `Hand` of each is made here, from the
+driver's configuration. `register_gripper` is the one place where a gripper driver of
+your own becomes known: to scenario files by its tag, and to the planner.
 """
 
 from __future__ import annotations

@@ -1,8 +1,4 @@
-"""Where a visual servo's camera is in the hand.
-
-What the camera in the hand shows of an object in the hand, rendered.
-The planner of a scenario with a visual servo, and the goal of that servo.
-"""
+"""The planner of a scenario with a visual servo, and the servo's camera."""
 
 from __future__ import annotations
 

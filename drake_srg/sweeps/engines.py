@@ -1,9 +1,9 @@
-"""Runs trials in processes on this machine; `ray_engine` runs them on a cluster.
+"""Engines that run trials: processes on this machine, or a Ray cluster.
 
 An engine always uses processes of its own, even if it is a single one, so that nothing
 depends on their number.
 
-Runs trials on a Ray cluster, whose nodes send their results and share no files.
+Every node needs the same version and the same files of drake_srg.
 """
 
 from __future__ import annotations

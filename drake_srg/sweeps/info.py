@@ -1,8 +1,6 @@
-"""A hash of the code, scenarios and models that a trial depends on.
+"""The identity of a sweep: its sweep.json, and a hash of what a trial depends on.
 
 The package's version does not identify them: it changes with a release, not a commit.
-
-Identifies a sweep: the contents of its sweep.json.
 """
 
 from __future__ import annotations

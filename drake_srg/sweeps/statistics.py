@@ -1,7 +1,4 @@
-"""Statistics of many trials.
-
-Summarizes a sweep as text.
-"""
+"""Statistics of many trials, and the summary of a sweep."""
 
 from __future__ import annotations
 

@@ -1,8 +1,8 @@
-"""The folder of a sweep, which one process at a time may write to.
+"""Sweeps: many trials of a scenario, each exactly once, also across interruptions.
 
-Gives trials to an engine, again if their worker dies.
-Runs the trials that a folder lacks, and writes each row as its trial ends.
-Runs many trials of a scenario, each exactly once, also across interruptions.
+DIR/sweep.json           identifies the sweep; see `info`
+DIR/trials.parquet       one row per trial; see `rows`
+DIR/recordings/000017/   recording of a trial: the files of `drake-srg run`
 """
 
 from __future__ import annotations

@@ -1,7 +1,4 @@
-"""A station that is built once and simulates one episode after the other.
-
-Where the localizer's cameras see an episode's object: the observation `blobs`.
-"""
+"""A station that is built once and simulates one episode after the other."""
 
 from __future__ import annotations
 

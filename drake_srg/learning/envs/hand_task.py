@@ -1,9 +1,7 @@
-"""Arms that carry a hand which points down: from its pose to joint positions.
+"""A hand that points down and one object, as all environments simulate them.
 
 A pose is [x, y, z, yaw] of the frame `grasp_center` in world [m, rad]; the yaw is 0
 where the hand closes along the world's y.
-
-A hand that points down and one object, as all environments simulate them.
 """
 
 from __future__ import annotations

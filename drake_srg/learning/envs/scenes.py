@@ -1,8 +1,4 @@
-"""Where the hands of environments start, and where they may go.
-
-The scenario of an environment: its physics and driver, timed for the control.
-Scenes: the object of one episode, drawn from a scenario's distributions.
-"""
+"""Scenes of episodes: physics, workspace, and the objects drawn for each."""
 
 from __future__ import annotations
 

@@ -1,8 +1,4 @@
-"""GraspOneShot: one action is one grasp.
-
-Pick: small motions of the hand until the object is up.
-PickPlace: as Pick, and on to a place on the table.
-"""
+"""The environments: GraspOneShot, Pick and PickPlace."""
 
 from __future__ import annotations
 

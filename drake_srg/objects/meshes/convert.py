@@ -1,7 +1,4 @@
-"""The geometry of an object in convex parts, with their inertia.
-
-Makes a checked SDF of convex pieces from the contents of an object's file.
-"""
+"""Conversion of an object's geometry to a checked SDF of convex pieces."""
 
 from __future__ import annotations
 

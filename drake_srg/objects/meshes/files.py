@@ -1,8 +1,4 @@
-"""The contents of an object's file, whatever its format.
-
-Reads triangle meshes, checks them, and mends what can be mended.
-Reads URDF and SDF files that hold one free link.
-"""
+"""Files of objects: triangle meshes, URDF and SDF, and their contents."""
 
 from __future__ import annotations
 

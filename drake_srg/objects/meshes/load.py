@@ -1,7 +1,4 @@
-"""A cache of folders by key, in the user's cache directory.
-
-The one loader of objects' files: every format becomes the tree of an SDF.
-"""
+"""The loader of objects' files, with its cache."""
 
 from __future__ import annotations
 

@@ -1,6 +1,8 @@
-"""What holds an object: contact patches with their normal forces and friction.
+"""Measures of a grasp: how well contact patches hold an object.
 
-How well contact patches hold an object: measures of a grasp.
+Wrenches are about the object's center of mass. Moments are divided by the object's
+size (its greatest distance from there), so that force and moment have one unit (Roa and
+Suárez, Autonomous Robots 38:65, 2015, section 2.3).
 """
 
 from __future__ import annotations

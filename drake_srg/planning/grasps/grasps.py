@@ -1,7 +1,4 @@
-"""Hands and grasps as planning sees them.
-
-Search for grasps that the arm reaches at the object and at its goal.
-"""
+"""Grasps and hands as planning sees them, and the search for reachable grasps."""
 
 from __future__ import annotations
 

@@ -1,8 +1,4 @@
-"""Joint angles at which the SRG's links meet an object.
-
-The SRG's fingers in grasps from above.
-Where and how the SRG can take an object: from above or from the side.
-"""
+"""Where and how the SRG can take an object, from above or from the side."""
 
 from __future__ import annotations
 

@@ -1,7 +1,4 @@
-"""Surfaces of known things: points with normals, drawn evenly.
-
-Grasps from above of things whose surfaces and poses are known.
-"""
+"""Grasps from above of things whose surfaces and poses are known."""
 
 from __future__ import annotations
 

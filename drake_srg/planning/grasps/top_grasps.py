@@ -1,8 +1,4 @@
-"""A grasp from above, and the planners that find such grasps.
-
-The search for grasps from above that all their planners share.
-Grasps from above of unknown things, from a height map alone.
-"""
+"""Grasps from above of unknown things, found in a height map."""
 
 from __future__ import annotations
 

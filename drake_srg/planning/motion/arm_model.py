@@ -1,7 +1,4 @@
-"""How fast the points of an arm move, in many postures at once.
-
-Kinematics for planning: an arm with a gripper in a plant.
-"""
+"""Kinematics for planning: an arm with a gripper in a plant."""
 
 from __future__ import annotations
 

@@ -1,7 +1,4 @@
-"""Targets of the hand, for inverse kinematics and straight paths.
-
-Inverse kinematics: joint angles for a target of the hand, or what forbids them.
-"""
+"""Inverse kinematics: joint angles for a target of the hand."""
 
 from __future__ import annotations
 

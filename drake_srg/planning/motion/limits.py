@@ -1,7 +1,4 @@
-"""Distances, speeds and limits of the arm's motions.
-
-Limits of the arm's motions, and the torques that a motion takes.
-"""
+"""Limits of the arm's motions, and the torques that a motion takes."""
 
 import dataclasses as dc
 

@@ -1,8 +1,4 @@
-"""Newton's method for targets of the hand near the last posture.
-
-RRT-Connect (Kuffner and LaValle, ICRA 2000) and shortcuts, in any free space.
-Free paths: of the joints, straight or around obstacles; of the hand, straight.
-"""
+"""Free paths: of the joints, straight or around obstacles; of the hand, straight."""
 
 from __future__ import annotations
 

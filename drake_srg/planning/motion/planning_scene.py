@@ -1,9 +1,4 @@
-"""Clearance between bodies.
-
-Why something cannot be planned: as a result, and as an exception.
-The collision checker of planning: an arm, its gripper, and what they may hit.
-How far a simulation in steps carries an object off the hand that holds it.
-"""
+"""The collision checker of planning, and why something cannot be planned."""
 
 import contextlib
 import copy

@@ -1,7 +1,4 @@
-"""Time parameterization by the toppra package.
-
-The fastest motions along paths, by TOPP-RA (Pham and Pham, 2018).
-"""
+"""The fastest motions along paths, by TOPP-RA (Pham and Pham, 2018)."""
 
 from __future__ import annotations
 

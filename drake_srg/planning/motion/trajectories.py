@@ -1,7 +1,15 @@
-"""Parts of a path, between which the arm need not rest.
+"""Smooth motions along free paths, as fast as the arm's limits allow.
 
-Motions along free paths that limit how the tip of the hand moves.
-Smooth motions along free paths, as fast as the arm's limits allow.
+The tip moves like a lift: as fast as limits of its speed, acceleration and jerk along
+the path allow. CoppeliaSim's `moveToPose` moves arms in this way; its distance between
+poses includes turns.
+
+The same approximation serves twice: a cubic spline whose control points lie on the
+curve that it approximates, at averages of its knots (Schoenberg, 1967). Such a spline
+reproduces straight lines, stays within the convex hull of four neighbouring points, and
+its first and second derivatives are weighted averages of those of the curve. Along a
+path it rounds the corners by a bounded amount. In time it turns the steps of a
+time-optimal acceleration into ramps without exceeding a limit.
 """
 
 from __future__ import annotations

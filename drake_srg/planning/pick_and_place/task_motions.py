@@ -1,7 +1,4 @@
-"""The motions of one grasp, from the approach until the arm is back home.
-
-All motions of one pick and place, planned at once from where the object is seen.
-"""
+"""The motions of a pick and place, planned at once from where the object is seen."""
 
 from __future__ import annotations
 

@@ -1,7 +1,4 @@
-"""Configuration of visual servoing.
-
-What a visual servo is told to do, and what it tells.
-"""
+"""Configuration, commands and status of a visual servo."""
 
 import dataclasses as dc
 import enum

@@ -1,7 +1,10 @@
-"""Kinematics of the hand that a servo moves.
+"""From a goal of the hand to joint velocities; the interaction matrix of image points.
 
-The interaction matrix of image points, and its damped inverse.
-From a goal pose to a twist of the hand, and from a twist to joint velocities.
+Notation and equation numbers are those of F. Chaumette and S. Hutchinson, Visual servo
+control, Part I: Basic approaches, IEEE Robotics & Automation Magazine 13(4), 2006. The
+camera's frame has z into the scene, x to the right and y down the image; a twist is
+[v; w], the velocity of the camera's origin and its angular velocity, both in that frame
+[m/s], [rad/s].
 """
 
 from __future__ import annotations

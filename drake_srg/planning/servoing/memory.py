@@ -1,8 +1,4 @@
-"""Follows a moving goal from sightings: an alpha-beta filter.
-
-From a moving servo back to a planner's positions, without a jump.
-The memory of a visual servo.
-"""
+"""The memory of a visual servo: the goal's filter, and the way back to positions."""
 
 from __future__ import annotations
 

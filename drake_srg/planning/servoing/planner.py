@@ -1,7 +1,4 @@
-"""The modes of picking and placing in which a visual servo moves the arm.
-
-Picking and placing with a visual servo for the grasp.
-"""
+"""The planner that grasps with a visual servo: its modes and system."""
 
 from __future__ import annotations
 

@@ -1,12 +1,4 @@
-"""What a camera in the hand shows, as the servos read it.
-
-Where an arm was a moment ago.
-Sightings that arrive late, with where the arm was when they were taken.
-The silhouette of a coloured object, and the ends of its ellipse.
-What trackers of a coloured object in one camera's images share.
-The pose of a known solid from the depth of its visible surface, for a servo.
-Image points of a coloured object: the ends of its silhouette's ellipse.
-"""
+"""Trackers of an object in the images of a camera in the hand."""
 
 from __future__ import annotations
 

@@ -1,8 +1,4 @@
-"""The loop that all visual servos share: from goal poses of a camera to joints.
-
-Visual servoing on an object's pose.
-Visual servoing on points in the image.
-"""
+"""Visual servos: their loop, on an object's pose or on points in the image."""
 
 from __future__ import annotations
 

@@ -1,7 +1,4 @@
-"""Animated glTF 2.0 in one binary file, the same bytes for the same scene.
-
-Reads the nodes of a scene that `glb.write_glb` wrote.
-"""
+"""Animated glTF 2.0 in one binary file, the same bytes for the same scene."""
 
 from __future__ import annotations
 

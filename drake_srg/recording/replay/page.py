@@ -1,8 +1,4 @@
-"""Reads what a recorded run has left in its folder.
-
-Writes replay.html: one page with scene, plots, video and images of a run.
-Writes a page that plays several runs side by side, on one timeline.
-"""
+"""The page replay.html: scene, plots, video and images of one run or of several."""
 
 from __future__ import annotations
 

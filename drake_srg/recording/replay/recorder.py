@@ -1,7 +1,4 @@
-"""Records what the localizer sees whenever the planner looks.
-
-Records a run for its replay.
-"""
+"""The recorder of a run's replay, and of what the localizer sees."""
 
 from __future__ import annotations
 

@@ -1,7 +1,4 @@
-"""Nodes of a replay's scene: bodies, soft bodies, cameras and forces in motion.
-
-Records what a diagram's SceneGraph shows during a run.
-"""
+"""The scene of a replay: bodies, soft bodies, cameras and forces in motion."""
 
 from __future__ import annotations
 

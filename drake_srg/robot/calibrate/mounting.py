@@ -1,7 +1,4 @@
-"""The ChArUco board, and its corners in an image.
-
-Where camera and board are mounted: one of them in the hand, the other fixed.
-"""
+"""The ChArUco board in an image, and where camera and board are mounted."""
 
 from __future__ import annotations
 

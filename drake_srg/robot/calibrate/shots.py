@@ -1,8 +1,4 @@
-"""Images of the board with the poses of the hand, from a run or from a folder.
-
-Postures of the arm in which the camera sees the board, each in another way.
-A simulated run in which the arm shows the board to the camera.
-"""
+"""Images of the board with the poses of the hand, from a run or from a folder."""
 
 from __future__ import annotations
 

@@ -1,11 +1,8 @@
-"""The pinhole model of a calibration, with its derivatives.
+"""The solver of a camera's intrinsics and pose, by reprojection of the corners.
 
 Frames: C is the camera's imager and B the board. P is the frame on which the camera is
 mounted and Q the one on which the board is: a camera in the hand has P on the hand and
 Q = world, a fixed one has P = world and Q on the hand. X_PQ is known in every view.
-
-A first estimate of both poses, from the board's pose in each image.
-Solves for a camera's intrinsics and pose by the reprojection of all corners.
 """
 
 from __future__ import annotations

@@ -1,8 +1,4 @@
-"""Pictures from a camera's messages: colour and depth of the same time.
-
-Cameras that publish their images with ROS 1 or ROS 2.
-A hardware camera as a system.
-"""
+"""Hardware cameras: pictures from ROS messages, as a system."""
 
 import abc
 import dataclasses as dc

@@ -1,7 +1,4 @@
-"""Faults of a wire, to try out what a run makes of them.
-
-Hardware files: which drivers a robot needs.
-"""
+"""Hardware files: which drivers a robot needs, and faults to try out."""
 
 import dataclasses as dc
 import functools

@@ -1,7 +1,12 @@
-"""The eye of a visual servo: a tracker on the pictures of a camera, never waiting.
+"""Localizer and planner of a robot, in a process of their own.
 
-The cell that plans for a robot: its clock is moved by messages.
-Localizer and planner in a process of their own.
+A tick with the newest measurements lets it advance by one planner period, and an answer
+goes back. While the planner thinks it takes no ticks, so its clock stands still, as it
+does in simulation, where planning takes no simulated time either.
+
+Both take long: images tenths of a second, plans seconds. In the process of the control
+loop they would hold it up, whatever thread they are in. So they run as a cell of their
+own, see `planner_cell`.
 """
 
 from __future__ import annotations

@@ -1,8 +1,4 @@
-"""The messages between the control loop and the planner's process.
-
-What becomes of a motion while the arm is stopped, and how it goes on.
-A planner that thinks elsewhere, as a system that never waits.
-"""
+"""A planner in another process, as a system that never waits."""
 
 from __future__ import annotations
 

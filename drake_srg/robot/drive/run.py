@@ -1,8 +1,4 @@
-"""The cell that runs on hardware: a station, and a planner in another process.
-
-The control loop of a run on hardware.
-Run a scenario's task on hardware, and record it.
-"""
+"""A scenario's task on hardware: the cell, the control loop, and the recording."""
 
 from __future__ import annotations
 

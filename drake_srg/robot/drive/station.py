@@ -1,9 +1,4 @@
-"""Measurements of hardware as output ports.
-
-Commands to hardware as input ports.
-Halts a gripper for as long as the arm is stopped.
-The hardware station: the ports of a station, with a robot behind them.
-"""
+"""The hardware station: the ports of a station, with a robot behind them."""
 
 from __future__ import annotations
 

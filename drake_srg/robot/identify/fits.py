@@ -1,13 +1,10 @@
-"""Where the spool stops when the tips press on each other: a model of one joint.
+"""Fits of a gripper's motor, friction and heat to its log.
 
 The vendor's test, whose log this module explains, runs for each set point: go to a
 position just beyond where the tips meet, at full effort, and wait 1 s; then press, by
 position control with less effort or by torque control; read the position every 66 ms
 until it changes by 5 counts or less. So a stop is read up to a quarter of a second
 after the press began, while friction holds what the approach has wound up.
-
-How long the servo takes to warm by 5 degrees: one heat capacity, one resistance.
-Fits a gripper's motor, friction and heat to its log, and tests the fits.
 """
 
 from __future__ import annotations

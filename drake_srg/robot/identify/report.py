@@ -1,7 +1,4 @@
-"""What an identification says, as text.
-
-The scenario that an identified gripper makes of another one.
-"""
+"""The report of an identification, and the scenario that it makes."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The action control_msgs/FollowJointTrajectory on ROS 2's wire.
+"""The action server of a served arm: FollowJointTrajectory on ROS 2's wire.
 
 An action is three services and two topics below its name (design.ros2.org, "Actions").
 A service is a pair of DDS topics, one for requests and one for replies. Each message
@@ -10,8 +10,6 @@ puts them into RTPS's own header instead, so that neither's services reach the o
 Definitions follow ros-controls/control_msgs, `action/FollowJointTrajectory.action`, and
 ros2/rcl_interfaces, action_msgs. A nested message and its members are the same bytes,
 so goals and results are written out flat.
-
-The action server of a served arm.
 """
 
 from __future__ import annotations

@@ -1,7 +1,4 @@
-"""The wires between clients or robots and us: what every bridge and ROS node does.
-
-Distribute what a station publishes to its bridges.
-"""
+"""What every bridge and ROS node shares, and what a station publishes to them."""
 
 from __future__ import annotations
 

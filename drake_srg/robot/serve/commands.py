@@ -1,8 +1,4 @@
-"""Commands from clients: checked by topic, the last good one kept.
-
-Topics that command a served arm that follows trajectories.
-Commands from clients to a served station's safety monitor.
-"""
+"""Commands from clients: checked by topic, the last good one kept."""
 
 from __future__ import annotations
 

@@ -1,7 +1,4 @@
-"""The keys of a terminal as an emergency stop.
-
-Construct the bridges that a user asks for.
-"""
+"""The bridges that a user asks for, and the keyboard's emergency stop."""
 
 import contextlib
 import dataclasses as dc

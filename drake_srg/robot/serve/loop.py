@@ -1,10 +1,4 @@
-"""Keep simulated time in step with real time.
-
-The diagram that `Serve` runs: a station with smoothed arm targets.
-The replay of a served station.
-The loop of a served station.
-Run a station in real time under the commands of external clients.
-"""
+"""The loop of a served station, in step with real time."""
 
 from __future__ import annotations
 

@@ -1,8 +1,4 @@
-"""The camera and localizer topics that a served station publishes.
-
-Cameras rendered in a separate process, in parallel with the simulation.
-Publish pictures and blobs of a served station.
-"""
+"""The pictures and blobs that a served station publishes."""
 
 from __future__ import annotations
 

@@ -1,7 +1,4 @@
-"""Find addresses of this machine, and of other hosts by name.
-
-A thread with an event loop for the sockets of a bridge.
-"""
+"""Addresses of hosts, and the thread of a bridge's sockets."""
 
 from __future__ import annotations
 

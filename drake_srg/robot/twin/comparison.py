@@ -1,9 +1,4 @@
-"""Where cameras see objects, as messages tell.
-
-Tells when a robot and its twin part.
-How far objects are from where cameras see them.
-Measured torques of an arm against what its twin expects.
-"""
+"""What a robot and its twin are compared by, and when they part."""
 
 from __future__ import annotations
 

@@ -1,8 +1,4 @@
-"""Listens to a robot, and never says anything to it.
-
-Puts a twin's objects where cameras see them.
-Advances a twin along with its robot.
-"""
+"""The loop that advances a twin along with its robot."""
 
 from __future__ import annotations
 

@@ -1,7 +1,4 @@
-"""Makes a twin's arm follow a measured one without lag.
-
-The diagram of a twin: a station that follows a robot, and what compares the two.
-"""
+"""The diagram of a twin: a station that follows a robot."""
 
 from __future__ import annotations
 

@@ -1,8 +1,19 @@
-"""The numbered files of a LeRobot data set.
+"""The LeRobotDataset format, version 3.0: features, tables, statistics, videos.
 
-Computes statistics of a data set's features, in LeRobot's layout.
-Writes the videos of a data set: many episodes per file, fast random access.
-The LeRobotDataset format, version 3.0: its features, tables and info.json.
+For each feature and dimension: min, max, mean, std, count and the quantiles q01, q10,
+q50, q90 and q99. For images, they are per color channel, with values from 0 to 1, shape
+(3, 1, 1). LeRobot estimates them from samples; here they cover all values.
+
+It is described in https://huggingface.co/docs/lerobot/lerobot-dataset-v3 and by
+LeRobot's own reader and writer (https://github.com/huggingface/lerobot, 0.4 and
+later). Its files, and what is in them::
+
+    meta/info.json                            version, features, frame rate, paths
+    meta/stats.json                           statistics over all frames
+    meta/tasks.parquet                        the tasks in words, by number
+    meta/episodes/chunk-000/file-000.parquet  one row per episode: its frames' place
+    data/chunk-000/file-000.parquet           one row per frame, except images
+    videos/CAMERA/chunk-000/file-000.mp4      images, many episodes per file
 """
 
 from __future__ import annotations

@@ -1,6 +1,7 @@
-"""Writes a LeRobot data set episode by episode.
+"""LeRobot data sets from the recordings of a sweep.
 
-Makes a LeRobot data set from the recordings of a sweep.
+Each trial becomes an episode, and each image time a frame; see docs/dataset.md and, for
+the format, `drake_srg.sweeps.dataset.format`.
 """
 
 from __future__ import annotations

@@ -1,7 +1,4 @@
-"""Elements of an HTML page; text from scenarios and trials is always escaped.
-
-Plots of a report, as SVG with the colours of the page's style sheet.
-"""
+"""Elements and plots of a report's page."""
 
 from __future__ import annotations
 

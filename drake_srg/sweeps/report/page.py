@@ -1,7 +1,4 @@
-"""The section of a report that shows what the outcome of trials depends on.
-
-The sections of a report: summary, failures, distributions, time and memory.
-"""
+"""The sections of a report: summary, failures, causes, distributions, cost."""
 
 from __future__ import annotations
 

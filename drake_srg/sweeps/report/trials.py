@@ -1,7 +1,4 @@
-"""Ranks the drawn quantities by how much the outcome of trials depends on them.
-
-The rows of a sweep as arrays, with nan for missing values.
-"""
+"""The rows of a sweep as arrays, and how much the outcome depends on each."""
 
 from __future__ import annotations
 

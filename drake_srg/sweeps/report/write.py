@@ -1,8 +1,4 @@
-"""Links from a report to the replays of recorded trials.
-
-The section of a report that shows the worst trials, and their videos.
-Writes the results of a sweep into one self-contained HTML page.
-"""
+"""The report of a sweep: one self-contained HTML page."""
 
 from __future__ import annotations
 

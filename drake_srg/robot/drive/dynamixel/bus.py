@@ -1,7 +1,4 @@
-"""The line to a bus of servos: a serial device, or a socket that stands for one.
-
-The master of a bus of Dynamixel servos.
-"""
+"""The master of a bus of Dynamixel servos, over a serial device or a socket."""
 
 from __future__ import annotations
 

@@ -1,9 +1,4 @@
-"""Servos that move one part of a robot together: set up, watched and commanded.
-
-The exchange with all servos of a bus, over and over.
-The thread that talks to a bus of servos.
-Drivers of arms and grippers of Dynamixel servos.
-"""
+"""Drivers of arms and grippers of Dynamixel servos."""
 
 import dataclasses as dc
 import math

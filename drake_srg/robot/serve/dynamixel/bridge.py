@@ -1,9 +1,9 @@
-"""What servos move: where their state comes from, and which ports their commands set.
+"""The bridge to masters of a station's servos, over TCP or a pseudo terminal.
 
 Angles of motors are positive clockwise, as in `Motor`.
 
-Emulated servos on one bus, between the packets of masters and a station's ports.
-The bridge to masters of a station's servos, over TCP or a pseudo terminal.
+Clients talk to them as to Dynamixel MX-64 on a serial line, at a pyserial URL such as
+socket://127.0.0.1:4001 or at the device /dev/pts/N.
 """
 
 from __future__ import annotations

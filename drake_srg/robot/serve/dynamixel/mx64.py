@@ -1,7 +1,4 @@
-"""The firmware of a Dynamixel MX-64 with Protocol 1.0.
-
-The firmware of a Dynamixel MX-64 with Protocol 2.0, "MX-64(2.0)".
-"""
+"""The firmware of a Dynamixel MX-64, with Protocol 1.0 and 2.0."""
 
 from __future__ import annotations
 

@@ -1,9 +1,4 @@
-"""Profiles: how a servo approaches its goal.
-
-The encoder of a Dynamixel MX-64: angles and positions in counts.
-Simulated motors as their servos' firmware sees them.
-The firmware of a Dynamixel servo, as far as both protocols share it.
-"""
+"""The firmware of a Dynamixel servo, as far as both protocols share it."""
 
 from __future__ import annotations
 
