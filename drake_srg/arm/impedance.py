@@ -1,4 +1,11 @@
-"""Compliant control of an arm: the impedance law and its driver."""
+"""Compliant control of an arm: the impedance law and its driver.
+
+Hogan, "Impedance Control: An Approach to Manipulation", J. Dyn. Sys., Meas., Control
+107 (1985): an arm that touches things behaves as a spring and a damper between itself
+and an equilibrium position. The inertia stays the arm's own, so that no force needs to
+be measured: Ott, "Cartesian Impedance Control of Redundant and Flexible-Joint Robots",
+Springer (2008).
+"""
 
 import abc
 import dataclasses as dc

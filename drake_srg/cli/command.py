@@ -1,4 +1,9 @@
-"""Commands of the command line: arguments, exit codes, signals, what they print."""
+"""Commands of the command line: arguments, exit codes, signals, what they print.
+
+`command` describes the function below it; `make_parser` in `main.py` lists them all.
+argparse it is: with cyclopts, typer or tyro, `--help` takes 0.15 to 0.3 s longer, and
+errors take several lines.
+"""
 
 import argparse
 import contextlib

@@ -1,4 +1,7 @@
-"""The commands run, demo, replay, list, diagram, bench, export and new."""
+"""The commands run, demo, replay, list, diagram, bench, export and new.
+
+Imports that take time are inside, so that `drake-srg --help` comes at once.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,11 @@
-"""Contacts of a plant, and their damping."""
+"""Contacts of a plant, and their damping.
+
+At the depth x and the rate of penetration v, contact presses with k x (1 + d v) by Hunt
+and Crossley (`lagged`, `similar` and CENIC), and with k (x + tau v) by Kelvin and Voigt
+(`sap`; Castro et al., 2022, call tau the relaxation time). The tau of two surfaces is
+the sum of theirs, so rigid ones need tau = 0: they do not deform. Drake's default of
+0.1 s is far from any solid: at 0.2 m/s a surface presses as if it were 20 mm deeper.
+"""
 
 from __future__ import annotations
 

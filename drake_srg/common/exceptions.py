@@ -1,4 +1,8 @@
-"""Exceptions with messages for users, and the check of types read from a file."""
+"""Exceptions with messages for users, and the check of types read from a file.
+
+This module must not import Drake: the command line needs it even where importing Drake
+fails.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,13 @@
-"""The SRG thesis's servo: its minimum-jerk reference, and the law of equation 2.3."""
+"""The SRG thesis's servo: its minimum-jerk reference, and the law of equation 2.3.
+
+Equation 2.3 of the thesis reads
+
+    PWM = floor(K_FF1 q' + K_FF2 q'' + K_P (q* - q) + K_I (q* - q) q'
+                + K_D (q* - q) / q')_kappa
+
+with q the minimum-jerk trajectory and q*, 0 .. 100, the target. No measurement appears
+in it. `GripperServo` offers three readings.
+"""
 
 import dataclasses as dc
 import math

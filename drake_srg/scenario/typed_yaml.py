@@ -1,4 +1,10 @@
-"""YAML as a tree that knows its lines, checked against typed dataclasses."""
+"""YAML as a tree that knows its lines, checked against typed dataclasses.
+
+A tree consists of dicts, lists and scalars. A tag is the entry `_tag` of its mapping.
+
+Drake's `yaml_load_typed` does the conversion. Its errors name neither the file nor the
+key, and it accepts mistyped tags, so `check_tree` checks everything first.
+"""
 
 from __future__ import annotations
 

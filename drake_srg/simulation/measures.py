@@ -1,4 +1,8 @@
-"""Quantities of a run's log that metrics are made of."""
+"""Quantities of a run's log that metrics are made of.
+
+Unless stated otherwise, arrays have one row per sample: `time` [s], `mode` (index into
+`MODES`) and `poses` of the picked object (see `pose_to_row`).
+"""
 
 from __future__ import annotations
 

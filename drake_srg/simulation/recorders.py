@@ -1,4 +1,8 @@
-"""A run's recorders: video, rosbag topics, log samples."""
+"""A run's recorders: video, rosbag topics, log samples.
+
+Foxglove and RViz draw them: a transform per moving body, and, once, markers of
+triangles in the bodies' frames. These are standard messages, so any ROS 2 reads them.
+"""
 
 from __future__ import annotations
 

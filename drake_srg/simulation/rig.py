@@ -1,4 +1,17 @@
-"""A station by hand: benches, tables, drops."""
+"""A station by hand: benches, tables, drops.
+
+For example::
+
+    scenario = bench_scenario(household_objects()["056_tennis_ball"])
+    with Rig(scenario) as rig:
+        rig.move([0.0, 0.0, 0.2], 1.0)  # lower the hand over the object
+        rig.advance(1.5, closure=1.0, force_limit=0.3)
+        rig.move([0.0, 0.0, 0.4], 1.0)
+        rig.advance(2.0, arm=shake([0.0, 0.0, 0.4], [0.0, 9.81, 0.0], 2.0, 2.0))
+        held = rig.X_WO().translation()[2] > 0.1
+        log = rig.log()
+    largest_force = log["gripper.contact_force"].max()
+"""
 
 from __future__ import annotations
 

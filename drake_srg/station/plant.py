@@ -1,4 +1,8 @@
-"""A scenario's plant: its objects, what is checked before, and what hides them."""
+"""A scenario's plant: its objects, what is checked before, and what hides them.
+
+Drake refuses some of them in the first step, logs a warning for some, and silently
+ignores others. This module reports all of them before the plant is built.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,8 @@
-"""Solids: distance to their surface, outline, poses that look alike."""
+"""Solids: distance to their surface, outline, poses that look alike.
+
+Points are in the solid's own frame O. The solids are convex, so a solid's outline in an
+image is the convex hull of the images of some of its points.
+"""
 
 from __future__ import annotations
 
