@@ -56,7 +56,7 @@ package: .venv/ready  ## build sdist and wheel in dist/, and try the wheel
 
 # Without ONLY, EXCEPT or QUICK, this takes hours; it resumes where it was cut off.
 experiments: .venv/ready  ## rerun experiments, compare them with docs (ONLY="a b", EXCEPT="c", QUICK=1, ACCEPT=1)
-	PYTHONPATH=tools $(BIN)/python -m reproduce \
+	$(BIN)/python -m experiments all \
 		$(if $(ONLY),--only $(ONLY)) $(if $(EXCEPT),--except $(EXCEPT)) \
 		$(if $(filter 1,$(QUICK)),--quick) $(if $(filter 1,$(ACCEPT)),--accept)
 

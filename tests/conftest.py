@@ -12,14 +12,15 @@ from pathlib import Path
 os.environ.update(LP_NUM_THREADS="0", OMP_NUM_THREADS="1", OPENBLAS_NUM_THREADS="1")
 
 import pytest
-from experiments.fake_experiment import fake  # noqa: F401 (a fixture)
 from hypothesis import settings
 
 from drake_srg.lifetime import LeafSystem
 
-# Makes the packages in tools/ importable, such as `make_site`. At the end, so that
-# `models` stays tests/models.
-sys.path.append(str(Path(__file__).parents[1] / "tools"))
+# Makes `experiments` importable, and the packages in tools/, such as `make_site`. At
+# the end, so that `models` stays tests/models.
+ROOT = Path(__file__).parents[1]
+sys.path += map(str, (ROOT, ROOT / "tools", ROOT / "tests/experiments"))
+pytest_plugins = ["fake_experiment"]
 
 # No deadline, because the machine may be busy. The same examples every time, so that a
 # change that passes here passes elsewhere; half of Hypothesis's default number, which

@@ -11,7 +11,6 @@ from pydrake.systems.framework import Diagram, DiagramBuilder
 from robot.drive.stand import FakeArm, FakeGripper, FakePlanner, kitchen
 
 from drake_srg.common.systems import input_ports, output_ports
-from drake_srg.experiments.sighting_error import SightingError
 from drake_srg.gripper.joint_servos import PlantJointServos
 from drake_srg.gripper.srg_position_driver import SrgPositionDriver
 from drake_srg.gripper.srg_tendon_driver import TorqueControl
@@ -34,6 +33,7 @@ from drake_srg.types import Box
 from drake_srg.vision.camera import CameraModel
 from drake_srg.vision.height_map import HeightMapper
 from drake_srg.vision.surfaces import Surface
+from experiments.stands.cycles import SightingError
 from make_site.systems import find_blocks
 
 pytestmark = pytest.mark.slow

@@ -82,7 +82,9 @@ PAGES = [ROOT / "README.md", ROOT / "CONTRIBUTING.md", *ROOT.glob("docs/**/*.md"
 @pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
 def test_pages_name_files_that_exist(page):
     text = page.read_text("utf-8")
-    paths = re.findall(r"\b(?:drake_srg|tests|tools|experiments)/[\w/]+\.(?:py|md)", text)
+    paths = re.findall(
+        r"\b(?:drake_srg|tests|tools|experiments)/[\w/]+\.(?:py|md)", text
+    )
     assert [path for path in paths if not (ROOT / path).is_file()] == []
     modules = re.findall(r"\bfrom (drake_srg[\w.]*) import|`(drake_srg\.[\w.]+)`", text)
     names = {a or b for a, b in modules}

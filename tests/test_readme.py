@@ -2,6 +2,7 @@
 
 import re
 import shlex
+from collections import defaultdict
 from pathlib import Path
 
 import pyarrow as pa
@@ -11,6 +12,7 @@ import pytest
 from drake_srg.cli.main import make_parser
 from drake_srg.robot.drive import load_hardware
 from drake_srg.scenario import load_scenario
+from experiments import find_experiments
 
 ROOT = Path(__file__).parents[1]
 DOCS = sorted((ROOT / "docs").rglob("*.md"))
@@ -20,12 +22,18 @@ HARDWARE = "docs/hardware.md"  # its YAML blocks are hardware files, or go on in
 PARTS = "arm: !Ros2Arm {}\ngripper: !Ros2Gripper {}\n"
 # Other tests run the Python of these pages, or say here why none does.
 ELSEWHERE = {
+    "docs/experiments.md": "tests/experiments/test_pages.py",
     "docs/export.md": "tests/export/test_mjcf.py",
     "docs/extending.md": "tests/test_extending.py",
     "docs/grasps.md": "tests/planning/grasps/test_surface_grasps.py",
     "docs/state_machine.md": "tests/planning/test_state_machine_ports.py",
     "docs/dataset.md": "needs LeRobot, which is not a package of ours",
 }
+
+
+EXPERIMENTS: dict[str, list[str]] = defaultdict(list)  # by file
+for experiment, found in find_experiments().items():
+    EXPERIMENTS[found.module.rpartition(".")[2]].append(experiment)
 
 
 def blocks(name, language):
@@ -129,7 +137,9 @@ def test_links_resolve(name):
     for path, anchor in re.findall(r"\]\((?!http)([^)#\s]*)#?([^)\s]*)\)", page):
         target = here / path if path else ROOT / name
         assert target.exists(), path
-        if anchor:
+        if target.suffix == ".py":  # of several experiments in a file, it names one
+            assert anchor in ("", *EXPERIMENTS[target.stem]), anchor
+        elif anchor:
             headings = re.findall(r"^#+ (.*)$", target.read_text(), re.MULTILINE)
             assert anchor in [slug(heading) for heading in headings], anchor
 

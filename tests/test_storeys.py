@@ -22,7 +22,6 @@ STOREYS = [
     {"sweeps"},
     {"learning"},
     {"robot"},
-    {"experiments"},
     {"cli"},
     {"__init__", "__main__"},  # the face and the command
 ]
@@ -114,7 +113,7 @@ def test_an_import_that_points_up_or_sideways_is_found(name, text):
     [
         ("arm.drivers", "from drake_srg.common.exceptions import suggest"),
         ("arm.drivers", "from drake_srg.arm.external_torque import Lag"),
-        ("cli.main", "from drake_srg import experiments, __version__"),
+        ("cli.main", "from drake_srg import simulation, __version__"),
         (
             "planning.pick_and_place.modes",
             "from drake_srg.planning.motion.paths import X",

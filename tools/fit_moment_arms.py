@@ -4,7 +4,7 @@ from pathlib import Path
 
 import numpy as np
 
-DATA = Path(__file__).parents[1] / "drake_srg/experiments/data/tendon_moment_arms.csv"
+DATA = Path(__file__).parents[1] / "experiments/data/tendon_moment_arms.csv"
 # The lowest degrees with errors below 0.1 %. The fit must be that close because the
 # closing angle is steep in the force: near 0.6 N, 1 % of the arm is 6 % of the angle.
 DEGREES = {"base": 7, "tip": 4}

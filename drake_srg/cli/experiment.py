@@ -1,11 +1,15 @@
-"""The command `drake-srg experiment`."""
+"""The command `drake-srg experiment`: runs what experiments/ of a checkout claims."""
 
 import argparse
+import importlib
+import sys
 from pathlib import Path
-from typing import NoReturn
+from typing import Any, NoReturn
 
-from drake_srg.cli.command import SUCCESS, TASK_FAILED, Output, end_on_sigterm, writing
+from drake_srg.cli.command import SUCCESS, TASK_FAILED, end_on_sigterm, writing
 from drake_srg.common.exceptions import ScenarioError
+
+_CHECKOUT = Path(__file__).resolve().parents[2]
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -27,6 +31,23 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="set a parameter of the experiment (repeatable): a name, a YAML value",
     )
     parser.add_argument(
+        "--quick",
+        action="store_true",
+        help="run only one case for each value of the first axis",
+    )
+    parser.add_argument(
+        "--workers",
+        type=int,
+        default=0,
+        metavar="N",
+        help="processes that run trials (default: one a core)",
+    )
+    parser.add_argument(
+        "--any-code",
+        action="store_true",
+        help="use finished trials of an earlier run although the code has changed",
+    )
+    parser.add_argument(
         "--out",
         type=Path,
         metavar="DIR",
@@ -46,14 +67,29 @@ class _Help(argparse.Action):
         option: str | None = None,
     ) -> NoReturn:
         """Print and exit."""
-        from drake_srg.experiments.registry import describe
-
         name = getattr(namespace, "name", None)
         try:
-            print(describe(name) if name else parser.format_help())
+            text = _load("runner.run").describe(name) if name else parser.format_help()
+            print(text)
         except ScenarioError as error:
             parser.error(str(error))
         parser.exit()
+
+
+def _load(module: str) -> Any:
+    """Import a module of experiments/, which is beside the package in a checkout.
+
+    Raises:
+        ScenarioError: If this is no checkout.
+    """
+    if not (_CHECKOUT / "experiments/runner").is_dir():
+        raise ScenarioError(
+            "experiments are in the repository, not in the installed package: "
+            "clone it and run the command there"
+        )
+    if str(_CHECKOUT) not in sys.path:
+        sys.path.append(str(_CHECKOUT))  # workers inherit the path
+    return importlib.import_module(f"experiments.{module}".removesuffix("."))
 
 
 def experiment(options: argparse.Namespace) -> int:
@@ -62,30 +98,27 @@ def experiment(options: argparse.Namespace) -> int:
     Raises:
         ScenarioError: For bad input, or if the results cannot be written.
     """
-    from drake_srg.experiments.registry import REPLAY, run_experiment
-
+    console = options.console
     if options.list:
-        _print_list(options.console)
+        found = _load("").find_experiments()
+        descriptions = {name: entry.description for name, entry in found.items()}
+        console.say(*(f"{name:24} {text}" for name, text in descriptions.items()))
+        console.answer({"experiments": descriptions})
         return SUCCESS
     out: Path = options.out or Path("out") / "experiments" / options.name
     end_on_sigterm()
+    run = _load("runner.run")
     with writing("--out", out):
-        result = run_experiment(
-            options.name, out, overrides=options.set, progress=options.console.progress
+        result = run.run_experiment(
+            options.name,
+            out,
+            overrides=options.set,
+            quick=options.quick,
+            workers=options.workers,
+            any_code=options.any_code,
+            progress=console.progress,
         )
-    paths = [*result.paths(options.name, out), *out.glob(REPLAY)]
-    options.console.say(result.table(), "", *paths)
+    console.say(result.table(), "", *result.files)
     rows = [row.as_dict() for row in result.rows]
-    options.console.answer({"passed": result.passed, "rows": rows, "files": paths})
+    console.answer({"passed": result.passed, "rows": rows, "files": result.files})
     return SUCCESS if result.passed else TASK_FAILED
-
-
-def _print_list(output: Output) -> None:
-    from drake_srg.experiments.registry import list_experiments, list_measurements
-
-    experiments, measurements = list_experiments(), list_measurements()
-    output.say(*(f"{name:24} {text}" for name, text in experiments.items()))
-    if measurements:
-        output.say("\nFor maintainers, in a checkout only (tools/measure):")
-    output.say(*(f"{name:24} {text}" for name, text in measurements.items()))
-    output.answer({"experiments": experiments, "measurements": measurements})

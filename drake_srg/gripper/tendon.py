@@ -1,7 +1,7 @@
 """The SRG's drive: a motor that winds a wire per finger, friction, temperature.
 
 tools/fit_moment_arms.py fits these polynomials to the arms of SAKE's public MuJoCo
-model (drake_srg/experiments/data/tendon_moment_arms.csv), within 0.02 % (base, up to
+model (experiments/data/tendon_moment_arms.csv), within 0.02 % (base, up to
 2.007 rad) and 0.05 % (tip, up to 1.745 rad). The arms are separable: the base's depends
 on the base angle alone, the tip's on the tip angle alone.
 """

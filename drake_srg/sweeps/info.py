@@ -34,7 +34,6 @@ NOT_IN_A_TRIAL = (
     "__main__.py",
     "bridges/",
     "cli/",
-    "experiments/",
     "simulation/bench.py",
     "simulation/benchmark.py",
     "simulation/rig.py",

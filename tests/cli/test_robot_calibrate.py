@@ -8,8 +8,8 @@ from pydrake.math import RigidTransform
 from drake_srg.cli.main import main
 from drake_srg.cli.robot import parse_board, parse_count
 from drake_srg.common.exceptions import ScenarioError
-from drake_srg.experiments.localization_cases import Eye
 from drake_srg.scenario import load_scenario
+from experiments.stands.scenes import Eye
 
 # The localizer believes the camera 10 mm and 2 degrees from where it is.
 KNOCKED = """base: assistive_arm
@@ -38,10 +38,12 @@ def calibrate(folder, *words):
 @pytest.mark.slow
 def test_the_scenario_that_it_writes_locates_objects_again(calibrated):
     place = RigidTransform([-0.3, -0.2, 0.125])
-    errors = {
-        name: Eye(load_scenario(calibrated / name)).look(place).distance
-        for name in ("knocked.yaml", "out/calibration.yaml")
-    }
+
+    def error(name):
+        (blob,) = Eye(load_scenario(calibrated / name)).blobs(place)
+        return np.linalg.norm(blob.position - place.translation())
+
+    errors = {name: error(name) for name in ("knocked.yaml", "out/calibration.yaml")}
     assert errors["knocked.yaml"] > 10e-3
     assert errors["out/calibration.yaml"] < 0.5e-3
 

@@ -1,27 +1,25 @@
-"""An experiment that divides lengths."""
+"""An experiment that divides lengths, in a folder of its own."""
 
 import sys
 
 import pytest
 
-from drake_srg import experiments
+import experiments
 
 FAKE = '''"""Half of what was asked for.
 
 More words.
 """
+
 from collections.abc import Sequence
 from typing import Literal
 
-from drake_srg.experiments.result import ExperimentResult
-from drake_srg.experiments.row import Row
-from drake_srg.recording.timeline import make_figure
+import numpy as np
 
-{declared}
+import experiments.runner as ex
 
-def run(
-    track,
-    *,
+
+def cases(
     count: int = 2,
     lengths: Sequence[float] = (2.0, 4.0),
     kind: Literal["half", "third"] = "half",
@@ -29,40 +27,60 @@ def run(
     """Divide lengths.
 
     Args:
-        track: Shows progress.
         count: How often,
             in whole numbers.
         lengths: To divide [m].
         kind: The part of a length to
             return.
     """
-    parts = [length / (2 if kind == "half" else 3) for length in track(lengths)]
-    if {stop}:
+    return ex.grid(kind=[kind], length=lengths, count=[count])
+
+
+def trial(kind, length, count):
+    with open({log!r}, "a") as file:
+        file.write(f"{{length}}\\n")
+    if length > {largest}:
         raise KeyboardInterrupt
-    rows = [Row.at_most(kind, f"of {{count}}", {limit}, parts[-1], "m")]
-    tables = {{"parts": {{"part [m]": parts}}}}
-    return ExperimentResult(rows, tables, make_figure(2, 2))
+    part = length / (2 if kind == "half" else 3)
+    curve = np.linspace(0.0, part, 5)
+    image = np.full((4, 4, 3), 7, np.uint8)
+    return {{"part": part, "x": curve, "image": image, "none": None}}
+
+
+def summary(own):
+    assert own[0]["image"].shape == (4, 4, 3)
+    return {{f"of {{own[0]['count']}} [m]": max(own["part"])}}
+
+
+COMMON = {{
+    "claims": {{"of 2": ex.at_most({limit}), "of 3": ex.at_most({limit})}},
+    "by": ("kind",),
+    "summary": summary,
+    "picture": [ex.Points("length", "part"), ex.Curves("x", "x"), ex.Histogram("part"),
+                ex.Images(), ex.Bars(["of 2"])],
+}}
+fake_half = ex.Experiment("Half.", cases, trial, **COMMON)
+fake_third = ex.Experiment(
+    "A third.", cases, trial, preset={{"kind": "third", "count": 3}}, **COMMON
+)
 '''
-TWO = """
-EXPERIMENTS = {
-    "fake_half": ("Half.", {}),
-    "fake_third": ("A third.", {"kind": "third", "count": 3}),
-}
-"""
 
 
 @pytest.fixture
 def fake(tmp_path, monkeypatch):
-    """Adds an experiment `fake_one` whose limit can be chosen."""
-    folder = tmp_path / "more_experiments"
+    """Write experiments `fake_half` and `fake_third`; tell the lengths that ran."""
+    folder, log = tmp_path / "more_experiments", tmp_path / "ran.txt"
     folder.mkdir()
     (folder / "helper.py").write_text("def walk():\n    pass\n")
+    monkeypatch.setattr(experiments, "FOLDER", folder)
     monkeypatch.setattr(experiments, "__path__", [*experiments.__path__, str(folder)])
 
-    def write(limit, stop=False, declared=""):
-        text = FAKE.format(limit=limit, stop=stop, declared=declared)
-        (folder / "fake_one.py").write_text(text)
-        monkeypatch.delitem(sys.modules, f"{experiments.__name__}.fake_one", False)
+    def write(limit=2.0, largest=100.0):
+        text = FAKE.format(limit=limit, largest=largest, log=str(log))
+        (folder / "fake.py").write_text(text)
+        sys.modules.pop("experiments.fake", None)
+        log.write_text("")
+        return lambda: [float(line) for line in log.read_text().split()]
 
     yield write
-    sys.modules.pop(f"{experiments.__name__}.fake_one", None)
+    sys.modules.pop("experiments.fake", None)

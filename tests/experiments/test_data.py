@@ -1,10 +1,10 @@
 import numpy as np
 import pytest
 
-from drake_srg.experiments.data import household_objects, read_csv, read_yaml
 from drake_srg.objects.models import simple_shape
 from drake_srg.simulation.rig import Rig, bench_scenario
 from drake_srg.types import Box, Cylinder
+from experiments.data import household_objects, read_csv, read_yaml
 
 NOT_CONVEX = {"mug", "bowl", "squeeze_bottle", "wrench"}
 

@@ -11,7 +11,6 @@ from pydrake.autodiffutils import AutoDiffXd
 from pydrake.symbolic import Expression
 
 from drake_srg.common.exceptions import ScenarioError
-from drake_srg.experiments import data
 from drake_srg.gripper.tendon import (
     TendonDrive,
     TendonDrive_,
@@ -20,6 +19,7 @@ from drake_srg.gripper.tendon import (
     tip_moment_arm,
     wire_travel,
 )
+from experiments import data
 
 CONFIG = TendonDriveConfig()
 PERIOD = 0.001

@@ -8,7 +8,6 @@ from hypothesis import strategies as st
 from pydrake.autodiffutils import AutoDiffXd
 from pydrake.symbolic import Expression
 
-from drake_srg.experiments import data
 from drake_srg.gripper.tendon import (
     DriveFrictionConfig,
     TendonDrive,
@@ -21,6 +20,7 @@ from drake_srg.gripper.tendon import (
     tip_moment_arm,
     wire_travel,
 )
+from experiments import data
 
 ANGLES = st.floats(0.0, 1.745)
 

@@ -5,11 +5,11 @@ import numpy as np
 import pytest
 
 from drake_srg.common.exceptions import ScenarioError
-from drake_srg.experiments.data import household_objects
 from drake_srg.objects.config import ObjectConfig
 from drake_srg.simulation import rig as rig_module
 from drake_srg.simulation.rig import Rig, bench_scenario
 from drake_srg.types import Sphere
+from experiments.data import household_objects
 
 BALL = ObjectConfig(shape=Sphere(0.03), mass=0.1, friction=0.8)
 

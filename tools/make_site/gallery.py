@@ -5,10 +5,10 @@ from __future__ import annotations
 import shutil
 from pathlib import Path
 
-from drake_srg.experiments.registry import list_experiments, list_measurements
 from drake_srg.scenario import load_scenario
 from drake_srg.simulation import Simulate
 from drake_srg.sweeps.info import sources_hash
+from experiments import find_experiments
 from make_site.systems import ROOT
 
 # The runs whose replays the gallery shows. The notebook of the arm shows its, too.
@@ -18,9 +18,9 @@ RUNS = ("kitchen", "assistive_arm")
 def figures() -> str:
     """Return the figure of every experiment, with a link to what it shows."""
     cards = [
-        f"[![{description}](experiments/{name}.png)](experiments.md#{name})\n\n"
-        f"[{name}](experiments.md#{name}): {description}"
-        for name, description in {**list_experiments(), **list_measurements()}.items()
+        f"[![{found.description}](experiments/{name}.png)](experiments/{name}.md)\n\n"
+        f"[{name}](experiments/{name}.md): {found.description}"
+        for name, found in find_experiments().items()
         if (ROOT / f"docs/experiments/{name}.png").is_file()
     ]
     boxes = "\n".join(f"```{{container}}\n{card}\n```\n" for card in cards)

@@ -7,6 +7,7 @@ import shutil
 from collections.abc import Callable, Mapping
 from pathlib import Path
 
+from experiments.runner.page import claims_table, index, pages
 from make_site.commands import commands_page
 from make_site.files import log_table, metrics_table, topics_table
 from make_site.gallery import figures
@@ -23,6 +24,8 @@ GENERATED: Mapping[str, Callable[[], str]] = {
     "scenario rules": rules_page,
     "commands": commands_page,
     "figures": figures,
+    "experiments": index,
+    "claims": claims_table,
     "log": log_table,
     "metrics": metrics_table,
     "topics": topics_table,
@@ -40,6 +43,8 @@ def stage(folder: Path) -> None:
     skipped = shutil.ignore_patterns("__pycache__")
     shutil.copytree(ROOT / "docs", folder, ignore=skipped)
     shutil.copytree(ROOT / "examples", folder / "examples", ignore=skipped)
+    for name, text in pages().items():
+        (folder / f"experiments/{name}.md").write_text(text, "utf-8")
     write(folder / "reference/systems", system_pages(), ".md")
     write(folder / "reference/python", python_pages(), ".rst")
     for path in sorted((ROOT / "notebooks").glob("*.ipynb")):
@@ -96,6 +101,12 @@ def relink(text: str, depth: int) -> str:
         (rf"\]\({top}\.\./examples/", rf"]({top}examples/"),
     ):
         text = re.sub(pattern, new, text)
+
+    def experiment(match: re.Match[str]) -> str:
+        return f"]({top}experiments/{match[2] or match[1]}.md"
+
+    # Of several experiments in a file, an anchor names one.
+    text = re.sub(r"\]\((?:\.\./)*experiments/(\w+)\.py(?:#(\w+))?", experiment, text)
 
     def module(match: re.Match[str]) -> str:
         name = match[2].removesuffix(".py").replace("/", ".")

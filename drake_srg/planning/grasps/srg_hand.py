@@ -148,7 +148,7 @@ _STRAIGHT = 0.05
 # By how much a height map shows things too wide, at most [m].
 _BLUR = 0.004
 # `squeeze` of wraps [rad]: three times the planner's default. With it, all flat boxes
-# hold (docs/experiments.md, grasp_width).
+# hold (experiments/grasp_width.py).
 _WRAP_SQUEEZE = 1.2
 
 
@@ -179,7 +179,7 @@ class SrgFingers(Fingers):
         radius=float(np.hypot(SRG.pad_end, SRG.face_offset)),
         face_x=SRG.hinge_x + SRG.face_offset,
         # Flat boxes hold with anything from -1 to 10 mm, and boxes are held by their
-        # upper edges up to 170 mm (docs/experiments.md, grasp_width).
+        # upper edges up to 170 mm (experiments/grasp_width.py).
         gap=0.006,
         widths=(max_width - _BLUR, 0.165),
     )

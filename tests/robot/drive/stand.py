@@ -9,8 +9,6 @@ from pydrake.trajectories import PiecewisePolynomial
 
 from drake_srg.arm.safety.config import SafetyConfig
 from drake_srg.arm.safety.limits import JointLimits
-from drake_srg.experiments.direct_node import DirectNode
-from drake_srg.experiments.direct_node import make_message as make
 from drake_srg.planning.motion.arm_motion import Motion
 from drake_srg.robot.drive.link import Link, Robot
 from drake_srg.robot.drive.opening import Hardware
@@ -21,6 +19,8 @@ from drake_srg.robot.serve.commands import Warnings
 from drake_srg.scenario import load_scenario
 from drake_srg.station.plant import MakeModelsPlant
 from drake_srg.types import Mode, PlannerStatus
+from experiments.stands.direct_node import DirectNode
+from experiments.stands.direct_node import make_message as make
 
 PERIOD = 0.005
 HOME = np.array([0.0, -0.3, 0.0, -1.9, 0.0, 1.5, 0.0])

@@ -5,8 +5,6 @@ import functools
 import numpy as np
 import pytest
 
-from drake_srg.experiments.direct_node import make_message as make
-from drake_srg.experiments.served_robot import DirectBridge, DirectNode
 from drake_srg.robot.drive.arm import duration, joint_trajectory
 from drake_srg.robot.serve.action_server import (
     ACTION,
@@ -21,6 +19,8 @@ from drake_srg.robot.serve.bridge import Outlet
 from drake_srg.robot.serve.commands import TRAJECTORY, CommandInbox, Warnings
 from drake_srg.scenario import load_scenario
 from drake_srg.station.plant import MakeModelsPlant
+from experiments.stands.direct_node import DirectBridge, DirectNode
+from experiments.stands.direct_node import make_message as make
 
 PERIOD = 0.005
 JOINTS = [f"joint_{i}" for i in range(1, 8)]

@@ -8,11 +8,11 @@ from rosbags.rosbag2 import Reader
 
 from drake_srg.common.exceptions import ScenarioError
 from drake_srg.common.systems import input_ports, output_ports
-from drake_srg.experiments.direct_node import make_message
 from drake_srg.robot.serve import loop
 from drake_srg.robot.serve.action_server import ACTION, goal_info
 from drake_srg.robot.serve.loop import MakeServedStation, Pacer, Serve
 from drake_srg.scenario import load_scenario
+from experiments.stands.direct_node import make_message
 from robot.serve.fake_bridge import FakeBridge
 
 

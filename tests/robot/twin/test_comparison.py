@@ -7,7 +7,6 @@ from hypothesis.extra.numpy import arrays
 from pydrake.math import RigidTransform, RollPitchYaw
 from pydrake.systems.analysis import Simulator
 
-from drake_srg.experiments.direct_node import make_message
 from drake_srg.robot.serve.commands import CommandError
 from drake_srg.robot.serve.pictures import BLOBS, camera_topics
 from drake_srg.robot.twin.comparison import (
@@ -18,6 +17,7 @@ from drake_srg.robot.twin.comparison import (
 )
 from drake_srg.scenario.schema import TwinConfig
 from drake_srg.types import Blob, BlobFlag
+from experiments.stands.direct_node import make_message
 
 
 def told(*blobs, time=1.5):

@@ -8,7 +8,6 @@ import pytest
 from pydrake.math import RigidTransform
 
 from drake_srg.common.exceptions import ScenarioError
-from drake_srg.experiments.direct_node import DirectNode, make_message
 from drake_srg.recording.rosbag import header
 from drake_srg.robot.drive.config import HardwareConfig, parse_hardware
 from drake_srg.robot.twin.comparison import Sighting
@@ -16,6 +15,7 @@ from drake_srg.robot.twin.loop import Listener, Told, TwinLoop
 from drake_srg.robot.twin.station import AddTwin, MakeTwin
 from drake_srg.scenario import load_scenario
 from drake_srg.simulation.flat import MakeRoot
+from experiments.stands.direct_node import DirectNode, make_message
 
 HOME = np.array([0.0, -0.3, 0.0, -1.9, 0.0, 1.5, 0.0])
 REST = np.append(HOME, np.zeros(7))

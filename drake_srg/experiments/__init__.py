@@ -1,1 +1,0 @@
-"""Experiments compare the models and drivers with published claims and theory."""

@@ -1,0 +1,125 @@
+"""Adaptive or preprogrammed: what looking is worth to the five-axis arm.
+
+The arm takes the cylinder from a pose that it was taught, or from where it has seen it
+at the beginning, or looks again before the grasp and before placing. The cylinder
+stands where it was taught, anywhere in the pick region, or is pushed away during the
+approach. Every method has one attempt. This is the third research question of the arm's
+thesis. Where the cylinder is not where it was taught, a method that sees it must be
+better than the fixed pose beyond doubt: its interval lies above the other's. The same
+holds for a second look after a push.
+"""
+
+from collections.abc import Mapping
+
+import numpy as np
+
+import experiments.runner as ex
+from experiments.stands.cycles import THESIS_PLACE, placed_interval, run_cycle, shares
+
+# P0 is that of `assistive_arm_thesis`: beside the recess, where a hand that goes there
+# on a straight line does not touch the cylinder.
+_HOME = "arm.home=[-1.391, -0.17, 0.29, 0.0, -0.1162]"
+_ONCE = "planner.max_attempts=1"
+FIXED, ONE_LOOK, LOOKS = "fixed pose", "one look", "looks before grasp and placing"
+# P2 is the taught cylinder's middle. P4 sets it into the recess, P3 is 30 mm above.
+_TAUGHT = (
+    f"taught={{grasp: {THESIS_PLACE.tolist()}, "
+    "lift: [-1.567, 0.3551, -0.1627, 0.0003, -0.1926], "
+    "place: [-1.567, 0.3933, -0.0757, 0.0004, -0.3138]}"
+)
+# Nothing tells this method when the object is safe: it waits as long as ours verifies a
+# grasp, and as the thesis waits for the open hand.
+_WAITS = ("planner.grip_wait=0.1", "planner.release_wait=0.5")
+METHODS: Mapping[str, tuple[str, ...]] = {
+    FIXED: (_HOME, _TAUGHT, *_WAITS),
+    ONE_LOOK: (
+        *(_HOME, _ONCE),
+        "planner.look_before_grasp=false",
+        "planner.look_before_place=false",
+    ),
+    LOOKS: (_HOME, _ONCE),
+}
+AS_TAUGHT, ANYWHERE, PUSHED = "where it was taught", "anywhere", "pushed"
+# How far the cylinder is pushed [m]: the open fingers leave 17 mm on each side.
+_PUSH = (0.01, 0.04)
+
+
+def cases(trials: int = 100) -> list[ex.Case]:
+    """Run every method in every situation.
+
+    Args:
+        trials: Number of trials of each method in each situation, a seed each.
+    """
+    return [
+        {"name": f"{c['situation']}: {c['method']}", **c}
+        for c in ex.grid(
+            method=METHODS, situation=(AS_TAUGHT, ANYWHERE, PUSHED), seed=range(trials)
+        )
+    ]
+
+
+def situation_overrides(situation: str, seed: int) -> tuple[str, ...]:
+    """Return where the cylinder stands, and what happens to it, as overrides."""
+    if situation == ANYWHERE:
+        return ()
+    place = f"object.position={THESIS_PLACE[:2].tolist()}"
+    if situation == AS_TAUGHT:
+        return (place,)
+    rng = np.random.default_rng(seed)
+    azimuth, distance = rng.uniform(-np.pi, np.pi), rng.uniform(*_PUSH)
+    moved = [float(distance * np.cos(azimuth)), float(distance * np.sin(azimuth)), 0.0]
+    push = f"!Push {{at: pre_grasp, after: 0.1, displacement: {moved}, duration: 0.3}}"
+    return (place, f"disturbances=[{push}]")
+
+
+def trial(name: str, method: str, situation: str, seed: int) -> ex.Measures:
+    """Run a method in a situation; what is not placed has no figures."""
+    overrides = (*METHODS[method], *situation_overrides(situation, seed))
+    cycle = run_cycle("assistive_arm_fast", seed, overrides)
+    done = {key: cycle[key] for key in ("lifted", "placed", "failure")}
+    keys = ("distance", "placing", "cycle", "smoothness")
+    return done | {key: cycle[key] if cycle["placed"] else None for key in keys}
+
+
+def summary(own: ex.Trials) -> ex.Values:
+    found = shares(own)
+    for what, unit, measure in (
+        ("placement error", "mm", "distance"),
+        ("time to placement", "s", "placing"),
+        ("cycle", "s", "cycle"),
+        ("smoothness", "", "smoothness"),
+    ):
+        found |= ex.quantiles(what, unit, own.known(measure))
+    return found
+
+
+def better(trials: ex.Trials) -> dict[str, ex.Values]:
+    """Compare methods where one must be better than the other."""
+    found: dict[str, ex.Values] = {ANYWHERE: {}, PUSHED: {}}
+    for situation, method, other in (
+        (ANYWHERE, ONE_LOOK, FIXED),
+        (ANYWHERE, LOOKS, FIXED),
+        (PUSHED, LOOKS, FIXED),
+        (PUSHED, LOOKS, ONE_LOOK),
+    ):
+        (low, _), (_, high) = (
+            placed_interval(trials.where(situation=situation, method=name))
+            for name in (method, other)
+        )
+        what = f"placed: least share with {method}; expected: most with {other} []"
+        found[situation][what] = (low, ex.at_least(high, spread=0.05))
+    return found
+
+
+adaptation = ex.Experiment(
+    "Adaptive or preprogrammed: what looking is worth to the five-axis arm.",
+    cases,
+    trial,
+    summary=summary,
+    whole=better,
+    picture=[
+        ex.Bars(["placed, share"]),
+        ex.Bars(["placement error, median"]),
+        ex.Bars(["time to placement, median"]),
+    ],
+)

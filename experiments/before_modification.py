@@ -1,0 +1,182 @@
+"""What mended the five-axis arm after its beginning: its fingertips or its tip frame.
+
+The thesis of the five-axis arm began with flat, hard, smooth fingertips and a tip frame
+as drawn, and reports frequent failures and a constant offset. With curved fingertips
+and the tip frame moved, it reports ten of ten grasps. Here, the cylinder stands
+anywhere in the pick region, and the arm takes it by the thesis's rules, with every
+combination of flat or curved pads, hard plastic or rubber, friction between pad and
+cylinder, and tip as drawn or corrected. P3 and P4 are taught with either tip: they take
+it to the same places.
+"""
+
+import functools
+import json
+import re
+import tempfile
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+import experiments.runner as ex
+from drake_srg.parsing import models_path
+from drake_srg.scenario import load_scenario
+from drake_srg.scenario.load import load_tree
+from experiments.stands.cycles import placed_interval, run_cycle, shares
+
+SCENARIO = "assistive_arm_fast"
+AS_DRAWN, CORRECTED = "as drawn", "corrected"
+# The scenario that has the waypoints taught with each tip.
+TIPS = {AS_DRAWN: "assistive_arm_before", CORRECTED: "assistive_arm_thesis"}
+FRICTION = (0.1, 0.2, 0.3, 0.4, 0.6, 0.8)
+# The cylinder's own friction, the middle of the scenario's range, and its modulus, the
+# package's default for objects: much stiffer than rubber, so that the pads' hardness
+# counts.
+_OBJECT_FRICTION = 0.65
+_OBJECT = (f"object.friction={_OBJECT_FRICTION}", "object.modulus=5.0e+7")
+# The thesis's motions and waits until it has let the cylinder go.
+_RULES = ("tip_limits", "grip_wait", "release_wait")
+
+# The models that the shapes, and the materials, are taken from.
+SHAPES = {"flat": "linkage_gripper_bare", "curved": "linkage_gripper_fast"}
+MATERIALS = {"hard": "linkage_gripper_bare", "rubber": "linkage_gripper_fast"}
+_PAD = re.compile(
+    r'(<collision name="(master|slave)_pad.*?<drake:proximity_properties>)(.*?)'
+    r"(</drake:proximity_properties>)",
+    re.DOTALL,
+)
+_MU = re.compile(r"(<drake:mu_(?:dynamic|static)>)[^<]*")
+
+
+def gripper_sdf(shape: str, material: str, friction: float) -> str:
+    """Return the SDF of a gripper with such pads.
+
+    The pads get the friction with which Drake's rule, the harmonic mean of both, gives
+    `friction` between them and the cylinder.
+    """
+
+    def sdf(name: str) -> str:
+        return (models_path() / "sdf" / f"{name}.sdf").read_text(encoding="utf-8")
+
+    own = friction * _OBJECT_FRICTION / (2.0 * _OBJECT_FRICTION - friction)
+    contact = {pad[2]: pad[3] for pad in _PAD.finditer(sdf(MATERIALS[material]))}
+
+    def change(pad: re.Match[str]) -> str:
+        return pad[1] + _MU.sub(rf"\g<1>{own:.6f}", contact[pad[2]]) + pad[4]
+
+    return _PAD.sub(change, sdf(SHAPES[shape]))
+
+
+@functools.cache
+def _tree(tip: str) -> Mapping[str, Any]:
+    """Return the scenario whose rules a tip follows."""
+    return load_tree(TIPS[tip])
+
+
+@functools.cache
+def _place(seed: int) -> Sequence[float]:
+    """Return where a trial's cylinder stands, shape (2,) [m]."""
+    place = load_scenario(SCENARIO, seed=seed).objects["cylinder"].position
+    assert place is not None  # drawn
+    return place
+
+
+def overrides(tip: str, seed: int, model: Path) -> list[str]:
+    """Return a trial as overrides of `SCENARIO`.
+
+    The camera hangs straight above the cylinder. There, the thesis's rule errs in the
+    plane as little as the thesis prints (0.07 mm), and not by the 2 mm that the rule
+    makes with our camera, which hangs between the tables.
+    """
+    tree, place = _tree(tip), _place(seed)
+    camera = tree["cameras"]["ceiling"]
+    height = camera["X_PB"]["translation"][2]
+    rules = {
+        "arm.home": tree["arm"]["home"],
+        "cameras.ceiling": camera,
+        "cameras.ceiling.X_PB.translation": [*place, height],
+        "localizer": tree["localizer"],
+        "taught": tree["taught"],
+        **{f"planner.{key}": tree["planner"][key] for key in _RULES},
+        # A multiple of 1/1024 s, as this integrator needs it.
+        "localizer.thesis.period": 0.046875,
+        "directives.gripper.add_model.file": model.as_uri(),
+    }
+    if tip == AS_DRAWN:
+        (own,) = (d for d in tree["directives"] if "add_directives" in d)
+        rules["directives.assistive_arm_fast_tip"] = own
+    return [*_OBJECT, *(f"{key}={json.dumps(value)}" for key, value in rules.items())]
+
+
+def cases(trials: int = 5) -> list[ex.Case]:
+    """Grasp, carry and place the cylinder with every combination.
+
+    Args:
+        trials: Of each combination, a seed each.
+    """
+    return ex.grid(
+        tip=TIPS,
+        shape=SHAPES,
+        material=MATERIALS,
+        friction=FRICTION,
+        seed=range(trials),
+    )
+
+
+def trial(
+    tip: str, shape: str, material: str, friction: float, seed: int
+) -> ex.Measures:
+    with tempfile.TemporaryDirectory() as folder:
+        model = Path(folder) / "linkage_gripper.sdf"
+        model.write_text(gripper_sdf(shape, material, friction), encoding="utf-8")
+        cycle = run_cycle(SCENARIO, seed, overrides(tip, seed, model))
+    keys = ("lifted", "placed", "failure", "distance", "placing")
+    return {key: cycle[key] for key in keys}
+
+
+LEVELS = {"tip": TIPS, "shape": SHAPES, "material": MATERIALS, "friction": FRICTION}
+
+
+def whole(trials: ex.Trials) -> dict[str, ex.Values]:
+    """State shares at each level of each factor, whatever the others, and by case.
+
+    Expect the corrected tip to pay beyond doubt: its interval lies above that of the
+    tip as drawn, whatever the pads.
+    """
+    found: dict[str, ex.Values] = {
+        f"{factor} {level}": (shares(trials.where(**{factor: level})))
+        for factor, levels in LEVELS.items()
+        for level in levels
+    }
+    for own in trials.groups("shape", "material", "tip").values():
+        name = "{shape}, {material}, tip {tip}".format_map(own[0])
+        distance = ex.quantiles("distance from the goal", "mm", own.known("distance"))
+        found[name] = dict(distance)
+    for own in trials.groups("shape", "material", "friction", "tip").values():
+        name = "{shape}, {material}, friction {friction:g}, tip {tip}".format_map(
+            own[0]
+        )
+        found[name] = {
+            f"{what}, share []": (np.mean(own[measure]), ex.number(spread=0.2))
+            for what, measure in (
+                ("grasped and lifted", "lifted"),
+                ("placed", "placed"),
+            )
+        }
+    least, _ = placed_interval(trials.where(tip=CORRECTED))
+    _, most = placed_interval(trials.where(tip=AS_DRAWN))
+    what = "placed: least share; expected: most as drawn []"
+    found[f"tip {CORRECTED}"][what] = (least, ex.at_least(most, spread=0.05))
+    return found
+
+
+before_modification = ex.Experiment(
+    "What mended the five-axis arm after its beginning: fingertips or tip frame.",
+    cases,
+    trial,
+    whole=whole,
+    picture=[
+        ex.Bars(["placed, share"], [f"{f} {v}" for f, vs in LEVELS.items() for v in vs])
+    ],
+)

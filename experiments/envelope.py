@@ -1,0 +1,257 @@
+"""Where the five-axis arm can grasp a leaning or lying cylinder and stand it upright.
+
+The pads must hold the cylinder along its axis, with its middle at the tip. These are
+five conditions, so five joints leave no choice of the approach: the hand must come
+straight from above onto a cylinder that lies on the table. The planner plans for a grid
+of places and directions without simulation. Then the cell simulates some cases within
+the claimed envelope. A leaning cylinder would need a support, so it is only planned
+for, as if it stood on its rim.
+"""
+
+import functools
+from collections import Counter
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+from pydrake.math import RigidTransform, RollPitchYaw
+
+import experiments.runner as ex
+from drake_srg.planning.motion.planning_scene import PlanningFailure
+from drake_srg.scenario import load_scenario
+from drake_srg.station import MakeTaskPlanner
+from drake_srg.station.planners import goal_pose
+from drake_srg.types import Cylinder, Vector
+from experiments.stands.cycles import run_cycle
+
+SCENARIO = "assistive_arm"
+UPRIGHT, LYING, SIMULATED = "upright", "lying", "lying, simulated"
+# Our claims. Lying: its middle up to this distance from joint 1's axis [m], its axis up
+# to this angle off the radial direction [degrees]. Leaning, anywhere: up to this lean,
+# and up to this angle off the direction away from the arm [degrees].
+RADIUS, OFF_RADIAL, MOST_LEAN, LEANING_OFF = 0.28, 15.0, 30.0, 30.0
+_STANDING, _LYING, _LEANING = (5, 5), (9, 5), (3, 1)  # places along x and y
+_STEP, _LEANING_STEP = 15, 30  # between directions [degrees]
+_NEAR = 0.245  # where the region begins, straight in front of the arm [m]
+
+
+class Cell:
+    """The scenario with its planner and its cylinder.
+
+    A case is the place of the cylinder's middle, shape (2,) [m], the angle of its axis
+    from the vertical, `lean`, and the direction of the lean, `off`, 0 straight away
+    from the arm [degrees].
+    """
+
+    def __init__(self) -> None:
+        scenario = load_scenario(SCENARIO)
+        shape, region = scenario.objects[scenario.task.pick].shape, scenario.task.region
+        assert isinstance(shape, Cylinder)
+        assert region is not None
+        self.region, self.name = region, scenario.task.pick
+        self._shape, self._table = shape, scenario.table
+        self._planner = MakeTaskPlanner(scenario)
+        self._goal = goal_pose(scenario, shape)
+        scene = self._planner.scene
+        joint = scene.plant.GetJointByName(scene.joint_names[0])
+        X_WJ = joint.frame_on_parent().CalcPoseInWorld(scene.context)
+        self.center = np.array(X_WJ.translation()[:2])
+
+    def pose(self, place: Vector, lean: float, off: float) -> RigidTransform:
+        """Return the cylinder's X_WO, with its rim or side on the table."""
+        tilt = np.deg2rad(lean)
+        R_WO = RollPitchYaw(self.turn(place, lean, off)).ToRotationMatrix()
+        height = 0.5 * self._shape.length * np.cos(tilt)
+        height += self._table.height + self._shape.radius * np.sin(tilt)
+        return RigidTransform(R_WO, [*place, height])
+
+    def turn(self, place: Vector, lean: float, off: float) -> Vector:
+        """Return roll (which turns z towards -y), pitch and yaw, shape (3,) [rad]."""
+        x, y = self.center - place
+        yaw = np.arctan2(y, x) + np.deg2rad(off) - 0.5 * np.pi
+        return np.array([np.deg2rad(lean), 0.0, yaw])
+
+    def plan(self, place: Vector, lean: float, off: float) -> str | None:
+        """Plan all motions, from home and back; return the failure, if any."""
+        home, X_WO = self._planner.q_home, self.pose(place, lean, off)
+        result = self._planner.plan(home, X_WO, self._shape, self._goal)
+        failed = isinstance(result, PlanningFailure)
+        return str(result.failure.value) if failed else None
+
+    def places(self, columns: int, rows: int) -> list[Vector]:
+        """Return a grid of places (2,) over the region, including its rim [m]."""
+        (x_0, y_0), (x_1, y_1) = self.region.min, self.region.max
+        ys = np.linspace(y_0, y_1, rows) if rows > 1 else [0.5 * (y_0 + y_1)]
+        return [np.array([x, y]) for x in np.linspace(x_0, x_1, columns) for y in ys]
+
+    def claimed(self, place: Vector, lean: float, off: float) -> bool:
+        """Return whether a case is within the claimed envelope."""
+        off = abs((off + 180.0) % 360.0 - 180.0)
+        if lean == 90.0:
+            off = min(off, 180.0 - off)  # a lying cylinder has two ends
+            radius = float(np.linalg.norm(self.center - place))
+            return radius <= RADIUS and off <= OFF_RADIAL + 1e-6
+        return lean <= MOST_LEAN + 1e-6 and off <= LEANING_OFF + 1e-6
+
+
+cell = functools.cache(Cell)
+
+
+def cases(runs: int = 10) -> list[ex.Case]:
+    """Plan for every case, simulate some, and find the edges of the envelope.
+
+    Args:
+        runs: Number of simulated cycles.
+    """
+
+    def named(way: str, place: Vector, lean: float, off: float) -> ex.Case:
+        return {"way": way, "place": place.tolist(), "lean": lean, "off": off}
+
+    here = cell()
+    found = [named(UPRIGHT, p, 0.0, 0.0) for p in here.places(*_STANDING)]
+    for lean, way, grid, step, first in (
+        (90.0, LYING, _LYING, _STEP, -90),
+        *(
+            (float(lean), f"leaning {lean} degrees", _LEANING, _LEANING_STEP, -180)
+            for lean in (15, 30, 45, 60)
+        ),
+    ):
+        for place in here.places(*grid):
+            for off in range(first + step, 1 - first, step):
+                found.append(named(way, place, lean, float(off)))
+    rng = np.random.default_rng(0)
+    simulated: list[ex.Case] = []
+    while len(simulated) < runs:
+        place = rng.uniform(here.region.min, here.region.max)
+        bound = np.deg2rad(OFF_RADIAL)
+        off = np.rad2deg(rng.uniform(-bound, bound) + np.pi * rng.integers(2))
+        if here.claimed(place, 90.0, off):
+            simulated.append(named(SIMULATED, place, 90.0, float(off)))
+    found = [{**case, "seed": None} for case in found]
+    first = len(found)
+    found += [{**case, "seed": first + i} for i, case in enumerate(simulated)]
+    edge = {"place": None, "lean": 90.0, "off": 0.0, "seed": None}
+    return [*found, {"way": "edges", **edge}]
+
+
+def trial(
+    way: str, place: list[float] | None, lean: float, off: float, seed: int | None
+) -> ex.Measures:
+    here = cell()
+    if place is None:
+        return {"edges": edges(here)}
+    at = np.array(place)
+    if seed is None:
+        claimed = here.claimed(at, lean, off)
+        return {"claimed": claimed, "failure": here.plan(at, lean, off)}
+    p = here.pose(at, lean, off).translation().tolist()
+    turn = np.rad2deg(here.turn(at, lean, off)).tolist()
+    pose = f"{{translation: {p}, rotation: !Rpy {{deg: {turn}}}}}"
+    cycle = run_cycle(SCENARIO, seed, [f"objects.{here.name}.pose={pose}"])
+    error = cycle["placement"]
+    off_goal = np.nan if error is None else 1e3 * max(np.abs(error[:2]))
+    return {"failure": cycle["failure"], "error": off_goal}
+
+
+def edges(here: Cell) -> list[float]:
+    """Find the edges of the envelope for lying cylinders in front of the arm.
+
+    Returns:
+        Largest distance from joint 1 with a radial axis [mm]; largest angles off radial
+        to the left and to the right, in the middle of the claimed distances [degrees].
+    """
+
+    def plans(radius: float, off: float) -> bool:
+        place = here.center - [radius, 0.0]
+        return here.plan(place, 90.0, np.rad2deg(off)) is None
+
+    def to_side(side: float, off: float) -> bool:
+        return plans(middle, side * off)
+
+    middle, right = 0.5 * (RADIUS + _NEAR), 0.5 * np.pi
+    far = bisect(lambda radius: plans(radius, 0.0), middle, 2.0 * RADIUS, 0.0005)
+    offs = [
+        bisect(functools.partial(to_side, side), 0.0, right, 0.005)
+        for side in (1.0, -1.0)
+    ]
+    return [1e3 * far, *np.rad2deg(offs)]
+
+
+def bisect(
+    works: Callable[[float], bool], inside: float, outside: float, width: float
+) -> float:
+    """Return the last value that works between `inside` and `outside`.
+
+    The result is accurate to `width`, and NaN if `inside` does not work.
+    """
+    if not works(inside):
+        return np.nan
+    while abs(outside - inside) > width:
+        middle = 0.5 * (inside + outside)
+        if works(middle):
+            inside = middle
+        else:
+            outside = middle
+    return inside
+
+
+def summary(own: ex.Trials) -> ex.Values:
+    """Judge the claims and report the rest."""
+    way = own.name
+    if way == "edges":
+        return {}
+    planned = np.array([t["failure"] is None for t in own])
+    if way == SIMULATED:
+        return {
+            "stood up in the recess []": (sum(planned), ex.at_least(len(own))),
+            "largest error in x or y [mm]": max(own["error"]),
+        }
+    claim = f"planned up to {LEANING_OFF:.0f} degrees off the arm's direction"
+    if way == LYING:
+        claim = f"planned up to {1e3 * RADIUS:.0f} mm from joint 1 "
+        claim += f"and {OFF_RADIAL:.0f} degrees off radial"
+    found: dict[str, Any] = {}
+    if any(claimed := own["claimed"]):
+        what = "planned" if way == UPRIGHT else claim
+        found[f"{what} [%]"] = (100.0 * np.mean(planned[claimed]), ex.at_least(100.0))
+    if way != UPRIGHT:
+        found["planned, all places and directions [%]"] = 100.0 * np.mean(planned)
+    for failure, n in Counter(t["failure"] for t in own if t["failure"]).items():
+        found[f"not planned: {failure} []"] = n
+    if way == LYING:
+        (edge,) = own.whole.where(way="edges")
+        far, left, right = edge["edges"]
+        radial = "largest distance from joint 1, radial [mm]"
+        found[radial] = (far, ex.at_least(1e3 * RADIUS))
+        for side, value in (("left", left), ("right", right)):
+            what = f"largest angle off radial, to the {side} [deg]"
+            found[what] = (value, ex.at_least(OFF_RADIAL))
+    return found
+
+
+def draw(figure: Any, trials: ex.Trials, rows: Any) -> None:
+    """Draw a map of lying cylinders: green if planned, blue if simulated."""
+    figure.set_size_inches(6.0, 5.2)
+    axes, here = figure.subplots(), cell()
+    for way, length, good in ((LYING, 7.0, "C2"), (SIMULATED, 10.0, "C0")):
+        for t in trials.where(way=way):
+            X_WO = here.pose(np.array(t["place"]), t["lean"], t["off"])
+            p, z = 1e3 * np.array(t["place"]), X_WO.rotation().matrix()[:2, 2]
+            ends = np.array([p - length * z, p + length * z])
+            color = good if t["failure"] is None else "0.8"
+            axes.plot(*ends.T, "-", color=color, lw=1.2)
+    angles = np.linspace(-0.5, 0.5, 50)
+    arc = here.center - RADIUS * np.column_stack([np.cos(angles), np.sin(angles)])
+    axes.plot(*1e3 * arc.T, "k--", lw=0.8)
+    axes.set(xlabel="x [mm]", ylabel="y [mm]", aspect="equal")
+    axes.set_title(f"Lying cylinders; dashed {1e3 * RADIUS:.0f} mm from joint 1")
+
+
+envelope = ex.Experiment(
+    "Where the five-axis arm can grasp a leaning or lying cylinder and stand it up.",
+    cases,
+    trial,
+    {"largest error in x or y": ex.at_most(1.0)},  # the recess's clearance
+    summary=summary,
+    picture=draw,
+)

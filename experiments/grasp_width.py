@@ -1,0 +1,292 @@
+"""The widest box that the hand closes on, and the thinnest sheets and rods it holds.
+
+The hand comes from above, closes on an object that stands on the table, lifts it and
+shakes it gently. The object counts as held if at the end it touches only the gripper
+and has not moved in it. Flat boxes are wrapped as `clear_table` does it, with the palm
+at the right height, too low and too high.
+
+`low_things`: a squeeze bottle, 94 mm wide and 58 mm high as it lies, which only the
+tips touch. The hand takes it at some distance from its middle, lifts it and shakes it.
+It counts as held if it touches nothing but the hand in the end; it may hang.
+"""
+
+import dataclasses as dc
+import itertools
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+from pydrake.common.schema import Rotation, Transform
+
+import experiments.runner as ex
+from drake_srg.common.srg_geometry import SRG
+from drake_srg.objects.config import ObjectConfig
+from drake_srg.planning.grasps.srg_hand import SrgFingers
+from drake_srg.simulation.rig import Rig, bench_scenario, shake
+from drake_srg.types import Box, Cylinder
+from experiments.data import household_objects
+
+CLAIM = 0.145  # figure of the SRG thesis [m]
+# A cardboard box as heavy as the sugar box and tall enough for the pads [m], [kg].
+_DEPTH, HEIGHT, _MASS, _FRICTION = 0.06, 0.12, 0.5, 0.6
+# A cracker box on its widest side, but for its width [m], [kg]; friction as above.
+# `clear_table` wraps it with the position driver.
+_FLAT_LENGTH, _FLAT_HEIGHT, _FLAT_MASS = 0.2074, 0.0658, 0.411
+_CLEARING = (
+    "gripper=!SrgPositionDriver {underactuation: {base: freeze, approach_speed: 1.0}}",
+)
+# Height of the palm frame above the top of a box, 3 mm below the open fingers' pads,
+# and above the middle of the pads when straight fingers meet [m].
+_ABOVE_BOX, _ABOVE_PADS = SRG.hinge_x + SRG.face_offset + 0.003, 0.158
+_CLOSE, _LIFT, _HOLD = 2.5, 0.8, 3.0  # the wire force settles before the lift [s]
+LIFT_HEIGHT = 0.1  # high, because wide boxes sink in the hand during the lift [m]
+# Amplitude of the shake, vertical and along the pads, half of g [m/s²], and 2 Hz.
+_SHAKE, _FREQUENCY = np.array([4.9, 0.0, 4.9]), 2.0
+MOST_SLIP = 5.0  # of a held object during the shake [mm]
+
+
+@dc.dataclass(frozen=True)
+class Thing:
+    """An object on the table, the height of the palm frame above it, and the grasp."""
+
+    config: ObjectConfig
+    z: float  # m
+    closure: float = 1.0
+    overrides: Sequence[str] = ()
+
+
+def box(width: float) -> Thing:
+    """Return a box that stands between the fingers."""
+    size = [_DEPTH, width, HEIGHT]
+    config = ObjectConfig(shape=Box(size), mass=_MASS, friction=_FRICTION)
+    return Thing(config, HEIGHT + _ABOVE_BOX)
+
+
+def sheet(thickness: float) -> Thing:
+    """Return a card on its short edge, with the pads across its upper part.
+
+    Outline, density and friction are those of the household card.
+    """
+    card = household_objects()["thin_card"]
+    assert isinstance(card.shape, Box)
+    length, width, original = card.shape.size
+    card.mass = (card.mass or 0.0) * thickness / original
+    card.shape = Box([width, thickness, length])
+    return Thing(card, 0.7 * length + _ABOVE_PADS)
+
+
+def rod(diameter: float) -> Thing:
+    """Return a pencil on its end, with the pads along its upper part.
+
+    Length, density and friction are those of the household pencil.
+    """
+    pencil = household_objects()["pencil"]
+    assert isinstance(pencil.shape, Cylinder)
+    radius, length = pencil.shape.radius, pencil.shape.length
+    pencil.mass = (pencil.mass or 0.0) * (0.5 * diameter / radius) ** 2
+    pencil.shape = Cylinder(0.5 * diameter, length)
+    return Thing(pencil, 0.7 * length + _ABOVE_PADS)
+
+
+def flat_box(width: float, gap: float) -> Thing:
+    """Return a box below the open hand, which wraps around its upper edges.
+
+    Args:
+        width: Of the box [m].
+        gap: Between its top and the base links [m].
+    """
+    fingers = SrgFingers()
+    size = [_FLAT_LENGTH, width, _FLAT_HEIGHT]
+    config = ObjectConfig(shape=Box(size), mass=_FLAT_MASS, friction=_FRICTION)
+    z = _FLAT_HEIGHT + fingers.wrap.face_x + gap
+    return Thing(config, z, fingers.wrapped(width).closure, _CLEARING)
+
+
+def grasp(thing: Thing) -> ex.Measures:
+    """Close on an object on the table, lift it and shake it.
+
+    `lean` is how far the pads lean outwards before the lift [deg]; `moved`, how far the
+    object moves out of the hand from then on [mm].
+    """
+    home = np.array([0.0, 0.0, thing.z])
+    up = home + np.array([0.0, 0.0, LIFT_HEIGHT])
+    scenario = bench_scenario(thing.config, home=list(home), overrides=thing.overrides)
+    with Rig(scenario, name="grasp_width") as rig:
+        height = rig.X_WO().translation()[2]
+        rig.advance(_CLOSE, closure=thing.closure)
+        closed, X_GO_closed = rig.measured("gripper.state_measured"), rig.X_GO()
+        rig.move(up, _LIFT)
+        X_GO_lifted = rig.X_GO()
+        rig.advance(_HOLD, arm=shake(up, _SHAKE, _FREQUENCY, _HOLD))
+        X_GO = rig.X_GO()
+        free = set(rig.contact_forces()) == {"gripper"}
+        raised = rig.X_WO().translation()[2] - height
+    slip = 1e3 * np.linalg.norm(X_GO.translation() - X_GO_lifted.translation())
+    before, end = (float(X.translation()[0]) - height for X in (X_GO_closed, X_GO))
+    return {
+        "free": float(free),
+        "raised": raised,
+        "slip": slip,
+        "held": bool(free and slip <= MOST_SLIP),
+        "moved": 1e3 * (end - before),
+        "lean": np.rad2deg(0.5 * np.pi - closed[[0, 2]].sum()),
+    }
+
+
+def cases(
+    boxes: Sequence[float] = (
+        0.05,
+        0.07,
+        0.09,
+        0.11,
+        0.13,
+        0.145,
+        0.16,
+        0.17,
+        0.18,
+        0.19,
+    ),
+    sheets: Sequence[float] = (0.00076, 0.0003),
+    rods: Sequence[float] = (0.0072, 0.003, 0.001),
+    flat: Sequence[float] = (0.132, 0.145, 0.158, 0.165),
+    gaps: Sequence[float] = (-0.001, 0.006, 0.01),
+) -> list[ex.Case]:
+    """Grasp boxes from narrow to wide, then thin objects, then flat boxes.
+
+    Args:
+        boxes: Width of each box [m].
+        sheets: Thickness of each sheet [m]; a bank card first.
+        rods: Diameter of each rod [m]; a pencil first.
+        flat: Width of each flat box [m].
+        gaps: Between the base links and the top of each flat box [m].
+    """
+    found: list[ex.Case] = []
+    for kind, sizes, form in (
+        ("box", sorted(boxes), ".0f"),
+        ("sheet", sheets, ".2g"),
+        ("rod", rods, ".2g"),
+    ):
+        for size in sizes:
+            name = f"{kind}, {1e3 * size:{form}} mm"
+            found.append({"name": name, "kind": kind, "size": size, "gap": 0.0})
+    for case in ex.grid(size=flat, gap=gaps):
+        name = f"wrapped, {1e3 * case['size']:.0f} mm, gap {1e3 * case['gap']:.0f} mm"
+        found.append({"name": name, "kind": "wrapped", **case})
+    return found
+
+
+def trial(name: str, kind: str, size: float, gap: float) -> ex.Measures:
+    if kind == "wrapped":
+        found = grasp(flat_box(size, gap))
+    else:
+        found = grasp({"box": box, "sheet": sheet, "rod": rod}[kind](size))
+    if kind == "box":
+        found["motion out of the hand [mm]"] = found["moved"]
+    if kind != "box" or size <= CLAIM:
+        found["free of its support []"] = found["free"]
+        found["slip while shaken [mm]"] = found["slip"]
+    return found
+
+
+def whole(trials: ex.Trials) -> dict[str, ex.Values]:
+    """Return the width up to which all boxes are held [mm], and the hand's opening."""
+    boxes = trials.where(kind="box")
+    held = itertools.takewhile(lambda t: t["held"], boxes)
+    widest = max((1e3 * t["size"] for t in held), default=0.0)
+    gap = "gap between parallel pads, bases open [mm]"
+    return {
+        "boxes": {"widest box held [mm]": widest},
+        "hand": {gap: 1e3 * SRG.parallel_gap},
+    }
+
+
+grasp_width = ex.Experiment(
+    "The widest box that the hand closes on, the thinnest sheets and rods it holds.",
+    cases,
+    trial,
+    {
+        "widest box held": ex.at_least(1e3 * CLAIM, source="thesis"),
+        "gap between parallel pads, bases open": ex.within(
+            1e3 * CLAIM, relative=0.01, source="thesis"
+        ),
+        "free of its support": ex.at_least(1.0),
+        "slip while shaken": ex.at_most(MOST_SLIP),
+    },
+    whole=whole,
+    picture=[
+        ex.Bars(["slip while shaken"], log=True),
+        ex.Points("size", "moved", where={"kind": "box"}, label=["held"]),
+    ],
+)
+
+# Width and height of the bottle as it lies, and the middle of its mass above its bottom
+# (squeeze_bottle.sdf) [m].
+_WIDTH, _HEIGHT, _MIDDLE = 0.094, 0.058, 0.0704
+# Where the hand is on the bench (gripper_bench.yaml), and how far the ends of its
+# fingers stay above the table [m].
+_BENCH_X, _GAP = 0.5, 0.012
+_CURL = (
+    "gripper=!SrgPositionDriver {underactuation: "
+    "{base: freeze, approach_speed: 1.0, tip: curl}}"
+)
+HANDS: Mapping[str, Sequence[str]] = {
+    "Algorithm 1": (_CURL.replace("curl", "algorithm_1"),),
+    "tips that curl": (_CURL,),
+    "tips that curl, half the step": (_CURL, "plant_config.time_step=0.001"),
+    # With the springs of `clear_table_tendon`.
+    "wires": (
+        "gripper=!SrgTendonDriver {drive: "
+        "{base_spring: {preload: 0.03}, tip_spring: {preload: 0.05}}}",
+    ),
+}
+
+
+def bottle_cases(
+    offsets: Sequence[float] = (
+        -0.04,
+        -0.03,
+        -0.02,
+        -0.01,
+        0.0,
+        0.01,
+        0.02,
+        0.03,
+        0.04,
+    ),
+) -> list[ex.Case]:
+    """Take the bottle with every hand at every distance from its middle.
+
+    Args:
+        offsets: From the middle of its mass, towards the nozzle [m].
+    """
+    return ex.grid(hand=HANDS, offset=offsets)
+
+
+def bottle_trial(hand: str, offset: float) -> ex.Measures:
+    """Close the hand across the lying bottle."""
+    bottle = household_objects()["squeeze_bottle"]
+    bottle.pose = Transform()
+    bottle.pose.translation = [_BENCH_X - _MIDDLE - offset, 0.0, 0.5 * _HEIGHT]
+    bottle.pose.rotation = Rotation(value=Rotation.Rpy(deg=[90.0, 0.0, 90.0]))
+    fingers = SrgFingers()
+    closure = 1.0 if hand == "wires" else fingers.closed(_WIDTH).closure
+    return grasp(Thing(bottle, fingers.deepest + _GAP, closure, HANDS[hand]))
+
+
+low_things = ex.Experiment(
+    "A lying squeeze bottle between tips that stay straight and tips that curl.",
+    bottle_cases,
+    bottle_trial,
+    {
+        "share held": {
+            name: ex.at_least(0.85, spread=0.15)
+            if "curl" in name
+            else ex.number(spread=0.15)
+            for name in HANDS
+        }
+    },
+    summary=lambda own: {
+        "share held []": np.mean(own["free"]),
+        "pads lean outwards, median [deg]": np.median(own["lean"]),
+    },
+    picture=[ex.Points("offset", "free")],
+)

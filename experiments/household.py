@@ -1,0 +1,91 @@
+"""Household objects grasped from above and the side, lifted and shaken at 1 g, 2 Hz.
+
+data/grasps.yaml says how each object is presented and grasped, and why. Objects that
+fit between the pads must be held firmly. Pads that cannot become parallel press on a
+wider object's edges and slip off them.
+"""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+import experiments.runner as ex
+from drake_srg.common.exceptions import ScenarioError, suggest
+from drake_srg.common.srg_geometry import SRG
+from drake_srg.gripper.tendon import TendonDriveConfig
+from experiments.data import household_objects
+from experiments.stands.grasps import (
+    ACCELERATION,
+    HELD,
+    grasps,
+    present,
+    simulate,
+    width_between_pads,
+)
+from experiments.stands.still import take_picture
+
+OPENING = 1e3 * SRG.parallel_gap  # between parallel pads, base links sideways [mm]
+SLIP = 5.0  # in the hand, from the lift to the end, of an object that is held [mm]
+
+
+def cases(objects: Sequence[str] = ()) -> list[ex.Case]:
+    """Grasp, lift and shake objects in every way.
+
+    Args:
+        objects: Names of the objects to grasp; all by default.
+    """
+    known = {name for name, _ in grasps()}
+    for name in objects:
+        if name not in known:
+            raise ScenarioError(
+                f"household: objects: unknown object {name!r} {suggest(name, known)}"
+            )
+    return [
+        {"object": name, "approach": approach}
+        for name, approach in grasps()
+        if name in (objects or known)
+    ]
+
+
+def trial(object: str, approach: str) -> ex.Measures:
+    grasp = grasps()[object, approach]
+    scenario = present(household_objects()[object], grasp)
+    found = simulate(scenario, grasp)
+    image = take_picture(scenario, found.pop("q"), found.pop("p_WL"), 190)
+    width = 1e3 * width_between_pads(object, grasp)
+    rows = {"slip [mm]": found["slip"], "wire force [N]": found["wire_force"]}
+    if width > OPENING:
+        rows["too wide: opening needed [mm]"] = width
+    else:
+        rows["held by the hand alone for [s]"] = found["held_for"]
+        rows["turn in the hand [degrees]"] = found["turn"]
+    return found | rows | {"image": image}
+
+
+def slip(own: ex.Trials) -> ex.Bound:
+    fits = "turn in the hand [degrees]" in own[0]
+    return ex.at_most(SLIP) if fits else ex.at_least(SLIP)
+
+
+household = ex.Experiment(
+    "Household objects grasped from above and the side, lifted and shaken at 1 g.",
+    cases,
+    trial,
+    {
+        "held by the hand alone for": ex.at_least(HELD),
+        "slip": slip,
+        "turn in the hand": ex.at_most(10.0),
+        "wire force": ex.at_most(TendonDriveConfig().full_wire_force),
+        "too wide: opening needed": ex.at_least(OPENING),
+        "acceleration of the hand": ex.within(ACCELERATION, relative=0.05),
+    },
+    by=("object", "approach"),
+    whole=lambda trials: {
+        "all": {"acceleration of the hand [m/s²]": np.min(trials["acceleration"])}
+    },
+    picture=[
+        ex.Images(
+            caption=lambda t: f"slips {t['slip']:.1f} mm, {t['grip_force']:.0f} N"
+        )
+    ],
+)

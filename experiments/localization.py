@@ -1,0 +1,328 @@
+"""How accurately the five-axis cell's camera locates its standing or lying cylinder.
+
+The scenario's ceiling camera and localizer locate the cylinder in many poses, with
+images of three sizes. Then the cameras of both varied scenarios look at scenes with
+other lights, noise, clutter and occlusion. Nothing is simulated, but for images.
+
+`thesis_localizer` compares the rule of the five-axis arm's thesis, which knows no
+shape: it takes the middle of a blob and the depth of one pixel plus 10 mm. Both
+localizers look at the cylinder at the thesis's place with three cameras, of which the
+thesis describes one, and all over the pick region with ours.
+"""
+
+import dataclasses as dc
+import functools
+from collections.abc import Iterator, Mapping, Sequence
+from typing import Any
+
+import numpy as np
+from pydrake.math import RigidTransform, RotationMatrix
+from pydrake.systems.framework import DiagramBuilder
+
+import experiments.runner as ex
+from drake_srg.scenario import Scenario, load_scenario
+from drake_srg.station import MakeStation
+from drake_srg.station.perception import AddLocalizer
+from drake_srg.theses.blob_localizer import ThesisBlobConfig, ThesisBlobLocalizer
+from drake_srg.types import BlobFlag, Cylinder
+from experiments.stands.cycles import THESIS_PLACE
+from experiments.stands.scenes import Eye, angle_between_axes, put_object
+
+SCENARIO, CAMERA = "assistive_arm", "ceiling"
+STANDING, RECESS, TILTED, LYING = "standing", "in the recess", "tilted", "lying"
+UPRIGHT = (STANDING, RECESS)
+SIZES = {"320 x 240": (320, 240), "640 x 480": (640, 480), "1280 x 960": (1280, 960)}
+OWN = "640 x 480"  # the scenario's size, which is judged
+# Where the thesis's blob detection saw its cylinder (its table) [mm from the truth].
+PRINTED = 1e3 * (np.array([-0.325013, -0.175051, 0.139989]) - THESIS_PLACE)
+_RECESS_DEPTH = 0.005  # m
+_PLAY = 0.7e-3  # in the recess, on both axes; less than its clearance [m]
+# Scenarios, and the greatest error of position with which the object can be picked
+# [mm]: half of what the kitchen's goal allows, and what the five-axis arm's open
+# fingers allow.
+WITHIN = {"kitchen_varied": 3.0, "assistive_arm_varied": 1.5}
+ANOTHER = 20.0  # a sighting farther off shows another thing [mm]
+
+
+@functools.cache
+def load(size: str) -> Scenario:
+    """Return the scenario with camera images of a size."""
+    sides = zip(("width", "height"), SIZES[size], strict=True)
+    changes = [f"cameras.{CAMERA}.{key}={value}" for key, value in sides]
+    return load_scenario(SCENARIO, seed=0, overrides=changes)
+
+
+@functools.lru_cache(maxsize=1)
+def eye(size: str) -> Eye:
+    return Eye(load(size))
+
+
+def poses(
+    scenario: Scenario, way: str, side: int, others: int
+) -> Iterator[RigidTransform]:
+    """Yield poses X_WO of the cylinder all over the pick region, or in the recess.
+
+    Args:
+        scenario: See `load`.
+        way: STANDING, RECESS, TILTED or LYING.
+        side: Standing places along each side of the region, and places in the recess.
+        others: Number of tilted or lying places.
+    """
+    rng = np.random.default_rng(0)
+    shape, region = scenario.objects[scenario.task.pick].shape, scenario.task.region
+    assert isinstance(shape, Cylinder)
+    assert region is not None
+    if way == STANDING:
+        sides = np.linspace(region.min, region.max, side).T
+        places = np.stack(np.meshgrid(*sides), axis=-1).reshape(-1, 2)
+        tilts = np.zeros(len(places))
+    elif way == RECESS:
+        places = rng.uniform(-_PLAY, _PLAY, (side, 2)) + scenario.task.place.position
+        tilts = np.zeros(len(places))
+    else:
+        places = rng.uniform(region.min, region.max, (others, 2))
+        least = 0.0 if way == TILTED else np.pi / 2
+        tilts = rng.uniform(least, np.pi / 2, others)
+    for place, tilt in zip(places, tilts, strict=True):
+        azimuth = rng.uniform(-np.pi, np.pi)
+        level = np.array([np.cos(azimuth), np.sin(azimuth), 0.0])
+        axis = np.sin(tilt) * level + [0.0, 0.0, np.cos(tilt)]
+        height = 0.5 * shape.length * np.cos(tilt) + shape.radius * np.sin(tilt)
+        height += scenario.table.height - (_RECESS_DEPTH if way == RECESS else 0.0)
+        R_WO = RotationMatrix.MakeFromOneVector(axis, 2)
+        yield RigidTransform(R_WO, [*place, height])
+
+
+def cases(grid: int = 9, others: int = 60, scenes: int = 60) -> list[ex.Case]:
+    """Locate a cylinder in many places with images of three sizes, then in scenes.
+
+    Args:
+        grid: Standing places along each side of the pick region.
+        others: Tilted places, and lying ones.
+        scenes: Scenes of each varied scenario.
+    """
+    sizes = ex.grid(size=SIZES, way=(STANDING, RECESS, TILTED, LYING))
+    known = [{"name": f"{c['way']}, {c['size']}", **c} for c in sizes]
+    known.append({"name": "at the thesis's place", "size": OWN, "way": "thesis"})
+    counts = {"side": grid, "others": others, "seed": None}
+    return [case | counts for case in known] + [
+        {"name": f"{scenario}, {scenes} scenes", "size": "", "way": scenario}
+        | (counts | {"seed": seed})
+        for scenario in WITHIN
+        for seed in range(scenes)
+    ]
+
+
+def trial(
+    name: str, size: str, way: str, side: int, others: int, seed: int | None
+) -> ex.Measures:
+    """Look at the cylinder in every pose of a case, or at a scene."""
+    if seed is not None:
+        looker = Eye(load_scenario(way, seed=seed))
+        found = looker.blobs()
+        if not found:
+            return {"distance": None, "certain": False}
+        off = found[0].position - looker.pose().translation()
+        certain = BlobFlag.UNCERTAIN not in found[0].flags
+        return {"distance": 1e3 * np.linalg.norm(off), "certain": certain}
+    places = [RigidTransform(THESIS_PLACE)]
+    if way != "thesis":
+        places = list(poses(load(size), way, side, others))
+    errors, turns, tilts = [], [], []
+    for X_WO in places:
+        blobs, axis = eye(size).blobs(X_WO), X_WO.rotation().matrix()[:, 2]
+        tilts.append(np.rad2deg(np.arccos(min(1.0, axis[2]))))
+        seen = len(blobs) == 1  # a second blob would show something else
+        error = blobs[0].position - X_WO.translation() if seen else np.full(3, np.nan)
+        errors.append(1e3 * np.abs(error))
+        turn = angle_between_axes(blobs[0].axis, axis) if seen else np.nan
+        turns.append(np.rad2deg(turn))
+    return {
+        "error": np.max(errors, axis=0),
+        "distances": np.linalg.norm(errors, axis=1),
+        "rms": np.sqrt(np.mean(np.sum(np.square(errors), axis=1))),
+        "turns": turns,
+        "tilts": tilts,
+    }
+
+
+def summary(own: ex.Trials) -> ex.Values:
+    """Judge the thesis's place, the scenario's own size and scenes; report others."""
+    way, t = own[0]["way"], own[0]
+    if way in WITHIN:
+        return of_scenes(own, WITHIN[way])
+    if way == "thesis":
+        bounds = [ex.at_most(theirs, source="thesis") for theirs in abs(PRINTED)]
+        return {
+            f"error in {axis}; expected: the thesis's [mm]": (error, bound)
+            for axis, error, bound in zip("xyz", t["error"], bounds, strict=True)
+        }
+
+    def limit(most: float) -> ex.Bound:
+        return ex.at_most(most) if t["size"] == OWN else ex.number()
+
+    found: dict[str, Any] = {
+        "largest error of axis [deg]": (max(t["turns"]), limit(1.0)),
+        "root mean square of position [mm]": t["rms"],
+    }
+    if way not in UPRIGHT:
+        most = max(t["distances"])
+        return found | {"largest error of position [mm]": (most, limit(0.5))}
+    return found | {
+        f"largest error in {axis} [mm]": (error, limit(0.3))
+        for axis, error in zip("xyz", t["error"], strict=True)
+    }
+
+
+def of_scenes(own: ex.Trials, most: float) -> ex.Values:
+    """Judge how well the picked object is located in varied scenes."""
+    distances, certain = np.array(own["distance"], dtype=float), own["certain"]
+    seen = np.isfinite(distances)
+    wrong = np.sum(certain & (distances > ANOTHER))
+    return {
+        f"share seen within {most:g} mm []": (
+            np.mean(distances <= most),
+            ex.at_least(0.95),
+        ),
+        "another thing is taken for it []": (wrong, ex.at_most(0.0)),
+        "not seen []": np.sum(~seen),
+        "seen, but not certain []": np.sum(seen & ~certain),
+        "error of position, median [mm]": np.quantile(distances[seen], 0.5),
+        "error of position, 95 % quantile [mm]": np.quantile(distances[seen], 0.95),
+    }
+
+
+localization = ex.Experiment(
+    "How accurately the five-axis cell's camera locates its standing, lying cylinder.",
+    cases,
+    trial,
+    summary=summary,
+    picture=[
+        ex.Bars([f"largest error in {axis}" for axis in "xyz"], log=True),
+        ex.Points("tilts", "distances", where={"way": TILTED}, limit=0.5),
+        ex.Points("tilts", "distances", where={"way": LYING}, limit=0.5),
+    ],
+)
+
+# Cameras that look straight down: where they hang in world [m]. The thesis describes
+# its camera as above the middle of the scene, and publishes neither place nor angle. At
+# 1.4 m, ours sees both tables from there.
+OURS = "above both tables, as ours"
+CAMERAS: Mapping[str, Sequence[float] | None] = {
+    OURS: None,
+    "above the scene's middle, as the thesis's": (0.0, 0.0, 1.4),
+    "above the cylinder": (*THESIS_PLACE[:2].tolist(), 1.0),
+}
+THESIS_RULE, OUR_RULE = "thesis's localizer", "our localizer"
+
+
+def two_localizers(camera: str, places: Sequence[RigidTransform]) -> ex.Measures:
+    """Return the errors of both localizers on the same images, (K, 3) each [mm].
+
+    An error is NaN where the localizer sees nothing.
+    """
+    own_camera = load_scenario(SCENARIO, seed=0).cameras[CAMERA]
+    # As in CoppeliaSim, the optical axis passes through the middle of the image. By
+    # default, Drake's passes half a pixel beside it, which the rule does not know.
+    changes = [
+        f"cameras.{CAMERA}.center_x={own_camera.width / 2}",
+        f"cameras.{CAMERA}.center_y={own_camera.height / 2}",
+    ]
+    if (place := CAMERAS[camera]) is not None:
+        changes.append(f"cameras.{CAMERA}.X_PB.translation={list(place)}")
+    scenario = load_scenario(SCENARIO, seed=0, overrides=changes)
+    builder = DiagramBuilder()
+    station = builder.AddNamedSystem("station", MakeStation(scenario))
+    own = AddLocalizer(builder, scenario, station)
+    own.set_name("our_localizer")  # two systems of a diagram cannot have the same name
+    rule = dc.replace(scenario.localizer, thesis=ThesisBlobConfig())
+    thesis = AddLocalizer(builder, dc.replace(scenario, localizer=rule), station)
+    assert isinstance(thesis, ThesisBlobLocalizer)
+    context = builder.Build().CreateDefaultContext()
+    plant = station.GetSubsystemByName("plant")
+    errors: dict[str, list[object]] = {THESIS_RULE: [], OUR_RULE: []}
+    for X_WO in places:
+        moved = plant.GetMyMutableContextFromRoot(context)
+        put_object(plant, moved, scenario.task.pick, X_WO)
+        blob = thesis.locate(thesis.GetMyContextFromRoot(context))
+        seen = own.GetOutputPort("blobs").Eval(own.GetMyContextFromRoot(context))
+        for name, b in ((THESIS_RULE, blob), (OUR_RULE, seen[0] if seen else None)):
+            off = np.full(3, np.nan) if b is None else b.position - X_WO.translation()
+            errors[name].append(1e3 * off)
+    return dict(errors)
+
+
+def thesis_cases(grid: int = 9) -> list[ex.Case]:
+    """Look from three places, then all over the region.
+
+    Args:
+        grid: Places along each side of the pick region.
+    """
+    return [{"camera": camera, "side": 0} for camera in CAMERAS] + [
+        {"camera": OURS, "side": grid}
+    ]
+
+
+def thesis_trial(camera: str, side: int) -> ex.Measures:
+    places = [RigidTransform(THESIS_PLACE)]
+    if side:
+        places = list(poses(load(OWN), STANDING, side, 0))
+    errors = two_localizers(camera, places)
+    x, y, _ = np.array([X_WO.translation() for X_WO in places]).T
+    planar = {
+        f"{rule}, in the plane": np.linalg.norm(np.array(errors[rule])[:, :2], axis=1)
+        for rule in errors
+    }
+    return errors | planar | {"x": x, "y": y}
+
+
+def judge_rules(trials: ex.Trials) -> dict[str, ex.Values]:
+    """Judge the thesis's place, then the region."""
+    found: dict[str, ex.Values] = {}
+    for t in trials.where(side=0):
+        case = f"at the thesis's place, camera {t['camera']}"
+        theirs, ours = t[THESIS_RULE][0], t[OUR_RULE][0]
+        found[f"{case}, {THESIS_RULE}"] = {
+            **{
+                f"error in {axis}; the thesis prints {printed:.3f} [mm]": error
+                for axis, error, printed in zip("xy", theirs, PRINTED, strict=False)
+            },
+            # The rule gives a height 10 mm below the top, whatever the camera: 15 mm
+            # above the centre. The thesis prints 14.989 mm; 0.1 mm is ten times what
+            # is missing there.
+            "error in z; expected: as printed [mm]": (
+                theirs[2],
+                ex.within(PRINTED[2], absolute=0.1, source="thesis"),
+            ),
+        }
+        bounds = [ex.at_most(abs(value), source="thesis") for value in PRINTED]
+        found[f"{case}, {OUR_RULE}"] = {
+            f"error in {axis}; expected: the thesis's [mm]": (abs(error), bound)
+            for axis, error, bound in zip("xyz", ours, bounds, strict=True)
+        }
+    region = next(t for t in trials if t["side"])
+    for rule in (THESIS_RULE, OUR_RULE):
+        largest = np.max(np.abs(region[rule]), axis=0)
+        found[f"all over the region, {rule}"] = {
+            f"largest error in {axis} [mm]": value
+            for axis, value in zip("xyz", largest, strict=True)
+        }
+    thesis, own = (
+        np.linalg.norm(region[rule], axis=1) for rule in (THESIS_RULE, OUR_RULE)
+    )
+    what = "places where our localizer is nearer to the centre []"
+    nearer = (np.sum(own < thesis), ex.at_least(len(own)))
+    return found | {"all over the region": {what: nearer}}
+
+
+thesis_localizer = ex.Experiment(
+    "The five-axis arm's thesis's localizer and ours, on the same images.",
+    thesis_cases,
+    thesis_trial,
+    by=("camera", "side"),
+    whole=judge_rules,
+    picture=[
+        ex.Points("x", f"{rule}, in the plane", where={"camera": OURS})
+        for rule in (THESIS_RULE, OUR_RULE)
+    ],
+)

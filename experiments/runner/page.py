@@ -1,0 +1,156 @@
+"""The pages of the experiments on the site, made from the committed results."""
+
+from __future__ import annotations
+
+import ast
+import math
+import re
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import yaml
+
+from experiments import FOLDER, find_experiments
+from experiments.runner.claims import Row
+from experiments.runner.committed import (
+    COMMITTED,
+    Stamp,
+    committed_rows,
+    read_stamps,
+    show_time,
+)
+
+_VALUE = re.compile(r"\{(\w+)\|([^|}]+)\|([^|}]+)\|([^}]+)\}")
+
+
+def pages() -> dict[str, str]:
+    """Return the page of each experiment by its name, as Markdown."""
+    stamps = read_stamps()
+    return {
+        name: page(name, found.module, found.description, stamps.get(name))
+        for name, found in find_experiments().items()
+    }
+
+
+def page(name: str, module: str, description: str, stamp: Stamp | None) -> str:
+    """Return the page of an experiment: why, command, picture, verdict and rows."""
+    file = module.rpartition(".")[2]
+    source = (FOLDER / f"{file}.py").read_text(encoding="utf-8")
+    why = (ast.get_docstring(ast.parse(source)) or "").removeprefix(description)
+    text = f"# {name}\n\n{description}\n\n"
+    rows = committed_rows(name)
+    if rows is None or stamp is None:
+        return f"{text}{why}\n\n{command(name)}\nNo result is committed yet.\n"
+    picture = f"![{description}]({name}.png)\n\n"
+    picture *= (COMMITTED / f"{name}.png").is_file()
+    missed = [row for row in rows if not row.passed]
+    judged = [row for row in rows if row.expected != "a number"]
+    others = [row for row in rows if row.expected == "a number"]
+    text += f"**{verdict(rows, stamp)}** Drake {stamp.drake}, "
+    text += f"{show_time(stamp.seconds)}.\n\n{picture}{why}\n\n{command(name)}\n"
+    if missed:
+        text += "## What falls short\n\n"
+        text += "".join(
+            f"* {row.name}, {row.quantity}: {number(row.measured)} {row.unit} "
+            f"({row.expected}). {row.known}\n"
+            for row in missed
+        )
+        text += "\n"
+    if judged:
+        text += f"## Claims\n\n{table(judged)}\n"
+    return text + (f"## Other figures\n\n{table(others)}\n" if others else "")
+
+
+def command(name: str) -> str:
+    """Return the command that runs an experiment, as a block."""
+    return f"```sh\ndrake-srg experiment {name}\n```\n"
+
+
+def verdict(rows: Sequence[Row], stamp: Stamp) -> str:
+    """Return how many claims hold, and whether that is still known."""
+    judged = [row for row in rows if row.expected != "a number"]
+    good = sum(row.passed for row in judged)
+    text = f"{good} of {len(judged)} claims hold."
+    if not judged:
+        text = f"{len(rows)} figures."
+    return f"{text} Not run since the code changed." if stamp.stale else text
+
+
+def table(rows: Sequence[Row]) -> str:
+    """Return rows as a Markdown table; those without a criterion lack its column."""
+    judged = any(row.expected != "a number" for row in rows)
+    head = ["name", "quantity", "measured", "spread", "unit"]
+    lines = [head + ["expected", "source", "holds"] * judged]
+    lines.append(["---"] * len(lines[0]))
+    for row in rows:
+        cells = [row.name, row.quantity, number(row.measured), f"{row.spread:.2g}"]
+        holds = "yes" if row.passed else "**no**"
+        lines.append([*cells, row.unit, *([row.expected, row.source, holds] * judged)])
+    return "".join(f"| {' | '.join(line)} |\n" for line in lines)
+
+
+def number(value: float) -> str:
+    """Return a value for people; `-` for none."""
+    return f"{value:.4g}" if math.isfinite(value) else "-"
+
+
+def read_claims() -> list[dict[str, Any]]:
+    """Return what is claimed, by whom, where it is tried and what is ours.
+
+    Raises:
+        KeyError: If a row that is quoted does not exist.
+    """
+    text = (FOLDER / "data/claims.yaml").read_text(encoding="utf-8")
+    keys = ("claim", "source", "experiments", "ours")
+    claims = [dict(zip(keys, line, strict=True)) for line in yaml.safe_load(text)]
+    return [{**claim, "ours": fill(claim["ours"])} for claim in claims]
+
+
+def fill(text: str, folder: Path = COMMITTED) -> str:
+    """Return a text with `{EXPERIMENT|ROW|QUANTITY|FORMAT}` replaced by values."""
+
+    def value(match: re.Match[str]) -> str:
+        experiment, name, quantity, form = match.groups()
+        for row in committed_rows(experiment, folder) or ():
+            if (row.name, row.quantity) == (name, quantity):
+                return format(row.measured, form)
+        raise KeyError(f"{experiment}: no row {name!r}, {quantity!r}")
+
+    return _VALUE.sub(value, text)
+
+
+def claims_table() -> str:
+    """Return the table of claims: what, by whom, ours and the verdict."""
+    stamps = read_stamps()
+    lines = ["| claim | by | ours | experiment |", "|---|---|---|---|"]
+    for entry in read_claims():
+        links = ", ".join(link(name, stamps) for name in entry["experiments"])
+        cells = (entry["claim"], entry["source"], entry["ours"], links)
+        lines.append(f"| {' | '.join(cells)} |")
+    return "\n".join(lines) + "\n"
+
+
+def link(name: str, stamps: dict[str, Stamp]) -> str:
+    """Return a link to an experiment's page, with its verdict in short."""
+    rows, stamp = committed_rows(name), stamps.get(name)
+    if rows is None or stamp is None:
+        return f"[{name}](experiments/{name}.md) (no result)"
+    judged = [row for row in rows if row.expected != "a number"]
+    good = sum(row.passed for row in judged)
+    stale = ", not run since" * stamp.stale
+    return f"[{name}](experiments/{name}.md) ({good}/{len(judged)}{stale})"
+
+
+def index() -> str:
+    """Return the table of claims, and all other experiments in a list."""
+    stamps, claimed = read_stamps(), read_claims()
+    shown = {name for entry in claimed for name in entry["experiments"]}
+    others = [
+        f"* {link(name, stamps)}: {found.description}"
+        for name, found in find_experiments().items()
+        if name not in shown
+    ]
+    pages = "```{toctree}\n:hidden:\n:glob:\n\nexperiments/*\n```\n"
+    own = "\n".join(others)
+    return f"{claims_table()}\nClaims of our own:\n\n{own}\n\n{pages}"

@@ -1,0 +1,256 @@
+"""The standard pictures of experiments: panels that draw trials or rows."""
+
+from __future__ import annotations
+
+import dataclasses as dc
+from collections.abc import Callable, Sequence
+from typing import Any, Protocol
+
+import numpy as np
+
+from drake_srg.recording.timeline import COLORS, style_axes
+from experiments.runner.claims import Row, Trials
+
+
+class Panel(Protocol):
+    """Draws one part of a picture."""
+
+    def height(self, trials: Trials, rows: Sequence[Row]) -> float:
+        """Return how high it should be [inch]."""
+
+    def draw(
+        self, axes: Any, trials: Trials, rows: Sequence[Row], by: Sequence[str]
+    ) -> None:
+        """Draw on axes; `by` are the axes that name a group of trials."""
+
+
+@dc.dataclass(frozen=True)
+class Bars:
+    """A bar of each row, with its limit and, of a share, its interval.
+
+    Attributes:
+        quantities: Of the rows: of one unit, in a colour each.
+        names: Of the rows; None: all.
+        log: Whether the values' axis is logarithmic.
+    """
+
+    quantities: Sequence[str]
+    names: Sequence[str] | None = None
+    log: bool = False
+
+    def _rows(self, rows: Sequence[Row]) -> list[Row]:
+        names = self.names
+        return [
+            row
+            for row in rows
+            if row.quantity in self.quantities and (names is None or row.name in names)
+        ]
+
+    def height(self, trials: Trials, rows: Sequence[Row]) -> float:
+        """Return how high it should be [inch]."""
+        return min(1.4 + 0.2 * len(self._rows(rows)), 9.0)
+
+    def draw(
+        self, axes: Any, trials: Trials, rows: Sequence[Row], by: Sequence[str]
+    ) -> None:
+        """Draw on axes."""
+        drawn = self._rows(rows)
+        names = list(dict.fromkeys(row.name for row in drawn))
+        found = {(row.name, row.quantity): row.measured for row in rows}
+        unit = next((f" [{row.unit}]" for row in drawn if row.unit), "")
+        style_axes(axes, xlabel=f"{' / '.join(self.quantities)[:60]}{unit}")
+        wide = 0.8 / len(self.quantities)
+        for row in drawn:
+            i = list(self.quantities).index(row.quantity)
+            y = -names.index(row.name) + 0.4 - (i + 0.5) * wide
+            axes.barh(y, row.measured, 0.9 * wide, color=COLORS[i % len(COLORS)])
+            words = row.expected.split()
+            if words[-1] != "number":
+                limit = float(words[1] if words[0] in ("<=", ">=") else words[0])
+                axes.plot([limit] * 2, [y - wide / 2, y + wide / 2], "k-", lw=1.5)
+            what = row.quantity.removesuffix(", share")
+            ends = [found.get((row.name, f"{what}, at {w}")) for w in ("least", "most")]
+            if None not in ends:
+                axes.plot(ends, [y, y], "-", color="0.3", lw=1.0)
+        axes.set_yticks([-k for k in range(len(names))], names, fontsize=7)
+        axes.grid(axis="x", color="#c8ced6", lw=0.5)
+        if self.log:
+            axes.set_xscale("log")
+
+
+def bars_of(rows: Sequence[Row]) -> list[Panel]:
+    """Return panels of judged quantities, at most six; of any if none is judged."""
+    judged = [row for row in rows if row.expected != "a number"] or rows
+    return [Bars([q]) for q in list(dict.fromkeys(r.quantity for r in judged))[:6]]
+
+
+@dc.dataclass(frozen=True, kw_only=True)
+class _Plot:
+    """What a plot of measures has.
+
+    Attributes:
+        where: Chooses trials, such as `{"motion": "step"}`.
+        label: Axes that name a colour; by default, those that name a group.
+        limit: Drawn across.
+        log: Which axes are logarithmic: `x`, `y` or `xy`.
+        title: Above the panel.
+    """
+
+    where: dict[str, Any] = dc.field(default_factory=dict)
+    label: Sequence[str] = ()
+    limit: float | None = None
+    log: str = ""
+    title: str = ""
+
+    def height(self, trials: Trials, rows: Sequence[Row]) -> float:
+        """Return how high it should be [inch]."""
+        return 3.2
+
+    def _groups(self, trials: Trials, by: Sequence[str]) -> dict[str, Trials]:
+        return trials.where(**self.where).groups(*(self.label or by))
+
+    def _finish(self, axes: Any, vertical: bool = False) -> None:
+        if self.limit is not None:
+            line = axes.axvline if vertical else axes.axhline
+            line(self.limit, color="k", ls="--", lw=0.8)
+        if "x" in self.log:
+            axes.set_xscale("log")
+        if "y" in self.log:
+            axes.set_yscale("log")
+        axes.set_title(self.title, fontsize=9, loc="left")
+        handles = dict(zip(*reversed(axes.get_legend_handles_labels()), strict=True))
+        if 1 < len(handles) <= 12:
+            axes.legend(handles.values(), handles.keys(), fontsize=7, frameon=False)
+
+
+@dc.dataclass(frozen=True)
+class Curves(_Plot):
+    """A curve of each trial.
+
+    Attributes:
+        x: Measure of the abscissa, an array; its name is the label.
+        y: Measures of the ordinate, in a style each.
+        reference: Measure that is drawn once, dashed.
+    """
+
+    x: str
+    y: str | Sequence[str]
+    reference: str = ""
+
+    def draw(
+        self, axes: Any, trials: Trials, rows: Sequence[Row], by: Sequence[str]
+    ) -> None:
+        """Draw on axes."""
+        measures = [self.y] if isinstance(self.y, str) else list(self.y)
+        style_axes(axes, xlabel=self.x, ylabel=", ".join(measures)[:60])
+        for i, (name, own) in enumerate(self._groups(trials, by).items()):
+            for entry in own:
+                for k, measure in enumerate(measures):
+                    style = ("-", "--", ":", "-.")[k % 4]
+                    color = COLORS[i % len(COLORS)]
+                    shown = name if k == 0 else None
+                    x, y = _floats(entry[self.x]), _floats(entry[measure])
+                    axes.plot(x, y, style, color=color, lw=1.2, label=shown)
+        for entry in trials.where(**self.where)[:1] if self.reference else ():
+            x, y = _floats(entry[self.x]), _floats(entry[self.reference])
+            axes.plot(x, y, "k--", lw=0.8, label=self.reference)
+        self._finish(axes)
+
+
+@dc.dataclass(frozen=True)
+class Points(_Plot):
+    """A point for each trial, or for each value of its arrays.
+
+    Attributes:
+        x: Measure or axis of the abscissa; its name is the label.
+        y: Of the ordinate.
+        equal: Whether x = y is drawn, because one is the reference of the other.
+    """
+
+    x: str
+    y: str
+    equal: bool = False
+
+    def draw(
+        self, axes: Any, trials: Trials, rows: Sequence[Row], by: Sequence[str]
+    ) -> None:
+        """Draw on axes."""
+        style_axes(axes, xlabel=self.x, ylabel=self.y)
+        for i, (name, own) in enumerate(self._groups(trials, by).items()):
+            x, y = (
+                np.concatenate([np.atleast_1d(_floats(e[measure])) for e in own])
+                for measure in (self.x, self.y)
+            )
+            color = COLORS[i % len(COLORS)]
+            axes.plot(x, y, "o", ms=4, alpha=0.7, color=color, label=name)
+        if self.equal:
+            axes.axline((0.0, 0.0), slope=1.0, color="k", ls="--", lw=0.8)
+        self._finish(axes)
+
+
+@dc.dataclass(frozen=True)
+class Histogram(_Plot):
+    """How a measure is distributed in each group.
+
+    Attributes:
+        measure: A number or array of each trial; None and NaN are left out.
+    """
+
+    measure: str
+
+    def draw(
+        self, axes: Any, trials: Trials, rows: Sequence[Row], by: Sequence[str]
+    ) -> None:
+        """Draw on axes."""
+        style_axes(axes, xlabel=self.measure, ylabel="trials")
+        values = {
+            name: np.concatenate([np.atleast_1d(_floats(e[self.measure])) for e in own])
+            for name, own in self._groups(trials, by).items()
+        }
+        every = np.concatenate([*values.values(), [0.0]])
+        edges = np.linspace(np.nanmin(every), np.nanmax(every) + 1e-9, 31)
+        for i, (name, own) in enumerate(values.items()):
+            color = COLORS[i % len(COLORS)]
+            axes.hist(own, edges, histtype="step", color=color, label=name)
+        self._finish(axes, vertical=True)
+
+
+@dc.dataclass(frozen=True)
+class Images:
+    """A grid of images, one a trial, framed green, or red where a row of it fails.
+
+    Attributes:
+        image: Measure that holds an array (H, W, 3) of uint8.
+        caption: Returns the text below a trial's image.
+        across: Images beside each other.
+    """
+
+    image: str = "image"
+    caption: Callable[[Any], str] = lambda entry: ""
+    across: int = 6
+
+    def height(self, trials: Trials, rows: Sequence[Row]) -> float:
+        """Return how high it should be [inch]."""
+        return 2.3 * -(-len(trials) // self.across)
+
+    def draw(
+        self, axes: Any, trials: Trials, rows: Sequence[Row], by: Sequence[str]
+    ) -> None:
+        """Draw on axes, which images replace."""
+        axes.set_axis_off()
+        failed = {row.name for row in rows if row.fails}
+        across, down = self.across, -(-len(trials) // self.across)
+        axes.figure.set_size_inches(1.8 * across, 0.4 + 2.3 * down)
+        for i, entry in enumerate(trials):
+            name = ", ".join(str(entry[axis]) for axis in by)
+            x, y = i % across / across, 1.0 - (i // across + 1) / down
+            own = axes.inset_axes([x, y + 0.06 / down, 0.95 / across, 0.82 / down])
+            own.imshow(np.asarray(entry[self.image]), interpolation="none")
+            own.set(xticks=[], yticks=[])
+            own.spines[:].set(color=COLORS[1 if name in failed else 2], lw=2.0)
+            own.set_title(name.replace("_", " "), fontsize=6.5, loc="left", pad=3)
+            own.set_xlabel(self.caption(entry), fontsize=6.5, loc="left")
+
+
+def _floats(value: Any) -> Any:
+    return np.array(np.nan if value is None else value, dtype=float)

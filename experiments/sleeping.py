@@ -1,0 +1,306 @@
+"""Whether resting objects that sleep save time, and change no outcome.
+
+In each scene, a carton at rest is pushed into things that stand and lie on a table. It
+is simulated with all objects awake and with objects that sleep until something comes
+near; every tenth, awake with half the step, too. Pushes are chaotic: half the step
+changes a larger share of the outcomes than sleep does.
+
+`sleeping_tasks`: trials of the varied kitchen with a can and two pieces of clutter must
+end the same in words: success, the reason of a failure, the number of attempts.
+"""
+
+import dataclasses as dc
+import time as wall
+from typing import Any
+
+import numpy as np
+from pydrake.common.value import AbstractValue
+from pydrake.multibody.math import SpatialForce
+from pydrake.multibody.plant import ExternallyAppliedSpatialForce
+from pydrake.multibody.tree import BodyIndex
+
+import experiments.runner as ex
+from drake_srg.common.log_format import is_pose
+from drake_srg.objects.config import ObjectConfig, SleepingConfig
+from drake_srg.objects.models import object_body
+from drake_srg.scenario import load_scenario
+from drake_srg.simulation.rig import Rig, tabletop
+from drake_srg.types import Box, Cylinder, Vector
+from experiments.data import household_objects
+from experiments.stands.cells import simulate_whole
+
+SLEEPING = SleepingConfig()
+# The carton is pushed when everything sleeps, and has come to rest at the end [s].
+PUSH, PUSHED_FOR, END = 1.1, 0.1, 1.6
+MOVED, FELL = 0.005, np.deg2rad(45.0)  # an object moved [m], or fell over [rad]
+AWAKE, ASLEEP, HALF = "awake", "asleep", "half the step"
+_AT_REST = ("005_tomato_soup_can", "mug", "bowl", "squeeze_bottle", "wrench")
+_COST = 2.0  # simulated time over which the cost is measured [s]
+
+
+def scene(seed: int) -> tuple[dict[str, ObjectConfig], float]:
+    """Return the objects of a scene and the force of the push along x [N].
+
+    The carton comes first. The others are ahead of it, none in contact with another.
+    """
+    rng = np.random.default_rng(seed)
+
+    def at(x: float, y: float) -> list[float]:
+        return [x, y + float(rng.uniform(-0.04, 0.04))]
+
+    common: dict[str, Any] = {"friction": 0.6, "mass": float(rng.uniform(0.1, 0.4))}
+    objects = {
+        "carton": ObjectConfig(
+            shape=Box([0.06, 0.08, 0.05]), mass=0.4, friction=0.4, position=[0.3, 0.0]
+        ),
+        "can": ObjectConfig(
+            shape=Cylinder(0.033, float(rng.uniform(0.05, 0.1))),
+            position=at(float(rng.uniform(0.38, 0.46)), 0.0),
+            **common,
+        ),
+        "block": ObjectConfig(
+            shape=Box([0.05, 0.05, float(rng.uniform(0.03, 0.1))]),
+            position=at(float(rng.uniform(0.52, 0.58)), 0.03),
+            yaw=float(rng.uniform(0.0, 1.5)),
+            **common,
+        ),
+    }
+    return objects, float(rng.uniform(5.0, 12.0))
+
+
+def cases(seeds: int = 300) -> list[ex.Case]:
+    """Measure the cost of objects at rest, then push cartons in many scenes.
+
+    Args:
+        seeds: Number of scenes.
+    """
+    costs = ex.grid(name=["6 objects", "40 objects"], kind=(AWAKE, ASLEEP), seed=[None])
+    return costs + [
+        {"name": "scenes", "kind": kind, "seed": seed}
+        for seed in range(seeds)
+        for kind in (AWAKE, ASLEEP, HALF)
+        if kind != HALF or seed % 10 == 0
+    ]
+
+
+def trial(name: str, kind: str, seed: int | None) -> ex.Measures:
+    sleeping = SLEEPING if kind == ASLEEP else None
+    if seed is None:
+        count = int(name.split(maxsplit=1)[0])
+        rig = Rig(tabletop(at_rest(count), sleeping), name="sleeping", log_period=0.5)
+        rig.advance(1.5)  # once everything is at rest
+        start = wall.process_time()
+        rig.advance(_COST)
+        return {"cost": (wall.process_time() - start) / _COST}
+    objects, force = scene(seed)
+    scenario = tabletop(objects, sleeping)
+    if kind == HALF:
+        scenario.plant_config.time_step *= 0.5
+    rig = Rig(scenario, name="sleeping", period=0.05, log_period=0.5)
+    rig.advance(PUSH)
+    slept = all(_body(rig, n).is_locked(rig.plant_context) for n in objects)
+    start_poses = [rig.X_WO(thing) for thing in objects]
+    for push, duration in ((force, PUSHED_FOR), (0.0, END - PUSH - PUSHED_FOR)):
+        applied = ExternallyAppliedSpatialForce()
+        applied.body_index = _body(rig, "carton").index()
+        applied.F_Bq_W = SpatialForce(tau=np.zeros(3), f=[push, 0.0, 0.0])
+        port = rig.diagram.GetInputPort("object_forces_cheat")
+        port.FixValue(rig.context, AbstractValue.Make([applied]))
+        rig.advance(duration)
+    moved, words = [], []
+    for a, thing in zip(start_poses, objects, strict=True):
+        b = rig.X_WO(thing)
+        moved.append(b.translation() - a.translation())
+        upright = np.clip(a.rotation().col(2) @ b.rotation().col(2), -1.0, 1.0)
+        far = np.linalg.norm(moved[-1]) > MOVED
+        fell = np.arccos(upright) > FELL
+        words.append("fell" if fell else "moved" if far else "stayed")
+    return {"moved": moved, "words": " ".join(words), "slept": slept}
+
+
+def _body(rig: Rig, name: str) -> Any:
+    index = object_body(rig.plant, rig.plant.GetModelInstanceByName(name))
+    assert isinstance(index, BodyIndex)
+    return rig.plant.get_body(index)
+
+
+def at_rest(count: int) -> dict[str, ObjectConfig]:
+    """Return that many objects at rest, some of each kind, apart from each other."""
+    things = household_objects()
+    box = ObjectConfig(shape=Box([0.09, 0.17, 0.04]), mass=0.5, friction=0.6)
+    kinds = [*(things[name] for name in _AT_REST), box]
+    return {
+        f"thing_{i}": dc.replace(
+            kinds[i % len(kinds)],
+            position=[-0.25 + 0.2 * (i % 7), -0.65 + 0.22 * (i // 7)],
+        )
+        for i in range(count)
+    }
+
+
+def costs(own: ex.Trials) -> ex.Values:
+    if own.name == "scenes":
+        return {}
+    found: dict[str, Any] = {
+        f"{t['kind']}, real-time factor []": (1.0 / t["cost"], ex.number(clock="rate"))
+        for t in own
+    }
+    if own.name == "6 objects":
+        awake, asleep = own["cost"]
+        found["cost asleep over cost awake []"] = (asleep / awake, ex.at_most(0.5))
+    return found
+
+
+def outcomes(trials: ex.Trials) -> dict[str, ex.Values]:
+    """Expect the same outcomes, within what half the step changes."""
+    scenes = trials.where(name="scenes")
+    awake = {t["seed"]: t for t in scenes.where(kind=AWAKE)}
+    asleep, half = (scenes.where(kind=kind) for kind in (ASLEEP, HALF))
+
+    def others(own: ex.Trials) -> int:
+        return sum(t["words"] != awake[t["seed"]]["words"] for t in own)
+
+    def distances(own: ex.Trials) -> Vector:
+        """Return how far each scene ends from the same one awake, at most [mm]."""
+        apart = [t["moved"] - awake[t["seed"]]["moved"] for t in own]
+        return 1e3 * np.array([np.linalg.norm(a, axis=1).max() for a in apart])
+
+    smaller = others(asleep) / len(asleep) < others(half) / len(half)
+    known = (
+        "pushes are chaotic; half the step changes a larger share" if smaller else ""
+    )
+    what = "scenes that end otherwise"
+    largest = max(distances(asleep))
+    return {
+        ASLEEP: {"scenes in which all slept []": np.mean(asleep["slept"])},
+        f"awake and {HALF}": {
+            f"{what} [of {len(half)}]": (others(half), ex.number(spread=3.0))
+        },
+        "awake and asleep": {
+            f"{what} [of {len(asleep)}]": (
+                others(asleep),
+                ex.at_most(0.0, known=known),
+            ),
+            **{
+                f"difference of positions, {word}, at most with half the step [mm]": (
+                    np.quantile(distances(asleep), share),
+                    ex.at_most(np.quantile(distances(half), share)),
+                )
+                for share, word in ((0.5, "median"), (0.95, "95th percentile"))
+            },
+            # Of one can that rolls.
+            "difference of positions, largest [mm]": (
+                largest,
+                ex.number(spread=largest),
+            ),
+        },
+    }
+
+
+sleeping = ex.Experiment(
+    "Whether resting objects that sleep save time, and change no outcome.",
+    cases,
+    trial,
+    {"scenes in which all slept": ex.at_least(1.0)},
+    summary=costs,
+    whole=outcomes,
+    picture=[
+        ex.Bars(["awake, real-time factor", "asleep, real-time factor"], log=True),
+        ex.Bars(["difference of positions, largest"]),
+    ],
+    serial=True,
+)
+
+_TASK_OVERRIDES = (
+    # Contact settings in which things rest; see `resting`. Then, what saves time.
+    "plant_config.time_step=0.005",
+    "plant_config.stiction_tolerance=1.0e-3",
+    "directives.table.add_model.file=package://drake_srg/sdf/table_mat.sdf",
+    "directives.gripper.add_model.file=package://drake_srg/sdf/srg_fast.sdf",
+    "ignored_contacts=[['arm::*', 'arm::*'], ['arm::*', 'gripper::*']]",
+    "clutter.count=2",
+)
+
+
+def task_cases(trials: int = 300, seed: int = 0) -> list[ex.Case]:
+    """Simulate each trial awake and asleep.
+
+    Args:
+        trials: Number of trials.
+        seed: Of the first trial.
+    """
+    seeds = range(seed, seed + trials)
+    return [{"kind": kind, "seed": s} for s in seeds for kind in (AWAKE, ASLEEP)]
+
+
+def task_trial(kind: str, seed: int) -> ex.Measures:
+    start = wall.process_time()
+    overrides = (*_TASK_OVERRIDES, *(("sleeping={}",) if kind == ASLEEP else ()))
+    scenario = load_scenario("kitchen_varied_accurate", seed=seed, overrides=overrides)
+    result = simulate_whole(scenario)
+    m = result.metrics
+    return {
+        "success": bool(m.success),
+        "attempts": m.attempts,
+        "outcome": f"{m.success}, {m.failure or ''}, {m.attempts}",
+        "touched": (m.others_moved_m or 0.0) > MOVED,
+        "ends": [log[-1, :3] for key, log in result.log.items() if is_pose(key)],
+        "seconds": wall.process_time() - start,
+    }
+
+
+def task_summary(own: ex.Trials) -> ex.Values:
+    spread = ex.number(spread=3.0)
+    return {
+        f"{quantity} [of {len(own)}]": (np.sum(done), spread)
+        for quantity, done in (
+            ("successes", own["success"]),
+            ("trials of several attempts", own["attempts"] > 1),
+            ("trials that move another object", own["touched"]),
+        )
+    }
+
+
+def task_outcomes(trials: ex.Trials) -> dict[str, ex.Values]:
+    """Expect the same outcome of every trial; that limit was set before the first."""
+    awake, asleep = (trials.where(kind=kind) for kind in (AWAKE, ASLEEP))
+    n, pairs = len(awake), list(zip(awake, asleep, strict=True))
+    other = int(np.sum(awake["outcome"] != asleep["outcome"]))
+    low, high = ex.wilson(other, n)
+    moved = np.sum(awake["touched"] != asleep["touched"])
+    apart = [
+        1e3 * np.linalg.norm(a["ends"] - b["ends"], axis=1).max() for a, b in pairs
+    ]
+    cost = sum(asleep["seconds"]) / sum(awake["seconds"])
+    differences = {}
+    for share, word in ((0.5, "median"), (0.95, "95th percentile"), (1.0, "largest")):
+        value = np.quantile(apart, share)
+        spread = ex.number(spread=value)
+        differences[f"difference of positions, {word} [mm]"] = (value, spread)
+    return {
+        "awake and asleep": {
+            f"trials that end otherwise [of {n}]": (other, ex.at_most(0.0)),
+            "their share, at least []": (low, ex.number(spread=0.01)),
+            "their share, at most []": (high, ex.number(spread=0.01)),
+            f"trials in which only one moves another object [of {n}]": (
+                moved,
+                ex.number(spread=3.0),
+            ),
+            **differences,
+            "cost asleep over cost awake []": (cost, ex.number(spread=0.1)),
+        }
+    }
+
+
+sleeping_tasks = ex.Experiment(
+    "Whether objects that sleep change how a task ends.",
+    task_cases,
+    task_trial,
+    summary=task_summary,
+    whole=task_outcomes,
+    picture=[
+        ex.Bars(["successes", "trials that move another object"]),
+        ex.Histogram("seconds"),
+    ],
+    serial=True,
+)

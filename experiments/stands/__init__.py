@@ -1,0 +1,1 @@
+"""What several experiments share: cells run whole, benches, objects to grasp."""

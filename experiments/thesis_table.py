@@ -1,0 +1,243 @@
+"""The five-axis arm's cell compared with the results of its thesis.
+
+Table 1 of the thesis reports ten grasps of a cylinder at one place. Here that place is
+one of the variants, by the thesis's own rules (localizer, taught waypoints, motions and
+waits); in the others, the cylinder stands anywhere in the pick region, and the rules
+are the thesis's or ours. Ours must seat every cylinder and be no worse than what the
+thesis's rules give in the same run.
+
+The experiment also checks the arm's forward kinematics as the thesis does: it predicts
+the tip's Euler angles at one posture by the product of exponentials and compares them
+with those of its simulation. The errors in x and y depend on a camera that the thesis
+does not publish; see `thesis_localizer`.
+"""
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+from pydrake.multibody.plant import MultibodyPlant
+from pydrake.systems.analysis import Simulator
+
+import experiments.runner as ex
+from drake_srg.scenario import load_scenario
+from drake_srg.station import MakeStation
+from drake_srg.station.plant import AddDirectives
+from drake_srg.theses.arm_kinematics import (
+    ASSISTIVE_ARM_HOME,
+    ASSISTIVE_ARM_HOME_PRINTED,
+    ASSISTIVE_ARM_HOME_SECTION_4_4_3,
+    ASSISTIVE_ARM_SCREWS,
+    ASSISTIVE_ARM_SCREWS_PRINTED,
+    euler_angles,
+    forward_kinematics,
+)
+from drake_srg.types import Vector
+from experiments.stands.cycles import THESIS_PLACE, run_cycle
+
+OURS, FLAT, RULES = "ours", "ours, flat fingertips", "thesis's rules"
+AT_PLACE = f"{RULES}, at its place"
+# Scenario, overrides and most runs: at its place, as many as in the thesis, where only
+# the friction differs from run to run.
+VARIANTS: Mapping[str, tuple[str, tuple[str, ...], int | None]] = {
+    OURS: ("assistive_arm", (), None),
+    FLAT: ("assistive_arm_flat", (), None),
+    AT_PLACE: (
+        "assistive_arm_thesis",
+        (f"object.position={THESIS_PLACE[:2].tolist()}",),
+        10,
+    ),
+    RULES: ("assistive_arm_thesis", (), None),
+}
+
+
+def cases(seeds: int = 50) -> list[ex.Case]:
+    """Run every variant from every position.
+
+    Args:
+        seeds: Number of positions.
+    """
+    return [
+        {"variant": name, "seed": seed}
+        for name, (_, _, most) in VARIANTS.items()
+        for seed in range(min(seeds, most or seeds))
+    ]
+
+
+def trial(variant: str, seed: int) -> ex.Measures:
+    """Run a cycle; errors in mm."""
+    scenario, overrides, _ = VARIANTS[variant]
+    cycle = run_cycle(scenario, seed, overrides)
+    found = {k: cycle[k] for k in ("placed", "lifted", "failure", "placing", "cycle")}
+    found["smoothness"] = cycle["smoothness"]
+    # Of every cylinder that was released, seated or not.
+    placement = cycle["placement"] if cycle["error_G"] is not None else None
+    for what, error in (("placed", placement), ("seen", cycle["localization"])):
+        for i, axis in enumerate("xyz"):
+            found[f"{what} {axis}"] = None if error is None else 1e3 * error[i]
+    return found
+
+
+# Bounds are the thesis's table 1, or our own where they are tighter: half of the
+# recess's clearance, and a cycle of 8 s [mm], [s].
+CYCLE = 23.69
+MOST = {
+    OURS: {"placed x": 0.5, "placed y": 0.5, "seen x": 0.07, "seen y": 0.07}
+    | {"seen z": 0.3},
+    FLAT: {"placed x": 4.0, "placed y": 2.0, "seen x": 0.07, "seen y": 0.07}
+    | {"seen z": 15.0},
+    AT_PLACE: {"placed x": 4.0, "placed y": 2.0},
+    RULES: {"placed x": 4.0, "placed y": 2.0},
+}
+
+
+def summary(own: ex.Trials) -> ex.Values:
+    """Judge a variant by the thesis's table and, if it is ours, by the thesis's rules.
+
+    Cycle time and sightings are reproduced at the thesis's place, not beaten.
+    Elsewhere, the tip goes other ways, so the cycle takes another time.
+    """
+
+    def average(measure: str, of: ex.Trials = own) -> float:
+        known = of.known(measure)
+        return float(np.mean(known)) if len(known) else np.nan
+
+    def largest(measure: str) -> float:
+        known = np.abs(own.known(measure))
+        return float(np.max(known)) if len(known) else np.nan
+
+    variant, every = own.name, ex.at_least(len(own))
+    found: dict[str, Any] = {
+        "grasped and lifted []": (sum(own["lifted"]), every),
+        "seated in the recess []": (sum(own["placed"]), every),
+    }
+    for measure, most in MOST[variant].items():
+        what, axis = measure.split()
+        error = {"placed": "placement", "seen": "localisation"}[what]
+        key = f"largest {error} error, {axis} [mm]"
+        found[key] = (largest(measure), ex.at_most(most, source="thesis"))
+    if variant in (OURS, FLAT):
+        rules, worse = own.whole.where(variant=RULES), "expected: by the thesis's rules"
+        found["mean cycle [s]"] = (average("cycle"), ex.at_most(CYCLE, source="thesis"))
+        for what, measure, claim in (
+            ("mean time to placement; {} [s]", "placing", ex.at_most),
+            ("mean smoothness; {} []", "smoothness", ex.at_least),
+        ):
+            limit = claim(average(measure, rules))
+            found[what.format(worse)] = (average(measure), limit)
+    if variant == OURS:
+        found["longest cycle [s]"] = (largest("cycle"), ex.at_most(8.0))
+    if variant == AT_PLACE:
+        # P0, P3 and P4 of `assistive_arm_thesis`, which the thesis does not publish,
+        # are chosen to give its cycle time.
+        bound = ex.within(CYCLE, absolute=0.25, source="thesis")
+        found["mean cycle [s]"] = (average("cycle"), bound)
+        bound = ex.within(15.0, absolute=0.1, source="thesis")
+        found["largest localisation error, z [mm]"] = (largest("seen z"), bound)
+    return found
+
+
+# The thesis's example: joint angles, and the tip's Euler angles as it predicts them and
+# as it reads them in CoppeliaSim [degrees].
+POSTURE = np.array([10.0, 20.0, 30.0, 40.0, 50.0])
+PREDICTED = np.array([-136.3074, -68.1808, -108.777])
+SIMULATED = np.array([-136.342, -68.221, -108.737])
+_DIGIT = 1e-4  # of the print's last digit [degrees]
+
+
+def kinematics(trials: ex.Trials) -> dict[str, ex.Values]:
+    """Compare printed, predicted, modelled and simulated angles of the tip."""
+    q = np.deg2rad(POSTURE)
+    digit = 1e-4  # of the print's last one [degrees]
+    theirs = ex.at_most(np.max(np.abs(SIMULATED - PREDICTED)), source="thesis")
+    printed, section = (
+        _largest(predict(ASSISTIVE_ARM_SCREWS_PRINTED, home, q) - PREDICTED)
+        for home in (ASSISTIVE_ARM_HOME_PRINTED, ASSISTIVE_ARM_HOME_SECTION_4_4_3)
+    )
+    model = predict(ASSISTIVE_ARM_SCREWS, ASSISTIVE_ARM_HOME, q)
+    simulated = _largest(simulated_angles(q) - model)
+    of_print = "appendix A's screws and M against the printed angles"
+    of_section = "the same with the M of section 4.4.3; expected: more than that"
+    of_arm = "simulated arm against prediction; expected: CoppeliaSim's"
+    of_plant = "plant against product of exponentials, 1,000 postures"
+    return {
+        "forward kinematics": {
+            f"{of_print} [degrees]": (printed, ex.at_most(digit, source="thesis")),
+            f"{of_section} [degrees]": (section, ex.at_least(digit)),
+            f"{of_arm} [degrees]": (simulated, theirs),
+            f"{of_plant} [degrees]": (kinematics_error(), theirs),
+        }
+    }
+
+
+def predict(screws: Vector, home: Vector, q: Vector) -> Vector:
+    """Return the tip's Euler angles by the product of exponentials (3) [degrees]."""
+    return np.rad2deg(euler_angles(forward_kinematics(screws, home, q)[:3, :3]))
+
+
+def simulated_angles(q: Vector) -> Vector:
+    """Return the tip's Euler angles when the arm has come to rest (3) [degrees].
+
+    The arm starts at `q` (5) [rad] and holds it against gravity with its servos.
+    Nothing collides: in the thesis's posture, the hand would be in the bench.
+    """
+    changes = [
+        f"arm.home={q.tolist()}",
+        "object.present=false",
+        'ignored_contacts=[["*", "*"]]',
+    ]
+    station = MakeStation(load_scenario("assistive_arm", seed=0, overrides=changes))
+    simulator = Simulator(station)
+    context = simulator.get_mutable_context()
+    station.GetInputPort("arm.position_commanded").FixValue(context, q)
+    station.GetInputPort("gripper.closure_commanded").FixValue(context, [0.0])
+    simulator.AdvanceTo(3.0)
+    plant = station.GetSubsystemByName("plant")
+    return tip_angles(plant, plant.GetMyContextFromRoot(context))
+
+
+def tip_angles(plant: MultibodyPlant, context: object) -> Vector:
+    """Return the Euler angles of the arm's tip in its base (3) [degrees]."""
+    arm = plant.GetModelInstanceByName("arm")
+    base, tip = (plant.GetFrameByName(name, arm) for name in ("base", "tip"))
+    R_BT = plant.CalcRelativeTransform(context, base, tip).rotation().matrix()
+    return np.rad2deg(euler_angles(R_BT))
+
+
+def kinematics_error() -> float:
+    """Return the largest error of the plant's forward kinematics [degrees].
+
+    The error is the difference of the tip's Euler angles from those of the product of
+    exponentials, over 1,000 random postures ex.within the joint limits.
+    """
+    plant = MultibodyPlant(time_step=0.0)
+    AddDirectives(plant, load_scenario("assistive_arm"))
+    plant.Finalize()
+    context = plant.CreateDefaultContext()
+    arm = plant.GetModelInstanceByName("arm")
+    joints = [plant.get_joint(i) for i in plant.GetActuatedJointIndices(arm)]
+    lower, upper = (
+        np.array([getattr(joint, f"position_{end}_limits")()[0] for joint in joints])
+        for end in ("lower", "upper")
+    )
+    worst = 0.0
+    for q in np.random.default_rng(0).uniform(lower, upper, (1000, len(joints))):
+        plant.SetPositions(context, arm, q)
+        predicted = predict(ASSISTIVE_ARM_SCREWS, ASSISTIVE_ARM_HOME, q)
+        worst = max(worst, _largest(tip_angles(plant, context) - predicted))
+    return worst
+
+
+def _largest(difference: Vector) -> float:
+    """Return the largest angle (n) [degrees], whole turns aside."""
+    return float(np.max(np.abs((difference + 180.0) % 360.0 - 180.0)))
+
+
+thesis_table = ex.Experiment(
+    "The five-axis arm's cell compared with the results of its thesis.",
+    cases,
+    trial,
+    summary=summary,
+    whole=kinematics,
+    picture=[ex.Points("placed x", "placed y"), ex.Histogram("cycle", limit=CYCLE)],
+)
