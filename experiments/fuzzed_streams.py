@@ -12,7 +12,6 @@ from collections.abc import Callable, Sequence
 from typing import Any
 
 import numpy as np
-from drake_srg.robot.drive.ros import Ros2Arm, Ros2Gripper
 from pydrake.systems.framework import DiagramBuilder
 from pydrake.trajectories import PiecewisePolynomial
 
@@ -21,6 +20,8 @@ from drake_srg.arm.safety.config import SafetyConfig
 from drake_srg.arm.safety.limits import JointLimits
 from drake_srg.planning.motion.arm_motion import Motion
 from drake_srg.recording.rosbag import header
+from drake_srg.robot.drive.arm import Ros2Arm
+from drake_srg.robot.drive.gripper import Ros2Gripper
 from drake_srg.robot.drive.opening import Hardware
 from drake_srg.robot.drive.remote_planner import Answer, Ended, PlannerLink, Tick
 from drake_srg.robot.drive.run import ControlLoop, MakeHardwareCell
