@@ -15,9 +15,8 @@ from pydrake.systems.framework import (
 )
 
 from drake_srg.common.systems import value_or_none
-from drake_srg.gripper.driver import GripperControl, GripperDriver
+from drake_srg.gripper.driver import FingerSensing, GripperControl, GripperDriver
 from drake_srg.gripper.joint_servos import AddJointServos, SetPlantServos
-from drake_srg.gripper.sensing import FingerSensing
 from drake_srg.gripper.sensors import LINKAGE_FINGERS, FingerLayout, ProximityConfig
 from drake_srg.gripper.servo import PLANT_LAW, GripperServoConfig
 from drake_srg.lifetime import LeafSystem

@@ -16,9 +16,13 @@ from drake_srg.common.systems import (
     model_actuators,
     value_or_none,
 )
-from drake_srg.gripper.driver import GripperControl, GripperDriver
+from drake_srg.gripper.driver import (
+    FingerSensing,
+    GraspDetectorConfig,
+    GripperControl,
+    GripperDriver,
+)
 from drake_srg.gripper.joint_servos import SetPlantServos
-from drake_srg.gripper.sensing import FingerSensing, GraspDetectorConfig
 from drake_srg.gripper.sensors import SRG_FINGERS, FingerLayout, ProximityConfig
 from drake_srg.gripper.servo import GripperServoConfig
 from drake_srg.gripper.srg_position_driver import SrgPositionDriver

@@ -9,9 +9,8 @@ from pydrake.multibody.tree import ModelInstanceIndex
 from pydrake.systems.framework import Diagram, DiagramBuilder
 
 from drake_srg.common.systems import input_ports
-from drake_srg.gripper.driver import GripperControl, GripperDriver
+from drake_srg.gripper.driver import FingerSensing, GripperControl, GripperDriver
 from drake_srg.gripper.joint_servos import AddJointServos, SetPlantServos
-from drake_srg.gripper.sensing import FingerSensing
 from drake_srg.gripper.sensors import SRG_FINGERS, FingerLayout
 from drake_srg.gripper.servo import (
     PLANT_LAW,

@@ -12,8 +12,12 @@ from pydrake.systems.primitives import MatrixGain
 
 from drake_srg.common.srg_geometry import SRG
 from drake_srg.common.systems import joint_to_actuator, model_actuators, value_or_none
-from drake_srg.gripper.driver import GripperControl, GripperDriver, WireMotor
-from drake_srg.gripper.sensing import FingerSensing
+from drake_srg.gripper.driver import (
+    FingerSensing,
+    GripperControl,
+    GripperDriver,
+    WireMotor,
+)
 from drake_srg.gripper.sensors import SRG_FINGERS, FingerLayout
 from drake_srg.gripper.servo import (
     GripperServo_,

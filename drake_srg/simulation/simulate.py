@@ -1,4 +1,4 @@
-"""Runs a scenario to its end, logs and records the run, and judges the result."""
+"""Runs: a scenario simulated to its end, logged, recorded and judged."""
 
 import contextlib
 import dataclasses as dc
@@ -6,6 +6,7 @@ import functools
 import sys
 import time as wall
 from collections.abc import Callable, Iterator
+from contextvars import ContextVar
 from pathlib import Path
 from typing import Self
 
@@ -21,7 +22,6 @@ from drake_srg.recording.output import Recorder, output_folder
 from drake_srg.recording.replay import write_page
 from drake_srg.scenario import Scenario, perception_cameras, servo_of
 from drake_srg.simulation.flat import MakeRoot
-from drake_srg.simulation.kept_replay import take_folder
 from drake_srg.simulation.metrics import Metrics, RunTimes, calc_metrics
 from drake_srg.simulation.recorders import FILES, AddRecorders
 from drake_srg.simulation.run_log import Samples
@@ -30,6 +30,34 @@ from drake_srg.station.perception import chooses
 from drake_srg.station.sleeping import MakeAdvance
 from drake_srg.station.video_process import VideoProcess, can_render_apart
 from drake_srg.types import Failure, Mode, PlannerStatus, Vector
+
+# Experiments differ in how and how deep they call `Simulate`. A parameter would have to
+# go through the signature of every trial function between the runner and there, to serve
+# a by-product. The variable belongs to one context (PEP 567): it does not reach workers
+# or other threads, and ends with the `with` block.
+_folder: ContextVar[Path | None] = ContextVar("folder", default=None)
+
+
+@contextlib.contextmanager
+def keep_first_replay(folder: Path | None) -> Iterator[None]:
+    """Have the first `Simulate` without `out` write its replay and log to a folder.
+
+    Args:
+        folder: The folder; None: keep none.
+    """
+    token = _folder.set(folder)
+    try:
+        yield
+    finally:
+        _folder.reset(token)
+
+
+def take_folder() -> Path | None:
+    """Return the folder for this run's replay, and None from then on."""
+    folder = _folder.get()
+    _folder.set(None)
+    return folder
+
 
 # A run continues for this time after the planner has ended, to let objects settle, and
 # up to the greatest time while objects that are to be cleared still move [s].

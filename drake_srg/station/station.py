@@ -12,8 +12,8 @@ from drake_srg.arm.safety.config import SafetyConfig
 from drake_srg.arm.safety.monitor import AddSafetyMonitor, SafetyMonitor
 from drake_srg.common.exceptions import scenario_errors
 from drake_srg.common.systems import input_ports, output_ports
+from drake_srg.gripper.driver import PLANT_INPUTS
 from drake_srg.gripper.drivers import AddGripperDriver
-from drake_srg.gripper.sensing import PLANT_INPUTS
 from drake_srg.objects.models import object_body
 from drake_srg.objects.poses import ObjectPoses
 from drake_srg.objects.slides import AddSlide

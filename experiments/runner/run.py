@@ -27,7 +27,7 @@ from drake_srg.common.exceptions import ScenarioError, suggest
 from drake_srg.common.status_line import StatusLine
 from drake_srg.recording.output import OutputFile, output_folder
 from drake_srg.recording.timeline import make_figure, save_png
-from drake_srg.simulation.kept_replay import keep_first_replay
+from drake_srg.simulation.simulate import keep_first_replay
 from drake_srg.sweeps.info import hash_files
 from experiments import FOLDER, find_experiments
 from experiments.runner.claims import Case, Row, Trials

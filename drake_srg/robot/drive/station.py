@@ -22,7 +22,7 @@ from drake_srg.arm.safety.monitor import AddSafetyMonitor
 from drake_srg.common.exceptions import ScenarioError, scenario_errors
 from drake_srg.common.safety_states import SafetyState, safety_state
 from drake_srg.common.systems import input_ports, output_ports
-from drake_srg.gripper.sensing import GraspDetector
+from drake_srg.gripper.driver import GraspDetector
 from drake_srg.lifetime import LeafSystem
 from drake_srg.robot.drive.cameras import CameraFeed
 from drake_srg.robot.drive.link import EXTERNAL_TORQUE, STAMP, Link

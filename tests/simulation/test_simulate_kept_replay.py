@@ -2,7 +2,7 @@ import pytest
 
 from drake_srg.scenario import load_scenario
 from drake_srg.simulation import Simulate
-from drake_srg.simulation.kept_replay import keep_first_replay, take_folder
+from drake_srg.simulation.simulate import keep_first_replay, take_folder
 
 
 def test_only_the_first_run_gets_the_folder(tmp_path):
