@@ -334,7 +334,7 @@ class PlannerMachine(
         """Return the arm's motion under way, which `position_commanded` follows."""
         return self.state(context).memory.motion
 
-    def DeclareHandInputs(self, num_fingers: int, num_sensors: int) -> None:
+    def declare_hand_inputs(self, num_fingers: int, num_sensors: int) -> None:
         """Declare the inputs that `hand_senses` reads.
 
         They are `arm_state` (2N) and `gripper_state` (2n), [q; v] in rad and rad/s;
@@ -357,7 +357,7 @@ class PlannerMachine(
     def hand_senses(
         self, context: Context, see: Callable[[], SeenT]
     ) -> HandSenses[SeenT]:
-        """Return the measurements at the inputs of `DeclareHandInputs`.
+        """Return the measurements at the inputs of `declare_hand_inputs`.
 
         Args:
             context: The planner's.

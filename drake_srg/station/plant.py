@@ -43,7 +43,7 @@ from drake_srg.objects.models import (
 )
 from drake_srg.objects.slides import SetSlideGains
 from drake_srg.parsing import configure_parser
-from drake_srg.scenario import Scenario, is_continuous
+from drake_srg.scenario.schema import Scenario, is_continuous
 from drake_srg.types import Vector
 
 

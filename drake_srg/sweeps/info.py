@@ -32,15 +32,14 @@ SUFFIXES |= {".gltf", ".bin", ".stl", ".mtl", ".png"}
 # with sweeps. Changing one of them does not make a sweep's rows incomparable.
 NOT_IN_A_TRIAL = (
     "__main__.py",
-    "bridges/",
     "cli/",
-    "simulation/bench.py",
+    "learning/",
+    "robot/",
     "simulation/benchmark.py",
     "simulation/rig.py",
     "sweeps/dataset/",
     "sweeps/report/",
     "sweeps/statistics.py",
-    "sweeps/summary.py",
 )
 
 

@@ -23,7 +23,7 @@ def _own_cache(tmp_path, monkeypatch):
 def outcomes(monkeypatch):
     """The outcome of the drop test, in place of a simulation."""
     results = [DropOutcome(True, 1.2, 0.0, 0.0)]
-    monkeypatch.setattr(rig, "rig", lambda *_: results[-1])
+    monkeypatch.setattr(rig, "drop", lambda *_: results[-1])
     return results
 
 

@@ -43,7 +43,7 @@ def faster(name, *overrides, rate=RATE):
 
 def at_the_cup(name):
     """Return the override that has the arm begin in the last pose of movetocup."""
-    pose = load_scenario(name).messages.routines["movetocup"][-1].kuka
+    pose = load_scenario(name).planner.messages.routines["movetocup"][-1].kuka
     return f"arm.home={np.deg2rad(pose).tolist()}"
 
 

@@ -163,7 +163,7 @@ def test_a_rig_is_freed(leaked):
 
 @pytest.mark.slow
 def test_the_example_of_the_docstring_runs():
-    example = textwrap.dedent(rig_module.__doc__.partition("::\n\n")[2])
+    example = textwrap.dedent(rig_module.__doc__.partition("::\n\n")[2].rstrip())
     names = {**vars(rig_module), "household_objects": household_objects}
     exec(example, names)
     assert names["held"]

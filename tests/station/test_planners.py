@@ -123,7 +123,7 @@ def test_a_mug_that_has_toppled_is_set_down_as_it_lies_now():
         R_WO = RotationMatrix.MakeFromOneVector(-down, 2).inverse()
         X_WO = RigidTransform(R_WO, [0.6, 0.1, mug.half_extent(down)])
         blob = Blob("soup_can", "ceiling", (0.0, 0.0), X_WO, 1.0)
-        replanner.Plan(View([blob]), memory, 0.0)
+        replanner.plan(View([blob]), memory, 0.0)
         assert memory.attempt.motions is not None, memory.trouble
         R_goal = replanner.goal(memory).rotation().matrix()
         np.testing.assert_allclose(R_goal.T @ GRAVITY, down, atol=1e-6)

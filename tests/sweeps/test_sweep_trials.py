@@ -45,13 +45,13 @@ def test_resuming_runs_each_missing_trial_exactly_once(single, whole, more):
             run(out)
             all_rows_path(out).unlink()
         for trial in single:
-            (out / "sweep").mkdir(exist_ok=True)
+            (out / "trials").mkdir(exist_ok=True)
             result = stub.trial({}, "", 0, trial, "none")
             SweepFolder(out).add(result)
         engine = stub.StubEngine()
         assert values(run(out, engine, trials=6 + more, resume=True)) == wanted
         assert sorted(engine.given) == sorted(set(range(6 + more)) - present)
-        assert not (out / "sweep").exists()
+        assert not (out / "trials").exists()
 
 
 @pytest.mark.parametrize("after", range(4))

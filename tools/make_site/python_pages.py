@@ -106,8 +106,10 @@ def _heading(text: str, line: str) -> str:
 
 def _handed_on(module: str) -> str:
     """Return links to the names that a package's `__all__` takes from its modules."""
+    if not _is_package(module):
+        return ""
     loaded = importlib.import_module(module)
-    names = getattr(loaded, "__all__", []) if _is_package(module) else []
+    names = getattr(loaded, "__all__", [])
     links = []
     for name in names:
         home = getattr(getattr(loaded, name), "__module__", "")

@@ -552,7 +552,7 @@ class ClearingPlanner(PlannerMachine[ClearingMemory, Senses]):
             )
             for name in ("height_map", "destination_map")
         )
-        self.DeclareHandInputs(num_fingers, num_sensors)
+        self.declare_hand_inputs(num_fingers, num_sensors)
 
     def sense(self, context: Context) -> Senses:
         """Return the measurements; the cameras are asked only when a mode looks."""

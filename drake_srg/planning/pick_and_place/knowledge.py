@@ -145,7 +145,7 @@ def holding(memory: PlannerMemory, senses: Senses) -> bool:
     return attempt.motions.grasp.holds(senses.fingers, senses.proximity)
 
 
-def WatchGrasp(
+def watch_grasp(
     memory: PlannerMemory, senses: Senses, time: float, config: PlannerConfig
 ) -> None:
     """Stop the motion of an arm whose hand loses what it carries.
@@ -166,7 +166,7 @@ def WatchGrasp(
     grip.unheld_since = since
 
 
-def WatchTouch(memory: PlannerMemory, senses: Senses, config: PlannerConfig) -> None:
+def watch_touch(memory: PlannerMemory, senses: Senses, config: PlannerConfig) -> None:
     """Stop a moving arm where it is when it meets something."""
     limits, torque = config.max_external_torque, senses.external_torque
     if limits is None or torque is None or memory.motion.trajectory is None:

@@ -17,9 +17,9 @@ from drake_srg.planning.pick_and_place.knowledge import (
     Cycle,
     PlannerMemory,
     Senses,
-    WatchGrasp,
-    WatchTouch,
     holding,
+    watch_grasp,
+    watch_touch,
 )
 from drake_srg.planning.pick_and_place.replanning import Replanner
 from drake_srg.planning.planner_machine import (
@@ -74,7 +74,7 @@ class TaskMode(PlannerMode[PlannerMemory, Senses]):
 
     def update(self, memory: PlannerMemory, now: Now) -> PlannerMemory:
         """Stop the arm where it meets something."""
-        WatchTouch(memory, now.senses, self.config)
+        watch_touch(memory, now.senses, self.config)
         return memory
 
     def final_failure(self, memory: PlannerMemory, time: float) -> Failure | None:
@@ -95,10 +95,10 @@ class Moving(TaskMode):
         memory = super().update(memory, now)
         there = memory.motion.arrived(now.senses.q, now.time)
         if there and not memory.attempt.looked:
-            self.Look(memory, now)
+            self.look(memory, now)
         return memory
 
-    def Look(self, memory: PlannerMemory, now: Now) -> None:
+    def look(self, memory: PlannerMemory, now: Now) -> None:
         """Notice what is seen at the end of the motion."""
 
     def observe_mode(self, memory: PlannerMemory, now: Now) -> Observation:
@@ -118,7 +118,7 @@ class Carrying(Moving):
 
     def update(self, memory: PlannerMemory, now: Now) -> PlannerMemory:
         """Stop the arm where the hand loses the object."""
-        WatchGrasp(memory, now.senses, now.time, self.config)
+        watch_grasp(memory, now.senses, now.time, self.config)
         return super().update(memory, now)
 
     def observe_arrived(self, memory: PlannerMemory, now: Now) -> Observation:
@@ -161,7 +161,7 @@ class Idle(BetweenAttempts):
         """Look and plan whenever a look is due."""
         memory = super().update(memory, now)
         if now.time >= memory.attempt.next_look:
-            self.replanner.Plan(now.senses.see(), memory, now.time)
+            self.replanner.plan(now.senses.see(), memory, now.time)
         return memory
 
     def observe_mode(self, memory: PlannerMemory, now: Now) -> Observation:
@@ -186,10 +186,10 @@ class PreGrasp(Moving):
         memory.grip.fingers_open = grasp.fingers_open
         return super().enter(memory, entry)
 
-    def Look(self, memory: PlannerMemory, now: Now) -> None:
+    def look(self, memory: PlannerMemory, now: Now) -> None:
         """See whether the object is still where the motions take it."""
         if self.config.look_before_grasp:
-            self.replanner.Compare(now.senses.see(), memory, now.time)
+            self.replanner.compare(now.senses.see(), memory, now.time)
 
     def observe_arrived(self, memory: PlannerMemory, now: Now) -> Observation:
         """Report whether anything has moved."""
@@ -261,10 +261,10 @@ class Transfer(Carrying):
         """Time to verify the grasp at rest [s]."""
         return self.config.verify_time
 
-    def Look(self, memory: PlannerMemory, now: Now) -> None:
+    def look(self, memory: PlannerMemory, now: Now) -> None:
         """See where the object is in the hand, and correct its placing."""
         if self.config.look_before_place and not memory.attempt.lost:
-            self.replanner.Correct(now.senses.see(), memory, now.time)
+            self.replanner.correct(now.senses.see(), memory, now.time)
 
     def observe_arrived(self, memory: PlannerMemory, now: Now) -> Observation:
         """Report whether the object is held, and how planning went."""
@@ -306,7 +306,7 @@ class Release(TaskMode):
         held = entry.previous is not Mode.VERIFY
         memory.trouble.failure = Failure.DROPPED if held else Failure.NO_GRASP
         memory.cycle.tried = (*memory.cycle.tried, grasp.name)
-        self.replanner.Escape(memory, entry.time)
+        self.replanner.escape(memory, entry.time)
         return memory
 
     def observe_entry(self, memory: PlannerMemory) -> Observation | None:
@@ -353,12 +353,12 @@ class Home(Moving):
             memory.closure = 1.0
         return super().update(memory, now)
 
-    def Look(self, memory: PlannerMemory, now: Now) -> None:
+    def look(self, memory: PlannerMemory, now: Now) -> None:
         """See whether the object is on its goal."""
         # What was dropped may have been dropped onto its goal.
         hopeful = memory.trouble.failure in (None, Failure.DROPPED)
         if hopeful and self.final_failure(memory, now.time) is None:
-            self.replanner.Judge(now.senses.see(), memory, now.time)
+            self.replanner.judge(now.senses.see(), memory, now.time)
 
     def observe_arrived(self, memory: PlannerMemory, now: Now) -> Observation:
         """Report whether the object is on its goal, and whether to give up."""

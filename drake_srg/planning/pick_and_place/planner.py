@@ -134,7 +134,7 @@ class PickAndPlacePlanner(PlannerMachine[PlannerMemory, Senses]):
         self._blobs = self.DeclareAbstractInputPort(
             name="blobs", model_value=AbstractValue.Make([])
         )
-        self.DeclareHandInputs(hand.num_joints, hand.num_sensors)
+        self.declare_hand_inputs(hand.num_joints, hand.num_sensors)
         self._obstacles = self.DeclareAbstractInputPort(
             name="obstacles", model_value=AbstractValue.Make([])
         )

@@ -75,23 +75,23 @@ class Replanner:
         back = memory.seen.X_WO_return if memory.totals.cycles % 2 else None
         return back or self._goal
 
-    def Judge(self, view: View, memory: PlannerMemory, time: float) -> None:
+    def judge(self, view: View, memory: PlannerMemory, time: float) -> None:
         """See whether the object is where this cycle was to take it."""
         blob, goal = self._sightings.best(view, self._rests), self.goal(memory)
-        _Look(memory, view, blob, time)
+        _look(memory, view, blob, time)
         memory.attempt.at_goal = False
         if blob is not None:
             X_WO = self._sightings.pose(blob)
             near = distance(X_WO, goal, self._shape) <= self._tolerance
             memory.attempt.at_goal = near and self._turn(X_WO, goal) <= _STANDING
 
-    def Plan(self, view: View, memory: PlannerMemory, time: float) -> None:
+    def plan(self, view: View, memory: PlannerMemory, time: float) -> None:
         """Look for the object, and plan the whole cycle from where the arm is."""
         blob, attempt = self._sightings.best(view, self._rests), memory.attempt
-        _Look(memory, view, blob, time)
+        _look(memory, view, blob, time)
         attempt.next_look = np.inf
         if blob is None:
-            self._MissObject(memory, time)
+            self._miss_object(memory, time)
             return
         q, X_WO = memory.motion.q_rest, self._sightings.pose(blob)
         with planning_clock.running():
@@ -103,13 +103,13 @@ class Replanner:
             result = self._task_planner.plan(
                 q, X_WO, self._shape, self.goal(memory), obstacles, memory.cycle.tried
             )
-        self._TakeTime(memory, time)
+        self._take_time(memory, time)
         memory.seen.obstacles = obstacles
         if isinstance(result, PlanningFailure):
-            _Fail(memory, result.failure, result.message)
+            _fail(memory, result.failure, result.message)
             # There may be a plan from home even if there is none from here.
             if not self._at_home(q):
-                self.Escape(memory, time)
+                self.escape(memory, time)
             return
         if memory.seen.localization is None:
             memory.seen.localization, memory.seen.localized_at = blob, time
@@ -117,22 +117,22 @@ class Replanner:
         attempt.motions, attempt.X_WO = result, X_WO
         memory.trouble = Trouble()
 
-    def _MissObject(self, memory: PlannerMemory, time: float) -> None:
+    def _miss_object(self, memory: PlannerMemory, time: float) -> None:
         attempt = memory.attempt
         if time < attempt.began + self._config.search_time:
             attempt.next_look = time + self._config.search_period
             return
         message = f"no {self._sightings.object_name} in any image"
-        _Fail(memory, Failure.NOT_SEEN, message)
+        _fail(memory, Failure.NOT_SEEN, message)
         attempt.ready_at = time
         if not self._at_home(memory.motion.q_rest):
-            self.Escape(memory, time)  # the arm may hide it
+            self.escape(memory, time)  # the arm may hide it
 
-    def Compare(self, view: View, memory: PlannerMemory, time: float) -> None:
+    def compare(self, view: View, memory: PlannerMemory, time: float) -> None:
         """See whether the object is still where the motions take it, and they free."""
         blob = self._sightings.best(view, self._rests)
         certain = blob if blob is not None and blob.certain else None
-        _Look(memory, view, certain, time)
+        _look(memory, view, certain, time)
         if memory.cycle.detours >= self._config.max_attempts:
             return  # an object that never stands still must be tried as it is
         motions, X_WO = memory.attempt.planned, memory.attempt.X_WO
@@ -153,7 +153,7 @@ class Replanner:
             memory.attempt.moved = True
             memory.cycle.detours += 1
 
-    def Correct(self, view: View, memory: PlannerMemory, time: float) -> None:
+    def correct(self, view: View, memory: PlannerMemory, time: float) -> None:
         """See where the object is in the hand, and plan the rest from there."""
         motions = memory.attempt.planned
         q, grasp = memory.motion.position(time), motions.grasp
@@ -161,7 +161,7 @@ class Replanner:
         # What looks like it elsewhere may be seen better than what the hand half hides.
         blob = self._sightings.nearest(view, p_WO)
         certain = blob if blob is not None and blob.certain else None
-        _Look(memory, view, certain, time)
+        _look(memory, view, certain, time)
         if certain is not None:
             grasp = self._in_hand(grasp, certain, q)
             if np.linalg.norm(grasp.p_GO - motions.grasp.p_GO) > _LOST:
@@ -176,7 +176,7 @@ class Replanner:
             result = self._task_planner.plan_place(
                 q, grasp, self._shape, self.goal(memory), obstacles
             )
-        self._TakeTime(memory, time)
+        self._take_time(memory, time)
         memory.seen.obstacles = obstacles
         if not isinstance(result, PlanningFailure):
             rest = {**motions.motions, **result.motions}
@@ -187,32 +187,32 @@ class Replanner:
                 memory.trouble.failure = Failure.BLOCKED
                 memory.trouble.message = hit
 
-    def Carry(self, memory: PlannerMemory, time: float) -> None:
+    def carry(self, memory: PlannerMemory, time: float) -> None:
         """Plan the rest of the cycle from where the arm rests with the object held."""
         q, grasp = memory.motion.q_rest, memory.attempt.planned.grasp
         with planning_clock.running():
             result = self._task_planner.plan_carry(
                 q, grasp, self._shape, self.goal(memory), memory.seen.obstacles
             )
-        self._TakeTime(memory, time)
+        self._take_time(memory, time)
         if isinstance(result, PlanningFailure):
-            _Trap(memory, result)
+            _trap(memory, result)
         else:
             memory.attempt.motions = result
 
-    def Escape(self, memory: PlannerMemory, time: float) -> None:
+    def escape(self, memory: PlannerMemory, time: float) -> None:
         """Plan back from where the arm is, and home; else the arm is trapped."""
         with planning_clock.running():
             escape = self._task_planner.plan_escape(
                 memory.motion.q_rest, memory.grip.fingers_open, memory.seen.obstacles
             )
-        self._TakeTime(memory, time)
+        self._take_time(memory, time)
         if isinstance(escape, PlanningFailure):
-            _Trap(memory, escape)
+            _trap(memory, escape)
         else:
             memory.attempt.escape = escape
 
-    def _TakeTime(self, memory: PlannerMemory, time: float) -> None:
+    def _take_time(self, memory: PlannerMemory, time: float) -> None:
         """Let the simulated planning latency pass from now on."""
         memory.attempt.ready_at = time + self._config.latency
 
@@ -268,7 +268,7 @@ class Replanner:
         return dc.replace(grasp, axis_G=axis_G)
 
 
-def _Look(memory: PlannerMemory, view: View, used: Blob | None, time: float) -> None:
+def _look(memory: PlannerMemory, view: View, used: Blob | None, time: float) -> None:
     """Remember a look, and the blob that it is used for, if any."""
     memory.attempt.looked = True
     memory.totals.looks += 1
@@ -277,14 +277,14 @@ def _Look(memory: PlannerMemory, view: View, used: Blob | None, time: float) -> 
         memory.seen.latest, memory.seen.latest_at = used, time
 
 
-def _Trap(memory: PlannerMemory, why: PlanningFailure) -> None:
+def _trap(memory: PlannerMemory, why: PlanningFailure) -> None:
     """Remember that the arm has no way out."""
     memory.attempt.trapped = True
     memory.trouble.failure = memory.trouble.failure or why.failure
     memory.trouble.message = why.message
 
 
-def _Fail(memory: PlannerMemory, failure: Failure, message: str) -> None:
+def _fail(memory: PlannerMemory, failure: Failure, message: str) -> None:
     """Remember a failure, unless there is one that says more.
 
     That is what became of an object that was in the hand.

@@ -139,7 +139,7 @@ class ServoGrasp(Servoed, Grasp):
             failure = Failure.NOT_SEEN if seen else Failure.OUT_OF_REACH
             memory.trouble = Trouble(failure, f"visual servo: {why}")
         if memory.trouble.failure is not None and servo.at_rest:
-            self.replanner.Escape(memory, now.time)
+            self.replanner.escape(memory, now.time)
         return memory
 
     def observe_mode(self, memory: PlannerMemory, now: Now) -> Observation:
@@ -173,13 +173,13 @@ class ServoLift(Lift):
         memory.motion = Motion(_servo(entry).q)
         return memory
 
-    def Look(self, memory: PlannerMemory, now: Now) -> None:
+    def look(self, memory: PlannerMemory, now: Now) -> None:
         """Plan once the hand is at rest; the motion begins when the plan is ready."""
         servo = _servo(now)
         memory.motion, attempt = Motion(servo.q), memory.attempt
         if servo.state not in _HELD or not servo.at_rest:
             return
-        self.replanner.Carry(memory, now.time)
+        self.replanner.carry(memory, now.time)
         attempt.looked = True
         if not attempt.trapped:
             memory.motion = memory.motion.followed_by(

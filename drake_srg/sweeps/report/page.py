@@ -138,7 +138,7 @@ def _medians(ranked: Sequence[Effect], trials: Trials) -> list[Element]:
 
 
 def _grid(figures: Sequence[Element]) -> Element:
-    return element("div", *figures, class_="elements")
+    return element("div", *figures, class_="plots")
 
 
 def _verdict(ranked: Sequence[Effect], trials: Trials) -> Element:

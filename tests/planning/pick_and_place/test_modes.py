@@ -32,7 +32,7 @@ NOW = 7.0  # s
 class NoReplanner:
     """Finds no way out, and must not be asked for anything else."""
 
-    def Escape(self, memory, time):
+    def escape(self, memory, time):
         memory.attempt.trapped = True
 
 

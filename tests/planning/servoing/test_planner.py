@@ -36,11 +36,11 @@ class FakeReplanner:
     def __init__(self):
         self.escapes = self.carries = 0
 
-    def Escape(self, memory, time):
+    def escape(self, memory, time):
         self.escapes += 1
         memory.attempt.escape, memory.attempt.ready_at = (None, None), time + 0.1
 
-    def Carry(self, memory, time):
+    def carry(self, memory, time):
         self.carries += 1
         memory.attempt.trapped = True
 
@@ -121,7 +121,7 @@ def test_the_rest_is_planned_from_where_a_servo_has_failed():
     mode = ServoLift(CONFIG, FakeReplanner(), 1)
     memory = PlannerMemory(Motion(Q))
     failed = now(1.0, ServoState.FAILED, fault=ServoFault.STUCK)
-    mode.Look(memory, failed)
+    mode.look(memory, failed)
     assert memory.attempt.looked
     assert mode.replanner.carries == 1
 
@@ -129,11 +129,11 @@ def test_the_rest_is_planned_from_where_a_servo_has_failed():
 def test_the_rest_is_planned_once_the_raised_hand_rests_and_a_failure_ends_it():
     mode = ServoLift(CONFIG, FakeReplanner(), 1)
     memory = PlannerMemory(Motion(Q))
-    mode.Look(memory, now(1.0, ServoState.RAISING, at_rest=False))
-    mode.Look(memory, now(1.1, ServoState.HOLDING, at_rest=False))
+    mode.look(memory, now(1.0, ServoState.RAISING, at_rest=False))
+    mode.look(memory, now(1.1, ServoState.HOLDING, at_rest=False))
     assert mode.replanner.carries == 0
     assert mode.observe(memory, now(1.1, ServoState.HOLDING)) == Observation()
-    mode.Look(memory, now(1.2, ServoState.HOLDING))
+    mode.look(memory, now(1.2, ServoState.HOLDING))
     assert mode.replanner.carries == 1
     memory.trouble.failure = Failure.OUT_OF_REACH
     observed = mode.observe(memory, now(1.2, ServoState.HOLDING))

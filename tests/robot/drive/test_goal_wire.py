@@ -35,7 +35,7 @@ class Wire:
             self.nodes.of(2), ACTION, joints, LEAD, PERIOD, warnings
         )
         self.nodes.open()
-        program = TESTS / "bridges" / "ros2" / "action_peer.py"
+        program = TESTS / "robot" / "serve" / "ros2" / "action_peer.py"
         self.process = subprocess.Popen(
             [sys.executable, program, str(domain), ACTION],
             stdin=subprocess.PIPE,

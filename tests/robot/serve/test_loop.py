@@ -280,7 +280,7 @@ def test_an_arm_that_follows_trajectories_has_an_action_server(overrides, count)
 
 
 def test_a_station_without_arm_and_gripper_publishes_a_clock():
-    overrides = ["arm=null", "gripper=null", "directives=[]", "planner.steps=[]"]
+    overrides = ["arm=null", "gripper=null", "directives=[]"]
     overrides += ["cameras={}", "recording.video_camera=''"]
     overrides += ["localizer.cameras=[]", "recording.bag_cameras=[]", "objects={}"]
     overrides += ["task={}"]
