@@ -38,6 +38,8 @@ autodoc_default_options = {
     "no-value": True,
     "member-order": "bysource",
 }
+# The extra `learn`, which takes gigabytes, is not needed to document what uses it.
+autodoc_mock_imports = ["stable_baselines3", "torch"]
 autodoc_typehints = "signature"
 autodoc_preserve_defaults = True
 napoleon_use_rtype = False

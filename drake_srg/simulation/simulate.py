@@ -32,9 +32,9 @@ from drake_srg.station.video_process import VideoProcess, can_render_apart
 from drake_srg.types import Failure, Mode, PlannerStatus, Vector
 
 # Experiments differ in how and how deep they call `Simulate`. A parameter would have to
-# go through the signature of every trial function between the runner and there, only for
-# a by-product. The variable belongs to one context (PEP 567): it does not reach workers
-# or other threads, and ends with the `with` block.
+# go through the signature of every trial function between the runner and there, only
+# for a by-product. The variable belongs to one context (PEP 567): it does not reach
+# workers or other threads, and ends with the `with` block.
 _folder: ContextVar[Path | None] = ContextVar("folder", default=None)
 
 
