@@ -176,5 +176,5 @@ digital_twin = ex.Experiment(
     cases,
     trial,
     summary=summary,
-    picture=[ex.Histogram("reported after [s]")],
+    picture=[ex.Bars(["reported after, latest"])],
 )

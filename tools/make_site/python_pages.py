@@ -41,7 +41,8 @@ def _defined(module: str) -> tuple[list[str], list[str]]:
     others: list[str] = []
     for node in ast.parse(source.read_text(encoding="utf-8")).body:
         if isinstance(node, (ast.FunctionDef, ast.AsyncFunctionDef, ast.ClassDef)):
-            classes.append(node.name)
+            if not any(map(_makes_command, node.decorator_list)):
+                classes.append(node.name)
         elif isinstance(node, (ast.Assign, ast.AnnAssign)):
             others += assigned_names(node)
     # A template of Drake's, `GripperServo_`, is documented as its class for floats,
@@ -50,6 +51,11 @@ def _defined(module: str) -> tuple[list[str], list[str]]:
     classes = [name for name in classes if name not in others] + made
     others = [name for name in others if name not in made]
     return _public(classes), _public(others)
+
+
+def _makes_command(decorator: ast.expr) -> bool:
+    """Return whether a decorator makes a command, which a page of its own describes."""
+    return isinstance(decorator, ast.Call) and ast.unparse(decorator.func) == "command"
 
 
 def _public(names: list[str]) -> list[str]:
