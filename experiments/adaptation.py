@@ -23,9 +23,12 @@ _ONCE = "planner.max_attempts=1"
 FIXED, ONE_LOOK, LOOKS = "fixed pose", "one look", "looks before grasp and placing"
 # P2 is the taught cylinder's middle. P4 sets it into the recess, P3 is 30 mm above.
 _TAUGHT = (
-    f"taught={{grasp: {THESIS_PLACE.tolist()}, "
+    f"planner=!Taught {{grasp: {THESIS_PLACE.tolist()}, "
     "lift: [-1.567, 0.3551, -0.1627, 0.0003, -0.1926], "
-    "place: [-1.567, 0.3933, -0.0757, 0.0004, -0.3138]}"
+    "place: [-1.567, 0.3933, -0.0757, 0.0004, -0.3138], "
+    # The rest is as in `assistive_arm_fast`.
+    "time_budget: 60, period: 0.01171875, clearance: 0.005, hand_clearance: 0.0025, "
+    "payload: 0.03}"
 )
 # Nothing tells this method when the object is safe: it waits as long as ours verifies a
 # grasp, and as the thesis waits for the open hand.

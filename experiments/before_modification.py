@@ -35,8 +35,8 @@ FRICTION = (0.1, 0.2, 0.3, 0.4, 0.6, 0.8)
 # counts.
 _OBJECT_FRICTION = 0.65
 _OBJECT = (f"object.friction={_OBJECT_FRICTION}", "object.modulus=5.0e+7")
-# The thesis's motions and waits until it has let the cylinder go.
-_RULES = ("tip_limits", "grip_wait", "release_wait")
+# The thesis's waypoints, motions and waits until it has let the cylinder go.
+_RULES = ("lift", "place", "tip_limits", "grip_wait", "release_wait")
 
 # The models that the shapes, and the materials, are taken from.
 SHAPES = {"flat": "linkage_gripper_bare", "curved": "linkage_gripper_fast"}
@@ -97,8 +97,10 @@ def overrides(tip: str, seed: int, model: Path) -> list[str]:
         "cameras.ceiling": camera,
         "cameras.ceiling.X_PB.translation": [*place, height],
         "localizer": tree["localizer"],
-        "taught": tree["taught"],
-        **{f"planner.{key}": tree["planner"][key] for key in _RULES},
+        "planner": {
+            **load_tree(SCENARIO)["planner"],
+            **{key: tree["planner"][key] for key in ("_tag", *_RULES)},
+        },
         # A multiple of 1/1024 s, as this integrator needs it.
         "localizer.thesis.period": 0.046875,
         "directives.gripper.add_model.file": model.as_uri(),

@@ -33,8 +33,8 @@ from drake_srg.types import Cylinder, Vector
 # end, where forces then turn nothing (Whitney, "Quasi-Static Assembly of Compliantly
 # Supported Rigid Parts", J. Dyn. Sys., Meas., Control 104, 1982).
 DRIVERS = {
-    "position": "!ArmPositionDriver {fused: true}",
-    "impedance": "!ArmImpedanceDriver {fused: true, cartesian: "
+    "position": "!ArmPositionDriver {}",
+    "impedance": "!ArmImpedanceDriver {cartesian: "
     "{frame: 'gripper::palm', centre: [0.198, 0.0, 0.0]}}",
 }
 ERRORS = (0.0, 0.5e-3, 1.0e-3, 1.5e-3, 2.0e-3)  # in the plane [m]
@@ -70,7 +70,7 @@ _OVERRIDES = (
     "directives.gripper.add_model.file=package://drake_srg/sdf/srg_fast.sdf",
     # Signed distances to the many pieces of the recess take most of the time, and tell
     # nothing here: the base links stop where they touch.
-    "gripper=!SrgPositionDriver {fused: true, proximity: {period: 0.1}}",
+    "gripper=!SrgPositionDriver {proximity: {period: 0.1}}",
 )
 
 
