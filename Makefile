@@ -28,8 +28,7 @@ test-learn: .venv/ready  ## run the tests of the extra `learn`, in an environmen
 	.venv-learn/bin/python -m pip install --quiet --disable-pip-version-check $(TORCH)
 	.venv-learn/bin/python -m pip install --quiet --disable-pip-version-check \
 		--no-build-isolation --editable ".[learn]"
-	.venv-learn/bin/python -m pytest -m learn tests/learning tests/cli/test_learn.py \
-		tests/experiments/test_learned_policies.py
+	.venv-learn/bin/python -m pytest -m learn tests/learning tests/cli/test_learn.py
 
 golden: .venv/ready  ## compare all scenarios' bytes with the committed ones (QUICK=1, ONLY="a b", ACCEPT=1)
 	PYTHONPATH=tools $(BIN)/python -m golden $(if $(ONLY),--only $(ONLY)) \

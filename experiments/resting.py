@@ -39,10 +39,10 @@ from drake_srg.common.exceptions import ScenarioError, suggest
 from drake_srg.common.systems import contact_approximations
 from drake_srg.objects.config import ObjectConfig
 from drake_srg.objects.models import AddObject, object_body, simple_shape
-from drake_srg.objects.slab_mesh import obj_text, slab_mesh
 from drake_srg.objects.solids import body_corners
 from drake_srg.types import Sphere
 from experiments.data import household_objects
+from experiments.stands.slab_mesh import obj_text, slab_mesh
 
 # Half the width of the table, and its thickness [m].
 _HALF, _THICKNESS = 0.3, 0.04

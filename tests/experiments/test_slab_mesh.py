@@ -6,7 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from pydrake.geometry import ReadObjToTriangleSurfaceMesh
 
-from drake_srg.objects.slab_mesh import obj_text, slab_mesh
+from experiments.stands.slab_mesh import obj_text, slab_mesh
 
 lengths = st.floats(0.05, 0.3)
 
