@@ -26,14 +26,16 @@ class Shared:
         return self
 
 
-def make_read_only(value: object) -> None:
+def make_read_only(value: object, earlier: object = None) -> None:
     """Make all arrays in a value read-only.
 
     Args:
         value: An array, or a dataclass, a mapping, a list or a tuple that may hold
             some at any depth. Those in a `Shared` value are read-only already.
+        earlier: A value whose arrays are read-only. What `value` has taken over from it
+            is not looked at again: at each update of a planner, that is nearly all.
     """
-    if value is None or isinstance(value, float | int | str):
+    if value is earlier or value is None or isinstance(value, float | int | str):
         return  # most are; this is faster than asking for everything below
     if isinstance(value, np.ndarray):
         value.setflags(write=False)
@@ -44,5 +46,6 @@ def make_read_only(value: object) -> None:
         for part in value.values():
             make_read_only(part)
     elif dc.is_dataclass(value) and not isinstance(value, type | Shared):
-        for part in vars(value).values():
-            make_read_only(part)
+        before = vars(earlier) if type(earlier) is type(value) else {}
+        for name, part in vars(value).items():
+            make_read_only(part, before.get(name))

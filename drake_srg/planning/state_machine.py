@@ -120,9 +120,10 @@ class MachineState(Generic[ModeT, MemoryT]):
     mode: ModeT
     memory: MemoryT
     since: float = math.nan  # when the mode began [s]; NaN before initialization
+    earlier: dc.InitVar[object] = None  # the memory before, if a state had it
 
-    def __post_init__(self) -> None:
-        make_read_only(self.memory)  # which copies may share
+    def __post_init__(self, earlier: object) -> None:
+        make_read_only(self.memory, earlier)  # which copies may share
 
     def __deepcopy__(self, memo: dict[int, Any]) -> MachineState[ModeT, MemoryT]:
         memory = copy.deepcopy(self.memory, memo)
@@ -241,7 +242,8 @@ class StateMachine(LeafSystem, Generic[ModeT, MemoryT, SensesT, ObservationT]):
             entry = Entry(now.time, now.senses, machine.mode, observation)
             self._SetState(state, self._entered(mode, memory, entry))
         else:
-            self._SetState(state, dc.replace(machine, memory=memory))
+            earlier = machine.memory
+            self._SetState(state, dc.replace(machine, memory=memory, earlier=earlier))
         return EventStatus.Succeeded()
 
     def _entered(

@@ -20,6 +20,12 @@ class Part:
 
 
 @dc.dataclass(frozen=True)
+class Pair:
+    part: Part
+    v: np.ndarray
+
+
+@dc.dataclass(frozen=True)
 class Value(Shared):
     a: np.ndarray
     parts: tuple[Part, ...] = ()
@@ -42,6 +48,16 @@ def test_copies_share_arrays_that_nobody_can_change():
 def test_what_is_no_array_stays_as_it_is():
     for value in (None, 1.0, "text", Part, {1, 2}, np.float64(3.0)):
         make_read_only(value)
+
+
+def test_what_is_taken_over_from_an_earlier_value_is_not_looked_at_again():
+    kept, new = Part(np.zeros(2)), np.zeros(3)
+    earlier = {"unlike": kept}
+    make_read_only(Pair(kept, new), Pair(kept, np.zeros(3)))
+    assert kept.v.flags.writeable
+    assert not new.flags.writeable
+    make_read_only(Pair(kept, new), earlier)  # of another kind: all of it is looked at
+    assert not kept.v.flags.writeable
 
 
 def test_what_a_machine_remembers_is_read_only():

@@ -17,7 +17,7 @@ import numpy as np
 # What depends on the speed of the machine or on the folder. The rest of a run's results
 # depends on the scenario and its seed alone.
 _WALL = {"planning_wall_s", "wall_time_s", "real_time_factor", "artifacts"}
-_WALL_COLUMNS = {"trial_wall_s", "started", "worker", "host", "folder"}
+_WALL_COLUMNS = {"trial_time_s", "memory_mb", "worker"}
 QUICK = {
     "run kitchen_fast 0",
     "run assistive_arm_fast 0",
