@@ -116,11 +116,11 @@ def test_a_heap_at_the_edge_of_reach_is_pushed_inwards(azimuth):
     middle = np.array([0.4, 0.4])
     reach = Reach(tuple(middle - 0.7 * out), 0.3, 0.8)
     push = best_push(segmented(*heap(middle)), 0.0, reach)
-    # Pushes of 0.25 m have one of 16 directions.
-    assert (push.end_W - push.start_W)[:2] @ out < 0.05
+    # A push of 0.25 m has one of 16 directions, so it is up to pi/16 off the best one.
+    assert (push.end_W - push.start_W)[:2] @ out < 0.25 * np.sin(np.pi / 16)
 
 
-def heap_of_push_motions(*boxes):
+def heap_of_boxes(*boxes):
     """Return a map of square boxes on a table: middle, side and height of each."""
     height_map = HeightMap(np.array([0.3, -0.4]), 0.005, np.zeros((160, 120)))
     for middle, side, top in boxes:
@@ -138,7 +138,7 @@ def planner():
 def test_the_hand_goes_through_the_top_of_the_heap_and_back_over_the_bin(planner):
     middle = np.array([0.6, 0.0])
     motions, q = planner.motions, planner.motions.q_home
-    height_map = heap_of_push_motions((middle, 0.2, LOW), (middle, 0.08, HIGH))
+    height_map = heap_of_boxes((middle, 0.2, LOW), (middle, 0.08, HIGH))
     push = planner.pushes.plan(q, height_map)
     pieces = push.motions
     for piece in pieces:
@@ -163,4 +163,4 @@ def test_the_hand_goes_through_the_top_of_the_heap_and_back_over_the_bin(planner
 
 
 def test_an_empty_table_needs_no_push(planner):
-    assert planner.pushes.plan(planner.motions.q_home, heap_of_push_motions()) is None
+    assert planner.pushes.plan(planner.motions.q_home, heap_of_boxes()) is None
