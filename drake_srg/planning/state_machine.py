@@ -38,7 +38,13 @@ def next_mode(
             condition that holds decides; if none does, the mode stays.
         mode: The mode now.
         arguments: What the conditions are called with.
+
+    Raises:
+        ValueError: If the table has no row for the mode.
     """
+    if mode not in table:
+        known = ", ".join(map(str, table))
+        raise ValueError(f"transitions: no row for mode {mode} (allowed: {known})")
     for condition, following in table[mode]:
         if condition(*arguments):
             return following
