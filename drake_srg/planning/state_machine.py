@@ -14,7 +14,7 @@ import math
 from collections.abc import Callable, Hashable, Mapping, Sequence
 from typing import Any, Generic, Self, TypeVar
 
-from pydrake.common.value import AbstractValue
+from pydrake.common.value import AbstractValue, Value
 from pydrake.systems.framework import Context, DependencyTicket, EventStatus, State
 
 from drake_srg.common.shared import make_read_only
@@ -194,7 +194,8 @@ class StateMachine(LeafSystem, Generic[ModeT, MemoryT, SensesT, ObservationT]):
         )
         self.DeclareAbstractOutputPort(
             name="mode",
-            alloc=lambda: AbstractValue.Make(initial),
+            # A Python object also where modes are strings: Drake has its own type.
+            alloc=lambda: Value[object](initial),
             calc=self._calc_mode,
             prerequisites_of_calc={self.state_ticket},
         )

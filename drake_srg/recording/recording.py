@@ -258,8 +258,8 @@ def AddRecording(
         scene_graph: Its scene.
         out: The folder; it is made if it does not exist.
         ports: Name in log, plots and topics to output port: a vector, a number, a
-            string, a mode (an enum) or a RigidTransform. Give a unit with the name,
-            such as "wire force [N]".
+            string, a mode (an enum) or a RigidTransform. Give a unit with the name:
+            "hand.wire_force [N]" has the topic /hand/wire_force.
         cameras: Cameras by name: the first one's images become video.mp4, those of
             others video_NAME.mp4.
         objects: Names of model instances at which the arrows of forces point.
@@ -305,7 +305,12 @@ def AddRecording(
             kind = f"video_{name}" if number else "video"
             core = camera.default_color_render_camera().core()
             size = (core.intrinsics().width(), core.intrinsics().height())
-            video = VideoRecorder(out / f"{kind}.mp4", *size, frame_rate=frame_rate)
+            video = VideoRecorder(
+                out / f"{kind}.mp4",
+                *size,
+                frame_rate=frame_rate,
+                caption=texts[0].Allocate() if texts else None,
+            )
             recorders[kind] = stack.enter_context(video)
             builder.AddNamedSystem(f"{kind}_recorder", video)
             builder.Connect(
@@ -341,7 +346,8 @@ def _topic(name: str, port: OutputPort) -> Topic:
     Raises:
         ValueError: If there is none for its values.
     """
-    topic = re.sub(r"[^A-Za-z0-9/]+", "_", "/" + name.replace(".", "/")).rstrip("_/")
+    words = re.sub(r"[^A-Za-z0-9.]+", "_", name.split("[", maxsplit=1)[0]).strip("_")
+    topic = "/" + words.replace(".", "/")
     value = _model(port)
     if isinstance(value, np.ndarray):
         size = len(value)
@@ -349,26 +355,26 @@ def _topic(name: str, port: OutputPort) -> Topic:
             return rosbag.float64(topic, name)
         return rosbag.float64_array(topic, name, size)
     if isinstance(value, (str, enum.Enum)):
-        return rosbag.string(topic, name)
+        return rosbag.string(topic, name, port.Allocate())
     if isinstance(value, (bool, int, float)):
-        return _number_topic(topic, name)
+        return _number_topic(topic, name, port.Allocate())
     if isinstance(value, RigidTransform):
-        model = AbstractValue.Make(RigidTransform())
         kind = "geometry_msgs/msg/PoseStamped"
-        return Topic(topic, kind, {name: model}, rosbag.pose_message)
+        return Topic(topic, kind, {name: port.Allocate()}, rosbag.pose_message)
     raise ValueError(
         f"AddRecording: ports: {name}: cannot record a {type(value).__name__} "
-        "(allowed: vectors, numbers, strings, enums, RigidTransform; images by `cameras`)"
+        "(allowed: a vector, a number, a string, an enum, a RigidTransform; name "
+        "cameras in `cameras`)"
     )
 
 
-def _number_topic(name: str, port: str) -> Topic:
+def _number_topic(name: str, port: str, model: AbstractValue) -> Topic:
     kind = "std_msgs/msg/Float64"
 
     def convert(make: MakeMessage, time: float, value: Any) -> Any:
         return make(kind, data=float(value))
 
-    return Topic(name, kind, {port: AbstractValue.Make(object())}, convert)
+    return Topic(name, kind, {port: model}, convert)
 
 
 class _Sampler(LeafSystem):
@@ -404,10 +410,7 @@ class _Sampler(LeafSystem):
             if port.get_data_type() == PortDataType.kVectorValued:
                 self.DeclareVectorInputPort(name, port.size())
             else:
-                model = (
-                    port.Allocate() if name in senses else AbstractValue.Make(object())
-                )
-                self.DeclareAbstractInputPort(name, model)
+                self.DeclareAbstractInputPort(name, port.Allocate())
         self._log = SignalLog({name: self.GetInputPort(name) for name in ports})
         self._scene, self._latest = scene, -math.inf
         self.recording = recording = Recording(out)

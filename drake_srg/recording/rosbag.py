@@ -95,14 +95,20 @@ def float64_array(name: str, port: str, size: int) -> Topic:
     return Topic(name, kind, {port: size}, convert)
 
 
-def string(name: str, port: str) -> Topic:
-    """Return a topic of a string, or of the name of a mode, as std_msgs/msg/String."""
+def string(name: str, port: str, model: AbstractValue | None = None) -> Topic:
+    """Return a topic of a string, or of the name of a mode, as std_msgs/msg/String.
+
+    Args:
+        name: The topic's.
+        port: The input port's.
+        model: Its model value; None: a Python object, such as an enum.
+    """
     kind = "std_msgs/msg/String"
 
     def convert(make: MakeMessage, time: float, value: Any) -> Any:
         return make(kind, data=mode_name(value))
 
-    return Topic(name, kind, {port: AbstractValue.Make(object())}, convert)
+    return Topic(name, kind, {port: model or AbstractValue.Make(object())}, convert)
 
 
 def _safety_topics() -> tuple[Topic, Topic]:

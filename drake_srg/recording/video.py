@@ -153,6 +153,8 @@ class VideoRecorder(Recorder):
         height: Height of the images [pixels]; an odd last row is left out.
         frame_rate: Images per simulated second [Hz].
         quality: Constant rate factor of x264, 0 (lossless) .. 51; 23 is its default.
+        caption: Model value of the port `caption`; None: a Python object, such as an
+            enum. `AbstractValue.Make("")` takes Drake's strings.
 
     Raises:
         ImportError: If PyAV is missing.
@@ -168,6 +170,7 @@ class VideoRecorder(Recorder):
         *,
         frame_rate: float = 20.0,
         quality: int = 23,
+        caption: AbstractValue | None = None,
     ):
         super().__init__()
         self._begin(path)
@@ -183,7 +186,7 @@ class VideoRecorder(Recorder):
             name="color_image", model_value=AbstractValue.Make(ImageRgba8U())
         )
         self._caption = self.DeclareAbstractInputPort(
-            name="caption", model_value=AbstractValue.Make(object())
+            name="caption", model_value=caption or AbstractValue.Make(object())
         )
         period = 1.0 / frame_rate
         self.DeclarePeriodicPublishEvent(period, period, self._record)
