@@ -258,7 +258,7 @@ class LabeledHeightMap(HeightMap):
 
 
 class Mode(enum.Enum):
-    """Modes of the planners' state machines; logs hold their index."""
+    """Modes of our planners. A planner of your own may have others; see `AnyMode`."""
 
     IDLE = "idle"
     PRE_GRASP = "pre_grasp"
@@ -274,6 +274,23 @@ class Mode(enum.Enum):
     DONE = "done"
     FAILED = "failed"
     PUSH = "push"
+
+
+# The mode of a planner: ours, a member of an enum of your own, or a string. Modes with
+# the same name (see `mode_name`) mean the same to runs, logs, metrics and recordings.
+AnyMode: TypeAlias = enum.Enum | str
+
+
+def mode_name(mode: object) -> str:
+    """Return a mode's name: a string's or an enum's value, else the member's name."""
+    if not isinstance(mode, enum.Enum):
+        return str(mode)
+    return mode.value if isinstance(mode.value, str) else mode.name.lower()
+
+
+def mode_words(mode: object) -> str:
+    """Return a mode's name for readers, without underscores."""
+    return mode_name(mode).replace("_", " ")
 
 
 class Failure(enum.Enum):
@@ -302,7 +319,7 @@ class Left:
 class PlannerStatus:
     """What a planner reports about its task."""
 
-    mode: Mode = Mode.IDLE
+    mode: AnyMode = Mode.IDLE
     failure: Failure | None = None  # set once the mode is FAILED
     attempts: int = 0  # grasps started
     cycles: int = 0  # times the object has been placed
@@ -316,3 +333,13 @@ class PlannerStatus:
     sighted_at: float = 0.0  # time of that sighting [s]
     message: str = ""  # why it failed, in words
     left: tuple[Left, ...] = ()  # things that stay, once the mode is DONE
+
+    @property
+    def done(self) -> bool:
+        """Whether the planner says that it has done its task."""
+        return mode_name(self.mode) == Mode.DONE.value
+
+    @property
+    def ended(self) -> bool:
+        """Whether the planner has done its task or given up."""
+        return self.done or mode_name(self.mode) == Mode.FAILED.value

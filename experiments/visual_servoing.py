@@ -30,7 +30,7 @@ from drake_srg.simulation.simulate import failure_time
 from drake_srg.station import AddCell, MakeCell
 from drake_srg.station.planners import MakeHand
 from drake_srg.station.plant import MakeModelsPlant
-from drake_srg.types import Mode, Vector
+from drake_srg.types import AnyMode, Mode, Vector
 
 SCENARIO = "kitchen_servoing"
 # An object that has risen this far with the hand is lifted [m], as in metrics.json.
@@ -118,9 +118,9 @@ class GraspWatch:
         self._state = station.GetOutputPort("arm.state_cheat")
         self._start = self._p_WO()[2]
         self._off: Vector | None = None
-        self._previous = Mode.IDLE
+        self._previous: AnyMode = Mode.IDLE
 
-    def look(self, mode: Mode) -> ex.Measures | None:
+    def look(self, mode: AnyMode) -> ex.Measures | None:
         """Return the end of the trial once the grasp is over.
 
         Args:

@@ -1,10 +1,14 @@
 """Names and rows of a run's logged signals."""
 
+from collections.abc import Mapping, Sequence
+from typing import Any
+
 import numpy as np
+import numpy.typing as npt
 from pydrake.common.eigen_geometry import Quaternion
 from pydrake.math import RigidTransform
 
-from drake_srg.types import Mode, Vector
+from drake_srg.types import AnyMode, Mode, Vector, mode_name
 
 _POSE = "object_pose."
 
@@ -19,8 +23,32 @@ def is_pose(key: str) -> bool:
     return key.startswith(_POSE)
 
 
-# A log's `mode` is an index into this list.
+# A log's `mode` is an index into this list, or beyond it for modes of a planner's own.
 MODES = list(Mode)
+_NAMES = [mode.value for mode in MODES]
+
+
+def mode_columns(modes: Sequence[AnyMode]) -> dict[str, npt.NDArray[Any]]:
+    """Return the columns of a log that tell a planner's modes, one row per sample.
+
+    They are `mode`, the index into `MODES`, and, only if the planner has modes of its
+    own, `mode_name`. In `mode`, these are numbered on in the order of their appearance.
+    """
+    names = [mode_name(mode) for mode in modes]
+    index = {name: i for i, name in enumerate(dict.fromkeys([*_NAMES, *names]))}
+    columns = {"mode": np.array([float(index[name]) for name in names])}
+    return (
+        columns
+        if len(index) == len(MODES)
+        else columns | {"mode_name": np.array(names)}
+    )
+
+
+def logged_modes(log: Mapping[str, npt.NDArray[Any]]) -> list[str]:
+    """Return the name of the mode in each sample of a log."""
+    if "mode_name" in log:
+        return [str(name) for name in log["mode_name"]]
+    return [_NAMES[int(i)] for i in log["mode"]]
 
 
 def pose_to_row(X: RigidTransform) -> Vector:

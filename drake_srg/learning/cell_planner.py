@@ -164,7 +164,7 @@ class CellPlanner(LeafSystem):
     def _update(self, context: Context, state: State) -> EventStatus:
         memory = self._memory(context)
         memory = dc.replace(memory, ticks=memory.ticks + 1, before=memory.q)
-        ended = memory.status.mode in (Mode.DONE, Mode.FAILED)
+        ended = memory.status.ended
         if memory.attempt is None and not ended:
             memory = self._look(context, memory)
         if memory.attempt is not None and not ended:

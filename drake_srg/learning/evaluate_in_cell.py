@@ -31,7 +31,7 @@ from drake_srg.station.plant import MakeModelsPlant
 from drake_srg.sweeps.engines import Engine
 from drake_srg.sweeps.sweep import run_missing_trials
 from drake_srg.sweeps.trial import TrialResult, empty_row, run_trial
-from drake_srg.types import Failure, Mode
+from drake_srg.types import Failure
 
 # Environments whose policies act in cells.
 ONE_SHOT = "drake_srg/GraspOneShot-v0"
@@ -191,7 +191,7 @@ def _simulate(policy: CellPolicy, scenario: Scenario, **options: Any) -> Result:
     )
     failure: str | None = result.metrics.failure
     success = False
-    if result.status.mode is Mode.DONE:
+    if result.status.done:
         success = is_held(scenario, result)
         failure = None if success else Failure.NO_GRASP.value
     metrics = dc.replace(

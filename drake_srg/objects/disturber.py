@@ -16,7 +16,16 @@ from pydrake.systems.framework import Context, EventStatus, State
 from drake_srg.common.geometry import minimum_jerk_blend
 from drake_srg.common.shared import Shared
 from drake_srg.lifetime import LeafSystem
-from drake_srg.types import Box, Cylinder, Mode, Shape, Vector, positive
+from drake_srg.types import (
+    AnyMode,
+    Box,
+    Cylinder,
+    Mode,
+    Shape,
+    Vector,
+    mode_name,
+    positive,
+)
 
 
 @dc.dataclass(kw_only=True)
@@ -213,7 +222,7 @@ class _Memory(Shared):
     """State of the disturber."""
 
     courses: tuple[Course, ...]
-    mode: Mode | None = None
+    mode: AnyMode | None = None
     forces: tuple[ExternallyAppliedSpatialForce, ...] = ()
 
 
@@ -229,9 +238,9 @@ class Disturber(LeafSystem):
         output_ports:
         - object_forces
 
-    `mode` (Mode) is the planner's. `object_poses` (dict[str, RigidTransform]) is X_WO
-    by name [m]. `object_forces` (list[ExternallyAppliedSpatialForce]) goes to the plant
-    and is updated every `period`. If a disturbance's mode begins again before the
+    `mode` (AnyMode) is the planner's. `object_poses` (dict[str, RigidTransform]) is
+    X_WO by name [m]. `object_forces` (list[ExternallyAppliedSpatialForce]) goes to the
+    plant and is updated every `period`. If a disturbance's mode begins again before the
     disturbance is over, the disturbance goes on and does not restart.
 
     Args:
@@ -283,13 +292,13 @@ class Disturber(LeafSystem):
 
     def _update(self, context: Context, state: State) -> EventStatus:
         time, memory = context.get_time(), self._memory(context)
-        mode: Mode = self._mode.Eval(context)
+        mode: AnyMode = self._mode.Eval(context)
         courses, forces = [], []
         for (disturbance, target), last in zip(
             self._disturbances, memory.courses, strict=True
         ):
             course = last
-            triggered = mode is not memory.mode and mode.value == disturbance.at
+            triggered = mode != memory.mode and mode_name(mode) == disturbance.at
             waits = course.begin == np.inf and course.count < disturbance.times
             if triggered and waits:
                 course = Course(course.count + 1, time + disturbance.after)

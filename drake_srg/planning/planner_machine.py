@@ -28,7 +28,7 @@ from drake_srg.planning.state_machine import (
     StateMachine,
     next_mode,
 )
-from drake_srg.types import Failure, Mode, PlannerStatus, Vector, positive
+from drake_srg.types import AnyMode, Failure, Mode, PlannerStatus, Vector, positive
 
 # Why any planner gives up, in words.
 GIVES_UP: Mapping[Failure, str] = {
@@ -195,7 +195,7 @@ class Observation:
 # mode: [(condition on the observation o, the time t in the mode [s] and the planner's
 #         configuration c; next mode)]. The first condition that holds decides.
 Condition: TypeAlias = Callable[[Observation, float, PlannerConfig], bool]
-Table: TypeAlias = Mapping[Mode, Sequence[tuple[Condition, Mode]]]
+Table: TypeAlias = Mapping[AnyMode, Sequence[tuple[Condition, AnyMode]]]
 
 
 @dc.dataclass(frozen=True)
@@ -203,21 +203,47 @@ class Transitions:
     """Where each mode of a planner leads, as a pure function.
 
     Attributes:
-        table: The transitions.
+        table: The transitions. Modes of your own are keys like ours.
         fatal: Failures that lead from every mode to FAILED. All others are left to the
             table.
+
+    Raises:
+        ValueError: If a mode that another leads to has no row.
     """
 
     table: Table
     fatal: Collection[Failure] = tuple(Failure)
 
+    def __post_init__(self) -> None:
+        for mode, row in self.table.items():
+            for _, following in row:
+                if following not in self.table:
+                    known = ", ".join(map(str, self.table))
+                    raise ValueError(
+                        f"transitions: {mode} leads to {following}, which has no row "
+                        f"(allowed: {known})"
+                    )
+
+    def check_actions(self, modes: Collection[AnyMode]) -> None:
+        """Check that a planner's modes are those of the table.
+
+        Raises:
+            ValueError: If a mode of the table is missing.
+        """
+        missing = [str(mode) for mode in self.table if mode not in modes]
+        if missing:
+            raise ValueError(
+                f"modes: no actions for {', '.join(missing)}, which the transitions "
+                f"have (allowed: {', '.join(map(str, modes))})"
+            )
+
     def __call__(
         self,
-        mode: Mode,
+        mode: AnyMode,
         observation: Observation,
         t: float,
         config: PlannerConfig | None = None,
-    ) -> Mode:
+    ) -> AnyMode:
         """Return the mode that follows.
 
         Args:
@@ -239,21 +265,21 @@ class MotionMemory(Memory, abc.ABC):
     closure: float = 0.0  # commanded, 0 open .. 1 closed
 
     @abc.abstractmethod
-    def status(self, mode: Mode) -> PlannerStatus:
+    def status(self, mode: AnyMode) -> PlannerStatus:
         """Return the planner's report on its task in a mode."""
 
 
 MotionMemoryT = TypeVar("MotionMemoryT", bound=MotionMemory)
 
 
-class PlannerMode(ModeActions[Mode, MotionMemoryT, SensesT, Observation]):
+class PlannerMode(ModeActions[AnyMode, MotionMemoryT, SensesT, Observation]):
     """A mode of a planner: what it moves and commands, notices and observes.
 
     Attributes:
         mode: Which mode it is.
     """
 
-    mode: ClassVar[Mode]
+    mode: ClassVar[AnyMode]
 
     @property
     def wait(self) -> float:
@@ -265,7 +291,7 @@ class PlannerMode(ModeActions[Mode, MotionMemoryT, SensesT, Observation]):
         return None
 
     def enter(
-        self, memory: MotionMemoryT, entry: Entry[SensesT, Mode, Observation]
+        self, memory: MotionMemoryT, entry: Entry[SensesT, AnyMode, Observation]
     ) -> MotionMemoryT:
         """Begin the mode's planned motion, if there is one."""
         trajectory = self.trajectory(memory)
@@ -289,10 +315,13 @@ class PlannerMode(ModeActions[Mode, MotionMemoryT, SensesT, Observation]):
 
 
 class PlannerMachine(
-    StateMachine[Mode, MotionMemoryT, SensesT, Observation],
+    StateMachine[AnyMode, MotionMemoryT, SensesT, Observation],
     Generic[MotionMemoryT, SensesT],
 ):
     """A planner whose outputs come from its memory; it begins in IDLE.
+
+    Its modes may be ours, members of an enum of your own, strings, or all of these. A
+    run ends once the planner is in one named `done` or `failed`.
 
     Its outputs are `mode` and those of `AddPlannerOutputs`. Derive from it: declare the
     inputs after calling `__init__`, and override `sense`.
@@ -303,16 +332,24 @@ class PlannerMachine(
         transition: Returns the mode that follows from (mode, observation, time in the
             mode [s], config).
         config: Its period is the time between updates.
+
+    Raises:
+        ValueError: If `transition` is a `Transitions` that leads to a mode without
+            actions.
     """
 
     def __init__(
         self,
-        modes: Mapping[Mode, ModeActions[Mode, MotionMemoryT, SensesT, Observation]],
+        modes: Mapping[
+            AnyMode, ModeActions[AnyMode, MotionMemoryT, SensesT, Observation]
+        ],
         *,
         memory: MotionMemoryT,
-        transition: Callable[[Mode, Observation, float, PlannerConfig], Mode],
+        transition: Callable[[AnyMode, Observation, float, PlannerConfig], AnyMode],
         config: PlannerConfig,
     ) -> None:
+        if isinstance(transition, Transitions):
+            transition.check_actions(modes)
         super().__init__(
             modes,
             initial=Mode.IDLE,

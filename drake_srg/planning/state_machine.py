@@ -14,7 +14,7 @@ import math
 from collections.abc import Callable, Hashable, Mapping, Sequence
 from typing import Any, Generic, Self, TypeVar
 
-from pydrake.common.value import AbstractValue
+from pydrake.common.value import AbstractValue, Value
 from pydrake.systems.framework import Context, DependencyTicket, EventStatus, State
 
 from drake_srg.common.shared import make_read_only
@@ -38,7 +38,13 @@ def next_mode(
             condition that holds decides; if none does, the mode stays.
         mode: The mode now.
         arguments: What the conditions are called with.
+
+    Raises:
+        ValueError: If the table has no row for the mode.
     """
+    if mode not in table:
+        known = ", ".join(map(str, table))
+        raise ValueError(f"transitions: no row for mode {mode} (allowed: {known})")
     for condition, following in table[mode]:
         if condition(*arguments):
             return following
@@ -188,7 +194,8 @@ class StateMachine(LeafSystem, Generic[ModeT, MemoryT, SensesT, ObservationT]):
         )
         self.DeclareAbstractOutputPort(
             name="mode",
-            alloc=lambda: AbstractValue.Make(initial),
+            # A Python object also where modes are strings: Drake has its own type.
+            alloc=lambda: Value[object](initial),
             calc=self._calc_mode,
             prerequisites_of_calc={self.state_ticket},
         )

@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import contextlib
 import tempfile
+import warnings
+import weakref
 import zipfile
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
 from types import ModuleType, TracebackType
 from typing import Any, TypeVar
@@ -89,16 +91,51 @@ class OutputFile:
         self._folder.cleanup()
 
 
+def close_at_exit(owner: Any, close: Callable[[Any], str]) -> None:
+    """Have a file completed at the end of the program if nobody does so before.
+
+    Args:
+        owner: Owns the file; it is not kept alive.
+        close: Called with `owner`; completes its file and returns what was completed,
+            or "" if there was nothing to do.
+    """
+    weakref.finalize(owner, close_late, weakref.ref(owner), close)
+
+
+def close_late(owner: Callable[[], Any], close: Callable[[Any], str]) -> None:
+    """Complete a forgotten file, and warn; see `close_at_exit`."""
+    forgotten = owner()
+    name = "" if forgotten is None else close(forgotten)
+    if name:
+        warnings.warn(
+            f"{name}: completed only now, because nothing closed its recorder. Use the "
+            "recorder as a context manager around the simulation: `with recorder:`",
+            RuntimeWarning,
+            stacklevel=2,
+        )
+
+
 class Recorder(LeafSystem):
     """A system that writes a file until it is closed; use it as a context manager.
 
     An error or the user's interrupt ends the recording, which is kept as a complete
-    file, because it shows what led there.
+    file, because it shows what led there. A recorder that nobody closes completes its
+    file, with a warning, when it or the program ends.
     """
 
     _output: OutputFile
-    _closed = False
+    _closed = True  # until `_begin`
     _failed = False  # an error ended the recording
+
+    def _begin(self, path: Path | str) -> None:
+        """Begin the file that `close()` completes.
+
+        Raises:
+            OSError: If nothing can be written there.
+        """
+        self._output = OutputFile(path)
+        self._closed = False
+        close_at_exit(self, Recorder._close_forgotten)
 
     @property
     def path(self) -> Path:
@@ -111,14 +148,30 @@ class Recorder(LeafSystem):
         Raises:
             OSError: If the file cannot be completed; an earlier one stays in place.
         """
+        self._close()
+
+    def _close(self) -> bool:
+        """Close as `close` does, and return whether there is a file now."""
         if self._closed:
-            return
+            return False
         self._closed = True
         try:
-            if self._finish():
+            kept = self._finish()
+            if kept:
                 self._output.commit()
+            return kept
         finally:
             self._output.discard()
+
+    def _close_forgotten(self) -> str:
+        return str(self.path) if self._close() else ""
+
+    def __del__(self) -> None:
+        close_late(lambda: self, Recorder._close_forgotten)
+
+    def note_failure(self, kind: type[BaseException] | None) -> None:
+        """Note what ended the recording: an exception's type, None: nothing did."""
+        self._failed = kind is not None and issubclass(kind, Exception)
 
     def _finish(self) -> bool:
         """Complete the file, and return whether it is worth keeping."""
@@ -133,7 +186,7 @@ class Recorder(LeafSystem):
         error: BaseException | None,
         traceback: TracebackType | None,
     ) -> None:
-        self._failed = kind is not None and issubclass(kind, Exception)
+        self.note_failure(kind)
         try:
             self.close()
         except Exception:

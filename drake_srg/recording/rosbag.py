@@ -7,7 +7,6 @@ recorder. The functions here return a `Topic`; write your own the same way.
 from __future__ import annotations
 
 import dataclasses as dc
-import enum
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -21,8 +20,8 @@ from pydrake.systems.sensors import ImageRgba8U
 
 from drake_srg.common.safety_states import describe_safety
 from drake_srg.lifetime import weak
-from drake_srg.recording.output import OutputFile, Recorder, require
-from drake_srg.types import PlannerStatus
+from drake_srg.recording.output import Recorder, require
+from drake_srg.types import PlannerStatus, mode_name
 
 # Makes a message: (type name such as "std_msgs/msg/String", fields) -> message. Fields
 # are given by name or, where ROS 1 and 2 name them differently, in order.
@@ -96,15 +95,20 @@ def float64_array(name: str, port: str, size: int) -> Topic:
     return Topic(name, kind, {port: size}, convert)
 
 
-def string(name: str, port: str) -> Topic:
-    """Return a topic of a string or an enum's value, as std_msgs/msg/String."""
+def string(name: str, port: str, model: AbstractValue | None = None) -> Topic:
+    """Return a topic of a string, or of the name of a mode, as std_msgs/msg/String.
+
+    Args:
+        name: The topic's.
+        port: The input port's.
+        model: Its model value; None: a Python object, such as an enum.
+    """
     kind = "std_msgs/msg/String"
 
     def convert(make: MakeMessage, time: float, value: Any) -> Any:
-        text = value.value if isinstance(value, enum.Enum) else value
-        return make(kind, data=str(text))
+        return make(kind, data=mode_name(value))
 
-    return Topic(name, kind, {port: AbstractValue.Make(object())}, convert)
+    return Topic(name, kind, {port: model or AbstractValue.Make(object())}, convert)
 
 
 def _safety_topics() -> tuple[Topic, Topic]:
@@ -331,7 +335,7 @@ class RosbagRecorder(Recorder):
 
         rosbag2, typesys = require("rosbags.rosbag2"), require("rosbags.typesys")
         self._store = typesys.get_typestore(typesys.Stores.ROS2_HUMBLE)
-        self._output = OutputFile(path)
+        self._begin(path)
         # Writer makes a folder FOLDER/ with FOLDER.mcap in it.
         self._bag = self._output.path.with_suffix("")
         self._writer = rosbag2.Writer(

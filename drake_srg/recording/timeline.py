@@ -6,14 +6,14 @@ import dataclasses as dc
 import itertools
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeAlias
 
 import numpy as np
 import numpy.typing as npt
 
-from drake_srg.common.log_format import pose_key
+from drake_srg.common.log_format import logged_modes, pose_key
 from drake_srg.recording.output import OutputFile, require
-from drake_srg.types import Mode, Vector
+from drake_srg.types import Vector
 
 # Distinct for colour-blind readers, too (M. Okabe, K. Ito, Color Universal Design).
 COLORS = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00", "#56b4e9", "#333333")
@@ -71,6 +71,10 @@ _LEFT, _RIGHT, _TOP, _BOTTOM = 0.85, 1.15, 1.0, 0.55
 _LABEL = -0.045  # place of the labels on the left, as a share of a panel's width
 
 
+# Label, values (K, n), and names of the lines.
+Panel: TypeAlias = tuple[str, Vector, Sequence[str]]
+
+
 @dc.dataclass(frozen=True)
 class Timeline:
     """The data of a timeline; a series that is None has no panel.
@@ -89,6 +93,7 @@ class Timeline:
         arm_slides: Whether the arm's joints are prismatic, with velocities in m/s and
             forces in N.
         object_height: Height of the picked object's centre [m], shape (K,).
+        signals: Further panels, as from `timeline_panels`.
         title: Text above the panels.
     """
 
@@ -104,6 +109,7 @@ class Timeline:
     arm_torque: Vector | None = None
     arm_slides: bool = False
     object_height: Vector | None = None
+    signals: Sequence[Panel] = ()
     title: str = ""
 
 
@@ -148,7 +154,7 @@ def draw_timeline(timeline: Timeline, path: Path | str) -> Path:
     return save_png(figure, path)
 
 
-def timeline_panels(timeline: Timeline) -> list[tuple[str, Vector, Sequence[str]]]:
+def timeline_panels(timeline: Timeline) -> list[Panel]:
     """Return label, values (K, n) and names of the lines for each panel.
 
     Raises:
@@ -178,7 +184,7 @@ def timeline_panels(timeline: Timeline) -> list[tuple[str, Vector, Sequence[str]
         ("object_height", "object height\n[mm]", 1e3, ()),
     ]
     count = len(timeline.time)
-    panels = []
+    panels = list(timeline.signals)
     for field, label, unit, names in series:
         given = getattr(timeline, field)
         if given is None:
@@ -254,15 +260,13 @@ def _draw_modes(all_axes: npt.NDArray[Any], time: Vector, mode: Sequence[str]) -
         )
 
 
-_MODES = list(Mode)
-
-
 @dc.dataclass(frozen=True)
 class Labels:
     """What a log does not tell about its columns.
 
     Attributes:
         title: The run's.
+        signals: Names of the columns to show of a log that is not that of a cell.
         pick: Name of the picked object.
         gripper_joints: Names of the gripper's measured joints.
         sensors: Names of the finger sensors.
@@ -274,16 +278,19 @@ class Labels:
     gripper_joints: tuple[str, ...] = ()
     sensors: tuple[str, ...] = ()
     arm_slides: bool = False
+    signals: tuple[str, ...] = ()
 
 
-def run_timeline(log: Mapping[str, Vector], labels: Labels) -> Timeline:
-    """Return the timeline of a log that `Simulate` wrote."""
-    arm = log["arm.state_measured"]
+def run_timeline(log: Mapping[str, npt.NDArray[Any]], labels: Labels) -> Timeline:
+    """Return the timeline of a log that `Simulate` or `AddRecording` wrote."""
+    if labels.signals:
+        return _signal_timeline(log, labels)
+    arm = log.get("arm.state_measured")
     gripper = log.get("gripper.state_measured")
     poses = log.get(pose_key(labels.pick))
     return Timeline(
         time=log["time"],
-        mode=[_MODES[int(i)].value for i in log["mode"]],
+        mode=logged_modes(log),
         gripper_position=(
             None if gripper is None else gripper[:, : len(labels.gripper_joints)]
         ),
@@ -294,10 +301,35 @@ def run_timeline(log: Mapping[str, Vector], labels: Labels) -> Timeline:
         proximity=log.get("gripper.proximity"),
         sensors=[_words(name) for name in labels.sensors],
         grip_force=log.get("contact_force"),
-        arm_velocity=arm[:, arm.shape[1] // 2 :],
+        arm_velocity=None if arm is None else arm[:, arm.shape[1] // 2 :],
         arm_torque=log.get("arm.torque_measured"),
         arm_slides=labels.arm_slides,
         object_height=None if poses is None else poses[:, 2],
+        title=labels.title,
+    )
+
+
+def _signal_timeline(log: Mapping[str, npt.NDArray[Any]], labels: Labels) -> Timeline:
+    """Return the timeline of named signals.
+
+    The first column of strings is the mode. Of each other one, and of the first if
+    there is nothing else, a panel shows which value it has when.
+    """
+    texts = [name for name in labels.signals if log[name].dtype.kind == "U"]
+    panels: list[Panel] = []
+    for name in labels.signals:
+        values = log[name]
+        if name not in texts:
+            rows = values.reshape(len(values), -1)
+            lines = [str(i) for i in range(rows.shape[1])] if rows.shape[1] > 1 else []
+            panels.append((name, rows, lines))
+        elif name != texts[0] or len(labels.signals) == 1:
+            words = list(dict.fromkeys(str(value) for value in values))
+            panels.append((name, (values[:, None] == words).astype(float), words))
+    return Timeline(
+        time=log["time"],
+        mode=[str(value) for value in log[texts[0]]] if texts else (),
+        signals=panels,
         title=labels.title,
     )
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import enum
 from fractions import Fraction
 from pathlib import Path
 from typing import Any
@@ -14,7 +13,8 @@ from pydrake.common.value import AbstractValue
 from pydrake.systems.framework import Context
 from pydrake.systems.sensors import ImageRgba8U
 
-from drake_srg.recording.output import OutputFile, Recorder, require
+from drake_srg.recording.output import Recorder, require
+from drake_srg.types import mode_words
 
 
 class VideoFile:
@@ -108,11 +108,9 @@ def caption(image: npt.NDArray[Any], time: float, text: Any) -> None:
     Args:
         image: RGB, shape (height, width, 3); changed in place.
         time: Simulated time [s].
-        text: A string or an enum.
+        text: A string, or a mode, which is shown by its name.
     """
-    if isinstance(text, enum.Enum):
-        text = str(text.value).replace("_", " ")
-    line = f"{time:6.2f} s  {text}"
+    line = f"{time:6.2f} s  {mode_words(text)}"
     height = image.shape[0]
     strip = image[-max(1, height // 15) :]
     strip[:] = strip // 3  # keeps the text legible on any background
@@ -140,8 +138,8 @@ class VideoRecorder(Recorder):
 
     `color_image` is an ImageRgba8U. It is sampled every 1 / `frame_rate` of simulated
     time, first after one such period, so video time is simulated time minus one period.
-    If `caption` is connected, every frame shows the time and its value: a string, or an
-    enum such as `Mode`, shown by its value.
+    If `caption` is connected, every frame shows the time and its value: a string, or a
+    mode, shown by its name.
 
     The video appears under its name on `close()`. Use the recorder as a context manager
     around the simulation, which closes it also after an error. The encoder is outside
@@ -155,6 +153,8 @@ class VideoRecorder(Recorder):
         height: Height of the images [pixels]; an odd last row is left out.
         frame_rate: Images per simulated second [Hz].
         quality: Constant rate factor of x264, 0 (lossless) .. 51; 23 is its default.
+        caption: Model value of the port `caption`; None: a Python object, such as an
+            enum. `AbstractValue.Make("")` takes Drake's strings.
 
     Raises:
         ImportError: If PyAV is missing.
@@ -170,21 +170,23 @@ class VideoRecorder(Recorder):
         *,
         frame_rate: float = 20.0,
         quality: int = 23,
+        caption: AbstractValue | None = None,
     ):
         super().__init__()
-        self._output = OutputFile(path)
+        self._begin(path)
         try:
             self._file = VideoFile(
                 self._output.path, width, height, frame_rate, quality
             )
         except BaseException:
+            self._closed = True
             self._output.discard()
             raise
         self._image = self.DeclareAbstractInputPort(
             name="color_image", model_value=AbstractValue.Make(ImageRgba8U())
         )
         self._caption = self.DeclareAbstractInputPort(
-            name="caption", model_value=AbstractValue.Make(object())
+            name="caption", model_value=caption or AbstractValue.Make(object())
         )
         period = 1.0 / frame_rate
         self.DeclarePeriodicPublishEvent(period, period, self._record)

@@ -31,7 +31,7 @@ from drake_srg.simulation.simulate import Simulate, failure_time
 from drake_srg.station import AddCell, MakeCell
 from drake_srg.station.sleeping import Advance, MakeAdvance
 from drake_srg.station.station import AddStation
-from drake_srg.types import Failure, Mode, PlannerStatus, Vector
+from drake_srg.types import Failure, PlannerStatus, Vector
 
 # What is left of a station as its bare plant.
 _BARE = ("plant", "scene_graph", "sleep_monitor")
@@ -106,7 +106,7 @@ class InputRecorder:
         for step in range(1, math.ceil(limit / period) + 1):
             self.advance(min(step * period, limit))
             status: PlannerStatus = port.Eval(context)
-            if status.mode in (Mode.DONE, Mode.FAILED):
+            if status.ended:
                 return
 
     def trajectories(self) -> dict[str, PiecewisePolynomial]:

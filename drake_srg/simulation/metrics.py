@@ -250,13 +250,13 @@ def calc_metrics(
         shift = measures.grasp_shift(mode, poses)
         drift = measures.hold_drift(scenario, time, mode, log, poses)
         peak = float(np.max(log["contact_force"])) or None  # None: never touched
-    if status.mode is Mode.DONE:
+    if status.done:
         done = time[mode == MODES.index(Mode.DONE)][0]
         cycle = float(done - status.localized_at) / max(status.cycles, 1)
     opened = measures.placed_at(time, mode)
     if status.cycles == 1 and opened is not None:
         to_placement = opened - status.localized_at
-    success = placed and status.mode is Mode.DONE
+    success = placed and status.done
     cleared, others = None, measures.others_moved(log, pick)
     # A robot's log tells neither where objects are nor what touches them.
     if scenario.task.clear is not None and "contact_force" in log:
@@ -264,11 +264,11 @@ def calc_metrics(
         peak = float(np.max(log["contact_force"])) or None
         home = measures.is_home(scenario, log)
         others = cleared.others_moved
-        success = status.mode is Mode.DONE and home and cleared.honest
+        success = status.done and home and cleared.honest
     failure = status.failure
-    if status.mode is Mode.DONE and not success:
+    if status.done and not success:
         failure = Failure.MISPLACED
-    elif status.mode not in (Mode.DONE, Mode.FAILED):
+    elif not status.ended:
         failure = Failure.TIME_BUDGET
     return Metrics(
         scenario=name,

@@ -1,19 +1,23 @@
 """A run's log: its signals, and its samples with the replay."""
 
+import functools
 from pathlib import Path
+from typing import Any
 
 import numpy as np
+import numpy.typing as npt
 from pydrake.systems.framework import Context, Diagram, OutputPort, PortDataType
 
-from drake_srg.common.log_format import MODES, pose_key, pose_to_row
+from drake_srg.common.log_format import mode_columns, pose_key, pose_to_row
 from drake_srg.common.systems import output_ports
 from drake_srg.lifetime import my_context
 from drake_srg.objects.poses import ContactReader
+from drake_srg.recording.recording import SignalLog, write_samples
 from drake_srg.recording.replay import ReplayRecorder
 from drake_srg.scenario import Scenario
 from drake_srg.simulation.measures import AT_REST, final_speed
-from drake_srg.simulation.recorders import write_samples
-from drake_srg.types import Mode, Vector
+from drake_srg.simulation.recorders import run_labels
+from drake_srg.types import Mode
 
 _LOGGED = (
     "arm.state_measured",
@@ -47,7 +51,7 @@ _NOT_LOGGED = (
 )
 
 
-class RunLog:
+class RunLog(SignalLog):
     """Samples a cell's ports, the poses of objects and the grip force during a run.
 
     Args:
@@ -71,7 +75,7 @@ class RunLog:
             and port.get_data_type() == PortDataType.kVectorValued
         ]
         names = [name for name in _LOGGED if name in ports] + others
-        self._ports = {name: ports[name] for name in names}
+        super().__init__({name: ports[name] for name in names})
         self._mode = ports.get("planner.mode")
         self._poses = ports.get("object_poses_cheat")
         self._contacts = ports.get("contact_results_cheat")
@@ -82,30 +86,21 @@ class RunLog:
         self._reader: ContactReader | None = None
         picked = scenario.objects.get(self._pick) if self._pick else None
         self._present = picked is not None and picked.present
-        self._rows: list[dict[str, Vector | float]] = []
         self.touching: set[str] = set()
 
-    def __len__(self) -> int:
-        return len(self._rows)
-
-    def sample(self, context: Context) -> None:
-        """Add a row. An exception on the way adds nothing."""
-        mode = Mode.IDLE if self._mode is None else self._mode.Eval(context)
-        row: dict[str, Vector | float] = {
-            "time": context.get_time(),
-            "mode": float(MODES.index(mode)),
-        }
-        for name, port in self._ports.items():
-            row[name] = np.array(port.Eval(context))
+    def row(self, context: Context) -> dict[str, Any]:
+        """Return the values of all columns; those of the mode are for `arrays`."""
+        row = super().row(context)
+        row["mode"] = Mode.IDLE if self._mode is None else self._mode.Eval(context)
         if self._poses is not None:
             for name, X_WO in self._poses.Eval(context).items():
                 row[pose_key(name)] = pose_to_row(X_WO)
         if self._contacts is not None:
             self._sample_contacts(self._contacts, context, row)
-        self._rows.append(row)
+        return row
 
     def _sample_contacts(
-        self, port: OutputPort, context: Context, row: dict[str, Vector | float]
+        self, port: OutputPort, context: Context, row: dict[str, Any]
     ) -> None:
         forces = {}
         if self._present or self._grasped:
@@ -131,11 +126,10 @@ class RunLog:
             if name in self._rows[-1]
         )
 
-    def arrays(self) -> dict[str, Vector]:
+    def arrays(self) -> dict[str, npt.NDArray[Any]]:
         """Return one array per quantity, with one row per sample."""
-        return {
-            name: np.array([row[name] for row in self._rows]) for name in self._rows[0]
-        }
+        modes = mode_columns([row["mode"] for row in self._rows])
+        return super().arrays() | modes
 
 
 class Samples:
@@ -173,13 +167,22 @@ class Samples:
         if self._replay is not None:
             self._replay.sample(root)
 
-    def write(self, out: Path | None) -> dict[str, str]:
+    def write(self, out: Path) -> dict[str, Path]:
         """Write the samples, if there are any; return paths by kind (see `FILES`).
 
         Raises:
             OSError: If a file cannot be written.
         """
-        if out is None or not self.log:
+        if not self.log:
             return {}
-        log = self.log.arrays()
-        return write_samples(self._name, log, self._scenario, out, self._replay)
+        labels = run_labels(self._name, self._scenario)
+        write_glb = None
+        if self._replay is not None:
+            config = self._scenario.recording
+            write_glb = functools.partial(
+                self._replay.write,
+                labels=labels,
+                video_camera=config.video_camera,
+                video_start=1.0 / config.video_fps if config.video_camera else 0.0,
+            )
+        return write_samples(out, self.log.arrays(), labels, write_glb)

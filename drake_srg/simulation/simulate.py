@@ -8,7 +8,6 @@ import time as wall
 from collections.abc import Callable, Iterator
 from contextvars import ContextVar
 from pathlib import Path
-from typing import Self
 
 from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import Diagram, System
@@ -18,18 +17,19 @@ from drake_srg.common.status_line import StatusLine
 from drake_srg.common.systems import MakeSimulator
 from drake_srg.lifetime import my_context
 from drake_srg.planning.planner_machine import planning_clock
-from drake_srg.recording.output import Recorder, output_folder
+from drake_srg.recording.output import output_folder
+from drake_srg.recording.recording import FILES, Recording
 from drake_srg.recording.replay import write_page
 from drake_srg.scenario import Scenario, perception_cameras, servo_of
 from drake_srg.simulation.flat import MakeRoot
 from drake_srg.simulation.metrics import Metrics, RunTimes, calc_metrics
-from drake_srg.simulation.recorders import FILES, AddRecorders
+from drake_srg.simulation.recorders import AddRecorders
 from drake_srg.simulation.run_log import Samples
 from drake_srg.station import AddCell, MakeCell
 from drake_srg.station.perception import chooses
 from drake_srg.station.sleeping import MakeAdvance
 from drake_srg.station.video_process import VideoProcess, can_render_apart
-from drake_srg.types import Failure, Mode, PlannerStatus, Vector
+from drake_srg.types import Failure, Mode, PlannerStatus, Vector, mode_words
 
 # Experiments differ in how and how deep they call `Simulate`. A parameter would have to
 # go through the signature of every trial function between the runner and there, only
@@ -127,7 +127,6 @@ def Simulate(
     kept = take_folder() if out is None else None
     own = make_cell is not MakeCell
     built = scenario if own else _without_unused_cameras(scenario, recorded)
-    recorders: dict[str, Recorder] = {}
     with contextlib.ExitStack() as stack:
         process = None
         with scenario_errors(name):
@@ -140,75 +139,41 @@ def Simulate(
             make = functools.partial(MakeCell, make_planner=make_planner)
             add = functools.partial(AddCell, make_planner=make_planner)
         builder, cell = MakeRoot("cell", make, add, built, name)
-        page = stack.enter_context(_PageOnError())
+        recording = stack.enter_context(Recording(out))
         with scenario_errors(name):
             if out is not None and recorded:
-                recorders = AddRecorders(builder, cell, scenario, out, process)
-                for recorder in recorders.values():
-                    stack.enter_context(recorder)
+                recording.record(AddRecorders(builder, cell, scenario, out, process))
             diagram = builder.Build()
             diagram.set_name("simulation")
             simulator = MakeSimulator(diagram, scenario.simulator_config)
-        if out is not None:
-            _remove_earlier(out)
-            page.folder = out
+        recording.begin()
         replayed = recorded or kept is not None
         if warm_up:
             _warm_up(simulator, cell, built, own or replayed or _needs_color(scenario))
         samples = Samples(name, scenario, diagram, cell, replayed)
-        with _written_on_error(lambda: samples.write(out)):
-            status, times = _run(simulator, cell, scenario, name, samples, progress)
+        recording.write_samples = samples.write
+        status, times = _run(simulator, cell, scenario, name, samples, progress)
         with StatusLine(shown=progress and recorded) as line:
             line.show(f"{name}: completing video and replay", last=True)
-        written = samples.write(out)  # while the video is being completed
-    for kind, recorder in recorders.items():
-        if recorder.path.exists():
-            written[kind] = str(recorder.path)
-    if out is not None and recorded:
-        written["replay"] = str(out / FILES["replay"])
-    if kept is not None:
-        samples.write(kept)
-        write_page(kept)
-    arrays = samples.log.arrays()
-    metrics = calc_metrics(
-        scenario,
-        name,
-        arrays,
-        status,
-        samples.log.touching,
-        times,
-        {kind: written.get(kind) for kind in FILES},
-    )
-    if out is not None:
-        metrics.write(out / "metrics.json")
-    if out is not None and recorded:
-        write_page(out)  # last: it shows the other files
+        written = recording.complete()
+        if out is not None and recorded:
+            written["replay"] = str(out / FILES["replay"])
+        if kept is not None:
+            samples.write(kept)
+            write_page(kept)
+        arrays = samples.log.arrays()
+        metrics = calc_metrics(
+            scenario,
+            name,
+            arrays,
+            status,
+            samples.log.touching,
+            times,
+            {kind: written.get(kind) for kind in FILES},
+        )
+        if out is not None:
+            metrics.write(out / "metrics.json")  # which the page shows
     return Result(metrics, arrays, status)
-
-
-def _remove_earlier(out: Path) -> None:
-    """Remove the files of an earlier run."""
-    for file in (*FILES.values(), "metrics.json"):
-        (out / file).unlink(missing_ok=True)
-
-
-class _PageOnError:
-    """Writes replay.html if an exception ends a run, once the video is complete.
-
-    Attributes:
-        folder: Where the other files are; None: there are none yet.
-    """
-
-    folder: Path | None = None
-
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(self, kind: type[BaseException] | None, *_: object) -> None:
-        if kind is not None and self.folder is not None:
-            # The first exception is the one to report; unrecorded runs have no page.
-            with contextlib.suppress(Exception):
-                write_page(self.folder)
 
 
 @contextlib.contextmanager
@@ -221,18 +186,6 @@ def failure_time(name: str, simulator: Simulator) -> Iterator[None]:
         raise ScenarioError(
             f"{name}: the simulation failed at t = {time:.3f} s: {one_line(error)}"
         ) from error
-
-
-@contextlib.contextmanager
-def _written_on_error(write: Callable[[], object]) -> Iterator[None]:
-    """Write the log so far if an exception is raised."""
-    try:
-        yield
-    except Exception:
-        # The first exception is the one to report: a full disk raises here as well.
-        with contextlib.suppress(Exception):
-            write()
-        raise
 
 
 def _without_unused_cameras(scenario: Scenario, recorded: bool) -> Scenario:
@@ -300,12 +253,12 @@ def _run(
                 samples.add(root)
                 status = status_port.Eval(context)
                 if latest is None:
-                    if status.mode in (Mode.DONE, Mode.FAILED):
+                    if status.ended:
                         end = min(limit, time + _SETTLE)
                         latest = time + _MOST_SETTLE
                 elif end - 1e-9 <= time < latest and samples.log.clearing_moves:
                     end = time + scenario.recording.period
-                mode = status.mode.value.replace("_", " ")
+                mode = mode_words(status.mode)
                 line.show(f"{name}: {time:6.2f} s simulated, {mode}", last=time == end)
     except KeyboardInterrupt:
         status = dc.replace(

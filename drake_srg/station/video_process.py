@@ -29,10 +29,11 @@ from pydrake.systems.framework import Context
 import drake_srg
 from drake_srg.common.exceptions import one_line
 from drake_srg.common.real_time import lower_priority
-from drake_srg.recording.output import OutputFile, Recorder, require
+from drake_srg.recording.output import Recorder, require
 from drake_srg.recording.video import VideoFile
 from drake_srg.scenario import LocalizerConfig, Scenario
 from drake_srg.station.cameras import MakeRemoteCameras
+from drake_srg.types import mode_words
 
 _PIPE = 1 << 20  # for states that wait to be rendered: about a minute's [bytes]
 _PATIENCE = 120.0  # s; a frame takes seconds at worst
@@ -194,7 +195,7 @@ class RemoteVideoRecorder(Recorder):
     ):
         super().__init__()
         self._process = process
-        self._output = OutputFile(path)
+        self._begin(path)
         self._state = self.DeclareVectorInputPort("plant_state", state_size)
         self._caption = self.DeclareAbstractInputPort(
             name="caption", model_value=AbstractValue.Make(object())
@@ -211,7 +212,9 @@ class RemoteVideoRecorder(Recorder):
 
     def _record(self, context: Context) -> None:
         state = np.array(self._state.Eval(context))
-        self._process.send(context.get_time(), self._caption.Eval(context), state)
+        # The other process does not know the user's own modes.
+        words = mode_words(self._caption.Eval(context))
+        self._process.send(context.get_time(), words, state)
 
 
 def main() -> None:

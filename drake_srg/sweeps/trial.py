@@ -20,7 +20,6 @@ from drake_srg.lifetime import free_diagrams
 from drake_srg.scenario import draw_scenario
 from drake_srg.simulation import Result, Simulate
 from drake_srg.sweeps.rows import TIMING_COLUMNS, metric_columns
-from drake_srg.types import Mode
 
 # `failure` of a trial that raised an error, which is then in `message`.
 ERROR = "error"
@@ -161,7 +160,7 @@ def _outcome(result: Result) -> dict[str, Any]:
     return {
         **{name: metrics[name] for name in metric_columns()},
         "message": result.status.message or None,
-        "claimed": result.status.mode is Mode.DONE,
+        "claimed": result.status.done,
     }
 
 

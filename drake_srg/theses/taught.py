@@ -36,7 +36,7 @@ from drake_srg.planning.planner_machine import (
     Transitions,
     planning_clock,
 )
-from drake_srg.types import Blob, Failure, Mode, PlannerStatus, Vector
+from drake_srg.types import AnyMode, Blob, Failure, Mode, PlannerStatus, Vector
 
 _UP = np.array([0.0, 0.0, 1.0])
 _ANGLE = 0.002  # how exactly the hand's z points up [rad]
@@ -91,7 +91,7 @@ class TaughtMotions:
         self.q_home = np.asarray(q_home, dtype=float)
         self.config = config
 
-    def plan(self, p_WT: Vector) -> Mapping[Mode, Trajectory] | PlanningFailure:
+    def plan(self, p_WT: Vector) -> Mapping[AnyMode, Trajectory] | PlanningFailure:
         """Plan the motion of each mode that moves the arm.
 
         Args:
@@ -102,7 +102,7 @@ class TaughtMotions:
         except NoPathError as error:
             return error.failure
 
-    def _plan(self, p_WT: Vector) -> dict[Mode, Trajectory]:
+    def _plan(self, p_WT: Vector) -> dict[AnyMode, Trajectory]:
         self._scene.SetFingers({})
         p_2 = np.asarray(p_WT)
         q_2 = self._reach(p_2, self.q_home)
@@ -144,19 +144,19 @@ class Senses:
 class TaughtMemory(MotionMemory):
     """All that the planner remembers."""
 
-    motions: Mapping[Mode, Trajectory] = dc.field(default_factory=dict)
+    motions: Mapping[AnyMode, Trajectory] = dc.field(default_factory=dict)
     gripped_since: float = np.inf  # s
     ready_at: float = np.inf  # when the planned motions may begin [s]
     next_look: float = 0.0  # s
     report: PlannerStatus = dc.field(default_factory=PlannerStatus)
 
-    def status(self, mode: Mode) -> PlannerStatus:
+    def status(self, mode: AnyMode) -> PlannerStatus:
         """Return the planner's report on its task in a mode."""
         return dc.replace(self.report, mode=mode)
 
 
 Now: TypeAlias = state_machine.Moment[Senses]
-Entry: TypeAlias = state_machine.Entry[Senses, Mode, Observation]
+Entry: TypeAlias = state_machine.Entry[Senses, AnyMode, Observation]
 
 # In the words of the thesis: IDLE, GOTO_P1, GOTO_P2, GRASP, GOTO_P3, GOTO_P4, RELEASE,
 # GOTO_P0 with CLOSE_AT_HOME, END. The conditions take the observation o, the time t in

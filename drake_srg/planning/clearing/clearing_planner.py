@@ -30,7 +30,7 @@ from drake_srg.planning.planner_machine import (
     PlannerMachine,
     PlannerMode,
 )
-from drake_srg.types import Failure, HeightMap, Mode
+from drake_srg.types import AnyMode, Failure, HeightMap, Mode
 
 # Things that never quite come to rest are picked all the same after this time [s].
 _PATIENCE = 3.0
@@ -46,7 +46,7 @@ class Senses(HandSenses[HeightMap]):
 
 
 Now: TypeAlias = state_machine.Moment[Senses]
-Entry: TypeAlias = state_machine.Entry[Senses, Mode, Observation]
+Entry: TypeAlias = state_machine.Entry[Senses, AnyMode, Observation]
 
 
 class ClearingMode(PlannerMode[ClearingMemory, Senses]):

@@ -30,7 +30,15 @@ from drake_srg.planning.planner_machine import (
     Transitions,
 )
 from drake_srg.planning.state_machine import Memory
-from drake_srg.types import Failure, HeightMap, Left, Mode, PlannerStatus, Vector
+from drake_srg.types import (
+    AnyMode,
+    Failure,
+    HeightMap,
+    Left,
+    Mode,
+    PlannerStatus,
+    Vector,
+)
 
 # What falls out of the bin rolls this far at most [m].
 _ROLLED = 0.3
@@ -48,7 +56,7 @@ class Pick(Memory):
     """A grasp, the motions of the modes around it, and the map they are planned on."""
 
     grasp: TopGrasp
-    motions: Mapping[Mode, Trajectory]
+    motions: Mapping[AnyMode, Trajectory]
     height_map: HeightMap
     destination: Destination  # of what it takes
     ready_at: float  # when planning has taken its time [s]
@@ -227,7 +235,7 @@ class ClearingMemory(MotionMemory):
             return False
         return has_come(earlier, pick.height_map, after, p_WC)
 
-    def status(self, mode: Mode) -> PlannerStatus:
+    def status(self, mode: AnyMode) -> PlannerStatus:
         """Return the planner's report on its task in a mode."""
         return PlannerStatus(
             mode=mode,

@@ -34,7 +34,7 @@ from drake_srg.planning.motion.planning_scene import (
 )
 from drake_srg.planning.motion.trajectories import STRAIGHT, PathPart
 from drake_srg.planning.planner_machine import PlannerConfig
-from drake_srg.types import Box, HeightMap, Mode, Vector
+from drake_srg.types import AnyMode, Box, HeightMap, Mode, Vector
 
 # Of inverse kinematics: another grasp comes sooner than a rare posture.
 _STARTS = 4
@@ -291,7 +291,7 @@ class ClearingMotions(abc.ABC):
         *,
         filled: float = -np.inf,
         spots: Spots = _NOWHERE,
-    ) -> dict[Mode, Trajectory] | PlanningFailure:
+    ) -> dict[AnyMode, Trajectory] | PlanningFailure:
         """Plan from `q_start` to a grasp, and with what it takes to where that goes.
 
         Args:
@@ -341,7 +341,7 @@ class ClearingMotions(abc.ABC):
         load: HeldLoad,
         least: float,
         height_map: HeightMap,
-    ) -> dict[Mode, Trajectory]:
+    ) -> dict[AnyMode, Trajectory]:
         """Return the motions with a load, which is lifted by `least` [m] or more.
 
         Args:
@@ -362,7 +362,7 @@ class ClearingMotions(abc.ABC):
         grasp: TopGrasp,
         height: float,
         height_map: HeightMap,
-    ) -> dict[Mode, Trajectory]:
+    ) -> dict[AnyMode, Trajectory]:
         """Return the motions to a grasp, the last one down from `height` [m] above.
 
         Raises:

@@ -17,7 +17,7 @@ from drake_srg.planning.motion.inverse_kinematics import HandTarget
 from drake_srg.planning.motion.limits import MotionLimits
 from drake_srg.planning.motion.planning_scene import NoPathError
 from drake_srg.planning.motion.trajectories import STRAIGHT, PathPart, joined
-from drake_srg.types import HeightMap, Mode, Vector
+from drake_srg.types import AnyMode, HeightMap, Mode, Vector
 
 # Height above what is below at which a load is let go [m]: more than it sags in the
 # fingers, and little to fall.
@@ -107,7 +107,7 @@ class BinMotions(ClearingMotions):
         load: HeldLoad,
         least: float,
         height_map: HeightMap,
-    ) -> dict[Mode, Trajectory]:
+    ) -> dict[AnyMode, Trajectory]:
         """See `ClearingMotions`; what cannot be lifted so high may hang level."""
         scene, moves = self.scene, self._moves
         for lifted in (load, load.level):
@@ -155,7 +155,7 @@ class BinMotions(ClearingMotions):
         grasp: TopGrasp,
         load: HeldLoad,
         lifted: HeldLoad,
-    ) -> dict[Mode, Trajectory]:
+    ) -> dict[AnyMode, Trajectory]:
         """Return the motions with a load along `up` and on to where it is let go.
 
         The load's middle is over the bin's or beside that, and just above its rim and
@@ -190,7 +190,7 @@ class BinMotions(ClearingMotions):
         place: HandTarget,
         load: HeldLoad,
         lifted: HeldLoad,
-    ) -> tuple[dict[Mode, Trajectory], Vector]:
+    ) -> tuple[dict[AnyMode, Trajectory], Vector]:
         """Return the motions with a load to a place, and their end, shape (N,) [rad].
 
         Args:
@@ -237,7 +237,7 @@ class RowMotions(ClearingMotions):
         load: HeldLoad,
         least: float,
         height_map: HeightMap,
-    ) -> dict[Mode, Trajectory]:
+    ) -> dict[AnyMode, Trajectory]:
         """See `ClearingMotions`; the way with the load ends where it is set down."""
         scene, moves = self.scene, self._moves
         scene.SetFingers(grasp.fingers_closed)

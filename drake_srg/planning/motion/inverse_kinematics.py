@@ -4,13 +4,20 @@ from __future__ import annotations
 
 import dataclasses as dc
 import enum
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator, Sequence
+from typing import TypeAlias
 
 import numpy as np
 from numpy.random import Generator, default_rng
 from pydrake.math import RigidTransform, RotationMatrix
 from pydrake.multibody.inverse_kinematics import InverseKinematics
-from pydrake.solvers import SnoptSolver, SolverOptions
+from pydrake.solvers import (
+    Binding,
+    MathematicalProgram,
+    MathematicalProgramResult,
+    SnoptSolver,
+    SolverOptions,
+)
 
 from drake_srg.planning.motion.planning_scene import Clearance, PlanningScene
 from drake_srg.types import Failure, Vector
@@ -74,6 +81,9 @@ _FINE = SolverOptions()
 _FINE.SetOption(SnoptSolver.id(), "Major iterations limit", 60)
 _FINE.SetOption(SnoptSolver.id(), "Major feasibility tolerance", 1e-9)
 
+# Adds to the problem before it is solved.
+Extend: TypeAlias = Callable[[InverseKinematics], object]
+
 
 class Requirement(enum.Enum):
     """Kinds of constraint of the problem; a failure names one of them."""
@@ -83,6 +93,7 @@ class Requirement(enum.Enum):
     AXIS = "axis"
     JOINT_LIMITS = "joint_limits"
     MINIMUM_DISTANCE = "minimum_distance"
+    OWN = "own"  # a constraint that the caller has added
 
 
 @dc.dataclass(frozen=True)
@@ -90,7 +101,8 @@ class IkSolution:
     """Joint angles that meet every requirement."""
 
     q: Vector  # shape (N,) [rad]
-    cost: float  # squared distance from the nominal posture [rad²]
+    # Squared distance from the nominal posture [rad²], and the caller's own costs.
+    cost: float
     clearance: Clearance | None  # None where collisions were not asked for
     starts: int  # how many starts were needed
 
@@ -100,7 +112,8 @@ class IkFailure:
     """The requirement that cannot be met together with all others."""
 
     requirement: Requirement
-    violation: float  # in the best compromise found [m] or [rad]
+    # In the best compromise found [m] or [rad]; of one's own, in units of its bounds.
+    violation: float
     message: str
     q: Vector  # that compromise, shape (N,) [rad]
     clearance: Clearance | None = None  # of the colliding pair
@@ -124,6 +137,7 @@ def solve_inverse_kinematics(
     good_cost: float = np.inf,
     check_clearance: bool = True,
     seed: int = 0,
+    extend: Extend | None = None,
 ) -> IkSolution | IkFailure:
     """Solve for the posture nearest to a nominal one that reaches `target`.
 
@@ -145,6 +159,11 @@ def solve_inverse_kinematics(
             takes the first solution found.
         check_clearance: Whether solutions must be free in `scene`.
         seed: Seed of the random starts; the same call returns the same result.
+        extend: Adds constraints and costs of your own to the problem before it is
+            solved: it gets the `InverseKinematics` of the scene's plant. The arm's
+            joints are `ik.q()[scene.arm_indices]`; no others move. Give constraints a
+            description (`evaluator().set_description`): a failure names the one that
+            cannot be met.
 
     Returns:
         The cheapest free solution among those tried, or what cannot be met.
@@ -160,20 +179,20 @@ def solve_inverse_kinematics(
                 f"got shape {np.shape(vector)}"
             )
     limits = (scene.lower + joint_margin, scene.upper - joint_margin)
-    program = _Program(scene, target, limits)
+    program = _Program(scene, target, limits, extend=extend)
     best: IkSolution | None = None
     blocked: list[tuple[Clearance, Vector]] = []
     for count, start in enumerate(
         _starts(limits, guess, default_rng(seed), max_starts), 1
     ):
-        q, solved = program.solve(start, q_nominal if count == 1 else start)
+        q, solved, own_cost = program.solve(start, q_nominal if count == 1 else start)
         if not solved:
             continue
         clearance = scene.clearance(q) if check_clearance else None
         if clearance and clearance.spare < 0.0:
             blocked.append((clearance, q))
             continue
-        cost = float(np.sum((q - q_nominal) ** 2))
+        cost = float(np.sum((q - q_nominal) ** 2)) + own_cost
         if best is None or cost < best.cost:
             best = IkSolution(q, cost, clearance, count)
         if best.cost <= good_cost:
@@ -189,7 +208,7 @@ def solve_inverse_kinematics(
             q,
             clearance,
         )
-    return _diagnose(scene, target, limits, guess)
+    return _diagnose(scene, target, limits, guess, extend)
 
 
 def solve_from(
@@ -206,7 +225,7 @@ def solve_from(
         The posture, shape (N,) [rad]; None if none is found from there.
     """
     limits = (scene.lower + _JOINT_MARGIN, scene.upper - _JOINT_MARGIN)
-    q, solved = _Program(scene, target, limits).solve(start, start)
+    q, solved, _ = _Program(scene, target, limits).solve(start, start)
     return q if solved else None
 
 
@@ -230,6 +249,7 @@ class _Program:
         *,
         soft_position: bool = False,
         soft_rotation: bool = False,
+        extend: Extend | None = None,
     ) -> None:
         self._scene, self._soft = scene, soft_position or soft_rotation
         world, hand = scene.plant.world_frame(), scene.hand_frame
@@ -252,8 +272,24 @@ class _Program:
                 hand, target.p_GT, world, target.p_WT - tolerance,
                 target.p_WT + tolerance,
             )  # fmt: skip
-        if soft_position:
-            return
+        if not soft_position:
+            self._AddRotation(target, soft_rotation)
+        self.own: list[Binding] = []  # the caller's constraints
+        self._own_costs: list[Binding] = []
+        if extend is not None:
+            self._Extend(extend)
+
+    def _Extend(self, extend: Extend) -> None:
+        before = {b.evaluator() for b in _all(self._prog)}
+        extend(self._ik)
+        self.own, self._own_costs = (
+            [b for b in bindings if b.evaluator() not in before]
+            for bindings in (self._prog.GetAllConstraints(), self._prog.GetAllCosts())
+        )
+
+    def _AddRotation(self, target: HandTarget, soft_rotation: bool) -> None:
+        ik, hand = self._ik, self._scene.hand_frame
+        world = self._scene.plant.world_frame()
         if target.R_WG is not None:
             pair = (hand, RotationMatrix(), world, target.R_WG)
             if soft_rotation:
@@ -278,15 +314,42 @@ class _Program:
                         hand, axis.axis_G, world, vector_W, least, most
                     )
 
-    def solve(self, start: Vector, pull: Vector) -> tuple[Vector, bool]:
-        """Return q (N,) from a start, drawn towards `pull`, and whether it is valid."""
+    def solve_without(self, own: Binding, start: Vector) -> float | None:
+        """Return by how much the rest breaks one of `own`; None: it is not met."""
+        self._prog.RemoveConstraint(own)
+        result = self._solve(start, start)
+        self._prog.AddConstraint(own)
+        if not result.is_success():
+            return None
+        value, evaluator = result.EvalBinding(own), own.evaluator()
+        below, above = evaluator.lower_bound() - value, value - evaluator.upper_bound()
+        return float(np.max([below, above]))
+
+    def solve(self, start: Vector, pull: Vector) -> tuple[Vector, bool, float]:
+        """Return the result from a start, drawn towards `pull`.
+
+        Returns:
+            q (N,), whether it is valid, and the caller's own costs.
+        """
+        result = self._solve(start, pull)
+        own = sum(result.EvalBinding(cost).sum() for cost in self._own_costs)
+        q_arm = self._ik.q()[self._scene.arm_indices]
+        return result.GetSolution(q_arm), result.is_success(), float(own)
+
+    def _solve(self, start: Vector, pull: Vector) -> MathematicalProgramResult:
         q_arm = self._ik.q()[self._scene.arm_indices]
         cost = self._prog.AddQuadraticErrorCost(self._weights, pull, q_arm)
-        result = SnoptSolver().Solve(
-            self._prog, self._scene.positions(start), self._options
-        )
+        # Variables that the caller has added start at 0.
+        guess = np.zeros(self._prog.num_vars())
+        positions = self._scene.positions(start)
+        guess[self._prog.FindDecisionVariableIndices(self._ik.q())] = positions
+        result = SnoptSolver().Solve(self._prog, guess, self._options)
         self._prog.RemoveCost(cost)
-        return result.GetSolution(q_arm), result.is_success()
+        return result
+
+
+def _all(program: MathematicalProgram) -> list[Binding]:
+    return [*program.GetAllConstraints(), *program.GetAllCosts()]
 
 
 def _diagnose(
@@ -294,15 +357,20 @@ def _diagnose(
     target: HandTarget,
     limits: tuple[Vector, Vector],
     guess: Vector,
+    extend: Extend | None = None,
 ) -> IkFailure:
     """Drop one requirement after the other until the rest can be met."""
     rng = default_rng(0)
     starts = list(_starts(limits, guess, rng, 4))
+    if extend is not None:
+        failure = _diagnose_own(scene, target, limits, starts, extend)
+        if failure is not None:
+            return failure
     turn = np.full(scene.num_joints, 2.0 * np.pi)
 
     unlimited = _Program(scene, target, (-turn, turn))
     for start in starts:
-        q, solved = unlimited.solve(start, start)
+        q, solved, _ = unlimited.solve(start, start)
         beyond = np.maximum(limits[0] - q, q - limits[1])
         worst = int(np.argmax(beyond))
         if solved and beyond[worst] > 0.0:
@@ -340,5 +408,45 @@ def _diagnose(
         Requirement.POSITION,
         distance,
         f"position: the hand gets no nearer than {1e3 * distance:.0f} mm",
+        q,
+    )
+
+
+def _diagnose_own(
+    scene: PlanningScene,
+    target: HandTarget,
+    limits: tuple[Vector, Vector],
+    starts: Sequence[Vector],
+    extend: Extend,
+) -> IkFailure | None:
+    """Return which of the caller's constraints cannot be met; None if it is not they.
+
+    It is the first without which all others can be met, or all of them together.
+    """
+    plain = _Program(scene, target, limits)
+    tries = (plain.solve(start, start) for start in starts)
+    q = next((q for q, solved, _ in tries if solved), None)
+    if q is None:
+        return None
+    program = _Program(scene, target, limits, extend=extend)
+    names = [
+        own.evaluator().get_description() or f"constraint {number}"
+        for number, own in enumerate(program.own, 1)
+    ]
+    for name, own in zip(names, program.own, strict=True):
+        for start in starts:
+            violation = program.solve_without(own, start)
+            if violation is not None and violation > 0.0:
+                return IkFailure(
+                    Requirement.OWN,
+                    violation,
+                    f"{name} (your own): cannot be met together with the rest, which "
+                    f"breaks its bounds by {violation:.3g}",
+                    q,
+                )
+    return IkFailure(
+        Requirement.OWN,
+        np.nan,
+        f"{', '.join(names)} (your own): cannot be met together with the rest",
         q,
     )

@@ -23,7 +23,7 @@ from drake_srg.planning.planner_machine import (
     Transitions,
 )
 from drake_srg.planning.state_machine import Memory
-from drake_srg.types import Blob, Failure, Mode, PlannerStatus, Vector
+from drake_srg.types import AnyMode, Blob, Failure, Mode, PlannerStatus, Vector
 
 
 @dc.dataclass
@@ -44,8 +44,16 @@ class Attempt(Memory):
 
     @property
     def planned(self) -> TaskMotions:
-        """The motions, for modes that begin only with motions."""
-        assert self.motions is not None, "this mode needs planned motions"
+        """The motions, for modes that begin only with motions.
+
+        Raises:
+            RuntimeError: If the transitions lead there without a plan.
+        """
+        if self.motions is None:
+            raise RuntimeError(
+                "this mode needs planned motions: let the transitions lead here only "
+                "after IDLE has observed `ready`"
+            )
         return self.motions
 
 
@@ -113,7 +121,7 @@ class PlannerMemory(MotionMemory):
     seen: Seen = dc.field(default_factory=Seen)
     trouble: Trouble = dc.field(default_factory=Trouble)
 
-    def status(self, mode: Mode) -> PlannerStatus:
+    def status(self, mode: AnyMode) -> PlannerStatus:
         """Return the planner's report on its task in a mode."""
         return PlannerStatus(
             mode=mode,
@@ -156,6 +164,11 @@ def watch_grasp(
     if memory.attempt.lost:
         return
     grip = memory.grip
+    if grip.angles.shape != senses.fingers.shape:
+        raise RuntimeError(
+            "a mode that carries an object needs `memory.grip.angles`: call "
+            "`super().enter(memory, entry)` in its `enter`"
+        )
     since = np.inf if holding(memory, senses) else min(grip.unheld_since, time)
     closing = senses.fingers - grip.angles
     if time - since >= config.slip_time or np.mean(closing) > config.slip_closing:

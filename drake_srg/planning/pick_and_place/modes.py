@@ -28,14 +28,14 @@ from drake_srg.planning.planner_machine import (
     PlannerConfig,
     PlannerMode,
 )
-from drake_srg.types import Failure, Mode
+from drake_srg.types import AnyMode, Failure, Mode
 
 # Joint error within which what an object meets as it is set down is its goal [rad]: 5
 # to 8 mm at the hand of an iiwa.
 _SET_DOWN = 0.01
 
 Now: TypeAlias = state_machine.Moment[Senses]
-Entry: TypeAlias = state_machine.Entry[Senses, Mode, Observation]
+Entry: TypeAlias = state_machine.Entry[Senses, AnyMode, Observation]
 
 _MESSAGES = {
     **GIVES_UP,
@@ -47,6 +47,9 @@ _MESSAGES = {
 
 class TaskMode(PlannerMode[PlannerMemory, Senses]):
     """A mode of the task. Every mode heeds the clock and torques from outside.
+
+    For a mode of your own, derive from this class, `Moving` or `Carrying`, and set
+    `mode`. Where you override `enter` or `update`, call that of the base class.
 
     Attributes:
         mode: Which mode it is.
@@ -115,6 +118,13 @@ class Moving(TaskMode):
 
 class Carrying(Moving):
     """A mode that moves the arm with the object in the hand."""
+
+    def enter(self, memory: PlannerMemory, entry: Entry) -> PlannerMemory:
+        """Remember how the fingers hold the object, if no mode has yet, and go."""
+        if not len(memory.grip.angles):
+            memory.grip.angles = entry.senses.fingers.copy()
+            memory.grip.unheld_since = np.inf
+        return super().enter(memory, entry)
 
     def update(self, memory: PlannerMemory, now: Now) -> PlannerMemory:
         """Stop the arm where the hand loses the object."""
@@ -214,8 +224,9 @@ class Close(TaskMode):
     mode = Mode.CLOSE
 
     def enter(self, memory: PlannerMemory, entry: Entry) -> PlannerMemory:
-        """Close the fingers."""
+        """Close the fingers; how they hold the object is not known yet."""
         memory.closure = memory.attempt.planned.grasp.closure_closed
+        memory.grip.angles = np.zeros(0)
         return super().enter(memory, entry)
 
     def observe_mode(self, memory: PlannerMemory, now: Now) -> Observation:
@@ -243,12 +254,6 @@ class Lift(Carrying):
     def wait(self) -> float:
         """Time to verify the grasp at rest [s]."""
         return self.config.verify_time
-
-    def enter(self, memory: PlannerMemory, entry: Entry) -> PlannerMemory:
-        """Remember how the fingers hold the object, and go."""
-        memory.grip.angles = entry.senses.fingers.copy()
-        memory.grip.unheld_since = np.inf
-        return super().enter(memory, entry)
 
 
 class Transfer(Carrying):
@@ -405,7 +410,7 @@ _KINDS: tuple[type[TaskMode], ...] = (
 
 def task_modes(
     config: PlannerConfig, replanner: Replanner, repeat: int
-) -> dict[Mode, TaskMode]:
+) -> dict[AnyMode, TaskMode]:
     """Return what the planner does in each mode.
 
     Args:

@@ -23,12 +23,12 @@ from drake_srg.planning.planner_machine import (
     PlannerConfig,
     PlannerMachine,
 )
-from drake_srg.types import Mode
+from drake_srg.types import AnyMode
 
 MakeModes: TypeAlias = Callable[
-    [PlannerConfig, Replanner, int], Mapping[Mode, TaskMode]
+    [PlannerConfig, Replanner, int], Mapping[AnyMode, TaskMode]
 ]
-Transition: TypeAlias = Callable[[Mode, Observation, float, PlannerConfig], Mode]
+Transition: TypeAlias = Callable[[AnyMode, Observation, float, PlannerConfig], AnyMode]
 
 
 class PickAndPlacePlanner(PlannerMachine[PlannerMemory, Senses]):
@@ -59,7 +59,7 @@ class PickAndPlacePlanner(PlannerMachine[PlannerMemory, Senses]):
     moving arm stops where it is, and the task fails.
 
     Outputs: `position_commanded` (N) [rad]; `closure_commanded` (1), 0 open .. 1
-    closed; `mode` (Mode); `status` (PlannerStatus).
+    closed; `mode` (AnyMode); `status` (PlannerStatus).
 
     The modes follow one another by `transition`, evaluated every `config.period`. While
     idle, the planner looks for the object. It plans all motions at once and moves
@@ -89,11 +89,14 @@ class PickAndPlacePlanner(PlannerMachine[PlannerMemory, Senses]):
         repeat: How many cycles. Every second one takes the object back to where it was
             first found.
         config: Times, speeds and limits.
-        make_modes: Makes what the planner does in each mode.
-        transition: Says which mode follows.
+        make_modes: Makes what the planner does in each mode. Add your own modes to
+            those of `task_modes`.
+        transition: Says which mode follows; with your own modes, `Transitions` of a
+            table made from `TRANSITIONS`.
 
     Raises:
-        ValueError: If `config.max_external_torque` lacks one entry per joint.
+        ValueError: If `config.max_external_torque` lacks one entry per joint, or the
+            transitions lead to a mode without actions.
     """
 
     def __init__(

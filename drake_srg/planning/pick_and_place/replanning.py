@@ -27,14 +27,14 @@ from drake_srg.planning.pick_and_place.task_motions import (
     TaskPlanner,
 )
 from drake_srg.planning.planner_machine import PlannerConfig, planning_clock
-from drake_srg.types import Blob, Failure, Mode, Sphere, Vector
+from drake_srg.types import AnyMode, Blob, Failure, Mode, Sphere, Vector
 
 # An object seen this far from where the motions take it has moved [m], [rad]: more than
 # the localisation may be off, and what fingers that close on it still make up for.
 _MOVED, _TURNED = 0.003, np.deg2rad(5.0)
 # An object seen further than this from its place in the hand is not in it [m].
 _LOST = 0.03
-_ORDER = {mode: i for i, mode in enumerate(Mode)}  # of a cycle
+_ORDER: dict[AnyMode, int] = {mode: i for i, mode in enumerate(Mode)}  # of a cycle
 _STANDING = np.deg2rad(5.0)  # lean of an object that counts as standing on its goal
 
 
@@ -246,7 +246,7 @@ class Replanner:
         return seen if self._at_home(q) else (*memory.seen.obstacles, *seen)
 
     def _obstruction(
-        self, task: TaskMotions, mode: Mode, obstacles: Obstacles
+        self, task: TaskMotions, mode: AnyMode, obstacles: Obstacles
     ) -> str | None:
         """Return what is in the way of the motions after that of `mode`, in words."""
         rest = {m: t for m, t in task.motions.items() if _ORDER[m] > _ORDER[mode]}

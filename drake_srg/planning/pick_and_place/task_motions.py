@@ -33,7 +33,7 @@ from drake_srg.planning.motion.planning_scene import (
 )
 from drake_srg.planning.motion.trajectories import motion_samples
 from drake_srg.planning.planner_machine import PlannerConfig
-from drake_srg.types import Failure, Mode, Vector
+from drake_srg.types import AnyMode, Failure, Mode, Vector, mode_name
 
 _UP = np.array([0.0, 0.0, 1.0])
 # How much more a carried object may lean than where it was taken [rad].
@@ -70,7 +70,7 @@ class GraspMotions:
         shape: Solid,
         X_WO_goal: RigidTransform,
         candidate: Candidate,
-    ) -> dict[Mode, Trajectory]:
+    ) -> dict[AnyMode, Trajectory]:
         """Plan all motions from `q_start` to home.
 
         Args:
@@ -83,7 +83,7 @@ class GraspMotions:
             NoPathError: If a motion does not exist.
         """
         scene, grasp, X_WO = self._scene, candidate.grasp, candidate.X_WO
-        motions: dict[Mode, Trajectory] = {}
+        motions: dict[AnyMode, Trajectory] = {}
 
         scene.SetFingers(grasp.fingers_open)
         with scene.standing(shape, X_WO, touchable=True):
@@ -102,7 +102,7 @@ class GraspMotions:
 
     def carry(
         self, shape: Solid, X_WO_goal: RigidTransform, candidate: Candidate
-    ) -> dict[Mode, Trajectory]:
+    ) -> dict[AnyMode, Trajectory]:
         """Plan the motions that follow a grasp, from lifting to home.
 
         Args:
@@ -114,7 +114,7 @@ class GraspMotions:
             NoPathError: If a motion does not exist.
         """
         scene, grasp = self._scene, candidate.grasp
-        motions: dict[Mode, Trajectory] = {}
+        motions: dict[AnyMode, Trajectory] = {}
         with carrying(scene, shape, grasp):
             with scene.supporting(SUPPORT_OVERLAP):
                 q_pick = candidate.q_grasp
@@ -140,7 +140,7 @@ class GraspMotions:
 
     def place(
         self, q_start: Vector, grasp: Grasp, shape: Solid, X_WO_goal: RigidTransform
-    ) -> dict[Mode, Trajectory]:
+    ) -> dict[AnyMode, Trajectory]:
         """Plan the motions onto the goal and home, with the object in the hand.
 
         Args:
@@ -161,9 +161,9 @@ class GraspMotions:
 
     def _leave(
         self, q_place: Vector, grasp: Grasp, shape: Solid, X_WO: RigidTransform
-    ) -> dict[Mode, Trajectory]:
+    ) -> dict[AnyMode, Trajectory]:
         """Return the motions away from an object that has been placed, and home."""
-        scene, motions = self._scene, {}
+        scene, motions = self._scene, dict[AnyMode, Trajectory]()
         X_WO = grasp.set_down(scene.X_WG(q_place), X_WO)
         scene.SetFingers(grasp.fingers_open)
         with scene.standing(shape, X_WO, touchable=True):
@@ -250,7 +250,7 @@ class TaskMotions:
     """A grasp and the motion of each mode that moves the arm."""
 
     grasp: Grasp
-    motions: Mapping[Mode, Trajectory]
+    motions: Mapping[AnyMode, Trajectory]
 
 
 class TaskPlanner:
@@ -458,7 +458,7 @@ class TaskPlanner:
                     samples = motion_samples(self.scene, motion)
                     hit = self.scene.first_hit(samples, slack)
                 if hit is not None:
-                    return f"{mode.value}: {hit}"
+                    return f"{mode_name(mode)}: {hit}"
         return None
 
     def plan_escape(

@@ -46,10 +46,10 @@ from drake_srg.planning.servoing.config import (
     ServoState,
     ServoStatus,
 )
-from drake_srg.types import Failure, Mode, Shape
+from drake_srg.types import AnyMode, Failure, Mode, Shape
 
 # What the servo is told in each mode; it passes in all others.
-COMMANDS: Mapping[Mode, ServoCommand] = {
+COMMANDS: Mapping[AnyMode, ServoCommand] = {
     Mode.GRASP: ServoCommand.TRACK,
     Mode.CLOSE: ServoCommand.FOLLOW,
     Mode.VERIFY: ServoCommand.FOLLOW,
@@ -79,7 +79,7 @@ class ServoSenses(Senses):
     servo: ServoStatus = dc.field(default_factory=ServoStatus)
 
 
-def servo_command(mode: Mode, memory: PlannerMemory) -> ServoCommand:
+def servo_command(mode: AnyMode, memory: PlannerMemory) -> ServoCommand:
     """Return what the servo must do in a mode."""
     if mode is Mode.GRASP and memory.trouble.failure is not None:
         return ServoCommand.HOLD  # the way out begins where the hand rests
@@ -197,7 +197,7 @@ class ServoLift(Lift):
 
 def servo_modes(
     config: PlannerConfig, replanner: Replanner, repeat: int, *, time_limit: float
-) -> dict[Mode, TaskMode]:
+) -> dict[AnyMode, TaskMode]:
     """Return what the planner does in each mode.
 
     Args:

@@ -198,15 +198,15 @@ def _data_url(kind: str, data: bytes) -> str:
 
 def _data(timeline: Timeline, sights: list[Json], video_start: float) -> Json:
     """Return what the page's scripts show, besides the scene and the video."""
-    time = timeline.time
-    changes = [0, *(1 + np.flatnonzero(_differ(timeline.mode)))]
+    time, mode = timeline.time, timeline.mode
+    changes = [0, *(1 + np.flatnonzero(_differ(mode)))] if len(mode) else []
     return {
         "duration": _short(time[-1]),
         "period": _short(time[1] - time[0]) if len(time) > 1 else 0.02,
         "time": [_short(t, 6) for t in time],
         "colors": len(COLORS),
         "modes": [
-            {"time": _short(time[i], 6), "mode": timeline.mode[i].replace("_", " ")}
+            {"time": _short(time[i], 6), "mode": mode[i].replace("_", " ")}
             for i in changes
         ],
         "panels": [

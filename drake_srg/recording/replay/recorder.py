@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 import dataclasses as dc
-from collections.abc import Collection, Sequence
+from collections.abc import Collection, Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
 import cv2
 import numpy as np
-from pydrake.systems.framework import Context, Diagram
+from pydrake.geometry import SceneGraph
+from pydrake.systems.framework import Context, Diagram, System
+from pydrake.systems.sensors import RgbdSensor
 
 from drake_srg.common.systems import output_ports
 from drake_srg.lifetime import my_context
@@ -119,7 +121,14 @@ class ReplayRecorder:
         cameras: Sequence[str] = (),
     ) -> None:
         self._cell = cell
-        self._scene = SceneRecorder(root, objects)
+        systems = list(_systems(root))
+        graphs = [system for system in systems if isinstance(system, SceneGraph)]
+        if not graphs:
+            raise ValueError("ReplayRecorder needs a diagram with a SceneGraph")
+        self._graph = graphs[0]
+        sensors = [system for system in systems if isinstance(system, RgbdSensor)]
+        named = {s.get_name().removeprefix("rgbd_sensor_"): s for s in sensors}
+        self._scene = SceneRecorder(self._graph, named, objects)
         self._sights = SightRecorder(cell, cameras)
         self._contacts = output_ports(cell).get("contact_results_cheat")
 
@@ -127,7 +136,8 @@ class ReplayRecorder:
         """Add a sample, at the time of the root diagram's context."""
         context = my_context(self._cell, root)
         contacts = None if self._contacts is None else self._contacts.Eval(context)
-        self._scene.sample(root, contacts)
+        query = self._graph.get_query_output_port().Eval(my_context(self._graph, root))
+        self._scene.sample(root.get_time(), query, contacts)
         self._sights.sample(context)
 
     def write(
@@ -147,14 +157,58 @@ class ReplayRecorder:
         Raises:
             OSError: If the file cannot be written.
         """
-        extras = {
-            "labels": dc.asdict(labels),
-            "video_camera": video_camera,
-            "video_start": video_start,
-            "sights": self._sights.sights,
-        }
-        output = OutputFile(path)
-        output.path.write_bytes(
-            write_glb(self._scene.nodes(), extras, self._sights.images)
+        sights = self._sights
+        return write_replay(
+            path,
+            self._scene,
+            labels,
+            video_camera,
+            video_start,
+            sights.sights,
+            sights.images,
         )
-        return output.commit()
+
+
+def _systems(diagram: Diagram) -> Iterator[System]:
+    """Yield the systems of a diagram at any depth; a sensor's own are not looked at."""
+    for system in diagram.GetSystems():
+        yield system
+        if isinstance(system, Diagram) and not isinstance(system, RgbdSensor):
+            yield from _systems(system)
+
+
+def write_replay(
+    path: Path,
+    scene: SceneRecorder,
+    labels: Labels,
+    video_camera: str = "",
+    video_start: float = 0.0,
+    sights: Sequence[Json] = (),
+    images: Sequence[bytes] = (),
+) -> Path:
+    """Write replay.glb; see `ReplayRecorder`.
+
+    Args:
+        path: The .glb file.
+        scene: Its samples; there must be one.
+        labels: Names for the columns of the run's log.
+        video_camera: Name of the camera of video.mp4; empty: no video.
+        video_start: Simulated time of the video's first frame [s].
+        sights: See `SightRecorder`.
+        images: The images of `sights`.
+
+    Returns:
+        The path.
+
+    Raises:
+        OSError: If the file cannot be written.
+    """
+    extras = {
+        "labels": dc.asdict(labels),
+        "video_camera": video_camera,
+        "video_start": video_start,
+        "sights": list(sights),
+    }
+    output = OutputFile(path)
+    output.path.write_bytes(write_glb(scene.nodes(), extras, images))
+    return output.commit()

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterator
+from collections.abc import Collection, Mapping
 
 import numpy as np
 from pydrake.common.eigen_geometry import Quaternion
 from pydrake.geometry import (
     FrameId,
     GeometryId,
+    QueryObject,
     Rgba,
     SceneGraph,
     SceneGraphInspector,
@@ -16,11 +17,9 @@ from pydrake.geometry import (
 )
 from pydrake.math import RigidTransform, RollPitchYaw
 from pydrake.multibody.plant import ContactResults
-from pydrake.systems.framework import Context, Diagram, System
 from pydrake.systems.sensors import RgbdSensor
 
 from drake_srg.common.contacts import each_contact
-from drake_srg.lifetime import my_context
 from drake_srg.objects.soft import nearest_pose
 from drake_srg.recording.replay.glb import Json, Node, Part, Track
 from drake_srg.recording.replay.triangles import (
@@ -56,7 +55,7 @@ def pose_tracks(time: Vector, rows: Vector) -> dict[str, Track]:
     }
 
 
-def camera_node(sensor: RgbdSensor, time: Vector, rows: Vector) -> Node:
+def camera_node(name: str, sensor: RgbdSensor, time: Vector, rows: Vector) -> Node:
     """Return a camera on a frame with poses as from `pose_row`, shape (K, 7)."""
     core = sensor.default_color_render_camera().core()
     intrinsics, clipping = core.intrinsics(), core.clipping()
@@ -68,7 +67,6 @@ def camera_node(sensor: RgbdSensor, time: Vector, rows: Vector) -> Node:
         "znear": clipping.near(),
         "zfar": clipping.far(),
     }
-    name = sensor.get_name().removeprefix("rgbd_sensor_")
     tracks = pose_tracks(time, moved)
     return Node(name, tracks=tracks, camera=camera, extras={"camera": name})
 
@@ -179,20 +177,18 @@ class SceneRecorder:
     """Samples the poses of everything visible, soft bodies' vertices, and contacts.
 
     Args:
-        root: The root diagram, with one SceneGraph in it, at any depth.
+        graph: The scene.
+        cameras: Cameras by name.
         objects: Names of the model instances whose contact forces point at them.
-
-    Raises:
-        ValueError: If the diagram has no SceneGraph.
     """
 
-    def __init__(self, root: Diagram, objects: Collection[str] = ()) -> None:
-        systems = list(_systems(root))
-        graphs = [system for system in systems if isinstance(system, SceneGraph)]
-        if not graphs:
-            raise ValueError("SceneRecorder needs a diagram with a SceneGraph")
-        self._graph = graphs[0]
-        self._sensors = [s for s in systems if isinstance(s, RgbdSensor)]
+    def __init__(
+        self,
+        graph: SceneGraph,
+        cameras: Mapping[str, RgbdSensor] | None = None,
+        objects: Collection[str] = (),
+    ) -> None:
+        self._graph, self._cameras = graph, dict(cameras or {})
         self._objects = frozenset(objects)
         inspector = self._graph.model_inspector()
         self._parts = {
@@ -201,7 +197,7 @@ class SceneRecorder:
             if (parts := frame_parts(inspector, frame))
         }
         # A camera may be on a frame without anything visible.
-        frames = {sensor.default_parent_frame_id() for sensor in self._sensors}
+        frames = {s.default_parent_frame_id() for s in self._cameras.values()}
         self._frames = [*self._parts, *sorted(frames - self._parts.keys(), key=_number)]
         self._soft = [
             geometry
@@ -220,14 +216,16 @@ class SceneRecorder:
     def __len__(self) -> int:
         return len(self._time)
 
-    def sample(self, root: Context, contacts: ContactResults | None = None) -> None:
+    def sample(
+        self, time: float, query: QueryObject, contacts: ContactResults | None = None
+    ) -> None:
         """Add a sample. An exception on the way adds nothing.
 
         Args:
-            root: The root diagram's context.
+            time: Simulated time [s].
+            query: The scene graph's.
             contacts: The plant's contact results; None: no forces.
         """
-        query = self._graph.get_query_output_port().Eval(my_context(self._graph, root))
         poses = [pose_row(query.GetPoseInWorld(frame)) for frame in self._frames]
         vertices = [
             query.GetConfigurationsInWorld(geometry).reshape(-1, 3).copy()
@@ -236,7 +234,7 @@ class SceneRecorder:
         forces = {} if contacts is None else self._pair_forces(contacts)
         for pair, row in forces.items():
             self._forces.setdefault(pair, []).append((len(self._time), row))
-        self._time.append(root.get_time())
+        self._time.append(time)
         self._poses.append(poses)
         self._vertices.append(vertices)
 
@@ -266,9 +264,9 @@ class SceneRecorder:
                     vertices,
                 )
             )
-        for sensor in self._sensors:
+        for name, sensor in self._cameras.items():
             i = self._frames.index(sensor.default_parent_frame_id())
-            nodes.append(camera_node(sensor, time, poses[:, i]))
+            nodes.append(camera_node(name, sensor, time, poses[:, i]))
         for pair, samples in sorted(self._forces.items()):
             nodes.append(force_node(pair, samples, time))
         return nodes
@@ -296,14 +294,6 @@ class SceneRecorder:
             point = weights @ points / weights.sum()
             rows[pair] = np.concatenate([point, forces.sum(axis=0)])
         return rows
-
-
-def _systems(diagram: Diagram) -> Iterator[System]:
-    """Yield the systems of a diagram at any depth; a sensor's own are not looked at."""
-    for system in diagram.GetSystems():
-        yield system
-        if isinstance(system, Diagram) and not isinstance(system, RgbdSensor):
-            yield from _systems(system)
 
 
 def _number(identifier: FrameId | GeometryId) -> int:

@@ -19,7 +19,7 @@ from drake_srg.planning.planner_machine import AddPlannerOutputs
 from drake_srg.planning.servoing.config import ServoCommand, ServoStatus
 from drake_srg.planning.servoing.tracker import Sighting
 from drake_srg.robot.serve.commands import PortValues
-from drake_srg.types import Failure, Mode, PlannerStatus, Vector
+from drake_srg.types import AnyMode, Failure, Mode, PlannerStatus, Vector
 
 
 @dc.dataclass(frozen=True)
@@ -58,7 +58,7 @@ class Answer:
     planning_wall: float = 0.0
 
     @property
-    def mode(self) -> Mode:
+    def mode(self) -> AnyMode:
         """The planner's mode."""
         return self.status.mode
 
@@ -409,7 +409,7 @@ class RemotePlanner(LeafSystem):
     def _update(self, context: Context, state: State) -> EventStatus:
         before = plan = self.plan(context)
         time = context.get_time()
-        if plan.status.mode in (Mode.DONE, Mode.FAILED):
+        if plan.status.ended:
             return EventStatus.DidNothing()
         if self._safety.HasValue(context):
             state_and_reason = safety_state(self._safety.Eval(context))

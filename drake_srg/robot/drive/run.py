@@ -46,7 +46,7 @@ from drake_srg.simulation.recorders import FILES, AddRosbagRecorder, run_labels
 from drake_srg.simulation.run_log import RunLog
 from drake_srg.simulation.simulate import Result, failure_time
 from drake_srg.station.servoing import MakeServo
-from drake_srg.types import Failure, Mode, PlannerStatus, Vector
+from drake_srg.types import Failure, Mode, PlannerStatus, Vector, mode_words
 
 # Outputs of the station that are about commands, not about the robot.
 _OURS = ("safety.", "arm.position_")
@@ -309,7 +309,7 @@ class ControlLoop:
                 failure=Failure.STOPPED,
                 message=f"the arm was stopped ({reason.value}): {why}",
             )
-        if self._end is None and self.status.mode in (Mode.DONE, Mode.FAILED):
+        if self._end is None and self.status.ended:
             self._end = self.time + _SETTLE
         return self._end is None or self.time < self._end
 
@@ -472,7 +472,7 @@ def _run(
                 )
             else:
                 inbox.warnings.forget("stop")
-            mode = loop.status.mode.value.replace("_", " ")
+            mode = mode_words(loop.status.mode)
             line.show(f"{name}: {loop.time:6.2f} s, {mode}", last=not goes_on)
             pacer.wait(loop.time)
     if pacer.lost > 0.0:
@@ -522,6 +522,6 @@ def _metrics(
     return dc.replace(
         metrics,
         success=False,
-        claimed=status.mode is Mode.DONE,
+        claimed=status.done,
         failure=None if status.failure is None else status.failure.value,
     )

@@ -197,3 +197,107 @@ def test_two_joints_reach_targets_in_their_plane_only(pendulum):
 def test_a_vector_of_the_wrong_size_is_refused_with_the_joint_names(iiwa):
     with pytest.raises(ValueError, match=r"q_nominal needs one entry.*joint_1"):
         solve_inverse_kinematics(iiwa, HandTarget(np.zeros(3)), q_nominal=np.zeros(6))
+
+
+def named(constraint, name):
+    constraint.evaluator().set_description(name)
+
+
+def elbow_of(scene, ik, lower, upper):
+    """Keep the elbow's height between two bounds [m]."""
+    arm = scene.plant.GetModelInstanceByName("arm")
+    elbow = scene.plant.GetFrameByName("link_4", arm)
+    bounds = ([-9.0, -9.0, lower], [9.0, 9.0, upper])
+    world = scene.plant.world_frame()
+    named(ik.AddPositionConstraint(elbow, np.zeros(3), world, *bounds), "elbow height")
+
+
+def elbow_height(scene, q):
+    context = scene.plant.CreateDefaultContext()
+    scene.plant.SetPositions(context, scene.positions(q))
+    arm = scene.plant.GetModelInstanceByName("arm")
+    frame = scene.plant.GetFrameByName("link_4", arm)
+    return frame.CalcPoseInWorld(context).translation()[2]
+
+
+REACHED = HandTarget.from_pose(from_above(0.55, 0.1, 0.2, 2.5))
+
+
+def test_a_constraint_of_ones_own_is_met_with_all_others(iiwa, home):
+    free = solve_inverse_kinematics(iiwa, REACHED, q_nominal=home)
+    below = elbow_height(iiwa, free.q) - 0.05
+    found = solve_inverse_kinematics(
+        iiwa,
+        REACHED,
+        q_nominal=home,
+        check_clearance=False,
+        extend=lambda ik: elbow_of(iiwa, ik, -9.0, below),
+    )
+    assert isinstance(found, IkSolution)
+    assert elbow_height(iiwa, found.q) <= below + 1e-5
+    assert REACHED.distance(iiwa.X_WG(found.q)) <= 2e-4
+
+
+def test_a_cost_of_ones_own_is_part_of_the_cost(iiwa, home):
+    def third_joint_turned(ik):
+        q = ik.q()[iiwa.arm_indices]
+        ik.get_mutable_prog().AddQuadraticCost(100.0 * (q[2] - 0.4) ** 2)
+
+    found = solve_inverse_kinematics(
+        iiwa, REACHED, q_nominal=home, extend=third_joint_turned
+    )
+    assert abs(found.q[2] - 0.4) < 0.05
+    own = 100.0 * (found.q[2] - 0.4) ** 2
+    assert found.cost == pytest.approx(np.sum((found.q - home) ** 2) + own, rel=1e-6)
+
+
+def test_variables_of_ones_own_are_solved_for(iiwa, home):
+    def share(ik):
+        prog, q = ik.get_mutable_prog(), ik.q()[iiwa.arm_indices]
+        (s,) = prog.NewContinuousVariables(1, "share")
+        prog.AddBoundingBoxConstraint(0.2, 0.3, s)
+        prog.AddLinearConstraint(q[2] == s)
+
+    found = solve_inverse_kinematics(iiwa, REACHED, q_nominal=home, extend=share)
+    assert 0.2 - 1e-6 <= found.q[2] <= 0.3 + 1e-6
+
+
+def test_an_impossible_constraint_is_named_as_ones_own(iiwa, home):
+    def impossible(ik):
+        prog, q = ik.get_mutable_prog(), ik.q()[iiwa.arm_indices]
+        named(prog.AddBoundingBoxConstraint(-1.0, 1.0, q[0]), "first joint")
+        elbow_of(iiwa, ik, 5.0, 9.0)
+
+    target = HandTarget(np.array([0.6, 0.1, 0.1]), axes=(DOWN,))
+    failure = solve_inverse_kinematics(
+        iiwa, target, q_nominal=home, max_starts=3, extend=impossible
+    )
+    assert isinstance(failure, IkFailure)
+    assert failure.requirement is Requirement.OWN
+    assert failure.failure is Failure.OUT_OF_REACH
+    assert failure.message.startswith("elbow height (your own): cannot be met")
+    assert failure.violation > 3.0
+
+
+def test_constraints_that_exclude_each_other_are_named_together(iiwa, home):
+    def contradiction(ik):
+        prog, q = ik.get_mutable_prog(), ik.q()[iiwa.arm_indices]
+        for low, high in ((5.0, 6.0), (7.0, 8.0)):
+            prog.AddLinearConstraint([1.0], low, high, q[:1])
+
+    failure = solve_inverse_kinematics(
+        iiwa, REACHED, q_nominal=home, max_starts=2, extend=contradiction
+    )
+    assert failure.requirement is Requirement.OWN
+    assert failure.message.startswith("constraint 1, constraint 2 (your own)")
+
+
+def test_a_target_out_of_reach_is_not_blamed_on_ones_own(iiwa, home):
+    failure = solve_inverse_kinematics(
+        iiwa,
+        HandTarget(np.array([3.0, 0.0, 0.5])),
+        q_nominal=home,
+        max_starts=2,
+        extend=lambda ik: elbow_of(iiwa, ik, -9.0, 9.0),
+    )
+    assert failure.requirement is Requirement.POSITION

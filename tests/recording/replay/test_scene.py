@@ -1,12 +1,14 @@
 import numpy as np
 import pytest
 from pydrake.common.eigen_geometry import Quaternion
+from pydrake.geometry import SceneGraph
 from pydrake.math import RigidTransform
 from pydrake.systems.framework import DiagramBuilder
 from pydrake.systems.primitives import ConstantVectorSource
 
 from drake_srg.objects.config import ObjectConfig, SoftConfig
 from drake_srg.recording.replay.glb import write_glb
+from drake_srg.recording.replay.recorder import ReplayRecorder
 from drake_srg.recording.replay.scene import METERS_PER_NEWTON, SceneRecorder
 from drake_srg.simulation.rig import Rig, bench_scenario
 from drake_srg.types import Box
@@ -79,8 +81,12 @@ def test_equal_runs_give_equal_bytes(folder, poses, tmp_path):
 
 def test_without_contacts_there_are_no_forces():
     diagram, _ = MakeScene()
-    recorder = SceneRecorder(diagram)
-    recorder.sample(diagram.CreateDefaultContext())
+    (graph,) = (s for s in diagram.GetSystems() if isinstance(s, SceneGraph))
+    recorder = SceneRecorder(
+        graph, {"side": diagram.GetSubsystemByName("rgbd_sensor_side")}
+    )
+    context = graph.GetMyContextFromRoot(diagram.CreateDefaultContext())
+    recorder.sample(0.0, graph.get_query_output_port().Eval(context))
     names = [node.name for node in recorder.nodes()]
     assert names == ["world", "box::body", "swing::bar", "side"]
     assert len(recorder) == 1
@@ -89,8 +95,9 @@ def test_without_contacts_there_are_no_forces():
 def test_a_diagram_without_a_scene_is_refused():
     builder = DiagramBuilder()
     builder.AddSystem(ConstantVectorSource([0.0]))
+    diagram = builder.Build()
     with pytest.raises(ValueError, match="SceneGraph"):
-        SceneRecorder(builder.Build())
+        ReplayRecorder(diagram, diagram)
 
 
 @pytest.mark.slow
@@ -107,7 +114,8 @@ def test_a_soft_body_has_the_vertices_of_the_plant():
     scenario = bench_scenario(sponge, overrides=["plant_config.time_step=0.005"])
     exact = []
     with Rig(scenario) as rig:
-        recorder = SceneRecorder(rig.diagram, ["thing"])
+        graph = rig.station.GetSubsystemByName("scene_graph")
+        recorder = SceneRecorder(graph, objects=["thing"])
         deformables = rig.plant.deformable_model()
         model = rig.plant.GetModelInstanceByName("thing")
         (body,) = map(deformables.GetBody, deformables.GetBodyIds(model))
@@ -116,7 +124,10 @@ def test_a_soft_body_has_the_vertices_of_the_plant():
             contacts = rig.station.GetOutputPort("contact_results_cheat").Eval(
                 rig.station.GetMyContextFromRoot(rig.context)
             )
-            recorder.sample(rig.context, contacts)
+            query = graph.get_query_output_port().Eval(
+                graph.GetMyContextFromRoot(rig.context)
+            )
+            recorder.sample(rig.context.get_time(), query, contacts)
             exact.append(body.GetPositions(rig.plant_context).T)
     nodes = recorder.nodes()
     Strict(write_glb(nodes, {}))

@@ -56,7 +56,17 @@ def MakeScene(contacts=True):
         RigidTransform(RollPitchYaw(0.1, 0.2, 0.3), [0.5, 0.0, 0.3]),
     )
     plant.Finalize()
-    graph.AddRenderer("vtk", MakeRenderEngineVtk(RenderEngineVtkParams()))
+    add_camera(builder, graph, "side")
+    if contacts:
+        port = plant.get_contact_results_output_port()
+        builder.ExportOutput(port, "contact_results_cheat")
+    return builder.Build(), plant
+
+
+def add_camera(builder, graph, name):
+    """Add a small camera that looks at the origin from the side."""
+    if not graph.HasRenderer("vtk"):
+        graph.AddRenderer("vtk", MakeRenderEngineVtk(RenderEngineVtkParams()))
     core = RenderCameraCore(
         "vtk", CameraInfo(64, 48, 0.8), ClippingRange(0.01, 10), RigidTransform()
     )
@@ -66,12 +76,9 @@ def MakeScene(contacts=True):
         ColorRenderCamera(core),
         DepthRenderCamera(core, DepthRange(0.02, 9)),
     )
-    builder.AddNamedSystem("rgbd_sensor_side", sensor)
+    builder.AddNamedSystem(f"rgbd_sensor_{name}", sensor)
     builder.Connect(graph.get_query_output_port(), sensor.query_object_input_port())
-    if contacts:
-        port = plant.get_contact_results_output_port()
-        builder.ExportOutput(port, "contact_results_cheat")
-    return builder.Build(), plant
+    return sensor
 
 
 def record(folder, title="tiny, seed 0", contacts=True):

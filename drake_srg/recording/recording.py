@@ -1,0 +1,447 @@
+"""A recording of any diagram: video, rosbag, log, timeline and replay, in one call."""
+
+from __future__ import annotations
+
+import contextlib
+import enum
+import math
+import re
+from collections.abc import Callable, Collection, Mapping
+from pathlib import Path
+from types import TracebackType
+from typing import Any, Self
+
+import numpy as np
+import numpy.typing as npt
+from pydrake.common.value import AbstractValue
+from pydrake.geometry import SceneGraph
+from pydrake.math import RigidTransform
+from pydrake.multibody.plant import MultibodyPlant
+from pydrake.systems.framework import (
+    Context,
+    DiagramBuilder,
+    InputPort,
+    OutputPort,
+    PortDataType,
+)
+from pydrake.systems.sensors import RgbdSensor
+
+from drake_srg.common.log_format import pose_to_row
+from drake_srg.lifetime import LeafSystem
+from drake_srg.recording import rosbag
+from drake_srg.recording.output import (
+    Recorder,
+    close_at_exit,
+    close_late,
+    output_folder,
+    write_log,
+)
+from drake_srg.recording.replay.page import write_page
+from drake_srg.recording.replay.recorder import write_replay
+from drake_srg.recording.replay.scene import SceneRecorder
+from drake_srg.recording.rosbag import MakeMessage, RosbagRecorder, Topic
+from drake_srg.recording.scene_topics import scene_topics
+from drake_srg.recording.timeline import Labels, draw_timeline, run_timeline
+from drake_srg.recording.video import VideoRecorder
+from drake_srg.types import mode_name
+
+# Files of a recording, by kind.
+FILES = {
+    "video": "video.mp4",
+    "recording": "recording.mcap",
+    "log": "log.npz",
+    "timeline": "timeline.png",
+    "replay_glb": "replay.glb",
+    "replay": "replay.html",
+}
+
+
+class SignalLog:
+    """Samples ports by name: vectors, numbers, poses, strings and modes.
+
+    Args:
+        ports: The ports.
+    """
+
+    def __init__(self, ports: Mapping[str, InputPort | OutputPort]) -> None:
+        self._ports = dict(ports)
+        self._rows: list[dict[str, Any]] = []
+
+    def __len__(self) -> int:
+        return len(self._rows)
+
+    def sample(self, context: Context) -> None:
+        """Add a row. An exception on the way adds nothing."""
+        self._rows.append(self.row(context))
+
+    def row(self, context: Context) -> dict[str, Any]:
+        """Return time [s] and values: those of poses as from `pose_to_row`."""
+        row: dict[str, Any] = {"time": context.get_time()}
+        for name, port in self._ports.items():
+            value = port.Eval(context)
+            if isinstance(value, RigidTransform):
+                row[name] = pose_to_row(value)
+            elif isinstance(value, (enum.Enum, str)):
+                row[name] = mode_name(value)
+            else:
+                row[name] = np.array(value, dtype=float)
+        return row
+
+    def arrays(self) -> dict[str, npt.NDArray[Any]]:
+        """Return one array per quantity, with one row per sample."""
+        return {
+            name: np.array([row[name] for row in self._rows]) for name in self._rows[0]
+        }
+
+
+class Recording:
+    """The files of a simulation under way; use it as a context manager around that.
+
+    At the end it completes the files, also after an error or the user's interrupt,
+    because they show what led there. One that nobody closes completes them, with a
+    warning, when it or the program ends.
+
+    Args:
+        out: The folder; None: nothing is written.
+
+    Attributes:
+        write_samples: Writes what is sampled during the simulation into a folder, and
+            returns the paths by kind.
+    """
+
+    def __init__(self, out: Path | None) -> None:
+        self.write_samples: Callable[[Path], Mapping[str, Path]] = lambda out: {}
+        self._out, self._closed = out, False
+        self._recorders: dict[str, Recorder] = {}
+        self._written: dict[str, str] = {}
+        close_at_exit(self, Recording._close_forgotten)
+
+    def record(self, recorders: Mapping[str, Recorder]) -> None:
+        """Complete these recorders' files, too.
+
+        Args:
+            recorders: By kind of file.
+        """
+        self._recorders |= recorders
+
+    def begin(self) -> None:
+        """Remove the files of an earlier recording."""
+        if self._out is not None:
+            for file in (*FILES.values(), "metrics.json"):
+                (self._out / file).unlink(missing_ok=True)
+
+    def complete(self) -> dict[str, str]:
+        """Complete all files but replay.html, once, and return their paths by kind.
+
+        Raises:
+            OSError: If a file cannot be written.
+        """
+        if self._closed:
+            return self._written
+        self._closed = True
+        # Samples are written while another process may be completing the video.
+        try:
+            if self._out is not None:
+                samples = self.write_samples(self._out)
+                self._written |= {kind: str(path) for kind, path in samples.items()}
+        finally:
+            with contextlib.ExitStack() as stack:  # closes all, even if one fails
+                for recorder in self._recorders.values():
+                    stack.callback(recorder.close)
+        for kind, recorder in self._recorders.items():
+            if recorder.path.exists():
+                self._written[kind] = str(recorder.path)
+        return self._written
+
+    def write_page(self) -> Path | None:
+        """Write replay.html; None if no scene has been sampled.
+
+        Raises:
+            OSError: If the file cannot be written.
+        """
+        if self._out is None or "replay_glb" not in self._written:
+            return None
+        return write_page(self._out)
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        traceback: TracebackType | None,
+    ) -> None:
+        if kind is None:
+            self.complete()
+            self.write_page()
+            return
+        # The first error is the one to report: a full disk raises here as well.
+        if not self._closed:
+            for recorder in self._recorders.values():
+                recorder.note_failure(kind)
+            with contextlib.suppress(Exception):
+                self.complete()
+        with contextlib.suppress(Exception):
+            self.write_page()
+
+    def _close_forgotten(self) -> str:
+        if self._closed:
+            return ""
+        written = self.complete()
+        if not written:
+            return ""
+        self.write_page()
+        return str(self._out)
+
+    def __del__(self) -> None:
+        close_late(lambda: self, Recording._close_forgotten)
+
+
+def write_samples(
+    out: Path,
+    log: Mapping[str, npt.NDArray[Any]],
+    labels: Labels,
+    write_glb: Callable[[Path], Path] | None,
+) -> dict[str, Path]:
+    """Write log.npz and, with `write_glb`, timeline.png and replay.glb.
+
+    Args:
+        out: The folder.
+        log: The log's arrays.
+        labels: What the log does not tell about its columns.
+        write_glb: Writes the replay's scene to a path.
+
+    Returns:
+        Paths of the files by kind.
+
+    Raises:
+        OSError: If a file cannot be written.
+    """
+    written = {"log": write_log(out / FILES["log"], log)}
+    if write_glb is not None:
+        timeline = run_timeline(log, labels)
+        written["timeline"] = draw_timeline(timeline, out / FILES["timeline"])
+        written["replay_glb"] = write_glb(out / FILES["replay_glb"])
+    return written
+
+
+def AddRecording(
+    builder: DiagramBuilder,
+    plant: MultibodyPlant,
+    scene_graph: SceneGraph,
+    out: Path | str,
+    *,
+    ports: Mapping[str, OutputPort],
+    cameras: Mapping[str, RgbdSensor] | None = None,
+    objects: Collection[str] = (),
+    period: float = 0.02,
+    frame_rate: float = 20.0,
+    title: str = "",
+) -> Recording:
+    """Add what records a diagram, and return it as a context manager.
+
+    Enter it around the simulation, or around all from here on::
+
+        with AddRecording(builder, plant, scene_graph, "out", ports=ports):
+            simulator = Simulator(builder.Build())
+            simulator.AdvanceTo(5.0)
+
+    At the end the folder has log.npz, timeline.png, replay.glb and replay.html,
+    recording.mcap (a topic per port, /clock, /tf and /scene), and video.mp4 if there
+    is a camera. The first of the ports with strings or modes shades the plots and is
+    the video's caption.
+
+    Args:
+        builder: Builds the diagram that has all the systems.
+        plant: The plant, finalized.
+        scene_graph: Its scene.
+        out: The folder; it is made if it does not exist.
+        ports: Name in log, plots and topics to output port: a vector, a number, a
+            string, a mode (an enum) or a RigidTransform. Give a unit with the name:
+            "hand.wire_force [N]" has the topic /hand/wire_force.
+        cameras: Cameras by name: the first one's images become video.mp4, those of
+            others video_NAME.mp4.
+        objects: Names of model instances at which the arrows of forces point.
+        period: Time between samples, and between messages [s].
+        frame_rate: Images of each camera per simulated second [Hz].
+        title: Title of the plots and the page; "": the folder's name.
+
+    Raises:
+        ImportError: If PyAV, rosbags or matplotlib is missing.
+        OSError: If the folder cannot be written.
+        ValueError: If the plant is not finalized, a number is not positive, there are
+            no ports, or a port's values cannot be recorded.
+    """
+    out, cameras = Path(out), dict(cameras or {})
+    if not plant.is_finalized():
+        raise ValueError("AddRecording: plant: must be finalized first")
+    for name, value in (("period", period), ("frame_rate", frame_rate)):
+        if not 0.0 < value < math.inf:
+            raise ValueError(f"AddRecording: {name}: must be positive, got {value}")
+    if not ports:
+        raise ValueError("AddRecording: ports: needs at least one port")
+    topics = [_topic(name, port) for name, port in ports.items()]
+    poses = plant.get_body_poses_output_port()
+    inspector = scene_graph.model_inspector()
+    topics += scene_topics(plant, inspector, "body_poses", poses.Allocate(), period)
+    sampler = _Sampler(
+        out,
+        ports,
+        SceneRecorder(scene_graph, cameras, objects),
+        {
+            "query_object": scene_graph.get_query_output_port(),
+            "contact_results": plant.get_contact_results_output_port(),
+        },
+        Labels(title or out.resolve().name, signals=tuple(ports)),
+        (next(iter(cameras), ""), 1.0 / frame_rate),
+        period,
+    )
+    recording = sampler.recording
+    texts = [p for p in ports.values() if isinstance(_model(p), (str, enum.Enum))]
+    with output_folder(out), contextlib.ExitStack() as stack:
+        recorders: dict[str, Recorder] = {}
+        for number, (name, camera) in enumerate(cameras.items()):
+            kind = f"video_{name}" if number else "video"
+            core = camera.default_color_render_camera().core()
+            size = (core.intrinsics().width(), core.intrinsics().height())
+            video = VideoRecorder(
+                out / f"{kind}.mp4",
+                *size,
+                frame_rate=frame_rate,
+                caption=texts[0].Allocate() if texts else None,
+            )
+            recorders[kind] = stack.enter_context(video)
+            builder.AddNamedSystem(f"{kind}_recorder", video)
+            builder.Connect(
+                camera.GetOutputPort("color_image"), video.get_input_port(0)
+            )
+            if texts:
+                builder.Connect(texts[0], video.GetInputPort("caption"))
+        bag = RosbagRecorder(
+            out / FILES["recording"], [rosbag.clock(), *topics], period=period
+        )
+        recorders["recording"] = stack.enter_context(bag)
+        builder.AddNamedSystem("rosbag_recorder", bag)
+        builder.AddNamedSystem("sampler", sampler)
+        for name, port in {**ports, "body_poses": poses}.items():
+            builder.Connect(port, bag.GetInputPort(name))
+        for name, port in sampler.sources.items():
+            builder.Connect(port, sampler.GetInputPort(name))
+        stack.pop_all()
+    recording.record(recorders)
+    return recording
+
+
+def _model(port: OutputPort) -> Any:
+    """Return a value of a port's type."""
+    if port.get_data_type() == PortDataType.kVectorValued:
+        return np.zeros(port.size())
+    return port.Allocate().get_value()
+
+
+def _topic(name: str, port: OutputPort) -> Topic:
+    """Return the topic of a port.
+
+    Raises:
+        ValueError: If there is none for its values.
+    """
+    words = re.sub(r"[^A-Za-z0-9.]+", "_", name.split("[", maxsplit=1)[0]).strip("_")
+    topic = "/" + words.replace(".", "/")
+    value = _model(port)
+    if isinstance(value, np.ndarray):
+        size = len(value)
+        if size == 1:
+            return rosbag.float64(topic, name)
+        return rosbag.float64_array(topic, name, size)
+    if isinstance(value, (str, enum.Enum)):
+        return rosbag.string(topic, name, port.Allocate())
+    if isinstance(value, (bool, int, float)):
+        return _number_topic(topic, name, port.Allocate())
+    if isinstance(value, RigidTransform):
+        kind = "geometry_msgs/msg/PoseStamped"
+        return Topic(topic, kind, {name: port.Allocate()}, rosbag.pose_message)
+    raise ValueError(
+        f"AddRecording: ports: {name}: cannot record a {type(value).__name__} "
+        "(allowed: a vector, a number, a string, an enum, a RigidTransform; name "
+        "cameras in `cameras`)"
+    )
+
+
+def _number_topic(name: str, port: str, model: AbstractValue) -> Topic:
+    kind = "std_msgs/msg/Float64"
+
+    def convert(make: MakeMessage, time: float, value: Any) -> Any:
+        return make(kind, data=float(value))
+
+    return Topic(name, kind, {port: model}, convert)
+
+
+class _Sampler(LeafSystem):
+    """Samples ports and the scene at every multiple of a period.
+
+    Args:
+        out: Folder of the recording.
+        ports: The ports to log, by name.
+        scene: Samples the scene.
+        senses: The ports that the scene is sampled from.
+        labels: What the log does not tell.
+        video: Name of the camera of video.mp4, and the time of its first frame [s].
+        period: Time between samples [s].
+
+    Attributes:
+        recording: The recording.
+        sources: What to connect to the inputs, by name.
+    """
+
+    def __init__(
+        self,
+        out: Path,
+        ports: Mapping[str, OutputPort],
+        scene: SceneRecorder,
+        senses: Mapping[str, OutputPort],
+        labels: Labels,
+        video: tuple[str, float],
+        period: float,
+    ) -> None:
+        super().__init__()
+        self.sources = {**ports, **senses}
+        for name, port in self.sources.items():
+            if port.get_data_type() == PortDataType.kVectorValued:
+                self.DeclareVectorInputPort(name, port.size())
+            else:
+                self.DeclareAbstractInputPort(name, port.Allocate())
+        self._log = SignalLog({name: self.GetInputPort(name) for name in ports})
+        self._scene, self._latest = scene, -math.inf
+        self.recording = recording = Recording(out)
+        log = self._log
+
+        def write(out: Path) -> dict[str, Path]:
+            if not log:
+                return {}
+            return write_samples(
+                out,
+                log.arrays(),
+                labels,
+                lambda path: write_replay(path, scene, labels, *video),
+            )
+
+        recording.write_samples = write
+        self.DeclarePeriodicPublishEvent(period, 0.0, self._sample)
+
+    def _sample(self, context: Context) -> None:
+        time = context.get_time()
+        if time == self._latest:
+            return  # a simulator that is initialized twice publishes twice
+        if time < self._latest:
+            raise RuntimeError(
+                f"the time went back from {self._latest:g} to {time:g} s during a "
+                "recording: build a diagram with a recording of its own for each run"
+            )
+        if not self._log:
+            self.recording.begin()
+        self._latest = time
+        self._log.sample(context)
+        contacts = self.GetInputPort("contact_results").Eval(context)
+        query = self.GetInputPort("query_object").Eval(context)
+        self._scene.sample(time, query, contacts)
