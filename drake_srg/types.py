@@ -334,6 +334,13 @@ class PlannerStatus:
     message: str = ""  # why it failed, in words
     left: tuple[Left, ...] = ()  # things that stay, once the mode is DONE
 
+    def __str__(self) -> str:
+        """Return the mode, the number of the grasp and why it failed, in words."""
+        mode = mode_words(self.mode)
+        if self.ended:
+            return f"{mode}: {self.message}" if self.message else mode
+        return f"grasp {self.attempts}: {mode}" if self.attempts > 1 else mode
+
     @property
     def done(self) -> bool:
         """Whether the planner says that it has done its task."""

@@ -13,7 +13,7 @@ import numpy.typing as npt
 
 from drake_srg.common.log_format import logged_modes, pose_key
 from drake_srg.recording.output import OutputFile, require
-from drake_srg.types import Vector
+from drake_srg.types import Mode, Vector
 
 # Distinct for colour-blind readers, too (M. Okabe, K. Ito, Color Universal Design).
 COLORS = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00", "#56b4e9", "#333333")
@@ -227,12 +227,37 @@ def _draw_panel(
         )
 
 
+# Bands that can be labelled side by side: with more, the labels collide.
+_MOST_BANDS = 40
+
+
+def mode_changes(mode: Sequence[str]) -> list[int]:
+    """Return the samples at which a mode begins."""
+    return [i for i in range(len(mode)) if i == 0 or mode[i] != mode[i - 1]]
+
+
+def mode_bands(mode: Sequence[str]) -> list[tuple[int, str]]:
+    """Return the first samples of bands over time, and their labels.
+
+    A band is a mode. With more modes than can be labelled, it is a cycle: from one
+    grasp to the next, or from one return to the first mode to the next.
+    """
+    changes = mode_changes(mode)
+    if len(changes) <= _MOST_BANDS:
+        return [(i, mode[i].replace("_", " ")) for i in changes]
+    grasp = Mode.PRE_GRASP.value
+    first = grasp if grasp in mode else mode[0]
+    starts = [i for i in changes if mode[i] == first]
+    cycles = [(start, str(number)) for number, start in enumerate(starts, start=1)]
+    return cycles if cycles[0][0] == 0 else [(0, ""), *cycles]
+
+
 def _draw_modes(all_axes: npt.NDArray[Any], time: Vector, mode: Sequence[str]) -> None:
     """Shade the background by mode, and name the modes above the first panel."""
     if not len(mode):
         return
-    changes = [i for i in range(1, len(mode)) if mode[i] != mode[i - 1]]
-    edges = [0, *changes, len(mode) - 1]
+    bands = mode_bands(mode)
+    edges = [first for first, _ in bands] + [len(mode) - 1]
     gap = 0.022 * (time[-1] - time[0])  # keeps the labels of short modes apart
     place = time[0] - gap
     spans = list(itertools.pairwise(edges))
@@ -246,10 +271,10 @@ def _draw_modes(all_axes: npt.NDArray[Any], time: Vector, mode: Sequence[str]) -
                 lw=0,
                 zorder=-1,
             )
-    for first, _ in spans:
+    for first, label in bands:
         place = max(time[first], place + gap)
         all_axes[0].annotate(
-            mode[first].replace("_", " "),
+            label,
             (place, 1.0),
             xycoords=("data", "axes fraction"),
             xytext=(2, 3),

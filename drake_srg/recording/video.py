@@ -111,19 +111,14 @@ def caption(image: npt.NDArray[Any], time: float, text: Any) -> None:
         text: A string, or a mode, which is shown by its name.
     """
     line = f"{time:6.2f} s  {mode_words(text)}"
-    height = image.shape[0]
+    height, width = image.shape[:2]
     strip = image[-max(1, height // 15) :]
     strip[:] = strip // 3  # keeps the text legible on any background
-    cv2.putText(
-        image,
-        line,
-        (height // 40, height - height // 50),
-        cv2.FONT_HERSHEY_SIMPLEX,
-        height / 700,
-        (255, 255, 255),
-        1,
-        cv2.LINE_AA,
-    )
+    margin, scale, font = height // 40, height / 700, cv2.FONT_HERSHEY_SIMPLEX
+    (length, _), _ = cv2.getTextSize(line, font, scale, 1)
+    scale *= min(1.0, (width - 2 * margin) / length)  # long reasons fit, too
+    place = (margin, height - height // 50)
+    cv2.putText(image, line, place, font, scale, (255, 255, 255), 1, cv2.LINE_AA)
 
 
 class VideoRecorder(Recorder):

@@ -91,7 +91,7 @@ def AddRecorders(
             video = _AddVideoRecorder(builder, cell, scenario, out, process)
             recorders["video"] = stack.enter_context(video)
             builder.Connect(
-                cell.GetOutputPort("planner.mode"), video.GetInputPort("caption")
+                cell.GetOutputPort("planner.status"), video.GetInputPort("caption")
             )
         scene = scene_topics(cell, scenario) if scenario.recording.bag_scene else []
         recorders["recording"] = AddRosbagRecorder(builder, cell, scenario, out, scene)

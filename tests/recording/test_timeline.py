@@ -6,6 +6,7 @@ from drake_srg.recording.timeline import (
     Timeline,
     draw_timeline,
     make_figure,
+    mode_bands,
     save_png,
     style_axes,
 )
@@ -111,3 +112,17 @@ def test_equal_values_give_equal_bytes_and_leave_no_figure(tmp_path, full_file):
 def test_errors_name_the_bad_series(tmp_path, fields, message):
     with pytest.raises(ValueError, match=message):
         draw(tmp_path / "a.png", **fields)
+
+
+def test_many_modes_become_numbered_cycles():
+    cycle = ["pre_grasp", "grasp", "close", "lift"]
+    few, many = ["idle", *cycle * 3], ["idle", *cycle * 30]
+    assert mode_bands(few)[:2] == [(0, "idle"), (1, "pre grasp")]
+    bands = mode_bands(many)
+    assert bands[:3] == [(0, ""), (1, "1"), (5, "2")]
+    assert len(bands) == 31
+
+
+def test_cycles_of_own_modes_begin_with_the_first_mode():
+    assert mode_bands(["wait", "go"] * 30)[:2] == [(0, "1"), (2, "2")]
+    assert mode_bands([]) == []

@@ -40,18 +40,31 @@ function latest(times, time) {
 
 const modeTimes = data.modes.map(({ time }) => time);
 const modeAt = (time) => data.modes[latest(modeTimes, time)];
-const chips = data.modes.map(({ time, mode }) => {
-  const link = document.createElement("a");
-  link.href = `#t=${time.toFixed(2)}`;
-  link.textContent = mode;
-  link.title = `from ${time.toFixed(2)} s`;
-  link.addEventListener("click", (event) => {
-    event.preventDefault();
-    user.seek(time);
-    user.play(false);
+function chipsIn(id, entries) {
+  return entries.map(({ time, mode }) => {
+    const link = document.createElement("a");
+    link.href = `#t=${time.toFixed(2)}`;
+    link.textContent = mode;
+    link.title = `from ${time.toFixed(2)} s`;
+    link.addEventListener("click", (event) => {
+      event.preventDefault();
+      user.seek(time);
+      user.play(false);
+    });
+    return find(id).appendChild(link);
   });
-  return find("modes").appendChild(link);
-});
+}
+function mark(chips, current) {
+  chips.forEach((chip, i) => {
+    if (i === current) chip.setAttribute("aria-current", "true");
+    else chip.removeAttribute("aria-current");
+  });
+}
+const chips = chipsIn("modes", data.modes);
+// With many modes, only those of the present cycle are shown.
+const cycleTimes = data.cycles.map(({ time }) => time);
+const cycleChips = chipsIn("cycles", data.cycles.map(({ time, label }) => ({ time, mode: label })));
+const cycleOf = modeTimes.map((time) => latest(cycleTimes, time));
 
 // Time.
 
@@ -67,13 +80,13 @@ function show() {
   const row = latest(data.time, time), mode = latest(modeTimes, time);
   for (const plot of plots) plot.point(time, row);
   range.value = time;
-  range.setAttribute("aria-valuetext", `${time.toFixed(2)} s, ${data.modes[mode].mode}`);
+  range.setAttribute("aria-valuetext", `${time.toFixed(2)} s, ${data.modes[mode]?.mode ?? ""}`);
   find("clock").value = `${time.toFixed(2)} s`;
-  find("mode").value = data.modes[mode].mode;
-  chips.forEach((chip, i) => {
-    if (i === mode) chip.setAttribute("aria-current", "true");
-    else chip.removeAttribute("aria-current");
-  });
+  find("mode").value = data.modes[mode]?.mode ?? "";
+  const cycle = cycleOf[mode];
+  mark(chips, mode);
+  mark(cycleChips, cycle);
+  chips.forEach((chip, i) => { chip.hidden = cycleOf[i] !== cycle; });
   showSight(time);
   if (video) {
     const wanted = Math.max(time - data.video_start, 0) + 0.001;  // in the frame, not at its edge
@@ -237,7 +250,7 @@ if (!led && !follow() && !matchMedia("(prefers-reduced-motion: reduce)").matches
 window.replay = {
   duration: data.duration, seek, play, run, view,
   get time() { return player.time; },
-  get mode() { return modeAt(player.time).mode; },
+  get mode() { return modeAt(player.time)?.mode ?? ""; },
   names: gltf.nodes.map((node) => node.name),
   // [x, y, z, qx, qy, qz, qw] of a node at the present time [m].
   pose(name) {

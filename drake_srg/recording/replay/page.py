@@ -7,7 +7,6 @@ import dataclasses as dc
 import gzip
 import hashlib
 import html
-import itertools
 import json
 from collections.abc import Sequence
 from importlib import resources
@@ -22,6 +21,8 @@ from drake_srg.recording.timeline import (
     COLORS,
     Labels,
     Timeline,
+    mode_bands,
+    mode_changes,
     run_timeline,
     timeline_panels,
 )
@@ -117,7 +118,7 @@ def _images(document: Json, binary: bytes) -> list[bytes]:
 
 _SCRIPTS = ("gltf.js", "view.js", "plots.js", "page.js")
 _DIGITS = 4  # significant digits of plotted values
-_ON_DARK = {"#333333": "#c8ced6", "#0072b2": "#4aa8e0"}
+_ON_DARK = {"#333333": "#f0f3f6", "#0072b2": "#8c8cff", "#d55e00": "#ff6b2b"}
 
 
 def write_page(folder: Path) -> Path:
@@ -199,7 +200,8 @@ def _data_url(kind: str, data: bytes) -> str:
 def _data(timeline: Timeline, sights: list[Json], video_start: float) -> Json:
     """Return what the page's scripts show, besides the scene and the video."""
     time, mode = timeline.time, timeline.mode
-    changes = [0, *(1 + np.flatnonzero(_differ(mode)))] if len(mode) else []
+    changes = mode_changes(mode)
+    bands = mode_bands(mode)
     return {
         "duration": _short(time[-1]),
         "period": _short(time[1] - time[0]) if len(time) > 1 else 0.02,
@@ -208,6 +210,12 @@ def _data(timeline: Timeline, sights: list[Json], video_start: float) -> Json:
         "modes": [
             {"time": _short(time[i], 6), "mode": mode[i].replace("_", " ")}
             for i in changes
+        ],
+        # Empty unless there are too many modes to show them all at once.
+        "cycles": [
+            {"time": _short(time[i], 6), "label": label or "start"}
+            for i, label in bands
+            if len(bands) < len(changes)
         ],
         "panels": [
             {
@@ -225,10 +233,6 @@ def _data(timeline: Timeline, sights: list[Json], video_start: float) -> Json:
         "video_start": video_start,
         "sights": sights,
     }
-
-
-def _differ(words: Sequence[str]) -> list[bool]:
-    return [a != b for a, b in itertools.pairwise(words)]
 
 
 def _short(value: float, digits: int = _DIGITS) -> float | None:
