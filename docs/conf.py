@@ -15,6 +15,7 @@ extensions = [
 html_theme = "furo"
 html_title = "drake_srg"
 html_static_path = ["_static"]
+html_logo = html_favicon = "_static/mark.svg"
 html_extra_path = ["../extra"]  # replays
 exclude_patterns = ["conf.py"]
 html_css_files = ["site.css"]

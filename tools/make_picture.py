@@ -140,7 +140,8 @@ def _ceiling(scenario: str, seed: int) -> Image.Image:
 
 def _grasps() -> list[Image.Image]:
     """Return four objects in the hand, after the shake."""
-    env = gymnasium.make("drake_srg/GraspOneShot-v0", physics="train", driver="plant")
+    name = "drake_srg/GraspOneShot-v0"
+    env = gymnasium.make(name, physics="train", driver="plant", render_mode="rgb_array")
     images = []
     for seed in range(4):
         observation, _ = env.reset(seed=seed)

@@ -90,13 +90,15 @@ class VideoProcess:
         with contextlib.suppress(OSError):  # the system's limit is lower
             fcntl.fcntl(self._stdin, fcntl.F_SETPIPE_SZ, _PIPE)
         # Drake's schema objects do not pickle, but their YAML does. Only models and
-        # one camera are needed; a gripper's driver may be the user's own.
-        name = scenario.recording.video_camera
+        # one camera are needed, and that from which a card may hide an object; a
+        # gripper's driver may be the user's own.
+        hidden_from = scenario.localizer.cameras[:1]
+        names = {scenario.recording.video_camera, *hidden_from}
         seen = dc.replace(
             scenario,
             gripper=None,
-            localizer=LocalizerConfig(),
-            cameras={name: scenario.cameras[name]},
+            localizer=LocalizerConfig(cameras=hidden_from),
+            cameras={name: scenario.cameras[name] for name in sorted(names)},
             recording=dc.replace(scenario.recording, bag_cameras=[]),
         )
         self.send(yaml_dump_typed(seen))
@@ -252,7 +254,7 @@ def _render(live: Callable[[], None]) -> int:
     """
     (text,) = pickle.load(sys.stdin.buffer)
     scenario = yaml_load_typed(schema=Scenario, data=text)
-    (name,) = scenario.cameras
+    name = scenario.recording.video_camera
     cameras = MakeRemoteCameras(scenario)
     context = cameras.CreateDefaultContext()
     state = cameras.GetInputPort("state")

@@ -54,6 +54,15 @@ def test_a_process_that_dies_is_told_and_the_rest_is_kept(tmp_path, monkeypatch)
 
 
 @pytest.mark.slow
+def test_it_films_an_object_that_a_card_hides_from_the_localizer(tmp_path):
+    scenario, told = load_scenario("kitchen_varied", overrides=SMALL), []
+    with VideoProcess(scenario, told.append) as process:
+        process.send(str(tmp_path / "video.mp4"))
+        process.finish()
+    assert told == []
+
+
+@pytest.mark.slow
 def test_an_error_of_the_process_is_told_or_raised(tmp_path):
     scenario, told = load_scenario("kitchen", overrides=SMALL), []
     with VideoProcess(scenario, told.append) as process:

@@ -46,7 +46,9 @@ def problems(site: Path) -> list[str]:
     found = [*link_problems(site, pages)]
     names = inventory((site / "objects.inv").read_bytes())
     found += [f"no public name {name}" for name in missing_names(names)]
-    keys = (site / "reference/scenario_keys.html").read_text("utf-8")
+    reference = [site / "reference/scenario_keys.html"]
+    reference += sorted((site / "reference/keys").glob("*.html"))
+    keys = "".join(path.read_text("utf-8") for path in reference).replace("<wbr>", "")
     found += [
         f"no scenario key {path}"
         for path in sorted({key.path for key in scenario_keys()})

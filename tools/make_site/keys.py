@@ -24,6 +24,8 @@ from make_site.markdown import code, table
 
 # A class with more keys than this is shown once; elsewhere, the page refers to it.
 _REPEATED = 4
+_HEADS = ("key", "value", "default", "meaning")
+_POSES = "Poses (`X_PB`, `pose` and others) are mappings with these keys."
 
 
 @dc.dataclass(frozen=True)
@@ -46,46 +48,75 @@ def scenario_keys() -> list[Key]:
     return [*keys, *walk.keys(Transform, Transform(), "POSE", "")]
 
 
-def keys_page() -> str:
-    """Return the tables of all keys, one section per key of the first level."""
+def keys_index() -> str:
+    """Return the keys of the first level: a table, and the pages of those with others.
+
+    Every page has its line in the table.
+    """
+    sections = _sections()
+    rows = [
+        (
+            f"[{name}](keys/{name}.md)" if len(keys) > 1 else _breakable(name),
+            _value_words(keys[0]) if len(keys) == 1 else "",
+            keys[0].default if len(keys) == 1 else "",
+            _POSES if name == "POSE" else keys[0].comment,
+        )
+        for name, keys in sections.items()
+    ]
+    pages = "\n".join(f"keys/{name}" for name in keys_pages())
+    tree = f"```{{toctree}}\n:hidden:\n\n{pages}\n```\n"
+    return f"{table(_HEADS, rows)}\n{tree}"
+
+
+def keys_pages() -> dict[str, str]:
+    """Return a page for each key of the first level that has others below it."""
+    return {
+        name: "\n".join(_page(name, keys))
+        for name, keys in _sections().items()
+        if len(keys) > 1
+    }
+
+
+def _sections() -> dict[str, list[Key]]:
+    """Return all keys by the first part of their paths."""
     sections: dict[str, list[Key]] = {}
     for key in scenario_keys():
         first = key.path.replace("[", ".").split(".", maxsplit=1)[0]
         sections.setdefault(first, []).append(key)
-    alone = [group[0] for group in sections.values() if len(group) == 1]
-    parts = ["## Keys without others below\n", _table(alone)]
-    for name, group in sections.items():
-        if len(group) > 1:
-            parts += _section(name, group)
-    return "\n".join(parts)
+    return sections
 
 
-def _section(name: str, keys: list[Key]) -> Iterator[str]:
-    yield f"## {name}\n"
+def _page(name: str, keys: list[Key]) -> Iterator[str]:
+    yield f"# {name}\n"
     if name == "POSE":
-        yield "Poses (`X_PB`, `pose` and others) are mappings with these keys.\n"
+        yield f"{_POSES}\n"
     else:
         head, *keys = keys
         default = f" Default: {head.default}." if head.default else ""
         yield f"{head.comment}{default}\n"
-    tags = list(dict.fromkeys(key.tag for key in keys))
-    for tag in tags:
+    for tag in dict.fromkeys(key.tag for key in keys):
         if tag:
-            yield f"### {name} !{tag}\n"
+            yield f"## {name} !{tag}\n"
         yield _table([key for key in keys if key.tag == tag])
 
 
 def _table(keys: list[Key]) -> str:
     rows = [
         (
-            code(key.path),
+            _breakable(key.path),
             _value_words(key),
             key.default,
             "" if key.comment == key.unit else key.comment,
         )
         for key in keys
     ]
-    return table(("key", "value", "default", "meaning"), rows)
+    return table(_HEADS, rows)
+
+
+def _breakable(path: str) -> str:
+    """Return a key as code that browsers break after dots only."""
+    words = path.replace("<", "&lt;").replace(".", ".<wbr>")
+    return f'<code class="docutils literal notranslate key">{words}</code>'
 
 
 def _value_words(key: Key) -> str:

@@ -11,17 +11,19 @@ from experiments.runner.page import claims_table, index, pages
 from make_site.commands import commands_page
 from make_site.files import log_table, metrics_table, topics_table
 from make_site.gallery import figures
-from make_site.keys import keys_page
+from make_site.keys import keys_index, keys_pages
 from make_site.notebooks import notebook_page
 from make_site.python_pages import python_pages
 from make_site.rules import rules_page
+from make_site.states import states_page
 from make_site.systems import ROOT, system_pages
 
 # What a line `<!-- generated: NAME -->` of a page stands for.
 GENERATED: Mapping[str, Callable[[], str]] = {
     "readme": lambda: (ROOT / "README.md").read_text("utf-8"),
-    "scenario keys": keys_page,
+    "scenario keys": keys_index,
     "scenario rules": rules_page,
+    "states": states_page,
     "commands": commands_page,
     "figures": figures,
     "experiments": index,
@@ -47,6 +49,7 @@ def stage(folder: Path) -> None:
         (folder / f"experiments/{name}.md").write_text(text, "utf-8")
     write(folder / "reference/systems", system_pages(), ".md")
     write(folder / "reference/python", python_pages(), ".rst")
+    write(folder / "reference/keys", keys_pages(), ".md")
     for path in sorted((ROOT / "notebooks").glob("*.ipynb")):
         page = folder / "notebooks" / f"{path.stem}.md"
         page.parent.mkdir(exist_ok=True)

@@ -255,7 +255,7 @@ def _released(o: Observation, t: float, c: PlannerConfig) -> bool:
     return (waited and o.clear) or t >= c.gripper_timeout
 
 
-_TABLE: Table = {
+TRANSITIONS: Table = {
     Mode.IDLE: [
         (lambda o, t, c: o.ready, Mode.PRE_GRASP),
         (lambda o, t, c: o.pushing, Mode.PUSH),
@@ -297,4 +297,4 @@ _TABLE: Table = {
     Mode.FAILED: [],
 }  # fmt: skip
 
-transition = Transitions(_TABLE)
+transition = Transitions(TRANSITIONS)

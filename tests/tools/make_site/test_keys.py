@@ -8,11 +8,12 @@ import pytest
 import yaml
 
 from drake_srg.scenario.schema import Scenario
-from make_site.keys import keys_page, scenario_keys
+from make_site.keys import keys_index, keys_pages, scenario_keys
 
 SCENARIOS = Path(__file__).parents[3] / "drake_srg/scenarios"
 KEYS = scenario_keys()
-PAGE = keys_page()
+PAGES = keys_pages()
+INDEX = keys_index()
 BY_PATH = {key.path: key for key in KEYS}
 
 
@@ -88,9 +89,17 @@ def test_keys_of_our_scenarios_are_in_the_reference(path):
                 assert BY_PATH.get(parent, "") or found.endswith(("min", "max"))
 
 
-def test_the_page_shows_every_key():
+def test_a_page_shows_every_key():
+    text = "".join([INDEX, *PAGES.values()]).replace("<wbr>", "")
     for key in KEYS:
-        assert f"| `{key.path}` |" in PAGE or f"## {key.path}\n" in PAGE
+        assert f">{key.path}</code> |" in text or f"# {key.path}\n" in text
+
+
+def test_the_index_leads_to_every_page():
+    first = {key.path.replace("[", ".").split(".")[0] for key in KEYS}
+    for name in first:
+        assert (f"[{name}](keys/{name}.md)" in INDEX) == (name in PAGES)
+    assert {"planner", "objects", "gripper", "POSE"} <= set(PAGES) <= first
 
 
 @pytest.mark.parametrize(
