@@ -347,7 +347,7 @@ def _signal_timeline(log: Mapping[str, npt.NDArray[Any]], labels: Labels) -> Tim
         if name not in texts:
             rows = values.reshape(len(values), -1)
             lines = [str(i) for i in range(rows.shape[1])] if rows.shape[1] > 1 else []
-            panels.append((name, rows, lines))
+            panels.append((name.replace(" [", "\n["), rows, lines))
         elif name != texts[0] or len(labels.signals) == 1:
             words = list(dict.fromkeys(str(value) for value in values))
             panels.append((name, (values[:, None] == words).astype(float), words))

@@ -93,7 +93,8 @@ class Pages(Recorder):
 
     def __init__(self, path, error=None):
         super().__init__()
-        self._output, self.error = OutputFile(path), error
+        self._begin(path)
+        self.error = error
         self._output.path.write_text("half")
 
     def _finish(self):

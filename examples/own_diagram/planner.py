@@ -1,0 +1,104 @@
+"""Our planner in your own diagram: your table, box, camera and arm, no scenario."""
+
+import sys
+from pathlib import Path
+
+import numpy as np
+from own_world import RED, AddBox, AddCamera
+from pydrake.math import RigidTransform, RollPitchYaw
+from pydrake.multibody.plant import AddMultibodyPlantSceneGraph, MultibodyPlant
+from pydrake.multibody.tree import ModelInstanceIndex
+from pydrake.planning import RobotDiagramBuilder
+from pydrake.systems.analysis import Simulator
+from pydrake.systems.framework import DiagramBuilder
+
+from drake_srg import types
+from drake_srg.arm.driver import AddArmDriver
+from drake_srg.arm.drivers import ArmPositionDriver
+from drake_srg.gripper.drivers import AddSrgPositionDriver
+from drake_srg.parsing import AddModel
+from drake_srg.planning.grasps.srg_hand import SrgHand
+from drake_srg.planning.motion.planning_scene import PlanningScene
+from drake_srg.planning.pick_and_place.planner import PickAndPlacePlanner
+from drake_srg.planning.pick_and_place.task_motions import TaskPlanner
+from drake_srg.planning.planner_machine import PickAndPlace
+from drake_srg.recording.recording import AddRecording
+from drake_srg.vision.blob_localizer import BlobLocalizer, BlobTarget
+from drake_srg.vision.camera import CameraModel
+from drake_srg.vision.color import ColorRange
+
+BOX = types.Box([0.05, 0.05, 0.1])
+START, GOAL = RigidTransform([0.6, 0.1, 0.05]), RigidTransform([0.55, -0.35, 0.05])
+HOME = [0.0, -0.3, 0.0, -1.9, 0.0, 1.5, 0.0]  # [rad]
+
+
+def AddCell(plant: MultibodyPlant) -> tuple[ModelInstanceIndex, ModelInstanceIndex]:
+    """Add a table and an arm with the SRG, and return arm and gripper."""
+    AddBox(plant, "table", [2.0, 2.0, 0.1], RigidTransform([0.4, 0.0, -0.05]))
+    arm = AddModel(plant, "package://drake_srg/sdf/iiwa14.sdf", "arm")
+    gripper = AddModel(plant, "package://drake_srg/sdf/srg.sdf", "gripper")
+    plant.WeldFrames(plant.world_frame(), plant.GetFrameByName("link_0", arm))
+    flange, palm = plant.GetFrameByName("flange"), plant.GetFrameByName("palm")
+    turn = RollPitchYaw(0.0, -np.pi / 2, 0.0)  # the palm's x is the flange's z
+    plant.WeldFrames(flange, palm, RigidTransform(turn, np.zeros(3)))
+    return arm, gripper
+
+
+def main(out: Path) -> tuple[types.PlannerStatus, float]:
+    """Return the planner's last report, and how far the box is from its goal [m]."""
+    builder = DiagramBuilder()
+    plant, scene_graph = AddMultibodyPlantSceneGraph(builder, time_step=0.002)
+    arm, gripper = AddCell(plant)
+    box = AddBox(plant, "box", BOX.size, START, RED, mass=0.3)
+    arm_config = ArmPositionDriver(home=HOME)
+    arm_config.prepare_plant(plant, arm)
+    plant.Finalize()
+    plant.SetDefaultPositions(arm, HOME)
+
+    down = RigidTransform(RollPitchYaw(np.pi, 0.0, -np.pi / 2), [0.7, 0.0, 1.55])
+    eye = AddCamera(builder, scene_graph, down)
+    target = BlobTarget("box", BOX, ColorRange.around(RED))
+    localizer = BlobLocalizer([target], {"eye": CameraModel.from_sensor(eye)})
+
+    # The planner's model of the cell knows of no box. It also weighs the arm.
+    models, config = RobotDiagramBuilder(time_step=0.0), PickAndPlace()
+    AddCell(models.plant())
+    scene = PlanningScene(models)
+    hand = SrgHand(config.approaches, config.tilts, config.squeeze)
+    motions = TaskPlanner(scene, hand, np.array(HOME), config)
+    planner = PickAndPlacePlanner(motions, "box", BOX, GOAL, config=config)
+    for name, system in (("localizer", localizer), ("planner", planner)):
+        builder.AddNamedSystem(name, system)
+    mover = AddArmDriver(builder, plant, arm, gripper, scene.plant, arm_config)
+    fingers = AddSrgPositionDriver(builder, plant, gripper)
+    query = scene_graph.get_query_output_port()
+    for source, system, port in (
+        (query, fingers, "query_object"),
+        (eye.GetOutputPort("color_image"), localizer, "eye.color_image"),
+        (eye.GetOutputPort("depth_image_32f"), localizer, "eye.depth_image"),
+        (eye.GetOutputPort("body_pose_in_world"), localizer, "eye.body_pose_in_world"),
+        (localizer.GetOutputPort("blobs"), planner, "blobs"),
+        (mover.GetOutputPort("state_measured"), planner, "arm_state"),
+        (fingers.GetOutputPort("state_measured"), planner, "gripper_state"),
+        (fingers.GetOutputPort("grasped"), planner, "grasped"),
+        (fingers.GetOutputPort("proximity"), planner, "proximity"),
+        (planner.GetOutputPort("position_commanded"), mover, "position_commanded"),
+        (planner.GetOutputPort("closure_commanded"), fingers, "closure_commanded"),
+    ):
+        builder.Connect(source, system.GetInputPort(port))
+
+    ports, seen = {"mode": planner.GetOutputPort("mode")}, {"eye": eye}
+    ports["arm [rad, rad/s]"] = mover.GetOutputPort("state_measured")
+    with AddRecording(builder, plant, scene_graph, out, ports=ports, cameras=seen):
+        simulator = Simulator(builder.Build())
+        simulator.AdvanceTo(8.0)
+    root = simulator.get_context()
+    context = planner.GetMyContextFromRoot(root)
+    status = planner.GetOutputPort("status").Eval(context)
+    X_WO = box.EvalPoseInWorld(plant.GetMyContextFromRoot(root))
+    return status, float(np.linalg.norm((X_WO.inverse() @ GOAL).translation()))
+
+
+if __name__ == "__main__":
+    report, error = main(Path(sys.argv[1] if len(sys.argv) > 1 else "own_planner"))
+    print(f"{report.mode} {report.message}: the box is {1e3 * error:.1f} mm off.")
