@@ -25,8 +25,9 @@ from pydrake.systems.primitives import (
 from drake_srg.arm.reference import JerkLimitedReference, JerkLimits
 from drake_srg.common.joint_errors import ArmErrorsConfig, CommandErrors, EncoderErrors
 from drake_srg.common.systems import model_actuators
+from drake_srg.config import Config, positive
 from drake_srg.lifetime import LeafSystem
-from drake_srg.types import Vector, positive
+from drake_srg.types import Vector
 
 _TICKS = 10_000  # so many commands are checked to fall on steps
 
@@ -184,7 +185,7 @@ class ArmSignals:
 
 
 @dc.dataclass(kw_only=True)
-class ArmDriver(abc.ABC):
+class ArmDriver(Config, abc.ABC):
     """Configuration of an arm driver, which turns joint positions into motion.
 
     A driver derives from this class and implements `AddControl`.

@@ -25,8 +25,9 @@ from pydrake.systems.framework import (
 
 from drake_srg.arm.driver import AddSampling, ArmDriver, ArmSignals
 from drake_srg.common.systems import model_actuators
+from drake_srg.config import Config, positive
 from drake_srg.lifetime import LeafSystem
-from drake_srg.types import Vector, positive
+from drake_srg.types import Vector
 
 # Directions in which forces move the hand by less than this share of the easiest count
 # as locked: near a singular posture, the null space takes them.
@@ -208,7 +209,7 @@ _POSTURES = 100  # in which stability is checked, besides home
 
 
 @dc.dataclass(kw_only=True)
-class CartesianStiffness:
+class CartesianStiffness(Config):
     """Stiffness of the hand. Ranges and defaults are those of KUKA's Sunrise.OS.
 
     (CartesianImpedanceControlMode: 0 to 5000 N/m, 0 to 300 N m/rad; by default, 2000

@@ -22,6 +22,7 @@ from pydrake.systems.primitives import MatrixGain
 from drake_srg.common.exceptions import ScenarioError
 from drake_srg.common.joint_errors import AddEncoderNoise, AddLatency, JointErrorsConfig
 from drake_srg.common.systems import output_ports
+from drake_srg.config import Config, positive
 from drake_srg.gripper.sensors import (
     FingerLayout,
     FingerSensorConfig,
@@ -31,11 +32,11 @@ from drake_srg.gripper.sensors import (
 from drake_srg.gripper.servo import GripperServoConfig
 from drake_srg.gripper.tendon import MotorTemperatureConfig, TendonDriveConfig
 from drake_srg.lifetime import LeafSystem
-from drake_srg.types import Vector, positive
+from drake_srg.types import Vector
 
 
 @dc.dataclass(kw_only=True)
-class GraspDetectorConfig:
+class GraspDetectorConfig(Config):
     """When a grasp counts."""
 
     # All fingers must fire for this long [s]: the arm thesis's post-contact delay.
@@ -113,7 +114,7 @@ PLANT_INPUTS = (
 
 
 @dc.dataclass(kw_only=True)
-class FingerSensingConfig:
+class FingerSensingConfig(Config):
     """The sensors of a gripper; the driver's configuration adds their `layout`.
 
     Each field that is a `FingerSensorConfig` is a sensor; None leaves it out.

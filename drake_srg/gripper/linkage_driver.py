@@ -15,12 +15,13 @@ from pydrake.systems.framework import (
 )
 
 from drake_srg.common.systems import value_or_none
+from drake_srg.config import Config, positive
 from drake_srg.gripper.driver import FingerSensing, GripperControl, GripperDriver
 from drake_srg.gripper.joint_servos import AddJointServos, SetPlantServos
 from drake_srg.gripper.sensors import LINKAGE_FINGERS, FingerLayout, ProximityConfig
 from drake_srg.gripper.servo import PLANT_LAW, GripperServoConfig
 from drake_srg.lifetime import LeafSystem
-from drake_srg.types import Vector, positive
+from drake_srg.types import Vector
 
 # Entries of the discrete state: reference angles and speeds of both cranks, the time
 # when these were chosen, the last closure, and whether something is gripped.
@@ -31,7 +32,7 @@ SLAVE_GAIN = 20.0
 
 
 @dc.dataclass(kw_only=True)
-class MasterSlaveConfig:
+class MasterSlaveConfig(Config):
     """How the fingers move, with the arm thesis's values."""
 
     # Crank angle of the master that closure 1 asks for [rad]: a little beyond 0.681,

@@ -16,6 +16,7 @@ from drake_srg.common.systems import (
     model_actuators,
     value_or_none,
 )
+from drake_srg.config import positive
 from drake_srg.gripper.driver import (
     FingerSensing,
     GraspDetectorConfig,
@@ -28,7 +29,7 @@ from drake_srg.gripper.servo import GripperServoConfig
 from drake_srg.gripper.srg_position_driver import SrgPositionDriver
 from drake_srg.gripper.tendon import empty_hand
 from drake_srg.gripper.underactuation import UnderactuationConfig, UnderactuationLogic
-from drake_srg.types import Vector, positive
+from drake_srg.types import Vector
 
 
 class PlantServoLogic(UnderactuationLogic):

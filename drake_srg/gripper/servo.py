@@ -24,8 +24,9 @@ from pydrake.systems.scalar_conversion import TemplateSystem
 
 from drake_srg.common.srg_geometry import SRG
 from drake_srg.common.systems import made_for_floats, value_or_none
+from drake_srg.config import Config, positive
 from drake_srg.lifetime import LeafSystem, collectable
-from drake_srg.types import Vector, positive
+from drake_srg.types import Vector
 
 # Columns of the discrete state, which has one row per joint.
 _START, _DURATION, _TARGET = 0, 1, 2
@@ -36,7 +37,7 @@ _PEAK_TO_MEAN_SPEED = 15.0 / 8.0
 
 
 @dc.dataclass(kw_only=True)
-class MinimumJerkConfig:
+class MinimumJerkConfig(Config):
     """How fast the reference moves."""
 
     # Peak speed of a rest-to-rest motion [rad/s].
@@ -190,17 +191,17 @@ PLANT_LAW = "plant"  # `pid` without integral, solved by the plant: `PlantJointS
 
 
 @dc.dataclass(kw_only=True)
-class GripperServoConfig:
+class GripperServoConfig(Config):
     """Gains of n servos. PWM is a fraction of full scale, -1 .. 1."""
 
-    kp: list[float]  # K_P [1/rad]
+    kp: list[float] = dc.field(metadata={"ge": 0.0})  # K_P [1/rad]
     # K_I [1/(rad s)]. Zero suits the SRG: an integral would wind up the position
     # error that Algorithm 1 leaves on purpose, to press on the object.
     # In the laws `printed` and `literal`, where it multiplies e q' [s/rad²].
-    ki: list[float]
+    ki: list[float] = dc.field(metadata={"ge": 0.0})
     # K_D [s/rad]. In the laws `printed` and `literal`, where it multiplies e / q'
     # [1/s].
-    kd: list[float]
+    kd: list[float] = dc.field(metadata={"ge": 0.0})
     kff1: list[float]  # K_FF1, on the reference's velocity [s/rad]
     kff2: list[float]  # K_FF2, on the reference's acceleration [s²/rad]
     law: str = dc.field(default="pid", metadata={"among": (*LAWS, PLANT_LAW)})
@@ -307,10 +308,6 @@ def GripperServo_(T: Any) -> Any:  # noqa: D103 (the class below is the document
                 raise ValueError(
                     "kp, ki, kd, kff1, kff2: need one entry per motor each, got "
                     f"{[len(gain) for gain in gains]}"
-                )
-            if config.pwm_steps < 0:
-                raise ValueError(
-                    f"pwm_steps: must be at least 0, got {config.pwm_steps}"
                 )
             if config.pwm_steps and T is AutoDiffXd:
                 raise ValueError(

@@ -9,6 +9,7 @@ from pydrake.multibody.tree import ModelInstanceIndex
 from pydrake.systems.framework import Diagram, DiagramBuilder
 
 from drake_srg.common.systems import input_ports
+from drake_srg.config import positive
 from drake_srg.gripper.driver import FingerSensing, GripperControl, GripperDriver
 from drake_srg.gripper.joint_servos import AddJointServos, SetPlantServos
 from drake_srg.gripper.sensors import SRG_FINGERS, FingerLayout
@@ -24,7 +25,7 @@ from drake_srg.gripper.underactuation import (
     UnderactuationConfig,
     UnderactuationLogic,
 )
-from drake_srg.types import Vector, positive
+from drake_srg.types import Vector
 
 
 def _default_servo() -> GripperServoConfig:

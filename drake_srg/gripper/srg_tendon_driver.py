@@ -12,6 +12,7 @@ from pydrake.systems.primitives import MatrixGain
 
 from drake_srg.common.srg_geometry import SRG
 from drake_srg.common.systems import joint_to_actuator, model_actuators, value_or_none
+from drake_srg.config import Config, positive
 from drake_srg.gripper.driver import (
     FingerSensing,
     GripperControl,
@@ -33,11 +34,11 @@ from drake_srg.gripper.tendon import (
     empty_hand,
 )
 from drake_srg.lifetime import LeafSystem
-from drake_srg.types import Vector, positive
+from drake_srg.types import Vector
 
 
 @dc.dataclass(kw_only=True)
-class SpoolCommandConfig:
+class SpoolCommandConfig(Config):
     """How closure becomes a spool angle."""
 
     # Base plus tip angle that closure 1 asks of an empty hand [rad], and the limit of

@@ -26,9 +26,10 @@ from pydrake.systems.scalar_conversion import TemplateSystem
 
 from drake_srg.common.exceptions import ScenarioError
 from drake_srg.common.systems import made_for_floats
+from drake_srg.config import Config, positive
 from drake_srg.gripper.underactuation import FINGERS
 from drake_srg.lifetime import LeafSystem, collectable, weak
-from drake_srg.types import Vector, positive
+from drake_srg.types import Vector
 
 # Coefficients, lowest power first [m, m/rad, ...].
 _BASE = (
@@ -93,7 +94,7 @@ WIRE_PRESLIDING = 1e-4
 
 
 @dc.dataclass(kw_only=True)
-class DriveFrictionConfig:
+class DriveFrictionConfig(Config):
     """Friction of gears and wires. Off by default: no data sheet states any of it."""
 
     # Friction of the gear train at the spool: a constant part [N m] and a share of the
@@ -153,7 +154,7 @@ def passed_on(state: Any, friction: float) -> Any:
 
 
 @dc.dataclass(kw_only=True)
-class TorsionSpringConfig:
+class TorsionSpringConfig(Config):
     """A spring in a hinge that opens the finger."""
 
     # Torque at 0 rad, with the finger open and straight [N m].
@@ -162,7 +163,7 @@ class TorsionSpringConfig:
 
 
 @dc.dataclass(kw_only=True)
-class TendonDriveConfig:
+class TendonDriveConfig(Config):
     """Motor, wires and springs. The defaults are the SRG's with a Dynamixel MX-64."""
 
     # Data sheet of the MX-64, at 12 V: stall torque [N m] and no-load speed [rad/s].
@@ -443,7 +444,7 @@ else:
 
 
 @dc.dataclass(kw_only=True)
-class MotorTemperatureConfig:
+class MotorTemperatureConfig(Config):
     """A Dynamixel MX-64 in still air."""
 
     # Data sheet: current at stall and 12 V [A]. The windings then have 2.9 ohm.

@@ -7,8 +7,8 @@ from pydrake.systems.framework import Context, DiscreteValues
 
 from drake_srg.common.srg_geometry import SRG
 from drake_srg.common.systems import value_or_none
+from drake_srg.config import Config, positive
 from drake_srg.lifetime import LeafSystem
-from drake_srg.types import positive
 
 # Order of the SRG's joints and sensors, here and at every port; the plant has another.
 # A finger is a pair of indices (base, tip) into it.
@@ -25,17 +25,17 @@ EVALUATIONS = ("periodic", "per_message")
 
 
 @dc.dataclass(kw_only=True)
-class UnderactuationConfig:
+class UnderactuationConfig(Config):
     """Parameters of Algorithm 1."""
 
     # Base plus tip angle that closure 1 asks for [rad].
     full_scale: float = dc.field(default=SRG.full_scale, metadata=positive())
     # Targets of base and tip saturate here [rad].
-    base_limit: float = SRG.joint_limit
-    tip_limit: float = SRG.joint_limit
+    base_limit: float = dc.field(default=SRG.joint_limit, metadata=positive())
+    tip_limit: float = dc.field(default=SRG.joint_limit, metadata=positive())
     # The thesis tests `tip angle <= 0`. The measured angle of a finger on its stop is
     # zero only up to the stop's compliance [rad].
-    straight_tolerance: float = 0.002
+    straight_tolerance: float = dc.field(default=0.002, metadata={"ge": 0.0})
     # What a base does whose sensor fires while the hand closes. `algorithm_1`: it keeps
     # its target, and so drives on into the object. `freeze`: its target becomes the
     # angle at which the sensor fired, and then the farthest one until it has stopped.

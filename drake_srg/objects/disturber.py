@@ -15,12 +15,13 @@ from pydrake.systems.framework import Context, EventStatus, State
 
 from drake_srg.common.geometry import minimum_jerk_blend
 from drake_srg.common.shared import Shared
+from drake_srg.config import Config, positive
 from drake_srg.lifetime import LeafSystem
-from drake_srg.types import Box, Cylinder, Mode, Shape, Vector, positive
+from drake_srg.types import Box, Cylinder, Mode, Shape, Vector
 
 
 @dc.dataclass(kw_only=True)
-class Disturbance:
+class Disturbance(Config):
     """Which object is disturbed, and when."""
 
     # The planner's mode that triggers it.
