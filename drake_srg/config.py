@@ -128,9 +128,10 @@ class Config:
     """
 
     def __setattr__(self, name: str, value: object) -> None:
-        check = _checks(type(self)).get(name)
+        kind: type = type(self)
+        check = _checks(kind).get(name)
         if check is not None and (problem := check(value)) and not _unchecked.get():
-            raise ValueError(f"{type(self).__name__}.{name}: {problem}")
+            raise ValueError(f"{kind.__name__}.{name}: {problem}")
         super().__setattr__(name, value)
 
 

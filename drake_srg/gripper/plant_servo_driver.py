@@ -4,6 +4,7 @@ import dataclasses as dc
 from typing import ClassVar
 
 import numpy as np
+from pydrake.geometry import SceneGraph
 from pydrake.multibody.plant import MultibodyPlant
 from pydrake.multibody.tree import ModelInstanceIndex
 from pydrake.systems.framework import Context, Diagram, DiagramBuilder, DiscreteValues
@@ -215,6 +216,9 @@ def AddPlantServoDriver(
     gripper: ModelInstanceIndex,
     config: PlantServoDriver | None = None,
     seed: int = 0,
+    *,
+    name: str = "gripper_driver",
+    scene_graph: SceneGraph | None = None,
 ) -> Diagram:
     """Add the driver of an SRG to a diagram and connect it to the (finalized) plant.
 
@@ -252,5 +256,10 @@ def AddPlantServoDriver(
         gripper: Its model instance.
         config: Of the driver.
         seed: Of the encoders' noise.
+        name: Of the driver in the diagram.
+        scene_graph: See `GripperDriver.AddDriver`.
     """
-    return (config or PlantServoDriver()).AddDriver(builder, plant, gripper, seed)
+    config = config or PlantServoDriver()
+    return config.AddDriver(
+        builder, plant, gripper, seed, name=name, scene_graph=scene_graph
+    )

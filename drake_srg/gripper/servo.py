@@ -88,6 +88,7 @@ class MinimumJerkReference(LeafSystem):
         name: MinimumJerkReference
         input_ports:
         - position_desired
+        - state_measured (optional)
         output_ports:
         - reference
 
@@ -97,10 +98,12 @@ class MinimumJerkReference(LeafSystem):
     target. It takes the longer of `config.min_duration` and the time that keeps a
     rest-to-rest motion below `config.max_velocity`.
 
-    `reference` (3n) is [q; v; a] in rad, rad/s, rad/s², continuous in time.
+    `reference` (3n) is [q; v; a] in rad, rad/s, rad/s², continuous in time. When a
+    simulation starts, it rests where the joints are, according to `state_measured`
+    (2n), [q; v].
 
     Args:
-        initial_position: Of the joints, shape (n,) [rad].
+        initial_position: Where it rests without `state_measured`, shape (n,) [rad].
         config: How fast the reference moves.
     """
 
@@ -115,6 +118,7 @@ class MinimumJerkReference(LeafSystem):
         rows[:, _TARGET] = initial_position
         rows[:, 3] = initial_position
         self._desired = self.DeclareVectorInputPort(name="position_desired", size=n)
+        self._measured = self.DeclareVectorInputPort(name="state_measured", size=2 * n)
         self.DeclareDiscreteState(rows.flatten())
         self.DeclareVectorOutputPort(
             name="reference",
@@ -135,16 +139,25 @@ class MinimumJerkReference(LeafSystem):
             context: This system's.
             position: Of the joints, shape (n,) [rad].
         """
+        context.SetDiscreteState(self._at_rest(context, position))
+
+    def _initialize(self, context: Context, discrete_state: DiscreteValues) -> None:
+        measured = value_or_none(self._measured, context)
+        if measured is None:
+            rows = self._rows(context)
+            rows[:, _START] = context.get_time()
+            discrete_state.set_value(rows.flatten())
+        else:
+            discrete_state.set_value(self._at_rest(context, measured[: self._n]))
+
+    def _at_rest(self, context: Context, position: Vector) -> Vector:
+        """Return the state of a reference that rests at a position, shape (9n,)."""
         rows = self._rows(context)
+        rows[:, _START] = context.get_time()
         rows[:, _TARGET] = position
         rows[:, _COEFFICIENTS] = 0.0
         rows[:, 3] = position
-        context.SetDiscreteState(rows.flatten())
-
-    def _initialize(self, context: Context, discrete_state: DiscreteValues) -> None:
-        rows = self._rows(context)
-        rows[:, _START] = context.get_time()
-        discrete_state.set_value(rows.flatten())
+        return rows.flatten()
 
     def _update(self, context: Context, discrete_state: DiscreteValues) -> None:
         rows, time = self._rows(context).tolist(), context.get_time()

@@ -132,8 +132,9 @@ class UnderactuationLogic(LeafSystem):
     * `closure_messages` (1): number of messages so far that commanded a closure. The
       algorithm runs only when it has changed.
 
-    The output `position_desired` (4) [rad] is updated every `config.period`. Joints and
-    sensors are in the order of `JOINT_NAMES`.
+    The output `position_desired` (4) [rad] is updated every `config.period`. When a
+    simulation starts, it is where the fingers are. Joints and sensors are in the order
+    of `JOINT_NAMES`.
 
     Args:
         config: Parameters of the algorithm.
@@ -162,8 +163,17 @@ class UnderactuationLogic(LeafSystem):
         # sensors fired (2), number of messages evaluated]
         self._memory = self.DeclareDiscreteState([0.0] * 10)
         self.DeclareStateOutputPort("position_desired", self._desired)
+        self.DeclareInitializationDiscreteUpdateEvent(self._initialize)
         self.DeclarePeriodicDiscreteUpdateEvent(
             period_sec=self.config.period, offset_sec=0.0, update=self._update
+        )
+
+    def _initialize(self, context: Context, discrete_state: DiscreteValues) -> None:
+        q = self._measured.Eval(context).tolist()[:4]
+        closure = 0.5 * sum(q) / self.config.full_scale  # of an empty hand there
+        discrete_state.set_value(self._desired, q)
+        discrete_state.set_value(
+            self._memory, [*q, min(max(closure, 0.0), 1.0), *[0.0] * 5]
         )
 
     def _update(self, context: Context, discrete_state: DiscreteValues) -> None:
