@@ -44,6 +44,7 @@ def test_ports():
             "hold": 1,
             "motor_position_commanded": 1,
             "motor_torque_commanded": 1,
+            "taut_state": 2,
         },
         {"angle_desired": 1, "torque_desired": 1},
     )
