@@ -5,11 +5,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from pydrake.systems.framework import DiagramBuilder
 
-from drake_srg.gripper.drivers import (
-    AddSrgTendonDriver,
-    SrgPositionDriver,
-    SrgTendonDriver,
-)
+from drake_srg.gripper import AddSrgTendonDriver, SrgPositionDriver, SrgTendonDriver
 from drake_srg.gripper.srg_tendon_driver import (
     SpoolCommand,
     SpoolCommandConfig,
