@@ -452,8 +452,9 @@ def AddJerkLimits(
 ) -> JerkLimitedReference:
     """Add what makes motion of targets that jump to a diagram.
 
-    It starts at the driver's home and has the driver's limits and period. Connect its
-    `position_commanded` to the driver's.
+    It has the driver's limits and period, and starts at the driver's home, or where the
+    arm is if you connect its `state_measured`, too. Connect its `position_commanded` to
+    the driver's.
 
     Args:
         builder: Of the diagram.
