@@ -270,6 +270,11 @@ class ArmDriver(Config, abc.ABC):
         Raises:
             ValueError: If `prepare_plant` was not called.
         """
+        if self.weightless and plant.is_gravity_enabled(arm):
+            raise ValueError(
+                f"{plant.GetModelInstanceName(arm)}: has weight: call the "
+                "configuration's prepare_plant before the plant is finalized"
+            )
 
     @staticmethod
     def check_length(key: str, values: list[float], n: int) -> None:
