@@ -1,37 +1,16 @@
 """Gripper drivers by their tags in scenario files."""
 
+from pydrake.geometry import SceneGraph
 from pydrake.multibody.plant import MultibodyPlant
 from pydrake.multibody.tree import ModelInstanceIndex
 from pydrake.systems.framework import Diagram, DiagramBuilder
 
 from drake_srg.common.exceptions import ScenarioError
 from drake_srg.gripper.driver import GripperDriver
-from drake_srg.gripper.linkage_driver import AddLinkageDriver, LinkageDriver
-from drake_srg.gripper.plant_servo_driver import AddPlantServoDriver, PlantServoDriver
-from drake_srg.gripper.srg_position_driver import (
-    AddSrgPositionDriver,
-    SrgPositionDriver,
-)
-from drake_srg.gripper.srg_tendon_driver import (
-    AddSrgTendonDriver,
-    SetTendonDynamics,
-    SrgTendonDriver,
-)
-
-__all__ = [
-    "DRIVERS",
-    "AddGripperDriver",
-    "AddLinkageDriver",
-    "AddPlantServoDriver",
-    "AddSrgPositionDriver",
-    "AddSrgTendonDriver",
-    "GripperDriver",
-    "LinkageDriver",
-    "PlantServoDriver",
-    "SetTendonDynamics",
-    "SrgPositionDriver",
-    "SrgTendonDriver",
-]
+from drake_srg.gripper.linkage_driver import LinkageDriver
+from drake_srg.gripper.plant_servo_driver import PlantServoDriver
+from drake_srg.gripper.srg_position_driver import SrgPositionDriver
+from drake_srg.gripper.srg_tendon_driver import SrgTendonDriver
 
 # The drivers of the package. Its class name is a driver's tag in scenario files. For
 # one of your own, call `drake_srg.station.register_gripper`.
@@ -49,6 +28,9 @@ def AddGripperDriver(
     gripper: ModelInstanceIndex,
     config: GripperDriver,
     seed: int = 0,
+    *,
+    name: str = "gripper_driver",
+    scene_graph: SceneGraph | None = None,
 ) -> Diagram:
     """Add the driver of a configuration; see the drivers for their ports.
 
@@ -58,9 +40,12 @@ def AddGripperDriver(
         gripper: Its model instance.
         config: Of the driver; its class chooses the driver.
         seed: Of the encoders' noise.
+        name: Of the driver in the diagram.
+        scene_graph: See `GripperDriver.AddDriver`.
 
     Raises:
         ScenarioError: If the gripper lacks joints that the driver commands.
+        ValueError: See `GripperDriver.AddDriver`.
     """
 
     def fits(driver: type[GripperDriver]) -> bool:
@@ -73,4 +58,6 @@ def AddGripperDriver(
             f"gripper: !{type(config).__name__} does not fit the model; "
             f"allowed: {', '.join(fitting) or 'none'}"
         )
-    return config.AddDriver(builder, plant, gripper, seed)
+    return config.AddDriver(
+        builder, plant, gripper, seed, name=name, scene_graph=scene_graph
+    )

@@ -3,13 +3,15 @@ import weakref
 
 import numpy as np
 import pytest
+from helpers import fix
+from pydrake.common.value import Value
 from pydrake.math import RigidTransform, RollPitchYaw, RotationMatrix
 from pydrake.systems.analysis import Simulator
-from pydrake.systems.sensors import CameraInfo, ImageRgba8U
+from pydrake.systems.sensors import CameraInfo, ImageDepth32F, ImageRgba8U
 
 from drake_srg import types
 from drake_srg.types import BlobFlag
-from drake_srg.vision.blob_localizer import BlobLocalizer
+from drake_srg.vision.blob_localizer import BlobLocalizer, localize
 from drake_srg.vision.camera import CameraModel
 from vision.vision_scene import (
     BLUE,
@@ -46,6 +48,48 @@ BALL = types.Sphere(0.0325)
 
 def near(blob, thing, millimetres):
     np.testing.assert_allclose(blob.position, thing.position, atol=1e-3 * millimetres)
+
+
+@pytest.mark.parametrize("channels", [3, 4])
+@pytest.mark.parametrize("millimetres", [False, True])
+def test_arrays_need_no_diagram(channels, millimetres):
+    diagram, localizer = make_diagram([standing(CAN, 0.05, -0.02)], [target()])
+    root = diagram.CreateDefaultContext()
+    context = localizer.GetMyContextFromRoot(root)
+    (expected,) = localizer.GetOutputPort("blobs").Eval(context)
+    color, depth, X_WB = (
+        localizer.GetInputPort(f"camera.{name}").Eval(context)
+        for name in ("color_image", "depth_image", "body_pose_in_world")
+    )
+    color, depth = color.data[..., :channels].copy(), depth.data[..., 0].copy()
+    if millimetres:
+        far = ~np.isfinite(depth)
+        depth = np.where(far, 65.535, depth)
+        depth = np.rint(1000.0 * depth).astype(np.uint16)
+    model = CameraModel.from_sensor(diagram.GetSubsystemByName("camera"))
+    (blob,) = localize([target()], color, depth, model, X_WB)
+    if millimetres:
+        np.testing.assert_allclose(blob.position, expected.position, atol=1e-3)
+    else:
+        assert blob.X_WO.IsExactlyEqualTo(expected.X_WO)
+        assert blob.camera == "camera"
+
+
+@pytest.mark.parametrize(
+    ("color", "depth", "problem"),
+    [
+        ((10, 10, 3), np.zeros((480, 640), np.float32), "camera.color_image is 10x10"),
+        (
+            (480, 640, 3),
+            np.zeros((480, 60), np.float32),
+            "camera.depth_image is 60x480",
+        ),
+        ((480, 640, 3), np.zeros((480, 640), np.int64), "uint16 .mm., got int64"),
+    ],
+)
+def test_arrays_that_do_not_fit_are_refused(color, depth, problem):
+    with pytest.raises(ValueError, match=problem):
+        localize([target()], np.zeros(color, np.uint8), depth, MODEL, RigidTransform())
 
 
 def test_every_camera_has_three_inputs():
@@ -85,7 +129,15 @@ def test_an_unconnected_input_is_named():
 def test_an_image_of_the_wrong_size_is_named():
     localizer = BlobLocalizer([target()], {"top": MODEL})
     context = localizer.CreateDefaultContext()
-    localizer.GetInputPort("top.color_image").FixValue(context, ImageRgba8U(320, 240))
+    fix(
+        localizer,
+        context,
+        **{
+            "top.color_image": Value(ImageRgba8U(320, 240)),
+            "top.depth_image": Value(ImageDepth32F(640, 480)),
+            "top.body_pose_in_world": Value(RigidTransform()),
+        },
+    )
     with pytest.raises(ValueError, match=r"320x240 pixels.*says 640x480"):
         localizer.get_output_port().Eval(context)
 
