@@ -52,8 +52,7 @@ _MU = re.compile(r"(<drake:mu_(?:dynamic|static)>)[^<]*")
 def gripper_sdf(shape: str, material: str, friction: float) -> str:
     """Return the SDF of a gripper with such pads.
 
-    The pads get the friction with which Drake's rule, the harmonic mean of both, gives
-    `friction` between them and the cylinder.
+    With Drake's rule, the harmonic mean of both, they have `friction` on the cylinder.
     """
 
     def sdf(name: str) -> str:
@@ -112,11 +111,7 @@ def overrides(tip: str, seed: int, model: Path) -> list[str]:
 
 
 def cases(trials: int = 5) -> list[ex.Case]:
-    """Grasp, carry and place the cylinder with every combination.
-
-    Args:
-        trials: Of each combination, a seed each.
-    """
+    """Grasp, carry and place the cylinder with every combination."""
     return ex.grid(
         tip=TIPS,
         shape=SHAPES,

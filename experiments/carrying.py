@@ -71,12 +71,9 @@ def trial(name: str, scenario: str, step: float) -> ex.Measures:
 
 
 def leaving(time: Vector, position: Vector, step: float) -> Vector:
-    """Return the distance by which steps leave a path up to each time, (K,) [m].
+    """Return the distance by which steps [s] leave a path up to each time, (K,) [m].
 
-    Args:
-        time: Shape (K,) [s].
-        position: Of a body on the path, shape (K, 3) [m].
-        step: Time step [s].
+    A body is at positions (K, 3) [m] at times (K,) [s].
     """
     v = np.gradient(position, time, axis=0)
     a = np.gradient(v, time, axis=0)

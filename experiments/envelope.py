@@ -30,8 +30,15 @@ UPRIGHT, LYING, SIMULATED = "upright", "lying", "lying, simulated"
 # to this angle off the radial direction [degrees]. Leaning, anywhere: up to this lean,
 # and up to this angle off the direction away from the arm [degrees].
 RADIUS, OFF_RADIAL, MOST_LEAN, LEANING_OFF = 0.28, 15.0, 30.0, 30.0
-_STANDING, _LYING, _LEANING = (5, 5), (9, 5), (3, 1)  # places along x and y
-_STEP, _LEANING_STEP = 15, 30  # between directions [degrees]
+# By way: lean [degrees], places along x and y, step between directions, from where to
+# its opposite [degrees].
+GRIDS = {
+    LYING: (90.0, (9, 5), 15, -90),
+    **{
+        f"leaning {lean} degrees": (float(lean), (3, 1), 30, -180)
+        for lean in (15, 30, 45, 60)
+    },
+}
 _NEAR = 0.245  # where the region begins, straight in front of the arm [m]
 
 
@@ -103,35 +110,25 @@ def cases(runs: int = 10) -> list[ex.Case]:
     Args:
         runs: Number of simulated cycles.
     """
-
-    def named(way: str, place: Vector, lean: float, off: float) -> ex.Case:
-        return {"way": way, "place": place.tolist(), "lean": lean, "off": off}
-
     here = cell()
-    found = [named(UPRIGHT, p, 0.0, 0.0) for p in here.places(*_STANDING)]
-    for lean, way, grid, step, first in (
-        (90.0, LYING, _LYING, _STEP, -90),
-        *(
-            (float(lean), f"leaning {lean} degrees", _LEANING, _LEANING_STEP, -180)
-            for lean in (15, 30, 45, 60)
-        ),
-    ):
+    found = [(UPRIGHT, p, 0.0, 0.0) for p in here.places(5, 5)]
+    for way, (lean, grid, step, start) in GRIDS.items():
         for place in here.places(*grid):
-            for off in range(first + step, 1 - first, step):
-                found.append(named(way, place, lean, float(off)))
-    rng = np.random.default_rng(0)
-    simulated: list[ex.Case] = []
-    while len(simulated) < runs:
+            directions = map(float, range(start + step, 1 - start, step))
+            found += [(way, place, lean, off) for off in directions]
+    planned, rng = len(found), np.random.default_rng(0)
+    while len(found) < planned + runs:
         place = rng.uniform(here.region.min, here.region.max)
         bound = np.deg2rad(OFF_RADIAL)
-        off = np.rad2deg(rng.uniform(-bound, bound) + np.pi * rng.integers(2))
+        off = float(np.rad2deg(rng.uniform(-bound, bound) + np.pi * rng.integers(2)))
         if here.claimed(place, 90.0, off):
-            simulated.append(named(SIMULATED, place, 90.0, float(off)))
-    found = [{**case, "seed": None} for case in found]
-    first = len(found)
-    found += [{**case, "seed": first + i} for i, case in enumerate(simulated)]
-    edge = {"place": None, "lean": 90.0, "off": 0.0, "seed": None}
-    return [*found, {"way": "edges", **edge}]
+            found.append((SIMULATED, place, 90.0, off))
+    edge = {"way": "edges", "place": None, "lean": 90.0, "off": 0.0, "seed": None}
+    return [
+        {"way": way, "place": place.tolist(), "lean": lean, "off": off}
+        | {"seed": i if way == SIMULATED else None}
+        for i, (way, place, lean, off) in enumerate(found)
+    ] + [edge]
 
 
 def trial(
@@ -165,16 +162,11 @@ def edges(here: Cell) -> list[float]:
         place = here.center - [radius, 0.0]
         return here.plan(place, 90.0, np.rad2deg(off)) is None
 
-    def to_side(side: float, off: float) -> bool:
-        return plans(middle, side * off)
-
     middle, right = 0.5 * (RADIUS + _NEAR), 0.5 * np.pi
     far = bisect(lambda radius: plans(radius, 0.0), middle, 2.0 * RADIUS, 0.0005)
-    offs = [
-        bisect(functools.partial(to_side, side), 0.0, right, 0.005)
-        for side in (1.0, -1.0)
-    ]
-    return [1e3 * far, *np.rad2deg(offs)]
+    left = bisect(lambda off: plans(middle, off), 0.0, right, 0.005)
+    other = bisect(lambda off: plans(middle, -off), 0.0, right, 0.005)
+    return [1e3 * far, np.rad2deg(left), np.rad2deg(other)]
 
 
 def bisect(
@@ -221,11 +213,11 @@ def summary(own: ex.Trials) -> ex.Values:
     if way == LYING:
         (edge,) = own.whole.where(way="edges")
         far, left, right = edge["edges"]
-        radial = "largest distance from joint 1, radial [mm]"
-        found[radial] = (far, ex.at_least(1e3 * RADIUS))
-        for side, value in (("left", left), ("right", right)):
-            what = f"largest angle off radial, to the {side} [deg]"
-            found[what] = (value, ex.at_least(OFF_RADIAL))
+        found |= {
+            "largest distance from joint 1, radial [mm]": far,
+            "largest angle off radial, to the left [deg]": left,
+            "largest angle off radial, to the right [deg]": right,
+        }
     return found
 
 
@@ -251,7 +243,12 @@ envelope = ex.Experiment(
     "Where the five-axis arm can grasp a leaning or lying cylinder and stand it up.",
     cases,
     trial,
-    {"largest error in x or y": ex.at_most(1.0)},  # the recess's clearance
+    {
+        "largest error in x or y": ex.at_most(1.0),  # the recess's clearance
+        "largest distance from joint 1, radial": ex.at_least(1e3 * RADIUS),
+        "largest angle off radial, to the left": ex.at_least(OFF_RADIAL),
+        "largest angle off radial, to the right": ex.at_least(OFF_RADIAL),
+    },
     summary=summary,
     picture=draw,
 )

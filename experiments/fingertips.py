@@ -1,17 +1,14 @@
 """Flat and curved fingertips that grasp a cylinder off its middle and carry it fast.
 
-The thesis of the five-axis arm reports that flat fingertips let the object slip, and
-cuts them to the object's shape. Here, errors added to the sightings make the hand stop
-up to 8 mm short of the cylinder, along the palm's x, or beside it, along the palm's y.
-The planner does not look a second time. The cylinder's friction is as in the scenario's
-smoothest case ("dry") or lower ("greasy"). A time step moves a held object along the
-tangent of its path, but the hand along the arc; what remains at step 0, extrapolated
-from two steps, is slip.
+The thesis of the five-axis arm reports that flat fingertips let the object slip. Here,
+errors added to the sightings make the hand stop up to 8 mm short of the cylinder, along
+the palm's x, or beside it, along y. Its friction is as in the scenario's smoothest case
+("dry") or lower ("greasy"). A time step moves a held object along the tangent of its
+path; what remains at step 0, extrapolated from two steps, is slip.
 
-Take an arc of radius r that spans +-a, and a cylinder of the same radius at an offset
-d. The cylinder touches the arc's end, where the surface normal is at asin(sin(a) - d /
-r) to the closing direction. Closing pushes the cylinder to the middle if that angle
-exceeds the angle of friction, that is up to d = r (sin(a) - sin(atan(mu))).
+An arc of radius r that spans +-a pushes a cylinder of the same radius to the middle up
+to an offset d = r (sin(a) - sin(atan(mu))): there, the surface normal at the arc's end
+is at the angle of friction to the closing direction.
 """
 
 import itertools

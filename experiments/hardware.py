@@ -56,12 +56,8 @@ def press_bench(scenario: str, most: float, position_gain: float) -> Scenario:
     """Return an empty bench whose servo has the firmware's position control.
 
     That is proportional, without a smooth reference. The palm points to the front, so
-    that the fingers' weight does not act along their motion.
-
-    Args:
-        scenario: The bench.
-        most: Largest PWM of the servo, 0 .. 1.
-        position_gain: Of the position control [PWM of 1023 per count].
+    that the fingers' weight does not act along their motion. The largest PWM is `most`;
+    the gain is in PWM of 1023 per count.
     """
     gain = position_gain / FULL_TORQUE * 4096 / (2.0 * np.pi) / most
     return bench_scenario(

@@ -10,7 +10,6 @@ from collections.abc import Sequence
 import numpy as np
 
 import experiments.runner as ex
-from drake_srg.common.exceptions import ScenarioError, suggest
 from drake_srg.common.srg_geometry import SRG
 from drake_srg.gripper.tendon import TendonDriveConfig
 from experiments.data import household_objects
@@ -29,21 +28,12 @@ SLIP = 5.0  # in the hand, from the lift to the end, of an object that is held [
 
 
 def cases(objects: Sequence[str] = ()) -> list[ex.Case]:
-    """Grasp, lift and shake objects in every way.
-
-    Args:
-        objects: Names of the objects to grasp; all by default.
-    """
-    known = {name for name, _ in grasps()}
-    for name in objects:
-        if name not in known:
-            raise ScenarioError(
-                f"household: objects: unknown object {name!r} {suggest(name, known)}"
-            )
+    """Grasp, lift and shake objects in every way."""
+    wanted = ex.chosen("objects", objects, {name for name, _ in grasps()})
     return [
         {"object": name, "approach": approach}
         for name, approach in grasps()
-        if name in (objects or known)
+        if name in wanted
     ]
 
 
@@ -75,7 +65,9 @@ household = ex.Experiment(
         "held by the hand alone for": ex.at_least(HELD),
         "slip": slip,
         "turn in the hand": ex.at_most(10.0),
-        "wire force": ex.at_most(TendonDriveConfig().full_wire_force),
+        "wire force": ex.at_most(
+            TendonDriveConfig().full_wire_force, source="data sheet"
+        ),
         "too wide: opening needed": ex.at_least(OPENING),
         "acceleration of the hand": ex.within(ACCELERATION, relative=0.05),
     },

@@ -4,12 +4,9 @@ Table 1 of the thesis reports ten grasps of a cylinder at one place. Here that p
 one of the variants, by the thesis's own rules (localizer, taught waypoints, motions and
 waits); in the others, the cylinder stands anywhere in the pick region, and the rules
 are the thesis's or ours. Ours must seat every cylinder and be no worse than what the
-thesis's rules give in the same run.
-
-The experiment also checks the arm's forward kinematics as the thesis does: it predicts
-the tip's Euler angles at one posture by the product of exponentials and compares them
-with those of its simulation. The errors in x and y depend on a camera that the thesis
-does not publish; see `thesis_localizer`.
+thesis's rules give in the same run. The arm's forward kinematics are checked as the
+thesis does, at one posture. Errors in x and y depend on a camera that it does not
+publish; see `thesis_localizer`.
 """
 
 from collections.abc import Mapping
@@ -52,11 +49,7 @@ VARIANTS: Mapping[str, tuple[str, tuple[str, ...], int | None]] = {
 
 
 def cases(seeds: int = 50) -> list[ex.Case]:
-    """Run every variant from every position.
-
-    Args:
-        seeds: Number of positions.
-    """
+    """Run every variant from every position."""
     return [
         {"variant": name, "seed": seed}
         for name, (_, _, most) in VARIANTS.items()

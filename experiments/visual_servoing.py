@@ -167,11 +167,9 @@ def _hand() -> tuple[ServoArm, Vector]:
 def cases(
     trials: int = 200, first_seed: int = 910_000, half: int = 20
 ) -> list[ex.Case]:
-    """Grasp in every case by every method.
+    """Grasp in every case by every method, and some again with half the step.
 
     Args:
-        trials: Grasps per case and method.
-        first_seed: Seed of the first trial; the others follow.
         half: Trials of these per case and servo that run again with half the step.
     """
     numbers = range(first_seed, first_seed + trials)

@@ -45,8 +45,8 @@ def page(name: str, module: str, description: str, stamp: Stamp | None) -> str:
     picture = f"![{description}]({name}.png)\n\n"
     picture *= (COMMITTED / f"{name}.png").is_file()
     missed = [row for row in rows if not row.passed]
-    judged = [row for row in rows if row.expected != "a number"]
-    others = [row for row in rows if row.expected == "a number"]
+    judged = [row for row in rows if row.judged]
+    others = [row for row in rows if not row.judged]
     text += f"**{verdict(rows, stamp)}** Drake {stamp.drake}, "
     text += f"{show_time(stamp.seconds)}.\n\n{picture}{why}\n\n{command(name)}\n"
     if missed:
@@ -69,7 +69,7 @@ def command(name: str) -> str:
 
 def verdict(rows: Sequence[Row], stamp: Stamp) -> str:
     """Return how many claims hold, and whether that is still known."""
-    judged = [row for row in rows if row.expected != "a number"]
+    judged = [row for row in rows if row.judged]
     good = sum(row.passed for row in judged)
     text = f"{good} of {len(judged)} claims hold."
     if not judged:
@@ -79,7 +79,7 @@ def verdict(rows: Sequence[Row], stamp: Stamp) -> str:
 
 def table(rows: Sequence[Row]) -> str:
     """Return rows as a Markdown table; those without a criterion lack its column."""
-    judged = any(row.expected != "a number" for row in rows)
+    judged = any(row.judged for row in rows)
     head = ["name", "quantity", "measured", "spread", "unit"]
     lines = [head + ["expected", "source", "holds"] * judged]
     lines.append(["---"] * len(lines[0]))
@@ -136,7 +136,7 @@ def link(name: str, stamps: dict[str, Stamp]) -> str:
     rows, stamp = committed_rows(name), stamps.get(name)
     if rows is None or stamp is None:
         return f"[{name}](experiments/{name}.md) (no result)"
-    judged = [row for row in rows if row.expected != "a number"]
+    judged = [row for row in rows if row.judged]
     good = sum(row.passed for row in judged)
     stale = ", not run since" * stamp.stale
     return f"[{name}](experiments/{name}.md) ({good}/{len(judged)}{stale})"

@@ -63,11 +63,6 @@ def in_hand(
 ) -> ex.Measures:
     """Return where the object was in the hand in the last cycle of a run's log.
 
-    Args:
-        scenario: Of the run.
-        log: Of the run.
-        error: Of the placement (3) [m], if known.
-
     Returns:
         `held_at`: the object's centre in the palm frame when the fingers hold it;
         `shift`: its motion while they close (3) [m]; `slip` and `turn`: largest motion

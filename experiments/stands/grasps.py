@@ -19,6 +19,7 @@ from drake_srg.scenario.typed_yaml import load_typed
 from drake_srg.simulation.rig import Rig, bench_scenario, shake
 from drake_srg.types import Box
 from experiments.data import household_objects, read_yaml
+from experiments.stands.holding import in_hand, is_free
 
 MIDDLE = np.array([0.5, 0.0, 0.0])  # origin of the gantry's joint positions [m]
 # Times [s]. The hand arrives. The fingers close (up to 2.5 s with a loose wire) and the
@@ -108,10 +109,7 @@ def present(
     """
     thing = copy.deepcopy(thing)
     z_O = grasp.R_WO.matrix()[2]
-    shape, height = (
-        simple_shape("thing", thing),
-        0.0,
-    )  # of the origin, above its support
+    shape, height = simple_shape("thing", thing), 0.0  # of the origin
     if shape is not None:
         height = shape.half_extent(z_O)
     elif not np.isclose(z_O[2], 1.0):
@@ -161,13 +159,12 @@ def simulate(scenario: Scenario, grasp: GraspConfig, **rig_options: Any) -> ex.M
         rig.advance(_REST)
         log, X_WG = rig.log(), rig.X_WG()
         q = rig.plant.GetPositions(rig.plant_context)
-    # The gantry only translates: object minus hand is the motion in the hand.
-    pose, time = log["object_pose.thing"][lifted:], log["time"][lifted:]
-    hand = log["arm.state_measured"][lifted:]
-    p_GO = pose[:, :3] - hand[:, :3]
-    acceleration = np.gradient(hand[:, 3:], time, axis=0)
+    quaternion, time = log["object_pose.thing"][lifted:, 3:], log["time"][lifted:]
+    p_GO = in_hand(log)[lifted:]
+    speed = log["arm.state_measured"][lifted:, 3:]
+    acceleration = np.gradient(speed, time, axis=0)
     moved = np.linalg.norm(p_GO - p_GO[0], axis=1)
-    turn = 2.0 * np.arccos(np.clip(np.abs(pose[:, 3:] @ pose[0, 3:]), 0, 1))
+    turn = 2.0 * np.arccos(np.clip(np.abs(quaternion @ quaternion[0]), 0, 1))
     lost = np.flatnonzero(moved > _PAD_WIDTH)
     held_for = SHAKE * free.index(False) if False in free else HELD
     if free[0] and len(lost):
@@ -182,8 +179,3 @@ def simulate(scenario: Scenario, grasp: GraspConfig, **rig_options: Any) -> ex.M
         "q": q,
         "p_WL": X_WG @ np.array([_PADS_X, 0.0, 0.0]),
     }
-
-
-def is_free(rig: Rig) -> bool:
-    """Return whether only the gripper touches the object."""
-    return set(rig.contact_forces()) == {"gripper"}

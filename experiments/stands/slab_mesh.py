@@ -22,8 +22,7 @@ def slab_mesh(
         cell: Longest edge of the grid's squares, each of which is cut in two [m].
 
     Returns:
-        Vertices, shape (n, 3) [m], and the indices of the three vertices of each
-        triangle, shape (m, 3), counter-clockwise as seen from outside.
+        Vertices (n, 3) [m], and indices of the triangles' corners (m, 3), outwards.
     """
     low, high = np.asarray(low, dtype=float), np.asarray(high, dtype=float)
     nx, ny = np.ceil((high - low)[:2] / cell - 1e-9).astype(int)

@@ -25,13 +25,8 @@ def take_picture(
 ) -> npt.NDArray[np.uint8]:
     """Return an image of gripper and objects on white, shape (size, size, 3).
 
-    The image comes from the scenario's `recording.video_camera`, moved closer.
-
-    Args:
-        scenario: Of the station.
-        q: Positions of its plant.
-        p_WL: Point to look at, in world, shape (3,) [m].
-        size: Width and height [pixels].
+    The image comes from the scenario's `recording.video_camera`, moved closer to p_WL
+    (3,) [m], and shows the station's plant at `q`.
 
     Raises:
         ScenarioError: If the scenario has no such camera.
