@@ -39,6 +39,7 @@ GRIDS = {
         for lean in (15, 30, 45, 60)
     },
 }
+RADIAL, OFF = "distance from joint 1 [mm]", "angle off radial [degrees]"
 _NEAR = 0.245  # where the region begins, straight in front of the arm [m]
 
 
@@ -138,16 +139,17 @@ def trial(
     if place is None:
         return {"edges": edges(here)}
     at = np.array(place)
+    shown = {RADIAL: 1e3 * np.linalg.norm(here.center - at), OFF: off}
     if seed is None:
         claimed = here.claimed(at, lean, off)
-        return {"claimed": claimed, "failure": here.plan(at, lean, off)}
+        return {"claimed": claimed, "failure": here.plan(at, lean, off)} | shown
     p = here.pose(at, lean, off).translation().tolist()
     turn = np.rad2deg(here.turn(at, lean, off)).tolist()
     pose = f"{{translation: {p}, rotation: !Rpy {{deg: {turn}}}}}"
     cycle = run_cycle(SCENARIO, seed, [f"objects.{here.name}.pose={pose}"])
     error = cycle["placement"]
     off_goal = np.nan if error is None else 1e3 * max(np.abs(error[:2]))
-    return {"failure": cycle["failure"], "error": off_goal}
+    return {"failure": cycle["failure"], "error": off_goal} | shown
 
 
 def edges(here: Cell) -> list[float]:
@@ -221,24 +223,6 @@ def summary(own: ex.Trials) -> ex.Values:
     return found
 
 
-def draw(figure: Any, trials: ex.Trials, rows: Any) -> None:
-    """Draw a map of lying cylinders: green if planned, blue if simulated."""
-    figure.set_size_inches(6.0, 5.2)
-    axes, here = figure.subplots(), cell()
-    for way, length, good in ((LYING, 7.0, "C2"), (SIMULATED, 10.0, "C0")):
-        for t in trials.where(way=way):
-            X_WO = here.pose(np.array(t["place"]), t["lean"], t["off"])
-            p, z = 1e3 * np.array(t["place"]), X_WO.rotation().matrix()[:2, 2]
-            ends = np.array([p - length * z, p + length * z])
-            color = good if t["failure"] is None else "0.8"
-            axes.plot(*ends.T, "-", color=color, lw=1.2)
-    angles = np.linspace(-0.5, 0.5, 50)
-    arc = here.center - RADIUS * np.column_stack([np.cos(angles), np.sin(angles)])
-    axes.plot(*1e3 * arc.T, "k--", lw=0.8)
-    axes.set(xlabel="x [mm]", ylabel="y [mm]", aspect="equal")
-    axes.set_title(f"Lying cylinders; dashed {1e3 * RADIUS:.0f} mm from joint 1")
-
-
 envelope = ex.Experiment(
     "Where the five-axis arm can grasp a leaning or lying cylinder and stand it up.",
     cases,
@@ -250,5 +234,8 @@ envelope = ex.Experiment(
         "largest angle off radial, to the right": ex.at_least(OFF_RADIAL),
     },
     summary=summary,
-    picture=draw,
+    picture=[
+        ex.Points(RADIAL, OFF, where={"way": way}, label=["failure"], title=way)
+        for way in (LYING, SIMULATED)
+    ],
 )

@@ -75,11 +75,7 @@ def press_bench(scenario: str, most: float, position_gain: float) -> Scenario:
 
 
 class VendorTest:
-    """Presses the tips on each other, as the vendor did.
-
-    Args:
-        stand: The gripper, open.
-    """
+    """Presses the tips of an open gripper on each other, as the vendor did."""
 
     def __init__(self, stand: ServoStand) -> None:
         self._stand = stand
@@ -196,36 +192,35 @@ def trial(model: str) -> ex.Measures:
 
 def compare(trials: ex.Trials) -> dict[str, ex.Values]:
     """Compare rows; those of the specimen are judged, the others only told."""
-    measured, found = vendor_log(), {}
+    measured, found = vendor_log(), dict[str, ex.Values]()
     for t in trials:
         model = t["model"]
         simulated = [LogRow(**row) for row in t["rows"]]
         offset = calibrated_zero(simulated) - calibrated_zero(measured)
         for real, ours in zip(measured, simulated, strict=True):
-            label = real.label
-            seconds, tenth = (real.seconds, ours.seconds, "s"), 0.1 * real.seconds
+            label, current = real.label, real.current_ma
+            seconds = (real.seconds, ours.seconds, "s", 0.1 * real.seconds)
             if real.test == "heating":
                 label += f", from {real.temperature_c:g} degC"
-                pairs = {_WARM: (*seconds, tenth)}
+                pairs = {_WARM: seconds}
             else:
-                current, stop = real.current_ma, ours.stop_counts - offset
+                stop = ours.stop_counts - offset
                 pairs = {
                     "current": (current, ours.current_ma, "mA", 0.1 * current),
                     "stop": (real.stop_counts, stop, "counts", 6.0),
                 }
                 if real.test == "position":  # by torque, it is the test's own waiting
-                    pairs["time until noticed"] = (*seconds, tenth)
-            values: ex.Values = {}
+                    pairs["time until noticed"] = seconds
+            values = found.setdefault(f"{model}, {label}", {})
             for what, (theirs, value, unit, allowed) in pairs.items():
-                if model == "specimen":
-                    known = _KNOWN.get((real.label, what), "")
-                    bound = ex.within(
-                        theirs, absolute=allowed, known=known, source="vendor's log"
-                    )
-                    values[f"{what} [{unit}]"] = (value, bound)
-                else:
+                if model != "specimen":
                     values[f"{what} (real {theirs:.4g}) [{unit}]"] = value
-            found[f"{model}, {label}"] = values
+                    continue
+                known = _KNOWN.get((real.label, what), "")
+                asked = ex.within(
+                    theirs, absolute=allowed, known=known, source="vendor's log"
+                )
+                values[f"{what} [{unit}]"] = (value, asked)
     return found
 
 

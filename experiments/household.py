@@ -21,7 +21,6 @@ from experiments.stands.grasps import (
     simulate,
     width_between_pads,
 )
-from experiments.stands.still import take_picture
 
 OPENING = 1e3 * SRG.parallel_gap  # between parallel pads, base links sideways [mm]
 SLIP = 5.0  # in the hand, from the lift to the end, of an object that is held [mm]
@@ -39,9 +38,7 @@ def cases(objects: Sequence[str] = ()) -> list[ex.Case]:
 
 def trial(object: str, approach: str) -> ex.Measures:
     grasp = grasps()[object, approach]
-    scenario = present(household_objects()[object], grasp)
-    found = simulate(scenario, grasp)
-    image = take_picture(scenario, found.pop("q"), found.pop("p_WL"), 190)
+    found = simulate(present(household_objects()[object], grasp), grasp)
     width = 1e3 * width_between_pads(object, grasp)
     rows = {"slip [mm]": found["slip"], "wire force [N]": found["wire_force"]}
     if width > OPENING:
@@ -49,7 +46,7 @@ def trial(object: str, approach: str) -> ex.Measures:
     else:
         rows["held by the hand alone for [s]"] = found["held_for"]
         rows["turn in the hand [degrees]"] = found["turn"]
-    return found | rows | {"image": image}
+    return found | rows
 
 
 def slip(own: ex.Trials) -> ex.Bound:

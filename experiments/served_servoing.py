@@ -227,16 +227,14 @@ def make_loop(robot: ServedRobot, scenario: Scenario, late: float) -> ControlLoo
     return ControlLoop(SCENARIO, scenario, builder.Build(), cell)
 
 
-def cases(
-    trials: int = 200, first_seed: int = 930_000, late: float = 0.1
-) -> list[ex.Case]:
+def cases(trials: int = 200, seed: int = 930_000, late: float = 0.1) -> list[ex.Case]:
     """Grasp with both servos at every speed.
 
     Args:
         late: How late pictures arrive [s].
     """
     return ex.grid(
-        seed=range(first_seed, first_seed + trials),
+        seed=range(seed, seed + trials),
         case=("0 mm/s", "20 mm/s", "50 mm/s"),
         method=SERVOS,
         late=[late],

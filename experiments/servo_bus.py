@@ -310,7 +310,7 @@ def summary(own: ex.Trials) -> ex.Values:
     found: ex.Values = {
         "claimed, but not placed []": sum(missed["claimed"]),
         "neither placed nor told why []": sum(not t["reason"] for t in missed),
-        count: (len(placed), ex.at_least(n) if clean else ex.number()),
+        count: (len(placed), ex.at_least(n) if clean else None),
     }
     if len(placed) or clean:
         found[what] = (worst, ex.at_most(limit))

@@ -61,8 +61,8 @@ def trial(variant: str, seed: int) -> ex.Measures:
     """Run a cycle; errors in mm."""
     scenario, overrides, _ = VARIANTS[variant]
     cycle = run_cycle(scenario, seed, overrides)
-    found = {k: cycle[k] for k in ("placed", "lifted", "failure", "placing", "cycle")}
-    found["smoothness"] = cycle["smoothness"]
+    keys = ("placed", "lifted", "failure", "placing", "cycle", "smoothness")
+    found = {key: cycle[key] for key in keys}
     # Of every cylinder that was released, seated or not.
     placement = cycle["placement"] if cycle["error_G"] is not None else None
     for what, error in (("placed", placement), ("seen", cycle["localization"])):
@@ -74,13 +74,12 @@ def trial(variant: str, seed: int) -> ex.Measures:
 # Bounds are the thesis's table 1, or our own where they are tighter: half of the
 # recess's clearance, and a cycle of 8 s [mm], [s].
 CYCLE = 23.69
+_PLACED, _SEEN = {"placed x": 4.0, "placed y": 2.0}, {"seen x": 0.07, "seen y": 0.07}
 MOST = {
-    OURS: {"placed x": 0.5, "placed y": 0.5, "seen x": 0.07, "seen y": 0.07}
-    | {"seen z": 0.3},
-    FLAT: {"placed x": 4.0, "placed y": 2.0, "seen x": 0.07, "seen y": 0.07}
-    | {"seen z": 15.0},
-    AT_PLACE: {"placed x": 4.0, "placed y": 2.0},
-    RULES: {"placed x": 4.0, "placed y": 2.0},
+    OURS: {"placed x": 0.5, "placed y": 0.5, **_SEEN, "seen z": 0.3},
+    FLAT: {**_PLACED, **_SEEN, "seen z": 15.0},
+    AT_PLACE: _PLACED,
+    RULES: _PLACED,
 }
 
 
@@ -91,13 +90,11 @@ def summary(own: ex.Trials) -> ex.Values:
     Elsewhere, the tip goes other ways, so the cycle takes another time.
     """
 
-    def average(measure: str, of: ex.Trials = own) -> float:
-        known = of.known(measure)
-        return float(np.mean(known)) if len(known) else np.nan
+    def average(measure: str, of: ex.Trials = own) -> Any:
+        return np.mean(of.known(measure)) if len(of.known(measure)) else np.nan
 
     def largest(measure: str) -> float:
-        known = np.abs(own.known(measure))
-        return float(np.max(known)) if len(known) else np.nan
+        return max(np.abs(own.known(measure)), default=np.nan)
 
     variant, every = own.name, ex.at_least(len(own))
     found: dict[str, Any] = {
@@ -135,7 +132,6 @@ def summary(own: ex.Trials) -> ex.Values:
 POSTURE = np.array([10.0, 20.0, 30.0, 40.0, 50.0])
 PREDICTED = np.array([-136.3074, -68.1808, -108.777])
 SIMULATED = np.array([-136.342, -68.221, -108.737])
-_DIGIT = 1e-4  # of the print's last digit [degrees]
 
 
 def kinematics(trials: ex.Trials) -> dict[str, ex.Values]:
@@ -169,10 +165,9 @@ def predict(screws: Vector, home: Vector, q: Vector) -> Vector:
 
 
 def simulated_angles(q: Vector) -> Vector:
-    """Return the tip's Euler angles when the arm has come to rest (3) [degrees].
+    """Return the tip's Euler angles (3) [degrees] when the arm rests at q (5) [rad].
 
-    The arm starts at `q` (5) [rad] and holds it against gravity with its servos.
-    Nothing collides: in the thesis's posture, the hand would be in the bench.
+    It holds it against gravity. Nothing collides: the hand would be in the bench.
     """
     changes = [
         f"arm.home={q.tolist()}",
@@ -200,8 +195,8 @@ def tip_angles(plant: MultibodyPlant, context: object) -> Vector:
 def kinematics_error() -> float:
     """Return the largest error of the plant's forward kinematics [degrees].
 
-    The error is the difference of the tip's Euler angles from those of the product of
-    exponentials, over 1,000 random postures ex.within the joint limits.
+    That is the difference of the tip's Euler angles from those of the product of
+    exponentials, over 1,000 random postures within the joint limits.
     """
     plant = MultibodyPlant(time_step=0.0)
     AddDirectives(plant, load_scenario("assistive_arm"))

@@ -60,7 +60,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         prog="experiments all",
         description="Rerun experiments and compare them with the committed rows.",
     )
-    add, flag = parser.add_argument, {"action": "store_true"}
+    add, flag = parser.add_argument, dict[str, Any](action="store_true")
     name: dict[str, Any] = {"nargs": "+", "default": [], "metavar": "NAME"}
     add("--only", help="run these only", **name)
     add("--except", dest="left_out", help="leave these out", **name)

@@ -12,6 +12,7 @@ from pydrake.common.schema import Rotation, Transform
 from pydrake.math import RollPitchYaw, RotationMatrix
 
 import experiments.runner as ex
+from drake_srg.common.geometry import look_at
 from drake_srg.objects.config import ObjectConfig
 from drake_srg.objects.models import simple_shape
 from drake_srg.scenario import Scenario
@@ -30,7 +31,10 @@ LIFT_HEIGHT = 0.1  # m
 ACCELERATION, FREQUENCY = 9.81, 2.0  # m/s², Hz
 HELD = 3.0 * SHAKE  # from the end of the lift to the end of the last shake [s]
 _STEEL = 7850.0  # kg/m³, so heavy that no hand moves it
-_PADS_X = 0.158  # middle of the pads of straight fingers, in the palm frame [m]
+_PADS = np.array([0.158, 0.0, 0.0])  # middle of straight fingers' pads in the palm [m]
+# Position of the camera relative to the pads: in front, to the right of the hand and
+# above, at a distance that shows 0.3 m [m].
+_EYE = np.array([0.30, -0.28, 0.17])
 # An object is lost when it moves in the hand by more than the width of a pad [m].
 _PAD_WIDTH = 0.03
 
@@ -132,7 +136,7 @@ def present(
     return bench
 
 
-def simulate(scenario: Scenario, grasp: GraspConfig, **rig_options: Any) -> ex.Measures:
+def simulate(scenario: Scenario, grasp: GraspConfig) -> ex.Measures:
     """Grasp the object of a scenario, lift it, and shake it along x, y and z.
 
     Returns:
@@ -140,16 +144,18 @@ def simulate(scenario: Scenario, grasp: GraspConfig, **rig_options: Any) -> ex.M
         [s]; `acceleration`: peak acceleration of the hand along the axis where that is
         lowest [m/s²]; `slip` [mm] and `turn` [degrees] in the hand that remain at the
         end; `grip_force` of all finger links after the lift; the largest `wire_force`
-        [N]; `q` of the plant, and `p_WL` (3) [m], the middle between the pads, at the
-        end.
+        [N]; an `image` of the hand at the end.
     """
     limit = scenario.gripper.wire_motor.drive.force_limit_of(grasp.wire_force)
-    with Rig(scenario, name="grasp", **rig_options) as rig:
-        start = rig.commanded("arm.position_commanded")
-        there = start - grasp.R_WG @ np.array(grasp.retreat)
+    there = scenario.arm.home - grasp.R_WG @ np.array(grasp.retreat)
+    above = there + np.array([0.0, 0.0, LIFT_HEIGHT])
+    camera, p_WL = scenario.cameras["overview"], MIDDLE + above + grasp.R_WG @ _PADS
+    camera.width = camera.height = 190
+    camera.X_PB = Transform(look_at(p_WL + _EYE, p_WL))
+    camera.X_PB.base_frame = "world"
+    with Rig(scenario, name="grasp", images=True) as rig:
         rig.move(there, _ARRIVE)
         rig.advance(_CLOSE, closure=1.0, force_limit=limit)
-        above = there + np.array([0.0, 0.0, LIFT_HEIGHT])
         rig.move(above, _LIFT)
         lifted = len(rig.log()["time"]) - 1
         free = [is_free(rig)]
@@ -157,8 +163,7 @@ def simulate(scenario: Scenario, grasp: GraspConfig, **rig_options: Any) -> ex.M
             rig.advance(SHAKE, arm=shake(above, ACCELERATION * axis, FREQUENCY, SHAKE))
             free.append(is_free(rig))
         rig.advance(_REST)
-        log, X_WG = rig.log(), rig.X_WG()
-        q = rig.plant.GetPositions(rig.plant_context)
+        log, image = rig.log(), rig.image("overview")
     quaternion, time = log["object_pose.thing"][lifted:, 3:], log["time"][lifted:]
     p_GO = in_hand(log)[lifted:]
     speed = log["arm.state_measured"][lifted:, 3:]
@@ -176,6 +181,5 @@ def simulate(scenario: Scenario, grasp: GraspConfig, **rig_options: Any) -> ex.M
         "turn": np.rad2deg(turn[-1]),
         "grip_force": np.sum(log["gripper.contact_force"][lifted]),
         "wire_force": np.max(log["gripper.wire_force"]),
-        "q": q,
-        "p_WL": X_WG @ np.array([_PADS_X, 0.0, 0.0]),
+        "image": image,
     }
