@@ -108,10 +108,7 @@ def trial(name: str, wire: str, what: str, amount: float) -> ex.Measures:
 def measure_delays(client: Client, rate: float, duration: float) -> ex.Measures:
     """Command a served kitchen on all topics, and measure how soon it follows.
 
-    Returns:
-        Number of messages sent; times of the K changes, counted from the first message,
-        and their delays; largest difference of the last commands and the final commands
-        to the station's drivers [rad, 1].
+    At each topic's rate [Hz], for a real time [s].
     """
     home = client.arm[-1][1]
     target, closed = home.copy(), 0

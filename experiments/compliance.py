@@ -76,12 +76,9 @@ _OVERRIDES = (
 
 
 class InsertionStand:
-    """An arm that has taken the cylinder out of the recess, to set it back.
+    """An arm that has taken a cylinder out of the recess, to set it back.
 
-    Args:
-        arm: The arm's driver, as a scenario's `arm`.
-        mass: Of the cylinder [kg].
-        friction: Of the cylinder.
+    The cylinder has a mass [kg] and friction; `arm` is a driver as in a scenario.
     """
 
     def __init__(self, arm: str, mass: float, friction: float) -> None:

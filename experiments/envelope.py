@@ -155,9 +155,8 @@ def trial(
 def edges(here: Cell) -> list[float]:
     """Find the edges of the envelope for lying cylinders in front of the arm.
 
-    Returns:
-        Largest distance from joint 1 with a radial axis [mm]; largest angles off radial
-        to the left and to the right, in the middle of the claimed distances [degrees].
+    These are the largest distance from joint 1 with a radial axis [mm]; and the largest
+    angles off radial to both sides, in the middle of the claimed distances [degrees].
     """
 
     def plans(radius: float, off: float) -> bool:

@@ -97,8 +97,7 @@ def against_vendor(trials: ex.Trials) -> dict[str, ex.Values]:
     """Compare angles at equal force, and forces at equal angle, over the whole table.
 
     Deviations of an angle are relative to the vendor's angle, but at least to `SMALL`.
-    Forces are compared where the joint is between its stops: at a stop, many forces
-    belong to one angle.
+    Forces are compared where the joint is between its stops.
     """
     ours = trials.where(stops=VENDOR)[0]
     lines = read_csv("tendon_free_closing.csv")[1:]

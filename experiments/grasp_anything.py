@@ -187,9 +187,8 @@ def lift(
 ) -> tuple[bool, bool, str, RigidTransform]:
     """Try a grasp.
 
-    Returns:
-        Whether the hand holds the thing, whether its fingers say so, why not, and the
-        thing's pose at the end.
+    Return whether the hand holds the thing, whether its fingers say so, why not, and
+    the thing's pose at the end.
     """
     there, start = grasp.X_WG.translation() - _MIDDLE, X_WO.translation()
     scenario = bench_scenario(

@@ -16,8 +16,6 @@ import math
 
 import numpy as np
 from pydrake.systems.analysis import Simulator
-from pydrake.systems.framework import DiagramBuilder
-from pydrake.systems.primitives import ConstantVectorSource
 
 import experiments.runner as ex
 from drake_srg.gripper.tendon import MotorTemperature
@@ -122,8 +120,8 @@ class VendorTest:
     def _wait(self, until: int) -> tuple[int, float]:
         """Return the position after some waits, and when it has stopped changing [s].
 
-        The spool still creeps when the vendor's test takes it for stopped. So positions
-        are compared when the vendor read them.
+        The spool still creeps when the vendor takes it for stopped: positions count
+        when it read them.
         """
         stand, stopped = self._stand, math.nan
         before = read = stand.read("present_position")
@@ -146,14 +144,11 @@ def warm(scenario: str, row: LogRow) -> float:
     drive, heat = motor.drive, motor.temperature
     load = row.current_ma / 1e3 / heat.stall_current
     pwm = drive.pwm_of(load / drive.full_scale)
-    builder = DiagramBuilder()
-    system = builder.AddSystem(MotorTemperature(drive, heat))
-    for name, value in (("pwm", [pwm]), ("motor_state", [0.0, 0.0])):
-        source = builder.AddSystem(ConstantVectorSource(value))
-        builder.Connect(source.get_output_port(), system.GetInputPort(name))
-    diagram = builder.Build()
-    simulator = Simulator(diagram)
-    context = system.GetMyMutableContextFromRoot(simulator.get_mutable_context())
+    system = MotorTemperature(drive, heat)
+    simulator = Simulator(system)
+    context = simulator.get_mutable_context()
+    system.GetInputPort("pwm").FixValue(context, [pwm])
+    system.GetInputPort("motor_state").FixValue(context, [0.0, 0.0])
     context.SetDiscreteState([row.temperature_c])
     for time in np.arange(heat.period, NEVER, heat.period):
         simulator.AdvanceTo(time)

@@ -170,8 +170,8 @@ def _judge(
 ) -> ex.Measures:
     """Return whether the object is placed, and whether the planner says so; why not.
 
-    Also the larger of its distances from the goal in x and y, and by how much whole
-    counts of the joints' servos may move it where it is let go [mm].
+    Also the larger of its errors in x and y, and by how much whole counts of the
+    servos may move it where it is let go [mm].
     """
     log = read_log(served / "log.npz")
     if log["time"][-1] > LONGEST - 1.0:
@@ -200,7 +200,7 @@ def _judge(
 def robot_file(
     way: Way, scenario: Scenario, arguments: Sequence[str], port: int, rate: float
 ) -> str:
-    """Return the text of the hardware file for a served cell.
+    """Return the text of the hardware file for a scenario that is served in a way.
 
     Args:
         way: How it is served.

@@ -58,11 +58,8 @@ def poses(
 ) -> Iterator[RigidTransform]:
     """Yield poses X_WO of the cylinder all over the pick region, or in the recess.
 
-    Args:
-        scenario: See `load`.
-        way: STANDING, RECESS, TILTED or LYING.
-        side: Standing places along each side of the region, and places in the recess.
-        others: Number of tilted or lying places.
+    STANDING along each `side` of the region, as many in the RECESS; `others` are TILTED
+    or LYING.
     """
     rng = np.random.default_rng(0)
     shape, region = scenario.objects[scenario.task.pick].shape, scenario.task.region

@@ -57,10 +57,10 @@ BENCH, FAST = "gripper_bench", "gripper_bench_fast"
 
 
 def payload_scenario(grip: str, direction: str, mass: float, scenario: str) -> Scenario:
-    """Return the bench with a cylinder in the open hand, on the table or the cradle.
+    """Return the bench with a cylinder of a mass [kg] in the open hand.
 
-    Wrapped with the palm down, the cylinder lies across the hand on the cradle;
-    otherwise it stands on the table.
+    Wrapped with the palm down, it lies across the hand on the cradle; otherwise it
+    stands on the table.
     """
     thing = ObjectConfig(shape=Cylinder(RADIUS, LENGTH), mass=mass, friction=FRICTION)
     x, down = _X[grip, direction], direction == "down"

@@ -207,10 +207,8 @@ def connect(
 def run_over_servos(name: str, seed: int, wire: Wire) -> ex.Measures:
     """Run a scenario's task, with everything but pictures over a servo bus.
 
-    Returns:
-        Whether the planner says that it is done, and whether the object is placed; the
-        reason if not; the larger of the placement errors in x and y, and by how much
-        whole counts of the joints may move the object where it is let go [mm].
+    `error` is the larger of the placement errors in x and y; `rounding`, by how much
+    whole counts of the joints may move the object where it is let go [mm].
     """
     scenario = load_scenario(name, seed=seed)
     robot = ServoRobot(scenario, wire.protocol, Warnings(lambda text: None))

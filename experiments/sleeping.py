@@ -68,7 +68,7 @@ def cases(seeds: int = 300) -> list[ex.Case]:
     """Measure the cost of objects at rest, then push cartons in many scenes.
 
     Args:
-        seeds: Number of scenes.
+        seeds: Scenes.
     """
     costs = ex.grid(name=["6 objects", "40 objects"], kind=(AWAKE, ASLEEP), seed=[None])
     return costs + [

@@ -186,9 +186,7 @@ class Elements:
 def pad_gap(rig: Rig, state: Vector) -> Vector:
     """Return the distance between the pads' middles, shape (K,) [m].
 
-    Args:
-        rig: Gives the plant.
-        state: Measured states of the gripper, shape (K, 8).
+    Measured states of the gripper have shape (K, 8).
     """
     plant, context = rig.plant, rig.plant.CreateDefaultContext()
     gripper = plant.GetModelInstanceByName("gripper")

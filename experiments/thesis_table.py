@@ -19,7 +19,7 @@ from pydrake.systems.analysis import Simulator
 import experiments.runner as ex
 from drake_srg.scenario import load_scenario
 from drake_srg.station import MakeStation
-from drake_srg.station.plant import AddDirectives
+from drake_srg.station.plant import MakeModelsPlant
 from drake_srg.theses.arm_kinematics import (
     ASSISTIVE_ARM_HOME,
     ASSISTIVE_ARM_HOME_PRINTED,
@@ -198,18 +198,14 @@ def kinematics_error() -> float:
     That is the difference of the tip's Euler angles from those of the product of
     exponentials, over 1,000 random postures within the joint limits.
     """
-    plant = MultibodyPlant(time_step=0.0)
-    AddDirectives(plant, load_scenario("assistive_arm"))
-    plant.Finalize()
-    context = plant.CreateDefaultContext()
-    arm = plant.GetModelInstanceByName("arm")
-    joints = [plant.get_joint(i) for i in plant.GetActuatedJointIndices(arm)]
+    plant = MakeModelsPlant(load_scenario("assistive_arm"))
+    context, arm = plant.CreateDefaultContext(), plant.GetModelInstanceByName("arm")
     lower, upper = (
-        np.array([getattr(joint, f"position_{end}_limits")()[0] for joint in joints])
-        for end in ("lower", "upper")
+        plant.GetPositionsFromArray(arm, limits)
+        for limits in (plant.GetPositionLowerLimits(), plant.GetPositionUpperLimits())
     )
     worst = 0.0
-    for q in np.random.default_rng(0).uniform(lower, upper, (1000, len(joints))):
+    for q in np.random.default_rng(0).uniform(lower, upper, (1000, len(lower))):
         plant.SetPositions(context, arm, q)
         predicted = predict(ASSISTIVE_ARM_SCREWS, ASSISTIVE_ARM_HOME, q)
         worst = max(worst, _largest(tip_angles(plant, context) - predicted))

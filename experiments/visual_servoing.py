@@ -76,8 +76,8 @@ def grasp_scenario(
 ) -> Scenario:
     """Return the scenario of a trial.
 
-    Can, friction, mass and place are drawn from the seed, and so are the directions of
-    the calibration's errors, which are the same for all methods.
+    Can, friction, mass, place and directions of the calibration's errors are drawn from
+    the seed: the same for all methods.
     """
     camera, *settings = METHODS[method]
     speed, distance, angle = CASES[case]
@@ -133,8 +133,8 @@ class GraspWatch:
     def ended(self, reason: str) -> ex.Measures:
         """Return the end of a trial; "" says that the object is held.
 
-        `error` is the distance of the object's centre from its place in the hand as the
-        fingers begin to close [m]; None if they did not.
+        `error` is the distance of the object from its place in the hand as the fingers
+        begin to close [m]; None if they did not.
         """
         error = None if self._off is None else float(np.linalg.norm(self._off))
         return {"held": not reason, "error": error, "reason": reason}

@@ -173,12 +173,8 @@ def row(
 class Trials(Sequence[Mapping[str, Any]]):
     """Trials with their results; `trials["slip"]` is an array of that measure.
 
-    An entry is a mapping of the trial's axes and measures. Series are arrays.
-
-    Args:
-        entries: The trials.
-        whole: All trials of the experiment; None if these are.
-        name: Of the group.
+    An entry is a mapping of the trial's axes and measures. Series are arrays. `whole`
+    has all trials of the experiment; `name` is that of the group.
     """
 
     def __init__(
@@ -245,11 +241,7 @@ def rows_of(
 ) -> Iterator[Row]:
     """Yield the rows of numbers by `QUANTITY [UNIT]`; other entries make none.
 
-    Args:
-        name: Of the rows.
-        values: The values.
-        claims: By quantity; those of other quantities inform.
-        own: The trials behind the values, for claims that are functions.
+    Quantities without a claim inform. Claims that are functions get the trials `own`.
     """
     for key, entry in values.items():
         match = re.fullmatch(r"(.*) \[(.*)\]", key, re.DOTALL)
@@ -286,15 +278,9 @@ def share(
     spread: float,
     first: str = "",
 ) -> Values:
-    """Return the share of successes and its interval.
+    """Return the share of successes and its interval, all with a spread.
 
-    Args:
-        what: Quantity of the share.
-        successes: Their number.
-        trials: How many there were.
-        bound: On the share.
-        spread: Of all three values.
-        first: What the quantity of the share has after `what`, such as `, share`.
+    `what` is the quantity; that of the share itself ends with `first`.
     """
     low, high = wilson(successes, trials)
     value, information = successes / max(trials, 1), number(spread=spread)
@@ -307,12 +293,9 @@ def share(
 
 
 def counts(words: Iterable[str], unit: str, least: float) -> Values:
-    """Return how often each word occurs; contact is chaotic, so that counts vary.
+    """Return how often each word occurs, such as reasons of failures.
 
-    Args:
-        words: Such as reasons of failures.
-        unit: Of the counts.
-        least: By which a count may move; three tenths of it come on top.
+    Contact is chaotic: a count may move by `least` and three tenths of it.
     """
     return {
         f"{word} [{unit}]": (n, number(spread=least + 0.3 * n))

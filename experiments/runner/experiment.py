@@ -45,13 +45,8 @@ def grid(**axes: Iterable[Any]) -> list[dict[str, Any]]:
 def chosen(key: str, names: Sequence[str], known: Collection[str]) -> Collection[str]:
     """Return names, or all that are known if there are none.
 
-    Args:
-        key: Of the parameter that has the names, for errors.
-        names: As given by the user.
-        known: What is allowed.
-
     Raises:
-        ScenarioError: If a name is unknown.
+        ScenarioError: If a name is unknown; it names the parameter.
     """
     for name in names:
         if name not in known:
@@ -98,11 +93,7 @@ class Experiment:
     files: Callable[[Trials], Mapping[str, str]] | None = None
 
     def judge(self, trials: Trials, partial: bool = False) -> list[Row]:
-        """Return the rows of the trials.
-
-        Args:
-            trials: The trials.
-            partial: Whether cases are missing: then, so are the rows that need them.
+        """Return the rows of the trials, `partial` without those that need missing cases.
 
         Raises:
             ValueError: If there are no rows.
@@ -164,12 +155,8 @@ class Experiment:
 
         Numbers must be positive: they are counts, times, masses, forces and the like.
 
-        Args:
-            name: Of the experiment, for errors.
-            overrides: `KEY=VALUE` each, the value YAML.
-
         Raises:
-            ScenarioError: If an override does not fit.
+            ScenarioError: If an override does not fit; it names the experiment.
         """
         allowed = self.parameters()
         hints = typing.get_type_hints(self.cases)

@@ -40,10 +40,7 @@ MakeBridge = Callable[[CommandInbox, Sequence[Topic]], Bridge]
 class Wire(NamedTuple):
     """An open wire between one station and one client, at most one each per process.
 
-    Attributes:
-        arguments: Arguments of `drake-srg serve` for the station's side.
-        make_station: Makes the station's side.
-        make_client: Makes the client's side.
+    `arguments` are those of `drake-srg serve` for the station's side.
     """
 
     arguments: Sequence[str]
@@ -54,8 +51,7 @@ class Wire(NamedTuple):
 class Served(NamedTuple):
     """How a station was served: simulated time, real time [s], and messages received.
 
-    `wall_time` is by the station's clock; `seen_time` by ours, from the first output to
-    the request to end.
+    `wall_time` is by the station's clock; `seen_time` by ours, from its first output.
     """
 
     sim_time: float

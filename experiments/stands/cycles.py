@@ -24,11 +24,10 @@ def run_cycle(
 ) -> ex.Measures:
     """Run a scenario once, without recordings.
 
-    Returns:
-        Of the run's metrics: `placed`, `lifted`, `failure`, `cycle`, `placing` [s] and
-        `smoothness`, `placement` and `localization` error (3) [m], `distance` from the
-        goal in the plane [mm]. Of the last cycle, in the hand: see `in_hand`. None for
-        what the run did not reach.
+    Of the run's metrics, return `placed`, `lifted`, `failure`, `cycle`, `placing` [s]
+    and `smoothness`, `placement` and `localization` error (3) [m], `distance` from the
+    goal in the plane [mm]; of the last cycle, in the hand: see `in_hand`. None for what
+    the run did not reach.
     """
     scenario = load_scenario(name, seed=seed, overrides=overrides)
     result = simulate_whole(scenario, name=name)
@@ -53,11 +52,10 @@ def in_hand(
 ) -> ex.Measures:
     """Return where the object was in the hand in the last cycle of a run's log.
 
-    Returns:
-        `held_at`: the object's centre in the palm frame when the fingers hold it;
-        `shift`: its motion while they close (3) [m]; `slip` and `turn`: largest motion
-        [m] and rotation of its axis [rad] while it is carried; `error_G`: the placement
-        error in the palm's axes, of an object that was released.
+    That is `held_at`: its centre in the palm frame when the fingers hold it; `shift`:
+    its motion while they close (3) [m]; `slip` and `turn`: largest motion [m] and
+    rotation of its axis [rad] while it is carried; `error_G`: the placement error (3)
+    [m] in the palm's axes, of an object that was released.
     """
     mode = [MODES[int(i)] for i in log["mode"]]
     begun = [k for k in range(len(mode)) if k == 0 or mode[k] is not mode[k - 1]]

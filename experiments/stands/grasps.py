@@ -139,12 +139,11 @@ def present(
 def simulate(scenario: Scenario, grasp: GraspConfig) -> ex.Measures:
     """Grasp the object of a scenario, lift it, and shake it along x, y and z.
 
-    Returns:
-        `held_for`: time after the lift during which only the gripper touches the object
-        [s]; `acceleration`: peak acceleration of the hand along the axis where that is
-        lowest [m/s²]; `slip` [mm] and `turn` [degrees] in the hand that remain at the
-        end; `grip_force` of all finger links after the lift; the largest `wire_force`
-        [N]; an `image` of the hand at the end.
+    Return `held_for`: time after the lift during which only the gripper touches the
+    object [s]; `acceleration`: peak of the hand's along the axis where that is lowest
+    [m/s²]; `slip` [mm] and `turn` [degrees] in the hand that remain at the end;
+    `grip_force` of all finger links after the lift; the largest `wire_force` [N]; an
+    `image` of the hand at the end.
     """
     limit = scenario.gripper.wire_motor.drive.force_limit_of(grasp.wire_force)
     there = scenario.arm.home - grasp.R_WG @ np.array(grasp.retreat)

@@ -65,6 +65,31 @@ def test_figures_of_the_readme_are_those_of_the_results(name):
     assert page.fill(README[name]) in line
 
 
+def values(experiment, quantity):
+    """Return the committed values of a quantity by the name of their rows."""
+    rows = committed_rows(experiment)
+    return {row.name: row.measured for row in rows if row.quantity == quantity}
+
+
+def first_grasps():
+    share = values("singles", "in the bin, first grasp")["all"]
+    return share * values("singles", "counted")["all"]
+
+
+@pytest.mark.parametrize(
+    ("name", "count"),
+    [
+        ("singles", first_grasps()),
+        ("hardware_loop", sum(values("hardware_loop", "placed, of 20").values())),
+        ("household", len(values("household", "held by the hand alone for"))),
+    ],
+)
+def test_counts_of_the_readme_are_those_of_the_results(name, count):
+    pattern = rf"^\|.*experiment {name}`.*$"
+    (line,) = re.findall(pattern, (ROOT / "README.md").read_text(), re.M)
+    assert f"| {count:.0f} of " in line
+
+
 @pytest.mark.slow
 def test_the_claim_that_the_docs_add_runs(tmp_path, monkeypatch):
     text = (ROOT / "docs/experiments.md").read_text()
