@@ -59,7 +59,7 @@ def show_time(seconds: float) -> str:
 
 
 def make_stamp(folder: Path, seconds: float) -> Stamp:
-    """Return the stamp of a folder's result, which has just been made in `seconds` [s]."""
+    """Return the stamp of a folder's new result, made in `seconds` [s]."""
     result = hashlib.sha256((folder / RESULT).read_bytes()).hexdigest()[:12]
     return Stamp(code_hash(), drake_version(), result, round(seconds, 1))
 

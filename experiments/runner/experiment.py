@@ -93,7 +93,7 @@ class Experiment:
     files: Callable[[Trials], Mapping[str, str]] | None = None
 
     def judge(self, trials: Trials, partial: bool = False) -> list[Row]:
-        """Return the rows of the trials, `partial` without those that need missing cases.
+        """Return the rows of trials; `partial` ones lack those of missing cases.
 
         Raises:
             ValueError: If there are no rows.
