@@ -45,6 +45,7 @@ _CRADLE_Z = _POST_HEIGHT + np.sqrt(RADIUS**2 - _POST_Y**2)
 # lifts the object off its support and holds it. The lift is slow, so that momentum does
 # not add to slip [s].
 _CLOSE, _LIFT, HOLD = 3.5, 3.0, 10.0
+VENDORS = ex.at_least(HOLD, source="vendor")
 _LIFT_HEIGHT = 0.06  # m
 # An object counts as held while it moves less than this in the hand [m]. Pinched,
 # motion counts from when the load comes on. Wrapped, it counts from the end of the
@@ -165,7 +166,7 @@ def trial(
 def held(mass: float, found: Any) -> ex.Values:
     """Return how a mass [kg] was held, of what `hold` has found."""
     return {
-        f"{mass:g} kg held for [s]": (found["held_for"], ex.at_least(HOLD)),
+        f"{mass:g} kg held for [s]": (found["held_for"], VENDORS),
         "slip while the load comes on [mm]": found["slip"],
         "creep while held [um/s]": found["creep"],
     }
