@@ -8,6 +8,7 @@ import dataclasses as dc
 from typing import Any
 
 import numpy as np
+import numpy.typing as npt
 from pydrake.common.schema import Rotation, Transform
 from pydrake.math import RollPitchYaw, RotationMatrix
 
@@ -136,6 +137,19 @@ def present(
     return bench
 
 
+def _on_white(rig: Rig) -> npt.NDArray[np.uint8]:
+    """Return the camera's image of gripper and objects, on white."""
+    image = rig.image("overview")
+    sensor = rig.station.GetSubsystemByName("rgbd_sensor_overview")
+    context = sensor.GetMyContextFromRoot(rig.context)
+    # The label of a pixel is the index of the body that it shows.
+    label = sensor.label_image_output_port().Eval(context).data[:, :, 0]
+    models = map(rig.plant.GetModelInstanceByName, ("gripper", *rig.scenario.objects))
+    shown = [int(body) for model in models for body in rig.plant.GetBodyIndices(model)]
+    image[~np.isin(label, shown)] = 255
+    return image
+
+
 def simulate(scenario: Scenario, grasp: GraspConfig) -> ex.Measures:
     """Grasp the object of a scenario, lift it, and shake it along x, y and z.
 
@@ -162,7 +176,7 @@ def simulate(scenario: Scenario, grasp: GraspConfig) -> ex.Measures:
             rig.advance(SHAKE, arm=shake(above, ACCELERATION * axis, FREQUENCY, SHAKE))
             free.append(is_free(rig))
         rig.advance(_REST)
-        log, image = rig.log(), rig.image("overview")
+        log, image = rig.log(), _on_white(rig)
     quaternion, time = log["object_pose.thing"][lifted:, 3:], log["time"][lifted:]
     p_GO = in_hand(log)[lifted:]
     speed = log["arm.state_measured"][lifted:, 3:]
