@@ -217,18 +217,22 @@ def trial(law: str, motion: str) -> ex.Measures:
 def summary(own: ex.Trials) -> ex.Values:
     """Compare the responses of a law with theory."""
     t: dict[str, Any] = {t["motion"]: t for t in own}
-    law = own.name
-    return {
-        **_step(law, t["step"]),
-        **_load(law, t["load"]),
-        **_grip_torque(law, t["grip"]),
-        **_ends(law, t["minimum_jerk"]),
-        **_tracking(law, t["minimum_jerk"]),
-        **_tracking(law, t["sine"]),
-        **_limited(law, t["minimum_jerk_limited"]),
-        **_limited(law, t["sine_limited"]),
-        **_windup(law, t["blocked"], t["step"]),
-    }
+    found: ex.Values = {}
+    for motion, judge in (
+        ("step", _step),
+        ("load", _load),
+        ("grip", _grip_torque),
+        ("minimum_jerk", _ends),
+        ("minimum_jerk", _tracking),
+        ("sine", _tracking),
+        ("minimum_jerk_limited", _limited),
+        ("sine_limited", _limited),
+    ):
+        if motion in t:
+            found |= judge(own.name, t[motion])
+    if "blocked" in t:
+        found |= _windup(own.name, t["blocked"], t["step"])
+    return found
 
 
 def _rms(values: Vector) -> float:

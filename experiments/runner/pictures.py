@@ -13,6 +13,9 @@ from drake_srg.types import Vector
 from experiments.runner.claims import Row, Trials
 
 
+_STYLES, _MARKERS = ("-", "--", ":", "-."), "os^v"
+
+
 class Panel(Protocol):
     """Draws one part of a picture."""
 
@@ -91,11 +94,11 @@ class _Plot:
 
     def _groups(
         self, trials: Trials, by: Sequence[str]
-    ) -> Iterator[tuple[str, str, Trials]]:
-        """Yield name, colour and trials of each group."""
+    ) -> Iterator[tuple[str, str, int, Trials]]:
+        """Yield name, colour, how often that was used before, and trials of groups."""
         groups = trials.where(**self.where).groups(*(self.label or by))
         for i, (name, own) in enumerate(groups.items()):
-            yield name, COLORS[i % len(COLORS)], own
+            yield name, COLORS[i % len(COLORS)], i // len(COLORS), own
 
     def _finish(self, axes: Any, vertical: bool = False) -> None:
         if self.limit is not None:
@@ -125,14 +128,11 @@ class Curves(_Plot):
         """Draw on axes."""
         measures = [self.y] if isinstance(self.y, str) else list(self.y)
         style_axes(axes, xlabel=self.x, ylabel=", ".join(measures)[:60])
-        for name, color, own in self._groups(trials, by):
+        for name, color, before, own in self._groups(trials, by):
             for entry in own:
-                for k, measure in enumerate(measures):
+                for k, measure in enumerate(measures, before):
                     x, y = _floats(entry[self.x]), _floats(entry[measure])
-                    shown, style = (
-                        name if k == 0 else None,
-                        ("-", "--", ":", "-.")[k % 4],
-                    )
+                    style, shown = _STYLES[k % 4], name if k == before else None
                     axes.plot(x, y, style, color=color, lw=1.2, label=shown)
         for entry in trials.where(**self.where)[:1] if self.reference else ():
             x, y = _floats(entry[self.x]), _floats(entry[self.reference])
@@ -153,9 +153,11 @@ class Points(_Plot):
     ) -> None:
         """Draw on axes."""
         style_axes(axes, xlabel=self.x, ylabel=self.y)
-        for name, color, own in self._groups(trials, by):
+        for name, color, before, own in self._groups(trials, by):
             x, y = _values(own, self.x), _values(own, self.y)
-            axes.plot(x, y, "o", ms=4, alpha=0.7, color=color, label=name)
+            axes.plot(
+                x, y, _MARKERS[before % 4], ms=4, alpha=0.7, color=color, label=name
+            )
         if self.equal:
             axes.axline((0.0, 0.0), slope=1.0, color="k", ls="--", lw=0.8)
         self._finish(axes)
@@ -174,7 +176,7 @@ class Histogram(_Plot):
         style_axes(axes, xlabel=self.measure, ylabel="trials")
         every = np.append(_values(trials.where(**self.where), self.measure), 0.0)
         edges = np.linspace(np.nanmin(every), np.nanmax(every) + 1e-9, 31)
-        for name, color, own in self._groups(trials, by):
+        for name, color, _, own in self._groups(trials, by):
             values = _values(own, self.measure)
             axes.hist(values, edges, histtype="step", color=color, label=name)
         self._finish(axes, vertical=True)
