@@ -12,7 +12,6 @@ from drake_srg.recording.timeline import COLORS, style_axes
 from drake_srg.types import Vector
 from experiments.runner.claims import Row, Trials
 
-
 _STYLES, _MARKERS = ("-", "--", ":", "-."), "os^v"
 
 
