@@ -121,13 +121,13 @@ class InsertionStand:
         down = self._posture(error, self._q_seat)
         rig.fix("arm.position_commanded", self._q_above)
         rig.move(above, _ASIDE)
-        start, forces = rig.time, []
+        forces = []
+        for start in _SAMPLE * np.arange(round((_INSERT + _PRESS) / _SAMPLE)):
 
-        def lowered(_: float) -> Vector:
-            share = minimum_jerk_blend((rig.time - start) / _INSERT)
-            return above + share * (down - above)
+            def lowered(t: float, start: float = start) -> Vector:
+                share = minimum_jerk_blend((start + t) / _INSERT)
+                return above + share * (down - above)
 
-        for _ in range(round((_INSERT + _PRESS) / _SAMPLE)):
             rig.advance(_SAMPLE, arm=lowered)
             forces.append(rig.contact_forces().get("support", 0.0))
         stood = rig.X_WO().translation()[2] - _SEAT[2]
@@ -179,9 +179,9 @@ def trial(driver: str, seed: int, insertions: int) -> ex.Measures:
     angles = random.uniform(0.0, 2.0 * np.pi, insertions)
     depths = random.uniform(0.0, _DEEPEST, insertions)
     stand = InsertionStand(DRIVERS[driver], mass, friction)
-    level = np.array([np.cos(angles), np.sin(angles), np.zeros(insertions)])
+    x, y = np.cos(angles), np.sin(angles)
     made = [
-        [stand.insert(off) for off in (error * level - [[0], [0], [1]] * depths).T]
+        [stand.insert(off) for off in np.array([error * x, error * y, -depths]).T]
         for error in ERRORS
     ]
     return {key: [[one[key] for one in own] for own in made] for key in made[0][0]}

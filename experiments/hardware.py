@@ -206,7 +206,7 @@ def compare(trials: ex.Trials) -> dict[str, ex.Values]:
                 }
                 if real.test == "position":  # by torque, it is the test's own waiting
                     pairs["time until noticed"] = seconds
-            values = found.setdefault(f"{model}, {label}", {})
+            values = found[f"{model}, {label}"] = {}
             for what, (theirs, value, unit, allowed) in pairs.items():
                 if model != "specimen":
                     values[f"{what} (real {theirs:.4g}) [{unit}]"] = value

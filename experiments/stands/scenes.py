@@ -48,12 +48,12 @@ class Eye:
         return [blob for blob in blobs if blob.object_name == self._name]
 
     def offset(self, X_WO: RigidTransform) -> Vector:
-        """Return the best blob's position from the object's at X_WO, shape (3,) [m].
+        """Return where the object at X_WO is seen from there, shape (3,) [m].
 
-        It is NaN if nothing is seen.
+        It is NaN unless one thing is seen: a second one would be something else.
         """
         blobs = self.blobs(X_WO)
-        seen = blobs[0].position if blobs else np.full(3, np.nan)
+        seen = blobs[0].position if len(blobs) == 1 else np.full(3, np.nan)
         offset: Vector = seen - X_WO.translation()
         return offset
 
