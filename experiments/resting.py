@@ -10,13 +10,11 @@ from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
-from pydrake.common import MemoryFile
 from pydrake.geometry import (
     AddCompliantHydroelasticProperties,
     AddContactMaterial,
     AddRigidHydroelasticProperties,
     Box,
-    InMemoryMesh,
     Mesh,
     ProximityProperties,
     Shape,
@@ -40,8 +38,8 @@ from drake_srg.objects.household import object_facts
 from drake_srg.objects.models import AddObject, object_body, simple_shape
 from drake_srg.objects.solids import body_corners
 from drake_srg.types import Sphere
+from experiments import FOLDER
 from experiments.data import household_objects
-from experiments.stands.slab_mesh import obj_text, slab_mesh
 
 # Half the width of the table, and its thickness [m].
 _HALF, _THICKNESS = 0.3, 0.04
@@ -214,13 +212,11 @@ def tipping_angle(name: str, config: ObjectConfig, pose: str) -> float:
 
 def _AddTable(plant: MultibodyPlant, settings: Settings) -> None:
     """Add a table whose top is z = 0."""
-    low, high = (-_HALF, -_HALF, -_THICKNESS), (_HALF, _HALF, 0.0)
     shape: Shape = Box(2 * _HALF, 2 * _HALF, _THICKNESS)
     X_WT = RigidTransform([0.0, 0.0, -0.5 * _THICKNESS])
-    if settings.cell:
-        text = obj_text(*slab_mesh(low, high, settings.cell))
-        file = MemoryFile(text, ".obj", "table_top")
-        shape, X_WT = Mesh(InMemoryMesh(mesh_file=file)), RigidTransform()
+    if settings.cell:  # the same box, but for the grid of its top
+        mesh = FOLDER / f"data/tables/facets_{1e3 * settings.cell:.0f}_mm.obj"
+        shape, X_WT = Mesh(str(mesh)), RigidTransform()
     d = settings.mat_dissipation if settings.mat else 0.0
     properties = ProximityProperties()
     AddContactMaterial(
