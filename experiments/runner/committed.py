@@ -135,7 +135,7 @@ def accept(made: Mapping[str, Stamp], out: Path, folder: Path = COMMITTED) -> No
 
 def shrink(picture: Image.Image) -> bytes:
     """Return a picture as PNG with as many colours as `LARGEST` allows."""
-    for colors in (256, 128, 64):
+    for colors in (256, 128, 64, 32):
         file = io.BytesIO()
         few = picture.convert("RGB").quantize(colors, dither=Image.Dither.NONE)
         few.save(file, "PNG", optimize=True)
