@@ -139,7 +139,8 @@ def trial(
     if place is None:
         return {"edges": edges(here)}
     at = np.array(place)
-    shown = {RADIAL: 1e3 * np.linalg.norm(here.center - at), OFF: off}
+    radius = 1e3 * np.linalg.norm(here.center - at)
+    shown = {RADIAL: radius, OFF: (off + 90.0) % 180.0 - 90.0}  # two ends look alike
     if seed is None:
         claimed = here.claimed(at, lean, off)
         return {"claimed": claimed, "failure": here.plan(at, lean, off)} | shown
