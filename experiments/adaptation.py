@@ -48,11 +48,7 @@ _PUSH = (0.01, 0.04)
 
 
 def cases(trials: int = 100) -> list[ex.Case]:
-    """Run every method in every situation.
-
-    Args:
-        trials: Number of trials of each method in each situation, a seed each.
-    """
+    """Run every method in every situation."""
     return [
         {"name": f"{c['situation']}: {c['method']}", **c}
         for c in ex.grid(

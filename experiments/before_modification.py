@@ -9,13 +9,10 @@ cylinder, and tip as drawn or corrected. P3 and P4 are taught with either tip: t
 it to the same places.
 """
 
-import functools
 import json
 import re
 import tempfile
-from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
@@ -41,6 +38,7 @@ _RULES = ("lift", "place", "tip_limits", "grip_wait", "release_wait")
 # The models that the shapes, and the materials, are taken from.
 SHAPES = {"flat": "linkage_gripper_bare", "curved": "linkage_gripper_fast"}
 MATERIALS = {"hard": "linkage_gripper_bare", "rubber": "linkage_gripper_fast"}
+LEVELS = {"tip": TIPS, "shape": SHAPES, "material": MATERIALS, "friction": FRICTION}
 _PAD = re.compile(
     r'(<collision name="(master|slave)_pad.*?<drake:proximity_properties>)(.*?)'
     r"(</drake:proximity_properties>)",
@@ -52,8 +50,7 @@ _MU = re.compile(r"(<drake:mu_(?:dynamic|static)>)[^<]*")
 def gripper_sdf(shape: str, material: str, friction: float) -> str:
     """Return the SDF of a gripper with such pads.
 
-    The pads get the friction with which Drake's rule, the harmonic mean of both, gives
-    `friction` between them and the cylinder.
+    With Drake's rule, the harmonic mean of both, they have `friction` on the cylinder.
     """
 
     def sdf(name: str) -> str:
@@ -68,20 +65,6 @@ def gripper_sdf(shape: str, material: str, friction: float) -> str:
     return _PAD.sub(change, sdf(SHAPES[shape]))
 
 
-@functools.cache
-def _tree(tip: str) -> Mapping[str, Any]:
-    """Return the scenario whose rules a tip follows."""
-    return load_tree(TIPS[tip])
-
-
-@functools.cache
-def _place(seed: int) -> Sequence[float]:
-    """Return where a trial's cylinder stands, shape (2,) [m]."""
-    place = load_scenario(SCENARIO, seed=seed).objects["cylinder"].position
-    assert place is not None  # drawn
-    return place
-
-
 def overrides(tip: str, seed: int, model: Path) -> list[str]:
     """Return a trial as overrides of `SCENARIO`.
 
@@ -89,7 +72,8 @@ def overrides(tip: str, seed: int, model: Path) -> list[str]:
     plane as little as the thesis prints (0.07 mm), and not by the 2 mm that the rule
     makes with our camera, which hangs between the tables.
     """
-    tree, place = _tree(tip), _place(seed)
+    tree = load_tree(TIPS[tip])
+    place = load_scenario(SCENARIO, seed=seed).objects["cylinder"].position or ()
     camera = tree["cameras"]["ceiling"]
     height = camera["X_PB"]["translation"][2]
     rules = {
@@ -112,18 +96,8 @@ def overrides(tip: str, seed: int, model: Path) -> list[str]:
 
 
 def cases(trials: int = 5) -> list[ex.Case]:
-    """Grasp, carry and place the cylinder with every combination.
-
-    Args:
-        trials: Of each combination, a seed each.
-    """
-    return ex.grid(
-        tip=TIPS,
-        shape=SHAPES,
-        material=MATERIALS,
-        friction=FRICTION,
-        seed=range(trials),
-    )
+    """Grasp, carry and place the cylinder with every combination."""
+    return ex.grid(**LEVELS, seed=range(trials))
 
 
 def trial(
@@ -137,9 +111,6 @@ def trial(
     return {key: cycle[key] for key in keys}
 
 
-LEVELS = {"tip": TIPS, "shape": SHAPES, "material": MATERIALS, "friction": FRICTION}
-
-
 def whole(trials: ex.Trials) -> dict[str, ex.Values]:
     """State shares at each level of each factor, whatever the others, and by case.
 
@@ -151,20 +122,15 @@ def whole(trials: ex.Trials) -> dict[str, ex.Values]:
         for factor, levels in LEVELS.items()
         for level in levels
     }
+    some, named = ex.number(spread=0.2), "{shape}, {material}, friction {friction:g}, "
     for own in trials.groups("shape", "material", "tip").values():
         name = "{shape}, {material}, tip {tip}".format_map(own[0])
-        distance = ex.quantiles("distance from the goal", "mm", own.known("distance"))
-        found[name] = dict(distance)
+        distance = own.known("distance")
+        found[name] = ex.quantiles("distance from the goal", "mm", distance)
     for own in trials.groups("shape", "material", "friction", "tip").values():
-        name = "{shape}, {material}, friction {friction:g}, tip {tip}".format_map(
-            own[0]
-        )
-        found[name] = {
-            f"{what}, share []": (np.mean(own[measure]), ex.number(spread=0.2))
-            for what, measure in (
-                ("grasped and lifted", "lifted"),
-                ("placed", "placed"),
-            )
+        found[f"{named}tip {{tip}}".format_map(own[0])] = {
+            "grasped and lifted, share []": (np.mean(own["lifted"]), some),
+            "placed, share []": (np.mean(own["placed"]), some),
         }
     least, _ = placed_interval(trials.where(tip=CORRECTED))
     _, most = placed_interval(trials.where(tip=AS_DRAWN))

@@ -108,15 +108,7 @@ def trial(name: str, wire: str, what: str, amount: float) -> ex.Measures:
 def measure_delays(client: Client, rate: float, duration: float) -> ex.Measures:
     """Command a served kitchen on all topics, and measure how soon it follows.
 
-    Args:
-        client: Is connected to the station.
-        rate: Messages on each topic [Hz].
-        duration: Real time [s].
-
-    Returns:
-        Number of messages sent; times of the K changes, counted from the first message,
-        and their delays; largest difference of the last commands and the final commands
-        to the station's drivers [rad, 1].
+    At each topic's rate [Hz], for a real time [s].
     """
     home = client.arm[-1][1]
     target, closed = home.copy(), 0
@@ -158,14 +150,9 @@ def measure_delays(client: Client, rate: float, duration: float) -> ex.Measures:
 def find_delays(
     published: Sequence[tuple[float, Vector]], changes: Sequence[Change]
 ) -> Vector:
-    """Return the time from each change until its joint left its rest [s].
+    """Return the time from each change until its joint left its rest (K,) [s].
 
-    Args:
-        published: Commanded arm positions as (real time [s], positions [rad]).
-        changes: Commands.
-
-    Returns:
-        Delays, one per change; NaN if the joint did not move.
+    Published are commanded arm positions [rad] at real times [s]. NaN: it did not move.
     """
     times = np.array([time for time, _ in published])
     positions = np.array([position for _, position in published])

@@ -14,7 +14,7 @@ import experiments.runner as ex
 from drake_srg.common.exceptions import ScenarioError
 from drake_srg.common.log_format import pose_key
 from drake_srg.scenario import load_scenario
-from drake_srg.station.plant import MakeModelsPlant
+from drake_srg.simulation.measures import hand_poses
 from drake_srg.types import Mode, Vector
 from experiments.stands.cells import simulate_whole
 
@@ -53,12 +53,8 @@ def trial(name: str, scenario: str, step: float) -> ex.Measures:
         raise ScenarioError(f"carrying: {name}: the arm carries nothing")
     log = {key: values[while_carried] for key, values in log.items()}
     time, p_WO = log["time"], log[pose_key(loaded.task.pick)][:, :3]
-    plant = MakeModelsPlant(loaded)
-    context, palm = plant.CreateDefaultContext(), plant.GetBodyByName("palm")
-    arm, p_GO = plant.GetModelInstanceByName("arm"), []
-    for state, p in zip(log["arm.state_cheat"], p_WO, strict=True):
-        plant.SetPositionsAndVelocities(context, arm, state)
-        p_GO.append(plant.EvalBodyPoseInWorld(context, palm).inverse() @ p)
+    hands = hand_poses(loaded, log["arm.state_cheat"])
+    p_GO = [X_WG.inverse() @ p for X_WG, p in zip(hands, p_WO, strict=True)]
     slide = 1e3 * np.linalg.norm(np.array(p_GO) - p_GO[0], axis=1)
     by_steps = 1e3 * leaving(time, p_WO, step / (2 if "fast" in scenario else 1))
     return {
@@ -71,12 +67,9 @@ def trial(name: str, scenario: str, step: float) -> ex.Measures:
 
 
 def leaving(time: Vector, position: Vector, step: float) -> Vector:
-    """Return the distance by which steps leave a path up to each time, (K,) [m].
+    """Return the distance by which steps [s] leave a path up to each time, (K,) [m].
 
-    Args:
-        time: Shape (K,) [s].
-        position: Of a body on the path, shape (K, 3) [m].
-        step: Time step [s].
+    A body is at positions (K, 3) [m] at times (K,) [s].
     """
     v = np.gradient(position, time, axis=0)
     a = np.gradient(v, time, axis=0)

@@ -11,7 +11,6 @@ real objects, with a parallel-jaw gripper and a suction cup; people take 400 to 
 """
 
 import functools
-from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
@@ -119,8 +118,8 @@ def summary(place: str) -> Callable[[ex.Trials], ex.Values]:
         found["picks []"] = (picks, ex.number(spread=3.0 + 0.3 * picks))
         if len(rates):
             found["picks held per hour, median [1/h]"] = float(np.median(rates))
-        for reason, n in Counter(r for t in own for r in t["failures"]).items():
-            found[f"{reason} [objects]"] = (n, ex.number(spread=3.0 + 0.3 * n))
+        failures = (reason for t in own for reason in t["failures"])
+        found |= ex.counts(failures, "objects", least=3.0)
         found[f"claimed, not {place} [objects]"] = (sum(own["false"]), ex.at_most(0.0))
         return found
 
@@ -133,12 +132,7 @@ def _cases(
     """Return the cases of an experiment: all scenes with one seed before the next."""
 
     def cases(trials: int = trials, seed: int = seed) -> list[ex.Case]:
-        """Run every scene.
-
-        Args:
-            trials: Of each scene.
-            seed: Of the first trial.
-        """
+        """Run every scene."""
         return ex.grid(seed=range(seed, seed + trials), scene=scenes)
 
     return cases

@@ -15,10 +15,8 @@ from typing import Any
 
 import numpy as np
 from numpy.random import default_rng
-from pydrake.common.schema import Transform
 from pydrake.math import RigidTransform, RotationMatrix
 from pydrake.multibody.inverse_kinematics import InverseKinematics
-from pydrake.multibody.parsing import AddModel, AddWeld, ModelDirective
 from pydrake.solvers import Solve
 
 import experiments.runner as ex
@@ -28,6 +26,7 @@ from drake_srg.scenario import load_scenario
 from drake_srg.simulation.rig import Rig
 from drake_srg.station.plant import MakeModelsPlant
 from drake_srg.types import Cylinder, Vector
+from experiments.stands.holding import weld_model
 
 # The compliant arm has Sunrise's default stiffness; its centre is the cylinder's lower
 # end, where forces then turn nothing (Whitney, "Quasi-Static Assembly of Compliantly
@@ -64,6 +63,8 @@ _SPREADS = (0.0, 0.02, 0.05, 0.1, 0.2)
 _SAMPLE = 0.01  # between samples of the contact force [s]
 _UNLOGGED = 10.0  # a log would take an eighth of the time [s]
 _OVERRIDES = (
+    # At 5 ms, the light cylinder rattles in the recess when let go, as high as 1 mm.
+    "plant_config.time_step=0.002",
     "objects=null",
     "task={pick: cylinder, place: {position: [0.6, 0.0], marker: ''}}",
     "ignored_contacts=[['arm::*', '*'], ['gripper::palm*', '*']]",
@@ -75,36 +76,19 @@ _OVERRIDES = (
 
 
 class InsertionStand:
-    """An arm that has taken the cylinder out of the recess, to set it back.
+    """An arm that has taken a cylinder out of the recess, to set it back.
 
-    Args:
-        arm: The arm's driver, as a scenario's `arm`.
-        mass: Of the cylinder [kg].
-        friction: Of the cylinder.
-        time_step: Of the plant [s]. At 5 ms, the light cylinder rattles on the floor of
-            the recess when let go, as high as 1 mm.
+    The cylinder has a mass [kg] and friction; `arm` is a driver as in a scenario.
     """
 
-    def __init__(
-        self, arm: str, mass: float, friction: float, time_step: float
-    ) -> None:
+    def __init__(self, arm: str, mass: float, friction: float) -> None:
         thing = (
             f"{{shape: !Cylinder {dc.asdict(_CYLINDER)}, mass: {mass}, "
             f"friction: {friction}, pose: {{translation: {_SEAT.tolist()}}}}}"
         )
-        changes = [
-            f"arm={arm}",
-            f"objects.cylinder={thing}",
-            f"plant_config.time_step={time_step}",
-        ]
+        changes = [f"arm={arm}", f"objects.cylinder={thing}"]
         scenario = load_scenario("kitchen", overrides=[*_OVERRIDES, *changes])
-        recess, weld = ModelDirective(), ModelDirective()
-        recess.add_model, weld.add_weld = AddModel(), AddWeld()
-        recess.add_model.name = "recess"
-        recess.add_model.file = "package://drake_srg/sdf/small_table_recess.sdf"
-        weld.add_weld.parent, weld.add_weld.child = "world", "recess::table_top"
-        weld.add_weld.X_PC = Transform(RigidTransform(_TOP))
-        scenario.directives = [*scenario.directives, recess, weld]
+        weld_model(scenario, "small_table_recess", "table_top", _TOP)
         self._plant = MakeModelsPlant(scenario)
         hand = SrgHand(["above"], [], scenario.planner.squeeze)
         (self._grasp,) = hand.grasps(_CYLINDER, RigidTransform())
@@ -120,18 +104,14 @@ class InsertionStand:
         self._held = rig.context.Clone()
 
     def insert(self, error: Vector) -> Mapping[str, float]:
-        """Set the held cylinder into the recess, with an error of the goal.
+        """Set the held cylinder back, with an error of the goal (3,) in world [m].
 
         Every call begins with the cylinder held in the same way.
 
-        Args:
-            error: Of the goal, in world, shape (3,) [m].
-
         Returns:
             Height of the cylinder above its seat while the arm pressed, `stood`, and
-            once the hand had let it go, `height` [m], its `tilt` then [rad]; the
-            largest force between cylinder and table until the release, `peak`, and that
-            at the end of the motion, `pressed` [N].
+            once it was let go, `height` [m], its `tilt` then [rad]; the largest force
+            between cylinder and table, `peak`, and the last, `pressed` [N].
         """
         rig, time = self.rig, self.rig.time
         rig.context.SetTimeStateAndParametersFrom(self._held)
@@ -142,14 +122,13 @@ class InsertionStand:
         rig.fix("arm.position_commanded", self._q_above)
         rig.move(above, _ASIDE)
         forces = []
-        for k in range(round((_INSERT + _PRESS) / _SAMPLE)):
-            start = k * _SAMPLE
-            rig.advance(
-                _SAMPLE,
-                arm=lambda t, start=start: (
-                    above + minimum_jerk_blend((start + t) / _INSERT) * (down - above)
-                ),
-            )
+        for start in _SAMPLE * np.arange(round((_INSERT + _PRESS) / _SAMPLE)):
+
+            def lowered(t: float, start: float = start) -> Vector:
+                share = minimum_jerk_blend((start + t) / _INSERT)
+                return above + share * (down - above)
+
+            rig.advance(_SAMPLE, arm=lowered)
             forces.append(rig.contact_forces().get("support", 0.0))
         stood = rig.X_WO().translation()[2] - _SEAT[2]
         rig.advance(_RELEASE, closure=self._grasp.closure_open)
@@ -183,38 +162,26 @@ class InsertionStand:
         raise RuntimeError(f"compliance: the hand cannot reach {p_WG}")
 
 
-def cases(
-    grasps: int = 20, insertions: int = 10, time_step: float = 0.002
-) -> list[ex.Case]:
+def cases(grasps: int = 20, insertions: int = 10) -> list[ex.Case]:
     """Set the cylinder back many times, with each driver and error.
 
     Args:
         grasps: Number of grasps, each with its own friction and mass.
         insertions: Number of insertions after each grasp, driver and error.
-        time_step: Of the plant [s].
     """
-    return ex.grid(
-        driver=DRIVERS,
-        seed=range(grasps),
-        insertions=[insertions],
-        time_step=[time_step],
-    )
+    return ex.grid(driver=DRIVERS, seed=range(grasps), insertions=[insertions])
 
 
-def trial(driver: str, seed: int, insertions: int, time_step: float) -> ex.Measures:
+def trial(driver: str, seed: int, insertions: int) -> ex.Measures:
     """Return the insertions after one grasp, lists by error."""
     random = np.random.default_rng(seed)
     friction, mass = random.uniform(*_FRICTION), random.uniform(*_MASS)
     angles = random.uniform(0.0, 2.0 * np.pi, insertions)
     depths = random.uniform(0.0, _DEEPEST, insertions)
-    stand = InsertionStand(DRIVERS[driver], mass, friction, time_step)
+    stand = InsertionStand(DRIVERS[driver], mass, friction)
+    x, y = np.cos(angles), np.sin(angles)
     made = [
-        [
-            stand.insert(
-                np.array([error * np.cos(angle), error * np.sin(angle), -depth])
-            )
-            for angle, depth in zip(angles, depths, strict=True)
-        ]
+        [stand.insert(off) for off in np.array([error * x, error * y, -depths]).T]
         for error in ERRORS
     ]
     return {key: [[one[key] for one in own] for own in made] for key in made[0][0]}

@@ -38,19 +38,12 @@ _PUSH = "disturbances=[!Push {at: pre_grasp, after: 0.3, displacement: [0, 0.04,
 
 @dc.dataclass(frozen=True)
 class Fault:
-    """What is wrong with a robot, and when it can first be noticed.
+    """What is wrong with a robot, and when it can first be noticed."""
 
-    Attributes:
-        overrides: Of its scenario; the twin does not know them.
-        both: Overrides of both scenarios.
-        joint: Index of the joint whose encoder is off by `_OFFSET`; None: none.
-        begins: The planner's mode from which on it can be noticed.
-    """
-
-    overrides: tuple[str, ...] = ()
-    both: tuple[str, ...] = ()
-    joint: int | None = None
-    begins: Mode = Mode.CLOSE
+    overrides: tuple[str, ...] = ()  # of its scenario; the twin does not know them
+    both: tuple[str, ...] = ()  # of both scenarios
+    joint: int | None = None  # whose encoder is off by `_OFFSET`
+    begins: Mode = Mode.CLOSE  # from when on it can be noticed
 
 
 # A payload of 2 kg in place of 0.35 kg; torques count while the arm rests, so it looks
@@ -87,12 +80,9 @@ def cases(seeds: int = 5, fault_seeds: int = 2) -> list[ex.Case]:
 def talk(
     scenario: Scenario, node: DirectNode, joint: int | None
 ) -> Iterator[tuple[float, Mode]]:
-    """Simulate a cell and tell its messages; yield time [s] and mode each period.
+    """Simulate a cell and tell its messages to a node; yield time [s] and mode.
 
-    Args:
-        scenario: Of the cell.
-        node: Gets the messages.
-        joint: Index of the arm's joint whose encoder is off; None: none.
+    The encoder of a joint of the arm may be off.
     """
     builder, cell = MakeRoot("cell", MakeCell, AddCell, scenario, "robot")
     simulator = MakeSimulator(builder.Build(), scenario.simulator_config)

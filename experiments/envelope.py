@@ -30,8 +30,16 @@ UPRIGHT, LYING, SIMULATED = "upright", "lying", "lying, simulated"
 # to this angle off the radial direction [degrees]. Leaning, anywhere: up to this lean,
 # and up to this angle off the direction away from the arm [degrees].
 RADIUS, OFF_RADIAL, MOST_LEAN, LEANING_OFF = 0.28, 15.0, 30.0, 30.0
-_STANDING, _LYING, _LEANING = (5, 5), (9, 5), (3, 1)  # places along x and y
-_STEP, _LEANING_STEP = 15, 30  # between directions [degrees]
+# By way: lean [degrees], places along x and y, step between directions, from where to
+# its opposite [degrees].
+GRIDS = {
+    LYING: (90.0, (9, 5), 15, -90),
+    **{
+        f"leaning {lean} degrees": (float(lean), (3, 1), 30, -180)
+        for lean in (15, 30, 45, 60)
+    },
+}
+RADIAL, OFF = "distance from joint 1 [mm]", "angle off radial [degrees]"
 _NEAR = 0.245  # where the region begins, straight in front of the arm [m]
 
 
@@ -103,35 +111,25 @@ def cases(runs: int = 10) -> list[ex.Case]:
     Args:
         runs: Number of simulated cycles.
     """
-
-    def named(way: str, place: Vector, lean: float, off: float) -> ex.Case:
-        return {"way": way, "place": place.tolist(), "lean": lean, "off": off}
-
     here = cell()
-    found = [named(UPRIGHT, p, 0.0, 0.0) for p in here.places(*_STANDING)]
-    for lean, way, grid, step, first in (
-        (90.0, LYING, _LYING, _STEP, -90),
-        *(
-            (float(lean), f"leaning {lean} degrees", _LEANING, _LEANING_STEP, -180)
-            for lean in (15, 30, 45, 60)
-        ),
-    ):
+    found = [(UPRIGHT, p, 0.0, 0.0) for p in here.places(5, 5)]
+    for way, (lean, grid, step, start) in GRIDS.items():
         for place in here.places(*grid):
-            for off in range(first + step, 1 - first, step):
-                found.append(named(way, place, lean, float(off)))
-    rng = np.random.default_rng(0)
-    simulated: list[ex.Case] = []
-    while len(simulated) < runs:
+            directions = map(float, range(start + step, 1 - start, step))
+            found += [(way, place, lean, off) for off in directions]
+    planned, rng = len(found), np.random.default_rng(0)
+    while len(found) < planned + runs:
         place = rng.uniform(here.region.min, here.region.max)
         bound = np.deg2rad(OFF_RADIAL)
-        off = np.rad2deg(rng.uniform(-bound, bound) + np.pi * rng.integers(2))
+        off = float(np.rad2deg(rng.uniform(-bound, bound) + np.pi * rng.integers(2)))
         if here.claimed(place, 90.0, off):
-            simulated.append(named(SIMULATED, place, 90.0, float(off)))
-    found = [{**case, "seed": None} for case in found]
-    first = len(found)
-    found += [{**case, "seed": first + i} for i, case in enumerate(simulated)]
-    edge = {"place": None, "lean": 90.0, "off": 0.0, "seed": None}
-    return [*found, {"way": "edges", **edge}]
+            found.append((SIMULATED, place, 90.0, off))
+    edge = {"way": "edges", "place": None, "lean": 90.0, "off": 0.0, "seed": None}
+    return [
+        {"way": way, "place": place.tolist(), "lean": lean, "off": off}
+        | {"seed": i if way == SIMULATED else None}
+        for i, (way, place, lean, off) in enumerate(found)
+    ] + [edge]
 
 
 def trial(
@@ -141,40 +139,36 @@ def trial(
     if place is None:
         return {"edges": edges(here)}
     at = np.array(place)
+    radius = 1e3 * np.linalg.norm(here.center - at)
+    shown = {RADIAL: radius, OFF: (off + 90.0) % 180.0 - 90.0}  # two ends look alike
     if seed is None:
         claimed = here.claimed(at, lean, off)
-        return {"claimed": claimed, "failure": here.plan(at, lean, off)}
+        return {"claimed": claimed, "failure": here.plan(at, lean, off)} | shown
     p = here.pose(at, lean, off).translation().tolist()
     turn = np.rad2deg(here.turn(at, lean, off)).tolist()
     pose = f"{{translation: {p}, rotation: !Rpy {{deg: {turn}}}}}"
     cycle = run_cycle(SCENARIO, seed, [f"objects.{here.name}.pose={pose}"])
     error = cycle["placement"]
     off_goal = np.nan if error is None else 1e3 * max(np.abs(error[:2]))
-    return {"failure": cycle["failure"], "error": off_goal}
+    return {"failure": cycle["failure"], "error": off_goal} | shown
 
 
 def edges(here: Cell) -> list[float]:
     """Find the edges of the envelope for lying cylinders in front of the arm.
 
-    Returns:
-        Largest distance from joint 1 with a radial axis [mm]; largest angles off radial
-        to the left and to the right, in the middle of the claimed distances [degrees].
+    These are the largest distance from joint 1 with a radial axis [mm]; and the largest
+    angles off radial to both sides, in the middle of the claimed distances [degrees].
     """
 
     def plans(radius: float, off: float) -> bool:
         place = here.center - [radius, 0.0]
         return here.plan(place, 90.0, np.rad2deg(off)) is None
 
-    def to_side(side: float, off: float) -> bool:
-        return plans(middle, side * off)
-
     middle, right = 0.5 * (RADIUS + _NEAR), 0.5 * np.pi
     far = bisect(lambda radius: plans(radius, 0.0), middle, 2.0 * RADIUS, 0.0005)
-    offs = [
-        bisect(functools.partial(to_side, side), 0.0, right, 0.005)
-        for side in (1.0, -1.0)
-    ]
-    return [1e3 * far, *np.rad2deg(offs)]
+    left = bisect(lambda off: plans(middle, off), 0.0, right, 0.005)
+    other = bisect(lambda off: plans(middle, -off), 0.0, right, 0.005)
+    return [1e3 * far, np.rad2deg(left), np.rad2deg(other)]
 
 
 def bisect(
@@ -221,37 +215,27 @@ def summary(own: ex.Trials) -> ex.Values:
     if way == LYING:
         (edge,) = own.whole.where(way="edges")
         far, left, right = edge["edges"]
-        radial = "largest distance from joint 1, radial [mm]"
-        found[radial] = (far, ex.at_least(1e3 * RADIUS))
-        for side, value in (("left", left), ("right", right)):
-            what = f"largest angle off radial, to the {side} [deg]"
-            found[what] = (value, ex.at_least(OFF_RADIAL))
+        found |= {
+            "largest distance from joint 1, radial [mm]": far,
+            "largest angle off radial, to the left [deg]": left,
+            "largest angle off radial, to the right [deg]": right,
+        }
     return found
-
-
-def draw(figure: Any, trials: ex.Trials, rows: Any) -> None:
-    """Draw a map of lying cylinders: green if planned, blue if simulated."""
-    figure.set_size_inches(6.0, 5.2)
-    axes, here = figure.subplots(), cell()
-    for way, length, good in ((LYING, 7.0, "C2"), (SIMULATED, 10.0, "C0")):
-        for t in trials.where(way=way):
-            X_WO = here.pose(np.array(t["place"]), t["lean"], t["off"])
-            p, z = 1e3 * np.array(t["place"]), X_WO.rotation().matrix()[:2, 2]
-            ends = np.array([p - length * z, p + length * z])
-            color = good if t["failure"] is None else "0.8"
-            axes.plot(*ends.T, "-", color=color, lw=1.2)
-    angles = np.linspace(-0.5, 0.5, 50)
-    arc = here.center - RADIUS * np.column_stack([np.cos(angles), np.sin(angles)])
-    axes.plot(*1e3 * arc.T, "k--", lw=0.8)
-    axes.set(xlabel="x [mm]", ylabel="y [mm]", aspect="equal")
-    axes.set_title(f"Lying cylinders; dashed {1e3 * RADIUS:.0f} mm from joint 1")
 
 
 envelope = ex.Experiment(
     "Where the five-axis arm can grasp a leaning or lying cylinder and stand it up.",
     cases,
     trial,
-    {"largest error in x or y": ex.at_most(1.0)},  # the recess's clearance
+    {
+        "largest error in x or y": ex.at_most(1.0),  # the recess's clearance
+        "largest distance from joint 1, radial": ex.at_least(1e3 * RADIUS),
+        "largest angle off radial, to the left": ex.at_least(OFF_RADIAL),
+        "largest angle off radial, to the right": ex.at_least(OFF_RADIAL),
+    },
     summary=summary,
-    picture=draw,
+    picture=[
+        ex.Points(RADIAL, OFF, where={"way": way}, label=["failure"], title=way)
+        for way in (LYING, SIMULATED)
+    ],
 )

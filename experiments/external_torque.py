@@ -22,11 +22,7 @@ _CARRYING = [MODES.index(mode) for mode in (Mode.LIFT, Mode.TRANSFER, Mode.PLACE
 
 
 def cases(seeds: int = 10) -> list[ex.Case]:
-    """Run both cells on both physics.
-
-    Args:
-        seeds: Number of trials of each scenario.
-    """
+    """Run both cells on both physics."""
     return [
         {"scenario": name, "seed": seed}
         for cell in CELLS

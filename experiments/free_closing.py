@@ -20,7 +20,8 @@ from experiments.data import read_csv
 # Upper stops of base and tip [rad]: of the MuJoCo model and of SAKE's URDF.
 VENDOR, OURS = "vendor's stops", "our stops"
 STOPS = {VENDOR: (2.0068, 1.745), OURS: (SRG.joint_limit, SRG.joint_limit)}
-FINE_STEPS = 30  # into which the spool step is divided in which the tip starts
+# Of the spool, and into which the one is divided in which the tip starts.
+STEPS, FINE_STEPS = 150, 30
 # Time to come to rest. The motor settles as exp(-24 t), the slower pole of its loop. A
 # finger on a slack spring, whose force hardly changes with the angle, takes longer [s].
 SETTLE = 1.0
@@ -35,16 +36,7 @@ _TIP = FINGERS[0][1]
 THREE_PERCENT = ex.at_most(3.0, source="vendor's model")
 
 
-def cases(steps: int = 150) -> list[ex.Case]:
-    """Close with the vendor's stops and with ours.
-
-    Args:
-        steps: Number of steps of the spool.
-    """
-    return ex.grid(stops=STOPS, steps=[steps])
-
-
-def trial(stops: str, steps: int) -> ex.Measures:
+def trial(stops: str) -> ex.Measures:
     """Wind the wires in equal steps until both joints are at their stops."""
     limits = STOPS[stops]
     full_scale = sum(STOPS[VENDOR]) + _EXCESS
@@ -62,11 +54,11 @@ def trial(stops: str, steps: int) -> ex.Measures:
             force = rig.measured("gripper.wire_force")[0]
             return np.array([closure, *state, force])
 
-        rows = [settle(closure) for closure in np.linspace(0.0, 1.0, steps + 1)]
+        rows = [settle(closure) for closure in np.linspace(0.0, 1.0, STEPS + 1)]
         before = [row for row in rows if row[1 + _TIP] < _COUNT][-1][0]
         settle(before)  # an extra period, because the way back is long
         for k in range(1, FINE_STEPS):
-            rows.append(settle(before + k / (FINE_STEPS * steps)))
+            rows.append(settle(before + k / (FINE_STEPS * STEPS)))
     _, *state, force = np.array(sorted(rows, key=lambda row: float(row[0]))).T
     left, right = (np.array(state)[list(finger)] for finger in FINGERS)
     base, tip = left
@@ -105,28 +97,19 @@ def against_vendor(trials: ex.Trials) -> dict[str, ex.Values]:
     """Compare angles at equal force, and forces at equal angle, over the whole table.
 
     Deviations of an angle are relative to the vendor's angle, but at least to `SMALL`.
-    Forces are compared where the joint is between its stops: at a stop, many forces
-    belong to one angle.
+    Forces are compared where the joint is between its stops.
     """
     ours = trials.where(stops=VENDOR)[0]
     lines = read_csv("tendon_free_closing.csv")[1:]
     table = np.array([[float(x) for x in line.split(",")] for line in lines]).T
     force, angles = table[0], dict(zip(("base", "tip"), table[1:], strict=True))
+    reached = ours["wire force [N]"][-1]
     arms = [line.split(",") for line in read_csv("tendon_moment_arms.csv")[1:]]
     found: dict[str, ex.Values] = {
         "all": {
-            "wire force reached [N]": (
-                ours["wire force [N]"][-1],
-                ex.at_least(force[-1]),
-            ),
-            "largest joint speed at readings [rad/s]": (
-                ours["speed"],
-                ex.at_most(1e-3),
-            ),
-            "largest left-right difference [rad]": (
-                ours["asymmetry"],
-                ex.at_most(1e-6),
-            ),
+            "wire force reached [N]": (reached, ex.at_least(force[-1])),
+            "largest joint speed at readings [rad/s]": ours["speed"],
+            "largest left-right difference [rad]": ours["asymmetry"],
         }
     }
     for joint, arm_of in (("base", base_moment_arm), ("tip", tip_moment_arm)):
@@ -136,26 +119,26 @@ def against_vendor(trials: ex.Trials) -> dict[str, ex.Values]:
         at_angle = np.interp(expected[moving], q, ours["wire force [N]"])
         of_joint = [(float(x), float(y)) for name, x, y in arms if name == joint]
         angle, arm = np.array(of_joint).T
+        same, share = max(off), 100 * max(off / np.maximum(expected, SMALL))
+        below = 100 * max(off[moving] / expected[moving])
         found[joint] = {
             "moment arm, largest deviation [%]": 100
             * max(abs(arm_of(angle) / arm - 1)),
-            "angle at equal force [%]": (
-                100 * max(off / np.maximum(expected, SMALL)),
-                THREE_PERCENT,
-            ),
+            "angle at equal force [%]": (share, THREE_PERCENT),
             "force at equal angle [%]": 100 * max(abs(at_angle / force[moving] - 1.0)),
-            "angle at equal force [degrees]": (np.rad2deg(max(off)), ex.number()),
-            "angle at equal force, also below 3 degrees [%]": 100
-            * max(off[moving] / expected[moving]),
+            "angle at equal force [degrees]": (np.rad2deg(same), ex.number()),
+            "angle at equal force, also below 3 degrees [%]": below,
         }
     return found
 
 
 free_closing = ex.Experiment(
     "Joint angles of a finger that closes on nothing against the force of its wire.",
-    cases,
+    lambda: ex.grid(stops=STOPS),
     trial,
     {
+        "largest joint speed at readings": ex.at_most(1e-3),
+        "largest left-right difference": ex.at_most(1e-6),
         "moment arm, largest deviation": THREE_PERCENT,
         "force at equal angle": THREE_PERCENT,
         "tip angle until the base stops": ex.at_most(_COUNT),

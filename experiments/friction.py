@@ -5,9 +5,6 @@ then it loses its power. After that, a can is lifted and held for 5 s with 107 N
 wire. The gears' friction is what `drake-srg identify` finds in the vendor's log. No
 measurement tells the wires'; they get the capstan friction of a polyethylene line on
 metal (coefficient 0.1) around pulleys at base and tip hinge, 1.5 rad in all.
-
-The gears take a third of the force while the grip tightens and keep all of it while the
-torque falls from 60 to 20 %. The creep of a held can is the solver's, not friction's.
 """
 
 import dataclasses as dc
@@ -18,20 +15,15 @@ import experiments.runner as ex
 from drake_srg.gripper.tendon import DriveFrictionConfig
 from drake_srg.scenario import load_scenario
 from drake_srg.simulation.rig import Rig, bench_scenario
-from experiments.hold_drift import creep, things
+from experiments.hold_drift import BENCH, creep
 
 WIRE = 0.15
 # Torque of the motor, share of that at full PWM: up and down again in equal steps.
 LADDER = (0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.5, 0.4, 0.3, 0.2, 0.1)
 UP, DOWN = 2, 8  # steps of 30 %
 HOLD_FORCE = 107.0  # of each wire, around the held can [N]
-HELD = 5.0  # s
 WITH = ("gears", "wires", "gears and wires")
 GAP = "force, opening less closing, at 30 %"
-
-
-def cases() -> list[ex.Case]:
-    return ex.grid(friction=("none", *WITH))
 
 
 def trial(friction: str) -> ex.Measures:
@@ -40,10 +32,9 @@ def trial(friction: str) -> ex.Measures:
     config = gears if "gears" in friction else DriveFrictionConfig()
     config = dc.replace(config, wire=WIRE if "wires" in friction else 0.0)
     entries = ", ".join(f"{k}: {v!r}" for k, v in dc.asdict(config).items())
-    change = {"gripper.drive.friction": f"{{{entries}}}"}
-    overrides = [f"{key}={value}" for key, value in change.items()]
+    change = f"gripper.drive.friction={{{entries}}}"
     bench = bench_scenario(
-        gripper_rpy=[0.0, 0.0, 0.0], overrides=["object.present=false", *overrides]
+        gripper_rpy=[0.0, 0.0, 0.0], overrides=["object.present=false", change]
     )
     wire, pad = [], []
     with Rig(bench, name="friction") as rig:
@@ -59,9 +50,7 @@ def trial(friction: str) -> ex.Measures:
         rig.advance(3.0)
         left = np.mean(rig.measured("gripper.wire_force"))
         opened = closed - rig.measured("gripper.state_measured")[0]
-    drive = load_scenario("gripper_bench", overrides=overrides).gripper.wire_motor.drive
-    limit = drive.force_limit_of(HOLD_FORCE)
-    _, moved = creep(*things()["can"], "gripper_bench", change, HELD, limit)
+    limit = bench.gripper.wire_motor.drive.force_limit_of(HOLD_FORCE)
     largest = {} if friction == "none" else {"largest pad force [N]": max(pad)}
     return largest | {
         "torque, share of full": LADDER,
@@ -72,7 +61,7 @@ def trial(friction: str) -> ex.Measures:
         "pad force while closing [N]": pad[UP],
         "wire force after power is lost [N]": left,
         "base opens by [degrees]": np.rad2deg(opened),
-        "creep of a held can [um/s]": 1e6 * moved[-1] / HELD,
+        "creep of a held can [um/s]": creep("can", BENCH, [change], limit, 5.0),
     }
 
 
@@ -85,7 +74,7 @@ def no_more(own: ex.Trials) -> ex.Bound:
 NONE = {"none": ex.within(0.0, absolute=1.0)}
 friction = ex.Experiment(
     "Friction of gears and wires, on and off: back-driving, hysteresis and creep.",
-    cases,
+    lambda: ex.grid(friction=("none", *WITH)),
     trial,
     {
         f"wire {GAP}": NONE,

@@ -40,25 +40,15 @@ _WAY, _DURATION = np.array([1.0, 0.2, 0.0, 0.3, 0.0, 0.0, 0.4]), 1.5
 
 @dc.dataclass
 class Told:
-    """What a robot tells in a control period, to be spoilt.
+    """What a robot tells in a control period, to be spoilt."""
 
-    Attributes:
-        stamp: [s].
-        names: Of the joints, the arm's n first.
-        q: Their positions [rad].
-        v: Their speeds [rad/s].
-        near: The finger sensors' distances [m].
-        n: Number of the arm's joints.
-        period: The control period [s].
-    """
-
-    stamp: float
-    names: list[str]
-    q: Vector
-    v: Vector
-    near: Vector
-    n: int
-    period: float
+    stamp: float  # s
+    names: list[str]  # of the joints, the arm's n first
+    q: Vector  # their positions [rad]
+    v: Vector  # their speeds [rad/s]
+    near: Vector  # the finger sensors' distances [m]
+    n: int  # number of the arm's joints
+    period: float  # of control [s]
 
     def keep(self, kept: slice) -> None:
         """Leave out joints."""
@@ -136,52 +126,21 @@ FAULTS: dict[str, Callable[[Told, Random], None] | None] = {
 }
 
 
-class FuzzedRobot:
-    """Tells messages, good and bad, of an arm that is at once where it is sent.
-
-    Args:
-        node: That gets the messages.
-        joints: Names of the arm's joints.
-        fingers: Names of the gripper's joints.
-    """
-
-    def __init__(
-        self, node: DirectNode, joints: Sequence[str], fingers: Sequence[str]
-    ) -> None:
-        self._node, self._n = node, len(joints)
-        self._names, self._stamp = [*joints, *fingers], 0.0
-
-    def tell(self, event: str, q: Vector, period: float, random: Random) -> None:
-        """Deliver the messages of a control period.
-
-        Args:
-            event: One of `FAULTS`, or anything else for good messages.
-            q: Where the arm is, shape (n,) [rad].
-            period: [s].
-            random: For the details of the fault.
-        """
-        self._stamp += period
-        spoil = FAULTS.get(event, _set())
-        if spoil is None:
-            return
-        size = len(self._names)
-        position, near = np.append(q, np.zeros(size - self._n)), np.full(4, 0.02)
-        stamp, names = self._stamp, [*self._names]
-        told = Told(stamp, names, position, np.zeros(size), near, self._n, period)
-        spoil(told, random)
-        state = make_message(
-            "sensor_msgs/msg/JointState",
-            header=header(make_message, told.stamp),
-            name=told.names,
-            position=told.q,
-            velocity=told.v,
-            effort=np.zeros(0),
-        )
-        self._node.deliver("/joint_states", state)
-        layout = make_message("std_msgs/msg/MultiArrayLayout", dim=[], data_offset=0)
-        kind = "std_msgs/msg/Float64MultiArray"
-        near_message = make_message(kind, layout=layout, data=told.near)
-        self._node.deliver("/gripper/proximity", near_message)
+def deliver(node: DirectNode, told: Told) -> None:
+    """Send the messages of a control period."""
+    state = make_message(
+        "sensor_msgs/msg/JointState",
+        header=header(make_message, told.stamp),
+        name=told.names,
+        position=told.q,
+        velocity=told.v,
+        effort=np.zeros(0),
+    )
+    node.deliver("/joint_states", state)
+    layout = make_message("std_msgs/msg/MultiArrayLayout", dim=[], data_offset=0)
+    kind = "std_msgs/msg/Float64MultiArray"
+    near = make_message(kind, layout=layout, data=told.near)
+    node.deliver("/gripper/proximity", near)
 
 
 class _Planner(PlannerLink):
@@ -242,14 +201,20 @@ def trial(name: str, seed: int) -> ex.Measures:
     for _ in range(int(random.integers(1, _STRETCHES + 1))):
         event = str(random.choice([*FAULTS])) if random.random() < 0.5 else "good"
         events.append((event, int(random.integers(1, _LONGEST + 1))))
-    teller = FuzzedRobot(node, robot.arm_joints, robot.gripper_joints)
-    error, q = "", home
+    names, n = [*robot.arm_joints, *robot.gripper_joints], len(home)
+    error, stamp = "", 0.0
     try:
-        for event, periods in events:
-            for _ in range(periods):
-                teller.tell(event, q, period, random)
-                loop.advance()
-                q = _sent(node, home)[-1]
+        for event in (event for event, periods in events for _ in range(periods)):
+            stamp += period
+            # The arm is at once where it is sent.
+            q, v = np.zeros((2, len(names)))
+            q[:n] = _sent(node, home)[-1]
+            told = Told(stamp, [*names], q, v, np.full(4, 0.02), n, period)
+            spoil = FAULTS.get(event, _set())
+            if spoil is not None:
+                spoil(told, random)
+                deliver(node, told)
+            loop.advance()
     except Exception:  # the experiment's question is whether there is one
         error = traceback.format_exc(limit=-1)
     path = _sent(node, home)

@@ -9,7 +9,6 @@ underactuated hand, with RP joints, grasps 87 % of household objects at best.
 
 import dataclasses as dc
 import time as clock
-from collections import Counter
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
@@ -22,7 +21,7 @@ from pydrake.common.schema import Transform
 from pydrake.math import RigidTransform, RotationMatrix
 
 import experiments.runner as ex
-from drake_srg.common.exceptions import ScenarioError, suggest
+from drake_srg.common.exceptions import ScenarioError
 from drake_srg.objects.config import ObjectConfig
 from drake_srg.objects.household import HOUSEHOLD, household_object, object_facts
 from drake_srg.planning.grasps.srg_hand import SrgFingers
@@ -34,6 +33,7 @@ from drake_srg.vision.camera import CameraModel
 from drake_srg.vision.camera_errors import CameraErrorsConfig
 from drake_srg.vision.height_map import SUBPIXELS, height_map, points_of
 from drake_srg.vision.surfaces import Surface
+from experiments.stands.holding import body_of, is_free
 
 _PUBLISHED = ex.at_least(0.87, spread=0.1, source="published, of an RP hand")
 _MODELS = (".sdf", ".urdf", ".obj", ".stl", ".glb", ".gltf", ".xml", ".vtk")
@@ -71,17 +71,11 @@ def cases(
     Args:
         objects: Names of household objects, or files of models; all household objects
             by default.
-        trials: Poses of each object.
-        seed: Seed of the first pose.
         attempts: Grasps to try before giving up.
         depth_noise: Standard deviation of depth at 1 m [m]; see `camera_errors`.
     """
-    for name in objects:
-        if name not in HOUSEHOLD and Path(name).suffix not in _MODELS:
-            hint = suggest(name, HOUSEHOLD)
-            raise ScenarioError(
-                f"grasp_anything: objects: unknown object {name!r} {hint}"
-            )
+    named = [name for name in objects if Path(name).suffix not in _MODELS]
+    ex.chosen("objects", named, HOUSEHOLD)
     # All objects in one pose before any in the next.
     return ex.grid(
         seed=range(seed, seed + trials),
@@ -157,8 +151,7 @@ def settle(name: str, thing: ObjectConfig, X_WO: RigidTransform) -> RigidTransfo
     """Return where a thing that starts at `X_WO` comes to rest, or is after 4 s."""
     scenario = tabletop({"thing": placed(thing, X_WO)})
     with Rig(scenario, name=name, period=0.05, log_period=0.05) as rig:
-        model = rig.plant.GetModelInstanceByName("thing")
-        body = rig.plant.get_body(rig.plant.GetBodyIndices(model)[0])
+        body = body_of(rig, "thing")
         while rig.time < _PATIENCE:
             rig.advance(0.05)
             V = rig.plant.EvalBodySpatialVelocityInWorld(rig.plant_context, body)
@@ -194,9 +187,8 @@ def lift(
 ) -> tuple[bool, bool, str, RigidTransform]:
     """Try a grasp.
 
-    Returns:
-        Whether the hand holds the thing, whether its fingers say so, why not, and the
-        thing's pose at the end.
+    Return whether the hand holds the thing, whether its fingers say so, why not, and
+    the thing's pose at the end.
     """
     there, start = grasp.X_WG.translation() - _MIDDLE, X_WO.translation()
     scenario = bench_scenario(
@@ -215,7 +207,7 @@ def lift(
         rig.move(there + _LIFT * _UP, _RAISE)
         rig.advance(_HOLD)
         X_WO = rig.X_WO("thing")
-        held = set(rig.contact_forces("thing")) == {"gripper"}  # it may hang
+        held = is_free(rig)  # it may hang
         q = rig.measured("gripper.state_measured")[:4]
         proximity = rig.measured("gripper.proximity")
         sensed = rig.measured("gripper.grasped")[0] > 0.0
@@ -273,15 +265,13 @@ def whole(trials: ex.Trials) -> dict[str, ex.Values]:
             held = sum(own[what])
             found[name] |= ex.share(f"held, {what}", held, n, bound, spread=0.1)
 
-    def counted(n: int) -> tuple[int, ex.Bound]:
-        return n, ex.number(spread=3.0 + 0.3 * n)  # contact is chaotic
-
-    reasons = Counter(reason for t in trials for reason in t["reasons"])
+    reasons = sorted(reason for t in trials for reason in t["reasons"])
     wrong = int(sum(trials["felt, was not"]))
+    some = ex.number(spread=3.0 + 0.3 * wrong)
     plans: Any = np.concatenate([t["planning"] for t in trials])
     return found | {
-        "failed": {f"{r} [attempts]": counted(n) for r, n in sorted(reasons.items())},
-        "fingers": {"felt held, was not [attempts]": counted(wrong)},
+        "failed": ex.counts(reasons, "attempts", least=3.0),
+        "fingers": {"felt held, was not [attempts]": (wrong, some)},
         "planner": {"a plan, median [ms]": (np.median(plans), ex.number(clock="time"))},
     }
 

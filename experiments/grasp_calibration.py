@@ -1,15 +1,13 @@
 """Where closing fingers move a cylinder, and the frames that correct for it.
 
 The thesis of the five-axis arm measured by hand how far the object shifts while its
-fingers close, one after the other, and moved the arm's tip by that distance. Here, a
-first round of cycles measures where in the palm the closed fingers hold the object. The
-tip frame belongs there, because the planner assumes a held object to be at the tip. A
-second round, with that tip, measures how far from its goal the object ends: the
-distance that it moves while it is set down and released. A last round, at other
-positions, applies both corrections.
+fingers close, and moved the arm's tip by that distance. Here, a first round of cycles
+measures where in the palm the closed fingers hold the object: there, the tip belongs. A
+second round, with that tip, measures how far from its goal the object ends: it moves
+while it is set down and released. A last round, elsewhere, applies both corrections.
 
-`SCENARIO_tip.dmd.yaml` contains the two frames. `--out models/calibration` overwrites
-the file that the scenario and those based on it use.
+`--out models/calibration` overwrites the frames, SCENARIO_tip.dmd.yaml, that the
+scenario and those based on it use.
 """
 
 import tempfile
@@ -53,7 +51,7 @@ def cases(scenario: str = "assistive_arm", seeds: int = 12) -> list[ex.Case]:
 
     Args:
         scenario: `assistive_arm` or a scenario based on it.
-        seeds: Number of cycles in each of the three rounds.
+        seeds: Cycles in each of the three rounds.
     """
     return [{"scenario": scenario, "seeds": seeds}]
 
@@ -102,8 +100,8 @@ def mean(verb: str, values: Vector) -> Vector:
     """Return the mean of rows (n, 3), one a cycle, without those that are NaN.
 
     Raises:
-        ScenarioError: If half of the rows or more are NaN: only few cycles did to the
-            object what `verb` says.
+        ScenarioError: If only half of the cycles or fewer did to the object what `verb`
+            says.
     """
     known = values[~np.isnan(values[:, 0])]
     if 2 * len(known) <= len(values):

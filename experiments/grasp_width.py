@@ -6,13 +6,12 @@ and has not moved in it. Flat boxes are wrapped as `clear_table` does it, with t
 at the right height, too low and too high.
 
 `low_things`: a squeeze bottle, 94 mm wide and 58 mm high as it lies, which only the
-tips touch. The hand takes it at some distance from its middle, lifts it and shakes it.
-It counts as held if it touches nothing but the hand in the end; it may hang.
+tips touch. The hand takes it at some distance from its middle, lifts and shakes it.
 """
 
 import dataclasses as dc
 import itertools
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 
 import numpy as np
 from pydrake.common.schema import Rotation, Transform
@@ -24,6 +23,7 @@ from drake_srg.planning.grasps.srg_hand import SrgFingers
 from drake_srg.simulation.rig import Rig, bench_scenario, shake
 from drake_srg.types import Box, Cylinder
 from experiments.data import household_objects
+from experiments.stands.holding import is_free
 
 CLAIM = 0.145  # figure of the SRG thesis [m]
 # A cardboard box as heavy as the sugar box and tall enough for the pads [m], [kg].
@@ -31,9 +31,8 @@ _DEPTH, HEIGHT, _MASS, _FRICTION = 0.06, 0.12, 0.5, 0.6
 # A cracker box on its widest side, but for its width [m], [kg]; friction as above.
 # `clear_table` wraps it with the position driver.
 _FLAT_LENGTH, _FLAT_HEIGHT, _FLAT_MASS = 0.2074, 0.0658, 0.411
-_CLEARING = (
-    "gripper=!SrgPositionDriver {underactuation: {base: freeze, approach_speed: 1.0}}",
-)
+_POSITION = "gripper=!SrgPositionDriver {underactuation: "
+_CLEARING = f"{_POSITION}{{base: freeze, approach_speed: 1.0}}}}"
 # Height of the palm frame above the top of a box, 3 mm below the open fingers' pads,
 # and above the middle of the pads when straight fingers meet [m].
 _ABOVE_BOX, _ABOVE_PADS = SRG.hinge_x + SRG.face_offset + 0.003, 0.158
@@ -42,6 +41,14 @@ LIFT_HEIGHT = 0.1  # high, because wide boxes sink in the hand during the lift [
 # Amplitude of the shake, vertical and along the pads, half of g [m/s²], and 2 Hz.
 _SHAKE, _FREQUENCY = np.array([4.9, 0.0, 4.9]), 2.0
 MOST_SLIP = 5.0  # of a held object during the shake [mm]
+# Widths, thicknesses and diameters [m]: a bank card and a pencil come first.
+SIZES = {
+    "box": (0.05, 0.07, 0.09, 0.11, 0.13, 0.145, 0.16, 0.17, 0.18, 0.19),
+    "sheet": (0.00076, 0.0003),
+    "rod": (0.0072, 0.003, 0.001),
+}
+# Widths of flat boxes, and gaps between the base links and their tops [m].
+FLAT, GAPS = (0.132, 0.145, 0.158, 0.165), (-0.001, 0.006, 0.01)
 
 
 @dc.dataclass(frozen=True)
@@ -62,10 +69,7 @@ def box(width: float) -> Thing:
 
 
 def sheet(thickness: float) -> Thing:
-    """Return a card on its short edge, with the pads across its upper part.
-
-    Outline, density and friction are those of the household card.
-    """
+    """Return the household card, of a thickness, on its short edge between the pads."""
     card = household_objects()["thin_card"]
     assert isinstance(card.shape, Box)
     length, width, original = card.shape.size
@@ -75,10 +79,7 @@ def sheet(thickness: float) -> Thing:
 
 
 def rod(diameter: float) -> Thing:
-    """Return a pencil on its end, with the pads along its upper part.
-
-    Length, density and friction are those of the household pencil.
-    """
+    """Return the household pencil, of a diameter, on its end between the pads."""
     pencil = household_objects()["pencil"]
     assert isinstance(pencil.shape, Cylinder)
     radius, length = pencil.shape.radius, pencil.shape.length
@@ -88,17 +89,12 @@ def rod(diameter: float) -> Thing:
 
 
 def flat_box(width: float, gap: float) -> Thing:
-    """Return a box below the open hand, which wraps around its upper edges.
-
-    Args:
-        width: Of the box [m].
-        gap: Between its top and the base links [m].
-    """
+    """Return a box whose upper edges the hand wraps around, below the base links."""
     fingers = SrgFingers()
     size = [_FLAT_LENGTH, width, _FLAT_HEIGHT]
     config = ObjectConfig(shape=Box(size), mass=_FLAT_MASS, friction=_FRICTION)
     z = _FLAT_HEIGHT + fingers.wrap.face_x + gap
-    return Thing(config, z, fingers.wrapped(width).closure, _CLEARING)
+    return Thing(config, z, fingers.wrapped(width).closure, [_CLEARING])
 
 
 def grasp(thing: Thing) -> ex.Measures:
@@ -111,67 +107,41 @@ def grasp(thing: Thing) -> ex.Measures:
     up = home + np.array([0.0, 0.0, LIFT_HEIGHT])
     scenario = bench_scenario(thing.config, home=list(home), overrides=thing.overrides)
     with Rig(scenario, name="grasp_width") as rig:
-        height = rig.X_WO().translation()[2]
         rig.advance(_CLOSE, closure=thing.closure)
-        closed, X_GO_closed = rig.measured("gripper.state_measured"), rig.X_GO()
+        closed = rig.measured("gripper.state_measured")
+        p_GO_closed = rig.X_GO().translation()
         rig.move(up, _LIFT)
-        X_GO_lifted = rig.X_GO()
+        p_GO_lifted = rig.X_GO().translation()
         rig.advance(_HOLD, arm=shake(up, _SHAKE, _FREQUENCY, _HOLD))
-        X_GO = rig.X_GO()
-        free = set(rig.contact_forces()) == {"gripper"}
-        raised = rig.X_WO().translation()[2] - height
-    slip = 1e3 * np.linalg.norm(X_GO.translation() - X_GO_lifted.translation())
-    before, end = (float(X.translation()[0]) - height for X in (X_GO_closed, X_GO))
+        p_GO, free = rig.X_GO().translation(), is_free(rig)
+    slip = 1e3 * np.linalg.norm(p_GO - p_GO_lifted)
     return {
         "free": float(free),
-        "raised": raised,
         "slip": slip,
         "held": bool(free and slip <= MOST_SLIP),
-        "moved": 1e3 * (end - before),
+        "moved": 1e3 * (p_GO - p_GO_closed)[0],
         "lean": np.rad2deg(0.5 * np.pi - closed[[0, 2]].sum()),
     }
 
 
-def cases(
-    boxes: Sequence[float] = (
-        0.05,
-        0.07,
-        0.09,
-        0.11,
-        0.13,
-        0.145,
-        0.16,
-        0.17,
-        0.18,
-        0.19,
-    ),
-    sheets: Sequence[float] = (0.00076, 0.0003),
-    rods: Sequence[float] = (0.0072, 0.003, 0.001),
-    flat: Sequence[float] = (0.132, 0.145, 0.158, 0.165),
-    gaps: Sequence[float] = (-0.001, 0.006, 0.01),
-) -> list[ex.Case]:
-    """Grasp boxes from narrow to wide, then thin objects, then flat boxes.
-
-    Args:
-        boxes: Width of each box [m].
-        sheets: Thickness of each sheet [m]; a bank card first.
-        rods: Diameter of each rod [m]; a pencil first.
-        flat: Width of each flat box [m].
-        gaps: Between the base links and the top of each flat box [m].
-    """
-    found: list[ex.Case] = []
-    for kind, sizes, form in (
-        ("box", sorted(boxes), ".0f"),
-        ("sheet", sheets, ".2g"),
-        ("rod", rods, ".2g"),
-    ):
-        for size in sizes:
-            name = f"{kind}, {1e3 * size:{form}} mm"
-            found.append({"name": name, "kind": kind, "size": size, "gap": 0.0})
-    for case in ex.grid(size=flat, gap=gaps):
-        name = f"wrapped, {1e3 * case['size']:.0f} mm, gap {1e3 * case['gap']:.0f} mm"
-        found.append({"name": name, "kind": "wrapped", **case})
-    return found
+def cases() -> list[ex.Case]:
+    """Grasp boxes from narrow to wide, then thin objects, then flat boxes."""
+    found: list[ex.Case] = [
+        {
+            "name": f"{kind}, {1e3 * size:{'.0f' if kind == 'box' else '.2g'}} mm",
+            **{"kind": kind, "size": size, "gap": 0.0},
+        }
+        for kind, sizes in SIZES.items()
+        for size in sizes
+    ]
+    return found + [
+        {
+            "name": f"wrapped, {1e3 * size:.0f} mm, gap {1e3 * gap:.0f} mm",
+            **{"kind": "wrapped", "size": size, "gap": gap},
+        }
+        for size in FLAT
+        for gap in GAPS
+    ]
 
 
 def trial(name: str, kind: str, size: float, gap: float) -> ex.Measures:
@@ -224,11 +194,9 @@ _WIDTH, _HEIGHT, _MIDDLE = 0.094, 0.058, 0.0704
 # Where the hand is on the bench (gripper_bench.yaml), and how far the ends of its
 # fingers stay above the table [m].
 _BENCH_X, _GAP = 0.5, 0.012
-_CURL = (
-    "gripper=!SrgPositionDriver {underactuation: "
-    "{base: freeze, approach_speed: 1.0, tip: curl}}"
-)
-HANDS: Mapping[str, Sequence[str]] = {
+OFFSETS = (-0.04, -0.03, -0.02, -0.01, 0.0, 0.01, 0.02, 0.03, 0.04)  # to the nozzle [m]
+_CURL = f"{_POSITION}{{base: freeze, approach_speed: 1.0, tip: curl}}}}"
+HANDS = {
     "Algorithm 1": (_CURL.replace("curl", "algorithm_1"),),
     "tips that curl": (_CURL,),
     "tips that curl, half the step": (_CURL, "plant_config.time_step=0.001"),
@@ -238,27 +206,6 @@ HANDS: Mapping[str, Sequence[str]] = {
         "{base_spring: {preload: 0.03}, tip_spring: {preload: 0.05}}}",
     ),
 }
-
-
-def bottle_cases(
-    offsets: Sequence[float] = (
-        -0.04,
-        -0.03,
-        -0.02,
-        -0.01,
-        0.0,
-        0.01,
-        0.02,
-        0.03,
-        0.04,
-    ),
-) -> list[ex.Case]:
-    """Take the bottle with every hand at every distance from its middle.
-
-    Args:
-        offsets: From the middle of its mass, towards the nozzle [m].
-    """
-    return ex.grid(hand=HANDS, offset=offsets)
 
 
 def bottle_trial(hand: str, offset: float) -> ex.Measures:
@@ -274,7 +221,7 @@ def bottle_trial(hand: str, offset: float) -> ex.Measures:
 
 low_things = ex.Experiment(
     "A lying squeeze bottle between tips that stay straight and tips that curl.",
-    bottle_cases,
+    lambda: ex.grid(hand=HANDS, offset=OFFSETS),
     bottle_trial,
     {
         "share held": {

@@ -4,8 +4,6 @@ The hand closes on boxes of 20, 68 and 140 mm with rising effort, each from the 
 hand. One table and one figure are what owners of the gripper need (docs/gripper.md).
 """
 
-from collections.abc import Sequence
-
 import numpy as np
 
 import experiments.runner as ex
@@ -20,6 +18,8 @@ _RANGE = 2500  # counts from closed to open, 100 % of SAKE's driver
 _REGISTER = 800  # torque limit of 100 % effort, see TendonDriveConfig.full_scale
 _FRICTION, _GRAVITY = 0.8, 9.81  # of painted metal on rubber; m/s²
 _SETTLE = 2.5  # s
+# Of the boxes [m], and shares of the range of SAKE's driver.
+WIDTHS, EFFORTS = (0.02, 0.068, 0.14), (0.2, 0.35, 0.5, 0.65, 0.8, 1.0)
 # Wide boxes are gripped near the palm, the others between the middles of the pads.
 _WIDE = 0.1  # m
 # ex.Measures of a trial as columns of the table, and their digits.
@@ -38,23 +38,15 @@ COLUMNS = {
 }
 
 
-def cases(
-    scenario: str = "srg_specimen",
-    widths: Sequence[float] = (0.02, 0.068, 0.14),
-    efforts: Sequence[float] = (0.2, 0.35, 0.5, 0.65, 0.8, 1.0),
-) -> list[ex.Case]:
+def cases(scenario: str = "srg_specimen") -> list[ex.Case]:
     """Grip every box with every effort.
 
     Args:
         scenario: A bench whose gripper has wires.
-        widths: Of the boxes [m].
-        efforts: Shares of the range of SAKE's driver, 0 .. 1.
     """
     return [
-        {"name": f"{1e3 * w:.0f} mm, {100 * e:.0f} %", "width": w, "effort": e}
-        | {"scenario": scenario}
-        for w in widths
-        for e in efforts
+        {"name": f"{1e3 * c['width']:.0f} mm, {100 * c['effort']:.0f} %", **c}
+        for c in ex.grid(width=WIDTHS, effort=EFFORTS, scenario=[scenario])
     ]
 
 

@@ -16,8 +16,6 @@ import math
 
 import numpy as np
 from pydrake.systems.analysis import Simulator
-from pydrake.systems.framework import DiagramBuilder
-from pydrake.systems.primitives import ConstantVectorSource
 
 import experiments.runner as ex
 from drake_srg.gripper.tendon import MotorTemperature
@@ -56,12 +54,8 @@ def press_bench(scenario: str, most: float, position_gain: float) -> Scenario:
     """Return an empty bench whose servo has the firmware's position control.
 
     That is proportional, without a smooth reference. The palm points to the front, so
-    that the fingers' weight does not act along their motion.
-
-    Args:
-        scenario: The bench.
-        most: Largest PWM of the servo, 0 .. 1.
-        position_gain: Of the position control [PWM of 1023 per count].
+    that the fingers' weight does not act along their motion. The largest PWM is `most`;
+    the gain is in PWM of 1023 per count.
     """
     gain = position_gain / FULL_TORQUE * 4096 / (2.0 * np.pi) / most
     return bench_scenario(
@@ -79,11 +73,7 @@ def press_bench(scenario: str, most: float, position_gain: float) -> Scenario:
 
 
 class VendorTest:
-    """Presses the tips on each other, as the vendor did.
-
-    Args:
-        stand: The gripper, open.
-    """
+    """Presses the tips of an open gripper on each other, as the vendor did."""
 
     def __init__(self, stand: ServoStand) -> None:
         self._stand = stand
@@ -130,8 +120,8 @@ class VendorTest:
     def _wait(self, until: int) -> tuple[int, float]:
         """Return the position after some waits, and when it has stopped changing [s].
 
-        The spool still creeps when the vendor's test takes it for stopped. So positions
-        are compared when the vendor read them.
+        The spool still creeps when the vendor takes it for stopped: positions count
+        when it read them.
         """
         stand, stopped = self._stand, math.nan
         before = read = stand.read("present_position")
@@ -154,14 +144,11 @@ def warm(scenario: str, row: LogRow) -> float:
     drive, heat = motor.drive, motor.temperature
     load = row.current_ma / 1e3 / heat.stall_current
     pwm = drive.pwm_of(load / drive.full_scale)
-    builder = DiagramBuilder()
-    system = builder.AddSystem(MotorTemperature(drive, heat))
-    for name, value in (("pwm", [pwm]), ("motor_state", [0.0, 0.0])):
-        source = builder.AddSystem(ConstantVectorSource(value))
-        builder.Connect(source.get_output_port(), system.GetInputPort(name))
-    diagram = builder.Build()
-    simulator = Simulator(diagram)
-    context = system.GetMyMutableContextFromRoot(simulator.get_mutable_context())
+    system = MotorTemperature(drive, heat)
+    simulator = Simulator(system)
+    context = simulator.get_mutable_context()
+    system.GetInputPort("pwm").FixValue(context, [pwm])
+    system.GetInputPort("motor_state").FixValue(context, [0.0, 0.0])
     context.SetDiscreteState([row.temperature_c])
     for time in np.arange(heat.period, NEVER, heat.period):
         simulator.AdvanceTo(time)
@@ -200,36 +187,35 @@ def trial(model: str) -> ex.Measures:
 
 def compare(trials: ex.Trials) -> dict[str, ex.Values]:
     """Compare rows; those of the specimen are judged, the others only told."""
-    measured, found = vendor_log(), {}
+    measured, found = vendor_log(), dict[str, ex.Values]()
     for t in trials:
         model = t["model"]
         simulated = [LogRow(**row) for row in t["rows"]]
         offset = calibrated_zero(simulated) - calibrated_zero(measured)
         for real, ours in zip(measured, simulated, strict=True):
-            label = real.label
-            seconds, tenth = (real.seconds, ours.seconds, "s"), 0.1 * real.seconds
+            label, current = real.label, real.current_ma
+            seconds = (real.seconds, ours.seconds, "s", 0.1 * real.seconds)
             if real.test == "heating":
                 label += f", from {real.temperature_c:g} degC"
-                pairs = {_WARM: (*seconds, tenth)}
+                pairs = {_WARM: seconds}
             else:
-                current, stop = real.current_ma, ours.stop_counts - offset
+                stop = ours.stop_counts - offset
                 pairs = {
                     "current": (current, ours.current_ma, "mA", 0.1 * current),
                     "stop": (real.stop_counts, stop, "counts", 6.0),
                 }
                 if real.test == "position":  # by torque, it is the test's own waiting
-                    pairs["time until noticed"] = (*seconds, tenth)
-            values: ex.Values = {}
+                    pairs["time until noticed"] = seconds
+            values = found[f"{model}, {label}"] = {}
             for what, (theirs, value, unit, allowed) in pairs.items():
-                if model == "specimen":
-                    known = _KNOWN.get((real.label, what), "")
-                    bound = ex.within(
-                        theirs, absolute=allowed, known=known, source="vendor's log"
-                    )
-                    values[f"{what} [{unit}]"] = (value, bound)
-                else:
+                if model != "specimen":
                     values[f"{what} (real {theirs:.4g}) [{unit}]"] = value
-            found[f"{model}, {label}"] = values
+                    continue
+                known = _KNOWN.get((real.label, what), "")
+                asked = ex.within(
+                    theirs, absolute=allowed, known=known, source="vendor's log"
+                )
+                values[f"{what} [{unit}]"] = (value, asked)
     return found
 
 

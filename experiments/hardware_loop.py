@@ -21,7 +21,7 @@ import numpy as np
 import yaml
 
 import experiments.runner as ex
-from drake_srg.common.exceptions import ScenarioError, suggest
+from drake_srg.common.exceptions import ScenarioError
 from drake_srg.common.log_format import MODES, row_to_pose
 from drake_srg.recording.output import read_log
 from drake_srg.robot.serve.dynamixel.servo import JOINT
@@ -44,34 +44,19 @@ _SRG = {"open": 3298, "closed": 1043, "stretch": 1354}
 
 @dc.dataclass(frozen=True)
 class Way:
-    """What is served, and what lies between it and the planner.
-
-    Attributes:
-        scenario: Its name.
-        wire: "ROS 1" or "ROS 2".
-        servos: What is on a servo bus in place of ROS: "", "gripper" or "all".
-        stream: Of the arm's commands, as in a hardware file.
-        lead: How far ahead commands are sent [s]; it must exceed the way there and
-            back.
-        watchdog: Of the safety monitor [s].
-        latency: Added in both directions [s].
-        loss: Share of the messages lost in both directions.
-        camera_period: Between pictures [s].
-        settings: Of the scenario on both sides, `KEY=VALUE` each.
-        rate: Seconds of both sides per real second.
-    """
+    """What is served, and what lies between it and the planner."""
 
     scenario: str
-    wire: str = "ROS 2"
-    servos: str = ""
-    stream: str = "trajectory"
-    lead: float = 0.05
-    watchdog: float = 0.05
-    latency: float = 0.0
-    loss: float = 0.0
-    camera_period: float = 0.1
-    settings: tuple[str, ...] = ()
-    rate: float = 1.0
+    wire: str = "ROS 2"  # or ROS 1
+    servos: str = ""  # what is on a servo bus in place of ROS: "gripper" or "all"
+    stream: str = "trajectory"  # of the arm's commands, as in a hardware file
+    lead: float = 0.05  # of commands [s]; must exceed the round-trip time
+    watchdog: float = 0.05  # of the safety monitor [s]
+    latency: float = 0.0  # added in both directions [s]
+    loss: float = 0.0  # share of the messages lost in both directions
+    camera_period: float = 0.1  # between pictures [s]
+    settings: tuple[str, ...] = ()  # of the scenario on both sides, `KEY=VALUE` each
+    rate: float = 1.0  # seconds of both sides per real second
 
 
 _TRAY = ("slides.tray.start=5.0", "slides.tray.speed=0.02")
@@ -110,16 +95,12 @@ def cases(
     """Do the tasks through every wire.
 
     Args:
-        seeds: Runs of each case.
-        seed: The first one's.
-        cases: Names of cases; none: all.
+        cases: Names of cases; all by default.
         rate: Times each case's own rate, for a machine that is too slow.
     """
-    for name in cases:
-        if name not in WAYS:
-            raise ScenarioError(f"cases: unknown case {name!r} {suggest(name, WAYS)}")
+    ways = ex.chosen("cases", cases, WAYS)
     # Every case of one seed before the next.
-    return ex.grid(seed=range(seed, seed + seeds), way=cases or WAYS, rate=[rate])
+    return ex.grid(seed=range(seed, seed + seeds), way=ways, rate=[rate])
 
 
 @functools.cache
@@ -189,8 +170,8 @@ def _judge(
 ) -> ex.Measures:
     """Return whether the object is placed, and whether the planner says so; why not.
 
-    Also the larger of its distances from the goal in x and y, and by how much whole
-    counts of the joints' servos may move it where it is let go [mm].
+    Also the larger of its errors in x and y, and by how much whole counts of the
+    servos may move it where it is let go [mm].
     """
     log = read_log(served / "log.npz")
     if log["time"][-1] > LONGEST - 1.0:
@@ -219,7 +200,7 @@ def _judge(
 def robot_file(
     way: Way, scenario: Scenario, arguments: Sequence[str], port: int, rate: float
 ) -> str:
-    """Return the text of the hardware file for a served cell.
+    """Return the text of the hardware file for a scenario that is served in a way.
 
     Args:
         way: How it is served.

@@ -10,7 +10,6 @@ from collections.abc import Sequence
 import numpy as np
 
 import experiments.runner as ex
-from drake_srg.common.exceptions import ScenarioError, suggest
 from drake_srg.common.srg_geometry import SRG
 from drake_srg.gripper.tendon import TendonDriveConfig
 from experiments.data import household_objects
@@ -22,36 +21,24 @@ from experiments.stands.grasps import (
     simulate,
     width_between_pads,
 )
-from experiments.stands.still import take_picture
 
 OPENING = 1e3 * SRG.parallel_gap  # between parallel pads, base links sideways [mm]
 SLIP = 5.0  # in the hand, from the lift to the end, of an object that is held [mm]
 
 
 def cases(objects: Sequence[str] = ()) -> list[ex.Case]:
-    """Grasp, lift and shake objects in every way.
-
-    Args:
-        objects: Names of the objects to grasp; all by default.
-    """
-    known = {name for name, _ in grasps()}
-    for name in objects:
-        if name not in known:
-            raise ScenarioError(
-                f"household: objects: unknown object {name!r} {suggest(name, known)}"
-            )
+    """Grasp, lift and shake objects in every way."""
+    wanted = ex.chosen("objects", objects, {name for name, _ in grasps()})
     return [
         {"object": name, "approach": approach}
         for name, approach in grasps()
-        if name in (objects or known)
+        if name in wanted
     ]
 
 
 def trial(object: str, approach: str) -> ex.Measures:
     grasp = grasps()[object, approach]
-    scenario = present(household_objects()[object], grasp)
-    found = simulate(scenario, grasp)
-    image = take_picture(scenario, found.pop("q"), found.pop("p_WL"), 190)
+    found = simulate(present(household_objects()[object], grasp), grasp)
     width = 1e3 * width_between_pads(object, grasp)
     rows = {"slip [mm]": found["slip"], "wire force [N]": found["wire_force"]}
     if width > OPENING:
@@ -59,7 +46,7 @@ def trial(object: str, approach: str) -> ex.Measures:
     else:
         rows["held by the hand alone for [s]"] = found["held_for"]
         rows["turn in the hand [degrees]"] = found["turn"]
-    return found | rows | {"image": image}
+    return found | rows
 
 
 def slip(own: ex.Trials) -> ex.Bound:
@@ -75,7 +62,9 @@ household = ex.Experiment(
         "held by the hand alone for": ex.at_least(HELD),
         "slip": slip,
         "turn in the hand": ex.at_most(10.0),
-        "wire force": ex.at_most(TendonDriveConfig().full_wire_force),
+        "wire force": ex.at_most(
+            TendonDriveConfig().full_wire_force, source="data sheet"
+        ),
         "too wide: opening needed": ex.at_least(OPENING),
         "acceleration of the hand": ex.within(ACCELERATION, relative=0.05),
     },

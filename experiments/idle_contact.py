@@ -6,8 +6,6 @@ the weight of the fingers presses evenly. With one finger above the other, it mo
 slowly until the drive balances it.
 """
 
-from collections.abc import Sequence
-
 import numpy as np
 
 import experiments.runner as ex
@@ -16,38 +14,20 @@ from drake_srg.simulation.rig import Rig, bench_scenario
 
 # Roll, pitch and yaw of the palm [degrees].
 HANDS = {"pointing down": (0, 90, 0), "finger above finger": (90, 0, 0)}
+DRIVERS = ("SrgPositionDriver", "SrgTendonDriver")
+STEPS = {"1 ms": 0.001, "2 ms": 0.002, "5 ms": 0.005}  # s
+DURATION = 10.0  # of each run, whose last second is judged [s]
 _WINDOW = 0.05  # of a curve's sample [s]
 
 
-def cases(
-    time_steps: Sequence[float] = (0.001, 0.002, 0.005), duration: float = 10.0
-) -> list[ex.Case]:
-    """Close every hand with every driver at every time step.
-
-    Args:
-        time_steps: Of the plant [s].
-        duration: Of each run, whose last second is judged [s].
-    """
-    return [
-        {"driver": driver, "hand": hand, "step": f"{1e3 * step:g} ms"}
-        | {"time_step": step, "duration": duration}
-        for driver in ("SrgPositionDriver", "SrgTendonDriver")
-        for hand in HANDS
-        for step in time_steps
-    ]
-
-
-def trial(
-    driver: str, hand: str, step: str, time_step: float, duration: float
-) -> ex.Measures:
+def trial(driver: str, hand: str, step: str) -> ex.Measures:
     """Close an open hand on nothing, sampled every time step."""
+    time_step = STEPS[step]
     overrides = [f"gripper=!{driver} {{}}", f"plant_config.time_step={time_step}"]
     scenario = bench_scenario(gripper_rpy=HANDS[hand], overrides=overrides)
     scenario.objects, scenario.task.pick = {}, ""
-    with Rig(
-        scenario, name="idle_contact", period=time_step, log_period=time_step
-    ) as rig:
-        rig.advance(duration, closure=1.0)
+    with Rig(scenario, name="chatter", period=time_step, log_period=time_step) as rig:
+        rig.advance(DURATION, closure=1.0)
         log = rig.log()
     force = log["gripper.contact_force"][:, 2]  # left base, right base, left tip, ...
     speeds = log["gripper.state_measured"][:, 4:]
@@ -69,12 +49,16 @@ def trial(
 
 idle_contact = ex.Experiment(
     "Whether fingers that press on each other chatter when closed on nothing.",
-    cases,
+    lambda: ex.grid(driver=DRIVERS, hand=HANDS, step=STEPS),
     trial,
     {
-        "contact force, mean": ex.at_least(TouchConfig().trigger_force),
+        "contact force, mean": ex.at_least(
+            TouchConfig().trigger_force, source="data sheet"
+        ),
         # One count per second of the servo's 12-bit encoder: too slow to measure.
-        "fastest joint's speed, RMS": ex.at_most(2.0 * np.pi / 4096.0),
+        "fastest joint's speed, RMS": ex.at_most(
+            2.0 * np.pi / 4096.0, source="data sheet"
+        ),
         # Resolution of thin-film force sensors: a hundredth of the mean force.
         "contact force, peak to peak": lambda own: ex.at_most(
             0.01 * own.one("contact force, mean [N]")

@@ -6,14 +6,12 @@ of any form, whose convex pieces and colours the planner knows, are to be set do
 they were.
 """
 
-from collections import Counter
 from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
 
 import experiments.runner as ex
-from drake_srg.common.exceptions import ScenarioError, suggest
 from experiments.stands.cells import metrics_of
 
 YAW = "object.yaw=!Uniform {min: -3.1416, max: 3.1416}"
@@ -77,39 +75,28 @@ def shape_cases(
     """Pick and place things of every case.
 
     Args:
-        trials: Of each case.
-        seed: Of the first trial.
         cases: Their names; all by default.
     """
-    for case in cases:
-        if case not in SHAPES:
-            raise ScenarioError(
-                f"known_shapes: cases: unknown {case!r} {suggest(case, SHAPES)}"
-            )
-    return ex.grid(case=cases or SHAPES, seed=range(seed, seed + trials))
+    seeds = range(seed, seed + trials)
+    return ex.grid(case=ex.chosen("cases", cases, SHAPES), seed=seeds)
 
 
 def model_cases(trials: int = 6, seed: int = 945_000) -> list[ex.Case]:
-    """Pick and place every object.
-
-    Args:
-        trials: Of each object.
-        seed: Of the first trial.
-    """
+    """Pick and place every object."""
     return ex.grid(case=MODELS, seed=range(seed, seed + trials))
 
 
 def trial(case: str, seed: int) -> ex.Measures:
     metrics = metrics_of("kitchen", seed, CASES[case])
     error = metrics["placement_error_m"]
-    near = metrics["success"] and error is not None
+    distance = None
+    if metrics["success"] and error is not None:
+        distance = 1e3 * np.linalg.norm(error[:2])
     return {
         "placed": bool(metrics["success"]),
         "failure": metrics["failure"],
         "attempts": metrics["attempts"],
-        "distance from the goal [mm]": 1e3 * np.linalg.norm(error[:2])
-        if near
-        else None,
+        "distance from the goal [mm]": distance,
     }
 
 
@@ -125,9 +112,8 @@ def summary(own: ex.Trials) -> ex.Values:
     if len(apart):
         found["distance from the goal, median [mm]"] = (np.median(apart), spread)
         found["distance from the goal, largest [mm]"] = (max(apart), spread)
-    for reason, count in Counter(t["failure"] for t in own if not t["placed"]).items():
-        found[f"{reason} [trials]"] = (count, ex.number(spread=2.0))
-    return found
+    missed = own.where(placed=False)["failure"]
+    return found | ex.counts(missed, "trials", least=2.0)
 
 
 PICTURE: list[Any] = [ex.Bars(["placed"]), ex.Histogram("distance from the goal [mm]")]

@@ -41,7 +41,6 @@ def cases(
     Args:
         upright: Poses in which each object stands.
         resting: Poses in which it rests on a random side.
-        objects: Names of the objects; all by default.
     """
     return [
         {"object": name, "way": way, "upright": upright, "resting": resting}

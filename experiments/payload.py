@@ -7,13 +7,11 @@ between the pads. The arm lifts it slowly off its support and holds it for 10 s.
 vendor's log pulls its wires less than the data-sheet model. Does it still hold as much?
 """
 
-import dataclasses as dc
 from typing import Any, Literal
 
 import numpy as np
 from pydrake.common.schema import Rotation, Transform
 from pydrake.math import RollPitchYaw
-from pydrake.multibody.parsing import AddModel, AddWeld, ModelDirective
 
 import experiments.runner as ex
 from drake_srg.common.srg_geometry import SRG
@@ -24,6 +22,7 @@ from drake_srg.scenario import Scenario, load_scenario
 from drake_srg.simulation.rig import Rig, bench_scenario
 from drake_srg.types import Cylinder
 from experiments.hold_drift import creep, things
+from experiments.stands.holding import in_hand, is_free, weld_model
 
 # As wide as the soup can and long enough to lie on the cradle; friction of painted
 # metal on rubber, like the can.
@@ -46,6 +45,7 @@ _CRADLE_Z = _POST_HEIGHT + np.sqrt(RADIUS**2 - _POST_Y**2)
 # lifts the object off its support and holds it. The lift is slow, so that momentum does
 # not add to slip [s].
 _CLOSE, _LIFT, HOLD = 3.5, 3.0, 10.0
+VENDORS = ex.at_least(HOLD, source="vendor")
 _LIFT_HEIGHT = 0.06  # m
 # An object counts as held while it moves less than this in the hand [m]. Pinched,
 # motion counts from when the load comes on. Wrapped, it counts from the end of the
@@ -57,27 +57,15 @@ _RESOLUTION = 0.02  # relative, of largest masses
 BENCH, FAST = "gripper_bench", "gripper_bench_fast"
 
 
-@dc.dataclass(frozen=True)
-class Load:
-    """A cylinder to hold: how, where the palm points, mass [kg], wire force [N]."""
+def payload_scenario(grip: str, direction: str, mass: float, scenario: str) -> Scenario:
+    """Return the bench with a cylinder of a mass [kg] in the open hand.
 
-    grip: str  # `wrap`: the fingers envelop it; `pinch`: between the pads
-    direction: str  # `down` or `side`
-    mass: float
-    wire_force: float
-
-
-def payload_scenario(load: Load, scenario: str) -> Scenario:
-    """Return the bench with a cylinder in the open hand, on the table or the cradle.
-
-    Wrapped with the palm down, the cylinder lies across the hand on the cradle;
-    otherwise it stands on the table.
+    Wrapped with the palm down, it lies across the hand on the cradle; otherwise it
+    stands on the table.
     """
-    shape = Cylinder(RADIUS, LENGTH)
-    thing = ObjectConfig(shape=shape, mass=load.mass, friction=FRICTION)
-    x = _X[load.grip, load.direction]
-    down = load.direction == "down"
-    lying = down and load.grip == "wrap"
+    thing = ObjectConfig(shape=Cylinder(RADIUS, LENGTH), mass=mass, friction=FRICTION)
+    x, down = _X[grip, direction], direction == "down"
+    lying = down and grip == "wrap"
     # Standing and taken from above, the cylinder has its upper half between the pads.
     height = 0.7 * LENGTH if down else 0.5 * LENGTH
     if lying:
@@ -92,53 +80,46 @@ def payload_scenario(load: Load, scenario: str) -> Scenario:
         scenario=scenario,
     )
     if lying:
-        cradle, weld = ModelDirective(), ModelDirective()
-        cradle.add_model, weld.add_weld = AddModel(), AddWeld()
-        cradle.add_model.name = "cradle"
-        cradle.add_model.file = "package://drake_srg/sdf/cradle.sdf"
-        weld.add_weld.parent, weld.add_weld.child = "world", "cradle::cradle"
-        weld.add_weld.X_PC = Transform()
-        weld.add_weld.X_PC.translation = np.array([_MIDDLE, 0.0, 0.0])
-        bench.directives.extend([cradle, weld])
+        weld_model(bench, "cradle", "cradle", [_MIDDLE, 0.0, 0.0])
     return bench
 
 
-def hold(load: Load, scenario: str = BENCH) -> ex.Measures:
+def hold(
+    grip: str, direction: str, scenario: str, mass: float, wire_force: float
+) -> ex.Measures:
     """Close on the cylinder, lift it off its support and hold it.
 
     Returns:
         How long it was held, `held_for` [s]; motion in the hand while the load comes
-        on, `slip`, and during the hold, `creep` [m]; the largest `wire_force` [N];
-        since the lift began, the motion in the hand over time.
+        on, `slip` [mm], and during the hold, `creep` [um/s]; the largest `wire_force`
+        [N]; since the lift began, the motion in the hand over time.
     """
-    bench = payload_scenario(load, scenario)
-    limit = bench.gripper.wire_motor.drive.force_limit_of(load.wire_force)
+    bench = payload_scenario(grip, direction, mass, scenario)
+    limit = bench.gripper.wire_motor.drive.force_limit_of(wire_force)
     with Rig(bench, name="payload") as rig:
         rig.advance(_CLOSE, closure=1.0, force_limit=limit)
         home = rig.commanded("arm.position_commanded")
         rig.move(home + np.array([0.0, 0.0, _LIFT_HEIGHT]), _LIFT)
-        free = set(rig.contact_forces()) == {"gripper"}
+        free = is_free(rig)
         rig.advance(HOLD)
         log = rig.log()
-    # The gantry only translates: whatever the object moves beyond the hand is slip.
-    p_GO = log["object_pose.thing"][:, :3] - log["arm.state_measured"][:, :3]
-    time = log["time"] - _CLOSE
+    p_GO, time = in_hand(log), log["time"] - _CLOSE
     closed, lifted = (int(np.argmin(np.abs(time - t))) for t in (0.0, _LIFT))
     q = log["gripper.state_measured"][:, :4]
     angle = np.min([q[:, base] + q[:, tip] for base, tip in FINGERS], axis=0)
-    since = closed if load.grip == "pinch" else lifted
+    since = closed if grip == "pinch" else lifted
     lost = np.linalg.norm(p_GO - p_GO[since], axis=1)[lifted:] > _MOST_MOTION
-    if load.grip == "wrap":
+    if grip == "wrap":
         lost |= angle[lifted:] < 0.5 * np.pi
     held_for = float(time[lifted + np.argmax(lost)] - _LIFT) if lost.any() else HOLD
-    moved = 1e3 * np.linalg.norm(p_GO[closed:] - p_GO[closed], axis=1)
     return {
         "held_for": held_for if free else 0.0,
-        "slip": np.linalg.norm(p_GO[lifted] - p_GO[closed]),
-        "creep": np.linalg.norm(p_GO[-1] - p_GO[lifted]),
+        "slip": 1e3 * np.linalg.norm(p_GO[lifted] - p_GO[closed]),
+        "creep": 1e6 * np.linalg.norm(p_GO[-1] - p_GO[lifted]) / HOLD,
         "wire_force": np.max(log["gripper.wire_force"]),
         "time since the lift began [s]": time[closed:],
-        "motion in the hand [mm]": moved,
+        "motion in the hand [mm]": 1e3
+        * np.linalg.norm(p_GO[closed:] - p_GO[closed], axis=1),
     }
 
 
@@ -154,13 +135,8 @@ def cases(
         mass: Claimed mass, held first [kg].
         wire_force: Force of each wire [N]; the servo gives up to 308.7 N.
     """
-    return ex.grid(
-        grip=[grip],
-        direction=DIRECTIONS,
-        scenario=(BENCH, FAST),
-        mass=[mass],
-        wire_force=[wire_force],
-    )
+    common = {"mass": [mass], "wire_force": [wire_force]}
+    return ex.grid(grip=[grip], direction=DIRECTIONS, scenario=(BENCH, FAST), **common)
 
 
 def trial(
@@ -174,7 +150,7 @@ def trial(
     first: ex.Measures = {}
     held, lost, next_mass = 0.0, np.inf, mass
     while lost > max(held * (1.0 + _RESOLUTION), 0.01 * mass):
-        result = hold(Load(grip, direction, next_mass, wire_force), scenario)
+        result = hold(grip, direction, scenario, next_mass, wire_force)
         first = first or result
         if result["held_for"] >= HOLD:
             held = next_mass
@@ -187,23 +163,35 @@ def trial(
     return first | {"largest": held}
 
 
+def held(mass: float, found: Any) -> ex.Values:
+    """Return how a mass [kg] was held, of what `hold` has found."""
+    return {
+        f"{mass:g} kg held for [s]": (found["held_for"], VENDORS),
+        "slip while the load comes on [mm]": found["slip"],
+        "creep while held [um/s]": found["creep"],
+    }
+
+
 def summary(own: ex.Trials) -> ex.Values:
     """Judge the bench; the fast one must agree."""
     bench, fast = (own.where(scenario=scenario)[0] for scenario in (BENCH, FAST))
-    full = TendonDriveConfig().full_wire_force
     mass, largest = bench["mass"], bench["largest"]
     agrees = ex.within(largest, relative=0.05)
-    return {
-        f"{mass:g} kg held for [s]": (bench["held_for"], ex.at_least(HOLD)),
-        "wire force [N]": (bench["wire_force"], ex.at_most(full)),
-        "slip while the load comes on [mm]": bench["slip"] * 1e3,
-        "creep while held [um/s]": bench["creep"] / HOLD * 1e6,
-        "largest mass held [kg]": (largest, ex.at_least(mass, source="thesis")),
+    return held(mass, bench) | {
+        "wire force [N]": bench["wire_force"],
+        "largest mass held [kg]": (largest, ex.at_least(mass, source="vendor")),
         f"largest mass held, {FAST} [kg]": (fast["largest"], agrees),
     }
 
 
 COMMON: dict[str, Any] = {
+    "cases": cases,
+    "trial": trial,
+    "claims": {
+        "wire force": ex.at_most(
+            TendonDriveConfig().full_wire_force, source="data sheet"
+        )
+    },
     "by": ("grip", "direction"),
     "summary": summary,
     "picture": [
@@ -217,74 +205,66 @@ COMMON: dict[str, Any] = {
 }
 payload_wrap = ex.Experiment(
     "5 kg wrapped by the fingers, palm down and to the side, and the largest mass.",
-    cases,
-    trial,
     preset={"grip": "wrap", "mass": 5.0, "wire_force": 200.0},
     **COMMON,
 )
 payload_pinch = ex.Experiment(
     "2.5 kg between the pads, palm down and to the side, and the largest mass.",
-    cases,
-    trial,
     preset={"grip": "pinch", "mass": 2.5, "wire_force": 125.0},
     **COMMON,
 )
 
 MODELS = {"data sheet": "gripper_bench", "specimen": "srg_specimen"}
 MASSES = {"wrap": 5.0, "pinch": 2.5}  # kg
+EFFORT = 0.8  # share of the servo's range, of SAKE's driver
 # A wire force as in `payload_pinch` for the creep of a held can and box, 0.35 of the
 # data-sheet model's full PWM [N].
 _CREEP_FORCE = 107.0
 
 
-def specimen_cases(effort: float = 0.8) -> list[ex.Case]:
-    """Hold the claimed masses, close and hold still with both models.
-
-    Args:
-        effort: Share of the servo's range, 0 .. 1, of SAKE's driver.
-    """
+def specimen_cases() -> list[ex.Case]:
+    """Hold the claimed masses, close and hold still with both models."""
     what = [f"{grip}, {direction}" for grip in MASSES for direction in DIRECTIONS]
     return [
         {"name": f"{model}, {name}".removesuffix(", closing")}
-        | {"model": model, "what": name, "effort": effort}
+        | {"model": model, "what": name}
         for model in MODELS
         for name in (*what, "closing", *things())
     ]
 
 
-def specimen_trial(name: str, model: str, what: str, effort: float) -> ex.Measures:
+def specimen_trial(name: str, model: str, what: str) -> ex.Measures:
     scenario = MODELS[model]
     drive = load_scenario(scenario).gripper.wire_motor.drive
     if what in things():
         limit = drive.force_limit_of(_CREEP_FORCE)
-        _, moved = creep(*things()[what], scenario, {}, 10.0, limit)
-        return {f"creep, {_CREEP_FORCE:g} N per wire [um/s]": 1e6 * moved[-1] / 10.0}
-    force = drive.wire_force_of(effort)
+        rate = creep(what, scenario, (), limit)
+        return {f"creep, {_CREEP_FORCE:g} N per wire [um/s]": rate}
+    force = drive.wire_force_of(EFFORT)
     if what == "closing":
         return {
-            f"wire force at {100 * effort:g} % effort [N]": force,
+            f"wire force at {100 * EFFORT:g} % effort [N]": force,
             "wire force at full effort [N]": drive.full_wire_force,
         } | {
-            f"closing time at {100 * limit:g} % effort [s]": closing_time(
-                scenario, limit
+            f"closing time at {100 * effort:g} % effort [s]": closing_time(
+                scenario, effort
             )
-            for limit in (effort, 1.0)
+            for effort in (EFFORT, 1.0)
         }
     grip, direction = what.split(", ")
-    held = hold(Load(grip, direction, MASSES[grip], force), scenario)
-    return {
-        f"{MASSES[grip]:g} kg held for [s]": held["held_for"],
-        "slip while the load comes on [mm]": 1e3 * held["slip"],
-        "creep while held [um/s]": 1e6 * held["creep"] / HOLD,
-    }
+    return hold(grip, direction, scenario, MASSES[grip], force)
+
+
+def specimen_summary(own: ex.Trials) -> ex.Values:
+    (t,) = own
+    return held(MASSES[t["what"].split(",")[0]], t) if "held_for" in t else dict(t)
 
 
 def closing_time(scenario: str, effort: float) -> float:
     """Return the time in which the empty hand closes [s]; NaN if it does not."""
+    empty = ["object.present=false"]
     bench = bench_scenario(
-        gripper_rpy=[0.0, 0.0, 0.0],
-        scenario=scenario,
-        overrides=["object.present=false"],
+        gripper_rpy=[0.0, 0.0, 0.0], scenario=scenario, overrides=empty
     )
     with Rig(bench, name="specimen") as rig:
         rig.advance(0.1)
@@ -299,6 +279,6 @@ specimen = ex.Experiment(
     "What an identified gripper changes: payload, closing, creep, beside data sheets.",
     specimen_cases,
     specimen_trial,
-    {f"{mass:g} kg held for": ex.at_least(HOLD) for mass in MASSES.values()},
+    summary=specimen_summary,
     picture=[ex.Bars(["slip while the load comes on"]), ex.Bars(["creep while held"])],
 )

@@ -66,10 +66,6 @@ _ROUNDING = 1e-9  # s
 class LatePictures:
     """Pictures of a visual servo's camera that arrive late, and others on demand.
 
-    Args:
-        scenario: With a visual servo.
-        late: How late they arrive [s].
-
     Attributes:
         wanted: Whether anybody looks at those of the servo's camera; else they are not
             rendered.
@@ -107,17 +103,9 @@ class LatePictures:
 
 
 class ServedRobot:
-    """A served station in the same process as its client.
+    """A served station in the same process as its client, which has the `node`.
 
-    Args:
-        scenario: With a visual servo; without `arm.limits` it follows trajectories.
-        late: How late the pictures of the servo's camera arrive [s].
-
-    Attributes:
-        node: The client's.
-        pictures: Those of the cameras.
-        station: The station.
-        context: Its context.
+    Without `arm.limits`, it follows trajectories. Pictures are late by `late` [s].
     """
 
     def __init__(self, scenario: Scenario, late: float) -> None:
@@ -167,11 +155,7 @@ class ServedRobot:
 
 
 class PromptCamera(Camera):
-    """A robot's camera that takes a picture when it is asked for one.
-
-    Attributes:
-        looks: How often it has been asked.
-    """
+    """A robot's camera that takes a picture when asked: `looks` times so far."""
 
     def __init__(self, robot: ServedRobot, name: str, camera: Camera) -> None:
         self._robot, self._name, self._camera = robot, name, camera
@@ -189,11 +173,7 @@ class PromptCamera(Camera):
 class LockstepPlanner(PlannerLink):
     """A planner that takes no simulated time, but waits for the pictures of its looks.
 
-    Args:
-        cell: Of the planner.
-        robot: Tells the time.
-        camera: The localizer's.
-        late: How late its pictures arrive [s].
+    These arrive `late` [s].
     """
 
     def __init__(
@@ -247,18 +227,14 @@ def make_loop(robot: ServedRobot, scenario: Scenario, late: float) -> ControlLoo
     return ControlLoop(SCENARIO, scenario, builder.Build(), cell)
 
 
-def cases(
-    trials: int = 200, first_seed: int = 930_000, late: float = 0.1
-) -> list[ex.Case]:
+def cases(trials: int = 200, seed: int = 930_000, late: float = 0.1) -> list[ex.Case]:
     """Grasp with both servos at every speed.
 
     Args:
-        trials: Grasps per case and servo.
-        first_seed: Seed of the first trial; the others follow.
         late: How late pictures arrive [s].
     """
     return ex.grid(
-        seed=range(first_seed, first_seed + trials),
+        seed=range(seed, seed + trials),
         case=("0 mm/s", "20 mm/s", "50 mm/s"),
         method=SERVOS,
         late=[late],

@@ -53,21 +53,13 @@ _MAX_TILT = np.deg2rad(5.0)
 
 @dc.dataclass(frozen=True)
 class Wire:
-    """What is on the way between planner and servos.
+    """What is on the way between planner and servos."""
 
-    Attributes:
-        protocol: Dynamixel protocol.
-        latency: Of measurements, and of commands [s].
-        loss: Share of the packets that lose a byte.
-        reboot: When a servo of the arm reboots [s], after the start.
-        silence: How long the bus is silent meanwhile [s].
-    """
-
-    protocol: int = 1
-    latency: float = 0.0
-    loss: float = 0.0
-    reboot: float = math.inf
-    silence: float = 0.0
+    protocol: int = 1  # of Dynamixel
+    latency: float = 0.0  # of measurements, and of commands [s]
+    loss: float = 0.0  # share of the packets that lose a byte
+    reboot: float = math.inf  # when a servo of the arm reboots, after the start [s]
+    silence: float = 0.0  # how long the bus is silent meanwhile [s]
 
 
 WIRES = {
@@ -82,12 +74,7 @@ _CLEAN = ("Protocol 1.0", "Protocol 2.0")
 
 
 class ServoRobot:
-    """A served station whose clients are the masters of its servos.
-
-    Attributes:
-        bus: The servos.
-        time: Simulated [s].
-    """
+    """A served station whose clients are the masters of its servos, `bus`."""
 
     def __init__(self, scenario: Scenario, protocol: int, warnings: Warnings) -> None:
         builder = DiagramBuilder()
@@ -146,12 +133,7 @@ class SimulatedCamera(Camera):
 
 
 class DirectLine:
-    """A line to servos without a wire, which loses some of their replies.
-
-    Args:
-        bus: The servos.
-        loss: Share of the packets that lose a byte, in both directions.
-        seed: Of the losses.
+    """A line to servos without a wire, which loses a share of the packets.
 
     Attributes:
         silent: Whether all replies are lost.
@@ -225,11 +207,8 @@ def connect(
 def run_over_servos(name: str, seed: int, wire: Wire) -> ex.Measures:
     """Run a scenario's task, with everything but pictures over a servo bus.
 
-    Returns:
-        Whether the planner says that it is done, and whether the object is where it
-        must be; the reason if not; the larger of the placement errors in x and y, and
-        by how much whole counts of the joints may move the object in x or y where it is
-        let go [mm].
+    `error` is the larger of the placement errors in x and y; `rounding`, by how much
+    whole counts of the joints may move the object where it is let go [mm].
     """
     scenario = load_scenario(name, seed=seed)
     robot = ServoRobot(scenario, wire.protocol, Warnings(lambda text: None))
@@ -277,10 +256,7 @@ def run_over_servos(name: str, seed: int, wire: Wire) -> ex.Measures:
 def rounding(scenario: Scenario, q: Vector, p_WO: Vector) -> float:
     """Return how far half a count of every joint moves a held object in x or y [m].
 
-    Args:
-        scenario: With an arm of N joints.
-        q: Their positions, shape (N,) [rad].
-        p_WO: The object's, shape (3,) [m].
+    The arm is at q (N,) [rad], the object at p_WO (3,) [m].
     """
     arm = ServoArm(MakeModelsPlant(scenario))
     p_GO_W = p_WO - arm.X_WG(q).translation()
@@ -294,8 +270,8 @@ def cases(seeds: int = 20, fault_seeds: int = 20) -> list[ex.Case]:
     """Do the task over every kind of wire, and without a bus.
 
     Args:
-        seeds: Number of runs over each protocol, and without a bus.
-        fault_seeds: Number of runs with each fault.
+        seeds: Runs over each protocol, and without a bus.
+        fault_seeds: Runs with each fault.
     """
     clean = (_WITHOUT, *_CLEAN)
     faulty = [name for name in WIRES if name not in clean]
@@ -332,7 +308,7 @@ def summary(own: ex.Trials) -> ex.Values:
     found: ex.Values = {
         "claimed, but not placed []": sum(missed["claimed"]),
         "neither placed nor told why []": sum(not t["reason"] for t in missed),
-        count: (len(placed), ex.at_least(n) if clean else ex.number()),
+        count: (len(placed), ex.at_least(n) if clean else None),
     }
     if len(placed) or clean:
         found[what] = (worst, ex.at_most(limit))

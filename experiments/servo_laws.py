@@ -53,7 +53,7 @@ BLOCKED = (0.1, 0.6)  # while 1 N m, more than the limit, holds the fingers open
 LIMIT = 0.3  # of the step, which asks for 1.48 of full PWM with the shipped gains
 # 0.01 rad is 1.1 mm at the end of a straight finger, 0.111 m from the base hinge.
 BAND = 0.01
-_NOTHING = 1e-6  # Round-off of a PWM or a torque [any unit].
+NONE = ex.within(0.0, absolute=1e-6)  # but for round-off of a PWM or a torque
 # Angle [rad], speed [rad/s] and acceleration [rad/s²] at times (K,) [s].
 Reference = Callable[[Vector], tuple[Vector, Vector, Vector]]
 
@@ -99,24 +99,14 @@ def _tight_limit(motion: Reference) -> float:
 
 @dc.dataclass(frozen=True)
 class Motion:
-    """A motion of the base joints; all functions take times (K,) [s].
-
-    Attributes:
-        reference: See `Reference`.
-        force_limit: kappa, a fraction of full PWM.
-        load: Returns the torque on each base joint, positive where it closes [N m].
-        target: Returns the target of the base joints [rad]; None if the reference is
-            its own target.
-        duration: Of the motion [s].
-        servo_period: Sample time of the servo [s]; None for that of its config.
-    """
+    """A motion of the base joints; all functions take times (K,) [s]."""
 
     reference: Reference
-    force_limit: float = LIMIT
-    load: Callable[[Vector], Vector] = np.zeros_like
-    target: Callable[[Vector], Vector] | None = None
-    duration: float = 2.0
-    servo_period: float | None = None
+    force_limit: float = LIMIT  # kappa, a fraction of full PWM
+    load: Callable[[Vector], Vector] = np.zeros_like  # that closes a base joint [N m]
+    target: Callable[[Vector], Vector] | None = None  # [rad]; None: the reference
+    duration: float = 2.0  # s
+    servo_period: float | None = None  # sample time [s]; None for that of its config
 
 
 def _closed_and_opened(t: Vector) -> Vector:
@@ -149,17 +139,11 @@ MOTIONS = {
 }
 
 
-def cases() -> list[ex.Case]:
-    return ex.grid(law=LAWS, motion=MOTIONS)
-
-
 def trial(law: str, motion: str) -> ex.Measures:
-    """Move the base joints under a servo law.
+    """Move the base joints under a servo law; return the motion of the left one.
 
-    Returns:
-        Of the left base joint, time, reference, its speed, angle and PWM; its torque
-        limit at full PWM [N m], inertia of motor and straight finger [kg m²] and
-        damping [N m s/rad].
+    Its torque limit is at full PWM [N m]; the inertia, that of motor and straight
+    finger [kg m²]; damping in [N m s/rad].
     """
     config, moved = LAWS[law], MOTIONS[motion]
     builder = DiagramBuilder()
@@ -231,22 +215,22 @@ def trial(law: str, motion: str) -> ex.Measures:
 
 def summary(own: ex.Trials) -> ex.Values:
     """Compare the responses of a law with theory."""
-    by_motion: dict[str, Any] = {t["motion"]: t for t in own}
-    judges: dict[str, Callable[[str, Any], ex.Values]] = {
-        "step": _step,
-        "load": _load,
-        "grip": _grip_torque,
-        "minimum_jerk": lambda law, t: _ends(law, t) | _tracking(law, t),
-        "sine": _tracking,
-        "minimum_jerk_limited": _limited,
-        "sine_limited": _limited,
-    }
+    t: dict[str, Any] = {t["motion"]: t for t in own}
     found: ex.Values = {}
-    for motion, judge in judges.items():
-        if motion in by_motion:
-            found |= judge(own.name, by_motion[motion])
-    if "blocked" in by_motion:
-        found |= _windup(own.name, by_motion["blocked"], by_motion["step"])
+    for motion, judge in (
+        ("step", _step),
+        ("load", _load),
+        ("grip", _grip_torque),
+        ("minimum_jerk", _ends),
+        ("minimum_jerk", _tracking),
+        ("sine", _tracking),
+        ("minimum_jerk_limited", _limited),
+        ("sine_limited", _limited),
+    ):
+        if motion in t:
+            found |= judge(own.name, t[motion])
+    if "blocked" in t:
+        found |= _windup(own.name, t["blocked"], t["step"])
     return found
 
 
@@ -299,8 +283,7 @@ def settling_time(time: Vector, error: Vector, band: float) -> float:
 def _step(law: str, t: Any) -> ex.Values:
     config, step = LAWS[law], END - START
     if config.law == "literal":  # The reference is at its target at once.
-        peak = np.max(np.abs(t["PWM"]))
-        return {"step: largest PWM []": (peak, ex.within(0.0, absolute=_NOTHING))}
+        return {"step: largest PWM []": (np.max(np.abs(t["PWM"])), NONE)}
     time, q = t["time [s]"], t["angle [rad]"]
     after = time > START_TIME
     rise, over = rise_time(time, q, START, END), overshoot(q)
@@ -373,7 +356,7 @@ def _grip_torque(law: str, t: Any) -> ex.Values:
     torque, error = float(np.mean(t["PWM"][rest])) * full, np.mean(_error(t)[rest])
     bound = ex.within(config.kp[0] * error * full, relative=0.05)
     if config.law == "literal":  # The reference has arrived at its target.
-        bound = ex.within(0.0, absolute=_NOTHING)
+        bound = NONE
     elif config.law == "pid" and config.ki[0] > 0.0:  # winds up to the limit
         bound = ex.at_least(0.99 * MOTIONS["grip"].force_limit * full)
     return {"grip: torque at rest [N m]": (torque, bound)}
@@ -422,23 +405,18 @@ def _limited(law: str, t: Any) -> ex.Values:
 
 def whole(trials: ex.Trials) -> dict[str, ex.Values]:
     peak = max(max(abs(t["PWM"])) / MOTIONS[t["motion"]].force_limit for t in trials)
-    return {"all": {"largest PWM of all motions [kappa]": (peak, ex.at_most(1.0))}}
+    return {"all": {"largest PWM of all motions [kappa]": peak}}
 
 
 servo_laws = ex.Experiment(
     "Responses of the servo laws: ours and both readings of the thesis's equation 2.3.",
-    cases,
+    lambda: ex.grid(law=LAWS, motion=MOTIONS),
     trial,
+    {"largest PWM of all motions": ex.at_most(1.0)},
     summary=summary,
     whole=whole,
     picture=[
-        ex.Curves(
-            "time [s]",
-            "angle [rad]",
-            "reference",
-            where={"motion": motion},
-            title=motion,
-        )
-        for motion in MOTIONS
+        ex.Curves("time [s]", "angle [rad]", "reference", where={"motion": m}, title=m)
+        for m in MOTIONS
     ],
 )

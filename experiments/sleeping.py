@@ -14,28 +14,24 @@ import time as wall
 from typing import Any
 
 import numpy as np
-from pydrake.common.value import AbstractValue
-from pydrake.multibody.math import SpatialForce
-from pydrake.multibody.plant import ExternallyAppliedSpatialForce
-from pydrake.multibody.tree import BodyIndex
 
 import experiments.runner as ex
 from drake_srg.common.log_format import is_pose
 from drake_srg.objects.config import ObjectConfig, SleepingConfig
-from drake_srg.objects.models import object_body
 from drake_srg.scenario import load_scenario
 from drake_srg.simulation.rig import Rig, tabletop
 from drake_srg.types import Box, Cylinder, Vector
 from experiments.data import household_objects
 from experiments.stands.cells import simulate_whole
+from experiments.stands.holding import body_of, push
 
-SLEEPING = SleepingConfig()
 # The carton is pushed when everything sleeps, and has come to rest at the end [s].
 PUSH, PUSHED_FOR, END = 1.1, 0.1, 1.6
 MOVED, FELL = 0.005, np.deg2rad(45.0)  # an object moved [m], or fell over [rad]
 AWAKE, ASLEEP, HALF = "awake", "asleep", "half the step"
 _AT_REST = ("005_tomato_soup_can", "mug", "bowl", "squeeze_bottle", "wrench")
 _COST = 2.0  # simulated time over which the cost is measured [s]
+QUANTILES = {"median": 0.5, "95th percentile": 0.95, "largest": 1.0}
 
 
 def scene(seed: int) -> tuple[dict[str, ObjectConfig], float]:
@@ -45,34 +41,34 @@ def scene(seed: int) -> tuple[dict[str, ObjectConfig], float]:
     """
     rng = np.random.default_rng(seed)
 
-    def at(x: float, y: float) -> list[float]:
-        return [x, y + float(rng.uniform(-0.04, 0.04))]
+    def draw(least: float, most: float) -> float:
+        return float(rng.uniform(least, most))
 
-    common: dict[str, Any] = {"friction": 0.6, "mass": float(rng.uniform(0.1, 0.4))}
+    common: dict[str, Any] = {"friction": 0.6, "mass": draw(0.1, 0.4)}
     objects = {
         "carton": ObjectConfig(
             shape=Box([0.06, 0.08, 0.05]), mass=0.4, friction=0.4, position=[0.3, 0.0]
         ),
         "can": ObjectConfig(
-            shape=Cylinder(0.033, float(rng.uniform(0.05, 0.1))),
-            position=at(float(rng.uniform(0.38, 0.46)), 0.0),
+            shape=Cylinder(0.033, draw(0.05, 0.1)),
+            position=[draw(0.38, 0.46), draw(-0.04, 0.04)],
             **common,
         ),
         "block": ObjectConfig(
-            shape=Box([0.05, 0.05, float(rng.uniform(0.03, 0.1))]),
-            position=at(float(rng.uniform(0.52, 0.58)), 0.03),
-            yaw=float(rng.uniform(0.0, 1.5)),
+            shape=Box([0.05, 0.05, draw(0.03, 0.1)]),
+            position=[draw(0.52, 0.58), 0.03 + draw(-0.04, 0.04)],
+            yaw=draw(0.0, 1.5),
             **common,
         ),
     }
-    return objects, float(rng.uniform(5.0, 12.0))
+    return objects, draw(5.0, 12.0)
 
 
 def cases(seeds: int = 300) -> list[ex.Case]:
     """Measure the cost of objects at rest, then push cartons in many scenes.
 
     Args:
-        seeds: Number of scenes.
+        seeds: Scenes.
     """
     costs = ex.grid(name=["6 objects", "40 objects"], kind=(AWAKE, ASLEEP), seed=[None])
     return costs + [
@@ -84,7 +80,7 @@ def cases(seeds: int = 300) -> list[ex.Case]:
 
 
 def trial(name: str, kind: str, seed: int | None) -> ex.Measures:
-    sleeping = SLEEPING if kind == ASLEEP else None
+    sleeping = SleepingConfig() if kind == ASLEEP else None
     if seed is None:
         count = int(name.split(maxsplit=1)[0])
         rig = Rig(tabletop(at_rest(count), sleeping), name="sleeping", log_period=0.5)
@@ -98,15 +94,12 @@ def trial(name: str, kind: str, seed: int | None) -> ex.Measures:
         scenario.plant_config.time_step *= 0.5
     rig = Rig(scenario, name="sleeping", period=0.05, log_period=0.5)
     rig.advance(PUSH)
-    slept = all(_body(rig, n).is_locked(rig.plant_context) for n in objects)
+    slept = all(body_of(rig, name).is_locked(rig.plant_context) for name in objects)
     start_poses = [rig.X_WO(thing) for thing in objects]
-    for push, duration in ((force, PUSHED_FOR), (0.0, END - PUSH - PUSHED_FOR)):
-        applied = ExternallyAppliedSpatialForce()
-        applied.body_index = _body(rig, "carton").index()
-        applied.F_Bq_W = SpatialForce(tau=np.zeros(3), f=[push, 0.0, 0.0])
-        port = rig.diagram.GetInputPort("object_forces_cheat")
-        port.FixValue(rig.context, AbstractValue.Make([applied]))
-        rig.advance(duration)
+    push(rig, "carton", [force, 0.0, 0.0])
+    rig.advance(PUSHED_FOR)
+    push(rig, "carton", np.zeros(3))
+    rig.advance(END - PUSH - PUSHED_FOR)
     moved, words = [], []
     for a, thing in zip(start_poses, objects, strict=True):
         b = rig.X_WO(thing)
@@ -116,12 +109,6 @@ def trial(name: str, kind: str, seed: int | None) -> ex.Measures:
         fell = np.arccos(upright) > FELL
         words.append("fell" if fell else "moved" if far else "stayed")
     return {"moved": moved, "words": " ".join(words), "slept": slept}
-
-
-def _body(rig: Rig, name: str) -> Any:
-    index = object_body(rig.plant, rig.plant.GetModelInstanceByName(name))
-    assert isinstance(index, BodyIndex)
-    return rig.plant.get_body(index)
 
 
 def at_rest(count: int) -> dict[str, ObjectConfig]:
@@ -141,13 +128,10 @@ def at_rest(count: int) -> dict[str, ObjectConfig]:
 def costs(own: ex.Trials) -> ex.Values:
     if own.name == "scenes":
         return {}
-    found: dict[str, Any] = {
-        f"{t['kind']}, real-time factor []": (1.0 / t["cost"], ex.number(clock="rate"))
-        for t in own
-    }
+    found = {f"{t['kind']}, real-time factor []": 1.0 / t["cost"] for t in own}
     if own.name == "6 objects":
         awake, asleep = own["cost"]
-        found["cost asleep over cost awake []"] = (asleep / awake, ex.at_most(0.5))
+        found["cost asleep over cost awake []"] = asleep / awake
     return found
 
 
@@ -160,40 +144,28 @@ def outcomes(trials: ex.Trials) -> dict[str, ex.Values]:
     def others(own: ex.Trials) -> int:
         return sum(t["words"] != awake[t["seed"]]["words"] for t in own)
 
-    def distances(own: ex.Trials) -> Vector:
+    def apart(own: ex.Trials) -> Vector:
         """Return how far each scene ends from the same one awake, at most [mm]."""
         apart = [t["moved"] - awake[t["seed"]]["moved"] for t in own]
         return 1e3 * np.array([np.linalg.norm(a, axis=1).max() for a in apart])
 
     smaller = others(asleep) / len(asleep) < others(half) / len(half)
-    known = (
-        "pushes are chaotic; half the step changes a larger share" if smaller else ""
-    )
-    what = "scenes that end otherwise"
-    largest = max(distances(asleep))
+    known = "pushes are chaotic; half the step changes a larger share" * smaller
+    what, largest = "scenes that end otherwise", max(apart(asleep))
+    same: ex.Values = {
+        f"{what} [of {len(asleep)}]": (others(asleep), ex.at_most(0.0, known=known)),
+        # Of one can that rolls.
+        "difference of positions, largest [mm]": (largest, ex.number(spread=largest)),
+    }
+    for word in ("median", "95th percentile"):
+        value, limit = (np.quantile(apart(o), QUANTILES[word]) for o in (asleep, half))
+        key = f"difference of positions, {word}, at most with half the step [mm]"
+        same[key] = (value, ex.at_most(limit))
+    other = {f"{what} [of {len(half)}]": (others(half), ex.number(spread=3.0))}
     return {
         ASLEEP: {"scenes in which all slept []": np.mean(asleep["slept"])},
-        f"awake and {HALF}": {
-            f"{what} [of {len(half)}]": (others(half), ex.number(spread=3.0))
-        },
-        "awake and asleep": {
-            f"{what} [of {len(asleep)}]": (
-                others(asleep),
-                ex.at_most(0.0, known=known),
-            ),
-            **{
-                f"difference of positions, {word}, at most with half the step [mm]": (
-                    np.quantile(distances(asleep), share),
-                    ex.at_most(np.quantile(distances(half), share)),
-                )
-                for share, word in ((0.5, "median"), (0.95, "95th percentile"))
-            },
-            # Of one can that rolls.
-            "difference of positions, largest [mm]": (
-                largest,
-                ex.number(spread=largest),
-            ),
-        },
+        f"awake and {HALF}": other,
+        "awake and asleep": same,
     }
 
 
@@ -201,7 +173,12 @@ sleeping = ex.Experiment(
     "Whether resting objects that sleep save time, and change no outcome.",
     cases,
     trial,
-    {"scenes in which all slept": ex.at_least(1.0)},
+    {
+        "scenes in which all slept": ex.at_least(1.0),
+        "cost asleep over cost awake": ex.at_most(0.5),
+        f"{AWAKE}, real-time factor": ex.number(clock="rate"),
+        f"{ASLEEP}, real-time factor": ex.number(clock="rate"),
+    },
     summary=costs,
     whole=outcomes,
     picture=[
@@ -220,15 +197,12 @@ _TASK_OVERRIDES = (
     "ignored_contacts=[['arm::*', 'arm::*'], ['arm::*', 'gripper::*']]",
     "clutter.count=2",
 )
+# By how many trials a count, and by how much a share, differs from run to run.
+SOME, PART = ex.number(spread=3.0), ex.number(spread=0.01)
 
 
 def task_cases(trials: int = 300, seed: int = 0) -> list[ex.Case]:
-    """Simulate each trial awake and asleep.
-
-    Args:
-        trials: Number of trials.
-        seed: Of the first trial.
-    """
+    """Simulate each trial awake and asleep."""
     seeds = range(seed, seed + trials)
     return [{"kind": kind, "seed": s} for s in seeds for kind in (AWAKE, ASLEEP)]
 
@@ -249,18 +223,6 @@ def task_trial(kind: str, seed: int) -> ex.Measures:
     }
 
 
-def task_summary(own: ex.Trials) -> ex.Values:
-    spread = ex.number(spread=3.0)
-    return {
-        f"{quantity} [of {len(own)}]": (np.sum(done), spread)
-        for quantity, done in (
-            ("successes", own["success"]),
-            ("trials of several attempts", own["attempts"] > 1),
-            ("trials that move another object", own["touched"]),
-        )
-    }
-
-
 def task_outcomes(trials: ex.Trials) -> dict[str, ex.Values]:
     """Expect the same outcome of every trial; that limit was set before the first."""
     awake, asleep = (trials.where(kind=kind) for kind in (AWAKE, ASLEEP))
@@ -268,35 +230,36 @@ def task_outcomes(trials: ex.Trials) -> dict[str, ex.Values]:
     other = int(np.sum(awake["outcome"] != asleep["outcome"]))
     low, high = ex.wilson(other, n)
     moved = np.sum(awake["touched"] != asleep["touched"])
-    apart = [
-        1e3 * np.linalg.norm(a["ends"] - b["ends"], axis=1).max() for a, b in pairs
-    ]
-    cost = sum(asleep["seconds"]) / sum(awake["seconds"])
-    differences = {}
-    for share, word in ((0.5, "median"), (0.95, "95th percentile"), (1.0, "largest")):
-        value = np.quantile(apart, share)
-        spread = ex.number(spread=value)
-        differences[f"difference of positions, {word} [mm]"] = (value, spread)
-    return {
-        "awake and asleep": {
-            f"trials that end otherwise [of {n}]": (other, ex.at_most(0.0)),
-            "their share, at least []": (low, ex.number(spread=0.01)),
-            "their share, at most []": (high, ex.number(spread=0.01)),
-            f"trials in which only one moves another object [of {n}]": (
-                moved,
-                ex.number(spread=3.0),
-            ),
-            **differences,
-            "cost asleep over cost awake []": (cost, ex.number(spread=0.1)),
-        }
+    what = f"trials in which only one moves another object [of {n}]"
+    apart = [np.linalg.norm(a["ends"] - b["ends"], axis=1).max() for a, b in pairs]
+    found: ex.Values = {
+        f"trials that end otherwise [of {n}]": (other, ex.at_most(0.0)),
+        "their share, at least []": (low, PART),
+        "their share, at most []": (high, PART),
+        what: (moved, SOME),
     }
+    for word, share in QUANTILES.items():
+        value = 1e3 * np.quantile(apart, share)
+        key = f"difference of positions, {word} [mm]"
+        found[key] = (value, ex.number(spread=value))
+    cost = sum(asleep["seconds"]) / sum(awake["seconds"])
+    found["cost asleep over cost awake []"] = (cost, ex.number(spread=0.1))
+    return {"awake and asleep": found}
 
 
 sleeping_tasks = ex.Experiment(
     "Whether objects that sleep change how a task ends.",
     task_cases,
     task_trial,
-    summary=task_summary,
+    dict.fromkeys(
+        ("successes", "trials of several attempts", "trials that move another object"),
+        SOME,
+    ),
+    summary=lambda own: {
+        f"successes [of {len(own)}]": np.sum(own["success"]),
+        f"trials of several attempts [of {len(own)}]": np.sum(own["attempts"] > 1),
+        f"trials that move another object [of {len(own)}]": np.sum(own["touched"]),
+    },
     whole=task_outcomes,
     picture=[
         ex.Bars(["successes", "trials that move another object"]),

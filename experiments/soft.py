@@ -20,6 +20,7 @@ from drake_srg.objects.config import ObjectConfig, SoftConfig
 from drake_srg.objects.models import object_body
 from drake_srg.simulation.rig import Rig, bench_scenario
 from drake_srg.types import Box, Vector
+from experiments.stands.holding import in_hand, is_free
 
 # A piece of a dry kitchen sponge: x, y (across the hand) and z [m], density [kg/m³],
 # the stiffness of `SoftConfig`, and friction of foam on rubber, within the 0.2 to 3 of
@@ -48,20 +49,18 @@ _CAMERA = [
 ]
 
 
-def cases(gentle: float = 45.0, strong: float = 103.0) -> list[ex.Case]:
+def cases() -> list[ex.Case]:
     """Grasp with both pulls, with half the time step and a finer mesh, and with a ramp.
 
-    Args:
-        gentle: Force of each wire [N]; 45 N is just enough to close the hand in time.
-        strong: Force of each wire [N]; 103 N is the driver's default.
+    45 N at each wire is just enough to close the hand in time; 103 N is the default.
     """
     # The longest step that soft bodies allow [s], a fast mesh of 3 x 4 x 3 cells [m],
     # and the time in which the pull grows up to the servo's limit after the hold [s].
-    common = {"wire_force": strong, "time_step": 0.005, "mesh": 0.015, "ramp": 0.0}
+    common = {"wire_force": 103.0, "time_step": 0.005, "mesh": 0.015, "ramp": 0.0}
     return [
         common | case
         for case in (
-            {"name": "gentle", "wire_force": gentle},
+            {"name": "gentle", "wire_force": 45.0},
             {"name": "strong"},
             {"name": "half the step", "time_step": 0.0025},
             {"name": "finer mesh", "mesh": 0.0113},
@@ -102,7 +101,7 @@ def trial(
         advance(CLOSE, closure=1.0, force_limit=limit)
         rig.move([0.0, 0.0, HEIGHT + LIFT_HEIGHT], LIFT)
         lifted = float(elements.vertices()[2].min())
-        touched = set(rig.contact_forces())
+        free = is_free(rig)
         advance(1.0 if ramp else HOLD)
         image = np.array(rig.image("overview")) if picture else None
         q, spring = rig.measured("gripper.state_measured")[:2], TendonDriveConfig()
@@ -113,8 +112,7 @@ def trial(
             rig.advance(ramp, force_limit=lambda t: limit + (1.0 - limit) * t / ramp)
         log = rig.log()
         squeeze = 1.0 - pad_gap(rig, log["gripper.state_measured"]) / SIZE[1]
-    # The gantry only translates: whatever the sponge moves beyond the hand is slip.
-    p_GO = log["object_pose.thing"][:, :3] - log["arm.state_measured"][:, :3]
+    p_GO = in_hand(log)
     time, force = log["time"], log["gripper.contact_force"][:, 2:].mean(axis=1)
     start = int(np.argmin(np.abs(time - CLOSE - LIFT)))
     moved = np.linalg.norm(p_GO - p_GO[start], axis=1)
@@ -146,7 +144,7 @@ def trial(
         "force at rest": force[resting].mean(),
         "expected force": np.mean(moment) / LEVER,
         "lifted off the table by [mm]": lifted * 1e3,
-        "held for [s]": held_for if touched == {"gripper"} else 0.0,
+        "held for [s]": held_for if free else 0.0,
         "creep in the last second [mm/s]": 1e3
         * np.ptp(moved[last])
         / np.ptp(time[last]),
@@ -188,9 +186,7 @@ class Elements:
 def pad_gap(rig: Rig, state: Vector) -> Vector:
     """Return the distance between the pads' middles, shape (K,) [m].
 
-    Args:
-        rig: Gives the plant.
-        state: Measured states of the gripper, shape (K, 8).
+    Measured states of the gripper have shape (K, 8).
     """
     plant, context = rig.plant, rig.plant.CreateDefaultContext()
     gripper = plant.GetModelInstanceByName("gripper")

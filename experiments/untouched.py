@@ -38,12 +38,7 @@ _WAITING = (
 
 
 def cases(trials: int = 4, seed: int = 10200) -> list[ex.Case]:
-    """Leave tables alone.
-
-    Args:
-        trials: Tables of each kind, each with all settings.
-        seed: Of the first table.
-    """
+    """Leave tables of both kinds alone, with all settings."""
     return ex.grid(seed=range(seed, seed + trials), table=TABLES, settings=SETTINGS)
 
 
@@ -68,17 +63,11 @@ def trial(seed: int, table: str, settings: str) -> ex.Measures:
 def find_stay(
     time: Vector, points: Mapping[str, Vector]
 ) -> tuple[float | None, dict[str, float]]:
-    """Return when all objects have come to rest, and how far each moves after that.
+    """Return when all objects have come to rest, and how far each moves after that [m].
 
     At rest, no point of any object is faster than objects are that fall asleep, for as
-    long as that takes (`SleepingConfig`).
-
-    Args:
-        time: Shape (K,) [s].
-        points: Of each object, shape (K, n, 3), in world [m].
-
-    Returns:
-        The time, None if not by `LATEST` [s], and motions by object [m].
+    long as that takes (`SleepingConfig`). The time is None if not by `LATEST` [s].
+    Points of each object have shape (K, n, 3) in world [m].
     """
     sleeping = SleepingConfig()
     steps = [

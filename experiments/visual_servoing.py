@@ -76,8 +76,8 @@ def grasp_scenario(
 ) -> Scenario:
     """Return the scenario of a trial.
 
-    Can, friction, mass and place are drawn from the seed, and so are the directions of
-    the calibration's errors, which are the same for all methods.
+    Can, friction, mass, place and directions of the calibration's errors are drawn from
+    the seed: the same for all methods.
     """
     camera, *settings = METHODS[method]
     speed, distance, angle = CASES[case]
@@ -104,13 +104,7 @@ def grasp_scenario(
 
 
 class GraspWatch:
-    """Judges a grasp by ground truth.
-
-    Args:
-        scenario: Of the grasp.
-        station: With the outputs `object_poses_cheat` and `arm.state_cheat`.
-        context: Of the station, with the object where it is at the start.
-    """
+    """Judges a grasp by ground truth, from the start of a station on."""
 
     def __init__(self, scenario: Scenario, station: Diagram, context: Context) -> None:
         self._pick, self._context = scenario.task.pick, context
@@ -121,11 +115,7 @@ class GraspWatch:
         self._previous: AnyMode = Mode.IDLE
 
     def look(self, mode: AnyMode) -> ex.Measures | None:
-        """Return the end of the trial once the grasp is over.
-
-        Args:
-            mode: Of the planner, now.
-        """
+        """Return the end of the trial once the grasp is over, by the planner's mode."""
         if mode is Mode.CLOSE and self._previous is not Mode.CLOSE:
             arm, p_GO_planned = _hand()
             q = self._state.Eval(self._context)[: arm.n]
@@ -143,8 +133,8 @@ class GraspWatch:
     def ended(self, reason: str) -> ex.Measures:
         """Return the end of a trial; "" says that the object is held.
 
-        `error` is the distance of the object's centre from its place in the hand as the
-        fingers begin to close [m]; None if they did not.
+        `error` is the distance of the object from its place in the hand as the fingers
+        begin to close [m]; None if they did not.
         """
         error = None if self._off is None else float(np.linalg.norm(self._off))
         return {"held": not reason, "error": error, "reason": reason}
@@ -164,26 +154,20 @@ def _hand() -> tuple[ServoArm, Vector]:
     return ServoArm(plant), grasp.p_GO
 
 
-def cases(
-    trials: int = 200, first_seed: int = 910_000, half: int = 20
-) -> list[ex.Case]:
-    """Grasp in every case by every method.
+def cases(trials: int = 200, seed: int = 910_000, half: int = 20) -> list[ex.Case]:
+    """Grasp in every case by every method, and some again with half the step.
 
     Args:
-        trials: Grasps per case and method.
-        first_seed: Seed of the first trial; the others follow.
         half: Trials of these per case and servo that run again with half the step.
     """
-    numbers = range(first_seed, first_seed + trials)
-    whole = [
+    seeds = range(seed, seed + trials)
+    return [
         {"name": f"{case['case']}, {case['method']}", **case, "step": ""}
-        for case in ex.grid(seed=numbers, case=CASES, method=METHODS)
-    ]
-    halved = [
+        for case in ex.grid(seed=seeds, case=CASES, method=METHODS)
+    ] + [
         {"name": f"{case['method']}, half the step", **case, "step": "half"}
-        for case in ex.grid(seed=numbers[:half], case=CASES, method=SERVOS)
+        for case in ex.grid(seed=seeds[:half], case=CASES, method=SERVOS)
     ]
-    return whole + halved
 
 
 def trial(name: str, seed: int, case: str, method: str, step: str) -> ex.Measures:
@@ -210,10 +194,7 @@ def trial(name: str, seed: int, case: str, method: str, step: str) -> ex.Measure
 def grasp_values(own: ex.Trials, held: bool, off: bool) -> ex.Values:
     """Return the share of cans held and the median grasp error, with intervals.
 
-    Args:
-        own: The trials.
-        held: Whether the share is judged.
-        off: Whether the error is judged.
+    `held` and `off` say whether share and error are judged.
     """
     bound = ex.at_least(0.95) if held else None
     found = ex.share("held", sum(own["held"]), len(own), bound, spread=0.05)
@@ -233,18 +214,16 @@ def summary(own: ex.Trials) -> ex.Values:
     servo = method in SERVOS
     if not own[0]["step"]:
         return grasp_values(own, held=servo or case == "0 mm/s", off=servo)
-    whole = own.whole.where(method=method, step="")
-    same = {(t["case"], t["seed"]): t for t in whole}
+    same = {(t["case"], t["seed"]): t for t in own.whole.where(method=method, step="")}
     pairs = [(same[t["case"], t["seed"]], t) for t in own]
     errors = np.array([[t["error"] for t in pair] for pair in pairs], dtype=float)
     changes = np.abs(errors[:, 0] - errors[:, 1])
     known = changes[~np.isnan(changes)]
+    change = np.median(known) if len(known) else np.inf
     return {
         "trials []": len(pairs),
         "end otherwise, share []": np.mean([a["held"] != b["held"] for a, b in pairs]),
-        "change of the grasp error, median [m]": (
-            np.median(known) if len(known) else np.inf
-        ),
+        "change of the grasp error, median [m]": change,
     }
 
 

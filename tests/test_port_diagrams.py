@@ -33,7 +33,6 @@ from drake_srg.types import Box
 from drake_srg.vision.camera import CameraModel
 from drake_srg.vision.height_map import HeightMapper
 from drake_srg.vision.surfaces import Surface
-from experiments.stands.cycles import SightingError
 from make_site.systems import find_blocks
 
 pytestmark = pytest.mark.slow
@@ -232,7 +231,6 @@ def systems(tmp_path_factory):
     folder = tmp_path_factory.mktemp("video")
     video = RemoteVideoRecorder(process, folder / "video.mp4", 3, 20.0)
     add("RemoteVideoRecorder", video)
-    add("SightingError", SightingError(np.zeros(3)))
     camera = CameraModel.from_config(kitchen.cameras["ceiling"])
     add("HeightMapper", HeightMapper({"ceiling": camera}, Surface((0, 0), (1, 1), 0)))
     add("StateMachine", make_machine())

@@ -11,8 +11,7 @@ def household_objects() -> dict[str, ObjectConfig]:
     """Return new configs of the household objects by name; callers may change them.
 
     The origin of a shape is its centre: a box stands on its x-y face, a cylinder on its
-    end. The origin of a model lies on its support, in the x-y plane; the wrench lies
-    there, and the other models stand.
+    end. That of a model is on its support; the wrench lies, the other models stand.
     """
     name = "objects.yaml"
     return {
@@ -22,21 +21,13 @@ def household_objects() -> dict[str, ObjectConfig]:
 
 
 def read_yaml(name: str) -> dict[str, Any]:
-    """Return the tree of a YAML file in this folder.
-
-    Raises:
-        FileNotFoundError: If there is no such file.
-    """
+    """Return the tree of a YAML file in this folder."""
     tree: dict[str, Any] = parse_yaml(_read(name), name)
     return tree
 
 
 def read_csv(name: str) -> list[str]:
-    """Return the lines of a CSV file in this folder, without its comments.
-
-    Raises:
-        FileNotFoundError: If there is no such file.
-    """
+    """Return the lines of a CSV file in this folder, without its comments."""
     return [line for line in _read(name).splitlines() if not line.startswith("#")]
 
 

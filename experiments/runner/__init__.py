@@ -4,17 +4,19 @@ from experiments.runner.claims import (
     Bound,
     Case,
     Measures,
+    Row,
     Trials,
     Values,
     at_least,
     at_most,
+    counts,
     number,
     quantiles,
     share,
     wilson,
     within,
 )
-from experiments.runner.experiment import Experiment, grid
+from experiments.runner.experiment import Experiment, chosen, grid
 from experiments.runner.pictures import Bars, Curves, Histogram, Images, Points
 
 __all__ = [
@@ -27,10 +29,13 @@ __all__ = [
     "Images",
     "Measures",
     "Points",
+    "Row",
     "Trials",
     "Values",
     "at_least",
     "at_most",
+    "chosen",
+    "counts",
     "grid",
     "number",
     "quantiles",

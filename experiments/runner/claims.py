@@ -5,7 +5,8 @@ from __future__ import annotations
 import dataclasses as dc
 import math
 import re
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections import Counter
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from typing import Any, Literal, TypeAlias
 
 import numpy as np
@@ -25,6 +26,7 @@ Measures: TypeAlias = dict[str, Any]
 _SHARE, _CLOCK_SHARE = 0.1, 0.5
 # Units suit the values, so that a millionth of one is round-off [any unit].
 _ROUND_OFF = 1e-6
+_OWN = "own"  # a source: we ask for it
 
 
 @dc.dataclass(frozen=True)
@@ -42,7 +44,7 @@ class Bound:
             value; None for the default, see `row`.
         clock: How the value depends on the machine's speed, see `Clock`.
         known: Why the value misses the bound, where that is known.
-        source: Where the bound comes from: thesis, data sheet, paper; "": our own.
+        source: Where the bound comes from: thesis, data sheet, vendor, paper, own.
     """
 
     text: str = "a number"
@@ -53,15 +55,11 @@ class Bound:
     spread: float | Callable[[float], float] | None = None
     clock: Clock = ""
     known: str = ""
-    source: str = ""
+    source: str = _OWN
 
 
 def number(**options: Any) -> Bound:
-    """Return a bound that any finite number meets: the row informs.
-
-    Args:
-        options: `spread` and `clock` of `Bound`.
-    """
+    """Return a bound that any finite number meets; options: `spread` and `clock`."""
     return Bound(**options)
 
 
@@ -87,37 +85,29 @@ def within(
 
 @dc.dataclass(frozen=True)
 class Row:
-    """A measured quantity and its criterion; `row` makes one.
+    """A measured quantity and its criterion; `row` makes one. See also `Bound`.
 
     A measurement passes only if it is finite. Contact amplifies the last bits of a
     number, in which versions of Drake and processors differ: `spread` says how far the
-    value may move for such reasons before somebody must look into it.
-
-    Attributes:
-        name: The object, driver or setting that was measured.
-        quantity: The measured quantity.
-        expected: The criterion as text, such as `<= 3`.
-        measured: The measured value.
-        unit: Of the value, of the criterion and of the spread.
-        passed: Whether the value meets the criterion.
-        spread: How far the value may move from one run to another.
-        clock: How the value depends on the machine's speed. The ratio of two times of
-            one run does not depend on it.
-        known: Why the row does not meet its criterion, where that is known. Such a row
-            has not passed, but the experiment does not fail.
-        source: Where the criterion comes from: thesis, data sheet, paper; "": our own.
+    value may move for such reasons before somebody must look into it. A row that is
+    known to miss its criterion has not passed, but the experiment does not fail.
     """
 
-    name: str
+    name: str  # of the object, driver or setting that was measured
     quantity: str
-    expected: str
+    expected: str  # the criterion, such as `<= 3`
     measured: float
-    unit: str
+    unit: str  # of the value, the criterion and the spread
     passed: bool
     spread: float
     clock: Clock = ""
     known: str = ""
     source: str = ""
+
+    @property
+    def judged(self) -> bool:
+        """Whether the row has a criterion."""
+        return self.expected != Bound.text
 
     @property
     def fails(self) -> bool:
@@ -130,9 +120,10 @@ class Row:
         values["pass"] = values.pop("passed")
         for key in ("measured", "spread"):
             values[key] = values[key] if math.isfinite(values[key]) else None
-        for key in ("known", "source"):
-            if not values[key]:
-                del values[key]
+        if not self.known:
+            del values["known"]
+        if self.source in ("", _OWN):
+            del values["source"]
         return values
 
     @classmethod
@@ -142,7 +133,8 @@ class Row:
         Raises:
             KeyError: If an entry is missing.
         """
-        entries = dict(values)
+        judged = values["expected"] != Bound.text
+        entries = {"source": _OWN if judged else ""} | dict(values)
         entries["passed"] = entries.pop("pass")
         for key, missing in (("measured", math.nan), ("spread", math.inf)):
             entries[key] = missing if entries[key] is None else entries[key]
@@ -174,19 +166,15 @@ def row(
         spread=max(float(spread), _ROUND_OFF),
         clock=bound.clock,
         known="" if passed else bound.known,
-        source=bound.source,
+        source="" if bound.text == Bound.text else bound.source,
     )
 
 
 class Trials(Sequence[Mapping[str, Any]]):
     """Trials with their results; `trials["slip"]` is an array of that measure.
 
-    An entry is a mapping of the trial's axes and measures. Series are arrays.
-
-    Args:
-        entries: The trials.
-        whole: All trials of the experiment; None if these are.
-        name: Of the group.
+    An entry is a mapping of the trial's axes and measures. Series are arrays. `whole`
+    has all trials of the experiment; `name` is that of the group.
     """
 
     def __init__(
@@ -253,11 +241,7 @@ def rows_of(
 ) -> Iterator[Row]:
     """Yield the rows of numbers by `QUANTITY [UNIT]`; other entries make none.
 
-    Args:
-        name: Of the rows.
-        values: The values.
-        claims: By quantity; those of other quantities inform.
-        own: The trials behind the values, for claims that are functions.
+    Quantities without a claim inform. Claims that are functions get the trials `own`.
     """
     for key, entry in values.items():
         match = re.fullmatch(r"(.*) \[(.*)\]", key, re.DOTALL)
@@ -294,15 +278,9 @@ def share(
     spread: float,
     first: str = "",
 ) -> Values:
-    """Return the share of successes and its interval.
+    """Return the share of successes and its interval, all with a spread.
 
-    Args:
-        what: Quantity of the share.
-        successes: Their number.
-        trials: How many there were.
-        bound: On the share.
-        spread: Of all three values.
-        first: What the quantity of the share has after `what`, such as `, share`.
+    `what` is the quantity; that of the share itself ends with `first`.
     """
     low, high = wilson(successes, trials)
     value, information = successes / max(trials, 1), number(spread=spread)
@@ -311,6 +289,17 @@ def share(
         f"{what}{first} []": (value, claimed),
         f"{what}, at least []": (low, information),
         f"{what}, at most []": (high, information),
+    }
+
+
+def counts(words: Iterable[str], unit: str, least: float) -> Values:
+    """Return how often each word occurs, such as reasons of failures.
+
+    Contact is chaotic: a count may move by `least` and three tenths of it.
+    """
+    return {
+        f"{word} [{unit}]": (n, number(spread=least + 0.3 * n))
+        for word, n in Counter(words).items()
     }
 
 

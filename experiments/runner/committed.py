@@ -33,8 +33,7 @@ class Stamp:
     Attributes:
         sources: Hash of the package, its models and the experiments.
         drake: Version of Drake.
-        result: Hash of result.json, so that a result of other parameters, which `--set`
-            puts into the same folder, has no stamp.
+        result: Hash of result.json: a result of other parameters has no stamp.
         seconds: Wall-clock time of the run [s].
     """
 
@@ -60,12 +59,7 @@ def show_time(seconds: float) -> str:
 
 
 def make_stamp(folder: Path, seconds: float) -> Stamp:
-    """Return the stamp of a result that has just been made.
-
-    Args:
-        folder: Of its result.json.
-        seconds: Wall-clock time of the run [s].
-    """
+    """Return the stamp of a folder's new result, made in `seconds` [s]."""
     result = hashlib.sha256((folder / RESULT).read_bytes()).hexdigest()[:12]
     return Stamp(code_hash(), drake_version(), result, round(seconds, 1))
 
@@ -129,13 +123,7 @@ def read_stamps(folder: Path = COMMITTED) -> dict[str, Stamp]:
 
 
 def accept(made: Mapping[str, Stamp], out: Path, folder: Path = COMMITTED) -> None:
-    """Put new results into the docs.
-
-    Args:
-        made: Stamps of the new results by experiment.
-        out: The folder with a folder of results for each of them.
-        folder: Of the committed results.
-    """
+    """Put new results, of which `out` has a folder each, into the docs."""
     for name in made:
         with Image.open(out / name / f"{name}.png") as picture:
             write_file(folder / f"{name}.png", shrink(picture))
@@ -147,7 +135,7 @@ def accept(made: Mapping[str, Stamp], out: Path, folder: Path = COMMITTED) -> No
 
 def shrink(picture: Image.Image) -> bytes:
     """Return a picture as PNG with as many colours as `LARGEST` allows."""
-    for colors in (256, 128, 64):
+    for colors in (256, 128, 64, 32):
         file = io.BytesIO()
         few = picture.convert("RGB").quantize(colors, dither=Image.Dither.NONE)
         few.save(file, "PNG", optimize=True)
@@ -177,14 +165,9 @@ class Change:
 def compare(old: Sequence[Row] | None, new: Sequence[Row]) -> list[Change]:
     """Return what changed by more than its spread, appeared, vanished or fails.
 
-    A row with a known reason to miss its criterion does not fail, but may move.
-
-    Rows are the same if they agree in name, quantity and unit; of several such rows,
-    the first belongs to the first. The spread that counts is the committed one.
-
-    Args:
-        old: The committed rows; None if there are none.
-        new: The rows of this run.
+    A row with a known reason to miss its criterion does not fail, but may move. Rows
+    are the same if they agree in name, quantity and unit; of several such rows, the
+    first belongs to the first. The spread that counts is the committed one.
     """
     before, after = _keyed(old or ()), _keyed(new)
     slower = slowdown(old or (), new)

@@ -8,8 +8,9 @@ import dataclasses as dc
 import inspect
 import itertools
 import re
+import textwrap
 import typing
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from typing import Any, TypeAlias
 
 from drake_srg.common.exceptions import ScenarioError, suggest
@@ -24,6 +25,13 @@ from experiments.runner.claims import (
 )
 from experiments.runner.pictures import Panel, bars_of
 
+# What parameters are, unless the docstring of `cases` says it.
+_PARAMETERS = {
+    "trials": "Trials of each case.",
+    "seeds": "Trials of each case, a seed each.",
+    "seed": "Of the first trial.",
+    "objects": "Names of the objects; all by default.",
+}
 # Draws on an empty figure.
 Drawing: TypeAlias = Callable[[Any, Trials, Sequence[Row]], None]
 
@@ -32,6 +40,18 @@ def grid(**axes: Iterable[Any]) -> list[dict[str, Any]]:
     """Return every combination of values, the last axis fastest."""
     values = itertools.product(*axes.values())
     return [dict(zip(axes, combination, strict=True)) for combination in values]
+
+
+def chosen(key: str, names: Sequence[str], known: Collection[str]) -> Collection[str]:
+    """Return names, or all that are known if there are none.
+
+    Raises:
+        ScenarioError: If a name is unknown; it names the parameter.
+    """
+    for name in names:
+        if name not in known:
+            raise ScenarioError(f"{key}: unknown {name!r} {suggest(name, known)}")
+    return names or known
 
 
 @dc.dataclass(frozen=True)
@@ -44,7 +64,7 @@ class Experiment:
     Attributes:
         description: One line.
         cases: Returns the cases. Its keyword arguments are the parameters that `--set`
-            changes; its `Args:` describe them.
+            changes; its `Args:` describe them, but for `trials`, `seed` and the like.
         trial: Returns the measures of a case, passed as keyword arguments: numbers,
             text, None, arrays, images (arrays of uint8), lists and mappings of them.
         claims: By quantity.
@@ -73,11 +93,7 @@ class Experiment:
     files: Callable[[Trials], Mapping[str, str]] | None = None
 
     def judge(self, trials: Trials, partial: bool = False) -> list[Row]:
-        """Return the rows of the trials.
-
-        Args:
-            trials: The trials.
-            partial: Whether cases are missing: then, so are the rows that need them.
+        """Return the rows of trials; `partial` ones lack those of missing cases.
 
         Raises:
             ValueError: If there are no rows.
@@ -109,12 +125,13 @@ class Experiment:
         wide = min(len(panels), 3)
         high = -(-len(panels) // wide)
         height = max(panel.height(trials, rows) for panel in panels)
-        figure.set_size_inches(max(6.0, 4.4 * wide), 0.4 + height * high)
-        figure.suptitle(self.description, x=0.01, ha="left", weight="bold")
+        figure.set_size_inches(max(6.0, 4.4 * wide), 0.6 + height * high)
         for i, panel in enumerate(panels):
-            panel.draw(
-                figure.add_subplot(high, wide, i + 1), trials, rows, self.axes(trials)
-            )
+            axes = figure.add_subplot(high, wide, i + 1)
+            panel.draw(axes, trials, rows, self.axes(trials))
+        # The title of 10 points has at most 14 letters per inch.
+        title = textwrap.fill(self.description, int(14 * figure.get_figwidth()))
+        figure.suptitle(title, x=0.01, ha="left", weight="bold", fontsize=10)
 
     def parameters(self) -> dict[str, tuple[Any, str]]:
         """Return default and description of each parameter."""
@@ -126,7 +143,10 @@ class Experiment:
         texts = {name: " ".join(text.split()) for name, text in described}
         found = inspect.signature(self.cases).parameters.values()
         return {
-            p.name: (self.preset.get(p.name, p.default), texts.get(p.name, ""))
+            p.name: (
+                self.preset.get(p.name, p.default),
+                texts.get(p.name) or _PARAMETERS.get(p.name, ""),
+            )
             for p in found
         }
 
@@ -135,12 +155,8 @@ class Experiment:
 
         Numbers must be positive: they are counts, times, masses, forces and the like.
 
-        Args:
-            name: Of the experiment, for errors.
-            overrides: `KEY=VALUE` each, the value YAML.
-
         Raises:
-            ScenarioError: If an override does not fit.
+            ScenarioError: If an override does not fit; it names the experiment.
         """
         allowed = self.parameters()
         hints = typing.get_type_hints(self.cases)

@@ -35,20 +35,21 @@ def pages() -> dict[str, str]:
 
 def page(name: str, module: str, description: str, stamp: Stamp | None) -> str:
     """Return the page of an experiment: why, command, picture, verdict and rows."""
-    file = module.rpartition(".")[2]
-    source = (FOLDER / f"{file}.py").read_text(encoding="utf-8")
-    why = (ast.get_docstring(ast.parse(source)) or "").removeprefix(description)
+    file = f"{module.replace('.', '/')}.py"
+    source = (FOLDER.parent / file).read_text(encoding="utf-8")
+    _, _, why = (ast.get_docstring(ast.parse(source)) or "").partition("\n\n")
+    why = f"{why}\n\n```sh\ndrake-srg experiment {name}  # {file}\n```\n"
     text = f"# {name}\n\n{description}\n\n"
     rows = committed_rows(name)
     if rows is None or stamp is None:
-        return f"{text}{why}\n\n{command(name)}\nNo result is committed yet.\n"
+        return f"{text}{why}\nNo result is committed yet.\n"
     picture = f"![{description}]({name}.png)\n\n"
     picture *= (COMMITTED / f"{name}.png").is_file()
     missed = [row for row in rows if not row.passed]
-    judged = [row for row in rows if row.expected != "a number"]
-    others = [row for row in rows if row.expected == "a number"]
+    judged = [row for row in rows if row.judged]
+    others = [row for row in rows if not row.judged]
     text += f"**{verdict(rows, stamp)}** Drake {stamp.drake}, "
-    text += f"{show_time(stamp.seconds)}.\n\n{picture}{why}\n\n{command(name)}\n"
+    text += f"{show_time(stamp.seconds)}.\n\n{picture}{why}\n"
     if missed:
         text += "## What falls short\n\n"
         text += "".join(
@@ -62,14 +63,9 @@ def page(name: str, module: str, description: str, stamp: Stamp | None) -> str:
     return text + (f"## Other figures\n\n{table(others)}\n" if others else "")
 
 
-def command(name: str) -> str:
-    """Return the command that runs an experiment, as a block."""
-    return f"```sh\ndrake-srg experiment {name}\n```\n"
-
-
 def verdict(rows: Sequence[Row], stamp: Stamp) -> str:
     """Return how many claims hold, and whether that is still known."""
-    judged = [row for row in rows if row.expected != "a number"]
+    judged = [row for row in rows if row.judged]
     good = sum(row.passed for row in judged)
     text = f"{good} of {len(judged)} claims hold."
     if not judged:
@@ -79,7 +75,7 @@ def verdict(rows: Sequence[Row], stamp: Stamp) -> str:
 
 def table(rows: Sequence[Row]) -> str:
     """Return rows as a Markdown table; those without a criterion lack its column."""
-    judged = any(row.expected != "a number" for row in rows)
+    judged = any(row.judged for row in rows)
     head = ["name", "quantity", "measured", "spread", "unit"]
     lines = [head + ["expected", "source", "holds"] * judged]
     lines.append(["---"] * len(lines[0]))
@@ -136,7 +132,7 @@ def link(name: str, stamps: dict[str, Stamp]) -> str:
     rows, stamp = committed_rows(name), stamps.get(name)
     if rows is None or stamp is None:
         return f"[{name}](experiments/{name}.md) (no result)"
-    judged = [row for row in rows if row.expected != "a number"]
+    judged = [row for row in rows if row.judged]
     good = sum(row.passed for row in judged)
     stale = ", not run since" * stamp.stale
     return f"[{name}](experiments/{name}.md) ({good}/{len(judged)}{stale})"

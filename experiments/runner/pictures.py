@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 import dataclasses as dc
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from typing import Any, Protocol
 
 import numpy as np
 
 from drake_srg.recording.timeline import COLORS, style_axes
+from drake_srg.types import Vector
 from experiments.runner.claims import Row, Trials
+
+_STYLES, _MARKERS = ("-", "--", ":", "-."), "os^v"
 
 
 class Panel(Protocol):
@@ -26,25 +29,15 @@ class Panel(Protocol):
 
 @dc.dataclass(frozen=True)
 class Bars:
-    """A bar of each row, with its limit and, of a share, its interval.
+    """A bar of each row, with its limit and, of a share, its interval."""
 
-    Attributes:
-        quantities: Of the rows: of one unit, in a colour each.
-        names: Of the rows; None: all.
-        log: Whether the values' axis is logarithmic.
-    """
-
-    quantities: Sequence[str]
-    names: Sequence[str] | None = None
-    log: bool = False
+    quantities: Sequence[str]  # of the rows: of one unit, in a colour each
+    names: Sequence[str] | None = None  # of the rows; None: all
+    log: bool = False  # whether the values' axis is logarithmic
 
     def _rows(self, rows: Sequence[Row]) -> list[Row]:
-        names = self.names
-        return [
-            row
-            for row in rows
-            if row.quantity in self.quantities and (names is None or row.name in names)
-        ]
+        own = [row for row in rows if row.quantity in self.quantities]
+        return [row for row in own if self.names is None or row.name in self.names]
 
     def height(self, trials: Trials, rows: Sequence[Row]) -> float:
         """Return how high it should be [inch]."""
@@ -64,8 +57,8 @@ class Bars:
             i = list(self.quantities).index(row.quantity)
             y = -names.index(row.name) + 0.4 - (i + 0.5) * wide
             axes.barh(y, row.measured, 0.9 * wide, color=COLORS[i % len(COLORS)])
-            words = row.expected.split()
-            if words[-1] != "number":
+            if row.judged:
+                words = row.expected.split()
                 limit = float(words[1] if words[0] in ("<=", ">=") else words[0])
                 axes.plot([limit] * 2, [y - wide / 2, y + wide / 2], "k-", lw=1.5)
             what = row.quantity.removesuffix(", share")
@@ -80,34 +73,31 @@ class Bars:
 
 def bars_of(rows: Sequence[Row]) -> list[Panel]:
     """Return panels of judged quantities, at most six; of any if none is judged."""
-    judged = [row for row in rows if row.expected != "a number"] or rows
+    judged = [row for row in rows if row.judged] or rows
     return [Bars([q]) for q in list(dict.fromkeys(r.quantity for r in judged))[:6]]
 
 
 @dc.dataclass(frozen=True, kw_only=True)
 class _Plot:
-    """What a plot of measures has.
+    """A plot of measures."""
 
-    Attributes:
-        where: Chooses trials, such as `{"motion": "step"}`.
-        label: Axes that name a colour; by default, those that name a group.
-        limit: Drawn across.
-        log: Which axes are logarithmic: `x`, `y` or `xy`.
-        title: Above the panel.
-    """
-
-    where: dict[str, Any] = dc.field(default_factory=dict)
-    label: Sequence[str] = ()
-    limit: float | None = None
-    log: str = ""
+    where: dict[str, Any] = dc.field(default_factory=dict)  # chooses trials
+    label: Sequence[str] = ()  # axes that name a colour; by default, those of groups
+    limit: float | None = None  # drawn across
+    log: str = ""  # which axes are logarithmic: `x`, `y` or `xy`
     title: str = ""
 
     def height(self, trials: Trials, rows: Sequence[Row]) -> float:
         """Return how high it should be [inch]."""
         return 3.2
 
-    def _groups(self, trials: Trials, by: Sequence[str]) -> dict[str, Trials]:
-        return trials.where(**self.where).groups(*(self.label or by))
+    def _groups(
+        self, trials: Trials, by: Sequence[str]
+    ) -> Iterator[tuple[str, str, int, Trials]]:
+        """Yield name, colour, how often that was used before, and trials of groups."""
+        groups = trials.where(**self.where).groups(*(self.label or by))
+        for i, (name, own) in enumerate(groups.items()):
+            yield name, COLORS[i % len(COLORS)], i // len(COLORS), own
 
     def _finish(self, axes: Any, vertical: bool = False) -> None:
         if self.limit is not None:
@@ -125,17 +115,11 @@ class _Plot:
 
 @dc.dataclass(frozen=True)
 class Curves(_Plot):
-    """A curve of each trial.
-
-    Attributes:
-        x: Measure of the abscissa, an array; its name is the label.
-        y: Measures of the ordinate, in a style each.
-        reference: Measure that is drawn once, dashed.
-    """
+    """A curve of each trial, of measures that are arrays; names are labels."""
 
     x: str
-    y: str | Sequence[str]
-    reference: str = ""
+    y: str | Sequence[str]  # in a style each
+    reference: str = ""  # a measure that is drawn once, dashed
 
     def draw(
         self, axes: Any, trials: Trials, rows: Sequence[Row], by: Sequence[str]
@@ -143,13 +127,11 @@ class Curves(_Plot):
         """Draw on axes."""
         measures = [self.y] if isinstance(self.y, str) else list(self.y)
         style_axes(axes, xlabel=self.x, ylabel=", ".join(measures)[:60])
-        for i, (name, own) in enumerate(self._groups(trials, by).items()):
+        for name, color, before, own in self._groups(trials, by):
             for entry in own:
-                for k, measure in enumerate(measures):
-                    style = ("-", "--", ":", "-.")[k % 4]
-                    color = COLORS[i % len(COLORS)]
-                    shown = name if k == 0 else None
+                for k, measure in enumerate(measures, before):
                     x, y = _floats(entry[self.x]), _floats(entry[measure])
+                    style, shown = _STYLES[k % 4], name if k == before else None
                     axes.plot(x, y, style, color=color, lw=1.2, label=shown)
         for entry in trials.where(**self.where)[:1] if self.reference else ():
             x, y = _floats(entry[self.x]), _floats(entry[self.reference])
@@ -159,30 +141,22 @@ class Curves(_Plot):
 
 @dc.dataclass(frozen=True)
 class Points(_Plot):
-    """A point for each trial, or for each value of its arrays.
+    """A point for each trial, or for each value of its arrays."""
 
-    Attributes:
-        x: Measure or axis of the abscissa; its name is the label.
-        y: Of the ordinate.
-        equal: Whether x = y is drawn, because one is the reference of the other.
-    """
-
-    x: str
+    x: str  # measure or axis; its name is the label
     y: str
-    equal: bool = False
+    equal: bool = False  # whether x = y is drawn: one is the reference of the other
 
     def draw(
         self, axes: Any, trials: Trials, rows: Sequence[Row], by: Sequence[str]
     ) -> None:
         """Draw on axes."""
         style_axes(axes, xlabel=self.x, ylabel=self.y)
-        for i, (name, own) in enumerate(self._groups(trials, by).items()):
-            x, y = (
-                np.concatenate([np.atleast_1d(_floats(e[measure])) for e in own])
-                for measure in (self.x, self.y)
+        for name, color, before, own in self._groups(trials, by):
+            x, y = _values(own, self.x), _values(own, self.y)
+            axes.plot(
+                x, y, _MARKERS[before % 4], ms=4, alpha=0.7, color=color, label=name
             )
-            color = COLORS[i % len(COLORS)]
-            axes.plot(x, y, "o", ms=4, alpha=0.7, color=color, label=name)
         if self.equal:
             axes.axline((0.0, 0.0), slope=1.0, color="k", ls="--", lw=0.8)
         self._finish(axes)
@@ -190,11 +164,7 @@ class Points(_Plot):
 
 @dc.dataclass(frozen=True)
 class Histogram(_Plot):
-    """How a measure is distributed in each group.
-
-    Attributes:
-        measure: A number or array of each trial; None and NaN are left out.
-    """
+    """How a measure, a number or an array of each trial, is distributed in groups."""
 
     measure: str
 
@@ -203,31 +173,21 @@ class Histogram(_Plot):
     ) -> None:
         """Draw on axes."""
         style_axes(axes, xlabel=self.measure, ylabel="trials")
-        values = {
-            name: np.concatenate([np.atleast_1d(_floats(e[self.measure])) for e in own])
-            for name, own in self._groups(trials, by).items()
-        }
-        every = np.concatenate([*values.values(), [0.0]])
+        every = np.append(_values(trials.where(**self.where), self.measure), 0.0)
         edges = np.linspace(np.nanmin(every), np.nanmax(every) + 1e-9, 31)
-        for i, (name, own) in enumerate(values.items()):
-            color = COLORS[i % len(COLORS)]
-            axes.hist(own, edges, histtype="step", color=color, label=name)
+        for name, color, _, own in self._groups(trials, by):
+            values = _values(own, self.measure)
+            axes.hist(values, edges, histtype="step", color=color, label=name)
         self._finish(axes, vertical=True)
 
 
 @dc.dataclass(frozen=True)
 class Images:
-    """A grid of images, one a trial, framed green, or red where a row of it fails.
+    """A grid of images, one a trial, framed green, or red where a row of it fails."""
 
-    Attributes:
-        image: Measure that holds an array (H, W, 3) of uint8.
-        caption: Returns the text below a trial's image.
-        across: Images beside each other.
-    """
-
-    image: str = "image"
-    caption: Callable[[Any], str] = lambda entry: ""
-    across: int = 6
+    image: str = "image"  # measure: an array (H, W, 3) of uint8
+    caption: Callable[[Any], str] = lambda entry: ""  # of a trial, below
+    across: int = 6  # images beside each other
 
     def height(self, trials: Trials, rows: Sequence[Row]) -> float:
         """Return how high it should be [inch]."""
@@ -254,3 +214,10 @@ class Images:
 
 def _floats(value: Any) -> Any:
     return np.array(np.nan if value is None else value, dtype=float)
+
+
+def _values(own: Trials, measure: str) -> Vector:
+    """Return a measure's values of all trials; None is NaN."""
+    if not len(own):
+        return np.zeros(0)
+    return np.concatenate([np.atleast_1d(_floats(t[measure])) for t in own])

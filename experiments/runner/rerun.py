@@ -13,9 +13,11 @@ import math
 import subprocess
 import sys
 import time as wall
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
+
+import numpy as np
 
 from drake_srg.cli.command import (
     BAD_INPUT,
@@ -24,7 +26,7 @@ from drake_srg.cli.command import (
     TASK_FAILED,
     end_on_sigterm,
 )
-from drake_srg.common.exceptions import ScenarioError, suggest
+from drake_srg.common.exceptions import ScenarioError
 from experiments import find_experiments
 from experiments.runner.claims import Row
 from experiments.runner.committed import (
@@ -41,6 +43,7 @@ from experiments.runner.committed import (
     slowdown,
     write_stamp,
 )
+from experiments.runner.experiment import chosen
 from experiments.runner.run import RESULT, ROOT, align
 
 OUT = ROOT / "out" / "experiments"
@@ -57,17 +60,12 @@ def main(arguments: Sequence[str] | None = None) -> int:
         prog="experiments all",
         description="Rerun experiments and compare them with the committed rows.",
     )
+    add, flag = parser.add_argument, dict[str, Any](action="store_true")
     name: dict[str, Any] = {"nargs": "+", "default": [], "metavar": "NAME"}
-    parser.add_argument("--only", help="run these only", **name)
-    parser.add_argument("--except", dest="left_out", help="leave these out", **name)
-    parser.add_argument(
-        "--quick",
-        action="store_true",
-        help=f"run the shortest only, about {QUICK:.0f} s in all",
-    )
-    parser.add_argument(
-        "--accept", action="store_true", help="put the new results into docs"
-    )
+    add("--only", help="run these only", **name)
+    add("--except", dest="left_out", help="leave these out", **name)
+    add("--quick", help=f"run the shortest only, about {QUICK:.0f} s in all", **flag)
+    add("--accept", help="put the new results into docs", **flag)
     options = parser.parse_args(arguments)
     end_on_sigterm()
     try:
@@ -84,8 +82,8 @@ def rerun(options: argparse.Namespace) -> int:
     """Run, compare and report as the options say; returns the exit code.
 
     Raises:
-        ScenarioError: If an experiment is unknown, none is left to run, or the
-            committed results cannot be read.
+        ScenarioError: If an experiment is unknown, none is left to run, or committed
+            results are not readable.
         OSError: If results cannot be written.
     """
     stamps = read_stamps()
@@ -134,10 +132,9 @@ def choose(
     Raises:
         ScenarioError: If a name is unknown.
     """
-    for name in (*only, *left_out):
-        if name not in names:
-            raise ScenarioError(f"unknown experiment {name!r} {suggest(name, names)}")
-    return [n for n in names if n not in left_out and (not only or n in only)]
+    wanted = chosen("--only", only, names)
+    chosen("--except", left_out, names)
+    return [name for name in names if name in wanted and name not in left_out]
 
 
 def shortest(
@@ -145,28 +142,20 @@ def shortest(
 ) -> list[str]:
     """Return as many of the shortest experiments as fit into a budget [s].
 
-    Args:
-        names: To choose from.
-        durations: Of the committed runs, by name [s]. Others are not chosen.
-        budget: For all of them [s].
+    Those without the duration of a committed run are not chosen.
     """
-    chosen, total = set(), 0.0
-    for name in sorted(set(names) & durations.keys(), key=lambda n: durations[n]):
-        total += durations[name]
-        if total > budget:
-            break
-        chosen.add(name)
-    return [name for name in names if name in chosen]
+    known = sorted(set(names) & durations.keys(), key=lambda name: durations[name])
+    total = np.cumsum([durations[name] for name in known])
+    few = known[: np.searchsorted(total, budget, side="right")]
+    return [name for name in names if name in few]
 
 
-def remaining(names: Iterable[str], durations: Mapping[str, float]) -> str:
+def remaining(names: Sequence[str], durations: Mapping[str, float]) -> str:
     """Return how much work is left, in words."""
-    names = list(names)
     known = [durations[name] for name in names if name in durations]
-    texts = [f"about {show_time(sum(known))}"] if known else []
-    if unknown := len(names) - len(known):
-        texts.append(f"{unknown} of unknown duration")
-    return f"{' and '.join(texts)} to go"
+    unknown = len(names) - len(known)
+    more = f" and {unknown} of unknown duration" * bool(unknown)
+    return f"about {show_time(sum(known))}{more} to go"
 
 
 def run_apart(name: str, out: Path) -> str:
@@ -196,22 +185,15 @@ def run_apart(name: str, out: Path) -> str:
 
 @dc.dataclass
 class Report:
-    """What became of the experiments that were to be run.
+    """What became of the experiments that were to be run."""
 
-    Attributes:
-        changes: Rows that somebody must look into, by experiment.
-        missing: Why there is no result, by experiment.
-        uncommitted: Experiments that have no committed result yet.
-        slowdowns: How many times as long experiments took as the committed run, for
-            those that measure it.
-        accepted: Whether the new rows are the committed ones by now.
-    """
-
+    # By experiment: rows that somebody must look into; why there is no result; and,
+    # where that is measured, how many times as long it took as the committed run.
     changes: dict[str, list[Change]] = dc.field(default_factory=dict)
     missing: dict[str, str] = dc.field(default_factory=dict)
-    uncommitted: list[str] = dc.field(default_factory=list)
     slowdowns: dict[str, float] = dc.field(default_factory=dict)
-    accepted: bool = False
+    uncommitted: list[str] = dc.field(default_factory=list)  # without a result so far
+    accepted: bool = False  # whether the new rows are the committed ones by now
 
     def add(self, name: str, old: Sequence[Row] | None, new: Sequence[Row]) -> None:
         """Compare the rows of an experiment with the committed ones, if any."""

@@ -124,8 +124,8 @@ def run_experiment(
         progress: Whether to show progress on standard error.
 
     Raises:
-        ScenarioError: If there is no such experiment or parameter, if a value does not
-            fit its parameter, or if Drake rejects the simulation.
+        ScenarioError: For an unknown experiment or a bad parameter, or if Drake rejects
+            the simulation.
         OSError: If `out` cannot be written.
     """
     experiment = find_experiment(name)
@@ -201,11 +201,9 @@ def code_hash() -> str:
 
 
 class Kept:
-    """A file of finished trials, one line of JSON each.
+    """A file of finished trials, one line of JSON each; None keeps them in memory only.
 
-    Args:
-        out: The folder of the file; None keeps trials in memory only.
-        any_code: Whether to use trials of other code, too.
+    Trials of other code count only if `any_code`.
     """
 
     def __init__(self, out: Path | None, any_code: bool = False):

@@ -40,10 +40,7 @@ MakeBridge = Callable[[CommandInbox, Sequence[Topic]], Bridge]
 class Wire(NamedTuple):
     """An open wire between one station and one client, at most one each per process.
 
-    Attributes:
-        arguments: Arguments of `drake-srg serve` for the station's side.
-        make_station: Makes the station's side.
-        make_client: Makes the client's side.
+    `arguments` are those of `drake-srg serve` for the station's side.
     """
 
     arguments: Sequence[str]
@@ -54,8 +51,7 @@ class Wire(NamedTuple):
 class Served(NamedTuple):
     """How a station was served: simulated time, real time [s], and messages received.
 
-    `wall_time` is by the station's clock; `seen_time` by ours, from the first output to
-    the request to end.
+    `wall_time` is by the station's clock; `seen_time` by ours, from its first output.
     """
 
     sim_time: float
@@ -83,10 +79,7 @@ def wait_for(connected: Callable[[], bool]) -> None:
 
 
 class ServedProcess:
-    """A process that runs `drake-srg serve`.
-
-    Args:
-        arguments: Arguments of the command.
+    """A process that runs `drake-srg serve` with some arguments.
 
     Raises:
         ScenarioError: If it does not start to serve; the message is the process's.
@@ -134,14 +127,11 @@ def free_port() -> int:
 
 @contextlib.contextmanager
 def open_wire(wire: str, experiment: str) -> Iterator[Wire]:
-    """Open a wire that nobody else uses, for the duration of the context.
-
-    Args:
-        wire: One of `WIRES`; ROS 1 has a roscore of its own.
-        experiment: Name of the experiment that needs it, for errors.
+    """Open a wire that nobody else uses, ROS 1 with a roscore of its own.
 
     Raises:
-        ScenarioError: If the wire is ROS 1 and this machine has no roscore.
+        ScenarioError: If the wire is ROS 1 and this machine has no roscore; it names
+            the experiment.
         ImportError: If a package is missing.
     """
     if wire == "ROS 2":
@@ -170,9 +160,6 @@ def open_wire(wire: str, experiment: str) -> Iterator[Wire]:
 
 class Client:
     """Commands a served kitchen, and records the commands to its drivers.
-
-    Args:
-        make_bridge: Makes the client's side of the wire.
 
     Attributes:
         arm: Messages on /arm/position_commanded as (real time [s], positions [rad]).

@@ -17,10 +17,6 @@ def simulate_whole(scenario: Scenario, **options: Any) -> Result:
 
     Half a run is no result, and the next run must not begin. The cell is freed.
 
-    Args:
-        scenario: The scenario to simulate.
-        options: Keyword arguments of `Simulate`.
-
     Raises:
         KeyboardInterrupt: If the run was interrupted.
     """

@@ -2,24 +2,15 @@
 
 from __future__ import annotations
 
-import dataclasses as dc
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 
 import numpy as np
-from pydrake.common.eigen_geometry import Quaternion
-from pydrake.common.value import AbstractValue
-from pydrake.math import RigidTransform
-from pydrake.systems.framework import Context, Diagram, DiagramBuilder
 
 import experiments.runner as ex
-from drake_srg.common.log_format import MODES, pose_key
-from drake_srg.common.systems import export_outputs
-from drake_srg.lifetime import LeafSystem
+from drake_srg.common.log_format import MODES, pose_key, row_to_pose
 from drake_srg.scenario import Scenario, load_scenario
 from drake_srg.simulation.measures import hand_poses
-from drake_srg.station import ConnectPlanner, MakeCell, MakePlanner, MakeStation
-from drake_srg.station.perception import AddLocalizer
-from drake_srg.types import Blob, Mode, Vector
+from drake_srg.types import Mode, Vector
 from experiments.stands.cells import simulate_whole
 
 # Where the arm thesis's table has its cylinder [m].
@@ -30,18 +21,16 @@ def run_cycle(
     name: str,
     seed: int,
     overrides: Sequence[str] = (),
-    make_cell: Callable[[Scenario], Diagram] = MakeCell,
 ) -> ex.Measures:
     """Run a scenario once, without recordings.
 
-    Returns:
-        Of the run's metrics: `placed`, `lifted`, `failure`, `cycle`, `placing` [s] and
-        `smoothness`, `placement` and `localization` error (3) [m], `distance` from the
-        goal in the plane [mm]. Of the last cycle, in the hand: see `in_hand`. None for
-        what the run did not reach.
+    Of the run's metrics, return `placed`, `lifted`, `failure`, `cycle`, `placing` [s]
+    and `smoothness`, `placement` and `localization` error (3) [m], `distance` from the
+    goal in the plane [mm]; of the last cycle, in the hand: see `in_hand`. None for what
+    the run did not reach.
     """
     scenario = load_scenario(name, seed=seed, overrides=overrides)
-    result = simulate_whole(scenario, name=name, make_cell=make_cell)
+    result = simulate_whole(scenario, name=name)
     m = result.metrics
     error = m.placement_error_m
     return {
@@ -63,16 +52,10 @@ def in_hand(
 ) -> ex.Measures:
     """Return where the object was in the hand in the last cycle of a run's log.
 
-    Args:
-        scenario: Of the run.
-        log: Of the run.
-        error: Of the placement (3) [m], if known.
-
-    Returns:
-        `held_at`: the object's centre in the palm frame when the fingers hold it;
-        `shift`: its motion while they close (3) [m]; `slip` and `turn`: largest motion
-        [m] and rotation of its axis [rad] while it is carried; `error_G`: the placement
-        error in the palm's axes, of an object that was released.
+    That is `held_at`: its centre in the palm frame when the fingers hold it; `shift`:
+    its motion while they close (3) [m]; `slip` and `turn`: largest motion [m] and
+    rotation of its axis [rad] while it is carried; `error_G`: the placement error (3)
+    [m] in the palm's axes, of an object that was released.
     """
     mode = [MODES[int(i)] for i in log["mode"]]
     begun = [k for k in range(len(mode)) if k == 0 or mode[k] is not mode[k - 1]]
@@ -87,7 +70,7 @@ def in_hand(
     placed = [k for k, m in enumerate(mode) if m is Mode.PLACE][-1:]
     rows = sorted({*opened, *held, *carried, *placed})
     X_WG = dict(zip(rows, hand_poses(scenario, arm[rows]), strict=True))
-    X_GO = {k: X_WG[k].inverse() @ _pose(poses[k]) for k in rows}
+    X_GO = {k: X_WG[k].inverse() @ row_to_pose(poses[k]) for k in rows}
     p_GO = {k: X.translation() for k, X in X_GO.items()}
     found: ex.Measures = dict.fromkeys(("shift", "held_at", "slip", "turn", "error_G"))
     if held:
@@ -104,67 +87,9 @@ def in_hand(
     return found
 
 
-def _pose(row: Vector) -> RigidTransform:
-    """Return X_WO from a row of `object_pose.NAME` in the log."""
-    return RigidTransform(Quaternion(row[3:] / np.linalg.norm(row[3:])), row[:3])
-
-
 def _angle(z_1: Vector, z_2: Vector) -> float:
     """Return the angle between two unit vectors [rad]."""
     return float(np.arctan2(np.linalg.norm(np.cross(z_1, z_2)), z_1 @ z_2))
-
-
-class SightingError(LeafSystem):
-    """Shifts all sightings by a constant error.
-
-    .. pydrake_system::
-
-        name: SightingError
-        input_ports:
-        - blobs_seen
-        output_ports:
-        - blobs
-
-    Args:
-        offset: Added to the position of every blob, shape (3,) [m].
-    """
-
-    def __init__(self, offset: Vector) -> None:
-        super().__init__()
-        self._X_error = RigidTransform(offset)
-        nothing: list[Blob] = []
-        self._seen = self.DeclareAbstractInputPort(
-            "blobs_seen", AbstractValue.Make(nothing)
-        )
-        self.DeclareAbstractOutputPort(
-            "blobs", lambda: AbstractValue.Make(nothing), self._calc_blobs
-        )
-
-    def _calc_blobs(self, context: Context, output: AbstractValue) -> None:
-        seen: list[Blob] = self._seen.Eval(context)
-        output.set_value(
-            [dc.replace(blob, X_WO=self._X_error @ blob.X_WO) for blob in seen]
-        )
-
-
-def cell_with_sighting_error(offset: Vector) -> Callable[[Scenario], Diagram]:
-    """Return a function that makes a cell with sightings off by `offset` (3,) [m]."""
-
-    def make_cell(scenario: Scenario) -> Diagram:
-        builder = DiagramBuilder()
-        station = builder.AddNamedSystem("station", MakeStation(scenario))
-        localizer = AddLocalizer(builder, scenario, station)
-        error = builder.AddNamedSystem("sighting_error", SightingError(offset))
-        planner = builder.AddNamedSystem("planner", MakePlanner(scenario))
-        builder.Connect(localizer.get_output_port(), error.get_input_port())
-        ConnectPlanner(builder, station, error, planner)
-        export_outputs(builder, station)
-        builder.ExportOutput(localizer.get_output_port(), "localizer.blobs")
-        for name in ("mode", "status"):
-            builder.ExportOutput(planner.GetOutputPort(name), f"planner.{name}")
-        return builder.Build()
-
-    return make_cell
 
 
 def shares(own: ex.Trials) -> ex.Values:

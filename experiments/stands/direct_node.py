@@ -27,12 +27,7 @@ def make_message(kind: str, *values: Any, **fields: Any) -> Any:
 
 
 class DirectNode:
-    """Stands in for `hardware.link.Node`.
-
-    Attributes:
-        sent: The topics and messages that were sent.
-        told: The warnings.
-    """
+    """Stands in for `hardware.link.Node`; keeps what was `sent`, and `told`."""
 
     def __init__(self) -> None:
         self.sent: list[tuple[Topic, Any]] = []

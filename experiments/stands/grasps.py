@@ -8,10 +8,12 @@ import dataclasses as dc
 from typing import Any
 
 import numpy as np
+import numpy.typing as npt
 from pydrake.common.schema import Rotation, Transform
 from pydrake.math import RollPitchYaw, RotationMatrix
 
 import experiments.runner as ex
+from drake_srg.common.geometry import look_at
 from drake_srg.objects.config import ObjectConfig
 from drake_srg.objects.models import simple_shape
 from drake_srg.scenario import Scenario
@@ -19,6 +21,7 @@ from drake_srg.scenario.typed_yaml import load_typed
 from drake_srg.simulation.rig import Rig, bench_scenario, shake
 from drake_srg.types import Box
 from experiments.data import household_objects, read_yaml
+from experiments.stands.holding import in_hand, is_free
 
 MIDDLE = np.array([0.5, 0.0, 0.0])  # origin of the gantry's joint positions [m]
 # Times [s]. The hand arrives. The fingers close (up to 2.5 s with a loose wire) and the
@@ -29,7 +32,10 @@ LIFT_HEIGHT = 0.1  # m
 ACCELERATION, FREQUENCY = 9.81, 2.0  # m/s², Hz
 HELD = 3.0 * SHAKE  # from the end of the lift to the end of the last shake [s]
 _STEEL = 7850.0  # kg/m³, so heavy that no hand moves it
-_PADS_X = 0.158  # middle of the pads of straight fingers, in the palm frame [m]
+_PADS = np.array([0.158, 0.0, 0.0])  # middle of straight fingers' pads in the palm [m]
+# Position of the camera relative to the pads: in front, to the right of the hand and
+# above, at a distance that shows 0.3 m [m].
+_EYE = np.array([0.30, -0.28, 0.17])
 # An object is lost when it moves in the hand by more than the width of a pad [m].
 _PAD_WIDTH = 0.03
 
@@ -108,10 +114,7 @@ def present(
     """
     thing = copy.deepcopy(thing)
     z_O = grasp.R_WO.matrix()[2]
-    shape, height = (
-        simple_shape("thing", thing),
-        0.0,
-    )  # of the origin, above its support
+    shape, height = simple_shape("thing", thing), 0.0  # of the origin
     if shape is not None:
         height = shape.half_extent(z_O)
     elif not np.isclose(z_O[2], 1.0):
@@ -134,24 +137,38 @@ def present(
     return bench
 
 
-def simulate(scenario: Scenario, grasp: GraspConfig, **rig_options: Any) -> ex.Measures:
+def _on_white(rig: Rig) -> npt.NDArray[np.uint8]:
+    """Return the camera's image of gripper and objects, on white."""
+    image = rig.image("overview")
+    sensor = rig.station.GetSubsystemByName("rgbd_sensor_overview")
+    context = sensor.GetMyContextFromRoot(rig.context)
+    # The label of a pixel is the index of the body that it shows.
+    label = sensor.label_image_output_port().Eval(context).data[:, :, 0]
+    models = map(rig.plant.GetModelInstanceByName, ("gripper", *rig.scenario.objects))
+    shown = [int(body) for model in models for body in rig.plant.GetBodyIndices(model)]
+    image[~np.isin(label, shown)] = 255
+    return image
+
+
+def simulate(scenario: Scenario, grasp: GraspConfig) -> ex.Measures:
     """Grasp the object of a scenario, lift it, and shake it along x, y and z.
 
-    Returns:
-        `held_for`: time after the lift during which only the gripper touches the object
-        [s]; `acceleration`: peak acceleration of the hand along the axis where that is
-        lowest [m/s²]; `slip` [mm] and `turn` [degrees] in the hand that remain at the
-        end; `grip_force` of all finger links after the lift; the largest `wire_force`
-        [N]; `q` of the plant, and `p_WL` (3) [m], the middle between the pads, at the
-        end.
+    Return `held_for`: time after the lift during which only the gripper touches the
+    object [s]; `acceleration`: peak of the hand's along the axis where that is lowest
+    [m/s²]; `slip` [mm] and `turn` [degrees] in the hand that remain at the end;
+    `grip_force` of all finger links after the lift; the largest `wire_force` [N]; an
+    `image` of the hand at the end.
     """
     limit = scenario.gripper.wire_motor.drive.force_limit_of(grasp.wire_force)
-    with Rig(scenario, name="grasp", **rig_options) as rig:
-        start = rig.commanded("arm.position_commanded")
-        there = start - grasp.R_WG @ np.array(grasp.retreat)
+    there = scenario.arm.home - grasp.R_WG @ np.array(grasp.retreat)
+    above = there + np.array([0.0, 0.0, LIFT_HEIGHT])
+    camera, p_WL = scenario.cameras["overview"], MIDDLE + above + grasp.R_WG @ _PADS
+    camera.width = camera.height = 190
+    camera.X_PB = Transform(look_at(p_WL + _EYE, p_WL))
+    camera.X_PB.base_frame = "world"
+    with Rig(scenario, name="grasp", images=True) as rig:
         rig.move(there, _ARRIVE)
         rig.advance(_CLOSE, closure=1.0, force_limit=limit)
-        above = there + np.array([0.0, 0.0, LIFT_HEIGHT])
         rig.move(above, _LIFT)
         lifted = len(rig.log()["time"]) - 1
         free = [is_free(rig)]
@@ -159,15 +176,13 @@ def simulate(scenario: Scenario, grasp: GraspConfig, **rig_options: Any) -> ex.M
             rig.advance(SHAKE, arm=shake(above, ACCELERATION * axis, FREQUENCY, SHAKE))
             free.append(is_free(rig))
         rig.advance(_REST)
-        log, X_WG = rig.log(), rig.X_WG()
-        q = rig.plant.GetPositions(rig.plant_context)
-    # The gantry only translates: object minus hand is the motion in the hand.
-    pose, time = log["object_pose.thing"][lifted:], log["time"][lifted:]
-    hand = log["arm.state_measured"][lifted:]
-    p_GO = pose[:, :3] - hand[:, :3]
-    acceleration = np.gradient(hand[:, 3:], time, axis=0)
+        log, image = rig.log(), _on_white(rig)
+    quaternion, time = log["object_pose.thing"][lifted:, 3:], log["time"][lifted:]
+    p_GO = in_hand(log)[lifted:]
+    speed = log["arm.state_measured"][lifted:, 3:]
+    acceleration = np.gradient(speed, time, axis=0)
     moved = np.linalg.norm(p_GO - p_GO[0], axis=1)
-    turn = 2.0 * np.arccos(np.clip(np.abs(pose[:, 3:] @ pose[0, 3:]), 0, 1))
+    turn = 2.0 * np.arccos(np.clip(np.abs(quaternion @ quaternion[0]), 0, 1))
     lost = np.flatnonzero(moved > _PAD_WIDTH)
     held_for = SHAKE * free.index(False) if False in free else HELD
     if free[0] and len(lost):
@@ -179,11 +194,5 @@ def simulate(scenario: Scenario, grasp: GraspConfig, **rig_options: Any) -> ex.M
         "turn": np.rad2deg(turn[-1]),
         "grip_force": np.sum(log["gripper.contact_force"][lifted]),
         "wire_force": np.max(log["gripper.wire_force"]),
-        "q": q,
-        "p_WL": X_WG @ np.array([_PADS_X, 0.0, 0.0]),
+        "image": image,
     }
-
-
-def is_free(rig: Rig) -> bool:
-    """Return whether only the gripper touches the object."""
-    return set(rig.contact_forces()) == {"gripper"}

@@ -5,16 +5,14 @@ Nothing is simulated. Only images are judged.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-
 import numpy as np
 from pydrake.math import RigidTransform
-from pydrake.multibody.plant import MultibodyPlant
-from pydrake.systems.framework import Context, DiagramBuilder
+from pydrake.systems.framework import DiagramBuilder
 
 from drake_srg.scenario import Scenario
 from drake_srg.station import MakeStation
 from drake_srg.station.perception import AddLocalizer
+from drake_srg.theses.blob_localizer import ThesisBlobLocalizer
 from drake_srg.types import Blob, Vector
 
 
@@ -23,43 +21,46 @@ class Eye:
 
     Args:
         scenario: Names what to look for.
-
-    Attributes:
-        name: Of the picked object.
     """
 
     def __init__(self, scenario: Scenario):
-        self.name = scenario.task.pick
+        self._name = scenario.task.pick
         builder = DiagramBuilder()
         station = builder.AddNamedSystem("station", MakeStation(scenario))
         self._localizer = AddLocalizer(builder, scenario, station)
         self._diagram = builder.Build()
         self._context = self._diagram.CreateDefaultContext()
         self._plant = station.GetSubsystemByName("plant")
+        model = self._plant.GetModelInstanceByName(self._name)
+        (index,) = self._plant.GetBodyIndices(model)
+        self._body = self._plant.get_body(index)
 
     def blobs(self, X_WO: RigidTransform | None = None) -> list[Blob]:
         """Move the picked object, if anywhere, and return its blobs, the best first."""
         if X_WO is not None:
             moved = self._plant.GetMyMutableContextFromRoot(self._context)
-            put_object(self._plant, moved, self.name, X_WO)
+            self._plant.SetFreeBodyPose(moved, self._body, X_WO)
         context = self._localizer.GetMyContextFromRoot(self._context)
-        blobs: Sequence[Blob] = self._localizer.GetOutputPort("blobs").Eval(context)
-        return [blob for blob in blobs if blob.object_name == self.name]
+        if isinstance(self._localizer, ThesisBlobLocalizer):
+            blob = self._localizer.locate(context)
+            return [] if blob is None else [blob]
+        blobs: list[Blob] = self._localizer.GetOutputPort("blobs").Eval(context)
+        return [blob for blob in blobs if blob.object_name == self._name]
+
+    def offset(self, X_WO: RigidTransform) -> Vector:
+        """Return where the object at X_WO is seen from there, shape (3,) [m].
+
+        It is NaN unless one thing is seen: a second one would be something else.
+        """
+        blobs = self.blobs(X_WO)
+        seen = blobs[0].position if len(blobs) == 1 else np.full(3, np.nan)
+        offset: Vector = seen - X_WO.translation()
+        return offset
 
     def pose(self) -> RigidTransform:
         """Return the pose X_WO of the picked object."""
-        model = self._plant.GetModelInstanceByName(self.name)
-        body = self._plant.get_body(self._plant.GetBodyIndices(model)[0])
         context = self._plant.GetMyContextFromRoot(self._context)
-        return self._plant.EvalBodyPoseInWorld(context, body)
-
-
-def put_object(
-    plant: MultibodyPlant, context: Context, name: str, X_WO: RigidTransform
-) -> None:
-    """Move an object of one link in a plant's context."""
-    (index,) = plant.GetBodyIndices(plant.GetModelInstanceByName(name))
-    plant.SetFreeBodyPose(context, plant.get_body(index), X_WO)
+        return self._plant.EvalBodyPoseInWorld(context, self._body)
 
 
 def angle_between_axes(a: Vector, b: Vector) -> float:

@@ -25,10 +25,6 @@ class ServoStand:
 
     Reading and writing take their time, as on a serial line.
 
-    Args:
-        scenario: A bench whose gripper has wires.
-        name: Of the experiment, for error messages.
-
     Raises:
         ScenarioError: If the gripper has no wires.
     """

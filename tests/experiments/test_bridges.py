@@ -160,5 +160,5 @@ def test_a_machine_that_is_too_slow_is_told_before_the_runs():
 
 
 def test_an_unknown_case_is_named():
-    with pytest.raises(ScenarioError, match="unknown case 'kitchen, ROS 3'"):
+    with pytest.raises(ScenarioError, match="cases: unknown 'kitchen, ROS 3'"):
         cases(cases=["kitchen, ROS 3"])

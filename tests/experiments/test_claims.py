@@ -7,6 +7,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import experiments.runner as ex
+from drake_srg.common.exceptions import ScenarioError
 from experiments.runner.claims import Row, row, rows_of
 
 numbers = st.floats(-1e6, 1e6)
@@ -174,3 +175,36 @@ def test_trials_are_grouped_and_chosen():
     assert trials().where(thing="box").one("slip") == 3.0
     with pytest.raises(ValueError, match="needs one trial, got 2"):
         can.one("slip")
+
+
+@pytest.mark.parametrize(
+    ("bound", "source"),
+    [
+        (ex.at_most(3.0), "own"),
+        (ex.at_most(3.0, source="thesis"), "thesis"),
+        (ex.number(), ""),
+    ],
+)
+def test_every_criterion_has_a_source(bound, source):
+    made = row("can", "slip", 1.0, "mm", bound)
+    assert made.source == source
+    assert Row.from_dict(made.as_dict()) == made
+    assert ("source" in made.as_dict()) == (source == "thesis")
+
+
+def test_reasons_are_counted():
+    found = ex.counts(["slipped", "lost", "slipped"], "trials", least=2.0)
+    slipped, lost = rows_of("all", found, {}, ex.Trials([]))
+    assert (slipped.quantity, slipped.measured, slipped.unit) == (
+        "slipped",
+        2,
+        "trials",
+    )
+    assert (lost.measured, lost.spread) == (1, 2.3)
+
+
+def test_names_are_chosen_or_all_of_them():
+    assert ex.chosen("objects", [], ["mug", "can"]) == ["mug", "can"]
+    assert ex.chosen("objects", ["can"], ["mug", "can"]) == ["can"]
+    with pytest.raises(ScenarioError, match=r"^objects: unknown 'cna' .*'can'"):
+        ex.chosen("objects", ["cna"], ["mug", "can"])

@@ -153,9 +153,11 @@ def test_the_ramp_of_the_client_ends_closed():
     assert [ramp(t) for t in (0.0, 0.4, 20.0, 40.0, 50.0)] == [0.0, 0.01, 0.5, 1.0, 1.0]
 
 
-@pytest.mark.parametrize("name", MESHES)
-def test_meshes_are_closed_and_face_outwards(name):
-    vertices, triangles = MESHES[name]
+@pytest.mark.parametrize("path", MESHES, ids=lambda path: path.stem)
+def test_meshes_are_closed_and_face_outwards(path):
+    lines = [line.split() for line in path.read_text().splitlines()]
+    vertices = np.array([line[1:] for line in lines if line[0] == "v"], dtype=float)
+    triangles = np.array([line[1:] for line in lines if line[0] == "f"], dtype=int) - 1
     edges = {(int(t[i]), int(t[(i + 1) % 3])) for t in triangles for i in range(3)}
     assert edges == {(b, a) for a, b in edges}
     a, b, c = (vertices[triangles[:, i]] for i in range(3))

@@ -117,7 +117,7 @@ def test_an_unknown_name_is_bad_input(folder, measure, capsys):
         assert main([option, "sotf"]) == 2
         (line,) = capsys.readouterr().err.splitlines()
         assert "did you mean 'soft'?" in line
-    with pytest.raises(ScenarioError, match="unknown experiment"):
+    with pytest.raises(ScenarioError, match="--except: unknown 'nothing'"):
         choose(NAMES, [], ["nothing"])
 
 
