@@ -7,9 +7,7 @@ from pydrake.multibody.plant import AddMultibodyPlantSceneGraph
 from pydrake.systems.framework import DiagramBuilder
 
 from drake_srg import types
-from drake_srg.vision.blob_localizer import BlobLocalizer, BlobTarget
-from drake_srg.vision.camera import CameraModel
-from drake_srg.vision.color import ColorRange
+from drake_srg.vision import BlobLocalizer, BlobTarget, CameraModel, ColorRange
 
 SIDES = [0.05, 0.06, 0.1]  # of the box [m]
 
@@ -29,7 +27,7 @@ def main() -> tuple[types.Blob, RigidTransform]:
 
     # The localizer asks for images only when somebody asks for blobs.
     target = BlobTarget("box", types.Box(SIDES), ColorRange.around(RED))
-    model = CameraModel.from_camera(camera)
+    model = CameraModel.from_sensor(camera)
     localizer = builder.AddNamedSystem(
         "localizer", BlobLocalizer([target], {"eye": model})
     )

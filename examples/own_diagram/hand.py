@@ -17,9 +17,9 @@ from pydrake.systems.framework import DiagramBuilder
 from pydrake.systems.primitives import ConstantVectorSource, TrajectorySource
 from pydrake.trajectories import PiecewisePolynomial
 
-from drake_srg.gripper.drivers import AddSrgPositionDriver
+from drake_srg.gripper import AddSrgPositionDriver
 from drake_srg.parsing import AddModel
-from drake_srg.recording.recording import AddRecording
+from drake_srg.recording import AddRecording
 
 
 def main(out: Path) -> float:

@@ -12,20 +12,11 @@ from pydrake.planning import RobotDiagramBuilder
 from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import DiagramBuilder
 
-from drake_srg import types
-from drake_srg.arm.driver import AddArmDriver
-from drake_srg.arm.drivers import ArmPositionDriver
-from drake_srg.gripper.drivers import AddSrgPositionDriver
+from drake_srg import planning, types, vision
+from drake_srg.arm import AddArmDriver, ArmPositionDriver
+from drake_srg.gripper import AddSrgPositionDriver
 from drake_srg.parsing import AddModel
-from drake_srg.planning.grasps.srg_hand import SrgHand
-from drake_srg.planning.motion.planning_scene import PlanningScene
-from drake_srg.planning.pick_and_place.planner import PickAndPlacePlanner
-from drake_srg.planning.pick_and_place.task_motions import TaskPlanner
-from drake_srg.planning.planner_machine import PickAndPlace
-from drake_srg.recording.recording import AddRecording
-from drake_srg.vision.blob_localizer import BlobLocalizer, BlobTarget
-from drake_srg.vision.camera import CameraModel
-from drake_srg.vision.color import ColorRange
+from drake_srg.recording import AddRecording
 
 BOX = types.Box([0.05, 0.05, 0.1])
 START, GOAL = RigidTransform([0.6, 0.1, 0.05]), RigidTransform([0.55, -0.35, 0.05])
@@ -57,16 +48,18 @@ def main(out: Path) -> tuple[types.PlannerStatus, float]:
 
     down = RigidTransform(RollPitchYaw(np.pi, 0.0, -np.pi / 2), [0.7, 0.0, 1.55])
     eye = AddCamera(builder, scene_graph, down)
-    target = BlobTarget("box", BOX, ColorRange.around(RED))
-    localizer = BlobLocalizer([target], {"eye": CameraModel.from_sensor(eye)})
+    target = vision.BlobTarget("box", BOX, vision.ColorRange.around(RED))
+    localizer = vision.BlobLocalizer(
+        [target], {"eye": vision.CameraModel.from_sensor(eye)}
+    )
 
     # The planner's model of the cell knows of no box. It also weighs the arm.
-    models, config = RobotDiagramBuilder(time_step=0.0), PickAndPlace()
+    models, config = RobotDiagramBuilder(time_step=0.0), planning.PickAndPlace()
     AddCell(models.plant())
-    scene = PlanningScene(models)
-    hand = SrgHand(config.approaches, config.tilts, config.squeeze)
-    motions = TaskPlanner(scene, hand, np.array(HOME), config)
-    planner = PickAndPlacePlanner(motions, "box", BOX, GOAL, config=config)
+    scene = planning.PlanningScene(models)
+    hand = planning.SrgHand(config.approaches, config.tilts, config.squeeze)
+    motions = planning.TaskPlanner(scene, hand, np.array(HOME), config)
+    planner = planning.PickAndPlacePlanner(motions, "box", BOX, GOAL, config=config)
     for name, system in (("localizer", localizer), ("planner", planner)):
         builder.AddNamedSystem(name, system)
     mover = AddArmDriver(builder, plant, arm, gripper, scene.plant, arm_config)

@@ -13,9 +13,9 @@ from pydrake.systems.framework import DiagramBuilder
 from pydrake.systems.primitives import ConstantVectorSource, TrajectorySource
 from pydrake.trajectories import PiecewisePolynomial
 
-from drake_srg.gripper.drivers import AddSrgPositionDriver
+from drake_srg.gripper import AddSrgPositionDriver
 from drake_srg.parsing import AddModel
-from drake_srg.recording.recording import AddRecording
+from drake_srg.recording import AddRecording
 
 PLACES = {"left": -0.18, "right": 0.18}  # of the hands, along x [m]
 
@@ -72,5 +72,10 @@ def main(out: Path) -> RigidTransform:
 if __name__ == "__main__":
     folder = Path(sys.argv[1] if len(sys.argv) > 1 else "own_two_hands")
     X_WO = main(folder)
-    rise, lean = X_WO.translation()[2] - 0.05, RollPitchYaw(X_WO.rotation()).pitch_angle()
-    print(f"The bar has risen {1e3 * rise:.0f} mm and leans {np.rad2deg(lean):.2f} deg.")
+    rise, lean = (
+        X_WO.translation()[2] - 0.05,
+        RollPitchYaw(X_WO.rotation()).pitch_angle(),
+    )
+    print(
+        f"The bar has risen {1e3 * rise:.0f} mm and leans {np.rad2deg(lean):.2f} deg."
+    )
