@@ -3,24 +3,20 @@
 import dataclasses as dc
 import enum
 import math
-from collections.abc import Mapping
 from typing import Self, TypeAlias
 
 import numpy as np
 import numpy.typing as npt
 from pydrake.math import RigidTransform
 
+from drake_srg.config import Config, positive
+
 Vector: TypeAlias = npt.NDArray[np.float64]
-
-
-def positive(**metadata: object) -> Mapping[str, object]:
-    """Return the metadata of a dataclass field that must be greater than zero."""
-    return {"gt": 0.0, **metadata}
 
 
 # Shapes have defaults and are not frozen because yaml_load_typed fills them in.
 @dc.dataclass
-class Cylinder:
+class Cylinder(Config):
     """A solid cylinder; its axis is the object frame's z."""
 
     radius: float = dc.field(default=0.03, metadata=positive())  # m
@@ -56,7 +52,7 @@ class Cylinder:
 
 
 @dc.dataclass
-class Box:
+class Box(Config):
     """A solid box centred on the object frame."""
 
     # m, along x, y, z
@@ -93,7 +89,7 @@ class Box:
 
 
 @dc.dataclass
-class Sphere:
+class Sphere(Config):
     """A solid ball centred on the object frame."""
 
     radius: float = dc.field(default=0.03, metadata=positive())  # m

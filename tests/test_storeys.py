@@ -10,7 +10,8 @@ PACKAGE = Path(__file__).parents[1] / "drake_srg"
 
 # Rooms on one storey never import each other.
 STOREYS = [
-    {"types", "lifetime", "parsing", "face"},
+    {"config", "face"},
+    {"types", "lifetime", "parsing"},
     {"common"},
     {"arm", "gripper", "vision", "objects"},
     {"planning", "recording"},

@@ -24,9 +24,10 @@ from pydrake.systems.primitives import (
 
 from drake_srg.arm.reference import JerkLimitedReference, JerkLimits
 from drake_srg.common.joint_errors import ArmErrorsConfig, CommandErrors, EncoderErrors
-from drake_srg.common.systems import model_actuators
+from drake_srg.common.systems import AddUnique, model_actuators
+from drake_srg.config import Config, positive
 from drake_srg.lifetime import LeafSystem
-from drake_srg.types import Vector, positive
+from drake_srg.types import Vector
 
 _TICKS = 10_000  # so many commands are checked to fall on steps
 
@@ -164,6 +165,39 @@ class GravityCompensation(LeafSystem):
         )
 
 
+# Natural frequency of a stiff arm [rad/s], and the least position error at which a
+# motor gives all of its torque [rad or m].
+_FREQUENCY = 40.0
+_FULL_TORQUE_ERROR = 0.01
+
+
+def stiff_gains(
+    plant: MultibodyPlant, arm: ModelInstanceIndex, home: Vector
+) -> tuple[Vector, Vector]:
+    """Return gains that hold an arm stiffly, from its inertia and its motors' limits.
+
+    Each joint gets kp = J w² with w = 40 rad/s, but not more than its effort limit over
+    0.01 rad (or m), and kd = 2 sqrt(kp J), which is critical. J is what the joint moves
+    at home: its motor's reflected inertia and all links beyond it, with the gripper.
+
+    Args:
+        plant: Finalized, with the arm and what it carries.
+        arm: The arm's model instance.
+        home: Positions of the joints, shape (N,) [rad or m].
+
+    Returns:
+        kp [N m/rad or N/m] and kd [N m s/rad or N s/m], shape (N,) each.
+    """
+    context = plant.CreateDefaultContext()
+    plant.SetPositions(context, arm, home)
+    inertia = np.diag(plant.CalcMassMatrix(context))
+    joints = [actuator.joint() for actuator in model_actuators(plant, arm)]
+    J = np.array([inertia[joint.velocity_start()] for joint in joints])
+    limits = np.array([a.effort_limit() for a in model_actuators(plant, arm)])
+    kp = np.minimum(J * _FREQUENCY**2, limits / _FULL_TORQUE_ERROR)
+    return kp, 2.0 * np.sqrt(kp * J)
+
+
 @dc.dataclass(frozen=True)
 class ArmSignals:
     """Signals from which a driver's control makes torques.
@@ -184,7 +218,7 @@ class ArmSignals:
 
 
 @dc.dataclass(kw_only=True)
-class ArmDriver(abc.ABC):
+class ArmDriver(Config, abc.ABC):
     """Configuration of an arm driver, which turns joint positions into motion.
 
     A driver derives from this class and implements `AddControl`.
@@ -212,15 +246,30 @@ class ArmDriver(abc.ABC):
     def prepare_plant(self, plant: MultibodyPlant, arm: ModelInstanceIndex) -> None:
         """Change what the driver needs changed in a plant that is not yet finalized.
 
+        The arm starts at `home`.
+
         Raises:
             ValueError: If a list has not one entry per actuated joint of the arm.
         """
         actuators = model_actuators(plant, arm)
         self.check_length("home", self.home, len(actuators))
-        if self.motor_strength != 1.0:
-            for actuator in actuators:
-                limit = self.motor_strength * actuator.effort_limit()
-                actuator.set_effort_limit(limit)
+        for actuator, q in zip(actuators, self.home, strict=True):
+            actuator.joint().set_default_positions([q])
+            limit = self.motor_strength * actuator.effort_limit()
+            actuator.set_effort_limit(limit)
+        if self.weightless:
+            plant.set_gravity_enabled(arm, False)
+
+    def SetGains(self, plant: MultibodyPlant, arm: ModelInstanceIndex) -> None:
+        """Set the gains of an arm's actuators, if the driver uses them.
+
+        Args:
+            plant: Finalized after `prepare_plant`.
+            arm: The arm's model instance.
+
+        Raises:
+            ValueError: If `prepare_plant` was not called.
+        """
 
     @staticmethod
     def check_length(key: str, values: list[float], n: int) -> None:
@@ -265,6 +314,8 @@ def AddArmDriver(
     control_plant: MultibodyPlant,
     config: ArmDriver,
     seed: int = 0,
+    *,
+    name: str = "arm_driver",
 ) -> Diagram:
     """Add the driver of an arm to a diagram and connect it to the (finalized) plant.
 
@@ -295,7 +346,13 @@ def AddArmDriver(
             body, for gravity.
         config: Of the driver.
         seed: Of the errors.
+        name: Of the driver in the diagram. Each needs its own.
+
+    Raises:
+        ValueError: If the name is taken, `prepare_plant` was not called, or the
+            configuration does not fit the arm.
     """
+    config.SetGains(plant, arm)
     inner = DiagramBuilder()
     n = plant.num_positions(arm)
     if config.command_period is None:
@@ -343,18 +400,18 @@ def AddArmDriver(
     )
     config.AddControl(inner, control_plant, names["arm"], signals)
 
-    driver = builder.AddNamedSystem("arm_driver", inner.Build())
-    for name, model in models.items():
-        if driver.HasInputPort(f"{name}_state"):
+    driver = AddUnique(builder, name, inner.Build())
+    for key, model in models.items():
+        if driver.HasInputPort(f"{key}_state"):
             builder.Connect(
-                plant.get_state_output_port(model), driver.GetInputPort(f"{name}_state")
+                plant.get_state_output_port(model), driver.GetInputPort(f"{key}_state")
             )
-    for name, input in (
+    for port, command in (
         ("desired_state", plant.get_desired_state_input_port(arm)),
         ("actuation", plant.get_actuation_input_port(arm)),
     ):
-        if driver.HasOutputPort(name):
-            builder.Connect(driver.GetOutputPort(name), input)
+        if driver.HasOutputPort(port):
+            builder.Connect(driver.GetOutputPort(port), command)
     return driver
 
 
@@ -390,19 +447,26 @@ def AddSampling(inner: DiagramBuilder, torque: OutputPort, period: float) -> Out
     return hold.get_output_port()
 
 
-def AddJerkLimits(builder: DiagramBuilder, config: ArmDriver) -> JerkLimitedReference:
-    """Add `arm_reference`, which makes motion of targets that jump, to a diagram.
+def AddJerkLimits(
+    builder: DiagramBuilder, config: ArmDriver, name: str = "arm_reference"
+) -> JerkLimitedReference:
+    """Add what makes motion of targets that jump to a diagram.
 
     It starts at the driver's home and has the driver's limits and period. Connect its
     `position_commanded` to the driver's.
 
+    Args:
+        builder: Of the diagram.
+        config: Of the driver.
+        name: Of the reference in the diagram.
+
     Raises:
-        ValueError: If there are no limits, or a limit has neither one entry nor one
-            entry per joint.
+        ValueError: If the name is taken, there are no limits, or a limit has neither
+            one entry nor one entry per joint.
     """
     if config.limits is None:
         raise ValueError("arm.limits: must be given where targets jump")
-    return builder.AddNamedSystem(
-        "arm_reference",
-        JerkLimitedReference(np.array(config.home), config.limits, config.period),
+    reference = JerkLimitedReference(
+        np.array(config.home), config.limits, config.period
     )
+    return AddUnique(builder, name, reference)

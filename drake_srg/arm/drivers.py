@@ -8,41 +8,54 @@ from pydrake.multibody.tree import ModelInstanceIndex, PdControllerGains
 from pydrake.systems.framework import DiagramBuilder, OutputPort
 from pydrake.systems.primitives import Adder
 
-from drake_srg.arm.driver import AddSampling, ArmDriver, ArmSignals
+from drake_srg.arm.driver import AddSampling, ArmDriver, ArmSignals, stiff_gains
 from drake_srg.arm.impedance import ArmImpedanceDriver
-from drake_srg.common.systems import AddVelocityFeedforward, model_actuators
+from drake_srg.common.systems import (
+    AddVelocityFeedforward,
+    check_prepared,
+    model_actuators,
+)
+from drake_srg.types import Vector
 
 
 @dc.dataclass(kw_only=True)
 class ArmPositionDriver(ArmDriver):
     """Stiff joint position control with gravity compensation.
 
-    The gains stand for the iiwa's position mode, whose gains KUKA does not publish.
-    Each joint gets kp = J w² and kd = 2 J w (critical) with w = 40 rad/s, where J is
-    the joint's reflected rotor inertia (1.2 to 3.4 kg m²) plus the inertia of the links
-    beyond it in a typical posture. With these gains, 10 N move the flange by less than
-    1 mm. The plant solves this stiff law implicitly, within its effort limits.
+    The plant solves this law implicitly, within its effort limits.
     """
 
-    kp: list[float] = dc.field(
-        default_factory=lambda: [
-            *(9600.0, 9600.0, 7200.0, 7200.0, 2400.0, 2000.0, 1900.0)
-        ],
-        metadata={"ge": 0.0},
-    )  # N m / rad
-    kd: list[float] = dc.field(
-        default_factory=lambda: [480.0, 480.0, 360.0, 360.0, 120.0, 100.0, 95.0],
-        metadata={"ge": 0.0},
-    )  # N m s / rad
+    # Gains, one per joint [N m/rad or N/m] and [N m s/rad or N s/m]. Null: from the
+    # arm's inertia and torques; see `stiff_gains`.
+    kp: list[float] | None = dc.field(default=None, metadata={"ge": 0.0})
+    kd: list[float] | None = dc.field(default=None, metadata={"ge": 0.0})
 
     def prepare_plant(self, plant: MultibodyPlant, arm: ModelInstanceIndex) -> None:
-        """See `ArmDriver`; gives the arm's actuators the driver's gains."""
+        """See `ArmDriver`; makes the arm's actuators PD controllers."""
         super().prepare_plant(plant, arm)
         actuators = model_actuators(plant, arm)
-        self.check_length("kp", self.kp, len(actuators))
-        self.check_length("kd", self.kd, len(actuators))
-        for actuator, kp, kd in zip(actuators, self.kp, self.kd, strict=True):
-            actuator.set_controller_gains(PdControllerGains(p=kp, d=kd))
+        for key, gains in (("kp", self.kp), ("kd", self.kd)):
+            if gains is not None:
+                self.check_length(key, gains, len(actuators))
+        for actuator in actuators:  # gains that `SetGains` replaces
+            actuator.set_controller_gains(PdControllerGains(p=1.0, d=1.0))
+
+    def SetGains(self, plant: MultibodyPlant, arm: ModelInstanceIndex) -> None:
+        """See `ArmDriver`."""
+        check_prepared(plant, arm)
+        kp, kd = self.gains(plant, arm)
+        for i, actuator in enumerate(model_actuators(plant, arm)):
+            actuator.set_controller_gains(PdControllerGains(p=kp[i], d=kd[i]))
+
+    def gains(
+        self, plant: MultibodyPlant, arm: ModelInstanceIndex
+    ) -> tuple[Vector, Vector]:
+        """Return kp and kd, shape (N,) each, for an arm in a finalized plant."""
+        if self.kp is not None and self.kd is not None:
+            return np.array(self.kp), np.array(self.kd)
+        kp, kd = stiff_gains(plant, arm, np.array(self.home))
+        kp = kp if self.kp is None else np.array(self.kp)
+        return kp, kd if self.kd is None else np.array(self.kd)
 
     def AddControl(
         self,
@@ -54,7 +67,8 @@ class ArmPositionDriver(ArmDriver):
         """See `ArmDriver`."""
         desired, torques = signals.desired, []
         if signals.continuous:
-            kd = np.array(self.kd)
+            model = control_plant.GetModelInstanceByName(arm)
+            _, kd = self.gains(control_plant, model)
             desired, torque = AddVelocityFeedforward(inner, desired, kd)
             torques.append(torque)
         if signals.gravity is not None:

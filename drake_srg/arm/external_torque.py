@@ -33,6 +33,7 @@ from pydrake.systems.framework import (
 
 from drake_srg.common.contacts import each_contact
 from drake_srg.common.joint_errors import ArmErrorsConfig, TorqueErrors
+from drake_srg.common.systems import AddUnique
 from drake_srg.lifetime import LeafSystem
 from drake_srg.types import Vector
 
@@ -404,6 +405,7 @@ def AddExternalTorque(
     period: float,
     errors: ArmErrorsConfig | None = None,
     seed: int = 0,
+    prefix: str = "",
 ) -> OutputPort:
     """Add a system that estimates an arm's external torques; return its port.
 
@@ -427,11 +429,12 @@ def AddExternalTorque(
             plant's contacts [s].
         errors: Of the torque sensors.
         seed: Of their noise.
+        prefix: Of the systems' names in the diagram.
 
     Returns:
         The port of the external torques (N) [N m].
     """
-    port = _external_torque(builder, plant, arm, gripper, models_plant, period)
+    port = _external_torque(builder, plant, arm, gripper, models_plant, period, prefix)
     if errors is None or errors.torque_offset == errors.torque_noise == 0.0:
         return port
     limits = [
@@ -439,8 +442,10 @@ def AddExternalTorque(
         for actuator in map(plant.get_joint_actuator, plant.GetJointActuatorIndices())
         if actuator.model_instance() == arm
     ]
-    sensors = builder.AddNamedSystem(
-        "torque_sensors", TorqueErrors(np.array(limits), errors, period, seed)
+    sensors = AddUnique(
+        builder,
+        f"{prefix}torque_sensors",
+        TorqueErrors(np.array(limits), errors, period, seed),
     )
     builder.Connect(port, sensors.get_input_port())
     return sensors.get_output_port()
@@ -453,10 +458,12 @@ def _external_torque(
     gripper: ModelInstanceIndex | None,
     models_plant: MultibodyPlant,
     period: float,
+    prefix: str,
 ) -> OutputPort:
     if not plant.time_step():
-        torques = builder.AddNamedSystem(
-            "contact_torques",
+        torques = AddUnique(
+            builder,
+            f"{prefix}contact_torques",
             ContactTorques(plant, arm, gripper, models_plant, period),
         )
         for source, name in (
@@ -471,8 +478,9 @@ def _external_torque(
             builder.Connect(source, torques.GetInputPort(name))
         return torques.get_output_port()
     instances = [arm] if gripper is None else [arm, gripper]
-    observer = builder.AddNamedSystem(
-        "external_torque_observer",
+    observer = AddUnique(
+        builder,
+        f"{prefix}external_torque_observer",
         ExternalTorqueObserver(
             models_plant,
             [plant.GetModelInstanceName(i) for i in instances],

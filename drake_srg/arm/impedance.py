@@ -23,10 +23,11 @@ from pydrake.systems.framework import (
     DiscreteValues,
 )
 
-from drake_srg.arm.driver import AddSampling, ArmDriver, ArmSignals
+from drake_srg.arm.driver import AddSampling, ArmDriver, ArmSignals, stiff_gains
 from drake_srg.common.systems import model_actuators
+from drake_srg.config import Config, positive
 from drake_srg.lifetime import LeafSystem
-from drake_srg.types import Vector, positive
+from drake_srg.types import Vector
 
 # Directions in which forces move the hand by less than this share of the easiest count
 # as locked: near a singular posture, the null space takes them.
@@ -208,7 +209,7 @@ _POSTURES = 100  # in which stability is checked, besides home
 
 
 @dc.dataclass(kw_only=True)
-class CartesianStiffness:
+class CartesianStiffness(Config):
     """Stiffness of the hand. Ranges and defaults are those of KUKA's Sunrise.OS.
 
     (CartesianImpedanceControlMode: 0 to 5000 N/m, 0 to 300 N m/rad; by default, 2000
@@ -239,12 +240,9 @@ class ArmImpedanceDriver(ArmDriver):
     """
 
     # Stiffness of the joints [N m/rad]; with `cartesian`, only in the null space, which
-    # moves the joints but not the hand. By default a quarter of ArmPositionDriver's,
-    # which are natural frequencies of about 20 rad/s.
-    joint_stiffness: list[float] = dc.field(
-        default_factory=lambda: [2400.0, 2400.0, 1800.0, 1800.0, 600.0, 500.0, 475.0],
-        metadata={"ge": 0.0},
-    )
+    # moves the joints but not the hand. Null: a quarter of `stiff_gains`, which are
+    # natural frequencies of about 20 rad/s.
+    joint_stiffness: list[float] | None = dc.field(default=None, metadata={"ge": 0.0})
     # Stiffness of the hand; null: the joints' alone.
     cartesian: CartesianStiffness | None = None
     # 1 is critical. Range and default of Sunrise.OS.
@@ -257,9 +255,9 @@ class ArmImpedanceDriver(ArmDriver):
         """See `ArmDriver`."""
         super().prepare_plant(plant, arm)
         n = len(model_actuators(plant, arm))
-        self.check_length("joint_stiffness", self.joint_stiffness, n)
-        if self.max_torque is not None:
-            self.check_length("max_torque", self.max_torque, n)
+        for key in ("joint_stiffness", "max_torque"):
+            if (values := getattr(self, key)) is not None:
+                self.check_length(key, values, n)
 
     def AddControl(
         self,
@@ -296,7 +294,12 @@ class ArmImpedanceDriver(ArmDriver):
         inner.ExportOutput(torque, "actuation")
 
     def _spring(self, plant: MultibodyPlant, arm: str) -> Spring:
-        joints = JointSpring(plant, arm, np.array(self.joint_stiffness))
+        if self.joint_stiffness is None:
+            model = plant.GetModelInstanceByName(arm)
+            stiffness = 0.25 * stiff_gains(plant, model, np.array(self.home))[0]
+        else:
+            stiffness = np.array(self.joint_stiffness)
+        joints = JointSpring(plant, arm, stiffness)
         if self.cartesian is None:
             return joints
         try:

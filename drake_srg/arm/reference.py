@@ -6,8 +6,9 @@ import numpy as np
 import ruckig
 from pydrake.systems.framework import BasicVector, Context, DiscreteValues
 
+from drake_srg.config import Config, positive
 from drake_srg.lifetime import LeafSystem
-from drake_srg.types import Vector, positive
+from drake_srg.types import Vector
 
 
 def _degrees(x: float) -> list[float]:
@@ -15,7 +16,7 @@ def _degrees(x: float) -> list[float]:
 
 
 @dc.dataclass(kw_only=True)
-class JerkLimits:
+class JerkLimits(Config):
     """Limits of the joints' motion: one entry for all joints, or one per joint.
 
     The defaults are those of the SRG thesis for the iiwa: 110 degrees/s, 40 degrees/s²

@@ -15,6 +15,7 @@ from pydrake.systems.framework import (
 )
 
 from drake_srg.common.systems import value_or_none
+from drake_srg.config import Config
 from drake_srg.lifetime import LeafSystem
 from drake_srg.types import Vector
 
@@ -23,7 +24,7 @@ VELOCITY_WINDOW = 0.05
 
 
 @dc.dataclass(kw_only=True)
-class JointErrorsConfig:
+class JointErrorsConfig(Config):
     """Imperfections of a drive and its encoders. At 0, each has no effect."""
 
     # Delay from a command to its effect [s], rounded up to whole driver periods.

@@ -16,7 +16,7 @@ import importlib.metadata
 import inspect
 import sys
 from collections.abc import Callable, Sequence
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 from pydrake.multibody.plant import MultibodyPlant
@@ -34,6 +34,8 @@ from pydrake.systems.framework import (
 from pydrake.systems.primitives import MatrixGain
 
 from drake_srg.types import Vector
+
+SystemT = TypeVar("SystemT", bound=System)
 
 # The first version found to differ from 1.51.1, and what to install for it.
 NEWER_DRAKE = "drake >= 1.58 (Python 3.12+)"
@@ -132,6 +134,38 @@ def made_for_floats(template: Any, module: str) -> Callable[[str], Any]:
         return made
 
     return get
+
+
+def AddUnique(builder: DiagramBuilder, name: str, system: SystemT) -> SystemT:
+    """Add a system to a diagram under a name that nothing else has.
+
+    Drake would end the process once the diagram is built.
+
+    Raises:
+        ValueError: If the name is taken.
+    """
+    if builder.HasSubsystemNamed(name):
+        raise ValueError(
+            f"{name}: the diagram already has a system of this name (allowed: another "
+            "`name`)"
+        )
+    added: SystemT = builder.AddNamedSystem(name, system)
+    return added
+
+
+def check_prepared(plant: MultibodyPlant, model: ModelInstanceIndex) -> None:
+    """Check that a model's actuators have the gains of PD controllers.
+
+    Raises:
+        ValueError: If one has not.
+    """
+    for actuator in model_actuators(plant, model):
+        if not actuator.has_controller():
+            name = plant.GetModelInstanceName(model)
+            raise ValueError(
+                f"{name}: actuator {actuator.name()} has no gains: call the "
+                "configuration's prepare_plant before the plant is finalized"
+            )
 
 
 def export_outputs(builder: DiagramBuilder, system: System) -> None:

@@ -6,6 +6,7 @@ from collections.abc import Mapping, Sequence
 from typing import ClassVar, Protocol
 
 import numpy as np
+from pydrake.geometry import SceneGraph
 from pydrake.multibody.plant import MultibodyPlant
 from pydrake.multibody.tree import ModelInstanceIndex
 from pydrake.systems.framework import (
@@ -21,7 +22,8 @@ from pydrake.systems.primitives import MatrixGain
 
 from drake_srg.common.exceptions import ScenarioError
 from drake_srg.common.joint_errors import AddEncoderNoise, AddLatency, JointErrorsConfig
-from drake_srg.common.systems import output_ports
+from drake_srg.common.systems import AddUnique, check_prepared, output_ports
+from drake_srg.config import Config, positive
 from drake_srg.gripper.sensors import (
     FingerLayout,
     FingerSensorConfig,
@@ -31,11 +33,11 @@ from drake_srg.gripper.sensors import (
 from drake_srg.gripper.servo import GripperServoConfig
 from drake_srg.gripper.tendon import MotorTemperatureConfig, TendonDriveConfig
 from drake_srg.lifetime import LeafSystem
-from drake_srg.types import Vector, positive
+from drake_srg.types import Vector
 
 
 @dc.dataclass(kw_only=True)
-class GraspDetectorConfig:
+class GraspDetectorConfig(Config):
     """When a grasp counts."""
 
     # All fingers must fire for this long [s]: the arm thesis's post-contact delay.
@@ -113,7 +115,7 @@ PLANT_INPUTS = (
 
 
 @dc.dataclass(kw_only=True)
-class FingerSensingConfig:
+class FingerSensingConfig(Config):
     """The sensors of a gripper; the driver's configuration adds their `layout`.
 
     Each field that is a `FingerSensorConfig` is a sensor; None leaves it out.
@@ -357,16 +359,26 @@ class GripperDriver(FingerSensingConfig, abc.ABC):
         plant: MultibodyPlant,
         gripper: ModelInstanceIndex,
         seed: int = 0,
+        *,
+        name: str = "gripper_driver",
+        scene_graph: SceneGraph | None = None,
     ) -> Diagram:
-        """Add the driver `gripper_driver` to a diagram and connect it to the plant.
+        """Add the driver to a diagram and connect it to the plant.
 
-        The caller connects `query_object` to the scene graph, and the commands.
+        The caller connects the commands.
 
         Args:
             builder: Of the diagram.
             plant: With the gripper, finalized.
             gripper: Its model instance.
             seed: Of the encoders' noise.
+            name: Of the driver in the diagram. Each needs its own.
+            scene_graph: What the driver's `query_object`, if it has one, is connected
+                to; None: the caller connects it.
+
+        Raises:
+            ValueError: If the name is taken, or the driver controls PD actuators and
+                `prepare_plant` was not called.
         """
         inner = DiagramBuilder()
         period = self.servo.period
@@ -374,13 +386,19 @@ class GripperDriver(FingerSensingConfig, abc.ABC):
             inner, plant, gripper, self, period=period, seed=seed
         )
         control = self.AddControl(inner, plant, gripper, sensing)
-        for name, command in control.inputs.items():
-            latency = self.errors.latency if name in _DELAYED else 0.0
-            inner.ExportInput(AddLatency(inner, command, latency, period), name)
-        for name, output in control.outputs.items():
-            inner.ExportOutput(output, name)
-        driver = builder.AddNamedSystem("gripper_driver", inner.Build())
-        for output, name in (
+        for port, command in control.inputs.items():
+            latency = self.errors.latency if port in _DELAYED else 0.0
+            inner.ExportInput(AddLatency(inner, command, latency, period), port)
+        for port, output in control.outputs.items():
+            inner.ExportOutput(output, port)
+        if "desired_state" in control.outputs:
+            check_prepared(plant, gripper)
+        driver = AddUnique(builder, name, inner.Build())
+        if scene_graph is not None and driver.HasInputPort("query_object"):
+            builder.Connect(
+                scene_graph.get_query_output_port(), driver.GetInputPort("query_object")
+            )
+        for output, port in (
             (plant.get_state_output_port(gripper), "plant_state"),
             (plant.get_contact_results_output_port(), "contact_results"),
             (plant.get_body_poses_output_port(), "body_poses"),
@@ -393,12 +411,12 @@ class GripperDriver(FingerSensingConfig, abc.ABC):
                 "body_spatial_accelerations",
             ),
         ):
-            if driver.HasInputPort(name):
-                builder.Connect(output, driver.GetInputPort(name))
-        for name, command in (
+            if driver.HasInputPort(port):
+                builder.Connect(output, driver.GetInputPort(port))
+        for port, command in (
             ("actuation", plant.get_actuation_input_port(gripper)),
             ("desired_state", plant.get_desired_state_input_port(gripper)),
         ):
-            if driver.HasOutputPort(name):
-                builder.Connect(driver.GetOutputPort(name), command)
+            if driver.HasOutputPort(port):
+                builder.Connect(driver.GetOutputPort(port), command)
         return driver

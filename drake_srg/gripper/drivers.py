@@ -1,5 +1,6 @@
 """Gripper drivers by their tags in scenario files."""
 
+from pydrake.geometry import SceneGraph
 from pydrake.multibody.plant import MultibodyPlant
 from pydrake.multibody.tree import ModelInstanceIndex
 from pydrake.systems.framework import Diagram, DiagramBuilder
@@ -49,6 +50,9 @@ def AddGripperDriver(
     gripper: ModelInstanceIndex,
     config: GripperDriver,
     seed: int = 0,
+    *,
+    name: str = "gripper_driver",
+    scene_graph: SceneGraph | None = None,
 ) -> Diagram:
     """Add the driver of a configuration; see the drivers for their ports.
 
@@ -58,9 +62,12 @@ def AddGripperDriver(
         gripper: Its model instance.
         config: Of the driver; its class chooses the driver.
         seed: Of the encoders' noise.
+        name: Of the driver in the diagram.
+        scene_graph: See `GripperDriver.AddDriver`.
 
     Raises:
         ScenarioError: If the gripper lacks joints that the driver commands.
+        ValueError: See `GripperDriver.AddDriver`.
     """
 
     def fits(driver: type[GripperDriver]) -> bool:
@@ -73,4 +80,6 @@ def AddGripperDriver(
             f"gripper: !{type(config).__name__} does not fit the model; "
             f"allowed: {', '.join(fitting) or 'none'}"
         )
-    return config.AddDriver(builder, plant, gripper, seed)
+    return config.AddDriver(
+        builder, plant, gripper, seed, name=name, scene_graph=scene_graph
+    )

@@ -4,6 +4,7 @@ import dataclasses as dc
 from typing import ClassVar
 
 import numpy as np
+from pydrake.geometry import SceneGraph
 from pydrake.multibody.plant import MultibodyPlant
 from pydrake.multibody.tree import ModelInstanceIndex
 from pydrake.systems.framework import (
@@ -15,12 +16,13 @@ from pydrake.systems.framework import (
 )
 
 from drake_srg.common.systems import value_or_none
+from drake_srg.config import Config, positive
 from drake_srg.gripper.driver import FingerSensing, GripperControl, GripperDriver
 from drake_srg.gripper.joint_servos import AddJointServos, SetPlantServos
 from drake_srg.gripper.sensors import LINKAGE_FINGERS, FingerLayout, ProximityConfig
 from drake_srg.gripper.servo import PLANT_LAW, GripperServoConfig
 from drake_srg.lifetime import LeafSystem
-from drake_srg.types import Vector, positive
+from drake_srg.types import Vector
 
 # Entries of the discrete state: reference angles and speeds of both cranks, the time
 # when these were chosen, the last closure, and whether something is gripped.
@@ -31,7 +33,7 @@ SLAVE_GAIN = 20.0
 
 
 @dc.dataclass(kw_only=True)
-class MasterSlaveConfig:
+class MasterSlaveConfig(Config):
     """How the fingers move, with the arm thesis's values."""
 
     # Crank angle of the master that closure 1 asks for [rad]: a little beyond 0.681,
@@ -78,7 +80,8 @@ class MasterSlaveReference(LeafSystem):
     * While `hold` (1) is nonzero, both stand still and keep their grip.
 
     `reference` (6) is [q; v; a] in rad, rad/s, rad/s² for a servo. q is continuous in
-    time and within 0 .. full_scale; a is zero.
+    time and within 0 .. full_scale; a is zero. When a simulation starts, q is where the
+    cranks are.
     """
 
     def __init__(self, config: MasterSlaveConfig | None = None) -> None:
@@ -101,9 +104,17 @@ class MasterSlaveReference(LeafSystem):
             calc=self._calc_reference,
             prerequisites_of_calc={self.time_ticket(), self.xd_ticket()},
         )
+        self.DeclareInitializationDiscreteUpdateEvent(self._initialize)
         self.DeclarePeriodicDiscreteUpdateEvent(
             period_sec=self.config.period, offset_sec=0.0, update=self._update
         )
+
+    def _initialize(self, context: Context, discrete_state: DiscreteValues) -> None:
+        config = self.config
+        angles = np.clip(self._measured.Eval(context)[:2], 0.0, config.full_scale)
+        closure = angles[0] / config.full_scale
+        time = context.get_time()
+        discrete_state.set_value([*angles, 0.0, 0.0, time, closure, 0.0])
 
     def _update(self, context: Context, discrete_state: DiscreteValues) -> None:
         config, time = self.config, context.get_time()
@@ -234,6 +245,9 @@ def AddLinkageDriver(
     gripper: ModelInstanceIndex,
     config: LinkageDriver | None = None,
     seed: int = 0,
+    *,
+    name: str = "gripper_driver",
+    scene_graph: SceneGraph | None = None,
 ) -> Diagram:
     """Add the driver of a linkage gripper and connect it to the (finalized) plant.
 
@@ -267,5 +281,10 @@ def AddLinkageDriver(
         gripper: Its model instance.
         config: Of the driver.
         seed: Of the encoders' noise.
+        name: Of the driver in the diagram.
+        scene_graph: See `GripperDriver.AddDriver`.
     """
-    return (config or LinkageDriver()).AddDriver(builder, plant, gripper, seed)
+    config = config or LinkageDriver()
+    return config.AddDriver(
+        builder, plant, gripper, seed, name=name, scene_graph=scene_graph
+    )

@@ -4,6 +4,7 @@ import dataclasses as dc
 from typing import ClassVar
 
 import numpy as np
+from pydrake.geometry import SceneGraph
 from pydrake.multibody.plant import MultibodyPlant
 from pydrake.multibody.tree import ModelInstanceIndex
 from pydrake.systems.framework import Context, Diagram, DiagramBuilder, DiscreteValues
@@ -16,6 +17,7 @@ from drake_srg.common.systems import (
     model_actuators,
     value_or_none,
 )
+from drake_srg.config import positive
 from drake_srg.gripper.driver import (
     FingerSensing,
     GraspDetectorConfig,
@@ -28,7 +30,7 @@ from drake_srg.gripper.servo import GripperServoConfig
 from drake_srg.gripper.srg_position_driver import SrgPositionDriver
 from drake_srg.gripper.tendon import empty_hand
 from drake_srg.gripper.underactuation import UnderactuationConfig, UnderactuationLogic
-from drake_srg.types import Vector, positive
+from drake_srg.types import Vector
 
 
 class PlantServoLogic(UnderactuationLogic):
@@ -214,6 +216,9 @@ def AddPlantServoDriver(
     gripper: ModelInstanceIndex,
     config: PlantServoDriver | None = None,
     seed: int = 0,
+    *,
+    name: str = "gripper_driver",
+    scene_graph: SceneGraph | None = None,
 ) -> Diagram:
     """Add the driver of an SRG to a diagram and connect it to the (finalized) plant.
 
@@ -251,5 +256,10 @@ def AddPlantServoDriver(
         gripper: Its model instance.
         config: Of the driver.
         seed: Of the encoders' noise.
+        name: Of the driver in the diagram.
+        scene_graph: See `GripperDriver.AddDriver`.
     """
-    return (config or PlantServoDriver()).AddDriver(builder, plant, gripper, seed)
+    config = config or PlantServoDriver()
+    return config.AddDriver(
+        builder, plant, gripper, seed, name=name, scene_graph=scene_graph
+    )

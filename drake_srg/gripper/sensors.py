@@ -20,9 +20,10 @@ from pydrake.systems.framework import (
 )
 
 from drake_srg.common.contacts import Contact, each_contact
+from drake_srg.config import Config, positive
 from drake_srg.gripper.underactuation import FINGERS, JOINT_NAMES
 from drake_srg.lifetime import LeafSystem
-from drake_srg.types import Vector, positive
+from drake_srg.types import Vector
 
 # Inner normal of every link with a sensor, in the link's frame: y points to the closing
 # side.
@@ -92,7 +93,7 @@ LINKAGE_FINGERS = FingerLayout(
 )
 
 
-class FingerSensorConfig(abc.ABC):
+class FingerSensorConfig(Config, abc.ABC):
     """Configuration of a sensor in the fingers; derive a dataclass from it.
 
     A field of this type in a driver's configuration adds the sensor to that driver. See

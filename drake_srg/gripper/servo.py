@@ -24,8 +24,9 @@ from pydrake.systems.scalar_conversion import TemplateSystem
 
 from drake_srg.common.srg_geometry import SRG
 from drake_srg.common.systems import made_for_floats, value_or_none
+from drake_srg.config import Config, positive
 from drake_srg.lifetime import LeafSystem, collectable
-from drake_srg.types import Vector, positive
+from drake_srg.types import Vector
 
 # Columns of the discrete state, which has one row per joint.
 _START, _DURATION, _TARGET = 0, 1, 2
@@ -36,7 +37,7 @@ _PEAK_TO_MEAN_SPEED = 15.0 / 8.0
 
 
 @dc.dataclass(kw_only=True)
-class MinimumJerkConfig:
+class MinimumJerkConfig(Config):
     """How fast the reference moves."""
 
     # Peak speed of a rest-to-rest motion [rad/s].
@@ -87,6 +88,7 @@ class MinimumJerkReference(LeafSystem):
         name: MinimumJerkReference
         input_ports:
         - position_desired
+        - state_measured (optional)
         output_ports:
         - reference
 
@@ -96,10 +98,12 @@ class MinimumJerkReference(LeafSystem):
     target. It takes the longer of `config.min_duration` and the time that keeps a
     rest-to-rest motion below `config.max_velocity`.
 
-    `reference` (3n) is [q; v; a] in rad, rad/s, rad/s², continuous in time.
+    `reference` (3n) is [q; v; a] in rad, rad/s, rad/s², continuous in time. When a
+    simulation starts, it rests where the joints are, according to `state_measured`
+    (2n), [q; v].
 
     Args:
-        initial_position: Of the joints, shape (n,) [rad].
+        initial_position: Where it rests without `state_measured`, shape (n,) [rad].
         config: How fast the reference moves.
     """
 
@@ -114,6 +118,7 @@ class MinimumJerkReference(LeafSystem):
         rows[:, _TARGET] = initial_position
         rows[:, 3] = initial_position
         self._desired = self.DeclareVectorInputPort(name="position_desired", size=n)
+        self._measured = self.DeclareVectorInputPort(name="state_measured", size=2 * n)
         self.DeclareDiscreteState(rows.flatten())
         self.DeclareVectorOutputPort(
             name="reference",
@@ -134,16 +139,25 @@ class MinimumJerkReference(LeafSystem):
             context: This system's.
             position: Of the joints, shape (n,) [rad].
         """
+        context.SetDiscreteState(self._at_rest(context, position))
+
+    def _initialize(self, context: Context, discrete_state: DiscreteValues) -> None:
+        measured = value_or_none(self._measured, context)
+        if measured is None:
+            rows = self._rows(context)
+            rows[:, _START] = context.get_time()
+            discrete_state.set_value(rows.flatten())
+        else:
+            discrete_state.set_value(self._at_rest(context, measured[: self._n]))
+
+    def _at_rest(self, context: Context, position: Vector) -> Vector:
+        """Return the state of a reference that rests at a position, shape (9n,)."""
         rows = self._rows(context)
+        rows[:, _START] = context.get_time()
         rows[:, _TARGET] = position
         rows[:, _COEFFICIENTS] = 0.0
         rows[:, 3] = position
-        context.SetDiscreteState(rows.flatten())
-
-    def _initialize(self, context: Context, discrete_state: DiscreteValues) -> None:
-        rows = self._rows(context)
-        rows[:, _START] = context.get_time()
-        discrete_state.set_value(rows.flatten())
+        return rows.flatten()
 
     def _update(self, context: Context, discrete_state: DiscreteValues) -> None:
         rows, time = self._rows(context).tolist(), context.get_time()
@@ -190,17 +204,17 @@ PLANT_LAW = "plant"  # `pid` without integral, solved by the plant: `PlantJointS
 
 
 @dc.dataclass(kw_only=True)
-class GripperServoConfig:
+class GripperServoConfig(Config):
     """Gains of n servos. PWM is a fraction of full scale, -1 .. 1."""
 
-    kp: list[float]  # K_P [1/rad]
+    kp: list[float] = dc.field(metadata={"ge": 0.0})  # K_P [1/rad]
     # K_I [1/(rad s)]. Zero suits the SRG: an integral would wind up the position
     # error that Algorithm 1 leaves on purpose, to press on the object.
     # In the laws `printed` and `literal`, where it multiplies e q' [s/rad²].
-    ki: list[float]
+    ki: list[float] = dc.field(metadata={"ge": 0.0})
     # K_D [s/rad]. In the laws `printed` and `literal`, where it multiplies e / q'
     # [1/s].
-    kd: list[float]
+    kd: list[float] = dc.field(metadata={"ge": 0.0})
     kff1: list[float]  # K_FF1, on the reference's velocity [s/rad]
     kff2: list[float]  # K_FF2, on the reference's acceleration [s²/rad]
     law: str = dc.field(default="pid", metadata={"among": (*LAWS, PLANT_LAW)})
@@ -307,10 +321,6 @@ def GripperServo_(T: Any) -> Any:  # noqa: D103 (the class below is the document
                 raise ValueError(
                     "kp, ki, kd, kff1, kff2: need one entry per motor each, got "
                     f"{[len(gain) for gain in gains]}"
-                )
-            if config.pwm_steps < 0:
-                raise ValueError(
-                    f"pwm_steps: must be at least 0, got {config.pwm_steps}"
                 )
             if config.pwm_steps and T is AutoDiffXd:
                 raise ValueError(

@@ -4,11 +4,13 @@ import dataclasses as dc
 from typing import ClassVar
 
 import numpy as np
+from pydrake.geometry import SceneGraph
 from pydrake.multibody.plant import MultibodyPlant
 from pydrake.multibody.tree import ModelInstanceIndex
 from pydrake.systems.framework import Diagram, DiagramBuilder
 
 from drake_srg.common.systems import input_ports
+from drake_srg.config import positive
 from drake_srg.gripper.driver import FingerSensing, GripperControl, GripperDriver
 from drake_srg.gripper.joint_servos import AddJointServos, SetPlantServos
 from drake_srg.gripper.sensors import SRG_FINGERS, FingerLayout
@@ -24,7 +26,7 @@ from drake_srg.gripper.underactuation import (
     UnderactuationConfig,
     UnderactuationLogic,
 )
-from drake_srg.types import Vector, positive
+from drake_srg.types import Vector
 
 
 def _default_servo() -> GripperServoConfig:
@@ -103,7 +105,10 @@ class SrgPositionDriver(GripperDriver):
         )
         inner.Connect(sensing.state_measured, logic.GetInputPort("state_measured"))
         inner.Connect(sensing.triggered, logic.GetInputPort("triggered"))
-        inner.Connect(logic.get_output_port(), reference.get_input_port())
+        inner.Connect(sensing.state_measured, reference.GetInputPort("state_measured"))
+        inner.Connect(
+            logic.get_output_port(), reference.GetInputPort("position_desired")
+        )
         servos = AddJointServos(
             inner,
             plant,
@@ -126,6 +131,9 @@ def AddSrgPositionDriver(
     gripper: ModelInstanceIndex,
     config: SrgPositionDriver | None = None,
     seed: int = 0,
+    *,
+    name: str = "gripper_driver",
+    scene_graph: SceneGraph | None = None,
 ) -> Diagram:
     """Add the driver of an SRG to a diagram and connect it to the (finalized) plant.
 
@@ -154,8 +162,9 @@ def AddSrgPositionDriver(
 
     `plant_state`, `contact_results`, `body_poses` and `actuation`, the joint torques
     [N m] in the order of the gripper's actuators, are connected here, and so is
-    `desired_state` (8), [q; v] of the plant's PD actuators in that order. The caller
-    connects `query_object` to the scene graph. The other ports:
+    `desired_state` (8), [q; v] of the plant's PD actuators in that order. So is
+    `query_object`, given the scene graph. The fingers move from where they start. The
+    other ports:
 
     * `closure_commanded` (1): 0 open .. 1 closed;
     * `joint_position_commanded` (4) [rad]: a finite entry overrides what closure asks
@@ -177,5 +186,10 @@ def AddSrgPositionDriver(
         gripper: Its model instance.
         config: Of the driver.
         seed: Of the encoders' noise.
+        name: Of the driver in the diagram.
+        scene_graph: See `GripperDriver.AddDriver`.
     """
-    return (config or SrgPositionDriver()).AddDriver(builder, plant, gripper, seed)
+    config = config or SrgPositionDriver()
+    return config.AddDriver(
+        builder, plant, gripper, seed, name=name, scene_graph=scene_graph
+    )

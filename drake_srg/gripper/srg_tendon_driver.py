@@ -5,6 +5,7 @@ import math
 from typing import ClassVar
 
 import numpy as np
+from pydrake.geometry import SceneGraph
 from pydrake.multibody.plant import MultibodyPlant
 from pydrake.multibody.tree import ModelInstanceIndex
 from pydrake.systems.framework import Context, Diagram, DiagramBuilder, DiscreteValues
@@ -12,6 +13,7 @@ from pydrake.systems.primitives import MatrixGain
 
 from drake_srg.common.srg_geometry import SRG
 from drake_srg.common.systems import joint_to_actuator, model_actuators, value_or_none
+from drake_srg.config import Config, positive
 from drake_srg.gripper.driver import (
     FingerSensing,
     GripperControl,
@@ -33,11 +35,11 @@ from drake_srg.gripper.tendon import (
     empty_hand,
 )
 from drake_srg.lifetime import LeafSystem
-from drake_srg.types import Vector, positive
+from drake_srg.types import Vector
 
 
 @dc.dataclass(kw_only=True)
-class SpoolCommandConfig:
+class SpoolCommandConfig(Config):
     """How closure becomes a spool angle."""
 
     # Base plus tip angle that closure 1 asks of an empty hand [rad], and the limit of
@@ -77,6 +79,7 @@ class SpoolCommand(LeafSystem):
         - hold (optional)
         - motor_position_commanded (optional)
         - motor_torque_commanded (optional)
+        - taut_state (optional)
         output_ports:
         - angle_desired
         - torque_desired
@@ -93,6 +96,8 @@ class SpoolCommand(LeafSystem):
       the spool, so that position control can take over from there.
     * `motor_position_commanded` (1): a finite spool angle [rad].
     * `closure_commanded` (1): 0 open .. 1 closed, clipped, NaN ignored.
+
+    When a simulation starts, the target is the angle of `taut_state` (2).
 
     Args:
         spool_radius: [m].
@@ -116,14 +121,21 @@ class SpoolCommand(LeafSystem):
                 ("motor_torque_commanded", 1),
             )
         )
+        self._taut = self.DeclareVectorInputPort(name="taut_state", size=2)
         self._target, self._torque, self._holding = (
             self.DeclareDiscreteState([value]) for value in (0.0, np.nan, 0.0)
         )
         self.DeclareStateOutputPort("angle_desired", self._target)
         self.DeclareStateOutputPort("torque_desired", self._torque)
+        self.DeclareInitializationDiscreteUpdateEvent(self._initialize)
         self.DeclarePeriodicDiscreteUpdateEvent(
             period_sec=self.config.period, offset_sec=0.0, update=self._update
         )
+
+    def _initialize(self, context: Context, discrete_state: DiscreteValues) -> None:
+        taut = value_or_none(self._taut, context)
+        if taut is not None:
+            discrete_state.set_value(self._target, taut[:1])
 
     def _update(self, context: Context, discrete_state: DiscreteValues) -> None:
         target, torque, was_holding = (
@@ -320,8 +332,13 @@ class SrgTendonDriver(GripperDriver):
         motor_state = drive.GetOutputPort("motor_state")
         for source, target in (
             (motor_state, command.GetInputPort("motor_state")),
+            (drive.GetOutputPort("taut_state"), command.GetInputPort("taut_state")),
+            (
+                drive.GetOutputPort("taut_state"),
+                reference.GetInputPort("state_measured"),
+            ),
             (sensing.triggered, command.GetInputPort("triggered")),
-            (angle, reference.get_input_port()),
+            (angle, reference.GetInputPort("position_desired")),
             (angle, servo.GetInputPort("position_desired")),
             (torque, servo.GetInputPort("torque_commanded")),
             (reference.get_output_port(), servo.GetInputPort("reference")),
@@ -379,6 +396,9 @@ def AddSrgTendonDriver(
     gripper: ModelInstanceIndex,
     config: SrgTendonDriver | None = None,
     seed: int = 0,
+    *,
+    name: str = "gripper_driver",
+    scene_graph: SceneGraph | None = None,
 ) -> Diagram:
     """Add the driver of an SRG to a diagram and connect it to the (finalized) plant.
 
@@ -430,8 +450,13 @@ def AddSrgTendonDriver(
         gripper: Its model instance.
         config: Of the driver.
         seed: Of the encoders' noise.
+        name: Of the driver in the diagram.
+        scene_graph: See `GripperDriver.AddDriver`.
 
     Raises:
         ValueError: If `SetTendonDynamics` was not called, or the plant is continuous.
     """
-    return (config or SrgTendonDriver()).AddDriver(builder, plant, gripper, seed)
+    config = config or SrgTendonDriver()
+    return config.AddDriver(
+        builder, plant, gripper, seed, name=name, scene_graph=scene_graph
+    )

@@ -26,9 +26,10 @@ from pydrake.systems.scalar_conversion import TemplateSystem
 
 from drake_srg.common.exceptions import ScenarioError
 from drake_srg.common.systems import made_for_floats
+from drake_srg.config import Config, positive
 from drake_srg.gripper.underactuation import FINGERS
 from drake_srg.lifetime import LeafSystem, collectable, weak
-from drake_srg.types import Vector, positive
+from drake_srg.types import Vector
 
 # Coefficients, lowest power first [m, m/rad, ...].
 _BASE = (
@@ -93,7 +94,7 @@ WIRE_PRESLIDING = 1e-4
 
 
 @dc.dataclass(kw_only=True)
-class DriveFrictionConfig:
+class DriveFrictionConfig(Config):
     """Friction of gears and wires. Off by default: no data sheet states any of it."""
 
     # Friction of the gear train at the spool: a constant part [N m] and a share of the
@@ -153,7 +154,7 @@ def passed_on(state: Any, friction: float) -> Any:
 
 
 @dc.dataclass(kw_only=True)
-class TorsionSpringConfig:
+class TorsionSpringConfig(Config):
     """A spring in a hinge that opens the finger."""
 
     # Torque at 0 rad, with the finger open and straight [N m].
@@ -162,7 +163,7 @@ class TorsionSpringConfig:
 
 
 @dc.dataclass(kw_only=True)
-class TendonDriveConfig:
+class TendonDriveConfig(Config):
     """Motor, wires and springs. The defaults are the SRG's with a Dynamixel MX-64."""
 
     # Data sheet of the MX-64, at 12 V: stall torque [N m] and no-load speed [rad/s].
@@ -271,13 +272,16 @@ def TendonDrive_(T: Any) -> Any:  # noqa: D103 (the class below is the documenta
             output_ports:
             - joint_torque
             - motor_state
+            - taut_state
             - wire_force
 
         `pwm` (1) is a fraction of full scale. `state_measured` (8) is [q; v] of the
         finger joints in rad, rad/s. Joints, also of `joint_torque` (4) [N m], are
         ordered left base, right base, left tip, right tip. `motor_state` (2) is
         [angle; speed] of the spool in rad, rad/s; the angle is 0 where the wires are
-        taut with the fingers open. `wire_force` (2) [N] is that of the left and the
+        taut with the fingers open. `taut_state` (2) is that of a spool at rest whose
+        wires are just taut, or one of them if the fingers differ. There the spool is
+        when a simulation starts. `wire_force` (2) [N] is that of the left and the
         right wire.
 
         The motor is a DC motor, so the servo's limit of the PWM limits its torque at
@@ -331,6 +335,7 @@ def TendonDrive_(T: Any) -> Any:  # noqa: D103 (the class below is the documenta
             for name, size, calc, prerequisites in (
                 ("joint_torque", 4, self._calc_joint_torque, moving),
                 ("motor_state", 2, self._calc_motor_state, {self.xd_ticket()}),
+                ("taut_state", 2, self._calc_taut_state, {self._measured.ticket()}),
                 ("wire_force", 2, self._calc_wire_force, {entry.ticket()}),
             ):
                 self.DeclareVectorOutputPort(
@@ -339,6 +344,7 @@ def TendonDrive_(T: Any) -> Any:  # noqa: D103 (the class below is the documenta
                     calc=weak(calc),
                     prerequisites_of_calc=prerequisites,
                 )
+            self.DeclareInitializationDiscreteUpdateEvent(self._initialize)
             self.DeclarePeriodicDiscreteUpdateEvent(
                 period_sec=period, offset_sec=0.0, update=self._update
             )
@@ -396,8 +402,21 @@ def TendonDrive_(T: Any) -> Any:  # noqa: D103 (the class below is the documenta
         def _calc_motor_state(self, context: Any, output: Any) -> None:
             output.SetFromVector(context.get_discrete_state(0).CopyToVector()[:2])
 
+        def _calc_taut_state(self, context: Any, output: Any) -> None:
+            state = self._measured.Eval(context).tolist()
+            left, right = (
+                wire_travel(state[base], state[tip]) for base, tip in FINGERS
+            )
+            travel = min(left, right) if T is float else min_(left, right)
+            output.SetFromVector([travel / self.config.spool_radius, 0.0])
+
         def _calc_wire_force(self, context: Any, output: Any) -> None:
             output.SetFromVector([force for force, *_ in self._wires(context)])
+
+        def _initialize(self, context: Any, discrete_state: Any) -> None:
+            state = context.get_discrete_state(0).CopyToVector()
+            state[:2] = self.GetOutputPort("taut_state").Eval(context)
+            discrete_state.set_value(state)
 
         def _update(self, context: Any, discrete_state: Any) -> None:
             config, dt = self.config, self._period
@@ -443,7 +462,7 @@ else:
 
 
 @dc.dataclass(kw_only=True)
-class MotorTemperatureConfig:
+class MotorTemperatureConfig(Config):
     """A Dynamixel MX-64 in still air."""
 
     # Data sheet: current at stall and 12 V [A]. The windings then have 2.9 ohm.

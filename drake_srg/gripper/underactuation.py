@@ -7,8 +7,8 @@ from pydrake.systems.framework import Context, DiscreteValues
 
 from drake_srg.common.srg_geometry import SRG
 from drake_srg.common.systems import value_or_none
+from drake_srg.config import Config, positive
 from drake_srg.lifetime import LeafSystem
-from drake_srg.types import positive
 
 # Order of the SRG's joints and sensors, here and at every port; the plant has another.
 # A finger is a pair of indices (base, tip) into it.
@@ -25,17 +25,17 @@ EVALUATIONS = ("periodic", "per_message")
 
 
 @dc.dataclass(kw_only=True)
-class UnderactuationConfig:
+class UnderactuationConfig(Config):
     """Parameters of Algorithm 1."""
 
     # Base plus tip angle that closure 1 asks for [rad].
     full_scale: float = dc.field(default=SRG.full_scale, metadata=positive())
     # Targets of base and tip saturate here [rad].
-    base_limit: float = SRG.joint_limit
-    tip_limit: float = SRG.joint_limit
+    base_limit: float = dc.field(default=SRG.joint_limit, metadata=positive())
+    tip_limit: float = dc.field(default=SRG.joint_limit, metadata=positive())
     # The thesis tests `tip angle <= 0`. The measured angle of a finger on its stop is
     # zero only up to the stop's compliance [rad].
-    straight_tolerance: float = 0.002
+    straight_tolerance: float = dc.field(default=0.002, metadata={"ge": 0.0})
     # What a base does whose sensor fires while the hand closes. `algorithm_1`: it keeps
     # its target, and so drives on into the object. `freeze`: its target becomes the
     # angle at which the sensor fired, and then the farthest one until it has stopped.
@@ -132,8 +132,9 @@ class UnderactuationLogic(LeafSystem):
     * `closure_messages` (1): number of messages so far that commanded a closure. The
       algorithm runs only when it has changed.
 
-    The output `position_desired` (4) [rad] is updated every `config.period`. Joints and
-    sensors are in the order of `JOINT_NAMES`.
+    The output `position_desired` (4) [rad] is updated every `config.period`. When a
+    simulation starts, it is where the fingers are. Joints and sensors are in the order
+    of `JOINT_NAMES`.
 
     Args:
         config: Parameters of the algorithm.
@@ -162,8 +163,17 @@ class UnderactuationLogic(LeafSystem):
         # sensors fired (2), number of messages evaluated]
         self._memory = self.DeclareDiscreteState([0.0] * 10)
         self.DeclareStateOutputPort("position_desired", self._desired)
+        self.DeclareInitializationDiscreteUpdateEvent(self._initialize)
         self.DeclarePeriodicDiscreteUpdateEvent(
             period_sec=self.config.period, offset_sec=0.0, update=self._update
+        )
+
+    def _initialize(self, context: Context, discrete_state: DiscreteValues) -> None:
+        q = self._measured.Eval(context).tolist()[:4]
+        closure = 0.5 * sum(q) / self.config.full_scale  # of an empty hand there
+        discrete_state.set_value(self._desired, q)
+        discrete_state.set_value(
+            self._memory, [*q, min(max(closure, 0.0), 1.0), *[0.0] * 5]
         )
 
     def _update(self, context: Context, discrete_state: DiscreteValues) -> None:

@@ -4,11 +4,12 @@ import dataclasses as dc
 
 from pydrake.common.schema import Transform
 
-from drake_srg.types import Box, Cylinder, Sphere, positive
+from drake_srg.config import Config, positive
+from drake_srg.types import Box, Cylinder, Sphere
 
 
 @dc.dataclass(kw_only=True)
-class ColorRangeConfig:
+class ColorRangeConfig(Config):
     """A range of colours by which the localizer finds an object, bounds inclusive."""
 
     lower: list[float] = dc.field(
@@ -23,7 +24,7 @@ class ColorRangeConfig:
 
 
 @dc.dataclass(kw_only=True)
-class SoftConfig:
+class SoftConfig(Config):
     """Material of a soft object: an elastic, isotropic solid.
 
     The defaults describe a dry kitchen sponge of flexible polyurethane foam, 30 kg/m³,
@@ -39,7 +40,7 @@ class SoftConfig:
 
 
 @dc.dataclass(kw_only=True)
-class OcclusionConfig:
+class OcclusionConfig(Config):
     """A card that hides part of an object from a camera, out of the arm's reach.
 
     In the camera's image, the card's edge is perpendicular to `direction`.
@@ -52,7 +53,7 @@ class OcclusionConfig:
 
 
 @dc.dataclass(kw_only=True)
-class ObjectConfig:
+class ObjectConfig(Config):
     """A movable object. It starts upright on the table unless `pose` says otherwise."""
 
     # File of a model with one link: SDF, URDF, OBJ, STL or GLB, as a path (relative to
@@ -120,7 +121,7 @@ class ObjectConfig:
 
 
 @dc.dataclass(kw_only=True)
-class ClutterConfig:
+class ClutterConfig(Config):
     """Additional objects named `clutter_1` and so on, each of a randomly drawn kind.
 
     Unless their kind says otherwise, they stand in `task.region` and are not `known`.
@@ -131,7 +132,7 @@ class ClutterConfig:
 
 
 @dc.dataclass(kw_only=True)
-class SleepingConfig:
+class SleepingConfig(Config):
     """When resting objects sleep: they keep their place and cost hardly any time."""
 
     # An object falls asleep after it has been at rest for this long [s].

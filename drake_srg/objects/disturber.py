@@ -15,6 +15,7 @@ from pydrake.systems.framework import Context, EventStatus, State
 
 from drake_srg.common.geometry import minimum_jerk_blend
 from drake_srg.common.shared import Shared
+from drake_srg.config import Config, positive
 from drake_srg.lifetime import LeafSystem
 from drake_srg.types import (
     AnyMode,
@@ -24,12 +25,11 @@ from drake_srg.types import (
     Shape,
     Vector,
     mode_name,
-    positive,
 )
 
 
 @dc.dataclass(kw_only=True)
-class Disturbance:
+class Disturbance(Config):
     """Which object is disturbed, and when."""
 
     # The planner's mode that triggers it.

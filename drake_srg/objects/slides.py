@@ -10,7 +10,7 @@ from pydrake.systems.primitives import TrajectorySource
 from pydrake.trajectories import PiecewisePolynomial
 
 from drake_srg.common.systems import AddVelocityFeedforward
-from drake_srg.types import positive
+from drake_srg.config import Config, positive
 
 # Stiffness and damping per mass of the slide: a natural frequency of 40 rad/s as the
 # arm's, critically damped.
@@ -18,7 +18,7 @@ _FREQUENCY = 40.0
 
 
 @dc.dataclass(kw_only=True)
-class SlideConfig:
+class SlideConfig(Config):
     """How the one actuated joint of a model moves, whatever the robot does."""
 
     # Speed along the joint's axis [m/s] or about it [rad/s].

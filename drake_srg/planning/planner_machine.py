@@ -16,6 +16,7 @@ from pydrake.common.value import AbstractValue
 from pydrake.systems.framework import BasicVector, Context, DependencyTicket
 from pydrake.trajectories import Trajectory
 
+from drake_srg.config import positive
 from drake_srg.lifetime import LeafSystem
 from drake_srg.planning.motion.arm_motion import Motion
 from drake_srg.planning.motion.limits import MotionConfig
@@ -28,7 +29,7 @@ from drake_srg.planning.state_machine import (
     StateMachine,
     next_mode,
 )
-from drake_srg.types import AnyMode, Failure, Mode, PlannerStatus, Vector, positive
+from drake_srg.types import AnyMode, Failure, Mode, PlannerStatus, Vector
 
 # Why any planner gives up, in words.
 GIVES_UP: Mapping[Failure, str] = {

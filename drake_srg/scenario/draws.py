@@ -19,7 +19,8 @@ from pydrake.common.schema import (
     UniformVectorX,
 )
 
-from drake_srg.scenario.typed_yaml import check_tree, fail, join, names
+from drake_srg.config import names
+from drake_srg.scenario.typed_yaml import check_tree, fail, join
 
 _MOST_CLUTTER = 100
 

@@ -19,6 +19,7 @@ from pydrake.systems.sensors import CameraConfig
 from drake_srg.arm.driver import ArmDriver
 from drake_srg.arm.drivers import DRIVERS as ARM_DRIVERS
 from drake_srg.arm.safety.config import SafetyConfig
+from drake_srg.config import Config, positive
 from drake_srg.gripper.drivers import DRIVERS, GripperDriver
 from drake_srg.objects.config import ClutterConfig, ObjectConfig, SleepingConfig
 from drake_srg.objects.disturber import Force, Push, Topple
@@ -28,14 +29,13 @@ from drake_srg.planning.servoing.config import Servoing, ServoingConfig
 from drake_srg.theses.blob_localizer import ThesisBlobConfig
 from drake_srg.theses.script import Script, ScriptStep
 from drake_srg.theses.taught import Taught
-from drake_srg.types import positive
 from drake_srg.vision.camera import CameraCalibrationConfig
 from drake_srg.vision.camera_errors import CameraErrorsConfig
 from drake_srg.vision.color import COLORS
 
 
 @dc.dataclass(kw_only=True)
-class TwinConfig:
+class TwinConfig(Config):
     """Differences between a robot and its twin that are reported; see docs/twin.md."""
 
     # Time between samples of the twin, in place of `arm.period` [s]: at long periods, a
@@ -98,7 +98,7 @@ else:  # the classes that a tag selects from
 
 
 @dc.dataclass(kw_only=True)
-class SelectionConfig:
+class SelectionConfig(Config):
     """Which objects to take: those of some names, those of a colour, or else all.
 
     Written as `[NAME, ...]`, as `{colour: COLOUR}`, or as `all`.
@@ -111,7 +111,7 @@ class SelectionConfig:
 
 
 @dc.dataclass(kw_only=True)
-class RowConfig:
+class RowConfig(Config):
     """Places side by side, one for each name in `task.pick`, in their order."""
 
     # [x, y] of the first object's centre in world [m].
@@ -127,7 +127,7 @@ class RowConfig:
 
 
 @dc.dataclass(kw_only=True)
-class PlaceConfig:
+class PlaceConfig(Config):
     """The goal of the picked object."""
 
     # [x, y] of the object's centre on the table in world [m].
@@ -156,7 +156,7 @@ class PlaceConfig:
 
 
 @dc.dataclass(kw_only=True)
-class RegionConfig:
+class RegionConfig(Config):
     """A rectangle on the table: its corners [x, y] in world [m]."""
 
     min: list[float] = dc.field(
@@ -175,7 +175,7 @@ class TableConfig(RegionConfig):
 
 
 @dc.dataclass(kw_only=True)
-class ClearConfig:
+class ClearConfig(Config):
     """Objects to take away one after the other, whatever their shapes."""
 
     # Their names; `task.pick` fills them in.
@@ -185,7 +185,7 @@ class ClearConfig:
 
 
 @dc.dataclass(kw_only=True)
-class TaskConfig:
+class TaskConfig(Config):
     """The planner's task: pick an object and place it, or clear the table of many."""
 
     # Name of the object; empty: nothing to do. With `place.bin`, `all`, a list of names
@@ -204,7 +204,7 @@ class TaskConfig:
 
 
 @dc.dataclass(kw_only=True)
-class LocalizerConfig:
+class LocalizerConfig(Config):
     """Configuration of the localizer, which finds objects in images."""
 
     # Names in `cameras`, each once.
@@ -223,7 +223,7 @@ class LocalizerConfig:
 
 
 @dc.dataclass(kw_only=True)
-class RecordingConfig:
+class RecordingConfig(Config):
     """Configuration of the recordings of a run. Times are simulated."""
 
     # Time between samples of the log [s]. Must be short, because the metrics are
@@ -240,7 +240,7 @@ class RecordingConfig:
 
 
 @dc.dataclass(kw_only=True)
-class Scenario:
+class Scenario(Config):
     """A robot cell, its objects and its task; see the module's docstring."""
 
     # Seed of all random draws.

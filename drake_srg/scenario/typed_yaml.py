@@ -8,20 +8,20 @@ key, and it accepts mistyped tags, so `check_tree` checks everything first.
 
 from __future__ import annotations
 
+import contextlib
 import copy
 import dataclasses as dc
 import functools
-import math
-import operator
 import types
 import typing
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
 from pydrake.common.yaml import yaml_dump, yaml_load, yaml_load_typed
 
 from drake_srg.common.exceptions import ScenarioError, suggest
+from drake_srg.config import bounds_problem, kind_problem, names, unchecked
 
 
 def parse_yaml(text: str, origin: str) -> Any:
@@ -193,11 +193,6 @@ def join(key: str, name: object) -> str:
     return f"{key}.{name}" if key else str(name)
 
 
-def names(names: Iterable[str]) -> str:
-    """Return sorted names as text, for a message."""
-    return ", ".join(sorted(names))
-
-
 def describe(value: Any) -> str:
     """Return a short description of a YAML value, for a message."""
     if isinstance(value, Mapping):
@@ -225,8 +220,8 @@ DISTRIBUTION_TAGS = (
 def check_tree(value: Any, schema: Any, origin: str, key: str = "") -> Any:
     """Check parsed YAML against a schema and return it normalised.
 
-    Checks keys, types, tags, finiteness and the metadata `gt`, `ge`, `le`, `among`,
-    `length` and `nonempty` of dataclass fields, and the fields of Drake's own classes.
+    Checks keys, types, tags, finiteness and the bounds of dataclass fields (see
+    drake_srg/config.py), and the fields of Drake's own classes.
 
     Args:
         value: A tree of `parse_yaml`, with distributions drawn.
@@ -289,7 +284,13 @@ class _Field:
 def _load_field(field: _Field) -> Any:
     """Return the value of a field; trials share most, whose text takes milliseconds."""
     data = yaml_dump({field.key: field.value})
-    return getattr(yaml_load_typed(schema=field.schema, data=data), field.key)
+    return getattr(read_typed(field.schema, data), field.key)
+
+
+def read_typed(schema: type[Any], text: str) -> Any:
+    """Return the dataclass in a text of `yaml_dump_typed`, or of a checked tree."""
+    with unchecked():
+        return yaml_load_typed(schema=schema, data=text)
 
 
 def _fields(schema: Any) -> dict[str, tuple[Any, Mapping[str, Any]]] | None:
@@ -323,45 +324,24 @@ def _check_fields(value: Any, schema: Any, origin: str, key: str) -> Any:
             fail(origin, key, f"unknown key {field!r} {suggest(field, fields)}")
         field_type, bounds = fields[field]
         result[field] = check_tree(item, field_type, origin, join(key, field))
-        if ours:
-            _check_bounds(result[field], bounds, origin, join(key, field))
+        if ours and (problem := bounds_problem(result[field], bounds)):
+            fail(origin, join(key, field), problem)
     return result
 
 
 def _check_scalar(value: Any, schema: type, origin: str, key: str) -> Any:
-    def wrong(message: str) -> typing.NoReturn:
-        fail(origin, key, message)
-
     if isinstance(value, Mapping) and value.get("_tag") not in (
         None,
         *DISTRIBUTION_TAGS,
     ):
         tag = value["_tag"]
-        wrong(f"unknown tag {tag} {suggest(tag, DISTRIBUTION_TAGS)}")
-    if schema is str:
-        if not isinstance(value, str):
-            wrong(f"must be text, got {describe(value)}")
-        return value
-    if schema is bool:
-        if not isinstance(value, bool):
-            wrong(f"must be true or false, got {describe(value)}")
-        return value
-    if isinstance(value, str):  # YAML 1.1 reads 1e-3 as text
-        try:
+        fail(origin, key, f"unknown tag {tag} {suggest(tag, DISTRIBUTION_TAGS)}")
+    if isinstance(value, str) and schema in (int, float):  # YAML 1.1 reads 1e-3 as text
+        with contextlib.suppress(ValueError):
             value = float(value)
-        except ValueError:
-            wrong(f"must be a number, got {describe(value)}")
-    if isinstance(value, bool) or not isinstance(value, (int, float)):
-        wrong(f"must be a number, got {describe(value)}")
-    if math.isnan(value):
-        wrong("must be a number, got NaN")
-    if schema is int:
-        if math.isinf(value):
-            wrong(f"must be finite, got {value}")
-        if value != int(value):
-            wrong(f"must be a whole number, got {value}")
-        return int(value)
-    return float(value)
+    if problem := kind_problem(value, schema, describe):
+        fail(origin, key, problem)
+    return schema(value)
 
 
 def _check_union(value: Any, options: Sequence[Any], origin: str, key: str) -> Any:
@@ -388,29 +368,6 @@ def _check_union(value: Any, options: Sequence[Any], origin: str, key: str) -> A
     if isinstance(value, Mapping) and not dc.is_dataclass(options[0]):
         return check_tree(value, options[0], origin, key)  # Drake's default
     return fail(origin, key, f"needs a tag (allowed: {names(tags)})")
-
-
-def _check_bounds(value: Any, bounds: Mapping[str, Any], origin: str, key: str) -> None:
-    if value is None:
-        return
-    length = bounds.get("length")
-    if length is not None and len(value) != length:
-        fail(origin, key, f"needs {length} numbers, got {len(value)}")
-    if bounds.get("nonempty") and not value:
-        fail(origin, key, "must not be empty")
-    tests = {
-        "gt": (operator.gt, "greater than"),
-        "ge": (operator.ge, "at least"),
-        "le": (operator.le, "at most"),
-    }
-    for item in value if isinstance(value, list) else [value]:
-        if item not in bounds.get("among", (item,)):
-            fail(origin, key, f"must be one of {names(bounds['among'])}; got {item!r}")
-        if isinstance(item, float) and math.isinf(item):
-            fail(origin, key, f"must be finite, got {item}")
-        for name, (test, words) in tests.items():
-            if name in bounds and not test(item, bounds[name]):
-                fail(origin, key, f"must be {words} {bounds[name]}, got {item}")
 
 
 def _base_name(schema: Any) -> str:

@@ -289,11 +289,9 @@ def AddPlant(
         scenario.gripper.prepare_plant(plant, gripper)
     for name in scenario.slides:
         SetSlideGains(plant, name)
-    if scenario.arm is not None and scenario.arm.weightless:
-        plant.set_gravity_enabled(arm, False)
     plant.Finalize()
     if scenario.arm is not None:
-        plant.SetDefaultPositions(arm, scenario.arm.home)
+        scenario.arm.SetGains(plant, arm)
     filter_contacts(scene_graph, scenario.ignored_contacts)
     return plant, scene_graph
 

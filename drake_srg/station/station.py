@@ -112,12 +112,13 @@ def AddStation(builder: DiagramBuilder, scenario: Scenario) -> None:
     if scenario.gripper is not None:
         gripper = plant.GetModelInstanceByName("gripper")
         driver = AddGripperDriver(
-            builder, plant, gripper, scenario.gripper, scenario.random_seed
+            builder,
+            plant,
+            gripper,
+            scenario.gripper,
+            scenario.random_seed,
+            scene_graph=scene_graph,
         )
-        if driver.HasInputPort("query_object"):
-            builder.Connect(
-                scene_graph.get_query_output_port(), driver.GetInputPort("query_object")
-            )
         for name, port in input_ports(driver).items():
             if name not in _INTERNAL:
                 builder.ExportInput(port, f"gripper.{name}")

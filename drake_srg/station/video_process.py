@@ -23,7 +23,7 @@ from typing import Any
 
 import numpy as np
 from pydrake.common.value import AbstractValue
-from pydrake.common.yaml import yaml_dump_typed, yaml_load_typed
+from pydrake.common.yaml import yaml_dump_typed
 from pydrake.systems.framework import Context
 
 import drake_srg
@@ -32,6 +32,7 @@ from drake_srg.common.real_time import lower_priority
 from drake_srg.recording.output import Recorder, require
 from drake_srg.recording.video import VideoFile
 from drake_srg.scenario import LocalizerConfig, Scenario
+from drake_srg.scenario.typed_yaml import read_typed
 from drake_srg.station.cameras import MakeRemoteCameras
 from drake_srg.types import mode_words
 
@@ -251,7 +252,7 @@ def _render(live: Callable[[], None]) -> int:
         live: Called after each frame.
     """
     (text,) = pickle.load(sys.stdin.buffer)
-    scenario = yaml_load_typed(schema=Scenario, data=text)
+    scenario = read_typed(Scenario, text)
     (name,) = scenario.cameras
     cameras = MakeRemoteCameras(scenario)
     context = cameras.CreateDefaultContext()

@@ -14,8 +14,9 @@ from pydrake.math import RigidTransform
 from pydrake.systems.framework import Context, EventStatus, State
 from pydrake.systems.sensors import CameraInfo, ImageDepth32F, ImageRgba8U
 
+from drake_srg.config import Config, positive
 from drake_srg.lifetime import LeafSystem
-from drake_srg.types import Blob, Vector, positive
+from drake_srg.types import Blob, Vector
 from drake_srg.vision.camera import CameraModel, Imager
 
 # The target's red, green and blue, 0 .. 1, and how far each may differ.
@@ -25,7 +26,7 @@ DEPTH_OFFSET = 0.01  # added to the depth of the blob's middle [m]
 
 
 @dc.dataclass(kw_only=True)
-class ThesisBlobConfig:
+class ThesisBlobConfig(Config):
     """What a scenario chooses of the thesis's localizer; the rest is as printed."""
 
     # Time between images until the blob has been sent [s].

@@ -17,9 +17,10 @@ from pydrake.systems.framework import BasicVector, Context
 
 from drake_srg.common.exceptions import suggest
 from drake_srg.common.geometry import minimum_jerk_blend
+from drake_srg.config import Config, positive
 from drake_srg.lifetime import LeafSystem
 from drake_srg.planning.planner_machine import AddPlannerOutputs, PlannerConfig
-from drake_srg.types import Mode, PlannerStatus, Vector, positive
+from drake_srg.types import Mode, PlannerStatus, Vector
 
 # The modes that steps may have: those of a cycle that is under way.
 SCRIPT_MODES = tuple(
@@ -30,7 +31,7 @@ SCRIPT_MODES = tuple(
 
 
 @dc.dataclass(kw_only=True)
-class ScriptStep:
+class ScriptStep(Config):
     """Commands that hold for a while."""
 
     # The mode that metrics and recordings show.
@@ -49,7 +50,7 @@ class ScriptStep:
 
 
 @dc.dataclass(kw_only=True)
-class MessageConfig:
+class MessageConfig(Config):
     """Messages on one of the two topics."""
 
     # Joint positions [degrees], the same in all `count` messages; or else `grasp`.
@@ -68,7 +69,7 @@ class MessageConfig:
 
 
 @dc.dataclass(kw_only=True)
-class RoutineConfig:
+class RoutineConfig(Config):
     """One routine of the sequence."""
 
     routine: str = ""
@@ -77,7 +78,7 @@ class RoutineConfig:
 
 
 @dc.dataclass(kw_only=True)
-class MessagesConfig:
+class MessagesConfig(Config):
     """Messages in the order in which they are sent, as routines."""
 
     rate: float = dc.field(default=25.0, metadata=positive())  # messages/s

@@ -7,7 +7,6 @@ from drake_srg.vision.camera_errors import CameraErrors as CameraErrors
 from drake_srg.vision.camera_errors import CameraErrorsConfig as CameraErrorsConfig
 from drake_srg.vision.color import ColorRange as ColorRange
 from drake_srg.vision.height_map import HeightMapper as HeightMapper
-from drake_srg.vision.height_map import height_map as height_map
 from drake_srg.vision.obstacles import ObstacleFinder as ObstacleFinder
 from drake_srg.vision.surfaces import CameraLeveling as CameraLeveling
 from drake_srg.vision.surfaces import Surface as Surface

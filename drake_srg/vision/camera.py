@@ -12,8 +12,9 @@ from pydrake.math import RigidTransform
 from pydrake.systems.framework import Context
 from pydrake.systems.sensors import CameraConfig, CameraInfo, RgbdSensor
 
+from drake_srg.config import Config, positive
 from drake_srg.lifetime import LeafSystem
-from drake_srg.types import Vector, positive
+from drake_srg.types import Vector
 from drake_srg.vision.images import Mask
 
 # Pixel (u, v) of Drake's images samples the scene along the ray through (u + 0.5,
@@ -163,7 +164,7 @@ class Imager:
 
 
 @dc.dataclass(kw_only=True)
-class CameraCalibrationConfig:
+class CameraCalibrationConfig(Config):
     """A camera's calibrated intrinsics and pose, as `drake-srg calibrate` writes them.
 
     The localizer believes them. Simulated images still come from the camera's entry in

@@ -14,6 +14,7 @@ from pydrake.math import RigidTransform, RotationMatrix
 from pydrake.systems.framework import Context
 from pydrake.systems.sensors import ImageDepth32F, ImageRgba8U
 
+from drake_srg.config import Config
 from drake_srg.lifetime import LeafSystem
 from drake_srg.types import Vector
 
@@ -28,7 +29,7 @@ _MOST_LOST = 0.5
 
 
 @dc.dataclass(kw_only=True)
-class CameraErrorsConfig:
+class CameraErrorsConfig(Config):
     """How a camera differs from an ideal one; with all zeros, not at all.
 
     The z of the camera's body B points into the scene, x to the right and y down the

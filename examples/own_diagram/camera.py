@@ -6,13 +6,13 @@ from pydrake.math import RigidTransform, RollPitchYaw
 from pydrake.multibody.plant import AddMultibodyPlantSceneGraph
 from pydrake.systems.framework import DiagramBuilder
 
-from drake_srg import types
+from drake_srg.types import Blob, Box
 from drake_srg.vision import BlobLocalizer, BlobTarget, CameraModel, ColorRange
 
 SIDES = [0.05, 0.06, 0.1]  # of the box [m]
 
 
-def main() -> tuple[types.Blob, RigidTransform]:
+def main() -> tuple[Blob, RigidTransform]:
     """Return what the localizer sees, and where the box is."""
     builder = DiagramBuilder()
     plant, scene_graph = AddMultibodyPlantSceneGraph(builder, time_step=0.0)
@@ -26,7 +26,7 @@ def main() -> tuple[types.Blob, RigidTransform]:
     camera = AddCamera(builder, scene_graph, X_WB)
 
     # The localizer asks for images only when somebody asks for blobs.
-    target = BlobTarget("box", types.Box(SIDES), ColorRange.around(RED))
+    target = BlobTarget("box", Box(SIDES), ColorRange.around(RED))
     model = CameraModel.from_sensor(camera)
     localizer = builder.AddNamedSystem(
         "localizer", BlobLocalizer([target], {"eye": model})

@@ -12,13 +12,21 @@ from pydrake.planning import RobotDiagramBuilder
 from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import DiagramBuilder
 
-from drake_srg import planning, types, vision
 from drake_srg.arm import AddArmDriver, ArmPositionDriver
 from drake_srg.gripper import AddSrgPositionDriver
-from drake_srg.parsing import AddModel
+from drake_srg.objects import AddModel
+from drake_srg.planning import (
+    PickAndPlace,
+    PickAndPlacePlanner,
+    PlanningScene,
+    SrgHand,
+    TaskPlanner,
+)
 from drake_srg.recording import AddRecording
+from drake_srg.types import Box, PlannerStatus
+from drake_srg.vision import BlobLocalizer, BlobTarget, CameraModel, ColorRange
 
-BOX = types.Box([0.05, 0.05, 0.1])
+BOX = Box([0.05, 0.05, 0.1])
 START, GOAL = RigidTransform([0.6, 0.1, 0.05]), RigidTransform([0.55, -0.35, 0.05])
 HOME = [0.0, -0.3, 0.0, -1.9, 0.0, 1.5, 0.0]  # [rad]
 
@@ -35,7 +43,7 @@ def AddCell(plant: MultibodyPlant) -> tuple[ModelInstanceIndex, ModelInstanceInd
     return arm, gripper
 
 
-def main(out: Path) -> tuple[types.PlannerStatus, float]:
+def main(out: Path) -> tuple[PlannerStatus, float]:
     """Return the planner's last report, and how far the box is from its goal [m]."""
     builder = DiagramBuilder()
     plant, scene_graph = AddMultibodyPlantSceneGraph(builder, time_step=0.002)
@@ -48,25 +56,21 @@ def main(out: Path) -> tuple[types.PlannerStatus, float]:
 
     down = RigidTransform(RollPitchYaw(np.pi, 0.0, -np.pi / 2), [0.7, 0.0, 1.55])
     eye = AddCamera(builder, scene_graph, down)
-    target = vision.BlobTarget("box", BOX, vision.ColorRange.around(RED))
-    localizer = vision.BlobLocalizer(
-        [target], {"eye": vision.CameraModel.from_sensor(eye)}
-    )
+    target = BlobTarget("box", BOX, ColorRange.around(RED))
+    localizer = BlobLocalizer([target], {"eye": CameraModel.from_sensor(eye)})
 
     # The planner's model of the cell knows of no box. It also weighs the arm.
-    models, config = RobotDiagramBuilder(time_step=0.0), planning.PickAndPlace()
+    models, config = RobotDiagramBuilder(time_step=0.0), PickAndPlace()
     AddCell(models.plant())
-    scene = planning.PlanningScene(models)
-    hand = planning.SrgHand(config.approaches, config.tilts, config.squeeze)
-    motions = planning.TaskPlanner(scene, hand, np.array(HOME), config)
-    planner = planning.PickAndPlacePlanner(motions, "box", BOX, GOAL, config=config)
+    scene = PlanningScene(models)
+    hand = SrgHand(config.approaches, config.tilts, config.squeeze)
+    motions = TaskPlanner(scene, hand, np.array(HOME), config)
+    planner = PickAndPlacePlanner(motions, "box", BOX, GOAL, config=config)
     for name, system in (("localizer", localizer), ("planner", planner)):
         builder.AddNamedSystem(name, system)
     mover = AddArmDriver(builder, plant, arm, gripper, scene.plant, arm_config)
-    fingers = AddSrgPositionDriver(builder, plant, gripper)
-    query = scene_graph.get_query_output_port()
+    fingers = AddSrgPositionDriver(builder, plant, gripper, scene_graph=scene_graph)
     for source, system, port in (
-        (query, fingers, "query_object"),
         (eye.GetOutputPort("color_image"), localizer, "eye.color_image"),
         (eye.GetOutputPort("depth_image_32f"), localizer, "eye.depth_image"),
         (eye.GetOutputPort("body_pose_in_world"), localizer, "eye.body_pose_in_world"),

@@ -20,7 +20,7 @@ from drake_srg.gripper import (
     SrgPositionDriver,
     UnderactuationLogic,
 )
-from drake_srg.parsing import AddModel
+from drake_srg.objects import AddModel
 from drake_srg.recording import AddRecording
 
 

@@ -14,7 +14,7 @@ from pydrake.systems.primitives import ConstantVectorSource, TrajectorySource
 from pydrake.trajectories import PiecewisePolynomial
 
 from drake_srg.gripper import AddSrgPositionDriver
-from drake_srg.parsing import AddModel
+from drake_srg.objects import AddModel
 from drake_srg.recording import AddRecording
 
 PLACES = {"left": -0.18, "right": 0.18}  # of the hands, along x [m]

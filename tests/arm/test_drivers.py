@@ -3,13 +3,20 @@ import dataclasses as dc
 import numpy as np
 import pytest
 from helpers import fix, port_table
-from pydrake.multibody.plant import AddMultibodyPlant, MultibodyPlant
+from pydrake.math import RigidTransform
+from pydrake.multibody.plant import (
+    AddMultibodyPlant,
+    AddMultibodyPlantSceneGraph,
+    MultibodyPlant,
+)
 from pydrake.multibody.plant import MultibodyPlantConfig as PlantConfig
+from pydrake.multibody.tree import RevoluteJoint, SpatialInertia
 from pydrake.systems.analysis import ApplySimulatorConfig, Simulator, SimulatorConfig
 from pydrake.systems.framework import DiagramBuilder
+from pydrake.systems.primitives import ConstantVectorSource
 
-from drake_srg.arm.driver import AddArmDriver
-from drake_srg.arm.drivers import ArmPositionDriver
+from drake_srg.arm import AddArmDriver, ArmPositionDriver, SafetyConfig
+from drake_srg.arm.safety.limits import JointLimits
 from drake_srg.common.joint_errors import ArmErrorsConfig
 from drake_srg.scenario import load_scenario
 from drake_srg.station.plant import AddDirectives
@@ -36,9 +43,8 @@ class Arm:
         )
         self.plant, _ = AddMultibodyPlant(config, builder)
         self.arm, gripper = add_models(self.plant)
-        CONFIG.prepare_plant(self.plant, self.arm)
+        driven.prepare_plant(self.plant, self.arm)
         self.plant.Finalize()
-        self.plant.SetDefaultPositions(self.arm, HOME)
         control_plant = MultibodyPlant(0.0)
         add_models(control_plant)
         control_plant.Finalize()
@@ -152,3 +158,133 @@ def test_a_wrong_number_of_gains_is_named(name):
     config = ArmPositionDriver(**{name: [1.0, 2.0]})
     with pytest.raises(ValueError, match=rf"arm\.{name}: needs one entry .* got 2"):
         config.prepare_plant(plant, arm)
+
+
+class Pendulum:
+    """One arm or two of a single joint, next to a free body."""
+
+    def __init__(self, names=("arm",), *, prepare=True, effort=100.0, **config):
+        self.config = ArmPositionDriver(home=[0.3], **config)
+        builder = DiagramBuilder()
+        self.plant, _ = AddMultibodyPlantSceneGraph(builder, 0.002)
+        add_free_body(self.plant)
+        arms = [add_pendulum(self.plant, name, effort) for name in names]
+        for arm in arms:
+            if prepare:
+                self.config.prepare_plant(self.plant, arm)
+        self.plant.Finalize()
+        control_plant = MultibodyPlant(0.0)
+        for name in names:
+            add_pendulum(control_plant, name, effort)
+        control_plant.Finalize()
+        self.drivers = [
+            AddArmDriver(
+                builder,
+                self.plant,
+                arm,
+                None,
+                control_plant,
+                self.config,
+                name=f"{name}_driver",
+            )
+            for arm, name in zip(arms, names, strict=True)
+        ]
+        self.simulator = Simulator(builder.Build())
+        self.root = self.simulator.get_mutable_context()
+
+    def angle(self, name):
+        context = self.plant.GetMyContextFromRoot(self.root)
+        model = self.plant.GetModelInstanceByName(name)
+        return self.plant.GetPositions(context, model)[0]
+
+
+def add_free_body(plant):
+    body = plant.AddRigidBody("ball", SpatialInertia.SolidSphereWithMass(1.0, 0.1))
+    plant.SetDefaultFloatingBaseBodyPose(body, RigidTransform([5.0, 0.0, 0.0]))
+
+
+def add_pendulum(plant, name, effort):
+    """A mass of 2 kg, half a metre from a horizontal axis."""
+    model = plant.AddModelInstance(name)
+    inertia = SpatialInertia.PointMass(2.0, [0.5, 0.0, 0.0])
+    body = plant.AddRigidBody("link", model, inertia)
+    joint = RevoluteJoint(
+        "joint", plant.world_frame(), body.body_frame(), [0, 1, 0], -1.0, 2.0
+    )
+    plant.AddJoint(joint).set_acceleration_limits([-8.0], [8.0])
+    joint = plant.GetJointByName("joint", model)
+    joint.set_velocity_limits([-3.0], [3.0])
+    plant.AddJointActuator("motor", joint, effort)
+    return model
+
+
+def test_two_arms_start_at_home_and_stay_there_in_one_diagram():
+    arms = Pendulum(["left", "right"])
+    for driver, q in zip(arms.drivers, (0.3, 0.5), strict=True):
+        context = driver.GetMyMutableContextFromRoot(arms.root)
+        fix(driver, context, position_commanded=[q])
+    arms.simulator.AdvanceTo(0.01)
+    assert [arms.angle("left"), arms.angle("right")] == pytest.approx(
+        [0.3] * 2, abs=0.1
+    )
+    arms.simulator.AdvanceTo(1.0)
+    assert arms.angle("left") == pytest.approx(0.3, abs=1e-4)
+    assert arms.angle("right") == pytest.approx(0.5, abs=1e-4)
+
+
+def test_a_name_that_is_taken_is_refused():
+    arm = Pendulum()
+    builder = DiagramBuilder()
+    builder.AddNamedSystem("arm_driver", ConstantVectorSource([0.0]))
+    model = arm.plant.GetModelInstanceByName("arm")
+    with pytest.raises(ValueError, match=r"^arm_driver: the diagram already has a"):
+        AddArmDriver(builder, arm.plant, model, None, arm.plant, arm.config)
+
+
+def test_an_arm_whose_plant_is_not_prepared_is_refused():
+    with pytest.raises(
+        ValueError, match=r"^arm: actuator motor has no gains: call the"
+    ):
+        Pendulum(prepare=False)
+
+
+@pytest.mark.parametrize(("effort", "kp"), [(100.0, 0.5 * 40.0**2), (2.0, 200.0)])
+def test_gains_come_from_inertia_and_torque(effort, kp):
+    arm = Pendulum(effort=effort)
+    model = arm.plant.GetModelInstanceByName("arm")
+    (actuator,) = (
+        arm.plant.get_joint_actuator(i)
+        for i in arm.plant.GetJointActuatorIndices(model)
+    )
+    gains = actuator.get_controller_gains()
+    assert gains.p == pytest.approx(kp)
+    assert gains.d == pytest.approx(2.0 * np.sqrt(kp * 0.5))  # 2 kg, 0.5 m
+
+
+def test_gains_that_are_given_stay():
+    arm = Pendulum(kp=[50.0])
+    model = arm.plant.GetModelInstanceByName("arm")
+    (index,) = arm.plant.GetJointActuatorIndices(model)
+    gains = arm.plant.get_joint_actuator(index).get_controller_gains()
+    assert gains.p == 50.0
+    assert gains.d == pytest.approx(2.0 * 0.5 * 40.0)
+
+
+def test_a_weightless_arm_stays_where_it_is():
+    arm = Pendulum(weightless=True, kp=[0.0], kd=[0.0])
+    (driver,) = arm.drivers
+    fix(
+        driver,
+        driver.GetMyMutableContextFromRoot(arm.root),
+        position_commanded=[0.3],
+    )
+    arm.simulator.AdvanceTo(0.5)
+    assert arm.angle("arm") == pytest.approx(0.3, abs=1e-9)
+
+
+def test_limits_of_an_arm_next_to_a_free_body_are_its_own():
+    arm = Pendulum()
+    model = arm.plant.GetModelInstanceByName("arm")
+    limits = JointLimits.of_plant(arm.plant, model, SafetyConfig(), 0.01)
+    assert (limits.lower, limits.upper) == ([-1.0], [2.0])
+    assert limits.step == pytest.approx([0.03], rel=0.01)

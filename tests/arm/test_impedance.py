@@ -10,7 +10,7 @@ from pydrake.multibody.plant import MultibodyPlantConfig as PlantConfig
 from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import DiagramBuilder
 
-from drake_srg.arm.driver import AddArmDriver
+from drake_srg.arm.driver import AddArmDriver, stiff_gains
 from drake_srg.arm.impedance import (
     ArmImpedanceDriver,
     CartesianSpring,
@@ -199,7 +199,8 @@ def test_a_pushed_hand_yields_by_force_over_stiffness_and_comes_back():
 def test_pushed_joints_yield_by_torque_over_stiffness_and_come_back():
     arm = Arm()
     arm.advance(0.2)
-    stiffness = np.array(ArmImpedanceDriver().joint_stiffness)
+    model = MODELS.GetModelInstanceByName("arm")
+    stiffness = 0.25 * stiff_gains(MODELS, model, HOME)[0]
     joints = JointSpring(MODELS, "arm", stiffness)
     force = np.array([6.0, -8.0, 10.0])
     arm.push(force)

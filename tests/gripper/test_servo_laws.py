@@ -93,10 +93,10 @@ def test_the_division_of_the_printed_law_is_guarded(speed, min_speed):
     assert resting == 0.0
 
 
-def test_an_unknown_law_is_refused():
-    refusal = r"^gripper\.servo\.law: must be one of pid, .* got 'pdi'$"
+def test_the_law_that_the_plant_solves_is_refused():
+    refusal = r"^gripper\.servo\.law: must be one of pid, .* got 'plant'$"
     with pytest.raises(ValueError, match=refusal):
-        make(law="pdi")
+        make(law="plant")
 
 
 # NumPy's arithmetic on arrays of Expression warns without a reason.

@@ -50,11 +50,6 @@ def test_steps_do_not_move_the_integral():
     assert integral == pytest.approx(0.5 * 0.1 * 0.005 * 50)
 
 
-def test_negative_steps_are_refused():
-    with pytest.raises(ValueError, match="pwm_steps: must be at least 0, got -1"):
-        make(pwm_steps=-1)
-
-
 def test_steps_have_no_derivatives():
     servo = GripperServo(dc.replace(GAINS, pwm_steps=1023))
     with pytest.raises(ValueError, match="pwm_steps: must be 0 for AutoDiffXd"):

@@ -7,6 +7,7 @@ from hypothesis import strategies as st
 from pydrake.common.schema import Transform
 
 from drake_srg.common.exceptions import ScenarioError
+from drake_srg.config import positive
 from drake_srg.scenario.draws import draw_distributions
 from drake_srg.scenario.typed_yaml import (
     check_tree,
@@ -16,7 +17,7 @@ from drake_srg.scenario.typed_yaml import (
     parse_yaml,
     set_key,
 )
-from drake_srg.types import Box, Cylinder, positive
+from drake_srg.types import Box, Cylinder
 from scenario.yaml_trees import trees
 
 # Parsing.

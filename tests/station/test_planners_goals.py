@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from pydrake.common.yaml import yaml_dump_typed, yaml_load_typed
+from pydrake.common.yaml import yaml_dump_typed
 from pydrake.math import RigidTransform, RollPitchYaw
 
 from drake_srg.common.exceptions import ScenarioError
@@ -16,6 +16,7 @@ from drake_srg.planning.grasps.linkage_hand import LinkageHand
 from drake_srg.planning.grasps.srg_hand import SrgHand
 from drake_srg.planning.pick_and_place.sightings import lean, standing_at
 from drake_srg.scenario import Scenario, load_scenario
+from drake_srg.scenario.typed_yaml import read_typed
 from drake_srg.station import MakeHand, MakeTaskPlanner, register_gripper
 from drake_srg.station.planners import final_pose, final_tilt, goal_pose
 from drake_srg.station.plant import MakeModelsPlant
@@ -197,7 +198,7 @@ def test_a_registered_driver_is_a_tag_of_scenario_files(registered):
     # A camera process gets the scenario as Drake writes and reads it.
     for name in ("SrgPositionDriver", "Mine"):
         scenario = load_scenario("kitchen", overrides=[f"gripper=!{name} {{}}"])
-        same = yaml_load_typed(schema=Scenario, data=yaml_dump_typed(scenario))
+        same = read_typed(Scenario, yaml_dump_typed(scenario))
         assert type(same.gripper).__name__ == name
         assert same.gripper == scenario.gripper
 

@@ -2,11 +2,11 @@
 
 import dataclasses as dc
 
-from drake_srg.types import positive
+from drake_srg.config import Config, positive
 
 
 @dc.dataclass(kw_only=True)
-class WorkspaceConfig:
+class WorkspaceConfig(Config):
     """A box that the tool must not leave: its corners in world [m]."""
 
     min: list[float] = dc.field(
@@ -18,7 +18,7 @@ class WorkspaceConfig:
 
 
 @dc.dataclass(kw_only=True)
-class BodyRegionLimits:
+class BodyRegionLimits(Config):
     """Largest forces on one region of a person's body."""
 
     # Of an impact [N].
@@ -28,7 +28,7 @@ class BodyRegionLimits:
 
 
 @dc.dataclass(kw_only=True)
-class ForceLimitConfig:
+class ForceLimitConfig(Config):
     """Power and force limiting: a profile of limits, and what the arm can meet."""
 
     # Limits by the name of a body region. The numbers come from your risk assessment.
@@ -41,7 +41,7 @@ class ForceLimitConfig:
 
 
 @dc.dataclass(kw_only=True)
-class SafetyConfig:
+class SafetyConfig(Config):
     """Limits of the arm's motion, whatever commands it.
 
     A list has one entry for all joints, or one per joint.

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses as dc
+import functools
 import math
 from collections.abc import Callable
 
@@ -71,12 +72,14 @@ class JointLimits:
                 )
             return np.broadcast_to(np.array(given, dtype=float), n).copy()
 
-        def of_model(values: Vector) -> Vector:
-            found: Vector = plant.GetVelocitiesFromArray(arm, values)
-            return found
-
-        lower = resolve("lower", config.lower, of_model(plant.GetPositionLowerLimits()))
-        upper = resolve("upper", config.upper, of_model(plant.GetPositionUpperLimits()))
+        of_model = functools.partial(plant.GetVelocitiesFromArray, arm)
+        lower, upper = (
+            resolve(key, given, plant.GetPositionsFromArray(arm, limits))
+            for key, given, limits in (
+                ("lower", config.lower, plant.GetPositionLowerLimits()),
+                ("upper", config.upper, plant.GetPositionUpperLimits()),
+            )
+        )
         speed = resolve("speed", config.speed, of_model(plant.GetVelocityUpperLimits()))
         model = _ACCELERATION * of_model(plant.GetAccelerationUpperLimits())
         acceleration = resolve("acceleration", config.acceleration, model)

@@ -25,6 +25,7 @@ from drake_srg.arm.safety.limits import (
 )
 from drake_srg.arm.safety.path import Memory, Path
 from drake_srg.common.safety_states import SafetyState, StopReason
+from drake_srg.common.systems import AddUnique
 from drake_srg.lifetime import LeafSystem
 from drake_srg.types import Vector
 
@@ -321,8 +322,9 @@ def AddSafetyMonitor(
     config: SafetyConfig,
     period: float,
     arm: str = "arm",
+    name: str = "safety_monitor",
 ) -> SafetyMonitor:
-    """Add `safety_monitor` to a diagram; its ports are the caller's to connect.
+    """Add a safety monitor to a diagram; its ports are the caller's to connect.
 
     Args:
         builder: Of the diagram.
@@ -331,9 +333,11 @@ def AddSafetyMonitor(
         config: The limits.
         period: Of the arm's driver [s].
         arm: Name of the arm's model instance.
+        name: Of the monitor in the diagram.
 
     Raises:
-        ValueError: If the limits do not fit the arm, or the tool does not exist.
+        ValueError: If the limits do not fit the arm, the tool does not exist, or the
+            name is taken.
     """
     instance = models_plant.GetModelInstanceByName(arm)
     limits = JointLimits.of_plant(models_plant, instance, config, period)
@@ -346,4 +350,4 @@ def AddSafetyMonitor(
         ToolLimits.of(config, tool.position, period) if tool else None,
         TouchLimits.of(config, len(home), tool),
     )
-    return builder.AddNamedSystem("safety_monitor", monitor)
+    return AddUnique(builder, name, monitor)

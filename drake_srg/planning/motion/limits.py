@@ -5,12 +5,13 @@ import dataclasses as dc
 import numpy as np
 from pydrake.multibody.tree import MultibodyForces
 
+from drake_srg.config import Config, positive
 from drake_srg.planning.motion.arm_model import ArmModel
-from drake_srg.types import Vector, positive
+from drake_srg.types import Vector
 
 
 @dc.dataclass(kw_only=True)
-class TipLimits:
+class TipLimits(Config):
     """Limits of the tip along its path; the defaults are the five-axis thesis's.
 
     Distance on a path is that of `moveToPose` with metric [1, 1, 1, angle_weight]: the
@@ -34,7 +35,7 @@ class TipLimits:
 
 
 @dc.dataclass(kw_only=True)
-class MotionConfig:
+class MotionConfig(Config):
     """Distances and speeds of moves."""
 
     # Length of the straight lines towards a grasp and back from it [m].

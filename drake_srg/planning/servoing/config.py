@@ -6,12 +6,13 @@ import enum
 import numpy as np
 
 from drake_srg.common.shared import Shared
+from drake_srg.config import Config, positive
 from drake_srg.planning.planner_machine import PlannerConfig
-from drake_srg.types import Vector, positive
+from drake_srg.types import Vector
 
 
 @dc.dataclass(kw_only=True)
-class ServoConfig:
+class ServoConfig(Config):
     """Gains, limits and tolerances of a visual servo."""
 
     # Time between control steps [s], preferably that of the arm's driver, and between

@@ -14,11 +14,11 @@ from pydrake.systems.framework import Context, ValueProducer
 from pydrake.systems.sensors import CameraInfo, ImageDepth32F, ImageRgba8U
 
 from drake_srg.common.exceptions import ScenarioError
+from drake_srg.config import Config, positive
 from drake_srg.lifetime import LeafSystem, weak
 from drake_srg.robot.drive.link import Robot
 from drake_srg.robot.serve.commands import CommandError, seconds
 from drake_srg.robot.serve.pictures import CAMERA_INFO, COLOR, DEPTH
-from drake_srg.types import positive
 from drake_srg.vision.camera import DRAKE_PIXEL_CENTER, calibrated_model
 
 # Conversions of 8-bit colour images to RGBA, by ROS encoding.
@@ -200,7 +200,7 @@ class Camera(abc.ABC):
 
 
 @dc.dataclass(kw_only=True)
-class RosCamera:
+class RosCamera(Config):
     """A colour and depth camera with aligned images of the same time stamp."""
 
     version: ClassVar[int]

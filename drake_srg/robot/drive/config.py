@@ -11,6 +11,7 @@ from pathlib import Path
 import numpy as np
 
 from drake_srg.common.exceptions import ScenarioError
+from drake_srg.config import Config
 from drake_srg.robot.drive.arm import Ros1Arm, Ros2Arm
 from drake_srg.robot.drive.cameras import Ros1Camera, Ros2Camera, RosCamera
 from drake_srg.robot.drive.dynamixel.drivers import DynamixelArm, DynamixelGripper
@@ -22,7 +23,7 @@ from drake_srg.scenario.typed_yaml import load_typed, parse_yaml
 
 
 @dc.dataclass(kw_only=True)
-class FaultsConfig:
+class FaultsConfig(Config):
     """Latency and loss that a wire of its own does not have."""
 
     # Added to measurements and to commands [s], in whole control periods.
@@ -89,7 +90,7 @@ else:
 
 
 @dc.dataclass(kw_only=True)
-class HardwareConfig:
+class HardwareConfig(Config):
     """The drivers of a robot's parts."""
 
     # Both are needed in a file; Drake's reader wants defaults.

@@ -10,6 +10,7 @@ from typing import Any, ClassVar
 import numpy as np
 
 from drake_srg.common.exceptions import ScenarioError
+from drake_srg.config import Config
 from drake_srg.recording.rosbag import Topic
 from drake_srg.robot.serve.bridge import Bridge
 from drake_srg.robot.serve.commands import (
@@ -268,7 +269,7 @@ class HardwareDriver(abc.ABC):
 
 
 @dc.dataclass(kw_only=True)
-class RosDriver(HardwareDriver):
+class RosDriver(Config, HardwareDriver):
     """Configuration of an arm or a gripper that publishes its joints' states."""
 
     version: ClassVar[int]  # of ROS

@@ -22,7 +22,7 @@ from multiprocessing.connection import Connection
 from typing import Any
 
 from pydrake.common.value import AbstractValue
-from pydrake.common.yaml import yaml_dump_typed, yaml_load_typed
+from pydrake.common.yaml import yaml_dump_typed
 from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import Diagram, DiagramBuilder, System
 
@@ -40,6 +40,7 @@ from drake_srg.robot.drive.remote_planner import Answer, Ended, PlannerLink, Tic
 from drake_srg.robot.drive.station import AddHardwareStation
 from drake_srg.robot.serve.commands import PortValues, Warnings
 from drake_srg.scenario import Scenario, servo_of
+from drake_srg.scenario.typed_yaml import read_typed
 from drake_srg.station import MakeCell
 from drake_srg.station.clearing import without_cut_corners
 from drake_srg.station.servoing import MakeServoTaskPlanner, MakeTracker
@@ -272,8 +273,8 @@ def _run(
             connection.send(message)
 
     try:
-        scenario = yaml_load_typed(schema=Scenario, data=scenario_text)
-        config = yaml_load_typed(schema=HardwareConfig, data=hardware_text)
+        scenario = read_typed(Scenario, scenario_text)
+        config = read_typed(HardwareConfig, hardware_text)
         warnings = Warnings(send)
         with open_cameras(scenario, config, warnings) as cameras:
             hardware = Hardware([MirrorLink(outputs)], cameras, start)

@@ -12,6 +12,7 @@ import tty
 from collections.abc import Sequence
 
 from drake_srg.common.exceptions import ScenarioError
+from drake_srg.config import Config
 from drake_srg.recording.rosbag import Topic
 from drake_srg.robot.serve.bridge import Bridge
 from drake_srg.robot.serve.commands import CommandInbox
@@ -96,7 +97,7 @@ def own_terminal(stream: object) -> int | None:
 
 
 @dc.dataclass(kw_only=True)
-class Ros1Config:
+class Ros1Config(Config):
     """The node of ROS 1."""
 
     # URI of the master; empty: $ROS_MASTER_URI.
@@ -114,7 +115,7 @@ class Ros1Config:
 
 
 @dc.dataclass(kw_only=True)
-class Ros2Config:
+class Ros2Config(Config):
     """The participant of ROS 2."""
 
     # Number of the domain; null: $ROS_DOMAIN_ID.

@@ -12,7 +12,7 @@ from multiprocessing.connection import Connection
 from typing import Any
 
 import numpy as np
-from pydrake.common.yaml import yaml_dump_typed, yaml_load_typed
+from pydrake.common.yaml import yaml_dump_typed
 from pydrake.systems.framework import DiagramBuilder
 from pydrake.systems.sensors import CameraInfo
 
@@ -28,6 +28,7 @@ from drake_srg.recording.rosbag import (
 from drake_srg.robot.serve.bridge import Outlet
 from drake_srg.robot.serve.commands import Warnings
 from drake_srg.scenario import Scenario, servo_of
+from drake_srg.scenario.typed_yaml import read_typed
 from drake_srg.station.cameras import MakeRemoteCameras
 from drake_srg.station.perception import AddLocalizer
 from drake_srg.types import Blob, Vector
@@ -227,7 +228,7 @@ def _render(connection: Connection, scenario: str, camera: str, state: Vector) -
     """Run the process: render whenever the connection asks for it."""
     lower_priority()
     os.environ.setdefault("LP_NUM_THREADS", "0")  # leaves the other cores alone
-    viewer = Viewer(yaml_load_typed(schema=Scenario, data=scenario), camera)
+    viewer = Viewer(read_typed(Scenario, scenario), camera)
     # Renderers initialize themselves the first time they render.
     viewer.look(0.0, state, {COLOR, DEPTH, BLOBS})
     with contextlib.suppress(EOFError, OSError):  # the parent is gone

@@ -9,12 +9,13 @@ from collections.abc import Callable, Mapping, Sequence
 import numpy as np
 
 from drake_srg.common.exceptions import ScenarioError
+from drake_srg.config import Config, positive
 from drake_srg.gripper.driver import GripperDriver
 from drake_srg.robot.drive.dynamixel.bus import BusError, ServoBus, open_line
 from drake_srg.robot.drive.link import HardwareDriver, Link, Mailbox, Robot
 from drake_srg.robot.serve.commands import PortValues, Warnings
 from drake_srg.robot.serve.dynamixel.registers import TURN, ServoState
-from drake_srg.types import Vector, positive
+from drake_srg.types import Vector
 
 # Takes the states of the servos, in the order of their IDs.
 Report = Callable[[Sequence[ServoState]], None]
@@ -231,7 +232,7 @@ _ENTRIES = 201  # of the table of a gripper's positions
 
 
 @dc.dataclass(kw_only=True)
-class DynamixelConfig(HardwareDriver):
+class DynamixelConfig(Config, HardwareDriver):
     """A part of a robot with servos on a bus. Parts at the same port share the bus."""
 
     # `tcp:HOST:PORT`, a serial device or a pseudo terminal.

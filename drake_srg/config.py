@@ -1,0 +1,188 @@
+"""Configurations: dataclasses whose fields state their bounds and keep to them.
+
+The metadata of a field can bound it:
+
+* `gt`, `ge`, `le`: a number, or each one of a list;
+* `among`: the allowed values, of the field or of each entry of a list;
+* `length`, `nonempty`: a list, or text.
+
+The same bounds hold for scenario files; see drake_srg/scenario/typed_yaml.py.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import contextvars
+import dataclasses as dc
+import functools
+import math
+import numbers
+import operator
+import sys
+import types
+import typing
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from typing import Any
+
+_COMPARISONS = {
+    "gt": (operator.gt, "greater than"),
+    "ge": (operator.ge, "at least"),
+    "le": (operator.le, "at most"),
+}
+_SCALARS = (bool, int, float, str)
+
+
+def positive(**metadata: object) -> Mapping[str, object]:
+    """Return the metadata of a dataclass field that must be greater than zero."""
+    return {"gt": 0.0, **metadata}
+
+
+def names(allowed: Iterable[str]) -> str:
+    """Return sorted names as text, for a message."""
+    return ", ".join(sorted(allowed))
+
+
+def kind_problem(
+    value: object, kind: type, describe: Callable[[Any], str] = repr
+) -> str | None:
+    """Return why a value is not of a scalar type; None: it is.
+
+    Args:
+        value: Any value.
+        kind: `bool`, `int`, `float` or `str`. A `float` may be whole.
+        describe: Returns the text of a value, for the message.
+    """
+    if type(value) is kind is not float:
+        return None
+    if kind in (bool, str):
+        wanted = "text" if kind is str else "true or false"
+        return (
+            None
+            if isinstance(value, kind)
+            else f"must be {wanted}, got {describe(value)}"
+        )
+    if isinstance(value, bool) or not isinstance(value, numbers.Real):
+        return f"must be a number, got {describe(value)}"
+    number = float(value)
+    if math.isnan(number):
+        return "must be a number, got NaN"
+    if kind is int and not number.is_integer():
+        wanted = "finite" if math.isinf(number) else "a whole number"
+        return f"must be {wanted}, got {value}"
+    return None
+
+
+def bounds_problem(value: Any, bounds: Mapping[str, Any]) -> str | None:
+    """Return why a value, or an entry of a list, is out of bounds; None: it is not.
+
+    Args:
+        value: Of the right type; None has no bounds.
+        bounds: The metadata of its field.
+    """
+    if value is None:
+        return None
+    length = bounds.get("length")
+    if length is not None and len(value) != length:
+        return f"needs {length} numbers, got {len(value)}"
+    if bounds.get("nonempty") and not value:
+        return "must not be empty"
+    items = value if isinstance(value, list) else [value]
+    return next(filter(None, (_item_problem(item, bounds) for item in items)), None)
+
+
+def _item_problem(item: Any, bounds: Mapping[str, Any]) -> str | None:
+    if item not in bounds.get("among", (item,)):
+        return f"must be one of {names(bounds['among'])}; got {item!r}"
+    if isinstance(item, float) and math.isinf(item):
+        return f"must be finite, got {item}"
+    for name, (holds, words) in _COMPARISONS.items():
+        if name in bounds and not holds(item, bounds[name]):
+            return f"must be {words} {bounds[name]}, got {item}"
+    return None
+
+
+_unchecked = contextvars.ContextVar("unchecked", default=False)
+
+
+@contextlib.contextmanager
+def unchecked() -> Iterator[None]:
+    """Let configurations take any value, for `yaml_load_typed`.
+
+    It sets an optional number to 0 before it sets what it has read (up to Drake 1.58).
+    """
+    token = _unchecked.set(True)
+    try:
+        yield
+    finally:
+        _unchecked.reset(token)
+
+
+class Config:
+    """Base of configurations, which checks a field whenever it is set.
+
+    A field of numbers or text, or of a list of them, must have its type and keep to its
+    bounds. Derive a dataclass from it.
+
+    Raises:
+        ValueError: If a field does not.
+    """
+
+    def __setattr__(self, name: str, value: object) -> None:
+        kind: type = type(self)
+        check = _checks(kind).get(name)
+        if check is not None and (problem := check(value)) and not _unchecked.get():
+            raise ValueError(f"{kind.__name__}.{name}: {problem}")
+        super().__setattr__(name, value)
+
+
+@functools.cache
+def _checks(config: type) -> Mapping[str, Callable[[Any], str | None]]:
+    """Return what tells the problem of a value, for the fields that can have one."""
+    kinds = typing.get_type_hints(config)
+    checks = {
+        field.name: _check(kinds[field.name], field) for field in dc.fields(config)
+    }
+    return {name: check for name, check in checks.items() if check is not None}
+
+
+def _check(kind: Any, field: dc.Field[Any]) -> Callable[[Any], str | None] | None:
+    """Return what tells the problem of a field's value; None: it is not checked."""
+    optional = False
+    if typing.get_origin(kind) in (typing.Union, types.UnionType):
+        options = typing.get_args(kind)
+        optional = type(None) in options
+        kind = options[0] if len(options) == 1 + optional else None
+    is_list = typing.get_origin(kind) is list
+    item_kind = typing.get_args(kind)[0] if is_list else kind
+    if item_kind not in _SCALARS:
+        return None
+    if is_list:
+        return functools.partial(_list_problem, item_kind, optional, field.metadata)
+    least = field.metadata.get("ge", -sys.float_info.max)
+    if "gt" in field.metadata:
+        least = math.nextafter(field.metadata["gt"], math.inf)
+    most = field.metadata.get("le", sys.float_info.max)
+
+    def check(value: Any) -> str | None:
+        # Most values are floats within their bounds, which takes no time.
+        if type(value) is item_kind is float and least <= value <= most:
+            return None
+        if value is None and optional:
+            return None
+        return kind_problem(value, item_kind) or bounds_problem(value, field.metadata)
+
+    return check
+
+
+def _list_problem(
+    kind: type, optional: bool, bounds: Mapping[str, Any], value: Any
+) -> str | None:
+    """Return the problem of a list, which an array or a tuple may stand for."""
+    if value is None and optional:
+        return None
+    if hasattr(value, "tolist"):
+        value = value.tolist()
+    if not isinstance(value, (list, tuple)):
+        return f"must be a list, got {value!r}"
+    problems = (kind_problem(item, kind) for item in value)
+    return next(filter(None, problems), None) or bounds_problem([*value], bounds)
