@@ -57,7 +57,7 @@ def main(out: Path) -> np.ndarray:
         (closure.get_output_port(), logic.GetInputPort("closure_commanded")),
         (sensors.GetOutputPort("triggered"), logic.GetInputPort("triggered")),
         (measured, logic.GetInputPort("state_measured")),
-        (logic.get_output_port(), reference.get_input_port()),
+        (logic.get_output_port(), reference.GetInputPort("position_desired")),
         (reference.get_output_port(), servo.GetInputPort("reference")),
         (measured, servo.GetInputPort("state_measured")),
         (servo.get_output_port(), amplifiers.get_input_port()),

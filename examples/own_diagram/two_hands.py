@@ -39,7 +39,7 @@ def main(out: Path) -> RigidTransform:
         down = RigidTransform(RollPitchYaw(0.0, np.pi / 2, 0.0), [x, 0.0, 0.2])
         plant.WeldFrames(frame, palm, down)
     at = RigidTransform([0.0, 0.0, 0.05])
-    bar = AddBox(plant, "bar", [0.5, 0.05, 0.1], at, RED, mass=0.8)
+    bar = AddBox(plant, "bar", [0.5, 0.05, 0.1], at, RED, mass=0.5)
     AddBox(plant, "ground", [1.0, 1.0, 0.1], RigidTransform([0.0, 0.0, -0.05]))
     plant.Finalize()
 

@@ -69,7 +69,7 @@ def main(out: Path) -> float:
         simulator.AdvanceTo(2.0)
         context = driver.GetMyContextFromRoot(simulator.get_context())
         force = driver.GetOutputPort("wire_force").Eval(context)
-        simulator.AdvanceTo(3.0)
+        simulator.AdvanceTo(4.0)
     return float(np.max(force))
 
 
