@@ -18,6 +18,14 @@ from typing import Any
 _LINE = re.compile(r"^from (\S+) import \(?\s*(\w+) as \w+", re.MULTILINE)
 
 
+def names_of(package: str) -> dict[str, str]:
+    """Return the modules that the names of a package's face come from, by name."""
+    stub = Path(str(importlib.import_module(package).__file__)).with_name(
+        "__init__.pyi"
+    )
+    return {name: home for home, name in _LINE.findall(stub.read_text("utf-8"))}
+
+
 def face(
     package: str,
 ) -> tuple[Callable[[str], Any], Callable[[], list[str]], list[str]]:
@@ -26,9 +34,7 @@ def face(
     Args:
         package: Its `__name__`; `__init__.pyi` stands beside its `__init__.py`.
     """
-    module = sys.modules[package]
-    stub = Path(str(module.__file__)).with_name("__init__.pyi")
-    homes = {name: home for home, name in _LINE.findall(stub.read_text("utf-8"))}
+    module, homes = sys.modules[package], names_of(package)
 
     def get(name: str) -> Any:
         if name not in homes:

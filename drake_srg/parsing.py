@@ -60,7 +60,7 @@ def configure_parser(parser: Parser) -> None:
 
 
 def AddModel(
-    plant: MultibodyPlant, url: str, name: str | None = None
+    plant: MultibodyPlant, file: str | Path, name: str | None = None
 ) -> ModelInstanceIndex:
     """Add the single model of a file to a plant, under its own name or another.
 
@@ -69,21 +69,27 @@ def AddModel(
 
     Args:
         plant: Not yet finalized.
-        url: Of the file.
+        file: Its path, or a URL such as `package://drake_srg/sdf/srg.sdf`.
         name: Of the model instance. Without one, a name that is taken gets a suffix.
 
     Raises:
+        FileNotFoundError: If there is no file at the path.
         RuntimeError: If Drake cannot read the file, or the name is taken.
     """
     parser = Parser(plant)
     configure_parser(parser)
     parser.SetAutoRenaming(True)
+    url = str(file)
     path = models_path() / url.removeprefix(_URL)
     if _is_own(url) and path.is_file():
         text = path.read_text("utf-8")
         (model,) = parser.AddModels(file_contents=text, file_type="sdf")
-    else:
+    elif "://" in url:
         (model,) = parser.AddModels(url=url)
+    else:
+        if not Path(file).is_file():
+            raise FileNotFoundError(f"{file}: no such file (allowed: a path or a URL)")
+        (model,) = parser.AddModels(Path(file).resolve())
     if name is not None:
         plant.RenameModelInstance(model, name)
     return model

@@ -76,7 +76,7 @@ class Stand:
         motors = model_actuators(plant, instance)
         self.efforts = np.array([motor.effort_limit() for motor in motors])
         self.tool = Tool(plant, "arm", safety.tool)
-        self._kp, self._kd = np.diag(arm.kp), np.diag(arm.kd)
+        self._kp, self._kd = map(np.diag, arm.gains(plant, instance))
 
     def settling_time(self, q: Vector) -> float:
         """Return when an arm that rests at `q` (N,) [rad] is slow after a stop [s].

@@ -23,8 +23,7 @@ from pydrake.trajectories import PiecewisePolynomial
 
 import experiments.runner as ex
 from drake_srg.common.srg_geometry import SRG
-from drake_srg.gripper import JOINT_NAMES
-from drake_srg.gripper.drivers import SrgPositionDriver
+from drake_srg.gripper import JOINT_NAMES, SrgPositionDriver
 from drake_srg.gripper.servo import GripperServo
 from drake_srg.parsing import AddModel
 from drake_srg.types import Vector

@@ -167,3 +167,20 @@ def test_a_name_that_is_taken_is_an_error_or_gets_a_suffix():
 def test_a_missing_model_is_drake_s_error():
     with pytest.raises(RuntimeError, match="nothing"):
         parsing.AddModel(MultibodyPlant(0.0), "package://drake_srg/sdf/nothing.sdf")
+
+
+URDF = """<robot name="stick"><link name="rod"><inertial><mass value="1"/>
+<inertia ixx="1" ixy="0" ixz="0" iyy="1" iyz="0" izz="1"/></inertial></link></robot>"""
+
+
+@pytest.mark.parametrize("make", [str, Path])
+def test_a_model_is_added_by_its_path(tmp_path, monkeypatch, make):
+    (tmp_path / "stick.urdf").write_text(URDF)
+    plant = MultibodyPlant(0.0)
+    absolute = parsing.AddModel(plant, make(tmp_path / "stick.urdf"))
+    monkeypatch.chdir(tmp_path)
+    relative = parsing.AddModel(plant, make("stick.urdf"), "second")
+    assert plant.GetModelInstanceName(absolute) == "stick"
+    assert plant.GetModelInstanceName(relative) == "second"
+    with pytest.raises(FileNotFoundError, match=r"^stock\.urdf: no such file"):
+        parsing.AddModel(plant, make("stock.urdf"))

@@ -265,7 +265,7 @@ def identify(options: argparse.Namespace) -> int:
     Raises:
         ScenarioError: If the log or the base is invalid, or writing fails.
     """
-    from drake_srg.gripper.drivers import SrgTendonDriver
+    from drake_srg.gripper.srg_tendon_driver import SrgTendonDriver
     from drake_srg.robot.identify.fits import identify as fit_log
     from drake_srg.robot.identify.log import read_log, vendor_log
     from drake_srg.robot.identify.report import overlay, report

@@ -7,32 +7,10 @@ from pydrake.systems.framework import Diagram, DiagramBuilder
 
 from drake_srg.common.exceptions import ScenarioError
 from drake_srg.gripper.driver import GripperDriver
-from drake_srg.gripper.linkage_driver import AddLinkageDriver, LinkageDriver
-from drake_srg.gripper.plant_servo_driver import AddPlantServoDriver, PlantServoDriver
-from drake_srg.gripper.srg_position_driver import (
-    AddSrgPositionDriver,
-    SrgPositionDriver,
-)
-from drake_srg.gripper.srg_tendon_driver import (
-    AddSrgTendonDriver,
-    SetTendonDynamics,
-    SrgTendonDriver,
-)
-
-__all__ = [
-    "DRIVERS",
-    "AddGripperDriver",
-    "AddLinkageDriver",
-    "AddPlantServoDriver",
-    "AddSrgPositionDriver",
-    "AddSrgTendonDriver",
-    "GripperDriver",
-    "LinkageDriver",
-    "PlantServoDriver",
-    "SetTendonDynamics",
-    "SrgPositionDriver",
-    "SrgTendonDriver",
-]
+from drake_srg.gripper.linkage_driver import LinkageDriver
+from drake_srg.gripper.plant_servo_driver import PlantServoDriver
+from drake_srg.gripper.srg_position_driver import SrgPositionDriver
+from drake_srg.gripper.srg_tendon_driver import SrgTendonDriver
 
 # The drivers of the package. Its class name is a driver's tag in scenario files. For
 # one of your own, call `drake_srg.station.register_gripper`.

@@ -275,14 +275,7 @@ def AddLinkageDriver(
     The ports are those of `AddSrgPositionDriver`, for two cranks and two fingertips,
     the master's first.
 
-    Args:
-        builder: Of the diagram.
-        plant: With the gripper, finalized.
-        gripper: Its model instance.
-        config: Of the driver.
-        seed: Of the encoders' noise.
-        name: Of the driver in the diagram.
-        scene_graph: See `GripperDriver.AddDriver`.
+    The arguments are those of `AddGripperDriver`.
     """
     config = config or LinkageDriver()
     return config.AddDriver(

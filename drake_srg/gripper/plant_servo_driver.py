@@ -250,14 +250,7 @@ def AddPlantServoDriver(
 
     Call the configuration's `prepare_plant` before the plant is finalized.
 
-    Args:
-        builder: Of the diagram.
-        plant: With the gripper, finalized.
-        gripper: Its model instance.
-        config: Of the driver.
-        seed: Of the encoders' noise.
-        name: Of the driver in the diagram.
-        scene_graph: See `GripperDriver.AddDriver`.
+    The arguments are those of `AddGripperDriver`.
     """
     config = config or PlantServoDriver()
     return config.AddDriver(

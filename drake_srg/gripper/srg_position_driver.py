@@ -180,14 +180,7 @@ def AddSrgPositionDriver(
 
     Joints and sensors are in the order of `JOINT_NAMES`.
 
-    Args:
-        builder: Of the diagram.
-        plant: With the gripper, finalized.
-        gripper: Its model instance.
-        config: Of the driver.
-        seed: Of the encoders' noise.
-        name: Of the driver in the diagram.
-        scene_graph: See `GripperDriver.AddDriver`.
+    The arguments are those of `AddGripperDriver`.
     """
     config = config or SrgPositionDriver()
     return config.AddDriver(

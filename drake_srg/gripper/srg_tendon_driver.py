@@ -444,14 +444,7 @@ def AddSrgTendonDriver(
 
     Call `SetTendonDynamics` before the plant is finalized.
 
-    Args:
-        builder: Of the diagram.
-        plant: With the gripper, finalized.
-        gripper: Its model instance.
-        config: Of the driver.
-        seed: Of the encoders' noise.
-        name: Of the driver in the diagram.
-        scene_graph: See `GripperDriver.AddDriver`.
+    The arguments are those of `AddGripperDriver`.
 
     Raises:
         ValueError: If `SetTendonDynamics` was not called, or the plant is continuous.

@@ -20,7 +20,8 @@ from drake_srg.arm.driver import ArmDriver
 from drake_srg.arm.drivers import DRIVERS as ARM_DRIVERS
 from drake_srg.arm.safety.config import SafetyConfig
 from drake_srg.config import Config, positive
-from drake_srg.gripper.drivers import DRIVERS, GripperDriver
+from drake_srg.gripper.driver import GripperDriver
+from drake_srg.gripper.drivers import DRIVERS
 from drake_srg.objects.config import ClutterConfig, ObjectConfig, SleepingConfig
 from drake_srg.objects.disturber import Force, Push, Topple
 from drake_srg.objects.slides import SlideConfig

@@ -21,13 +21,11 @@ from drake_srg.arm.driver import AddJerkLimits
 from drake_srg.common.exceptions import ScenarioError
 from drake_srg.common.geometry import Solid
 from drake_srg.common.systems import output_ports
-from drake_srg.gripper.drivers import (
-    GripperDriver,
-    LinkageDriver,
-    PlantServoDriver,
-    SrgPositionDriver,
-    SrgTendonDriver,
-)
+from drake_srg.gripper.driver import GripperDriver
+from drake_srg.gripper.linkage_driver import LinkageDriver
+from drake_srg.gripper.plant_servo_driver import PlantServoDriver
+from drake_srg.gripper.srg_position_driver import SrgPositionDriver
+from drake_srg.gripper.srg_tendon_driver import SrgTendonDriver
 from drake_srg.objects.models import object_shape, simple_shape
 from drake_srg.objects.solids import planned_solid
 from drake_srg.planning.grasps.grasps import Hand

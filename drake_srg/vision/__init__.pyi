@@ -1,5 +1,6 @@
 from drake_srg.vision.blob_localizer import BlobLocalizer as BlobLocalizer
 from drake_srg.vision.blob_localizer import BlobTarget as BlobTarget
+from drake_srg.vision.blob_localizer import localize as localize
 from drake_srg.vision.camera import CalibratedPose as CalibratedPose
 from drake_srg.vision.camera import CameraCalibrationConfig as CameraCalibrationConfig
 from drake_srg.vision.camera import CameraModel as CameraModel

@@ -16,10 +16,10 @@ from pydrake.systems.sensors import ImageDepth32F, ImageRgba8U
 from drake_srg.common.geometry import Solid
 from drake_srg.lifetime import LeafSystem
 from drake_srg.types import Blob, BlobFlag
-from drake_srg.vision.camera import CameraModel
+from drake_srg.vision.camera import CameraModel, Imager
 from drake_srg.vision.candidates import Candidate, Picture, Search, by_color, by_steps
 from drake_srg.vision.color import ColorRange
-from drake_srg.vision.images import clean_and_measure
+from drake_srg.vision.images import clean_and_measure, metres
 from drake_srg.vision.shape_fit import Fit, fit_shape
 from drake_srg.vision.sight import view_around
 
@@ -141,22 +141,36 @@ class BlobLocalizer(LeafSystem):
         )
 
     def _calc_blobs(self, context: Context, output: AbstractValue) -> None:
-        output.set_value(self._locate(context))
-
-    def _locate(self, context: Context) -> list[Blob]:
-        found: dict[str, list[Blob]] = {target.name: [] for target in self._targets}
-        for camera, (color_imager, depth_imager) in self._cameras.items():
-            color = self._image(context, camera, "color")
-            depth = self._image(context, camera, "depth")[..., 0]
-            depth, noise = clean_and_measure(depth)
-            picture = Picture(
-                color,
-                depth,
-                noise,
-                color_imager,
-                depth_imager,
+        def read(camera: str) -> tuple[npt.NDArray[Any], npt.NDArray[Any], Any]:
+            return (
+                self._input(context, f"{camera}.color_image").data,
+                self._input(context, f"{camera}.depth_image").data,
                 self._input(context, f"{camera}.body_pose_in_world"),
             )
+
+        output.set_value(
+            self.locate({camera: read(camera) for camera in self._cameras})
+        )
+
+    def locate(
+        self,
+        images: Mapping[str, tuple[npt.NDArray[Any], npt.NDArray[Any], RigidTransform]],
+    ) -> list[Blob]:
+        """Return the blobs in images, as the output `blobs` has them.
+
+        Args:
+            images: Colour, depth and X_WB of each camera; see `localize`.
+
+        Raises:
+            ValueError: If an image does not fit its camera's model.
+        """
+        found: dict[str, list[Blob]] = {target.name: [] for target in self._targets}
+        for camera, (color, depth, X_WB) in images.items():
+            color_imager, depth_imager = self._cameras[camera]
+            _check_size(f"{camera}.color_image", color, color_imager)
+            _check_size(f"{camera}.depth_image", depth, depth_imager)
+            cleaned, noise = clean_and_measure(metres(depth))
+            picture = Picture(color, cleaned, noise, color_imager, depth_imager, X_WB)
             for target in self._targets:
                 found[target.name] += self._see(target, camera, picture)
         return [blob for blobs in found.values() for blob in _best_first(blobs)]
@@ -210,21 +224,53 @@ class BlobLocalizer(LeafSystem):
             misfit=fit.misfit,
         )
 
-    def _image(self, context: Context, camera: str, which: str) -> npt.NDArray[Any]:
-        image = self._input(context, f"{camera}.{which}_image").data
-        info = self._cameras[camera][which == "depth"].info
-        if image.shape[:2] != (info.height(), info.width()):
-            raise ValueError(
-                f"{camera}.{which}_image is {image.shape[1]}x{image.shape[0]} pixels, "
-                f"but its camera model says {info.width()}x{info.height()}"
-            )
-        return np.asarray(image)
-
     def _input(self, context: Context, name: str) -> Any:
         port = self.GetInputPort(name)
         if not port.HasValue(context):
             raise RuntimeError(f"BlobLocalizer's input port {name!r} is not connected")
         return port.Eval(context)
+
+
+def localize(
+    targets: Sequence[BlobTarget],
+    color: npt.NDArray[np.uint8],
+    depth: npt.NDArray[Any],
+    model: CameraModel,
+    X_WB: RigidTransform,
+    *,
+    camera: str = "camera",
+    min_area: int = 12,
+    min_quality: float = 0.2,
+) -> list[Blob]:
+    """Return the blobs of targets in the images of one camera, without a diagram.
+
+    Args:
+        targets: What to look for, by unique names.
+        color: RGB or RGBA, shape (height, width, 3 or 4).
+        depth: Floats [m] or whole numbers of 16 bits [mm], shape (height, width) or
+            (height, width, 1). 0 is too near; inf, or 65535, is too far.
+        model: Of the camera.
+        X_WB: Pose of the camera's body in world.
+        camera: Its name in the blobs.
+        min_area: See `BlobLocalizer`.
+        min_quality: See `BlobLocalizer`.
+
+    Raises:
+        ValueError: If an image does not fit the model, or an argument is out of range.
+    """
+    localizer = BlobLocalizer(
+        targets, {camera: model}, min_area=min_area, min_quality=min_quality
+    )
+    return localizer.locate({camera: (color, depth, X_WB)})
+
+
+def _check_size(name: str, image: npt.NDArray[Any], imager: Imager) -> None:
+    info = imager.info
+    if image.shape[:2] != (info.height(), info.width()):
+        raise ValueError(
+            f"{name} is {image.shape[1]}x{image.shape[0]} pixels, but its camera model "
+            f"says {info.width()}x{info.height()}"
+        )
 
 
 def _flags(fit: Fit, at_border: bool) -> frozenset[BlobFlag]:

@@ -80,6 +80,29 @@ def narrowest_rectangle(points: Vector) -> tuple[Vector, Vector, float]:
 
 
 Depth = npt.NDArray[np.float32]
+_TOO_FAR = 65535  # of Drake's ImageDepth16U
+
+
+def metres(depth: npt.NDArray[Any]) -> Depth:
+    """Return a depth image in metres, shape (height, width).
+
+    Args:
+        depth: Floats [m] or whole numbers of 16 bits [mm], with or without a last axis
+            of length 1.
+
+    Raises:
+        ValueError: If it is of another type.
+    """
+    depth = depth.reshape(depth.shape[:2])
+    if depth.dtype == np.uint16:
+        found = depth.astype(np.float32) / 1000.0
+        return np.where(depth == _TOO_FAR, np.float32(np.inf), found)
+    if not np.issubdtype(depth.dtype, np.floating):
+        raise ValueError(
+            f"depth image: must be of floats [m] or uint16 [mm], got {depth.dtype}"
+        )
+    return depth.astype(np.float32, copy=False)
+
 
 # An image with less noise stays as it is [1/m]: 0.05 mm at 1.5 m is a twentieth of what
 # matters, and cleaning rounds corners.

@@ -10,7 +10,7 @@ from pydrake.multibody.plant import (
     MultibodyPlant,
 )
 from pydrake.multibody.plant import MultibodyPlantConfig as PlantConfig
-from pydrake.multibody.tree import RevoluteJoint, SpatialInertia
+from pydrake.multibody.tree import RevoluteJoint, SpatialInertia, UnitInertia
 from pydrake.systems.analysis import ApplySimulatorConfig, Simulator, SimulatorConfig
 from pydrake.systems.framework import DiagramBuilder
 from pydrake.systems.primitives import ConstantVectorSource
@@ -206,7 +206,7 @@ def add_free_body(plant):
 def add_pendulum(plant, name, effort):
     """A mass of 2 kg, half a metre from a horizontal axis."""
     model = plant.AddModelInstance(name)
-    inertia = SpatialInertia.PointMass(2.0, [0.5, 0.0, 0.0])
+    inertia = SpatialInertia(2.0, [0.5, 0.0, 0.0], UnitInertia(0.0, 0.25, 0.25))
     body = plant.AddRigidBody("link", model, inertia)
     joint = RevoluteJoint(
         "joint", plant.world_frame(), body.body_frame(), [0, 1, 0], -1.0, 2.0

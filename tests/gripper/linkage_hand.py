@@ -9,7 +9,8 @@ from pydrake.multibody.tree import PdControllerGains
 from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import DiagramBuilder
 
-from drake_srg.gripper.drivers import AddGripperDriver, LinkageDriver
+from drake_srg.gripper import LinkageDriver
+from drake_srg.gripper.drivers import AddGripperDriver
 from drake_srg.objects.config import ObjectConfig
 from drake_srg.objects.models import AddObject, SetDefaultObjectPose
 from drake_srg.parsing import AddModel

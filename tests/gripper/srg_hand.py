@@ -7,7 +7,8 @@ from pydrake.multibody.plant import AddMultibodyPlant, MultibodyPlantConfig
 from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import DiagramBuilder
 
-from drake_srg.gripper.drivers import AddGripperDriver, SrgPositionDriver
+from drake_srg.gripper import SrgPositionDriver
+from drake_srg.gripper.drivers import AddGripperDriver
 from drake_srg.parsing import AddModel
 
 # A cylinder across the hand, as far from the palm as in a wrapped grasp.

@@ -13,13 +13,14 @@ from pydrake.systems.primitives import MatrixGain
 
 from drake_srg.common.exceptions import ScenarioError
 from drake_srg.common.joint_errors import JointErrorsConfig
+from drake_srg.gripper import SrgPositionDriver, SrgTendonDriver
 from drake_srg.gripper.driver import (
     GraspDetector,
     GraspDetectorConfig,
     GripperControl,
     GripperDriver,
 )
-from drake_srg.gripper.drivers import DRIVERS, SrgPositionDriver, SrgTendonDriver
+from drake_srg.gripper.drivers import DRIVERS
 from drake_srg.gripper.sensors import SRG_FINGERS, FingerLayout, FingerSensorConfig
 from drake_srg.gripper.servo import GripperServoConfig
 from drake_srg.gripper.underactuation import FINGERS

@@ -4,12 +4,8 @@ from pydrake.multibody.plant import AddMultibodyPlantSceneGraph
 from pydrake.systems.framework import DiagramBuilder
 
 from drake_srg.common.exceptions import ScenarioError
-from drake_srg.gripper.drivers import (
-    AddGripperDriver,
-    LinkageDriver,
-    SrgPositionDriver,
-    SrgTendonDriver,
-)
+from drake_srg.gripper import LinkageDriver, SrgPositionDriver, SrgTendonDriver
+from drake_srg.gripper.drivers import AddGripperDriver
 from drake_srg.parsing import AddModel
 from gripper import linkage_hand, srg_hand
 

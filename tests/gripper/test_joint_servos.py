@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from helpers import fix, port_table, read, update
 
-from drake_srg.gripper.drivers import LinkageDriver, SrgPositionDriver
+from drake_srg.gripper import LinkageDriver, SrgPositionDriver
 from drake_srg.gripper.joint_servos import PlantJointServos
 from gripper.linkage_hand import Hand as LinkageHand
 from gripper.srg_hand import Hand

@@ -5,7 +5,8 @@ import numpy as np
 import pytest
 from helpers import port_table
 
-from drake_srg.gripper.drivers import DRIVERS, LinkageDriver
+from drake_srg.gripper import LinkageDriver
+from drake_srg.gripper.drivers import DRIVERS
 from gripper.linkage_hand import PALM_TO_TIP, Hand
 
 MODELS = ("linkage_gripper", "linkage_gripper_flat")

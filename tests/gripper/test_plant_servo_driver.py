@@ -6,7 +6,7 @@ from helpers import port_table
 from pydrake.multibody.plant import AddMultibodyPlantSceneGraph
 from pydrake.systems.framework import DiagramBuilder
 
-from drake_srg.gripper.drivers import PlantServoDriver
+from drake_srg.gripper import PlantServoDriver
 from drake_srg.gripper.underactuation import JOINT_NAMES
 from drake_srg.parsing import AddModel
 from gripper.srg_hand import Hand

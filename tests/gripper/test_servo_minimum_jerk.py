@@ -80,7 +80,8 @@ def at(system, context, time):
 
 def test_ports():
     system = MinimumJerkReference(np.zeros(4))
-    assert port_table(system) == ({"position_desired": 4}, {"reference": 12})
+    inputs = {"position_desired": 4, "state_measured": 8}
+    assert port_table(system) == (inputs, {"reference": 12})
 
 
 def test_it_rests_where_it_starts():

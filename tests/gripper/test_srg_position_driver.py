@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 from helpers import port_table
 
-from drake_srg.gripper.drivers import SrgPositionDriver
+from drake_srg.gripper import SrgPositionDriver
 from drake_srg.gripper.underactuation import JOINT_NAMES
 from gripper.srg_hand import Hand
 

@@ -5,11 +5,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from pydrake.systems.framework import DiagramBuilder
 
-from drake_srg.gripper.drivers import (
-    AddSrgTendonDriver,
-    SrgPositionDriver,
-    SrgTendonDriver,
-)
+from drake_srg.gripper import AddSrgTendonDriver, SrgPositionDriver, SrgTendonDriver
 from drake_srg.gripper.srg_tendon_driver import (
     SpoolCommand,
     SpoolCommandConfig,
@@ -44,6 +40,7 @@ def test_ports():
             "hold": 1,
             "motor_position_commanded": 1,
             "motor_torque_commanded": 1,
+            "taut_state": 2,
         },
         {"angle_desired": 1, "torque_desired": 1},
     )

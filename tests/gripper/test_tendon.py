@@ -43,7 +43,7 @@ def run(drive, context, duration):
 def test_ports():
     assert port_table(TendonDrive(CONFIG, PERIOD)) == (
         {"pwm": 1, "state_measured": 8},
-        {"joint_torque": 4, "motor_state": 2, "wire_force": 2},
+        {"joint_torque": 4, "motor_state": 2, "taut_state": 2, "wire_force": 2},
     )
 
 

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from drake_srg.gripper.drivers import SrgPositionDriver
+from drake_srg.gripper import SrgPositionDriver
 from drake_srg.scenario import load_scenario
 from drake_srg.types import Box, Sphere
 

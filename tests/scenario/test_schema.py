@@ -4,7 +4,7 @@ import typing
 import pytest
 from pydrake.common.yaml import yaml_dump_typed
 
-from drake_srg.gripper.drivers import SrgPositionDriver
+from drake_srg.gripper import SrgPositionDriver
 from drake_srg.scenario import Scenario, is_continuous, load_scenario
 from drake_srg.scenario.planner import with_planner_tag
 from drake_srg.scenario.schema import accept_driver

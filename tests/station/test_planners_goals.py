@@ -10,7 +10,7 @@ from pydrake.common.yaml import yaml_dump_typed
 from pydrake.math import RigidTransform, RollPitchYaw
 
 from drake_srg.common.exceptions import ScenarioError
-from drake_srg.gripper.drivers import SrgPositionDriver
+from drake_srg.gripper import SrgPositionDriver
 from drake_srg.objects.config import ColorRangeConfig
 from drake_srg.planning.grasps.linkage_hand import LinkageHand
 from drake_srg.planning.grasps.srg_hand import SrgHand

@@ -9,7 +9,7 @@ from pydrake.systems.sensors import CameraInfo, ImageRgba8U
 
 from drake_srg import types
 from drake_srg.types import BlobFlag
-from drake_srg.vision.blob_localizer import BlobLocalizer
+from drake_srg.vision.blob_localizer import BlobLocalizer, localize
 from drake_srg.vision.camera import CameraModel
 from vision.vision_scene import (
     BLUE,
@@ -46,6 +46,49 @@ BALL = types.Sphere(0.0325)
 
 def near(blob, thing, millimetres):
     np.testing.assert_allclose(blob.position, thing.position, atol=1e-3 * millimetres)
+
+
+@pytest.mark.parametrize("channels", [3, 4])
+@pytest.mark.parametrize("millimetres", [False, True])
+def test_arrays_need_no_diagram(channels, millimetres):
+    thing = Thing(CAN, standing(CAN, 0.05, -0.02), RED)
+    diagram, localizer = make_diagram([thing], [target()])
+    root = diagram.CreateDefaultContext()
+    context = localizer.GetMyContextFromRoot(root)
+    (expected,) = localizer.GetOutputPort("blobs").Eval(context)
+    color, depth, X_WB = (
+        localizer.GetInputPort(f"camera.{name}").Eval(context)
+        for name in ("color_image", "depth_image", "body_pose_in_world")
+    )
+    color, depth = color.data[..., :channels].copy(), depth.data[..., 0].copy()
+    if millimetres:
+        far = ~np.isfinite(depth)
+        depth = np.where(far, 65.535, depth)
+        depth = np.rint(1000.0 * depth).astype(np.uint16)
+    model = CameraModel.from_sensor(diagram.GetSubsystemByName("camera"))
+    (blob,) = localize([target()], color, depth, model, X_WB)
+    if millimetres:
+        np.testing.assert_allclose(blob.position, expected.position, atol=1e-3)
+    else:
+        assert blob.X_WO.IsExactlyEqualTo(expected.X_WO)
+        assert blob.camera == "camera"
+
+
+@pytest.mark.parametrize(
+    ("color", "depth", "problem"),
+    [
+        ((10, 10, 3), np.zeros((480, 640), np.float32), "camera.color_image is 10x10"),
+        (
+            (480, 640, 3),
+            np.zeros((480, 60), np.float32),
+            "camera.depth_image is 60x480",
+        ),
+        ((480, 640, 3), np.zeros((480, 640), np.int64), "uint16 .mm., got int64"),
+    ],
+)
+def test_arrays_that_do_not_fit_are_refused(color, depth, problem):
+    with pytest.raises(ValueError, match=problem):
+        localize([target()], np.zeros(color, np.uint8), depth, MODEL, RigidTransform())
 
 
 def test_every_camera_has_three_inputs():

@@ -11,7 +11,7 @@ from urllib.parse import unquote, urlsplit
 
 from make_site.commands import command_parsers
 from make_site.keys import scenario_keys
-from make_site.python_pages import modules, public_names
+from make_site.python_pages import public_names
 from make_site.systems import find_blocks
 
 # Attributes that make a browser fetch something as it opens a page.
@@ -101,9 +101,4 @@ def inventory(data: bytes) -> set[str]:
 
 def missing_names(documented: Iterable[str]) -> list[str]:
     """Return the public names of the package that are not documented."""
-    known = set(documented)
-    names = [
-        f"{module}.{name}" for module in modules() for name in public_names(module)
-    ]
-    names += [f"{block.module}.{block.target}" for block in find_blocks()]
-    return sorted({*names} - known)
+    return sorted({*public_names()} - set(documented))

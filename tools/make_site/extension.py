@@ -22,6 +22,7 @@ from sphinx.environment import BuildEnvironment
 from sphinx.util.docutils import SphinxDirective
 
 from make_site.field_comments import class_comments, module_comments
+from make_site.python_pages import faces
 from make_site.systems import find_blocks, parse_block
 
 _OURS = "name of ours"  # a reference that `find_name` resolves
@@ -97,7 +98,8 @@ def describe_field(
     """Describe a field of a dataclass or a constant by its comment in the source."""
     path, _, last = name.rpartition(".")
     if what == "data" and path in sys.modules:
-        comment = module_comments(path).get(last, "")
+        home = faces().get(path, {}).get(last, path)
+        comment = module_comments(home).get(last, "")
         lines[:] = [comment]  # the docstring is that of the constant's type
         return
     if what in ("attribute", "method") and not _is_documented(obj, lines):

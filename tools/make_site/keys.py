@@ -9,6 +9,7 @@ from typing import Any
 
 from pydrake.common.schema import Transform
 
+from drake_srg.config import unchecked
 from drake_srg.scenario.schema import Scenario
 from make_site.drake_fields import COMMENTS
 from make_site.field_comments import class_comments, unit_of
@@ -187,6 +188,7 @@ def _summary(kind: Any) -> str:
 def _made(kind: Any) -> Any:
     """Return an instance with the defaults, or None if some keys are required."""
     try:
-        return kind()
+        with unchecked():  # some keys have no valid default
+            return kind()
     except TypeError:
         return None

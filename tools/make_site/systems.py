@@ -12,6 +12,7 @@ from typing import Any
 
 import yaml
 
+from drake_srg.face import names_of
 from make_site.markdown import table
 
 ROOT = Path(__file__).parents[2]
@@ -102,8 +103,10 @@ def _page(block: Block) -> str:
     """Return the page of a system: its documentation, from the docstring."""
     kind = "autoclass" if block.is_class else "autofunction"
     where = f"{block.module}.{block.target}"
+    room = f"drake_srg.{room_of(block.module)}"
+    public = block.target in names_of(room)
+    note = f"In full: :py:obj:`{room}.{block.target}`.\n" if public else ""
     return (
         f"# {block.name}\n\n"
-        f"```{{eval-rst}}\n.. {kind}:: {where}\n   :no-index:\n\n"
-        f"In full: :py:obj:`{where}`, in :py:mod:`{block.module}`.\n```\n"
+        f"```{{eval-rst}}\n.. {kind}:: {where}\n   :no-index:\n\n{note}```\n"
     )

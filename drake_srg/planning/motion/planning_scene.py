@@ -9,6 +9,7 @@ from collections.abc import Iterable, Iterator
 import numpy as np
 from pydrake.common import Parallelism
 from pydrake.math import RigidTransform
+from pydrake.multibody.plant import MultibodyPlant
 from pydrake.multibody.tree import (
     BodyIndex,
     ModelInstanceIndex,
@@ -65,6 +66,16 @@ class NoPathError(Exception):
 _CLOSE = 0.2
 
 
+def _check_placed(plant: MultibodyPlant) -> None:
+    for body in map(plant.get_body, plant.GetFloatingBaseBodies()):
+        X_WB = plant.GetDefaultFloatingBaseBodyPose(body)
+        if X_WB.IsExactlyIdentity():
+            raise ValueError(
+                f"{body.scoped_name()}: a free body that nobody has placed (allowed: "
+                "a weld, or SetDefaultFloatingBaseBodyPose)"
+            )
+
+
 class PlanningScene(ArmModel):
     """An arm model that checks collisions, with the object in the hand or without it.
 
@@ -96,7 +107,8 @@ class PlanningScene(ArmModel):
         step: Largest motion of any point between two checks [m].
 
     Raises:
-        ValueError: If a margin is negative, or the step is not positive.
+        ValueError: If a margin is negative, the step is not positive, or nobody has
+            placed a free body: it would be at the world's origin.
         RuntimeError: (Drake's) If a name is unknown or the plant is finalized.
     """
 
@@ -140,6 +152,7 @@ class PlanningScene(ArmModel):
                 implicit_context_parallelism=Parallelism(1),
             )
         super().__init__(self._checker.plant(), arm_model, gripper_model, hand_frame)
+        _check_placed(self.plant)
         self._hand_margin = hand_margin
         self._SetMargins(gripper_model, margin)
 

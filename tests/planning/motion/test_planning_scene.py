@@ -8,6 +8,7 @@ from pydrake.math import RigidTransform
 from pydrake.planning import RobotDiagramBuilder
 from pydrake.trajectories import PiecewisePolynomial
 
+from drake_srg import parsing
 from drake_srg.planning.motion.inverse_kinematics import (
     HandTarget,
     IkSolution,
@@ -188,3 +189,27 @@ def test_it_is_what_steps_add_up_to(pendulum):
 def test_the_object_of_an_arm_at_rest_stays(pendulum):
     drift = carried_drift(pendulum, turn(0.0, 0.0), np.array([0.1, 0.0, 0.0]), 0.006)
     np.testing.assert_array_equal(drift, np.zeros(3))
+
+
+def test_a_free_body_must_be_placed(iiwa, home):
+    def scene(X_WB):
+        builder = RobotDiagramBuilder(0.0)
+        plant = builder.plant()
+        parsing.AddModel(plant, "package://drake_srg/sdf/iiwa14.sdf", "arm")
+        parsing.AddModel(plant, "package://drake_srg/sdf/srg.sdf", "gripper")
+        mug = parsing.AddModel(plant, "package://drake_srg/sdf/mug.sdf", "mug")
+        for parent, child in (("world", "link_0"), ("flange", "palm")):
+            frames = map(plant.GetFrameByName, (parent, child))
+            plant.WeldFrames(*frames)
+        if X_WB is not None:
+            (body,) = plant.GetBodyIndices(mug)
+            plant.SetDefaultFloatingBaseBodyPose(plant.get_body(body), X_WB)
+        return PlanningScene(builder)
+
+    with pytest.raises(ValueError, match=r"^mug::\w+: a free body that nobody has"):
+        scene(None)
+    assert scene(RigidTransform([1.0, 0.0, 0.0])).is_free(home)
+    elbow = iiwa.plant.GetFrameByName("link_4")
+    iiwa.plant.SetPositions(iiwa.context, iiwa.positions(home))
+    X_WE = elbow.CalcPoseInWorld(iiwa.context)
+    assert not scene(X_WE).is_free(home)

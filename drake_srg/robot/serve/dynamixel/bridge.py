@@ -24,7 +24,7 @@ from typing import Any, ClassVar
 import numpy as np
 
 from drake_srg.gripper.driver import WireMotor
-from drake_srg.gripper.drivers import SrgTendonDriver
+from drake_srg.gripper.srg_tendon_driver import SrgTendonDriver
 from drake_srg.robot.serve.bridge import Bridge
 from drake_srg.robot.serve.commands import CommandInbox, PortValues, gripper_command
 from drake_srg.robot.serve.dynamixel.mx64 import Mx64, Mx64P2

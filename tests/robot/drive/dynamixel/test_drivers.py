@@ -5,7 +5,7 @@ from hypothesis import strategies as st
 
 from drake_srg.common.exceptions import ScenarioError
 from drake_srg.common.srg_geometry import SRG
-from drake_srg.gripper.drivers import SrgPositionDriver, SrgTendonDriver
+from drake_srg.gripper import SrgPositionDriver, SrgTendonDriver
 from drake_srg.robot.drive.config import parse_hardware
 from drake_srg.robot.drive.dynamixel.bus import ServoBus
 from drake_srg.robot.drive.dynamixel.drivers import (

@@ -1,6 +1,6 @@
 """An MX-64 of either protocol whose registers tests write and read through packets."""
 
-from drake_srg.gripper.drivers import SrgTendonDriver
+from drake_srg.gripper import SrgTendonDriver
 from drake_srg.gripper.tendon import MotorTemperatureConfig
 from drake_srg.robot.serve.dynamixel.mx64 import Mx64, Mx64P2
 from drake_srg.robot.serve.dynamixel.protocol import (

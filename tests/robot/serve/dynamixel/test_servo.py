@@ -4,7 +4,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from drake_srg.gripper.drivers import SrgTendonDriver
+from drake_srg.gripper import SrgTendonDriver
 from drake_srg.robot.serve.dynamixel.servo import (
     JOINT,
     SPOOL,

@@ -1,0 +1,248 @@
+"""Every public system climbs the ladder: ports, FixValue and Eval, an event, a diagram.
+
+The tests of a system say what it computes. This one says that it stands alone: it needs
+no cell, no station and no scenario.
+"""
+
+import importlib
+import inspect
+
+import numpy as np
+import pytest
+from helpers import fix, port_table
+from pydrake.common.value import AbstractValue, Value
+from pydrake.math import RigidTransform, RotationMatrix
+from pydrake.multibody.plant import ContactResults, MultibodyPlant
+from pydrake.multibody.tree import BodyIndex
+from pydrake.systems.analysis import Simulator
+from pydrake.systems.framework import DiagramBuilder, LeafSystem
+from pydrake.systems.primitives import ConstantValueSource, ConstantVectorSource
+from pydrake.systems.sensors import CameraInfo, ImageDepth32F, ImageRgba8U
+
+from drake_srg import arm, gripper, objects, vision
+from drake_srg.arm.impedance import JointSpring
+from drake_srg.arm.safety.limits import JointLimits
+from drake_srg.gripper import SRG_FINGERS, SrgPositionDriver
+from drake_srg.types import Box, Cylinder, HeightMap, Mode
+
+# Systems that need a scene graph, whose own tests climb the ladder in a small plant.
+IN_A_PLANT = {"ProximitySensors"}  # tests/gripper/test_sensors.py
+MODEL = vision.CameraModel(CameraInfo(32, 24, 0.8))
+ABOVE = RigidTransform(RotationMatrix.MakeXRotation(np.pi), [0.0, 0.0, 1.0])
+TABLE = vision.Surface((-0.2, -0.2), (0.2, 0.2), 0.0)
+
+
+def color():
+    image = ImageRgba8U(32, 24)
+    image.mutable_data[:] = 200
+    return Value(image)
+
+
+def depth(metres=1.0):
+    image = ImageDepth32F(32, 24)
+    image.mutable_data[:] = metres
+    return Value(image)
+
+
+def images(*cameras, colored=True):
+    """The inputs of systems that look down at a table from a height of 1 m."""
+    found = {}
+    for camera in cameras:
+        if colored:
+            found[f"{camera}.color_image"] = color()
+        found[f"{camera}.depth_image"] = depth()
+        found[f"{camera}.body_pose_in_world"] = Value(ABOVE)
+    return found
+
+
+def models():
+    plant = MultibodyPlant(0.0)
+    objects.AddModel(plant, "package://drake_srg/sdf/iiwa14.sdf", "arm")
+    plant.WeldFrames(plant.world_frame(), plant.GetFrameByName("link_0"))
+    plant.Finalize()
+    return plant
+
+
+PLANT = models()
+ARM = PLANT.GetModelInstanceByName("arm")
+HOME = np.array([0.0, -0.3, 0.0, -1.9, 0.0, 1.5, 0.0])
+REST = [*HOME, *np.zeros(7)]
+SAFETY = arm.SafetyConfig()
+EFFORT = np.full(7, 100.0)
+SERVO = SrgPositionDriver().servo
+OPEN = np.zeros(8)
+
+SYSTEMS = {
+    "GravityCompensation": (
+        lambda: arm.GravityCompensation(PLANT, ["arm"]),
+        {"arm_state": REST},
+    ),
+    "ExternalTorqueObserver": (
+        lambda: arm.ExternalTorqueObserver(PLANT, ["arm"], 0.01),
+        {"arm_state": REST, "torque": np.zeros(7)},
+    ),
+    "ImpedanceControl": (
+        lambda: arm.ImpedanceControl(
+            JointSpring(PLANT, "arm", EFFORT),
+            0.7,
+            max_torque=EFFORT,
+            max_acceleration=EFFORT,
+            effort_limits=EFFORT,
+            period=0.01,
+        ),
+        {"desired_state": REST, "state_measured": REST},
+    ),
+    "JerkLimitedReference": (
+        lambda: arm.JerkLimitedReference(HOME, arm.JerkLimits(), 0.01),
+        {"position_desired": HOME + 0.1},
+    ),
+    "TrajectoryFollower": (
+        lambda: arm.TrajectoryFollower(HOME, 0.01),
+        {"trajectory_desired": arm.trajectory_piece(np.ones(1), HOME[None] + 0.1)},
+    ),
+    "SafetyMonitor": (
+        lambda: arm.SafetyMonitor(
+            HOME, JointLimits.of_plant(PLANT, ARM, SAFETY, 0.01), SAFETY, 0.01
+        ),
+        {"position_commanded": HOME, "state_measured": REST},
+    ),
+    "GraspDetector": (
+        lambda: gripper.GraspDetector(SRG_FINGERS.fingers),
+        {"triggered": np.ones(4)},
+    ),
+    "ContactForceSensors": (
+        lambda: gripper.ContactForceSensors({"tip": (BodyIndex(1), [])}),
+        {
+            "contact_results": Value(ContactResults()),
+            "body_poses": Value([RigidTransform()] * 2),
+        },
+    ),
+    "MasterSlaveReference": (
+        gripper.MasterSlaveReference,
+        {"closure_commanded": [0.5], "state_measured": OPEN[:4], "grasped": [0.0]},
+    ),
+    "GripperServo": (
+        lambda: gripper.GripperServo(SERVO),
+        {"reference": np.full(12, 0.1), "state_measured": OPEN},
+    ),
+    "MinimumJerkReference": (
+        lambda: gripper.MinimumJerkReference(np.zeros(4)),
+        {"position_desired": np.full(4, 0.1)},
+    ),
+    "SpoolCommand": (
+        lambda: gripper.SpoolCommand(0.0076),
+        {"closure_commanded": [0.5], "motor_state": OPEN[:2], "triggered": OPEN[:4]},
+    ),
+    "MotorTemperature": (
+        gripper.MotorTemperature,
+        {"pwm": [0.5], "motor_state": OPEN[:2]},
+    ),
+    "TendonDrive": (
+        lambda: gripper.TendonDrive(gripper.TendonDriveConfig(), 0.01),
+        {"pwm": [0.5], "state_measured": OPEN},
+    ),
+    "UnderactuationLogic": (
+        gripper.UnderactuationLogic,
+        {"closure_commanded": [0.5], "state_measured": OPEN, "triggered": OPEN[:4]},
+    ),
+    "Disturber": (
+        lambda: objects.Disturber([], 0.01),
+        {"mode": Value(Mode.IDLE), "object_poses": Value({})},
+    ),
+    "ObjectPoses": (
+        lambda: objects.ObjectPoses({"can": BodyIndex(1)}),
+        {"body_poses": Value([RigidTransform()] * 2)},
+    ),
+    "BlobLocalizer": (
+        lambda: vision.BlobLocalizer(
+            [vision.BlobTarget("can", Cylinder(), vision.ColorRange.around([1, 0, 0]))],
+            {"top": MODEL},
+        ),
+        images("top"),
+    ),
+    "CalibratedPose": (
+        lambda: vision.CalibratedPose(RigidTransform(), RigidTransform([0.1, 0, 0])),
+        {"body_pose_in_world": Value(RigidTransform())},
+    ),
+    "CameraErrors": (
+        lambda: vision.CameraErrors(
+            vision.CameraErrorsConfig(), focal=30.0, seed=0, name="top"
+        ),
+        {
+            "color_image": color(),
+            "depth_image": depth(),
+            "body_pose_in_world": Value(RigidTransform()),
+        },
+    ),
+    "CameraLeveling": (
+        lambda: vision.CameraLeveling(MODEL, [TABLE]),
+        {
+            "depth_image": depth(),
+            "body_pose_in_world": Value(ABOVE),
+        },
+    ),
+    "HeightMapper": (
+        lambda: vision.HeightMapper({"top": MODEL}, TABLE),
+        images("top", colored=False),
+    ),
+    "ObstacleFinder": (
+        lambda: vision.ObstacleFinder({"top": MODEL}, [TABLE], {"can": Box()}),
+        {**images("top", colored=False), "blobs": Value([])},
+    ),
+    "ThingLabeler": (
+        lambda: vision.ThingLabeler(["all"], {}, {}, 0.0),
+        {"height_map": Value(HeightMap(np.zeros(2), 0.01, np.zeros((3, 4))))},
+    ),
+}
+
+
+def public_systems():
+    for room in (arm, gripper, objects, vision):
+        for name in room.__all__:
+            found = getattr(importlib.import_module(room.__name__), name)
+            if inspect.isclass(found) and issubclass(found, LeafSystem):
+                yield name
+
+
+def test_every_public_system_is_here():
+    assert {*public_systems()} == SYSTEMS.keys() | IN_A_PLANT
+
+
+def is_sound(value):
+    return not isinstance(value, np.ndarray) or not np.isinf(value).any()
+
+
+def eval_outputs(system, context):
+    for name, size in port_table(system)[1].items():
+        value = system.GetOutputPort(name).Eval(context)
+        assert is_sound(value)
+        assert size is None or value.shape == (size,)
+
+
+@pytest.mark.parametrize("name", SYSTEMS)
+def test_a_system_stands_alone(name):
+    make, inputs = SYSTEMS[name]
+    system = make()
+    assert inputs.keys() <= port_table(system)[0].keys()
+    context = system.CreateDefaultContext()
+    fix(system, context, **inputs)
+    eval_outputs(system, context)
+    simulator = Simulator(system, context)
+    simulator.Initialize()
+    simulator.AdvanceTo(0.1)  # the longest period: an event or more
+    eval_outputs(system, context)
+
+
+@pytest.mark.parametrize("name", SYSTEMS)
+def test_a_system_works_in_a_short_diagram(name):
+    make, inputs = SYSTEMS[name]
+    builder = DiagramBuilder()
+    system = builder.AddNamedSystem("system", make())
+    for port, value in inputs.items():
+        abstract = isinstance(value, AbstractValue)
+        source = ConstantValueSource if abstract else ConstantVectorSource
+        source = builder.AddSystem(source(value))
+        builder.Connect(source.get_output_port(), system.GetInputPort(port))
+    simulator = Simulator(builder.Build())
+    simulator.AdvanceTo(0.1)
+    eval_outputs(system, system.GetMyContextFromRoot(simulator.get_context()))
