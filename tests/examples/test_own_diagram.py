@@ -9,7 +9,10 @@ import numpy as np
 import pytest
 from pydrake.math import RollPitchYaw
 
+from drake_srg.planning import HandTarget
 from drake_srg.recording import read_log
+from drake_srg.scenario import load_scenario
+from drake_srg.station import MakeTaskPlanner
 
 ROOT = Path(__file__).parents[2]
 FOLDER = ROOT / "examples/own_diagram"
@@ -95,6 +98,25 @@ def test_the_planner_places_a_box_without_a_scenario(program, tmp_path):
     modes = list(dict.fromkeys(read_log(tmp_path / "log.npz")["mode"]))
     assert modes[:3] == ["idle", "pre_grasp", "grasp"]
     assert modes[-1] == "done"
+
+
+@pytest.mark.slow
+def test_the_page_keeps_the_elbow_up():
+    (block,) = re.findall(r"```python\n(.*?)```", PAGE, re.DOTALL)
+    names: dict = {}
+    exec(block, names)
+    scene = MakeTaskPlanner(load_scenario("kitchen")).scene
+    target = HandTarget(np.array([0.5, 0.0, 0.3]))
+    q_home = np.array([0.0, -0.3, 0.0, -1.9, 0.0, 1.5, 0.0])
+    q = names["reach"](scene, target, q_home).q
+    context = scene.plant.CreateDefaultContext()
+    scene.plant.SetPositions(context, scene.positions(q))
+    elbow = scene.plant.GetFrameByName("link_4").CalcPoseInWorld(context)
+    assert elbow.translation()[2] >= 0.6 - 1e-5
+    failure = names["reach"](
+        scene, target.shifted(np.array([0.35, 0.0, -0.25])), q_home
+    )
+    assert failure.message.startswith("elbow up (your own): cannot be met together")
 
 
 @pytest.mark.slow
