@@ -246,3 +246,39 @@ def test_a_system_works_in_a_short_diagram(name):
     simulator = Simulator(builder.Build())
     simulator.AdvanceTo(0.1)
     eval_outputs(system, system.GetMyContextFromRoot(simulator.get_context()))
+
+
+@pytest.mark.parametrize(
+    ("name", "port", "beyond", "bound"),
+    [
+        ("GripperServo", "force_limit", 7.0, 1.0),
+        ("GripperServo", "force_limit", -7.0, 0.0),
+        ("MasterSlaveReference", "closure_commanded", 3.0, 1.0),
+        ("MasterSlaveReference", "closure_commanded", -3.0, 0.0),
+        ("MotorTemperature", "pwm", 7.0, 1.0),
+        ("MotorTemperature", "pwm", -7.0, -1.0),
+        ("SafetyMonitor", "speed_override", 7.0, 1.0),
+        ("SafetyMonitor", "speed_override", -7.0, 0.0),
+        ("SpoolCommand", "closure_commanded", 3.0, 1.0),
+        ("SpoolCommand", "closure_commanded", -3.0, 0.0),
+        ("TendonDrive", "pwm", 7.0, 1.0),
+        ("TendonDrive", "pwm", -7.0, -1.0),
+        ("UnderactuationLogic", "closure_commanded", 3.0, 1.0),
+        ("UnderactuationLogic", "closure_commanded", -3.0, 0.0),
+    ],
+)
+def test_a_value_beyond_the_bounds_of_a_port_counts_as_the_bound(
+    name, port, beyond, bound
+):
+    make, inputs = SYSTEMS[name]
+
+    def outputs(value):
+        system = make()
+        simulator = Simulator(system)
+        context = simulator.get_mutable_context()
+        fix(system, context, **{**inputs, port: value})
+        simulator.AdvanceTo(0.1)
+        every = map(system.get_output_port, range(system.num_output_ports()))
+        return np.concatenate([output.Eval(context) for output in every])
+
+    np.testing.assert_array_equal(outputs(beyond), outputs(bound))

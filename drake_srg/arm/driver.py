@@ -270,6 +270,11 @@ class ArmDriver(Config, abc.ABC):
         Raises:
             ValueError: If `prepare_plant` was not called.
         """
+        if self.weightless and plant.is_gravity_enabled(arm):
+            raise ValueError(
+                f"{plant.GetModelInstanceName(arm)}: has weight: call the "
+                "configuration's prepare_plant before the plant is finalized"
+            )
 
     @staticmethod
     def check_length(key: str, values: list[float], n: int) -> None:
@@ -452,8 +457,9 @@ def AddJerkLimits(
 ) -> JerkLimitedReference:
     """Add what makes motion of targets that jump to a diagram.
 
-    It starts at the driver's home and has the driver's limits and period. Connect its
-    `position_commanded` to the driver's.
+    It has the driver's limits and period, and starts at the driver's home, or where the
+    arm is if you connect its `state_measured`, too. Connect its `position_commanded` to
+    the driver's.
 
     Args:
         builder: Of the diagram.

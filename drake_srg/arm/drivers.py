@@ -42,6 +42,7 @@ class ArmPositionDriver(ArmDriver):
 
     def SetGains(self, plant: MultibodyPlant, arm: ModelInstanceIndex) -> None:
         """See `ArmDriver`."""
+        super().SetGains(plant, arm)
         check_prepared(plant, arm)
         kp, kd = self.gains(plant, arm)
         for i, actuator in enumerate(model_actuators(plant, arm)):

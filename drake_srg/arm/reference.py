@@ -47,6 +47,7 @@ class JerkLimitedReference(LeafSystem):
         input_ports:
         - position_desired (optional)
         - position_held (optional)
+        - state_measured (optional)
         output_ports:
         - position_commanded
 
@@ -57,10 +58,11 @@ class JerkLimitedReference(LeafSystem):
     present position, velocity and acceleration to rest at its target, in the least time
     that the limits allow (Ruckig: Berscheid and Kröger, RSS 2021). `position_commanded`
     (N) is updated every `period`: from the targets at a time follows the position one
-    period later.
+    period later. When a simulation starts, the joints rest where they are, according to
+    `state_measured` (2N), [q; v].
 
     Args:
-        home: Where the joints are, and stay without targets, shape (N,) [rad or m].
+        home: Where they rest without `state_measured`, shape (N,) [rad or m].
         limits: Of velocity, acceleration and jerk.
         period: Time between updates [s].
 
@@ -85,15 +87,23 @@ class JerkLimitedReference(LeafSystem):
         state = self.DeclareDiscreteState(rows.flatten())
         self._desired = self.DeclareVectorInputPort(name="position_desired", size=n)
         self._held = self.DeclareVectorInputPort(name="position_held", size=n)
+        self._measured = self.DeclareVectorInputPort(name="state_measured", size=2 * n)
         self.DeclareVectorOutputPort(
             name="position_commanded",
             size=n,
             calc=self._calc_position,
             prerequisites_of_calc={self.discrete_state_ticket(state)},
         )
+        self.DeclareInitializationDiscreteUpdateEvent(self._initialize)
         self.DeclarePeriodicDiscreteUpdateEvent(
             period_sec=period, offset_sec=0.0, update=self._update
         )
+
+    def _initialize(self, context: Context, discrete_state: DiscreteValues) -> None:
+        if self._measured.HasValue(context):
+            rows = np.zeros((4, self._n))
+            rows[[_POSITION, _TARGET]] = self._measured.Eval(context)[: self._n]
+            discrete_state.set_value(rows.flatten())
 
     def _rows(self, context: Context) -> Vector:
         value: Vector = context.get_discrete_state(0).value()

@@ -275,10 +275,10 @@ def TendonDrive_(T: Any) -> Any:  # noqa: D103 (the class below is the documenta
             - taut_state
             - wire_force
 
-        `pwm` (1) is a fraction of full scale. `state_measured` (8) is [q; v] of the
-        finger joints in rad, rad/s. Joints, also of `joint_torque` (4) [N m], are
-        ordered left base, right base, left tip, right tip. `motor_state` (2) is
-        [angle; speed] of the spool in rad, rad/s; the angle is 0 where the wires are
+        `pwm` (1) is a fraction of full scale, clipped to -1 .. 1. `state_measured` (8)
+        is [q; v] of the finger joints in rad, rad/s. Joints, also of `joint_torque` (4)
+        [N m], are ordered left base, right base, left tip, right tip. `motor_state` (2)
+        is [angle; speed] of the spool in rad, rad/s; the angle is 0 where the wires are
         taut with the fingers open. `taut_state` (2) is that of a spool at rest whose
         wires are just taut, or one of them if the fingers differ. There the spool is
         when a simulation starts. `wire_force` (2) [N] is that of the left and the
@@ -425,6 +425,7 @@ def TendonDrive_(T: Any) -> Any:  # noqa: D103 (the class below is the documenta
             load = sum(force for force, *_ in self._wires(context))
             load = config.spool_radius * load
             pwm = self._pwm.Eval(context)[0]
+            pwm = min(max(pwm, -1.0), 1.0) if T is float else min_(max_(pwm, -1.0), 1.0)
             torque = config.full_torque * config.useful_pwm(pwm)
             inertia, damping = config.reflected_inertia, config.motor_damping
             friction = config.friction
@@ -515,10 +516,10 @@ class MotorTemperature(LeafSystem):
         output_ports:
         - motor_temperature
 
-    `pwm` (1) is a fraction of full scale, and `motor_state` (2) is [angle; speed] in
-    rad, rad/s. `motor_temperature` (1) [degC] starts at that of the air. The model is
-    of first order, with the current I that gives the torque and the resistance R of the
-    windings:
+    `pwm` (1) is a fraction of full scale, clipped to -1 .. 1, and `motor_state` (2) is
+    [angle; speed] in rad, rad/s. `motor_temperature` (1) [degC] starts at that of the
+    air. The model is of first order, with the current I that gives the torque and the
+    resistance R of the windings:
 
         C T' = P_idle + I² R + I U_0 - (T - T_air) / R_thermal
 
@@ -549,7 +550,8 @@ class MotorTemperature(LeafSystem):
     def _update(self, context: Context, discrete_state: DiscreteValues) -> None:
         config = self.config
         before = context.get_discrete_state(0).value()[0]
-        pwm, speed = self._pwm.Eval(context)[0], self._motor.Eval(context)[1]
+        pwm = min(max(self._pwm.Eval(context)[0], -1.0), 1.0)
+        speed = self._motor.Eval(context)[1]
         load = motor_load(self._drive, pwm, speed)
         # I² R + I U_0 with R = (U - U_0) / I_stall and I = load I_stall
         band = self._drive.dead_band

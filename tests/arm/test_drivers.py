@@ -246,6 +246,8 @@ def test_an_arm_whose_plant_is_not_prepared_is_refused():
         ValueError, match=r"^arm: actuator motor has no gains: call the"
     ):
         Pendulum(prepare=False)
+    with pytest.raises(ValueError, match=r"^arm: has weight: call the configuration"):
+        Pendulum(prepare=False, weightless=True)
 
 
 @pytest.mark.parametrize(("effort", "kp"), [(100.0, 0.5 * 40.0**2), (2.0, 200.0)])

@@ -58,7 +58,7 @@ def rest_to_rest_time(distance):
 
 def test_ports():
     assert port_table(JerkLimitedReference(HOME, JerkLimits(), PERIOD)) == (
-        {"position_desired": 2, "position_held": 2},
+        {"position_desired": 2, "position_held": 2, "state_measured": 4},
         {"position_commanded": 2},
     )
 
@@ -194,6 +194,21 @@ def test_the_reference_of_a_driver_starts_at_its_home():
     assert reference.get_name() == "arm_reference"
     context = reference.CreateDefaultContext()
     assert read(reference, context, "position_commanded").tolist() == config.home
+
+
+def test_the_reference_starts_where_the_joints_are():
+    system = JerkLimitedReference(HOME, JerkLimits(), PERIOD)
+    simulator = Simulator(system)
+    context = simulator.get_mutable_context()
+    where = HOME + 0.4
+    fix(system, context, state_measured=[*where, 0.0, 0.0])
+    simulator.AdvanceTo(0.1)
+    np.testing.assert_array_equal(read(system, context, "position_commanded"), where)
+    fix(system, context, position_desired=HOME)
+    simulator.AdvanceTo(0.2)
+    moved = read(system, context, "position_commanded") - where
+    assert (moved < 0.0).all()
+    assert (moved > -0.01).all()
 
 
 def test_limits_that_do_not_fit_the_joints_are_refused():

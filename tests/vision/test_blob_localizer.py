@@ -3,9 +3,11 @@ import weakref
 
 import numpy as np
 import pytest
+from helpers import fix
+from pydrake.common.value import Value
 from pydrake.math import RigidTransform, RollPitchYaw, RotationMatrix
 from pydrake.systems.analysis import Simulator
-from pydrake.systems.sensors import CameraInfo, ImageRgba8U
+from pydrake.systems.sensors import CameraInfo, ImageDepth32F, ImageRgba8U
 
 from drake_srg import types
 from drake_srg.types import BlobFlag
@@ -51,8 +53,7 @@ def near(blob, thing, millimetres):
 @pytest.mark.parametrize("channels", [3, 4])
 @pytest.mark.parametrize("millimetres", [False, True])
 def test_arrays_need_no_diagram(channels, millimetres):
-    thing = Thing(CAN, standing(CAN, 0.05, -0.02), RED)
-    diagram, localizer = make_diagram([thing], [target()])
+    diagram, localizer = make_diagram([standing(CAN, 0.05, -0.02)], [target()])
     root = diagram.CreateDefaultContext()
     context = localizer.GetMyContextFromRoot(root)
     (expected,) = localizer.GetOutputPort("blobs").Eval(context)
@@ -128,7 +129,15 @@ def test_an_unconnected_input_is_named():
 def test_an_image_of_the_wrong_size_is_named():
     localizer = BlobLocalizer([target()], {"top": MODEL})
     context = localizer.CreateDefaultContext()
-    localizer.GetInputPort("top.color_image").FixValue(context, ImageRgba8U(320, 240))
+    fix(
+        localizer,
+        context,
+        **{
+            "top.color_image": Value(ImageRgba8U(320, 240)),
+            "top.depth_image": Value(ImageDepth32F(640, 480)),
+            "top.body_pose_in_world": Value(RigidTransform()),
+        },
+    )
     with pytest.raises(ValueError, match=r"320x240 pixels.*says 640x480"):
         localizer.get_output_port().Eval(context)
 

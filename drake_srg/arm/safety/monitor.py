@@ -108,7 +108,7 @@ class SafetyMonitor(LeafSystem):
     Inputs: `position_commanded` (N) [rad or m], a new command every `period`;
     `state_measured` (2N), [q; v] of the arm; `external_torque` (N) [N m]; `estop` (1),
     nonzero or NaN while the button is pressed; `release` (1), which acknowledges a stop
-    when it becomes nonzero; `speed_override` (1), 0 .. 1, in place of the
+    when it becomes nonzero; `speed_override` (1), clipped to 0 .. 1, in place of the
     configuration's; `heartbeat` (1), the time at which the newest message arrived [s],
     NaN before the first.
 

@@ -66,14 +66,26 @@ class NoPathError(Exception):
 _CLOSE = 0.2
 
 
-def _check_placed(plant: MultibodyPlant) -> None:
-    for body in map(plant.get_body, plant.GetFloatingBaseBodies()):
+def _weld_free_bodies(plant: MultibodyPlant) -> None:
+    """Weld the free bodies of a plant, not finalized, to the world where they start.
+
+    Raises:
+        ValueError: If nobody has placed one: it would be at the world's origin.
+    """
+    joints = [plant.get_joint(index) for index in plant.GetJointIndices()]
+    carried = {joint.child_body().index() for joint in joints}
+    carried.add(plant.world_body().index())
+    for index in map(BodyIndex, range(plant.num_bodies())):
+        if index in carried:
+            continue
+        body = plant.get_body(index)
         X_WB = plant.GetDefaultFloatingBaseBodyPose(body)
         if X_WB.IsExactlyIdentity():
             raise ValueError(
                 f"{body.scoped_name()}: a free body that nobody has placed (allowed: "
                 "a weld, or SetDefaultFloatingBaseBodyPose)"
             )
+        plant.WeldFrames(plant.world_frame(), body.body_frame(), X_WB)
 
 
 class PlanningScene(ArmModel):
@@ -96,8 +108,8 @@ class PlanningScene(ArmModel):
     that nothing comes closer than contact between two checks.
 
     Args:
-        builder: Holds arm, gripper and furniture, not finalized, without free bodies;
-            it is built, and its diagram taken.
+        builder: Holds arm, gripper and furniture, not finalized; it is built, and its
+            diagram taken. Free bodies stay where they are placed by default.
         arm: Name of the arm's model instance.
         gripper: Name of the gripper's model instance, welded to the arm.
         hand: Name of the gripper's body G whose pose is planned.
@@ -132,6 +144,7 @@ class PlanningScene(ArmModel):
                 "step must be positive; with a margin of 0 it has no default"
             )
         plant = builder.plant()
+        _weld_free_bodies(plant)
         arm_model = plant.GetModelInstanceByName(arm)
         gripper_model = plant.GetModelInstanceByName(gripper)
         hand_frame = plant.GetFrameByName(hand, gripper_model)
@@ -152,7 +165,6 @@ class PlanningScene(ArmModel):
                 implicit_context_parallelism=Parallelism(1),
             )
         super().__init__(self._checker.plant(), arm_model, gripper_model, hand_frame)
-        _check_placed(self.plant)
         self._hand_margin = hand_margin
         self._SetMargins(gripper_model, margin)
 

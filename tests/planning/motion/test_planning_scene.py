@@ -14,6 +14,7 @@ from drake_srg.planning.motion.inverse_kinematics import (
     IkSolution,
     solve_inverse_kinematics,
 )
+from drake_srg.planning.motion.limits import MotionLimits
 from drake_srg.planning.motion.planning_scene import PlanningScene, carried_drift
 from drake_srg.types import Box, Cylinder, Shape, Sphere
 
@@ -195,9 +196,9 @@ def test_a_free_body_must_be_placed(iiwa, home):
     def scene(X_WB):
         builder = RobotDiagramBuilder(0.0)
         plant = builder.plant()
+        mug = parsing.AddModel(plant, "package://drake_srg/sdf/mug.sdf", "mug")
         parsing.AddModel(plant, "package://drake_srg/sdf/iiwa14.sdf", "arm")
         parsing.AddModel(plant, "package://drake_srg/sdf/srg.sdf", "gripper")
-        mug = parsing.AddModel(plant, "package://drake_srg/sdf/mug.sdf", "mug")
         for parent, child in (("world", "link_0"), ("flange", "palm")):
             frames = map(plant.GetFrameByName, (parent, child))
             plant.WeldFrames(*frames)
@@ -208,7 +209,10 @@ def test_a_free_body_must_be_placed(iiwa, home):
 
     with pytest.raises(ValueError, match=r"^mug::\w+: a free body that nobody has"):
         scene(None)
-    assert scene(RigidTransform([1.0, 0.0, 0.0])).is_free(home)
+    beside = scene(RigidTransform([1.0, 0.0, 0.0]))
+    assert beside.is_free(home)
+    speeds = MotionLimits.of_plant(beside).velocity
+    np.testing.assert_array_equal(speeds, MotionLimits.of_plant(iiwa).velocity)
     elbow = iiwa.plant.GetFrameByName("link_4")
     iiwa.plant.SetPositions(iiwa.context, iiwa.positions(home))
     X_WE = elbow.CalcPoseInWorld(iiwa.context)
