@@ -37,9 +37,9 @@ def positive(**metadata: object) -> Mapping[str, object]:
     return {"gt": 0.0, **metadata}
 
 
-def names(allowed: Iterable[str]) -> str:
-    """Return sorted names as text, for a message."""
-    return ", ".join(sorted(allowed))
+def names(allowed: Iterable[object]) -> str:
+    """Return names, or other choices, sorted as text for a message."""
+    return ", ".join(sorted(map(str, allowed)))
 
 
 def kind_problem(
@@ -162,10 +162,11 @@ def _check(kind: Any, field: dc.Field[Any]) -> Callable[[Any], str | None] | Non
     if "gt" in field.metadata:
         least = math.nextafter(field.metadata["gt"], math.inf)
     most = field.metadata.get("le", sys.float_info.max)
+    in_range = item_kind is float and "among" not in field.metadata
 
     def check(value: Any) -> str | None:
         # Most values are floats within their bounds, which takes no time.
-        if type(value) is item_kind is float and least <= value <= most:
+        if in_range and type(value) is float and least <= value <= most:
             return None
         if value is None and optional:
             return None

@@ -38,7 +38,7 @@ LAWS = {
     "pid, 1023 steps": dc.replace(SHIPPED, pwm_steps=1023),
     "pid, 100 steps": dc.replace(SHIPPED, pwm_steps=100),
     "pid, K_I": _WITH_KI,
-    "pid, K_I, no anti-windup": dc.replace(_WITH_KI, tracking_time=np.inf),
+    "pid, K_I, no anti-windup": dc.replace(_WITH_KI, tracking_time=1e9),
     "printed": dc.replace(_WITH_KI, law="printed"),
     "printed, K_I = 0": dc.replace(SHIPPED, law="printed"),
     "literal": dc.replace(_WITH_KI, law="literal"),

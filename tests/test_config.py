@@ -176,6 +176,16 @@ def test_none_is_taken_only_where_it_is_allowed():
         TendonDriveConfig(spool_radius=None)
 
 
+def test_floats_can_be_chosen_among_some():
+    @dc.dataclass
+    class Chosen(Config):
+        share: float = dc.field(default=0.5, metadata={"among": (0.5, 1.0)})
+
+    assert Chosen(1.0).share == 1.0
+    with pytest.raises(ValueError, match=r"Chosen\.share: must be one of 0\.5, 1\.0"):
+        Chosen(0.7)
+
+
 def test_copies_are_not_checked_again():
     with unchecked():
         config = MinimumJerkConfig(period=-1.0)

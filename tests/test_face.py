@@ -22,7 +22,7 @@ STUBS = sorted([PACKAGE / "__init__.pyi", *PACKAGE.glob("*/__init__.pyi")])
 NO_FACE = {"cli", "models", "scenarios"}
 # Modules whose public names are all public, and what a page of docs imports besides:
 # a module that makes environments known, and a policy's own package.
-WHOLE = {"drake_srg.types", "drake_srg.lifetime", "drake_srg.config"}
+WHOLE = {"drake_srg.types", "drake_srg.lifetime"}
 BESIDE_FACES = {"drake_srg.learning.envs", "drake_srg.learning.envs.lerobot_env"}
 
 

@@ -6,3 +6,5 @@ from drake_srg.common.systems import export_outputs as export_outputs
 from drake_srg.common.systems import input_ports as input_ports
 from drake_srg.common.systems import output_ports as output_ports
 from drake_srg.common.systems import value_or_none as value_or_none
+from drake_srg.config import Config as Config
+from drake_srg.config import positive as positive

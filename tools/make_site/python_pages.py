@@ -13,7 +13,7 @@ from make_site.markdown import table
 from make_site.systems import PACKAGE, ROOT
 
 # Modules that are public as a whole.
-WHOLE = ("drake_srg.types", "drake_srg.lifetime", "drake_srg.config")
+WHOLE = ("drake_srg.types", "drake_srg.lifetime")
 
 
 @functools.cache

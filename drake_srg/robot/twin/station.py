@@ -237,7 +237,7 @@ def _followed(scenario: Scenario, n: int) -> Scenario:
     assert scenario.arm is not None
     arm = dc.replace(scenario.arm, period=twin_period(scenario))
     # Any limit makes the station tell the torques that its contacts cause.
-    planner = dc.replace(scenario.planner, max_external_torque=[np.inf] * n)
+    planner = dc.replace(scenario.planner, max_external_torque=[1e9] * n)
     return dc.replace(
         scenario, cameras={}, safety=None, disturbances=[], arm=arm, planner=planner
     )

@@ -42,7 +42,7 @@ def test_every_public_name_is_on_the_page_of_its_face(pages):
 def test_public_names_are_those_of_the_faces():
     shown = {name.rpartition(".")[2] for name in public_names()}
     assert {*drake_srg.__all__, *gripper.__all__} <= shown
-    assert {"Blob", "Box", "Vector", "Config"} <= shown
+    assert {"Blob", "Box", "Vector", "Config", "positive"} <= shown
     assert not any(name.startswith("_") for name in shown)
 
 
