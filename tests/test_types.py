@@ -1,4 +1,5 @@
 import dataclasses as dc
+import enum
 
 import numpy as np
 import pytest
@@ -13,7 +14,11 @@ from drake_srg.types import (
     Cylinder,
     HeightMap,
     LabeledHeightMap,
+    Mode,
+    PlannerStatus,
     Sphere,
+    mode_name,
+    mode_words,
 )
 
 PLAIN = Blob("can", "eye", (1.0, 2.0), RigidTransform(), 0.9)
@@ -53,6 +58,25 @@ def test_more_misfit_means_less_trust(one, more):
 def test_a_difference_in_misfit_within_noise_does_not_decide():
     assert blob(misfit=0.008).trust > blob(misfit=0.004, quality=0.8).trust
     assert blob(misfit=0.008).trust > blob(misfit=0.004, flags=HIDDEN).trust
+
+
+class Own(enum.Enum):
+    SHAKE_IT = enum.auto()
+    LIFT = "lift"
+
+
+def test_modes_have_names_whatever_their_type():
+    modes = (Mode.PRE_GRASP, Own.SHAKE_IT, Own.LIFT, "think_hard")
+    names = ["pre_grasp", "shake_it", "lift", "think_hard"]
+    assert [mode_name(mode) for mode in modes] == names
+    assert mode_words(Own.SHAKE_IT) == "shake it"
+
+
+def test_a_planner_has_ended_by_the_name_of_its_mode():
+    assert PlannerStatus(mode="done").done
+    assert PlannerStatus(mode=Mode.FAILED).ended
+    assert not PlannerStatus(mode="failed").done
+    assert not PlannerStatus(mode=Own.LIFT).ended
 
 
 # Shapes.

@@ -2,6 +2,8 @@ from drake_srg.recording.output import OutputFile as OutputFile
 from drake_srg.recording.output import Recorder as Recorder
 from drake_srg.recording.output import read_log as read_log
 from drake_srg.recording.output import write_log as write_log
+from drake_srg.recording.recording import AddRecording as AddRecording
+from drake_srg.recording.recording import Recording as Recording
 from drake_srg.recording.replay.page import write_comparison as write_comparison
 from drake_srg.recording.replay.page import write_page as write_page
 from drake_srg.recording.replay.recorder import ReplayRecorder as ReplayRecorder

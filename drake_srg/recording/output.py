@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import shutil
 import tempfile
 import warnings
 import weakref
@@ -58,7 +59,12 @@ class OutputFile:
     """A file that appears under its name only when it is complete.
 
     It is written as `path`, in a hidden folder beside `target`, so that `commit` is a
-    rename. The folder disappears with the object, whether the file is complete or not.
+    rename.
+
+    Args:
+        target: The final path.
+        owned: Whether the owner sees to `commit` or `discard`. Otherwise the folder
+            disappears with the object, whether the file is complete or not.
 
     Attributes:
         target: The final path.
@@ -68,17 +74,19 @@ class OutputFile:
         OSError: If nothing can be written beside `target`; it names the folder.
     """
 
-    def __init__(self, target: Path | str):
+    def __init__(self, target: Path | str, *, owned: bool = False):
         self.target = Path(target)
         try:
             self.target.parent.mkdir(parents=True, exist_ok=True)
-            self._folder = tempfile.TemporaryDirectory(
+            self._folder = tempfile.mkdtemp(
                 prefix=f".{self.target.name}.", dir=self.target.parent
             )
         except OSError as error:
             folder = str(self.target.parent)
             raise OSError(error.errno, error.strerror, folder) from error
-        self.path = Path(self._folder.name) / self.target.name
+        self.path = Path(self._folder) / self.target.name
+        if not owned:
+            weakref.finalize(self, shutil.rmtree, self._folder, ignore_errors=True)
 
     def commit(self) -> Path:
         """Move the file to `target`, replacing what was there; returns `target`."""
@@ -88,7 +96,7 @@ class OutputFile:
 
     def discard(self) -> None:
         """Delete what was written."""
-        self._folder.cleanup()
+        shutil.rmtree(self._folder, ignore_errors=True)
 
 
 def close_at_exit(owner: Any, close: Callable[[Any], str]) -> None:
@@ -133,7 +141,8 @@ class Recorder(LeafSystem):
         Raises:
             OSError: If nothing can be written there.
         """
-        self._output = OutputFile(path)
+        # The collector would remove the folder before it lets `__del__` complete it.
+        self._output = OutputFile(path, owned=True)
         self._closed = False
         close_at_exit(self, Recorder._close_forgotten)
 

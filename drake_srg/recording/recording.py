@@ -285,14 +285,15 @@ def AddRecording(
     poses = plant.get_body_poses_output_port()
     inspector = scene_graph.model_inspector()
     topics += scene_topics(plant, inspector, "body_poses", poses.Allocate(), period)
+    senses = {
+        "query_object": scene_graph.get_query_output_port(),
+        "contact_results": plant.get_contact_results_output_port(),
+    }
     sampler = _Sampler(
         out,
         ports,
         SceneRecorder(scene_graph, cameras, objects),
-        {
-            "query_object": scene_graph.get_query_output_port(),
-            "contact_results": plant.get_contact_results_output_port(),
-        },
+        senses,
         Labels(title or out.resolve().name, signals=tuple(ports)),
         (next(iter(cameras), ""), 1.0 / frame_rate),
         period,
@@ -326,7 +327,7 @@ def AddRecording(
         builder.AddNamedSystem("sampler", sampler)
         for name, port in {**ports, "body_poses": poses}.items():
             builder.Connect(port, bag.GetInputPort(name))
-        for name, port in sampler.sources.items():
+        for name, port in {**ports, **senses}.items():
             builder.Connect(port, sampler.GetInputPort(name))
         stack.pop_all()
     recording.record(recorders)
@@ -391,7 +392,6 @@ class _Sampler(LeafSystem):
 
     Attributes:
         recording: The recording.
-        sources: What to connect to the inputs, by name.
     """
 
     def __init__(
@@ -405,8 +405,7 @@ class _Sampler(LeafSystem):
         period: float,
     ) -> None:
         super().__init__()
-        self.sources = {**ports, **senses}
-        for name, port in self.sources.items():
+        for name, port in {**ports, **senses}.items():
             if port.get_data_type() == PortDataType.kVectorValued:
                 self.DeclareVectorInputPort(name, port.size())
             else:

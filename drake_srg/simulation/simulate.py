@@ -94,9 +94,10 @@ def Simulate(
     """Simulate a cell until its planner has ended, and judge the result.
 
     The log is sampled every `recording.period`. Its arrays are `time` (K) [s], `mode`
-    (K), the index into `Mode`, the cell's vector ports by name, `object_pose.NAME`
-    (K, 7), position [m] before quaternion w, x, y, z, and `contact_force` (K), the
-    largest force of the gripper on a picked object [N].
+    (K), the index into `Mode`, `mode_name` (K) of a planner with modes of its own, the
+    cell's vector ports by name, `object_pose.NAME` (K, 7), position [m] before
+    quaternion w, x, y, z, and `contact_force` (K), the largest force of the gripper on
+    a picked object [N].
 
     A KeyboardInterrupt ends the run as `stopped`; the run is judged and recorded up to
     that time. After any other exception, log and recordings up to that time remain, but

@@ -202,9 +202,15 @@ _HANDS: dict[type[GripperDriver], HandMaker] = {
 }
 
 
-def MakePlanner(scenario: Scenario) -> PickAndPlacePlanner:
-    """Make the planner of a scenario's task."""
-    return PickAndPlacePlanner(**planner_arguments(scenario))
+def MakePlanner(scenario: Scenario, **own: Any) -> PickAndPlacePlanner:
+    """Make the planner of a scenario's task.
+
+    Args:
+        scenario: The scenario.
+        own: Arguments of `PickAndPlacePlanner` in place of the scenario's, such as
+            `make_modes` and `transition`.
+    """
+    return PickAndPlacePlanner(**{**planner_arguments(scenario), **own})
 
 
 def planner_arguments(scenario: Scenario) -> dict[str, Any]:

@@ -17,9 +17,9 @@ from pydrake.systems.framework import DiagramBuilder
 from pydrake.systems.primitives import ConstantVectorSource, TrajectorySource
 from pydrake.trajectories import PiecewisePolynomial
 
-from drake_srg.gripper.drivers import AddSrgPositionDriver
-from drake_srg.parsing import AddModel
-from drake_srg.recording.recording import AddRecording
+from drake_srg.gripper import AddSrgPositionDriver
+from drake_srg.objects import AddModel
+from drake_srg.recording import AddRecording
 
 
 def main(out: Path) -> float:
@@ -49,9 +49,7 @@ def main(out: Path) -> float:
     plant.Finalize()
 
     # The hand's driver, and commands: close, then lift.
-    driver = AddSrgPositionDriver(builder, plant, gripper)
-    query = scene_graph.get_query_output_port()
-    builder.Connect(query, driver.GetInputPort("query_object"))
+    driver = AddSrgPositionDriver(builder, plant, gripper, scene_graph=scene_graph)
     closure = builder.AddSystem(ConstantVectorSource([0.8]))
     builder.Connect(closure.get_output_port(), driver.GetInputPort("closure_commanded"))
     height = PiecewisePolynomial.CubicShapePreserving(

@@ -4,7 +4,8 @@ import sys
 from pathlib import Path
 
 import numpy as np
-from own_world import RED, AddBox, AddCamera
+from camera import AddLocalizer
+from own_world import RED, AddBox
 from pydrake.math import RigidTransform, RollPitchYaw
 from pydrake.multibody.plant import AddMultibodyPlantSceneGraph, MultibodyPlant
 from pydrake.multibody.tree import ModelInstanceIndex
@@ -12,22 +13,20 @@ from pydrake.planning import RobotDiagramBuilder
 from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import DiagramBuilder
 
-from drake_srg import types
-from drake_srg.arm.driver import AddArmDriver
-from drake_srg.arm.drivers import ArmPositionDriver
-from drake_srg.gripper.drivers import AddSrgPositionDriver
-from drake_srg.parsing import AddModel
-from drake_srg.planning.grasps.srg_hand import SrgHand
-from drake_srg.planning.motion.planning_scene import PlanningScene
-from drake_srg.planning.pick_and_place.planner import PickAndPlacePlanner
-from drake_srg.planning.pick_and_place.task_motions import TaskPlanner
-from drake_srg.planning.planner_machine import PickAndPlace
-from drake_srg.recording.recording import AddRecording
-from drake_srg.vision.blob_localizer import BlobLocalizer, BlobTarget
-from drake_srg.vision.camera import CameraModel
-from drake_srg.vision.color import ColorRange
+from drake_srg.arm import AddArmDriver, ArmPositionDriver
+from drake_srg.gripper import AddSrgPositionDriver
+from drake_srg.objects import AddModel
+from drake_srg.planning import (
+    PickAndPlace,
+    PickAndPlacePlanner,
+    PlanningScene,
+    SrgHand,
+    TaskPlanner,
+)
+from drake_srg.recording import AddRecording
+from drake_srg.types import Box, PlannerStatus
 
-BOX = types.Box([0.05, 0.05, 0.1])
+BOX = Box([0.05, 0.05, 0.1])
 START, GOAL = RigidTransform([0.6, 0.1, 0.05]), RigidTransform([0.55, -0.35, 0.05])
 HOME = [0.0, -0.3, 0.0, -1.9, 0.0, 1.5, 0.0]  # [rad]
 
@@ -44,7 +43,7 @@ def AddCell(plant: MultibodyPlant) -> tuple[ModelInstanceIndex, ModelInstanceInd
     return arm, gripper
 
 
-def main(out: Path) -> tuple[types.PlannerStatus, float]:
+def main(out: Path) -> tuple[PlannerStatus, float]:
     """Return the planner's last report, and how far the box is from its goal [m]."""
     builder = DiagramBuilder()
     plant, scene_graph = AddMultibodyPlantSceneGraph(builder, time_step=0.002)
@@ -54,12 +53,8 @@ def main(out: Path) -> tuple[types.PlannerStatus, float]:
     arm_config.prepare_plant(plant, arm)
     plant.Finalize()
     plant.SetDefaultPositions(arm, HOME)
-
     down = RigidTransform(RollPitchYaw(np.pi, 0.0, -np.pi / 2), [0.7, 0.0, 1.55])
-    eye = AddCamera(builder, scene_graph, down)
-    target = BlobTarget("box", BOX, ColorRange.around(RED))
-    localizer = BlobLocalizer([target], {"eye": CameraModel.from_sensor(eye)})
-
+    eye, localizer = AddLocalizer(builder, scene_graph, down, BOX)
     # The planner's model of the cell knows of no box. It also weighs the arm.
     models, config = RobotDiagramBuilder(time_step=0.0), PickAndPlace()
     AddCell(models.plant())
@@ -67,16 +62,10 @@ def main(out: Path) -> tuple[types.PlannerStatus, float]:
     hand = SrgHand(config.approaches, config.tilts, config.squeeze)
     motions = TaskPlanner(scene, hand, np.array(HOME), config)
     planner = PickAndPlacePlanner(motions, "box", BOX, GOAL, config=config)
-    for name, system in (("localizer", localizer), ("planner", planner)):
-        builder.AddNamedSystem(name, system)
+    builder.AddNamedSystem("planner", planner)
     mover = AddArmDriver(builder, plant, arm, gripper, scene.plant, arm_config)
-    fingers = AddSrgPositionDriver(builder, plant, gripper)
-    query = scene_graph.get_query_output_port()
+    fingers = AddSrgPositionDriver(builder, plant, gripper, scene_graph=scene_graph)
     for source, system, port in (
-        (query, fingers, "query_object"),
-        (eye.GetOutputPort("color_image"), localizer, "eye.color_image"),
-        (eye.GetOutputPort("depth_image_32f"), localizer, "eye.depth_image"),
-        (eye.GetOutputPort("body_pose_in_world"), localizer, "eye.body_pose_in_world"),
         (localizer.GetOutputPort("blobs"), planner, "blobs"),
         (mover.GetOutputPort("state_measured"), planner, "arm_state"),
         (fingers.GetOutputPort("state_measured"), planner, "gripper_state"),
@@ -86,17 +75,14 @@ def main(out: Path) -> tuple[types.PlannerStatus, float]:
         (planner.GetOutputPort("closure_commanded"), fingers, "closure_commanded"),
     ):
         builder.Connect(source, system.GetInputPort(port))
-
     ports, seen = {"mode": planner.GetOutputPort("mode")}, {"eye": eye}
-    ports["arm [rad, rad/s]"] = mover.GetOutputPort("state_measured")
     with AddRecording(builder, plant, scene_graph, out, ports=ports, cameras=seen):
         simulator = Simulator(builder.Build())
         simulator.AdvanceTo(8.0)
     root = simulator.get_context()
-    context = planner.GetMyContextFromRoot(root)
-    status = planner.GetOutputPort("status").Eval(context)
+    report = planner.GetOutputPort("status").Eval(planner.GetMyContextFromRoot(root))
     X_WO = box.EvalPoseInWorld(plant.GetMyContextFromRoot(root))
-    return status, float(np.linalg.norm((X_WO.inverse() @ GOAL).translation()))
+    return report, float(np.linalg.norm((X_WO.inverse() @ GOAL).translation()))
 
 
 if __name__ == "__main__":

@@ -12,12 +12,16 @@ from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import DiagramBuilder
 from pydrake.systems.primitives import ConstantVectorSource, MatrixGain
 
-from drake_srg.gripper.drivers import SrgPositionDriver
-from drake_srg.gripper.sensors import SRG_FINGERS, AddProximitySensors
-from drake_srg.gripper.servo import GripperServo, MinimumJerkReference
-from drake_srg.gripper.underactuation import UnderactuationLogic
-from drake_srg.parsing import AddModel
-from drake_srg.recording.recording import AddRecording
+from drake_srg.gripper import (
+    SRG_FINGERS,
+    AddProximitySensors,
+    GripperServo,
+    MinimumJerkReference,
+    SrgPositionDriver,
+    UnderactuationLogic,
+)
+from drake_srg.objects import AddModel
+from drake_srg.recording import AddRecording
 
 
 def main(out: Path) -> np.ndarray:
@@ -53,7 +57,7 @@ def main(out: Path) -> np.ndarray:
         (closure.get_output_port(), logic.GetInputPort("closure_commanded")),
         (sensors.GetOutputPort("triggered"), logic.GetInputPort("triggered")),
         (measured, logic.GetInputPort("state_measured")),
-        (logic.get_output_port(), reference.get_input_port()),
+        (logic.get_output_port(), reference.GetInputPort("position_desired")),
         (reference.get_output_port(), servo.GetInputPort("reference")),
         (measured, servo.GetInputPort("state_measured")),
         (servo.get_output_port(), amplifiers.get_input_port()),

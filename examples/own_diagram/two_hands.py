@@ -13,9 +13,9 @@ from pydrake.systems.framework import DiagramBuilder
 from pydrake.systems.primitives import ConstantVectorSource, TrajectorySource
 from pydrake.trajectories import PiecewisePolynomial
 
-from drake_srg.gripper.drivers import AddSrgPositionDriver
-from drake_srg.parsing import AddModel
-from drake_srg.recording.recording import AddRecording
+from drake_srg.gripper import AddSrgPositionDriver
+from drake_srg.objects import AddModel
+from drake_srg.recording import AddRecording
 
 PLACES = {"left": -0.18, "right": 0.18}  # of the hands, along x [m]
 
@@ -39,7 +39,7 @@ def main(out: Path) -> RigidTransform:
         down = RigidTransform(RollPitchYaw(0.0, np.pi / 2, 0.0), [x, 0.0, 0.2])
         plant.WeldFrames(frame, palm, down)
     at = RigidTransform([0.0, 0.0, 0.05])
-    bar = AddBox(plant, "bar", [0.5, 0.05, 0.1], at, RED, mass=0.8)
+    bar = AddBox(plant, "bar", [0.5, 0.05, 0.1], at, RED, mass=0.5)
     AddBox(plant, "ground", [1.0, 1.0, 0.1], RigidTransform([0.0, 0.0, -0.05]))
     plant.Finalize()
 
@@ -72,5 +72,10 @@ def main(out: Path) -> RigidTransform:
 if __name__ == "__main__":
     folder = Path(sys.argv[1] if len(sys.argv) > 1 else "own_two_hands")
     X_WO = main(folder)
-    rise, lean = X_WO.translation()[2] - 0.05, RollPitchYaw(X_WO.rotation()).pitch_angle()
-    print(f"The bar has risen {1e3 * rise:.0f} mm and leans {np.rad2deg(lean):.2f} deg.")
+    rise, lean = (
+        X_WO.translation()[2] - 0.05,
+        RollPitchYaw(X_WO.rotation()).pitch_angle(),
+    )
+    print(
+        f"The bar has risen {1e3 * rise:.0f} mm and leans {np.rad2deg(lean):.2f} deg."
+    )

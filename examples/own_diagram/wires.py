@@ -13,9 +13,9 @@ from pydrake.systems.framework import DiagramBuilder
 from pydrake.systems.primitives import ConstantVectorSource, TrajectorySource
 from pydrake.trajectories import PiecewisePolynomial
 
-from drake_srg.gripper.drivers import AddSrgTendonDriver, SrgTendonDriver
-from drake_srg.parsing import AddModel
-from drake_srg.recording.recording import AddRecording
+from drake_srg.gripper import AddSrgTendonDriver, SrgTendonDriver
+from drake_srg.objects import AddModel
+from drake_srg.recording import AddRecording
 
 
 def main(out: Path) -> float:
@@ -42,9 +42,9 @@ def main(out: Path) -> float:
     config = SrgTendonDriver()
     config.prepare_plant(plant, gripper)
     plant.Finalize()
-    driver = AddSrgTendonDriver(builder, plant, gripper, config)
-    query = scene_graph.get_query_output_port()
-    builder.Connect(query, driver.GetInputPort("query_object"))
+    driver = AddSrgTendonDriver(
+        builder, plant, gripper, config, scene_graph=scene_graph
+    )
     closure = PiecewisePolynomial.FirstOrderHold(
         [0.0, 1.0, 2.0, 3.0], [[0.0, 0.8, 0.8, 0.0]]
     )
@@ -69,7 +69,7 @@ def main(out: Path) -> float:
         simulator.AdvanceTo(2.0)
         context = driver.GetMyContextFromRoot(simulator.get_context())
         force = driver.GetOutputPort("wire_force").Eval(context)
-        simulator.AdvanceTo(3.0)
+        simulator.AdvanceTo(4.0)
     return float(np.max(force))
 
 

@@ -6,6 +6,8 @@ from pydrake.math import RigidTransform, RollPitchYaw
 from drake_srg.common.log_format import (
     MODES,
     is_pose,
+    logged_modes,
+    mode_columns,
     pose_key,
     pose_to_row,
     row_to_pose,
@@ -42,3 +44,17 @@ def test_the_quaternion_starts_with_w():
 
 def test_modes_have_the_order_of_a_cycle():
     assert list(Mode) == MODES
+
+
+def test_a_log_of_our_modes_holds_only_their_index():
+    columns = mode_columns([Mode.IDLE, Mode.LIFT])
+    assert list(columns) == ["mode"]
+    assert columns["mode"].tolist() == [0.0, float(MODES.index(Mode.LIFT))]
+    assert logged_modes(columns) == ["idle", "lift"]
+
+
+def test_own_modes_are_numbered_on_and_named():
+    columns = mode_columns([Mode.IDLE, "shake", "lift", "wait", "shake"])
+    first, lift = len(MODES), MODES.index(Mode.LIFT)
+    assert columns["mode"].tolist() == [0, first, lift, first + 1, first]
+    assert logged_modes(columns) == ["idle", "shake", "lift", "wait", "shake"]

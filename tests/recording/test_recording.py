@@ -63,7 +63,7 @@ class Watch(LeafSystem):
         return self.state.Eval(context)[-1]
 
 
-def falling_box():
+def falling_box(watched=True):
     """Return a builder with a box above the ground, its plant, scene and watch."""
     builder = DiagramBuilder()
     plant, graph = AddMultibodyPlantSceneGraph(builder, 0.002)
@@ -82,6 +82,8 @@ def falling_box():
     )
     plant.SetDefaultFloatingBaseBodyPose(body, RigidTransform([0.0, 0.0, 0.1]))
     plant.Finalize()
+    if not watched:
+        return builder, plant, graph, None
     watch = builder.AddNamedSystem("watch", Watch(plant))
     builder.Connect(plant.get_state_output_port(), watch.get_input_port())
     return builder, plant, graph, watch
@@ -128,7 +130,7 @@ def test_the_first_text_shades_and_the_others_are_panels(out):
     assert timeline.mode[0] == "lies"
     assert "falls" in timeline.mode
     labels = [label for label, _, _ in timeline.signals]
-    assert labels == ["word", "number", "pose", "vertical speed [m/s]"]
+    assert labels == ["word", "number", "pose", "vertical speed\n[m/s]"]
     label, values, names = timeline.signals[0]
     assert names == ["up", "down"]
     np.testing.assert_array_equal(values.sum(axis=1), 1.0)
@@ -275,3 +277,14 @@ def test_a_forgotten_recording_is_completed_and_told(tmp_path, end):
     assert {path.name for path in (tmp_path / "out").iterdir()} == {
         *("log.npz", "timeline.png", "replay.glb", "replay.html", "recording.mcap")
     }
+
+
+def test_a_recorded_diagram_is_freed(leaked, tmp_path):
+    def run():
+        builder, plant, graph, _ = falling_box(watched=False)
+        ports = {"state": plant.get_state_output_port()}
+        with AddRecording(builder, plant, graph, tmp_path, ports=ports):
+            Simulator(builder.Build()).AdvanceTo(0.1)
+
+    run()
+    assert leaked() == []

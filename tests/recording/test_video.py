@@ -1,3 +1,6 @@
+import gc
+import warnings
+
 import av
 import numpy as np
 import pytest
@@ -161,3 +164,35 @@ def test_an_error_before_the_first_image_leaves_nothing(tmp_path):
     with pytest.raises(ZeroDivisionError), recorder:
         raise ZeroDivisionError
     assert not list(tmp_path.iterdir())
+
+
+def test_a_recorder_that_nobody_closes_completes_its_file_and_warns(tmp_path):
+    path = tmp_path / "video.mp4"
+
+    def run():
+        diagram, _, _ = make(path, frame_rate=10.0)
+        Simulator(diagram).AdvanceTo(1.05)
+
+    with pytest.warns(RuntimeWarning, match=r"video.mp4: completed only now.*`with"):
+        run()
+        gc.collect()
+    assert len(decode(path)[1]) == 10
+
+
+def test_a_recorder_that_recorded_nothing_ends_silently(tmp_path):
+    def run():
+        make(tmp_path / "video.mp4")
+
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        run()
+        gc.collect()
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_drakes_strings_can_be_a_caption(tmp_path):
+    path, text = tmp_path / "video.mp4", AbstractValue.Make("")
+    diagram, recorder, _ = make(path, text="words", caption=text)
+    with recorder:
+        Simulator(diagram).AdvanceTo(0.1)
+    assert len(decode(path)[1]) == 2

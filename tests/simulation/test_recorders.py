@@ -238,7 +238,7 @@ def test_the_first_exception_is_reported(tmp_path, monkeypatch):
     def full(*_):
         raise OSError("full")
 
-    monkeypatch.setattr("drake_srg.simulation.recorders.write_log", full)
+    monkeypatch.setattr("drake_srg.recording.recording.write_log", full)
     make_cell = failing(ZeroDivisionError)
     with pytest.raises(ZeroDivisionError):
         Simulate(

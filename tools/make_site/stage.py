@@ -102,6 +102,7 @@ def relink(text: str, depth: int) -> str:
         # The notebook of the arm shows the replay that it has recorded.
         (r'src="out/(\w+)/replay\.html', rf'src="{top}replays/\1.html'),
         (rf"\]\({top}\.\./examples/", rf"]({top}examples/"),
+        (rf"literalinclude\}} {top}\.\./", rf"literalinclude}} {top}"),
     ):
         text = re.sub(pattern, new, text)
 

@@ -277,9 +277,9 @@ class _Program:
         self.own: list[Binding] = []  # the caller's constraints
         self._own_costs: list[Binding] = []
         if extend is not None:
-            self._Extend(extend)
+            self._extend(extend)
 
-    def _Extend(self, extend: Extend) -> None:
+    def _extend(self, extend: Extend) -> None:
         before = {b.evaluator() for b in _all(self._prog)}
         extend(self._ik)
         self.own, self._own_costs = (

@@ -1,13 +1,13 @@
 """Picking and placing with a mode of one's own, and machines of one's own."""
 
 import dataclasses as dc
-import enum
+import re
+from pathlib import Path
 
 import numpy as np
 import pytest
 from pydrake.common.value import AbstractValue
 from pydrake.math import RigidTransform
-from pydrake.trajectories import PiecewisePolynomial
 
 from drake_srg.common.log_format import MODES, logged_modes
 from drake_srg.planning.motion.arm_motion import Motion
@@ -16,7 +16,7 @@ from drake_srg.planning.pick_and_place.knowledge import (
     TRANSITIONS,
     PlannerMemory,
 )
-from drake_srg.planning.pick_and_place.modes import Carrying, task_modes
+from drake_srg.planning.pick_and_place.modes import task_modes
 from drake_srg.planning.pick_and_place.planner import PickAndPlacePlanner
 from drake_srg.planning.planner_machine import (
     Observation,
@@ -29,7 +29,6 @@ from drake_srg.planning.state_machine import Moment
 from drake_srg.recording.replay.page import read_run
 from drake_srg.scenario import load_scenario
 from drake_srg.simulation import Simulate
-from drake_srg.station.planners import planner_arguments
 from drake_srg.types import Failure, Mode, PlannerStatus
 from planning.pick_and_place.test_modes import senses
 from planning.planning_world import (
@@ -45,46 +44,17 @@ from planning.planning_world import (
 BLOBS = AbstractValue.Make([])
 
 
-class Own(enum.Enum):
-    WIGGLE = enum.auto()
+# The mode that docs/state_machine.md adds.
+PAGE = (Path(__file__).parents[3] / "docs/state_machine.md").read_text("utf-8")
+(BLOCK,) = re.findall(r"```python\n(import enum\n.*?)```", PAGE, re.DOTALL)
+DOCUMENTED: dict = {"__name__": "page"}
+exec(BLOCK, DOCUMENTED)
+Own, Wiggle, TABLE = (DOCUMENTED[n] for n in ("Own", "Wiggle", "OWN_TRANSITIONS"))
+modes_with_wiggle = DOCUMENTED["own_modes"]
 
 
-class Wiggle(Carrying):
-    """Turns the last joint to and fro before the hand lifts."""
-
-    mode = Own.WIGGLE
-
-    def trajectory(self, memory):
-        """Return a turn by 0.1 rad and back."""
-        q = memory.motion.destination
-        turned = q + 0.1 * np.eye(len(q))[-1]
-        return PiecewisePolynomial.CubicShapePreserving(
-            [0.0, 0.3, 0.6], np.column_stack([q, turned, q]), True
-        )
-
-
-TABLE = {
-    **TRANSITIONS,
-    Mode.VERIFY: [
-        (lambda o, t, c: not o.holding, Mode.RELEASE),
-        (lambda o, t, c: t >= c.verify_time, Own.WIGGLE),
-    ],
-    Own.WIGGLE: [
-        (lambda o, t, c: o.arrived and not o.holding, Mode.RELEASE),
-        (lambda o, t, c: o.arrived, Mode.LIFT),
-    ],
-}
-
-
-def modes_with_wiggle(config, replanner, repeat):
-    wiggle = Wiggle(config, replanner, repeat)
-    return {**task_modes(config, replanner, repeat), Own.WIGGLE: wiggle}
-
-
-def own_planner(scenario=None, **changes):
+def own_planner(**changes):
     own = {"make_modes": modes_with_wiggle, "transition": Transitions(TABLE, FATAL)}
-    if scenario is not None:
-        return PickAndPlacePlanner(**planner_arguments(scenario), **{**own, **changes})
     arguments = (FakeTaskPlanner(), "can", CAN, RigidTransform(GOAL))
     return PickAndPlacePlanner(*arguments, **{**own, **changes})
 
@@ -165,7 +135,7 @@ def test_a_mode_that_needs_a_plan_says_so():
 @pytest.mark.slow
 def test_a_run_with_an_own_mode_is_logged_recorded_and_judged(tmp_path):
     scenario = load_scenario("kitchen_fast")
-    result = Simulate(scenario, out=tmp_path, make_planner=own_planner)
+    result = Simulate(scenario, out=tmp_path, make_planner=DOCUMENTED["make_planner"])
     assert result.metrics.success, result.metrics.table()
     assert set(result.log["mode"]) >= {float(len(MODES)), 0.0}
     modes = logged_modes(result.log)
