@@ -9,12 +9,12 @@ from drake_srg.objects.config import ObjectConfig
 from drake_srg.objects.household import object_facts
 from drake_srg.objects.meshes import pieces
 from drake_srg.objects.meshes.convert import DENSITY, MODEL, convert, read_report
-from drake_srg.objects.meshes.files import read_link
+from drake_srg.objects.meshes.links import read_link
 from drake_srg.objects.meshes.load import import_model
 from drake_srg.objects.models import simple_shape
 from drake_srg.types import Cylinder
 from objects.meshes.made_meshes import box, elbow, write_obj, write_stl
-from objects.meshes.test_files import CYLINDER, collision, urdf
+from objects.meshes.test_links import CYLINDER, collision, urdf
 
 UNITS = {1.0: "m", 0.001: "mm", 0.0254: "inches"}
 

@@ -22,7 +22,7 @@ from drake_srg.objects.meshes.load import (
 )
 from drake_srg.objects.models import AddObject
 from objects.meshes.made_meshes import box, joined, write_obj, write_stl
-from objects.meshes.test_files import collision, urdf
+from objects.meshes.test_links import collision, urdf
 
 
 class Maker:
