@@ -19,6 +19,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
+import yaml
 from pydrake.common.yaml import yaml_dump, yaml_load, yaml_load_typed
 
 from drake_srg.common.exceptions import ScenarioError, suggest
@@ -32,11 +33,13 @@ def parse_yaml(text: str, origin: str) -> Any:
         origin: File or option at the start of error messages.
 
     Raises:
-        ScenarioError: If the text is not valid YAML, has keys that are not text, or has
-            a part that contains itself.
+        ScenarioError: If the text is not valid YAML, has a key twice or keys that are
+            not text, or has a part that contains itself.
     """
     try:
         tree = copy.deepcopy(_parse(text or "null"))
+    except _KeyTwiceError as error:
+        raise ScenarioError(f"{origin}: {error}") from None
     except AttributeError:  # Drake looks for a prefix in the top-level keys
         raise ScenarioError(f"{origin}: keys must be text") from None
     except Exception as error:
@@ -49,14 +52,50 @@ def parse_yaml(text: str, origin: str) -> Any:
 @functools.lru_cache(maxsize=64)
 def _parse(text: str) -> Any:
     """Parse YAML text; scenarios share bases, whose text takes tens of milliseconds."""
+    _check_keys(yaml.compose(text, Loader=_LOADER), set())
     return yaml_load(data=text)
+
+
+# In C where PyYAML has it.
+_LOADER = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
+
+
+class _KeyTwiceError(ValueError):
+    """A mapping has a key twice."""
+
+
+def _check_keys(node: yaml.Node | None, seen: set[int]) -> None:
+    """Check that no mapping below a node has a key twice.
+
+    Raises:
+        _KeyTwiceError: If one has: the message says which key, and where.
+    """
+    if not isinstance(node, yaml.CollectionNode) or id(node) in seen:
+        return
+    seen.add(id(node))
+    if isinstance(node, yaml.SequenceNode):
+        for child in node.value:
+            _check_keys(child, seen)
+        return
+    lines: dict[str, int] = {}
+    for key, value in node.value:
+        if isinstance(key, yaml.ScalarNode):
+            line = key.start_mark.line + 1
+            if key.value in lines:
+                first = lines[key.value]
+                raise _KeyTwiceError(
+                    f"line {line}: key {key.value!r} is in line {first}, too"
+                )
+            lines[key.value] = line
+        _check_keys(value, seen)
 
 
 def merge(base: Any, override: Any, origin: str = "", key: str = "") -> Any:
     """Return `base` with `override` laid over it, mapping by mapping.
 
     A mapping whose tag differs from the base's replaces it as a whole. The keys of a
-    mapping over a list name the entries of the list to override; see `entry_names`.
+    mapping over a list name the entries of the list to override, or to remove by null;
+    see `entry_names`.
 
     Args:
         base: A parsed tree; not changed.
@@ -74,7 +113,7 @@ def merge(base: Any, override: Any, origin: str = "", key: str = "") -> Any:
         for name, value in override.items():
             i = _entry_index(base, name, origin, key)
             merged[i] = merge(base[i], value, origin, join(key, name))
-        return merged
+        return [entry for entry in merged if entry is not None]
     if not isinstance(base, Mapping):
         return override
     if override.get("_tag", base.get("_tag")) != base.get("_tag"):
@@ -113,6 +152,9 @@ def set_key(tree: dict[str, Any], key: str, value: Any) -> None:
         if i < len(path) - 1:
             node = node[entry]
             continue
+        if isinstance(entry, int) and value is None:
+            del node[entry]
+            return
         old = node[entry] if isinstance(entry, int) else node.get(entry)
         node[entry] = merge(old, value, origin, key) if value != {} else value
 
@@ -249,7 +291,11 @@ def check_tree(value: Any, schema: Any, origin: str, key: str = "") -> Any:
         if not isinstance(value, Mapping):
             fail(origin, key, f"must be a mapping, got {describe(value)}")
         item = typing.get_args(schema)[1]
-        return {k: check_tree(v, item, origin, join(key, k)) for k, v in value.items()}
+        return {  # null in a variant removes an entry of its base
+            k: check_tree(v, item, origin, join(key, k))
+            for k, v in value.items()
+            if v is not None
+        }
     if schema in (bool, int, float, str):
         return _check_scalar(value, schema, origin, key)
     if _fields(schema) is not None:

@@ -1,3 +1,4 @@
+import functools
 import re
 
 import numpy as np
@@ -9,6 +10,7 @@ from drake_srg import scenario as module
 from drake_srg.arm.drivers import ArmPositionDriver
 from drake_srg.common.exceptions import ScenarioError
 from drake_srg.scenario import Scenario, list_scenarios, load_scenario, load_tree
+from drake_srg.scenario.load import draw_scenario
 
 
 @pytest.fixture
@@ -155,6 +157,65 @@ def test_bad_bases(write, base, message):
     assert re.search(message, error_of(write(f"base: {base}")))
 
 
+@pytest.mark.parametrize(
+    ("base", "variant", "message"),
+    [
+        ("taks: 1", "random_seed: 1", "other.yaml: top level: unknown key 'taks'"),
+        (
+            "task: {plce: 1}",
+            "task: {repeat: 1}",
+            "other.yaml: task: unknown key 'plce'",
+        ),
+        (
+            "task: {repeat: x}",
+            "random_seed: 1",
+            "other.yaml: task.repeat: must be a number",
+        ),
+        ("task: {repeat: x}", "task: {repeat: y}", "mine.yaml: task.repeat: .*'y'"),
+        (
+            "random_seed: 1",
+            "task: {repeat: y}",
+            "mine.yaml: task.repeat: must be a number",
+        ),
+    ],
+)
+def test_a_mistake_is_told_with_its_own_file(write, base, variant, message):
+    write(f"base: kitchen\n{base}", "other.yaml")
+    error = error_of(write(f"base: other.yaml\n{variant}"))
+    assert re.search(rf"^(.*/)?{message}", error)
+
+
+def test_a_mistake_in_an_override_is_not_told_with_a_base(write):
+    path = write("base: kitchen")
+    with pytest.raises(ScenarioError, match=r"mine\.yaml: task.repeat: must be a num"):
+        load_scenario(path, overrides=["task.repeat=x"])
+
+
+@pytest.mark.parametrize("name", list_scenarios())
+def test_any_entry_of_a_scenario_can_be_removed_or_is_missed(write, name):
+    """By null in a variant."""
+    tree = load_tree(name)
+    for key in ("objects", "cameras", "camera_errors", "camera_calibrations", "slides"):
+        for entry in tree.get(key) or {}:
+            check_removed(write, name, (key, entry))
+    for entry in ((tree.get("clutter") or {}).get("kinds")) or {}:
+        check_removed(write, name, ("clutter", "kinds", entry))
+
+
+def check_removed(write, name, path):
+    *above, entry = path
+    text = "{" + ": {".join(path) + ": null" + "}" * len(path)
+    tree = load_tree(write(f"base: {name}\n{text[1:-1]}"))
+    try:
+        drawn = draw_scenario(tree, name, None)
+    except ScenarioError as error:
+        assert entry in str(error) or "task" in str(error), error
+        return
+    assert entry not in functools.reduce(getattr, above, drawn.scenario)
+    kinds = [kind for key, kind in drawn.values.items() if key.endswith(".kind")]
+    assert entry not in kinds
+
+
 # Mistakes in files and names. For those in values, see test_checks.py and
 # test_yaml_typed.py.
 
@@ -175,7 +236,7 @@ def test_unknown_scenarios(name):
         ("hello", "mine.yaml: must be a mapping of keys to values"),
         ("1: 2", "mine.yaml: keys must be text"),
         ("tsk: {}", r"mine.yaml: top level: unknown key 'tsk' \(did you mean 'task'"),
-        ("random_seed: [1]", "mine.yaml: random_seed: must be a number"),
+        ("random_seed: [1]", "mine.yaml: random_seed: must be a"),
     ],
 )
 def test_bad_files(write, content, message):

@@ -17,6 +17,7 @@ from pydrake.common.eigen_geometry import Quaternion
 from pydrake.math import RigidTransform
 
 from drake_srg.common.exceptions import ScenarioError
+from drake_srg.common.tables import read_table
 from drake_srg.planning.motion.inverse_kinematics import (
     AxisTarget,
     HandTarget,
@@ -98,23 +99,8 @@ def read_shots(folder: Path) -> list[Shot]:
     Raises:
         ScenarioError: If a file is missing or invalid.
     """
-    path = folder / POSES
-    try:
-        # Spreadsheets put a byte-order mark before the first column.
-        with path.open(encoding="utf-8-sig", newline="") as file:
-            reader = csv.DictReader(file)
-            rows = list(reader)
-    except (OSError, UnicodeError, csv.Error) as error:
-        reason = getattr(error, "strerror", None) or "not a CSV file in UTF-8"
-        raise ScenarioError(f"{path}: cannot be read: {reason}") from None
-    missing = [name for name in COLUMNS if name not in (reader.fieldnames or ())]
-    if missing:
-        raise ScenarioError(
-            f"{path}: missing column {missing[0]} (allowed: {', '.join(COLUMNS)})"
-        )
-    return [
-        _read_shot(folder, row, f"{path}: row {i}") for i, row in enumerate(rows, 2)
-    ]
+    rows = read_table(folder / POSES, COLUMNS)
+    return [_read_shot(folder, row, where) for where, row in rows]
 
 
 def shot_files(shots: Sequence[Shot]) -> dict[str, bytes]:
@@ -133,11 +119,11 @@ def shot_files(shots: Sequence[Shot]) -> dict[str, bytes]:
     return {POSES: text.getvalue().encode(), **files}
 
 
-def _read_shot(folder: Path, row: Mapping[str, str | None], where: str) -> Shot:
+def _read_shot(folder: Path, row: Mapping[str, str], where: str) -> Shot:
     numbers: list[float] = []
     for name in COLUMNS[1:]:
         try:
-            numbers.append(float(row[name] or ""))
+            numbers.append(float(row[name]))
         except ValueError:
             numbers.append(math.nan)
         if not math.isfinite(numbers[-1]):
@@ -148,7 +134,7 @@ def _read_shot(folder: Path, row: Mapping[str, str | None], where: str) -> Shot:
             f"{where}: qw, qx, qy, qz must have norm 1 (allowed: within 0.001), got "
             f"{norm:.4g}"
         )
-    name = row["image"] or ""
+    name = row["image"]
     file = folder / name
     # `imread` warns on standard error about a missing file.
     image = cv2.imread(str(file), cv2.IMREAD_COLOR) if file.is_file() else None

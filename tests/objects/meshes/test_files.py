@@ -164,7 +164,7 @@ def test_turned_faces_are_seen_in_their_colour(tmp_path):
     path = tmp_path / "a.obj"
     head, materials = "mtllib two.mtl", [("a", 0), ("b", 2)]
     write_obj(path, (vertices, faces[:, ::-1]), head, materials)
-    seen = dict((c, m) for m, c in read_mesh(MeshFile(path, ONE), []).surfaces)
+    seen = {c: m for m, c in read_mesh(MeshFile(path, ONE), []).surfaces}
     red = seen[(1.0, 0.0, 0.0)]  # the faces at -x
     np.testing.assert_allclose(red.face_normals, [[-1, 0, 0]] * 2, atol=1e-12)
     assert len(seen[(0.0, 0.0, 1.0)].faces) == 10

@@ -186,5 +186,5 @@ def test_a_pose_relative_to_another_frame_is_refused(tmp_path):
         "<pose relative_to='x'>0 0 0 0 0 0</pose><geometry><sphere><radius>1</radius>"
         "</sphere></geometry></visual></link></model></sdf>"
     )
-    with pytest.raises(ScenarioError, match="must be relative to the link, got .x."):
+    with pytest.raises(ScenarioError, match="must be relative to the link"):
         read_link(path)

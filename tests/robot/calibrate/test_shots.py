@@ -72,11 +72,11 @@ def test_a_spreadsheet_s_byte_order_mark_is_passed_over(tmp_path):
             "poses.csv",
             b",0.000000000,",
             b",here,",
-            "row 2: .: must be a number, got 'here'",
+            "line 2: .: must be a number, got 'here'",
         ),
         ("poses.csv", b"0.000000000,0.98", b"0.000000000,0.08", "must have norm 1"),
-        ("1.png", None, None, "row 3: image '1.png' cannot be read"),
-        ("1.png", b"PNG", b"JPG", "row 3: image '1.png' cannot be read"),
+        ("1.png", None, None, "line 3: image '1.png' cannot be read"),
+        ("1.png", b"PNG", b"JPG", "line 3: image '1.png' cannot be read"),
     ],
 )
 def test_a_bad_folder_gets_one_line(tmp_path, name, old, new, message):
