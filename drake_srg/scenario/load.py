@@ -60,9 +60,8 @@ def _drawn(tree: dict[str, Any], origin: str, seed: int | None) -> Drawn:
     ).random_seed
     values: dict[str, Any] = {}
     tree = add_clutter(tree, int(seed or 0), origin, values)
-    tree = resolve_pick(tree, origin)
-    tree = with_planner_tag(_with_arm_driver(tree), origin)
-    drawn = draw_distributions(tree, int(seed or 0), origin, values)
+    planned = with_planner_tag(_with_arm_driver(resolve_pick(tree, origin)), origin)
+    drawn = draw_distributions(planned, int(seed or 0), origin, values)
     scenario: Scenario = load_typed(Scenario, drawn, origin)
     _play_messages(scenario, origin)
     check_scenario(scenario, origin)

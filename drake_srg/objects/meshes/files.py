@@ -148,11 +148,12 @@ def read_mesh(file: MeshFile, warnings: list[str]) -> ReadMesh:
         warnings.append(f"does not exist, so its colour is lost: {names}")
     pieces.sort(key=lambda piece: piece[0].is_watertight)  # as `_joined` orders them
     solid = _joined([mesh for mesh, _ in pieces])
-    check_size(path, *solid.bounds, file)
+    low, high = solid.bounds
+    check_size(path, low, high, file)
     _TurnOutsideOut(solid, warnings)
     ends = np.cumsum([len(mesh.faces) for mesh, _ in pieces])
     rows = np.split(np.arange(len(solid.faces)), ends[:-1])
-    by_color: dict[Color | None, list[Vector]] = {}
+    by_color: dict[Color | None, list[Any]] = {}
     for (_, color), own in zip(pieces, rows, strict=True):
         by_color.setdefault(color, []).append(own)
     surfaces = [

@@ -34,15 +34,23 @@ def read_xml(path: Path, warnings: list[str]) -> ET.Element:
     Raises:
         ScenarioError: If it cannot be read, or is an input of xacro.
     """
-    text = decoded(read_bytes(path))
+    text = re.sub(
+        "<!--.*?-->",
+        lambda comment: "\n" * comment[0].count("\n"),  # errors tell the line
+        decoded(read_bytes(path)),
+        flags=re.DOTALL,
+    )
     text = re.sub(r"""xmlns:drake=(["'])[^"']*\1""", f'xmlns:drake="{DRAKE}"', text)
-    if "<drake:" in text and "xmlns:drake=" not in text:  # Drake reads it all the same
-        text = re.sub(r"<(sdf|robot)\b", rf'<\1 xmlns:drake="{DRAKE}"', text, count=1)
     if re.search(r"<xacro:|=[\"'][^\"'<]*\$\{", text):
         raise ScenarioError(
             f"{path}: is an input of xacro (write its output: xacro {path.name} > "
             f"{path.stem}_plain.urdf)"
         )
+    # Drake reads prefixes that nothing declares.
+    prefixes = set(re.findall(r"</?([A-Za-z_][\w.-]*):", text))
+    for prefix in sorted(p for p in prefixes if f"xmlns:{p}=" not in text):
+        name = DRAKE if prefix == "drake" else prefix
+        text = re.sub(r"<(sdf|robot)\b", rf'<\1 xmlns:{prefix}="{name}"', text, count=1)
     try:
         return ET.fromstring(text)
     except (ET.ParseError, ValueError) as error:
@@ -56,24 +64,30 @@ def read_xml(path: Path, warnings: list[str]) -> ET.Element:
         return root
 
 
-def check_model(path: Path, root: ET.Element) -> None:
-    """Check that an SDF holds one model that is one free link.
+def is_complete(path: Path, root: ET.Element) -> bool:
+    """Return whether Drake can take a tree as it is, as an object.
+
+    It can if it is an SDF with a possible inertia and convex pieces to touch.
+
+    Args:
+        path: The tree's file.
+        root: The tree.
 
     Raises:
-        ScenarioError: If it does not.
+        ScenarioError: If it is an SDF, but not of one free link, or has wrong numbers.
     """
-    models = root.findall("model")
-    if len(models) != 1:
-        raise ScenarioError(
-            f"{path}: must be an SDF file with a model, got {len(models)}"
-        )
-    for tag in ("include", "model", "joint"):
-        if models[0].find(tag) is not None:
-            raise ScenarioError(
-                f"{path}: <{tag}> in its model: an object is one rigid body"
-            )
-    if (models[0].findtext("static") or "").strip() in ("true", "1"):
-        raise ScenarioError(f"{path}: <static>: must be false: an object moves freely")
+    if root.tag != "sdf":
+        return False
+    read = _Sdf(path, root, [])
+    link = read.single_link()
+    for node in (*link.findall("visual"), *link.findall("collision")):
+        for shape in node.findall("geometry/*"):
+            if shape.tag in _SHAPES:
+                read.shape(shape)
+        read.color(node)
+    meshes = link.findall("collision/geometry/mesh")
+    convex = [mesh.find(f"{{{DRAKE}}}declare_convex") is not None for mesh in meshes]
+    return all(convex) and read.inertial(link)[1] is not None
 
 
 def read_link(path: Path) -> Contents:
@@ -91,15 +105,9 @@ def read_link(path: Path) -> Contents:
             f"{path}: must hold <robot> (URDF) or <sdf>, got <{root.tag}>"
         )
     read = formats[root.tag](path, root, warnings)
-    links = root.findall(read.link)
-    if len(links) != 1:
-        raise ScenarioError(
-            f"{path}: must have one link, got {len(links)} (a single rigid body)"
-        )
-    if root.tag == "sdf":
-        check_model(path, root)
-    visuals = [read.geometry(node) for node in links[0].findall("visual")]
-    collisions = [read.geometry(node) for node in links[0].findall("collision")]
+    link = read.single_link()
+    visuals = [read.geometry(node) for node in link.findall("visual")]
+    collisions = [read.geometry(node) for node in link.findall("collision")]
     if not visuals and not collisions:
         raise ScenarioError(f"{path}: its link has no geometry")
     if not collisions:
@@ -108,12 +116,13 @@ def read_link(path: Path) -> Contents:
         warnings.append("no visual geometry: took the collision one")
     if any(root.find(f".//{tag}") is not None for tag in _OTHER_FRICTION):
         warnings.append("its friction for other simulators is not read: set --friction")
-    mass, inertia = read.inertial(links[0])
+    mass, inertia = read.inertial(link)
     return Contents(
         path, visuals or collisions, collisions or visuals, inertia, mass, warnings
     )
 
 
+_SHAPES = ("box", "cylinder", "sphere", "mesh")
 # Of Gazebo's and Bullet's extensions of URDF.
 _OTHER_FRICTION = ("gazebo//mu1", "contact/lateral_friction", "contact_coefficients")
 
@@ -127,6 +136,30 @@ class _Sdf:
         self._path = path
         self._root = root
         self._warnings = warnings
+
+    def single_link(self) -> ET.Element:
+        """Return the only link.
+
+        Raises:
+            ScenarioError: If there are several, or it is not free.
+        """
+        found = self._root.findall(self.link)
+        links = [link for link in found if link.get("drake_ignore") != "true"]
+        if len(links) != 1:
+            raise ScenarioError(
+                f"{self._path}: must have one link, got {len(links)} (a single rigid "
+                "body)"
+            )
+        for tag in ("include", "model", "joint"):
+            if self._root.find(f"model/{tag}") is not None:
+                raise ScenarioError(
+                    f"{self._path}: <{tag}> in its model: an object is one rigid body"
+                )
+        if (self._root.findtext("model/static") or "").strip() in ("true", "1"):
+            raise ScenarioError(
+                f"{self._path}: <static>: must be false: an object moves freely"
+            )
+        return links[0]
 
     def text(self, node: ET.Element | None, key: str) -> str | None:
         """Return the text of a value; None if it is missing."""
@@ -203,14 +236,16 @@ class _Sdf:
                 f"{self._path}: <{node.tag}>: needs one geometry, got {len(shapes)}"
             )
         return Geometry(
-            self._shape(shapes[0]),
+            self.shape(shapes[0]),
             self.pose(node),
             self.color(node),
             self.contact(node),
             ode_friction(node, self._path),
         )
 
-    def _shape(self, node: ET.Element) -> Shape | MeshFile:
+    def shape(self, node: ET.Element) -> Shape | MeshFile:
+        """Return the shape of a geometry."""
+
         def size(key: str, count: int = 1) -> Vector:
             values = self._numbers(key, self.text(node, key), count)
             if not np.all(values > 0.0):
@@ -226,6 +261,9 @@ class _Sdf:
             case "sphere":
                 return Sphere(float(size("radius")[0]))
             case "mesh":
+                if node.find("submesh") is not None:
+                    problem = "export the part as a mesh of its own"
+                    raise ScenarioError(f"{self._path}: <submesh>: {problem}")
                 text = (self.text(node, "scale") or "").strip() or "1 1 1"
                 scale = self._numbers("scale", text, 1 if len(text.split()) == 1 else 3)
                 if not np.all(scale):
@@ -236,7 +274,7 @@ class _Sdf:
                 return MeshFile(file, scale * np.ones(3), self._path)
         raise ScenarioError(
             f"{self._path}: unknown geometry <{node.tag}> "
-            "(allowed: box, cylinder, sphere, mesh)"
+            f"(allowed: {', '.join(_SHAPES)})"
         )
 
     def inertial(self, link: ET.Element) -> tuple[float | None, SpatialInertia | None]:

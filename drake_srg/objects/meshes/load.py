@@ -16,6 +16,7 @@ import xml.etree.ElementTree as ET
 from collections.abc import Callable
 from pathlib import Path
 from typing import TypeAlias
+from urllib.parse import unquote
 
 import numpy as np
 
@@ -26,10 +27,9 @@ from drake_srg.objects.meshes.files import (
     Geometry,
     MeshFile,
 )
-from drake_srg.objects.meshes.links import check_model, read_link, read_xml, resolved
+from drake_srg.objects.meshes.links import is_complete, read_link, read_xml, resolved
 from drake_srg.objects.meshes.sources import read_bytes, read_source
 from drake_srg.objects.sdf import (
-    DRAKE,
     PROXIMITY,
     AddContact,
     facet_length,
@@ -136,6 +136,9 @@ def resolve(model: str) -> Path:
     """
     if "://" not in model:
         return Path(model).expanduser().absolute()
+    if model.startswith("file://"):
+        plain = Path(model.removeprefix("file://"))
+        return plain if plain.exists() else Path(unquote(str(plain)))
     try:
         return resolve_url(model)
     except RuntimeError as error:
@@ -200,8 +203,9 @@ def _named_files(path: Path, _changed: int, _size: int) -> list[Path]:
     try:
         if path.suffix.lower() not in _XML:
             return read_source(path).neighbours
-        root = read_xml(path, [])
-        return [] if _is_taken(root) else read_link(path).mesh_files()
+        if is_complete(path, read_xml(path, [])):
+            return []  # Drake reads them each time
+        return read_link(path).mesh_files()
     except ScenarioError:  # told when it is read
         return []
 
@@ -211,20 +215,12 @@ def _tree(path: Path, _changed: Stamps, scale: float, pieces: int) -> ET.Element
     """Return the tree of a file; `_changed` tells when its files were changed."""
     if path.suffix.lower() == ".sdf":
         root = read_xml(path, [])
-        check_model(path, root)
-        if scale == 1.0 and _is_taken(root):
+        if scale == 1.0 and is_complete(path, root):
             return _completed(root, path)
     folder = import_model(path, scale, pieces)
     from drake_srg.objects.meshes.convert import MODEL  # see `import_model`
 
     return _completed(read_xml(folder / MODEL, []), folder / MODEL)
-
-
-def _is_taken(root: ET.Element) -> bool:
-    """Return whether a tree is an SDF whose touched meshes are all declared convex."""
-    meshes = root.findall(".//collision/geometry/mesh")
-    convex = [mesh.find(f"{{{DRAKE}}}declare_convex") is not None for mesh in meshes]
-    return root.tag == "sdf" and all(convex)
 
 
 def _completed(root: ET.Element, path: Path) -> ET.Element:

@@ -203,13 +203,11 @@ class _Gltf:
             files[buffer["uri"]] = content
         for i, image in enumerate(tree.get("images", [])):
             if "uri" in image:
-                name = image["uri"]
-                content = self._content(name)
-                if content is None:
+                name, image["uri"] = image["uri"], f"image {i}"
+                picture = self._content(name)
+                if picture is None:
                     self._source.missing.append(name[:60])
-                    content = b""
-                image["uri"] = f"image {i}"
-                files[image["uri"]] = content
+                files[image["uri"]] = picture or b""
         return files
 
     def _chunks(self, content: bytes) -> tuple[Json, bytes | None]:

@@ -146,7 +146,8 @@ def test_every_format_gives_the_same_object(tmp_path, name):
         case ".sdf":
             write_obj(tmp_path / "m.obj", (vertices, faces))
             path.write_text(
-                "<sdf version='1.9'><model name='m'><link name='l'><collision name='c'>"
+                f"<sdf version='1.9'><model name='m'><link name='l'>{INERTIAL}"
+                "<collision name='c'>"
                 "<geometry><mesh><uri>m.obj</uri></mesh></geometry></collision></link>"
                 "</model></sdf>"
             )
@@ -157,7 +158,8 @@ def test_every_format_gives_the_same_object(tmp_path, name):
     facts = object_facts("a", ObjectConfig(model=str(path)))
     np.testing.assert_allclose(facts.size, [0.04, 0.05, 0.06], atol=1e-6)
     assert facts.low[2] == pytest.approx(0.0, abs=1e-6)
-    assert facts.mass == pytest.approx(500.0 * 0.04 * 0.05 * 0.06, rel=1e-5)
+    mass = 0.1 if path.suffix == ".sdf" else 500.0 * 0.04 * 0.05 * 0.06
+    assert facts.mass == pytest.approx(mass, rel=1e-5)
 
 
 def test_mass_friction_and_modulus_override_the_files(tmp_path):
@@ -268,11 +270,16 @@ def test_paths_may_have_any_character(tmp_path, monkeypatch, name, home):
 
 def sdf_mesh(uri, more=""):
     return (
-        "<sdf version='1.9'><model name='m'><link name='l'><collision name='c'>"
+        f"<sdf version='1.9'><model name='m'><link name='l'>{INERTIAL}"
+        "<collision name='c'>"
         f"<geometry><mesh><uri>{uri}</uri>{more}</mesh></geometry></collision></link></model></sdf>"
     )
 
 
+INERTIAL = (
+    "<inertial><mass>0.1</mass><inertia><ixx>1e-4</ixx><iyy>1e-4</iyy><izz>1e-4</izz>"
+    "</inertia></inertial>"
+)
 SURFACE = (
     "<surface><friction><ode><mu>0.12</mu><mu2>0.1</mu2></ode></friction></surface>"
 )
@@ -310,6 +317,7 @@ def test_the_friction_of_an_sdf_surface_is_kept(tmp_path, taken, more, friction)
         ("<model name='n'><link name='k'/></model>", "<model> in its model"),
         ("<static>true</static>", "<static>: must be false"),
         ("<link name='k'/>", "must have one link, got 2"),
+        ("<joint name='j' type='fixed'/>", "<joint> in its model"),
     ],
 )
 @pytest.mark.parametrize("more", ["", "<drake:declare_convex/>"])
@@ -320,6 +328,23 @@ def test_an_sdf_that_is_no_free_body_is_refused(tmp_path, more, elements, proble
     plant = MultibodyPlant(0.0)
     with pytest.raises(ScenarioError, match=rf"a\.sdf:? .*{problem}"):
         AddObject(plant, "a", ObjectConfig(model=str(path)))
+
+
+@pytest.mark.parametrize("mass", [None, 0.4])
+@pytest.mark.parametrize("size", ["<radius>0.03</radius>", "<radius>0,03</radius>"])
+def test_an_sdf_without_mass_gets_one(tmp_path, mass, size):
+    """Drake's default is 1 kg and 1 kg m²."""
+    path = tmp_path / "a.sdf"
+    sphere = f"<sphere>{size}</sphere>"
+    text = sdf_mesh("m.obj").replace(INERTIAL, "")
+    path.write_text(text.replace("<mesh><uri>m.obj</uri></mesh>", sphere))
+    config = ObjectConfig(model=str(path), mass=mass)
+    if "," in size:
+        with pytest.raises(ScenarioError, match=r"radius: needs a finite number"):
+            object_facts("a", config)
+        return
+    expected = 500.0 * 4 / 3 * np.pi * 0.03**3 if mass is None else mass
+    assert object_facts("a", config).mass == pytest.approx(expected)
 
 
 def test_a_changed_file_is_read_again(tmp_path):
@@ -344,6 +369,7 @@ def test_only_meshes_are_scaled(tmp_path):
         ("none.obj", "No such file"),
         ("none.sdf", "No such file"),
         ("package://nobody/a.obj", "nobody"),
+        ("file:///none/a.obj", "No such file"),
         ("package://drake_srg/sdf/mug.stl", "mug.stl"),
     ],
 )
