@@ -1,8 +1,10 @@
 import functools
 import re
+from pathlib import Path
 
 import numpy as np
 import pytest
+from helpers import check_reads_or_refuses, damaged
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -307,3 +309,25 @@ def test_paths_of_models_are_relative_to_their_own_file(tmp_path, monkeypatch):
     }
     kind = tree["clutter"]["kinds"]["k"]["model"]
     assert kind == str(tmp_path / "bases" / ".." / "k.obj")
+
+
+FILE = b"""# ours
+base: kitchen
+random_seed: 3
+objects:
+  soup_can: &x {mass: !Uniform {min: 0.2, max: 0.4}, friction: 0.6}
+  mug: {model: package://drake_srg/sdf/mug.sdf, position: [0.6, 0.1]}
+task: {pick: soup_can, repeat: 2, region: {min: [0.5, -0.2], max: [0.7, 0.2]}}
+directives: {gripper: {add_model: {file: package://drake_srg/sdf/srg.sdf}}}
+"""
+
+
+@settings(max_examples=200)
+@given(data=st.data())
+def test_a_broken_file_gets_one_line(tmp_path_factory, data):
+    path = tmp_path_factory.mktemp("scenario") / "mine.yaml"
+    path.write_bytes(data.draw(damaged(FILE)))
+    check_reads_or_refuses(load_scenario, path, KITCHEN)
+
+
+KITCHEN = Path("kitchen.yaml")  # the base may miss what is removed

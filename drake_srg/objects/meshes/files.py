@@ -131,8 +131,9 @@ def read_mesh(file: MeshFile, warnings: list[str]) -> ReadMesh:
     source = read_source(path)
     require_trimesh()
     try:
-        found = _loaded(source)
-        cleaned = [(_piece(mesh, source, scale), _color(mesh)) for mesh in found]
+        with np.errstate(all="ignore"):  # `_piece` tells of what is not finite
+            found = _loaded(source)
+            cleaned = [(_piece(mesh, source, scale), _color(mesh)) for mesh in found]
     except ScenarioError:
         raise
     except Exception as error:  # trimesh's readers raise whatever they meet

@@ -153,6 +153,7 @@ _KNOWN = re.compile(
 )
 _COMPRESSION = ("KHR_draco_mesh_compression", "EXT_meshopt_compression")
 _TRIANGLES, _STRIP = 4, 5
+_MOST = 100_000_000  # entries of an accessor, which may need no content
 
 
 class _Gltf:
@@ -185,6 +186,8 @@ class _Gltf:
                 self._refuse("has a skin that bones move: export the mesh without them")
             if "EXT_mesh_gpu_instancing" in node.get("extensions", {}):
                 self._check_extension("EXT_mesh_gpu_instancing")
+        if max((a["count"] for a in tree.get("accessors", [])), default=0) > _MOST:
+            self._refuse(f"has an accessor of more than {_MOST} entries")
         meshes = tree.get("meshes", [])
         if any(any(x.get("weights", [])) for x in (*meshes, *tree.get("nodes", []))):
             self._refuse("has morph targets in use: apply them before the export")

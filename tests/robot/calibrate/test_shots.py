@@ -2,6 +2,9 @@ import dataclasses as dc
 
 import numpy as np
 import pytest
+from helpers import check_reads_or_refuses, damaged
+from hypothesis import given, settings
+from hypothesis import strategies as st
 from pydrake.math import RigidTransform, RollPitchYaw
 
 from drake_srg.common.exceptions import ScenarioError
@@ -158,3 +161,13 @@ def test_a_camera_that_the_arm_cannot_reach_is_refused():
         ScenarioError, match=r"cameras.ceiling: the arm can .* 0 of 1 w"
     ):
         plan("kitchen", "ceiling", away, count=1)
+
+
+@pytest.mark.parametrize("name", ["poses.csv", "0.png"])
+@settings(max_examples=100)
+@given(data=st.data())
+def test_a_broken_file_gets_one_line(tmp_path_factory, name, data):
+    files = shot_files(shots(np.full((6, 8, 3), 90, np.uint8)))
+    files[name] = data.draw(damaged(files[name]))
+    folder = write(tmp_path_factory.mktemp("shots"), files)
+    check_reads_or_refuses(lambda _: read_shots(folder), folder / "poses.csv")

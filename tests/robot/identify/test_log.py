@@ -1,6 +1,9 @@
 import dataclasses as dc
 
 import pytest
+from helpers import check_reads_or_refuses, damaged
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
 from drake_srg.common.exceptions import ScenarioError
 from drake_srg.robot.identify.log import COLUMNS, parse_log, read_log, vendor_log
@@ -74,3 +77,11 @@ def test_a_file_that_cannot_be_read_is_named(tmp_path):
     binary.write_bytes(b"\xff\xfe\x00")
     with pytest.raises(ScenarioError, match="not a CSV file in UTF-8"):
         read_log(binary)
+
+
+@settings(max_examples=200)
+@given(data=st.data())
+def test_a_broken_file_gets_one_line(tmp_path_factory, data):
+    path = tmp_path_factory.mktemp("log") / "log.csv"
+    path.write_bytes(data.draw(damaged(text().encode())))
+    check_reads_or_refuses(read_log, path)
