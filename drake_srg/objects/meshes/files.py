@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses as dc
 import io
+import logging
 import xml.etree.ElementTree as ET
 from pathlib import Path
 from types import ModuleType
@@ -109,6 +110,8 @@ def require_trimesh() -> ModuleType:
     Raises:
         ImportError: If it is missing; the message says how to install it.
     """
+    # Errors and warnings tell what it would log.
+    logging.getLogger("trimesh").setLevel(logging.CRITICAL)
     return require("trimesh", "import", "Reading a mesh needs")
 
 

@@ -85,6 +85,8 @@ def is_complete(path: Path, root: ET.Element) -> bool:
             if shape.tag in _SHAPES:
                 read.shape(shape)
         read.color(node)
+        if not any(pose.get("relative_to") for pose in node.findall("pose")):
+            read.pose(node)
     meshes = link.findall("collision/geometry/mesh")
     convex = [mesh.find(f"{{{DRAKE}}}declare_convex") is not None for mesh in meshes]
     return all(convex) and read.inertial(link)[1] is not None

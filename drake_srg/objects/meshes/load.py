@@ -238,6 +238,8 @@ def _completed(root: ET.Element, path: Path) -> ET.Element:
             radii = (radius or collision.findtext("geometry/*/radii") or "").split()
             length = facet_length(min(map(float, radii))) if radii else None
             AddContact(collision, length, ode_friction(collision, path))
+            for surface in collision.findall("surface"):  # Drake would warn of it
+                collision.remove(surface)
     return root
 
 

@@ -93,10 +93,12 @@ def read_source(path: Path) -> MeshSource:
             f"{path}: unknown format (allowed: .sdf, .urdf, {', '.join(SUFFIXES)})"
         )
     source = MeshSource(path, read_bytes(path))
+    if source.content.startswith(b"version https://git-lfs"):
+        raise ScenarioError(f"{path}: is a pointer of Git LFS: fetch it (git lfs pull)")
     if suffix == ".obj":
         return _with_materials(source)
     if suffix == ".stl":
-        return source
+        return _whole_stl(source)
     try:
         return _Gltf(source).plain()
     except ScenarioError:
@@ -116,9 +118,37 @@ def decoded(content: bytes) -> str:
         return content.decode("latin-1")
 
 
+def _whole_stl(source: MeshSource) -> MeshSource:
+    """Return an STL, checked to be whole.
+
+    Raises:
+        ScenarioError: If it is cut off.
+    """
+    path, content = source.path, source.content
+    head = decoded(content[:2000])
+    if re.search("^\\s*solid.*facet", head, re.DOTALL | re.IGNORECASE):
+        text = decoded(content)
+        if "endsolid" not in text.lower():
+            raise ScenarioError(f"{path}: is cut off: ends without 'endsolid'")
+        return dc.replace(source, content="\n".join(text.splitlines()).encode())
+    if len(content) >= 84:
+        (count,) = struct.unpack_from("<I", content, 80)
+        if len(content) != 84 + 50 * count:
+            raise ScenarioError(
+                f"{path}: has {len(content)} bytes, but the {count} triangles that it "
+                f"announces need {84 + 50 * count}"
+            )
+    return source
+
+
 def _with_materials(source: MeshSource) -> MeshSource:
     """Return an OBJ with the texts of its material files under the name asked for."""
-    text = decoded(source.content)
+    text = "\n".join(line.strip() for line in decoded(source.content).splitlines())
+    # The reader knows blanks only, and no comments behind numbers.
+    text = re.sub(r"^(vn?|vt|f)\s[^#\n]*", _with_blanks, text, flags=re.MULTILINE)
+    text = re.sub(r"^((?:vn?|vt|f) [^#\n]*)#.*", r"\1", text, flags=re.MULTILINE)
+    if re.search(r"^f .*?(?<![\d/.-])0+(?![\d.])", text, re.MULTILINE):
+        raise ScenarioError(f"{source.path}: a face names vertex 0: they count from 1")
     found = dc.replace(source, content=text.encode())
     lines = [rest.strip() for rest in re.findall(r"^\s*mtllib\s(.*)$", text, re.M)]
     if not lines:
@@ -140,6 +170,10 @@ def _with_materials(source: MeshSource) -> MeshSource:
     used = {name.strip() for name in re.findall(r"^\s*usemtl\s(.*)$", text, re.M)}
     found.missing.extend(sorted(f"material {name}" for name in used - known))
     return found
+
+
+def _with_blanks(line: re.Match[str]) -> str:
+    return line[0].replace("\t", " ")
 
 
 _COMPONENTS = {5120: "<i1", 5121: "<u1", 5122: "<i2", 5123: "<u2", 5125: "<u4"}

@@ -6,8 +6,9 @@ import csv
 import dataclasses as dc
 import io
 import itertools
+import logging
 import math
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
 
 import cv2
@@ -57,8 +58,10 @@ class Shot:
     X_WH: RigidTransform
 
 
-def find_views(shots: Iterable[Shot], mounting: Mounting) -> list[View]:
+def find_views(shots: Sequence[Shot], mounting: Mounting) -> list[View]:
     """Return what each image shows of the board, in order.
+
+    If none shows it, the images may show a board of OpenCV before 4.6.
 
     Raises:
         ScenarioError: If an image has another size than the camera's, or two in a row
@@ -66,7 +69,6 @@ def find_views(shots: Iterable[Shot], mounting: Mounting) -> list[View]:
     """
     info = mounting.model.color
     size = (info.height(), info.width())
-    views: list[View] = []
     last: Shot | None = None
     for shot in shots:
         if shot.image.shape[:2] != size:
@@ -80,17 +82,26 @@ def find_views(shots: Iterable[Shot], mounting: Mounting) -> list[View]:
                 f"{shot.name}: same image as {last.name}, but the hand has moved; the "
                 "camera is frozen"
             )
-        corners = find_corners(shot.image, mounting.board)
-        X_PQ = mounting.X_PQ(shot.X_WH)
-        views.append(View(shot.name, X_PQ, corners.p_B, corners.pixels))
         last = shot
-    if views and not any(len(view.pixels) for view in views):
-        board = mounting.board
-        raise ScenarioError(
-            f"none of {len(views)} images shows the board (allowed: {board.columns} x "
-            f"{board.rows} squares, {board.dictionary})"
-        )
-    return views
+    board = mounting.board
+    for candidate in (board, dc.replace(board, legacy=True)):
+        views = []
+        for shot in shots:
+            corners = find_corners(shot.image, candidate)
+            X_PQ = mounting.X_PQ(shot.X_WH)
+            views.append(View(shot.name, X_PQ, corners.p_B, corners.pixels))
+        if any(len(view.pixels) for view in views):
+            if candidate.legacy:
+                logging.getLogger("drake_srg").warning(
+                    "the board is of OpenCV before 4.6: it starts with a white square"
+                )
+            return views
+    if not shots:
+        return []
+    raise ScenarioError(
+        f"none of {len(shots)} images shows the board (allowed: {board.columns} x "
+        f"{board.rows} squares, {board.dictionary})"
+    )
 
 
 def read_shots(folder: Path) -> list[Shot]:

@@ -1,4 +1,5 @@
 import json
+import struct
 
 import numpy as np
 import pytest
@@ -6,7 +7,15 @@ import pytest
 from drake_srg.common.exceptions import ScenarioError
 from drake_srg.objects.meshes.files import MeshFile, read_mesh
 from drake_srg.objects.meshes.sources import read_source
-from objects.meshes.made_meshes import box, gltf, write_glb, write_gltf
+from objects.meshes.made_meshes import (
+    QUADS,
+    box,
+    gltf,
+    write_glb,
+    write_gltf,
+    write_obj,
+    write_stl,
+)
 
 pytest.importorskip("trimesh")  # of the extra `import`
 SIZE = [0.04, 0.06, 0.05]  # in glTF, y is up
@@ -206,3 +215,124 @@ def test_a_source_names_all_files(tmp_path):
     source = read_source(write_gltf(tmp_path / "a.gltf", tree, content))
     assert [path.name for path in source.neighbours] == ["part.bin", "a.png"]
     assert set(source.files.values()) == {content, b"not a picture"}
+
+
+# What writers of OBJ and STL do.
+
+BOX = box(SIZE)
+POINTS = "".join(f"v {x} {y} {z}\n" for x, y, z in BOX[0].tolist())
+
+
+def faces(form="{}", rows=BOX[1]):
+    """Return lines of faces; `form` makes an entry of a vertex's number."""
+    entries = (" ".join(form.format(k + 1) for k in row) for row in rows)
+    return "".join(f"f {entry}\n" for entry in entries)
+
+
+OBJS = {
+    "negative indices": POINTS + faces("{}", BOX[1] - 9).replace("f --", "f -"),
+    "quads": POINTS + faces(rows=QUADS),
+    "quads and triangles": POINTS + faces(rows=QUADS[:1]) + faces(rows=BOX[1][2:]),
+    "textures": POINTS + "vt 0 0\n" + faces("{}/1"),
+    "normals": POINTS + "vn 0 0 1\n" + faces("{}//1"),
+    "both": POINTS + "vt 0 0\nvn 0 0 1\n" + faces("{}/1/1"),
+    "colours": POINTS.replace("\n", " 1 0 0\n") + faces(),
+    "weights": POINTS.replace("\n", " 1.0\n") + faces(),
+    "continued lines": POINTS + faces().replace("f 1 ", "f 1 \\\n"),
+    "comments": POINTS + faces().replace("\n", "  # a face 0\n"),
+    "tabs": (POINTS + faces()).replace(" ", "\t"),
+    "indents": (POINTS + faces()).replace("\n", "\n  "),
+    "faces first": faces() + POINTS,
+    "lines and points": POINTS + faces() + "l 1 2\np 1\n",
+    "groups": "o a\n" + POINTS + faces().replace("f 5", "g b\ns off\nf 5", 1),
+    "curves": "cstype bezier\ndeg 3\n" + POINTS + faces() + "curv 0 1 1 2 3 4\nend\n",
+}
+ENDS = ["\n", "\r\n", "\r"]
+
+
+@pytest.mark.parametrize("end", ENDS)
+@pytest.mark.parametrize("name", OBJS)
+def test_an_obj_is_read(tmp_path, name, end):
+    path = tmp_path / "a.obj"
+    path.write_bytes(OBJS[name].replace("\n", end).encode())
+    mesh, _, warnings = read(path)
+    assert (mesh.is_volume, warnings) == (True, [])
+    assert mesh.volume == pytest.approx(np.prod(SIZE))
+
+
+def stl(folder, change=str):
+    path = write_stl(folder / "valid.stl", BOX)
+    return change(path.read_text())
+
+
+def two_solids(text):
+    at = text.index("facet", len(text) // 2)
+    at = text.index("facet normal", at)
+    return text[:at] + "endsolid thing\nsolid other\n" + text[at:]
+
+
+@pytest.mark.parametrize("end", ENDS)
+@pytest.mark.parametrize("encoding", ["utf-8", "utf-8-sig", "utf-16", "latin-1"])
+@pytest.mark.parametrize(
+    "change",
+    [
+        str,
+        str.upper,
+        two_solids,
+        lambda t: t.replace("thing", "für"),
+        lambda t: t.replace("thing", "facet normal"),
+        lambda t: t.replace("vertex", "\t vertex"),
+    ],
+)
+def test_an_stl_in_text_is_read(tmp_path, change, encoding, end):
+    path = tmp_path / "a.stl"
+    path.write_bytes(stl(tmp_path, change).replace("\n", end).encode(encoding))
+    mesh, _, warnings = read(path)
+    assert warnings == []
+    assert mesh.volume == pytest.approx(np.prod(SIZE))
+
+
+def binary(header=b""):
+    triangles = b"".join(
+        struct.pack("<12fH", 0, 0, 0, *BOX[0][face].ravel(), 0) for face in BOX[1]
+    )
+    return header.ljust(80, b"\0") + struct.pack("<I", len(BOX[1])) + triangles
+
+
+@pytest.mark.parametrize("header", [b"", b"solid of a CAD program"])
+def test_a_binary_stl_is_read(tmp_path, header):
+    path = tmp_path / "a.stl"
+    path.write_bytes(binary(header))
+    assert read(path)[0].volume == pytest.approx(np.prod(SIZE))
+
+
+LFS = b"version https://git-lfs.github.com/spec/v1\noid sha256:4d7a\nsize 12345\n"
+
+
+@pytest.mark.parametrize(
+    ("name", "content", "problem"),
+    [
+        ("a.stl", binary()[:-20], "has 664 bytes, but the 12 triangles .* need 684"),
+        ("a.stl", binary() + b"more", "has 688 bytes, but the 12 triangles"),
+        ("a.stl", b"solid a\nfacet normal 0 0 0\nouter loop\n", "is cut off"),
+        ("a.stl", LFS, "git lfs pull"),
+        ("a.obj", LFS, "git lfs pull"),
+        ("a.glb", LFS, "git lfs pull"),
+        ("a.glb", b"PK\3\4", "cannot be read as glTF"),
+        ("a.obj", (POINTS + faces("{}", BOX[1] - 1)).encode(), "names vertex 0"),
+        ("a.obj", (POINTS + faces("{}", BOX[1] + 9)).encode(), "out of bounds"),
+        ("a.obj", (POINTS.replace(".", ",") + faces()).encode(), "cannot be read as a"),
+        ("a.obj", b"<!DOCTYPE html>\n<html>404</html>", "another kind of file"),
+    ],
+)
+def test_what_is_no_whole_file_is_refused_by_name(tmp_path, name, content, problem):
+    path = tmp_path / name
+    path.write_bytes(content)
+    with pytest.raises(ScenarioError, match=rf"{name}: .*{problem}"):
+        read(path)
+
+
+def test_trimesh_tells_nothing_by_itself(tmp_path, caplog, capfd):
+    path = write_obj(tmp_path / "a.obj", BOX, "mtllib none.mtl")
+    read(path)
+    assert (caplog.records, *capfd.readouterr()) == ([], "", "")

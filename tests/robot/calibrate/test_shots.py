@@ -1,4 +1,5 @@
 import dataclasses as dc
+import logging
 
 import numpy as np
 import pytest
@@ -92,6 +93,21 @@ def test_a_bad_folder_gets_one_line(tmp_path, name, old, new, message):
     with pytest.raises(ScenarioError, match=message) as caught:
         read_shots(write(tmp_path, files))
     assert "\n" not in str(caught.value)
+
+
+def test_a_board_of_an_older_opencv_is_found_and_told(mounting, caplog):
+    """With an even number of rows, where the pattern differs."""
+    board = dc.replace(mounting.board, rows=4)
+    old = dc.replace(board, legacy=True)
+    taken = shots(picture(old), np.roll(picture(old), 5))
+    with caplog.at_level(logging.WARNING, logger="drake_srg"):
+        views = find_views(taken, dc.replace(mounting, board=board))
+    assert "OpenCV before 4.6" in caplog.text
+    expected = old.corners[:, :2] / old.square * 40 + 40 - 0.5
+    np.testing.assert_allclose(views[0].pixels, expected, atol=0.05)
+    caplog.clear()
+    find_views(shots(picture(board)), dc.replace(mounting, board=board))
+    assert not caplog.records
 
 
 def test_corners_are_found_in_each_image(mounting):
