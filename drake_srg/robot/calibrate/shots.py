@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import csv
 import dataclasses as dc
 import io
@@ -147,8 +148,10 @@ def _read_shot(folder: Path, row: Mapping[str, str], where: str) -> Shot:
         )
     name = row["image"]
     file = folder / name
-    # `imread` warns on standard error about a missing file.
-    image = cv2.imread(str(file), cv2.IMREAD_COLOR) if file.is_file() else None
+    image = None
+    if file.is_file():  # `imread` warns on standard error about a missing file
+        with contextlib.suppress(cv2.error):  # more pixels than it takes
+            image = cv2.imread(str(file), cv2.IMREAD_COLOR)
     if image is None:
         raise ScenarioError(f"{where}: image {name!r} cannot be read")
     rgb = np.asarray(cv2.cvtColor(image, cv2.COLOR_BGR2RGB), np.uint8)

@@ -1,5 +1,7 @@
 import dataclasses as dc
 import logging
+import struct
+import zlib
 
 import numpy as np
 import pytest
@@ -93,6 +95,16 @@ def test_a_bad_folder_gets_one_line(tmp_path, name, old, new, message):
     with pytest.raises(ScenarioError, match=message) as caught:
         read_shots(write(tmp_path, files))
     assert "\n" not in str(caught.value)
+
+
+def test_a_picture_of_too_many_pixels_is_refused(tmp_path):
+    files = shot_files(shots(np.zeros((6, 8, 3), np.uint8)))
+    start = files["0.png"][:16]
+    head = b"IHDR" + struct.pack(">IIBBBBB", 10**5, 10**5, 8, 2, 0, 0, 0)
+    crc = struct.pack(">I", zlib.crc32(head))
+    files["0.png"] = start[:12] + head + crc + files["0.png"][33:]
+    with pytest.raises(ScenarioError, match=r"image '0\.png' cannot be read"):
+        read_shots(write(tmp_path, files))
 
 
 def test_a_board_of_an_older_opencv_is_found_and_told(mounting, caplog):
