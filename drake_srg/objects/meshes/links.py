@@ -7,6 +7,7 @@ import copy
 import re
 import xml.etree.ElementTree as ET
 from pathlib import Path
+from typing import NoReturn
 from urllib.parse import unquote
 
 import numpy as np
@@ -148,20 +149,16 @@ class _Sdf:
         found = self._root.findall(self.link)
         links = [link for link in found if link.get("drake_ignore") != "true"]
         if len(links) != 1:
-            raise ScenarioError(
-                f"{self._path}: must have one link, got {len(links)} (a single rigid "
-                "body)"
-            )
+            self._refuse(f"must have one link, got {len(links)} (a single rigid body)")
         for tag in ("include", "model", "joint"):
             if self._root.find(f"model/{tag}") is not None:
-                raise ScenarioError(
-                    f"{self._path}: <{tag}> in its model: an object is one rigid body"
-                )
+                self._refuse(f"<{tag}> in its model: an object is one rigid body")
         if (self._root.findtext("model/static") or "").strip() in ("true", "1"):
-            raise ScenarioError(
-                f"{self._path}: <static>: must be false: an object moves freely"
-            )
+            self._refuse("<static>: must be false: an object moves freely")
         return links[0]
+
+    def _refuse(self, problem: str) -> NoReturn:
+        raise ScenarioError(f"{self._path}: {problem}")
 
     def text(self, node: ET.Element | None, key: str) -> str | None:
         """Return the text of a value; None if it is missing."""
@@ -174,8 +171,7 @@ class _Sdf:
             return RigidTransform()
         frame, link = pose.get("relative_to"), self._root.find(self.link)
         if frame and link is not None and frame != link.get("name"):
-            problem = f"must be relative to the link, got {frame!r}"
-            raise ScenarioError(f"{self._path}: <pose>: {problem}")
+            self._refuse(f"<pose>: must be relative to the link, got {frame!r}")
         degrees = pose.get("degrees", "false").strip() in ("true", "1")
         turn = pose.get("rotation_format", "euler_rpy")
         if turn == "euler_rpy":
@@ -183,12 +179,12 @@ class _Sdf:
             rpy = np.radians(values[3:]) if degrees else values[3:]
             return RigidTransform(RollPitchYaw(rpy), values[:3])
         if turn != "quat_xyzw" or degrees:
-            raise ScenarioError(f"{self._path}: <pose>: unknown rotation_format {turn}")
+            self._refuse(f"<pose>: unknown rotation_format {turn}")
         values = self._numbers("pose", pose.text, 7)
-        wxyz = values[[6, 3, 4, 5]]
-        if np.linalg.norm(wxyz) < 1e-6:
-            raise ScenarioError(f"{self._path}: <pose>: its quaternion is zero")
-        return RigidTransform(Quaternion(wxyz / np.linalg.norm(wxyz)), values[:3])
+        wxyz, norm = values[[6, 3, 4, 5]], np.linalg.norm(values[3:])
+        if norm < 1e-6:
+            self._refuse("<pose>: its quaternion is zero")
+        return RigidTransform(Quaternion(wxyz / norm), values[:3])
 
     def color(self, node: ET.Element) -> Color | None:
         """Return the colour of a visual; None: the mesh's own."""
@@ -206,9 +202,7 @@ class _Sdf:
         count = len(text.split())
         values = self._numbers(key, text, count if count in counts else counts[-1])
         if not np.all((values >= 0.0) & (values <= 1.0)):
-            raise ScenarioError(
-                f"{self._path}: {key}: must be 0 .. 1 each, got {text!r}"
-            )
+            self._refuse(f"{key}: must be 0 .. 1 each, got {text!r}")
         return (values[0], values[1], values[2])
 
     def mass(self, inertial: ET.Element) -> str | None:
@@ -227,16 +221,14 @@ class _Sdf:
             values = np.array([])
         if values.shape != (count,) or not np.all(np.isfinite(values)):
             needed = "a finite number" if count == 1 else f"{count} finite numbers"
-            raise ScenarioError(f"{self._path}: {key}: needs {needed}, got {text!r}")
+            self._refuse(f"{key}: needs {needed}, got {text!r}")
         return values
 
     def geometry(self, node: ET.Element) -> Geometry:
         """Return a visual or collision geometry."""
         shapes = node.findall("geometry/*")
         if len(shapes) != 1:
-            raise ScenarioError(
-                f"{self._path}: <{node.tag}>: needs one geometry, got {len(shapes)}"
-            )
+            self._refuse(f"<{node.tag}>: needs one geometry, got {len(shapes)}")
         return Geometry(
             self.shape(shapes[0]),
             self.pose(node),
@@ -252,7 +244,7 @@ class _Sdf:
             values = self._numbers(key, self.text(node, key), count)
             if not np.all(values > 0.0):
                 problem = f"must be greater than 0, got {values.tolist()}"
-                raise ScenarioError(f"{self._path}: <{node.tag}> {key}: {problem}")
+                self._refuse(f"<{node.tag}> {key}: {problem}")
             return values
 
         match node.tag:
@@ -264,20 +256,16 @@ class _Sdf:
                 return Sphere(float(size("radius")[0]))
             case "mesh":
                 if node.find("submesh") is not None:
-                    problem = "export the part as a mesh of its own"
-                    raise ScenarioError(f"{self._path}: <submesh>: {problem}")
+                    self._refuse("<submesh>: export the part as a mesh of its own")
                 text = (self.text(node, "scale") or "").strip() or "1 1 1"
                 scale = self._numbers("scale", text, 1 if len(text.split()) == 1 else 3)
                 if not np.all(scale):
-                    problem = f"must not be 0, got {text!r}"
-                    raise ScenarioError(f"{self._path}: <mesh> scale: {problem}")
+                    self._refuse(f"<mesh> scale: must not be 0, got {text!r}")
                 uri = (self.text(node, self.mesh) or "").strip()
                 file = resolved(self._path, uri)
                 return MeshFile(file, scale * np.ones(3), self._path)
-        raise ScenarioError(
-            f"{self._path}: unknown geometry <{node.tag}> "
-            f"(allowed: {', '.join(_SHAPES)})"
-        )
+        allowed = ", ".join(_SHAPES)
+        return self._refuse(f"unknown geometry <{node.tag}> (allowed: {allowed})")
 
     def inertial(self, link: ET.Element) -> tuple[float | None, SpatialInertia | None]:
         """Return a link's mass and spatial inertia; None if missing or invalid."""

@@ -178,8 +178,7 @@ def _with_blanks(line: re.Match[str]) -> str:
 
 _COMPONENTS = {5120: "<i1", 5121: "<u1", 5122: "<i2", 5123: "<u2", 5125: "<u4"}
 _COMPONENTS |= {5126: "<f4"}
-_WIDTHS = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4, "MAT2": 4, "MAT3": 9}
-_WIDTHS |= {"MAT4": 16}
+_WIDTHS = {"SCALAR": 1, "VEC3": 3}  # of indices and positions
 # Extensions that leave the geometry alone or that the reader knows.
 _KNOWN = re.compile(
     "KHR_mesh_quantization|KHR_texture_transform|KHR_materials_.*|KHR_lights_punctual"
