@@ -26,7 +26,7 @@ def read_json(path: Path, build: Callable[[Any], T]) -> T:
     """
     try:
         text = path.read_text(encoding="utf-8")
-        return build(json.loads(text, object_pairs_hook=_unique))
+        return build(parse_json(text))
     except ScenarioError:
         raise
     except OSError as error:
@@ -34,6 +34,15 @@ def read_json(path: Path, build: Callable[[Any], T]) -> T:
         raise ScenarioError(f"{path}: cannot be read: {reason}") from None
     except (ValueError, KeyError, TypeError, RecursionError) as error:
         raise ScenarioError(f"{path}: invalid content: {one_line(error)}") from None
+
+
+def parse_json(text: str) -> Any:
+    """Return what a text in JSON says.
+
+    Raises:
+        ValueError: If it is not JSON, or has a key twice.
+    """
+    return json.loads(text, object_pairs_hook=_unique)
 
 
 def _unique(pairs: list[tuple[str, Any]]) -> dict[str, Any]:

@@ -18,6 +18,7 @@ from urllib.parse import unquote
 import numpy as np
 
 from drake_srg.common.exceptions import ScenarioError
+from drake_srg.common.tables import parse_json
 from drake_srg.types import Vector
 
 Json: TypeAlias = dict[str, Any]
@@ -249,7 +250,7 @@ class _Gltf:
     def _chunks(self, content: bytes) -> tuple[Json, bytes | None]:
         """Return the tree and the binary chunk of a file, if it has one."""
         if content[:4] != b"glTF":
-            return json.loads(content.decode("utf-8-sig")), None
+            return parse_json(content.decode("utf-8-sig")), None
         version, length = struct.unpack_from("<II", content, 4)
         if version != 2:
             self._refuse(f"is binary glTF {version}, must be 2")
@@ -261,7 +262,7 @@ class _Gltf:
             size, kind = struct.unpack_from("<II", content, at)
             found.setdefault(kind, content[at + 8 : at + 8 + size])
             at += 8 + size
-        return json.loads(found[0x4E4F534A].decode()), found.get(0x004E4942)
+        return parse_json(found[0x4E4F534A].decode()), found.get(0x004E4942)
 
     def _buffer(self, buffer: Json) -> bytes:
         if "uri" not in buffer:

@@ -336,3 +336,10 @@ def test_trimesh_tells_nothing_by_itself(tmp_path, caplog, capfd):
     path = write_obj(tmp_path / "a.obj", BOX, "mtllib none.mtl")
     read(path)
     assert (caplog.records, *capfd.readouterr()) == ([], "", "")
+
+
+def test_a_gltf_key_twice_is_refused(tmp_path):
+    path = write_gltf(tmp_path / "a.gltf", *gltf(BOX))
+    path.write_text(path.read_text().replace('"scene": 0', '"scene": 0, "scene": 1'))
+    with pytest.raises(ScenarioError, match=r"a\.gltf: .*key 'scene' twice"):
+        read(path)
