@@ -322,7 +322,7 @@ directives: {gripper: {add_model: {file: package://drake_srg/sdf/srg.sdf}}}
 """
 
 
-@settings(max_examples=200)
+@settings(max_examples=60)
 @given(data=st.data())
 def test_a_broken_file_gets_one_line(tmp_path_factory, data):
     path = tmp_path_factory.mktemp("scenario") / "mine.yaml"

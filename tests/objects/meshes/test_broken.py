@@ -62,7 +62,7 @@ def content_of(suffix, folder):
 
 
 @pytest.mark.parametrize("suffix", [".obj", ".stl", ".bin.stl", ".glb", ".gltf"])
-@settings(max_examples=150)
+@settings(max_examples=60)
 @given(data=st.data())
 def test_a_broken_mesh(tmp_path_factory, suffix, data):
     folder = tmp_path_factory.mktemp("mesh")
@@ -86,7 +86,7 @@ def test_a_broken_material(tmp_path_factory, data):
 
 
 @pytest.mark.parametrize(("name", "text"), [("a.urdf", URDF), ("a.sdf", SDF)])
-@settings(max_examples=300)
+@settings(max_examples=100)
 @given(data=st.data())
 def test_a_broken_link(tmp_path_factory, name, text, data):
     path = tmp_path_factory.mktemp("xml") / name
@@ -95,7 +95,7 @@ def test_a_broken_link(tmp_path_factory, name, text, data):
 
 
 @pytest.mark.parametrize("suffix", [".obj", ".stl", ".glb", ".sdf", ".urdf"])
-@settings(max_examples=15)  # each takes 0.1 s
+@settings(max_examples=10)  # each takes 0.1 s
 @given(data=st.data())
 def test_a_broken_object(tmp_path_factory, suffix, data):
     """Through conversion and Drake's parser."""

@@ -2,7 +2,7 @@ import re
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 from pydrake.geometry import Role
 from pydrake.multibody.parsing import Parser
@@ -215,21 +215,21 @@ def drakes_reading(path):
         found = inspector.GetGeometries(frame, role)
         return sorted(found, key=lambda g: g.get_value())
 
+    def value(properties, group, name):
+        found = properties.HasProperty(group, name)
+        return properties.GetProperty(group, name) if found else None
+
     seen = [
         (
             inspector.GetPoseInFrame(g),
-            inspector.GetPerceptionProperties(g).GetPropertyOrDefault(
-                "phong", "diffuse", None
-            ),
+            value(inspector.GetPerceptionProperties(g), "phong", "diffuse"),
         )
         for g in geometries(Role.kPerception)
     ]
     touched = [
         (
             inspector.GetPoseInFrame(g),
-            inspector.GetProximityProperties(g).GetProperty(
-                "material", "coulomb_friction"
-            ),
+            value(inspector.GetProximityProperties(g), "material", "coulomb_friction"),
         )
         for g in geometries(Role.kProximity)
     ]
@@ -295,6 +295,7 @@ SPHERE = "<geometry><sphere><radius>0.1</radius></sphere></geometry>"
 MOMENTS = "<ixx>2e-4</ixx><iyy>3e-4</iyy><izz>4e-4</izz><ixy>1e-5</ixy>"
 
 
+@settings(max_examples=25)  # Drake's parser takes 30 ms
 @given(
     st.lists(sdf_poses(), min_size=3, max_size=3), HUES, SHARES, SHARES, st.booleans()
 )
@@ -317,6 +318,7 @@ def test_an_sdf_is_read_as_by_drake(
     assert contents.warnings == []
 
 
+@settings(max_examples=25)
 @given(TRIPLES, TRIPLES, HUES.map(lambda rgb: [*rgb[:3], 1.0]), st.sampled_from("abc"))
 def test_a_urdf_is_read_as_by_drake(tmp_path_factory, xyz, rpy, rgba, where):
     path = tmp_path_factory.mktemp("urdf") / "a.urdf"

@@ -192,7 +192,7 @@ def test_a_camera_that_the_arm_cannot_reach_is_refused():
 
 
 @pytest.mark.parametrize("name", ["poses.csv", "0.png"])
-@settings(max_examples=100)
+@settings(max_examples=50)
 @given(data=st.data())
 def test_a_broken_file_gets_one_line(tmp_path_factory, name, data):
     files = shot_files(shots(np.full((6, 8, 3), 90, np.uint8)))

@@ -98,7 +98,7 @@ def test_a_missing_file_is_named(tmp_path):
         load_hardware(tmp_path / "none.yaml")
 
 
-@settings(max_examples=200)
+@settings(max_examples=60)
 @given(data=st.data())
 def test_a_broken_file_gets_one_line(tmp_path_factory, data):
     path = tmp_path_factory.mktemp("hardware") / "robot.yaml"

@@ -79,7 +79,7 @@ def test_a_file_that_cannot_be_read_is_named(tmp_path):
         read_log(binary)
 
 
-@settings(max_examples=200)
+@settings(max_examples=60)
 @given(data=st.data())
 def test_a_broken_file_gets_one_line(tmp_path_factory, data):
     path = tmp_path_factory.mktemp("log") / "log.csv"
