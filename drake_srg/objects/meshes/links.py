@@ -19,7 +19,7 @@ from drake_srg.common.exceptions import ScenarioError
 from drake_srg.objects.meshes.files import Color, Contents, Geometry, MeshFile
 from drake_srg.objects.meshes.sources import decoded, read_bytes
 from drake_srg.objects.sdf import DRAKE, PROXIMITY, ode_friction
-from drake_srg.parsing import resolve_url
+from drake_srg.parsing import models_path
 from drake_srg.types import Box, Cylinder, Shape, Sphere, Vector
 
 _MOMENTS = ("ixx", "iyy", "izz", "ixy", "ixz", "iyz")
@@ -347,6 +347,8 @@ def resolved(path: Path, uri: str) -> Path:
     where = ""
     if not colon:
         candidates = [path.parent / uri, path.parent / unquote(uri)]
+    elif (scheme, name) == ("package", "drake_srg"):
+        candidates = [models_path() / inside]
     elif scheme == "file":
         candidates = [Path(rest), Path(unquote(rest))]
     else:  # package:// and Gazebo's model://
@@ -359,9 +361,6 @@ def resolved(path: Path, uri: str) -> Path:
         with contextlib.suppress(ValueError):  # a null character
             if candidate.is_file():
                 return candidate
-    if scheme == "package" and name == "drake_srg":
-        with contextlib.suppress(RuntimeError):
-            return resolve_url(uri)
     raise ScenarioError(f"{path}: its mesh {uri!r} does not exist{where}")
 
 

@@ -198,12 +198,12 @@ def _stamps(path: Path) -> Stamps:
 
 
 @functools.lru_cache(maxsize=256)
-def _named_files(path: Path, _changed: int, _size: int) -> list[Path]:
+def _named_files(path: Path, changed: int, size: int) -> list[Path]:
     """Return the files that a file of a model is converted from, besides itself."""
     try:
         if path.suffix.lower() not in _XML:
             return read_source(path).neighbours
-        if is_complete(path, read_xml(path, [])):
+        if _taken(path, changed, size) is not None:
             return []  # Drake reads them each time
         return read_link(path).mesh_files()
     except ScenarioError:  # told when it is read
@@ -211,12 +211,19 @@ def _named_files(path: Path, _changed: int, _size: int) -> list[Path]:
 
 
 @functools.lru_cache(maxsize=256)
-def _tree(path: Path, _changed: Stamps, scale: float, pieces: int) -> ET.Element:
-    """Return the tree of a file; `_changed` tells when its files were changed."""
-    if path.suffix.lower() == ".sdf":
-        root = read_xml(path, [])
-        if scale == 1.0 and is_complete(path, root):
-            return _completed(root, path)
+def _taken(path: Path, _changed: int, _size: int) -> ET.Element | None:
+    """Return the tree of an SDF that Drake can take; None if it must be converted."""
+    if path.suffix.lower() != ".sdf":
+        return None
+    root = read_xml(path, [])
+    return _completed(root, path) if is_complete(path, root) else None
+
+
+@functools.lru_cache(maxsize=256)
+def _tree(path: Path, stamps: Stamps, scale: float, pieces: int) -> ET.Element:
+    """Return the tree of a file; `stamps` tell when its files were changed."""
+    if scale == 1.0 and stamps and (root := _taken(*stamps[0])) is not None:
+        return root
     folder = import_model(path, scale, pieces)
     from drake_srg.objects.meshes.convert import MODEL  # see `import_model`
 
