@@ -37,57 +37,66 @@ def parse_yaml(text: str, origin: str) -> Any:
             not text, or has a part that contains itself.
     """
     try:
-        tree = copy.deepcopy(_parse(text or "null"))
-    except _KeyTwiceError as error:
+        return copy.deepcopy(_parse(text or "null"))
+    except _BadTreeError as error:
         raise ScenarioError(f"{origin}: {error}") from None
-    except AttributeError:  # Drake looks for a prefix in the top-level keys
-        raise ScenarioError(f"{origin}: keys must be text") from None
     except Exception as error:
         lines = " ".join(part.strip() for part in str(error).splitlines())
         raise ScenarioError(f"{origin}: not valid YAML: {lines[:200]}") from None
-    _check_is_tree(tree, origin)
-    return tree
 
 
 @functools.lru_cache(maxsize=64)
 def _parse(text: str) -> Any:
     """Parse YAML text; scenarios share bases, whose text takes tens of milliseconds."""
-    _check_keys(yaml.compose(text, Loader=_LOADER), set())
-    return yaml_load(data=text)
+    try:
+        tree = yaml_load(data=text)
+    except RecursionError:  # too deep for the check in C, which would crash
+        raise
+    except Exception:
+        _check_node(yaml.compose(text, Loader=_LOADER), {})  # tells more, if it fails
+        raise
+    _check_node(yaml.compose(text, Loader=_LOADER), {})
+    return tree
 
 
 # In C where PyYAML has it.
 _LOADER = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
+_KEYS = ("tag:yaml.org,2002:str", "tag:yaml.org,2002:merge")
 
 
-class _KeyTwiceError(ValueError):
-    """A mapping has a key twice."""
+class _BadTreeError(ValueError):
+    """YAML that is valid, but no tree with keys of text, each once."""
 
 
-def _check_keys(node: yaml.Node | None, seen: set[int]) -> None:
-    """Check that no mapping below a node has a key twice.
+def _check_node(node: yaml.Node | None, finished: dict[int, bool]) -> None:
+    """Check that a node is a tree whose mappings have keys of text, each once.
+
+    Args:
+        node: The node; None for empty text.
+        finished: By identity, whether a node has been checked or is being checked.
 
     Raises:
-        _KeyTwiceError: If one has: the message says which key, and where.
+        _BadTreeError: If it is not; the message says where.
     """
-    if not isinstance(node, yaml.CollectionNode) or id(node) in seen:
+    if not isinstance(node, yaml.CollectionNode) or finished.get(id(node)):
         return
-    seen.add(id(node))
-    if isinstance(node, yaml.SequenceNode):
-        for child in node.value:
-            _check_keys(child, seen)
-        return
+    if id(node) in finished:
+        raise _BadTreeError("an anchored part contains itself")
+    finished[id(node)] = False
+    mapping = isinstance(node, yaml.MappingNode)
     lines: dict[str, int] = {}
-    for key, value in node.value:
-        if isinstance(key, yaml.ScalarNode):
+    for key, child in node.value if mapping else ((None, c) for c in node.value):
+        if key is not None:
             line = key.start_mark.line + 1
+            if key.tag not in _KEYS:
+                got = key.value if isinstance(key, yaml.ScalarNode) else "a collection"
+                raise _BadTreeError(f"keys must be text, got {got} (line {line})")
             if key.value in lines:
-                first = lines[key.value]
-                raise _KeyTwiceError(
-                    f"line {line}: key {key.value!r} is in line {first}, too"
-                )
+                also = f"is in line {lines[key.value]}, too"
+                raise _BadTreeError(f"line {line}: key {key.value!r} {also}")
             lines[key.value] = line
-        _check_keys(value, seen)
+        _check_node(child, finished)
+    finished[id(node)] = True
 
 
 def merge(base: Any, override: Any, origin: str = "", key: str = "") -> Any:
@@ -211,18 +220,6 @@ def _entry_index(
         choices = f"0 .. {len(items) - 1}" if items else "none, the list is empty"
         fail(origin, key, f"unknown index {name!r} (allowed: {choices})")
     return int(name)
-
-
-def _check_is_tree(node: Any, origin: str, above: tuple[int, ...] = ()) -> None:
-    if not isinstance(node, (dict, list)):
-        return
-    if id(node) in above:
-        raise ScenarioError(f"{origin}: an anchored part contains itself")
-    for key in node if isinstance(node, dict) else ():
-        if not isinstance(key, str):
-            raise ScenarioError(f"{origin}: keys must be text, got {describe(key)}")
-    for child in node.values() if isinstance(node, dict) else node:
-        _check_is_tree(child, origin, (*above, id(node)))
 
 
 def fail(origin: str, key: str, message: str) -> typing.NoReturn:

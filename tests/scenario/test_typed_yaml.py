@@ -46,8 +46,8 @@ def test_a_tag_becomes_an_entry_of_its_mapping():
         "a: \x00",
         "a: !Foo 3",
         "a: *nothing",
-        "[1, 2]: 3",
         "a: " + "[" * 2000,
+        "a: " + "[" * 200_000 + "]" * 200_000,
     ],
 )
 def test_invalid_yaml_is_reported_in_one_line(text):
@@ -56,7 +56,7 @@ def test_invalid_yaml_is_reported_in_one_line(text):
     assert "\n" not in str(error.value)
 
 
-@pytest.mark.parametrize("key", ["1", "yes", "~", "2.5"])
+@pytest.mark.parametrize("key", ["1", "yes", "~", "2.5", "[1, 2]"])
 @pytest.mark.parametrize("text", ["{}: 1", "a: {{{}: 1}}", "a: [{{{}: 1}}]"])
 def test_keys_must_be_text(key, text):
     with pytest.raises(ScenarioError, match=r"^f: keys must be text"):
