@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import copy
+import itertools
 import re
 import xml.etree.ElementTree as ET
 from pathlib import Path
@@ -22,6 +23,7 @@ from drake_srg.objects.sdf import DRAKE, PROXIMITY, ode_friction
 from drake_srg.parsing import models_path
 from drake_srg.types import Box, Cylinder, Shape, Sphere, Vector
 
+_DEEPEST = 500  # elements; more would crash the reader
 _MOMENTS = ("ixx", "iyy", "izz", "ixy", "ixz", "iyz")
 
 
@@ -47,6 +49,10 @@ def read_xml(path: Path, warnings: list[str]) -> ET.Element:
             f"{path}: is an input of xacro (write its output: xacro {path.name} > "
             f"{path.stem}_plain.urdf)"
         )
+    tags = re.findall(r"<(/?)[\w:.-]+[^<>]*?(/?)>", text)
+    steps = [-1 if end else int(not alone) for end, alone in tags]
+    if max(itertools.accumulate(steps), default=0) > _DEEPEST:
+        raise ScenarioError(f"{path}: is nested more than {_DEEPEST} elements deep")
     # Drake reads prefixes that nothing declares.
     prefixes = set(re.findall(r"</?([A-Za-z_][\w.-]*):", text))
     for prefix in sorted(p for p in prefixes if f"xmlns:{p}=" not in text):

@@ -395,6 +395,7 @@ def test_a_colour_that_is_not_found_is_told(tmp_path):
         ("<robot xmlns:xacro='x'><link name='l'/></robot>", "has no geometry"),
         ("<robot><!-- <xacro:a/> --><link name='l'/></robot>", "has no geometry"),
         ("<robot><other:tag/></robot>", "must have one link, got 0"),
+        pytest.param("<a>" * 200_000, "nested more than 500 elements deep", id="deep"),
         ("<other:robot/>", "unbound prefix: line 1"),
         (
             "<sdf><world><model><link/></model></world></sdf>",
