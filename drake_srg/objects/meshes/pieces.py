@@ -76,7 +76,7 @@ def convex_pieces(
     if not bodies:  # faces without a common corner
         return [decimated(piece) for piece in _cut(mesh, most)], True
     if len(bodies) < len(parts):
-        warnings.append(f"{len(parts) - len(bodies)} flat parts are seen, not touched")
+        warnings.append(f"flat parts are seen, not touched: {len(parts) - len(bodies)}")
     solid = [part for part in bodies if not is_cavity(part, mesh)]
     convex = [part for part in solid if _is_convex(part)]
     if len(convex) == len(solid) <= most:
