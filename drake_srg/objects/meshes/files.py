@@ -87,7 +87,8 @@ class Contents:
 
 # Extents of an object [m]: the smallest that contact resolves, and the kitchen's table.
 SMALLEST, LARGEST = 0.003, 1.6
-# glTF's y points up, and the front is z.
+# glTF is white unless it says otherwise. Its y points up, and the front is z.
+_DEFAULTS: dict[str, Color] = {".glb": (1.0, 1.0, 1.0), ".gltf": (1.0, 1.0, 1.0)}
 _R_UP = RotationMatrix.MakeXRotation(np.pi / 2).matrix()
 
 
@@ -130,13 +131,14 @@ def read_mesh(file: MeshFile, warnings: list[str]) -> ReadMesh:
         ScenarioError: If it is not a mesh, or a broken one.
         ImportError: If trimesh is missing.
     """
-    path, scale = file.path, file.scale
+    path, scale, suffix = file.path, file.scale, file.path.suffix.lower()
     source = read_source(path)
     require_trimesh()
     try:
         with np.errstate(all="ignore"):  # `_piece` tells of what is not finite
             found = _loaded(source)
-            cleaned = [(_piece(mesh, source, scale), _color(mesh)) for mesh in found]
+            colors = [_color(mesh) or _DEFAULTS.get(suffix) for mesh in found]
+            pieces = [_piece(mesh, source, scale) for mesh in found]
     except ScenarioError:
         raise
     except Exception as error:  # trimesh's readers raise whatever they meet
@@ -144,21 +146,21 @@ def read_mesh(file: MeshFile, warnings: list[str]) -> ReadMesh:
         raise ScenarioError(f"{path}: cannot be read as a mesh: {reason}") from None
     if not found:
         raise ScenarioError(f"{path}: has no triangles (is it another kind of file?)")
-    pieces = [(mesh, color) for mesh, color in cleaned if len(mesh.faces)]
-    if not pieces:
+    cleaned = [(m, c) for m, c in zip(pieces, colors, strict=True) if len(m.faces)]
+    if not cleaned:
         raise ScenarioError(f"{path}: has only triangles without area")
     if source.missing:
         names = ", ".join(dict.fromkeys(source.missing))
         warnings.append(f"does not exist, so its colour is lost: {names}")
-    pieces.sort(key=lambda piece: piece[0].is_watertight)  # as `_joined` orders them
-    solid = _joined([mesh for mesh, _ in pieces])
+    cleaned.sort(key=lambda piece: piece[0].is_watertight)  # as `_joined` orders them
+    solid = _joined([mesh for mesh, _ in cleaned])
     low, high = solid.bounds
     check_size(path, low, high, file)
     _TurnOutsideOut(solid, warnings)
-    ends = np.cumsum([len(mesh.faces) for mesh, _ in pieces])
+    ends = np.cumsum([len(mesh.faces) for mesh, _ in cleaned])
     rows = np.split(np.arange(len(solid.faces)), ends[:-1])
     by_color: dict[Color | None, list[Any]] = {}
-    for (_, color), own in zip(pieces, rows, strict=True):
+    for (_, color), own in zip(cleaned, rows, strict=True):
         by_color.setdefault(color, []).append(own)
     surfaces = [
         (solid.submesh([np.concatenate(own)], append=True, repair=False), color)

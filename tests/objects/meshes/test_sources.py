@@ -150,6 +150,11 @@ def test_a_colour_is_factor_times_texture(tmp_path, pbr, color):
     assert warnings == []
 
 
+def test_a_gltf_without_materials_is_white(tmp_path):
+    _, colors, _ = read(write_gltf(tmp_path / "a.gltf", *gltf(box(SIZE))))
+    assert colors == [(1.0, 1.0, 1.0)]
+
+
 def test_a_missing_texture_is_told(tmp_path):
     tree, content = gltf(box(SIZE), images=[{"uri": "none.png"}])
     _, _, (warning,) = read(write_gltf(tmp_path / "a.gltf", tree, content))
