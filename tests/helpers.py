@@ -2,13 +2,17 @@
 
 import importlib.util
 import os
+import re
 import shutil
 import sys
 from pathlib import Path
 
 import numpy as np
 import pytest
+from hypothesis import strategies as st
 from pydrake.geometry import ColorRenderCamera, DepthRenderCamera, RenderCameraCore
+
+from drake_srg.common.exceptions import ScenarioError
 
 
 def fix(system, context, **inputs):
@@ -104,3 +108,41 @@ def _skip_or_fail(message):
     if "DRAKE_SRG_REQUIRE_PEERS" in os.environ:
         pytest.fail(message)
     pytest.skip(message)
+
+
+_STRANGE = (b"nan", b"-1", b"1e999", b"", b"99999999999", b"\0", b"\xff\xfe", b"{}")
+
+
+@st.composite
+def damaged(draw, content):
+    """Draw bytes that differ from a file's by one to three faults."""
+    for _ in range(draw(st.integers(1, 3))):
+        at = draw(st.integers(0, len(content)))
+        end = min(len(content), at + draw(st.sampled_from([0, 1, 4, 60])))
+        numbers = list(re.finditer(rb"-?\d+(\.\d+)?", content))
+        match draw(st.sampled_from(["cut", "change", "insert", "repeat", "number"])):
+            case "cut":
+                content = content[:at]
+            case "change":
+                new = draw(st.binary(min_size=end - at, max_size=end - at))
+                content = content[:at] + new + content[end:]
+            case "insert":
+                new = draw(st.sampled_from(_STRANGE))
+                content = content[:at] + new + content[end:]
+            case "repeat":
+                content = content[:end] + content[at:]
+            case "number" if numbers:
+                found = draw(st.sampled_from(numbers))
+                new = draw(st.sampled_from(_STRANGE))
+                content = content[: found.start()] + new + content[found.end() :]
+    return content
+
+
+def check_reads_or_refuses(read, path, *others):
+    """Check that reading a file works or fails in one line that names the file."""
+    try:
+        read(path)
+    except ScenarioError as error:
+        assert "\n" not in str(error)
+        names = [file.name for file in (path, *others)]
+        assert any(name in str(error) for name in names), error

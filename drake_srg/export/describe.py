@@ -17,7 +17,7 @@ from pydrake.multibody.tree import ModelInstanceIndex, RigidBody
 
 from drake_srg.common.exceptions import ScenarioError
 from drake_srg.export.model import WORLD, Geometry, Joint, Link, Loop, Mimic, Model
-from drake_srg.objects.meshes.files import read_xml
+from drake_srg.objects.meshes.links import read_xml
 from drake_srg.objects.sdf import DRAKE
 from drake_srg.scenario import Scenario
 from drake_srg.station.plant import model_files

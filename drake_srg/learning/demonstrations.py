@@ -7,7 +7,6 @@ was last seen.
 
 from __future__ import annotations
 
-import json
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -17,6 +16,7 @@ from pydrake.common.eigen_geometry import Quaternion
 from pydrake.math import RollPitchYaw
 
 from drake_srg.common.exceptions import ScenarioError, one_line
+from drake_srg.common.tables import parse_json
 from drake_srg.learning.envs.hand_task import Mover
 from drake_srg.learning.envs.tasks import GraspOneShotEnv, action_of, one_shot_state
 from drake_srg.learning.policy import Array
@@ -114,7 +114,7 @@ def grasp_in(
 
 
 def _arm_joints(folder: Path) -> int:
-    info = json.loads((folder / "meta" / "info.json").read_text(encoding="utf-8"))
+    info = parse_json((folder / "meta" / "info.json").read_text(encoding="utf-8"))
     names = info["features"]["action"]["names"]
     if names[-1] != "gripper_closure" or _SIGHTING not in info["features"]:
         raise ValueError(f"needs gripper_closure and {_SIGHTING}")

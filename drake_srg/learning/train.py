@@ -23,6 +23,7 @@ from threadpoolctl import threadpool_limits
 
 from drake_srg.common.exceptions import ScenarioError, one_line
 from drake_srg.common.status_line import StatusLine
+from drake_srg.common.tables import read_json
 from drake_srg.learning.episodes import (
     VALIDATION,
     environment_id,
@@ -285,14 +286,10 @@ def _begin(training: Training, out: Path, resume: bool) -> list[list[float]]:
             f"{out}: already contains a training; continue it with --resume, or choose "
             "another --out"
         )
-    try:
-        begun = json.loads(path.read_text(encoding="utf-8"))
-        # Trainings begun earlier have no choice of rules.
-        old, history = {"rule": RULE, **begun["training"]}, list(begun["history"])
-    except OSError as error:
-        raise ScenarioError(f"{path}: cannot be read: {error.strerror}") from None
-    except (ValueError, KeyError, TypeError) as error:
-        raise ScenarioError(f"{path}: invalid content: {one_line(error)}") from None
+    # Trainings begun earlier have no choice of rules.
+    old, history = read_json(
+        path, lambda begun: ({"rule": RULE, **begun["training"]}, [*begun["history"]])
+    )
     for key, value in _identity(training).items():
         if old.get(key) != value:
             raise ScenarioError(

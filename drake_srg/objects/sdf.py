@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import copy
 import xml.etree.ElementTree as ET
 from collections.abc import Mapping, Sequence
+from pathlib import Path
 
 import numpy as np
 from pydrake.geometry import (
@@ -15,9 +17,11 @@ from pydrake.multibody.plant import CoulombFriction
 from pydrake.multibody.tree import SpatialInertia
 
 from drake_srg.common.contacts import relaxation_time
+from drake_srg.common.exceptions import ScenarioError
 
 DRAKE = "http://drake.mit.edu"  # the namespace of Drake's own tags
 ET.register_namespace("drake", DRAKE)
+PROXIMITY = f"{{{DRAKE}}}proximity_properties"
 
 
 def AddChild(
@@ -54,8 +58,11 @@ def AddPose(
 
 
 def is_placed(element: ET.Element) -> bool:
-    """Return whether an element has a pose other than the identity."""
-    return any(float(x) != 0.0 for x in (element.findtext("pose") or "").split())
+    """Return whether an element may have a pose other than the identity."""
+    pose = element.find("pose")
+    if pose is None:
+        return False
+    return bool(pose.get("relative_to")) or any(map(float, (pose.text or "").split()))
 
 
 def AddInertial(link: ET.Element, M_LLo_L: SpatialInertia) -> None:
@@ -84,16 +91,18 @@ def SetMass(root: ET.Element, mass: float) -> None:
 
 
 def SetContact(root: ET.Element, values: Mapping[str, float | None]) -> None:
-    """Replace contact properties in a tree.
+    """Set contact properties of all collisions in a tree that have some.
 
     Args:
         root: The tree.
         values: By tag without prefix, such as `mu_static`; None keeps the file's.
     """
-    for element in root.iter():
-        value = values.get(element.tag.rpartition("}")[2])
-        if value is not None:
-            element.text = repr(float(value))
+    given = {key: value for key, value in values.items() if value is not None}
+    for node in root.iter(PROXIMITY):
+        for key, value in given.items():
+            tag = f"{{{DRAKE}}}{key}"
+            child = node.find(tag)
+            (AddChild(node, tag) if child is None else child).text = repr(float(value))
 
 
 def SetColor(root: ET.Element, color: Sequence[float]) -> None:
@@ -150,22 +159,65 @@ def contact_properties(
     return properties
 
 
-def AddContact(collision: ET.Element, resolution: float | None = None) -> None:
-    """Append the same contact properties to a collision element of an SDF.
+def ode_friction(collision: ET.Element, path: Path) -> tuple[float, float] | None:
+    """Return the friction that an SDF gives the surface of a collision.
+
+    Args:
+        collision: The element.
+        path: The file, for error messages.
+
+    Returns:
+        Static and dynamic coefficient, which Drake reads from `mu` and `mu2`; None
+        without them.
+
+    Raises:
+        ScenarioError: If they are no coefficients.
+    """
+    ode = collision.find("surface/friction/ode")
+    if ode is None or ode.find("mu") is None:
+        return None
+    try:
+        mu = float(ode.findtext("mu") or "")
+        mu2 = float(ode.findtext("mu2") or mu)
+    except ValueError:
+        mu = mu2 = float("nan")
+    if not mu >= mu2 >= 0.0:
+        raise ScenarioError(
+            f"{path}: <surface>: <friction>: needs mu >= mu2 >= 0 (static, dynamic)"
+        )
+    return mu, mu2
+
+
+def AddContact(
+    collision: ET.Element,
+    resolution: float | None = None,
+    friction: tuple[float, float] | None = None,
+    own: ET.Element | None = None,
+) -> None:
+    """Append contact properties to a collision element of an SDF.
 
     Args:
         collision: The element.
         resolution: Edge length of facets [m]; None for meshes, which have their own.
+        friction: Static and dynamic coefficient; None: ours, unless `own` says it.
+        own: Properties of the file, taken as they are; None: those of a `shape`.
     """
-    node = AddChild(collision, f"{{{DRAKE}}}proximity_properties")
+    static, dynamic = friction or (FRICTION, FRICTION)
+    node = AddChild(collision, PROXIMITY) if own is None else copy.deepcopy(own)
+    if own is not None:
+        collision.append(node)
+        if friction is not None and node.find(f"{{{DRAKE}}}mu_static") is None:
+            AddChild(node, f"{{{DRAKE}}}mu_dynamic", dynamic)
+            AddChild(node, f"{{{DRAKE}}}mu_static", static)
+        return
     AddChild(node, f"{{{DRAKE}}}compliant_hydroelastic")
     for tag, value in (
         ("mesh_resolution_hint", resolution),
         ("hydroelastic_modulus", MODULUS),
         ("hunt_crossley_dissipation", DISSIPATION),
         ("relaxation_time", relaxation_time(DISSIPATION)),
-        ("mu_dynamic", FRICTION),
-        ("mu_static", FRICTION),
+        ("mu_dynamic", dynamic),
+        ("mu_static", static),
     ):
         if value is not None:
             AddChild(node, f"{{{DRAKE}}}{tag}", value)

@@ -17,6 +17,7 @@ import numpy as np
 import numpy.typing as npt
 
 from drake_srg.common import installing
+from drake_srg.common.exceptions import one_line
 from drake_srg.lifetime import LeafSystem
 
 _Self = TypeVar("_Self", bound="Recorder")
@@ -251,5 +252,7 @@ def read_log(path: Path | str) -> dict[str, npt.NDArray[Any]]:
     try:
         with np.load(path, allow_pickle=False) as archive:
             return dict(archive)
-    except (zipfile.BadZipFile, EOFError) as error:  # the file is cut off
-        raise ValueError(f"{path}: {error}") from error
+    except OSError:
+        raise
+    except Exception as error:  # whatever damaged archives raise: a dozen kinds
+        raise ValueError(f"{path}: {one_line(error)}") from error

@@ -158,7 +158,10 @@ def add_clutter(
     if tree.get("objects") is None:  # null in a variant removes those of its base
         tree["objects"] = {}
     # `load_typed` reports what has another type.
-    if not (_is_mapping(tree["objects"]) and isinstance(clutter, Mapping)):
+    if not _is_mapping(tree["objects"]):
+        return tree
+    tree["objects"] = _without_nulls(tree["objects"])
+    if not isinstance(clutter, Mapping):
         return tree
     key = "clutter.count"
     drawn = draw_distributions(clutter.get("count", 0), seed, origin, values, key)
@@ -166,6 +169,7 @@ def add_clutter(
     if not 0 <= count <= _MOST_CLUTTER:
         fail(origin, key, f"must be 0 .. {_MOST_CLUTTER}, got {count}")
     kinds = clutter.get("kinds", {})
+    kinds = _without_nulls(kinds) if _is_mapping(kinds) else kinds
     if not (_is_mapping(kinds) and all(map(_is_mapping, kinds.values()))):
         return tree
     if count > 0 and not kinds:
@@ -181,6 +185,11 @@ def add_clutter(
         objects[name] = {"known": False, **copy.deepcopy(dict(kinds[kind]))}
     clutter = {**clutter, "count": count, "kinds": {}}
     return {**tree, "objects": objects, "clutter": clutter}
+
+
+def _without_nulls(tree: Mapping[str, Any]) -> dict[str, Any]:
+    """Return a mapping without the entries that a variant removes by null."""
+    return {key: value for key, value in tree.items() if value is not None}
 
 
 def _is_mapping(value: Any) -> bool:

@@ -1,7 +1,8 @@
 """Loads scenario files: bases, overrides, random draws and checks."""
 
 import dataclasses as dc
-from collections.abc import Iterable, Mapping
+import re
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -44,7 +45,13 @@ def draw_scenario(tree: Mapping[str, Any], origin: str, seed: int | None) -> Dra
         ScenarioError: On the first mistake found: one line that says where it is, what
             is wrong and what is allowed.
     """
-    tree = dict(tree)
+    try:
+        return _drawn(dict(tree), origin, seed)
+    except ScenarioError as error:
+        raise ScenarioError(_blamed(str(error), tree, origin)) from None
+
+
+def _drawn(tree: dict[str, Any], origin: str, seed: int | None) -> Drawn:
     if seed is not None:
         tree["random_seed"] = seed
     # The draws need the seed, so it is checked first.
@@ -53,14 +60,46 @@ def draw_scenario(tree: Mapping[str, Any], origin: str, seed: int | None) -> Dra
     ).random_seed
     values: dict[str, Any] = {}
     tree = add_clutter(tree, int(seed or 0), origin, values)
-    tree = resolve_pick(tree, origin)
-    tree = with_planner_tag(_with_arm_driver(tree), origin)
-    drawn = draw_distributions(tree, int(seed or 0), origin, values)
+    planned = with_planner_tag(_with_arm_driver(resolve_pick(tree, origin)), origin)
+    drawn = draw_distributions(planned, int(seed or 0), origin, values)
     scenario: Scenario = load_typed(Scenario, drawn, origin)
     _play_messages(scenario, origin)
     check_scenario(scenario, origin)
     _draw_positions(scenario, origin, values)
     return Drawn(scenario, values)
+
+
+def _blamed(message: str, tree: Mapping[str, Any], origin: str) -> str:
+    """Return a message about a key with the name of the base that the key is from.
+
+    Args:
+        message: What is wrong, after `origin` and a dotted key.
+        tree: The scenario's tree.
+        origin: The scenario's file or name.
+    """
+    _, found, rest = message.partition(f"{origin}: ")
+    key, _, problem = rest.partition(": ")
+    if not found:
+        return message
+    path = [] if key == "top level" else key.split(".")
+    if unknown := re.match(r"unknown key '([^']*)'", problem):
+        path.append(unknown[1])
+    try:
+        files = _chain(_file(origin))
+    except ScenarioError:  # the tree is from elsewhere
+        return message
+    for file, own in files:
+        if (entry := _entry(path, own)) is not None:
+            inherited = file is not files[0][0] and entry == _entry(path, tree)
+            return f"{file.name}: {rest}" if inherited else message
+    return message
+
+
+def _entry(path: Sequence[str], tree: Any) -> Any:
+    """Return the entry of a tree at a path of keys; None without."""
+    for key in path:
+        tree = tree.get(key) if isinstance(tree, Mapping) else None
+    return tree
 
 
 def _with_arm_driver(tree: Mapping[str, Any]) -> Mapping[str, Any]:
@@ -177,9 +216,15 @@ def load_tree(name: str | Path, overrides: Iterable[str] = ()) -> dict[str, Any]
     Raises:
         ScenarioError: If a file cannot be read, or an override's key leads nowhere.
     """
-    tree = _read(Path(name) if str(name).endswith(".yaml") else _builtin(name))
-    override_tree(tree, overrides)
-    return tree
+    merged: dict[str, Any] = {}
+    for file, tree in reversed(_chain(_file(name))):
+        merged = merge(merged, tree, file.name)
+    override_tree(merged, overrides)
+    return merged
+
+
+def _file(name: str | Path) -> Path:
+    return Path(name) if str(name).endswith(".yaml") else _builtin(name)
 
 
 def override_tree(tree: dict[str, Any], overrides: Iterable[str]) -> None:
@@ -231,7 +276,28 @@ def _builtin(name: str | Path) -> Path:
     return SCENARIOS / f"{name}.yaml"
 
 
-def _read(path: Path, seen: tuple[Path, ...] = ()) -> dict[str, Any]:
+def _chain(path: Path) -> list[tuple[Path, dict[str, Any]]]:
+    """Return the trees of a scenario's file, of its base, of the base's base ...
+
+    Raises:
+        ScenarioError: If a file cannot be read, or is its own base.
+    """
+    found: list[tuple[Path, dict[str, Any]]] = []
+    while True:
+        tree = _read(path)
+        base = tree.pop("base", None)
+        found.append((path, tree))
+        if base is None:
+            return found
+        if not isinstance(base, str):
+            raise ScenarioError(f"{path.name}: base: must be a scenario's name or path")
+        following = path.parent / base if base.endswith(".yaml") else _builtin(base)
+        if following in [file for file, _ in found]:
+            raise ScenarioError(f"{path.name}: base: {base} leads back to itself")
+        path = following
+
+
+def _read(path: Path) -> dict[str, Any]:
     try:
         text = path.read_text(encoding="utf-8")
     except UnicodeError:
@@ -245,13 +311,4 @@ def _read(path: Path, seen: tuple[Path, ...] = ()) -> dict[str, Any]:
     if not isinstance(tree, dict):
         raise ScenarioError(f"{path.name}: must be a mapping of keys to values")
     _resolve_models(tree, path.parent)
-    base = tree.pop("base", None)
-    if base is None:
-        return tree
-    if not isinstance(base, str):
-        raise ScenarioError(f"{path.name}: base: must be a scenario's name or path")
-    base_path = path.parent / base if base.endswith(".yaml") else _builtin(base)
-    if base_path in seen:
-        raise ScenarioError(f"{path.name}: base: {base} leads back to itself")
-    merged: dict[str, Any] = merge(_read(base_path, (*seen, path)), tree, path.name)
-    return merged
+    return tree

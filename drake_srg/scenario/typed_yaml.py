@@ -18,6 +18,7 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
+import yaml
 from pydrake.common.yaml import yaml_dump, yaml_load, yaml_load_typed
 
 from drake_srg.common.exceptions import ScenarioError, suggest
@@ -32,31 +33,78 @@ def parse_yaml(text: str, origin: str) -> Any:
         origin: File or option at the start of error messages.
 
     Raises:
-        ScenarioError: If the text is not valid YAML, has keys that are not text, or has
-            a part that contains itself.
+        ScenarioError: If the text is not valid YAML, has a key twice or keys that are
+            not text, or has a part that contains itself.
     """
     try:
-        tree = copy.deepcopy(_parse(text or "null"))
-    except AttributeError:  # Drake looks for a prefix in the top-level keys
-        raise ScenarioError(f"{origin}: keys must be text") from None
+        return copy.deepcopy(_parse(text or "null"))
+    except _BadTreeError as error:
+        raise ScenarioError(f"{origin}: {error}") from None
     except Exception as error:
         lines = " ".join(part.strip() for part in str(error).splitlines())
         raise ScenarioError(f"{origin}: not valid YAML: {lines[:200]}") from None
-    _check_is_tree(tree, origin)
-    return tree
 
 
 @functools.lru_cache(maxsize=64)
 def _parse(text: str) -> Any:
     """Parse YAML text; scenarios share bases, whose text takes tens of milliseconds."""
-    return yaml_load(data=text)
+    try:
+        tree = yaml_load(data=text)
+    except RecursionError:  # too deep for the check in C, which would crash
+        raise
+    except Exception:
+        _check_node(yaml.compose(text, Loader=_LOADER), {})  # tells more, if it fails
+        raise
+    _check_node(yaml.compose(text, Loader=_LOADER), {})
+    return tree
+
+
+# In C where PyYAML has it.
+_LOADER = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
+_KEYS = ("tag:yaml.org,2002:str", "tag:yaml.org,2002:merge")
+
+
+class _BadTreeError(ValueError):
+    """YAML that is valid, but no tree with keys of text, each once."""
+
+
+def _check_node(node: yaml.Node | None, finished: dict[int, bool]) -> None:
+    """Check that a node is a tree whose mappings have keys of text, each once.
+
+    Args:
+        node: The node; None for empty text.
+        finished: By identity, whether a node has been checked or is being checked.
+
+    Raises:
+        _BadTreeError: If it is not; the message says where.
+    """
+    if not isinstance(node, yaml.CollectionNode) or finished.get(id(node)):
+        return
+    if id(node) in finished:
+        raise _BadTreeError("an anchored part contains itself")
+    finished[id(node)] = False
+    mapping = isinstance(node, yaml.MappingNode)
+    lines: dict[str, int] = {}
+    for key, child in node.value if mapping else ((None, c) for c in node.value):
+        if key is not None:
+            line = key.start_mark.line + 1
+            if key.tag not in _KEYS:
+                got = key.value if isinstance(key, yaml.ScalarNode) else "a collection"
+                raise _BadTreeError(f"keys must be text, got {got} (line {line})")
+            if key.value in lines:
+                also = f"is in line {lines[key.value]}, too"
+                raise _BadTreeError(f"line {line}: key {key.value!r} {also}")
+            lines[key.value] = line
+        _check_node(child, finished)
+    finished[id(node)] = True
 
 
 def merge(base: Any, override: Any, origin: str = "", key: str = "") -> Any:
     """Return `base` with `override` laid over it, mapping by mapping.
 
     A mapping whose tag differs from the base's replaces it as a whole. The keys of a
-    mapping over a list name the entries of the list to override; see `entry_names`.
+    mapping over a list name the entries of the list to override, or to remove by null;
+    see `entry_names`.
 
     Args:
         base: A parsed tree; not changed.
@@ -74,7 +122,7 @@ def merge(base: Any, override: Any, origin: str = "", key: str = "") -> Any:
         for name, value in override.items():
             i = _entry_index(base, name, origin, key)
             merged[i] = merge(base[i], value, origin, join(key, name))
-        return merged
+        return [entry for entry in merged if entry is not None]
     if not isinstance(base, Mapping):
         return override
     if override.get("_tag", base.get("_tag")) != base.get("_tag"):
@@ -113,6 +161,9 @@ def set_key(tree: dict[str, Any], key: str, value: Any) -> None:
         if i < len(path) - 1:
             node = node[entry]
             continue
+        if isinstance(entry, int) and value is None:
+            del node[entry]
+            return
         old = node[entry] if isinstance(entry, int) else node.get(entry)
         node[entry] = merge(old, value, origin, key) if value != {} else value
 
@@ -169,18 +220,6 @@ def _entry_index(
         choices = f"0 .. {len(items) - 1}" if items else "none, the list is empty"
         fail(origin, key, f"unknown index {name!r} (allowed: {choices})")
     return int(name)
-
-
-def _check_is_tree(node: Any, origin: str, above: tuple[int, ...] = ()) -> None:
-    if not isinstance(node, (dict, list)):
-        return
-    if id(node) in above:
-        raise ScenarioError(f"{origin}: an anchored part contains itself")
-    for key in node if isinstance(node, dict) else ():
-        if not isinstance(key, str):
-            raise ScenarioError(f"{origin}: keys must be text, got {describe(key)}")
-    for child in node.values() if isinstance(node, dict) else node:
-        _check_is_tree(child, origin, (*above, id(node)))
 
 
 def fail(origin: str, key: str, message: str) -> typing.NoReturn:
@@ -244,7 +283,11 @@ def check_tree(value: Any, schema: Any, origin: str, key: str = "") -> Any:
         if not isinstance(value, Mapping):
             fail(origin, key, f"must be a mapping, got {describe(value)}")
         item = typing.get_args(schema)[1]
-        return {k: check_tree(v, item, origin, join(key, k)) for k, v in value.items()}
+        return {  # null in a variant removes an entry of its base
+            k: check_tree(v, item, origin, join(key, k))
+            for k, v in value.items()
+            if v is not None
+        }
     if schema in (bool, int, float, str):
         return _check_scalar(value, schema, origin, key)
     if _fields(schema) is not None:

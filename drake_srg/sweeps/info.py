@@ -18,7 +18,8 @@ from typing import Any
 import cv2
 from pydrake.common.yaml import yaml_dump, yaml_load
 
-from drake_srg.common.exceptions import ScenarioError, checked_types, one_line
+from drake_srg.common.exceptions import ScenarioError, checked_types
+from drake_srg.common.tables import read_json
 from drake_srg.parsing import models_path
 from drake_srg.sweeps.files import write_file
 
@@ -123,26 +124,18 @@ def read_sweep(folder: Path) -> SweepInfo:
         ScenarioError: If there is none, or its content is not a sweep's.
     """
     path = folder / FILE
-    try:
-        values = json.loads(path.read_text(encoding="utf-8"))
+    if not path.is_file():
+        raise ScenarioError(f"{folder}: contains no sweep ({FILE} is missing)")
+
+    def build(values: Any) -> SweepInfo:
         if values["schema_version"] != SCHEMA_VERSION:
             raise ScenarioError(
                 f"{path}: schema_version: got {values['schema_version']} "
                 f"(allowed: {SCHEMA_VERSION})"
             )
         return checked_types(SweepInfo(**values))
-    except FileNotFoundError:
-        raise ScenarioError(
-            f"{folder}: contains no sweep ({FILE} is missing)"
-        ) from None
-    except OSError as error:
-        raise ScenarioError(
-            f"{path}: cannot be read: {error.strerror or error}"
-        ) from None
-    except (ValueError, KeyError, TypeError) as error:
-        if isinstance(error, ScenarioError):
-            raise
-        raise ScenarioError(f"{path}: invalid content: {one_line(error)}") from None
+
+    return read_json(path, build)
 
 
 def dump_tree(tree: Mapping[str, Any]) -> str:

@@ -4,7 +4,7 @@ import sys
 import numpy as np
 import pytest
 from objects.meshes.made_meshes import box, write_obj
-from objects.meshes.test_files import CYLINDER, urdf
+from objects.meshes.test_links import CYLINDER, urdf
 
 from drake_srg.cli import objects as cli_objects
 from drake_srg.cli.main import main

@@ -90,7 +90,7 @@ def test_json_has_parameters_with_intervals(quick, tmp_path, capsys):
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
-        (["none.csv"], "none.csv: No such file or directory"),
+        (["none.csv"], "none.csv: cannot be read: No such file or directory"),
         (["bad.csv"], "bad.csv: missing column load"),
         (["vendor", "--base", "kitchen"], "gripper: needs !SrgTendonDriver"),
         (["vendor", "--base", "nowhere"], "nowhere"),

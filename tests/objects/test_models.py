@@ -130,7 +130,8 @@ def sdf(path, geometry, count=1):
     collision = f"<collision name='c{{}}'><geometry>{geometry}</geometry></collision>"
     collisions = "".join(collision.format(i) for i in range(count))
     path.write_text(
-        "<sdf version='1.9'><model name='m'><link name='l'>"
+        "<sdf version='1.9'><model name='m'><link name='l'><inertial><mass>0.1</mass>"
+        "<inertia><ixx>1e-4</ixx><iyy>1e-4</iyy><izz>1e-4</izz></inertia></inertial>"
         f"{collisions}</link></model></sdf>"
     )
     return path.as_uri()

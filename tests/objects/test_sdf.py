@@ -12,6 +12,7 @@ from drake_srg.objects.sdf import (
     DISSIPATION,
     FRICTION,
     MODULUS,
+    PROXIMITY,
     AddChild,
     AddContact,
     AddInertial,
@@ -82,11 +83,13 @@ def test_inertia_scales_with_mass():
 
 def test_contact_properties_are_replaced_unless_none():
     root = tree(
-        "<p xmlns:drake='http://drake.mit.edu'><drake:mu_static>0.1</drake:mu_static>"
-        "<drake:hydroelastic_modulus>1</drake:hydroelastic_modulus></p>"
+        "<a xmlns:drake='http://drake.mit.edu'><drake:proximity_properties>"
+        "<drake:mu_static>0.1</drake:mu_static><drake:hydroelastic_modulus>1"
+        "</drake:hydroelastic_modulus></drake:proximity_properties></a>"
     )
-    SetContact(root, {"mu_static": 0.5, "hydroelastic_modulus": None})
-    assert [child.text for child in root[0]] == ["0.5", "1"]
+    values = {"mu_static": 0.5, "mu_dynamic": 0.4, "hydroelastic_modulus": None}
+    SetContact(root, values)
+    assert [child.text for child in root.find(f".//{PROXIMITY}")] == ["0.5", "1", "0.4"]
 
 
 def test_every_visual_gets_the_colour():

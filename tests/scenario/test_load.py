@@ -1,7 +1,10 @@
+import functools
 import re
+from pathlib import Path
 
 import numpy as np
 import pytest
+from helpers import check_reads_or_refuses, damaged
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -9,6 +12,7 @@ from drake_srg import scenario as module
 from drake_srg.arm.drivers import ArmPositionDriver
 from drake_srg.common.exceptions import ScenarioError
 from drake_srg.scenario import Scenario, list_scenarios, load_scenario, load_tree
+from drake_srg.scenario.load import draw_scenario
 
 
 @pytest.fixture
@@ -155,6 +159,65 @@ def test_bad_bases(write, base, message):
     assert re.search(message, error_of(write(f"base: {base}")))
 
 
+@pytest.mark.parametrize(
+    ("base", "variant", "message"),
+    [
+        ("taks: 1", "random_seed: 1", "other.yaml: top level: unknown key 'taks'"),
+        (
+            "task: {plce: 1}",
+            "task: {repeat: 1}",
+            "other.yaml: task: unknown key 'plce'",
+        ),
+        (
+            "task: {repeat: x}",
+            "random_seed: 1",
+            "other.yaml: task.repeat: must be a number",
+        ),
+        ("task: {repeat: x}", "task: {repeat: y}", "mine.yaml: task.repeat: .*'y'"),
+        (
+            "random_seed: 1",
+            "task: {repeat: y}",
+            "mine.yaml: task.repeat: must be a number",
+        ),
+    ],
+)
+def test_a_mistake_is_told_with_its_own_file(write, base, variant, message):
+    write(f"base: kitchen\n{base}", "other.yaml")
+    error = error_of(write(f"base: other.yaml\n{variant}"))
+    assert re.search(rf"^(.*/)?{message}", error)
+
+
+def test_a_mistake_in_an_override_is_not_told_with_a_base(write):
+    path = write("base: kitchen")
+    with pytest.raises(ScenarioError, match=r"mine\.yaml: task.repeat: must be a num"):
+        load_scenario(path, overrides=["task.repeat=x"])
+
+
+@pytest.mark.parametrize("name", list_scenarios())
+def test_any_entry_of_a_scenario_can_be_removed_or_is_missed(write, name):
+    """By null in a variant."""
+    tree = load_tree(name)
+    for key in ("objects", "cameras", "camera_errors", "camera_calibrations", "slides"):
+        for entry in tree.get(key) or {}:
+            check_removed(write, name, (key, entry))
+    for entry in ((tree.get("clutter") or {}).get("kinds")) or {}:
+        check_removed(write, name, ("clutter", "kinds", entry))
+
+
+def check_removed(write, name, path):
+    *above, entry = path
+    text = "{" + ": {".join(path) + ": null" + "}" * len(path)
+    tree = load_tree(write(f"base: {name}\n{text[1:-1]}"))
+    try:
+        drawn = draw_scenario(tree, name, None)
+    except ScenarioError as error:
+        assert entry in str(error) or "task" in str(error), error
+        return
+    assert entry not in functools.reduce(getattr, above, drawn.scenario)
+    kinds = [kind for key, kind in drawn.values.items() if key.endswith(".kind")]
+    assert entry not in kinds
+
+
 # Mistakes in files and names. For those in values, see test_checks.py and
 # test_yaml_typed.py.
 
@@ -175,7 +238,7 @@ def test_unknown_scenarios(name):
         ("hello", "mine.yaml: must be a mapping of keys to values"),
         ("1: 2", "mine.yaml: keys must be text"),
         ("tsk: {}", r"mine.yaml: top level: unknown key 'tsk' \(did you mean 'task'"),
-        ("random_seed: [1]", "mine.yaml: random_seed: must be a number"),
+        ("random_seed: [1]", "mine.yaml: random_seed: must be a"),
     ],
 )
 def test_bad_files(write, content, message):
@@ -246,3 +309,25 @@ def test_paths_of_models_are_relative_to_their_own_file(tmp_path, monkeypatch):
     }
     kind = tree["clutter"]["kinds"]["k"]["model"]
     assert kind == str(tmp_path / "bases" / ".." / "k.obj")
+
+
+FILE = b"""# ours
+base: kitchen
+random_seed: 3
+objects:
+  soup_can: &x {mass: !Uniform {min: 0.2, max: 0.4}, friction: 0.6}
+  mug: {model: package://drake_srg/sdf/mug.sdf, position: [0.6, 0.1]}
+task: {pick: soup_can, repeat: 2, region: {min: [0.5, -0.2], max: [0.7, 0.2]}}
+directives: {gripper: {add_model: {file: package://drake_srg/sdf/srg.sdf}}}
+"""
+
+
+@settings(max_examples=60)
+@given(data=st.data())
+def test_a_broken_file_gets_one_line(tmp_path_factory, data):
+    path = tmp_path_factory.mktemp("scenario") / "mine.yaml"
+    path.write_bytes(data.draw(damaged(FILE)))
+    check_reads_or_refuses(load_scenario, path, KITCHEN)
+
+
+KITCHEN = Path("kitchen.yaml")  # the base may miss what is removed

@@ -1,4 +1,6 @@
 import dataclasses as dc
+import types
+import typing
 
 import numpy as np
 import pytest
@@ -8,7 +10,10 @@ from pydrake.common.schema import Transform
 
 from drake_srg.common.exceptions import ScenarioError
 from drake_srg.config import positive
+from drake_srg.robot.drive.config import HardwareConfig
+from drake_srg.scenario import typed_yaml
 from drake_srg.scenario.draws import draw_distributions
+from drake_srg.scenario.schema import Scenario
 from drake_srg.scenario.typed_yaml import (
     check_tree,
     entry_names,
@@ -42,8 +47,8 @@ def test_a_tag_becomes_an_entry_of_its_mapping():
         "a: \x00",
         "a: !Foo 3",
         "a: *nothing",
-        "[1, 2]: 3",
         "a: " + "[" * 2000,
+        pytest.param("a: " + "[" * 200_000 + "]" * 200_000, id="deep"),
     ],
 )
 def test_invalid_yaml_is_reported_in_one_line(text):
@@ -52,11 +57,31 @@ def test_invalid_yaml_is_reported_in_one_line(text):
     assert "\n" not in str(error.value)
 
 
-@pytest.mark.parametrize("key", ["1", "yes", "~", "2.5"])
+@pytest.mark.parametrize("key", ["1", "yes", "~", "2.5", "[1, 2]"])
 @pytest.mark.parametrize("text", ["{}: 1", "a: {{{}: 1}}", "a: [{{{}: 1}}]"])
 def test_keys_must_be_text(key, text):
     with pytest.raises(ScenarioError, match=r"^f: keys must be text"):
         parse_yaml(text.format(key), "f")
+
+
+@pytest.mark.parametrize(
+    ("text", "line"),
+    [
+        ("a: 1\nb: 2\na: 3", 3),
+        ("c: {a: 1, 'a': 2}", 1),
+        ("c:\n- {b: 1}\n- a: 1\n  a: 1", 4),
+        ("c: !Tag\n  a: 1\n  a: 2", 3),
+        ("_c: &x {b: 1}\nd:\n  <<: *x\n  a: 2\n  a: 2", 5),
+    ],
+)
+def test_a_key_twice_is_refused_by_line(text, line):
+    with pytest.raises(ScenarioError, match=rf"^f: line {line}: key 'a' is in line \d"):
+        parse_yaml(text, "f")
+
+
+def test_a_key_may_be_merged_and_set():
+    tree = parse_yaml("_c: &x {b: 1}\nd: {<<: *x, b: 2}\ne: *x", "f")
+    assert tree == {"d": {"b": 2}, "e": {"b": 1}}
 
 
 def test_a_part_that_contains_itself_is_refused():
@@ -353,3 +378,60 @@ def test_a_loaded_value_is_the_callers_own():
     again = load(text)
     assert (again.numbers, again.table) == ([3.0, 4.0], {"x": Inner(count=0)})
     np.testing.assert_array_equal(again.pose.translation, [1, 2, 3])
+
+
+# Entries that a variant removes.
+
+
+def mappings(schema, path=()):
+    """Yield the paths of all mappings of a schema whose keys are free."""
+    generic, kinds = typing.get_origin(schema), typing.get_args(schema)
+    if generic is dict:
+        yield path
+        yield from mappings(kinds[1], (*path, "a"))
+    elif generic is list:
+        yield from mappings(kinds[0], (*path, 0))
+    elif generic in (typing.Union, types.UnionType):
+        tagged = [k for k in kinds if typed_yaml._fields(k)]
+        for kind in tagged:
+            tag = [f"!{typed_yaml._base_name(kind)}"] if len(tagged) > 1 else []
+            yield from mappings(kind, (*path, *tag))
+    else:
+        for name, (kind, _) in (typed_yaml._fields(schema) or {}).items():
+            yield from mappings(kind, (*path, name))
+
+
+def tree_at(path, value):
+    """Return a tree with a value at a path, and the value's reader."""
+    for key in reversed(path):
+        if isinstance(key, int):
+            value = [value]
+        elif key.startswith("!"):
+            value = {**value, "_tag": key}
+        else:
+            value = {key: value}
+    return value
+
+
+def value_at(path, tree):
+    for key in path:
+        if isinstance(key, int) or not key.startswith("!"):
+            tree = tree[key]
+    return tree
+
+
+@pytest.mark.parametrize("schema", [Scenario, HardwareConfig])
+def test_null_removes_an_entry_of_any_mapping(schema):
+    paths = list(mappings(schema))
+    expected = ["objects"] if schema is Scenario else ["cameras"]
+    assert [path for path in paths if list(path) == expected]
+    for path in paths:
+        tree = tree_at(path, {"gone": None})
+        assert value_at(path, check_tree(tree, schema, "f")) == {}, path
+
+
+def test_null_removes_an_entry_of_a_list_with_names():
+    base = {"list": [{"name": "a"}, {"name": "b"}]}
+    assert merge(base, {"list": {"a": None}}) == {"list": [{"name": "b"}]}
+    set_key(base, "list.b", None)
+    assert base == {"list": [{"name": "a"}]}

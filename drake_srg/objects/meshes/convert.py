@@ -17,13 +17,20 @@ from drake_srg.objects.meshes.files import (
     Contents,
     Geometry,
     MeshFile,
+    ReadMesh,
     TriangleMesh,
     check_size,
     describe_openness,
     read_mesh,
     require_trimesh,
 )
-from drake_srg.objects.meshes.pieces import TOLERANCE, Fit, convex_pieces, measure_fit
+from drake_srg.objects.meshes.pieces import (
+    MOST_CORNERS,
+    TOLERANCE,
+    Fit,
+    convex_pieces,
+    measure_fit,
+)
 from drake_srg.objects.sdf import (
     DRAKE,
     AddChild,
@@ -33,8 +40,6 @@ from drake_srg.objects.sdf import (
     facet_length,
 )
 from drake_srg.types import Box, Cylinder, Shape, Sphere, Vector
-
-ColoredMesh = tuple[TriangleMesh, Color | None]
 
 
 @dc.dataclass(frozen=True, eq=False)
@@ -47,7 +52,7 @@ class Part:
         M_LLo_L: Spatial inertia about L's origin at 1 kg/m³: its mass is the volume.
         low: Least coordinates in L [m].
         high: Greatest coordinates in L [m].
-        contact: Drake's contact properties, if the file has them.
+        source: The geometry, for its contact properties.
         fit: How well pieces stand for their mesh; None for a primitive.
         cut: Whether CoACD made them.
     """
@@ -57,7 +62,7 @@ class Part:
     M_LLo_L: SpatialInertia
     low: Vector
     high: Vector
-    contact: ET.Element | None = None
+    source: Geometry
     fit: Fit | None = None
     cut: bool = False
 
@@ -71,27 +76,41 @@ class MeshReader:
 
     def __init__(self, warnings: list[str]) -> None:
         self.warnings = warnings
-        self._read: dict[tuple[Path, tuple[float, ...]], list[ColoredMesh]] = {}
+        self._read: dict[tuple[Path, tuple[float, ...]], ReadMesh] = {}
 
-    def meshes(self, geometry: Geometry) -> list[ColoredMesh]:
-        """Return the meshes of a geometry in the link, with their colours.
+    def solid(self, geometry: Geometry) -> TriangleMesh:
+        """Return the whole mesh of a geometry in the link.
 
         Raises:
             ScenarioError: If a mesh is broken.
         """
+        return self._placed(self._mesh(geometry).solid, geometry)
+
+    def surfaces(self, geometry: Geometry) -> list[tuple[TriangleMesh, Color | None]]:
+        """Return the parts of a geometry by colour, in the link.
+
+        Raises:
+            ScenarioError: If a mesh is broken.
+        """
+        surfaces = self._mesh(geometry).surfaces
+        return [(self._placed(mesh, geometry), color) for mesh, color in surfaces]
+
+    def _mesh(self, geometry: Geometry) -> ReadMesh:
         shape = geometry.shape
         assert isinstance(shape, MeshFile)
         key = (shape.path, tuple(shape.scale))
         if key not in self._read:
-            self._read[key] = read_mesh(shape.path, shape.scale, self.warnings)
-        moved = [(mesh.copy(), color) for mesh, color in self._read[key]]
-        for mesh, _ in moved:
-            mesh.apply_transform(geometry.X_LG.GetAsMatrix4())
+            self._read[key] = read_mesh(shape, self.warnings)
+        return self._read[key]
+
+    def _placed(self, mesh: TriangleMesh, geometry: Geometry) -> TriangleMesh:
+        moved = mesh.copy()
+        moved.apply_transform(geometry.X_LG.GetAsMatrix4())
         return moved
 
 
-def parts_of(geometry: Geometry, reader: MeshReader, most: int) -> list[Part]:
-    """Return the parts of a collision geometry.
+def part_of(geometry: Geometry, reader: MeshReader, most: int) -> Part:
+    """Return the part of a collision geometry.
 
     Args:
         geometry: The geometry.
@@ -99,19 +118,17 @@ def parts_of(geometry: Geometry, reader: MeshReader, most: int) -> list[Part]:
         most: Greatest number of pieces per mesh.
     """
     if isinstance(geometry.shape, MeshFile):
-        meshes = [mesh for mesh, _ in reader.meshes(geometry)]
-        return [_mesh_part(m, geometry, reader.warnings, most) for m in meshes]
+        return _mesh_part(geometry, reader, most)
     X_LG, R_LG = geometry.X_LG, geometry.X_LG.rotation()
     M_G = _unit_density(geometry.shape)
     M_L = M_G.ReExpress(R_LG).Shift(-X_LG.translation())
     reach = np.array([geometry.shape.half_extent(row) for row in R_LG.matrix()])
     low, high = X_LG.translation() - reach, X_LG.translation() + reach
-    return [Part([geometry.shape], X_LG, M_L, low, high, geometry.contact)]
+    return Part([geometry.shape], X_LG, M_L, low, high, geometry)
 
 
-def _mesh_part(
-    mesh: TriangleMesh, geometry: Geometry, warnings: list[str], most: int
-) -> Part:
+def _mesh_part(geometry: Geometry, reader: MeshReader, most: int) -> Part:
+    mesh, warnings = reader.solid(geometry), reader.warnings
     pieces, cut = convex_pieces(mesh, most, warnings)
     openness = describe_openness(mesh)
     if openness:
@@ -129,7 +146,7 @@ def _mesh_part(
         total(solids),
         points.min(axis=0),
         points.max(axis=0),
-        geometry.contact,
+        geometry,
         measure_fit(mesh, pieces),
         cut,
     )
@@ -170,6 +187,11 @@ _GREY = (0.7, 0.7, 0.7)
 # placeholders.
 _PLAUSIBLE = 5.0
 _CREASE = 0.7  # edges of larger angles look sharp [rad]
+# Advice where more pieces would not help.
+_ROUND = (
+    f"each piece has {MOST_CORNERS} corners at most; a sphere or a cylinder of an SDF "
+    "is exact"
+)
 _NEAR = 0.001  # an origin this close to the underside is underneath the object [m]
 
 
@@ -217,7 +239,7 @@ def convert(contents: Contents, most: int, folder: Path) -> None:
     """
     reader = MeshReader(list(contents.warnings))
     warnings = reader.warnings
-    parts = [p for g in contents.collisions for p in parts_of(g, reader, most)]
+    parts = [part_of(geometry, reader, most) for geometry in contents.collisions]
     low = np.min([part.low for part in parts], axis=0)
     high = np.max([part.high for part in parts], axis=0)
     p_LO = _origin(parts, low, high, warnings)
@@ -227,6 +249,8 @@ def convert(contents: Contents, most: int, folder: Path) -> None:
     fits = [part.fit for part in parts if part.fit is not None]
     excess = max((fit.excess for fit in fits), default=0.0)
     gap = max((fit.gap for fit in fits), default=0.0)
+    full = any(part.cut and len(part.shapes) >= most for part in parts)
+    advice = "try more pieces" if full else _ROUND
     for what, value in (
         ("pieces stand out of the mesh", excess),
         ("the mesh stands out of its pieces", gap),
@@ -234,7 +258,7 @@ def convert(contents: Contents, most: int, folder: Path) -> None:
         if value > TOLERANCE:
             warnings.append(
                 f"{what} by up to {1e3 * value:.1f} mm, more than "
-                f"{1e3 * TOLERANCE:.0f} mm (try more pieces)"
+                f"{1e3 * TOLERANCE:.0f} mm ({advice})"
             )
     root = ET.Element("sdf", {"version": "1.9"})
     link = AddChild(AddChild(root, "model", name="object"), "link", name="object")
@@ -249,11 +273,13 @@ def convert(contents: Contents, most: int, folder: Path) -> None:
             AddChild(mesh, f"{{{DRAKE}}}declare_convex")
         else:
             _AddPrimitive(node, shape, part.X_LG, p_LO)
-        if part.contact is not None:
-            node.append(part.contact)
-        else:
-            radius = getattr(shape, "radius", None)
-            AddContact(node, None if radius is None else facet_length(radius))
+        radius = getattr(shape, "radius", None)
+        AddContact(
+            node,
+            None if radius is None else facet_length(radius),
+            part.source.friction,
+            part.source.contact,
+        )
     report = Report(
         size=(high - low).tolist(),
         mass=inertia.get_mass(),
@@ -355,7 +381,7 @@ def _AddVisuals(
             _AddColor(node, geometry.color or _GREY)
             count += 1
             continue
-        for mesh, color in reader.meshes(geometry):
+        for mesh, color in reader.surfaces(geometry):
             node = AddChild(link, "visual", name=f"visual_{count}")
             mesh.apply_translation(-p_LO)
             _AddMesh(node, folder / f"visual_{count}.obj", mesh)

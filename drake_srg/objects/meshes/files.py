@@ -1,24 +1,23 @@
-"""Files of objects: triangle meshes, URDF and SDF, and their contents."""
+"""Contents of an object's files, and the reader of its meshes."""
 
 from __future__ import annotations
 
-import contextlib
 import dataclasses as dc
-import re
+import io
+import logging
 import xml.etree.ElementTree as ET
 from pathlib import Path
 from types import ModuleType
 from typing import Any, TypeAlias
 
 import numpy as np
-from pydrake.math import RigidTransform, RollPitchYaw, RotationMatrix
-from pydrake.multibody.tree import RotationalInertia, SpatialInertia
+from pydrake.math import RigidTransform, RotationMatrix
+from pydrake.multibody.tree import SpatialInertia
 
 from drake_srg.common.exceptions import ScenarioError, one_line
 from drake_srg.common.installing import require
-from drake_srg.objects.sdf import DRAKE
-from drake_srg.parsing import resolve_url
-from drake_srg.types import Box, Cylinder, Shape, Sphere, Vector
+from drake_srg.objects.meshes.sources import MeshSource, read_source
+from drake_srg.types import Shape, Vector
 
 Color: TypeAlias = tuple[float, float, float]
 # trimesh.Trimesh, which has no type information.
@@ -32,10 +31,12 @@ class MeshFile:
     Attributes:
         path: The file.
         scale: Factors along the file's x, y, z, shape (3,).
+        named_in: The URDF or SDF file that names it, if one does.
     """
 
     path: Path
     scale: Vector
+    named_in: Path | None = None
 
 
 @dc.dataclass(frozen=True, eq=False)
@@ -46,13 +47,15 @@ class Geometry:
         shape: A primitive, centred on its frame G, or a mesh.
         X_LG: Pose of G in the link [m].
         color: Of a visual; None: the mesh's own.
-        contact: Drake's contact properties, if the file has them.
+        contact: Drake's contact properties as in an SDF, if the file has them.
+        friction: Static and dynamic, if an SDF says them for its surface.
     """
 
     shape: Shape | MeshFile
     X_LG: RigidTransform = dc.field(default_factory=RigidTransform)
     color: Color | None = None
     contact: ET.Element | None = None
+    friction: tuple[float, float] | None = None
 
 
 @dc.dataclass(frozen=True, eq=False)
@@ -82,11 +85,24 @@ class Contents:
         return list(dict.fromkeys(files))
 
 
-SUFFIXES = (".obj", ".stl", ".glb", ".gltf")
 # Extents of an object [m]: the smallest that contact resolves, and the kitchen's table.
 SMALLEST, LARGEST = 0.003, 1.6
-# glTF's y points up, and the front is z.
+# glTF is white unless it says otherwise. Its y points up, and the front is z.
+_DEFAULTS: dict[str, Color] = {".glb": (1.0, 1.0, 1.0), ".gltf": (1.0, 1.0, 1.0)}
 _R_UP = RotationMatrix.MakeXRotation(np.pi / 2).matrix()
+
+
+@dc.dataclass(frozen=True, eq=False)
+class ReadMesh:
+    """The mesh of a file.
+
+    Attributes:
+        solid: All of it, in one mesh.
+        surfaces: The same triangles by colour; None: the file has none.
+    """
+
+    solid: TriangleMesh
+    surfaces: list[tuple[TriangleMesh, Color | None]]
 
 
 def require_trimesh() -> ModuleType:
@@ -95,77 +111,125 @@ def require_trimesh() -> ModuleType:
     Raises:
         ImportError: If it is missing; the message says how to install it.
     """
+    # Errors and warnings tell what it would log.
+    logging.getLogger("trimesh").setLevel(logging.CRITICAL)
     return require("trimesh", "import", "Reading a mesh needs")
 
 
-def read_mesh(
-    path: Path, scale: Vector, warnings: list[str]
-) -> list[tuple[TriangleMesh, Color | None]]:
-    """Read the meshes of a file, with their colours.
+def read_mesh(file: MeshFile, warnings: list[str]) -> ReadMesh:
+    """Read the mesh of a file.
 
-    Vertices that coincide are merged, and a mesh that is inside out is turned.
+    Vertices that coincide are merged, also across materials, and what is inside out is
+    turned. Only meshes that are closed in themselves, such as the pieces of another
+    program, stay apart.
 
     Args:
-        path: The file.
-        scale: Metres per unit along x, y, z, shape (3,).
+        file: The file, and metres per unit.
         warnings: Receives what was mended.
 
     Raises:
         ScenarioError: If it is not a mesh, or a broken one.
         ImportError: If trimesh is missing.
     """
-    if path.suffix.lower() not in SUFFIXES:
-        raise ScenarioError(
-            f"{path}: unknown format (allowed: .sdf, .urdf, {', '.join(SUFFIXES)})"
-        )
-    if not path.is_file():
-        raise ScenarioError(f"{path}: cannot be read: no such file")
-    trimesh = require_trimesh()
+    path, scale, suffix = file.path, file.scale, file.path.suffix.lower()
+    source = read_source(path)
+    require_trimesh()
     try:
-        scene = trimesh.load_scene(str(path), process=False)
-        found = [m for m in scene.dump() if isinstance(m, trimesh.Trimesh)]
+        with np.errstate(all="ignore"):  # `_piece` tells of what is not finite
+            found = _loaded(source)
+            colors = [_color(mesh) or _DEFAULTS.get(suffix) for mesh in found]
+            pieces = [_piece(mesh, source, scale) for mesh in found]
+    except ScenarioError:
+        raise
     except Exception as error:  # trimesh's readers raise whatever they meet
         reason = one_line(error) or type(error).__name__
         raise ScenarioError(f"{path}: cannot be read as a mesh: {reason}") from None
-    found = [mesh for mesh in found if len(mesh.faces)]
     if not found:
         raise ScenarioError(f"{path}: has no triangles (is it another kind of file?)")
-    meshes, colors = [], []
-    for mesh in found:
-        vertices = np.asarray(mesh.vertices, float)
-        if not np.all(np.isfinite(vertices)):
-            (rows,) = np.nonzero(~np.isfinite(vertices).all(axis=1))
-            raise ScenarioError(
-                f"{path}: {len(rows)} of {len(vertices)} vertices are not finite, the "
-                f"first is vertex {rows[0]}: {vertices[rows[0]].tolist()} "
-                "(export the mesh again)"
-            )
-        if path.suffix.lower() in (".glb", ".gltf"):
-            vertices = vertices @ _R_UP.T
-        whole = trimesh.Trimesh(vertices * scale, mesh.faces, process=False)
-        if np.prod(scale) < 0.0:  # a mirrored mesh is inside out
-            whole.invert()
-        whole.merge_vertices()
-        whole.update_faces(whole.nondegenerate_faces(height=1e-9))
-        whole.remove_unreferenced_vertices()
-        if len(whole.faces):
-            meshes.append(whole)
-            colors.append(_color(mesh))
-    if not meshes:
+    cleaned = [(m, c) for m, c in zip(pieces, colors, strict=True) if len(m.faces)]
+    if not cleaned:
         raise ScenarioError(f"{path}: has only triangles without area")
-    corners = np.vstack([mesh.bounds for mesh in meshes])
-    check_size(path, corners.min(axis=0), corners.max(axis=0))
-    meshes = [_turned_outside_out(mesh, warnings) for mesh in meshes]
-    return list(zip(meshes, colors, strict=True))
+    if source.missing:
+        names = ", ".join(dict.fromkeys(source.missing))
+        warnings.append(f"does not exist, so its colour is lost: {names}")
+    cleaned.sort(key=lambda piece: piece[0].is_watertight)  # as `_joined` orders them
+    solid = _joined([mesh for mesh, _ in cleaned])
+    low, high = solid.bounds
+    check_size(path, low, high, file)
+    _TurnOutsideOut(solid, warnings)
+    ends = np.cumsum([len(mesh.faces) for mesh, _ in cleaned])
+    rows = np.split(np.arange(len(solid.faces)), ends[:-1])
+    by_color: dict[Color | None, list[Any]] = {}
+    for (_, color), own in zip(cleaned, rows, strict=True):
+        by_color.setdefault(color, []).append(own)
+    surfaces = [
+        (solid.submesh([np.concatenate(own)], append=True, repair=False), color)
+        for color, own in by_color.items()
+    ]
+    return ReadMesh(solid, surfaces)
 
 
-def check_size(path: Path, low: Vector, high: Vector) -> None:
+def _loaded(source: MeshSource) -> list[TriangleMesh]:
+    """Return trimesh's meshes of a source, placed."""
+    trimesh = require_trimesh()
+    suffix = source.path.suffix.lower().replace(".glb", ".gltf")
+    content = io.BytesIO(source.content)
+    scene = trimesh.load_scene(
+        content, file_type=suffix[1:], resolver=source.files, process=False
+    )
+    return [m for m in scene.dump() if isinstance(m, trimesh.Trimesh) and len(m.faces)]
+
+
+def _piece(mesh: TriangleMesh, source: MeshSource, scale: Vector) -> TriangleMesh:
+    """Return one of trimesh's meshes in metres, z up, checked and cleaned.
+
+    Raises:
+        ScenarioError: If its numbers cannot be those of a mesh.
+    """
+    path, vertices = source.path, np.asarray(mesh.vertices, float)
+    if not np.all(np.isfinite(vertices)):
+        (rows,) = np.nonzero(~np.isfinite(vertices).all(axis=1))
+        raise ScenarioError(
+            f"{path}: {len(rows)} of {len(vertices)} vertices are not finite, the "
+            f"first is vertex {rows[0]}: {vertices[rows[0]].tolist()} "
+            "(export the mesh again)"
+        )
+    if not 0 <= mesh.faces.min() <= mesh.faces.max() < len(vertices):
+        last = f"the last of its {len(vertices)} vertices"
+        raise ScenarioError(
+            f"{path}: a triangle names a vertex beyond {last} (export the mesh again)"
+        )
+    if path.suffix.lower() in (".glb", ".gltf"):
+        vertices = vertices @ _R_UP.T
+    whole = require_trimesh().Trimesh(vertices * scale, mesh.faces, process=False)
+    if np.prod(scale) < 0.0:  # a mirrored mesh is inside out
+        whole.invert()
+    whole.merge_vertices()
+    whole.update_faces(whole.nondegenerate_faces(height=1e-9))
+    whole.remove_unreferenced_vertices()
+    return whole
+
+
+def _joined(pieces: list[TriangleMesh]) -> TriangleMesh:
+    """Return meshes as one; those that are open share the vertices that coincide."""
+    trimesh = require_trimesh()
+    opened = trimesh.util.concatenate([p for p in pieces if not p.is_watertight])
+    if not opened:
+        return trimesh.util.concatenate(pieces)
+    opened.merge_vertices()
+    return trimesh.util.concatenate([opened, *(p for p in pieces if p.is_watertight)])
+
+
+def check_size(
+    path: Path, low: Vector, high: Vector, mesh: MeshFile | None = None
+) -> None:
     """Check the extent of an object.
 
     Args:
         path: Its file, for error messages.
         low: Its least coordinates, shape (3,) [m].
         high: Its greatest coordinates, shape (3,) [m].
+        mesh: The mesh that has this extent; None for all of a URDF or SDF.
 
     Raises:
         ScenarioError: If an object cannot be as large, small or flat.
@@ -175,7 +239,14 @@ def check_size(path: Path, low: Vector, high: Vector) -> None:
     unit = ""
     for factor, name in ((0.001, "millimetres"), (0.01, "centimetres"), (1e3, "km")):
         if SMALLEST <= factor * size.max() <= LARGEST / 2:
-            unit = f"; if its unit is {name}, scale it by {factor:g}"
+            if mesh is None:
+                advice = "write its sizes in metres"
+            elif mesh.named_in is None:
+                advice = f"scale it by {factor * mesh.scale[0]:g}"
+            else:
+                scale = " ".join(f"{factor * x:g}" for x in mesh.scale)
+                advice = f'give <mesh> the scale "{scale}" in {mesh.named_in.name}'
+            unit = f"; if its unit is {name}, {advice}"
             break
     if size.max() > LARGEST:
         raise ScenarioError(
@@ -206,21 +277,29 @@ def _is_inside_out(mesh: TriangleMesh) -> bool:
     return bool(closed and mesh.volume < 0.0)
 
 
-def _turned_outside_out(mesh: TriangleMesh, warnings: list[str]) -> TriangleMesh:
-    """Return a mesh with the faces of its closed parts turned outwards."""
-    parts = mesh_parts(mesh)
+def _TurnOutsideOut(mesh: TriangleMesh, warnings: list[str]) -> None:
+    """Turn the faces of a mesh's closed parts outwards; they keep their order."""
+    groups = require_trimesh().graph.connected_components(
+        mesh.face_adjacency, nodes=np.arange(len(mesh.faces)), min_len=1
+    )
+    parts = mesh.submesh(groups, only_watertight=False, append=False, repair=False)
     if _is_inside_out(mesh):
-        wrong = list(parts)
+        wrong = list(range(len(parts)))
     else:
-        wrong = [p for p in parts if _is_inside_out(p) and not is_cavity(p, mesh)]
+        wrong = [
+            i
+            for i, part in enumerate(parts)
+            if _is_inside_out(part) and not is_cavity(part, mesh)
+        ]
     if not wrong:
-        return mesh
-    for part in wrong:
-        part.invert()
+        return
+    faces = np.array(mesh.faces)
+    for i in wrong:
+        faces[groups[i]] = faces[groups[i], ::-1]
+    mesh.faces = faces
     warnings.append(
         f"turned the faces of {len(wrong)} of {len(parts)} parts, which pointed inwards"
     )
-    return require_trimesh().util.concatenate(list(parts))
 
 
 def describe_openness(mesh: TriangleMesh) -> str:
@@ -244,242 +323,22 @@ def _color(mesh: TriangleMesh) -> Color | None:
     """Return the mean colour of a mesh; None if the file has none."""
     visual = mesh.visual
     material: Any = getattr(visual, "material", None)
-    image = next(
-        (
-            found
-            for name in ("baseColorTexture", "image")
-            if (found := getattr(material, name, None)) is not None
-        ),
-        None,
-    )
-    if image is not None:
-        rgb = np.asarray(image.convert("RGB"), float).reshape(-1, 3).mean(axis=0)
-    elif material is not None:
-        rgb = np.asarray(material.main_color, float)[:3]
-    elif getattr(visual, "defined", False):
-        rgb = np.asarray(visual.main_color, float)[:3]
+    if material is None:
+        if not getattr(visual, "defined", False):
+            return None
+        rgb = np.asarray(visual.main_color, float)[:3] / 255.0
+    elif hasattr(material, "baseColorFactor"):  # glTF: white unless it says otherwise
+        factor, image = material.baseColorFactor, material.baseColorTexture
+        rgb = np.ones(3) if factor is None else np.asarray(factor, float)[:3] / 255.0
+        rgb = rgb if image is None else rgb * _mean_color(image)
+    elif material.image is not None:
+        rgb = _mean_color(material.image)
     else:
-        return None
-    r, g, b = (round(float(x) / 255.0, 3) for x in rgb)
+        rgb = np.asarray(material.main_color, float)[:3] / 255.0
+    r, g, b = (round(float(x), 3) for x in rgb)
     return (r, g, b)
 
 
-_MOMENTS = ("ixx", "iyy", "izz", "ixy", "ixz", "iyz")
-
-
-def read_xml(path: Path, warnings: list[str]) -> ET.Element:
-    """Return the tree of an XML file; Drake's namespace gets its usual name.
-
-    Args:
-        path: The file.
-        warnings: Receives what was mended: an invalid header is left out.
-
-    Raises:
-        ScenarioError: If it cannot be read.
-    """
-    try:
-        text = path.read_text(encoding="utf-8-sig")
-    except OSError as error:
-        raise ScenarioError(f"{path}: cannot be read: {error.strerror}") from None
-    except UnicodeError:
-        raise ScenarioError(f"{path}: cannot be read: not text in UTF-8") from None
-    text = re.sub(r"""xmlns:drake=(["'])[^"']*\1""", f'xmlns:drake="{DRAKE}"', text)
-    try:
-        return ET.fromstring(text)
-    except ET.ParseError as error:
-        # Public URDF files have headers such as `<xml version="0.0" ?>`.
-        mended = re.sub(r"<\??xml\b[^>]*>", "", text, count=1).strip()
-        try:
-            root = ET.fromstring(mended)
-        except ET.ParseError:
-            raise ScenarioError(f"{path}: cannot be read: {error}") from None
-        warnings.append("left out the invalid XML header")
-        return root
-
-
-def read_link(path: Path) -> Contents:
-    """Read a URDF or SDF file with one free link.
-
-    Raises:
-        ScenarioError: If it cannot be read, has several links, or holds something else
-            than boxes, cylinders, spheres and meshes.
-    """
-    warnings: list[str] = []
-    root = read_xml(path, warnings)
-    formats = {"robot": _Urdf, "sdf": _Sdf}
-    if root.tag not in formats:
-        raise ScenarioError(
-            f"{path}: must hold <robot> (URDF) or <sdf>, got <{root.tag}>"
-        )
-    read = formats[root.tag](path)
-    links = root.findall(read.link)
-    if len(links) != 1:
-        raise ScenarioError(
-            f"{path}: must have one link, got {len(links)} (a single rigid body)"
-        )
-    visuals = [read.geometry(node) for node in links[0].findall("visual")]
-    collisions = [read.geometry(node) for node in links[0].findall("collision")]
-    if not visuals and not collisions:
-        raise ScenarioError(f"{path}: its link has no geometry")
-    if not collisions:
-        warnings.append("no collision geometry: took the visual one")
-    if not visuals:
-        warnings.append("no visual geometry: took the collision one")
-    mass, inertia = read.inertial(links[0])
-    return Contents(
-        path, visuals or collisions, collisions or visuals, inertia, mass, warnings
-    )
-
-
-class _Sdf:
-    """Reads the elements of an SDF file, whose values are elements of their own."""
-
-    link, mesh, color = "model/link", "uri", ("material", "diffuse")
-
-    def __init__(self, path: Path) -> None:
-        self._path = path
-
-    def text(self, node: ET.Element | None, key: str) -> str | None:
-        """Return the text of a value; None if it is missing."""
-        return None if node is None else node.findtext(key)
-
-    def pose(self, node: ET.Element) -> RigidTransform:
-        """Return the pose of an element in the link."""
-        pose = node.find("pose")
-        if pose is None:
-            return RigidTransform()
-        if pose.get("relative_to") or pose.get("degrees", "false") != "false":
-            raise ScenarioError(
-                f"{self._path}: <pose>: must be in radians and relative to the link"
-            )
-        values = self._numbers("pose", pose.text, 6)
-        return RigidTransform(RollPitchYaw(values[3:]), values[:3])
-
-    def mass(self, inertial: ET.Element) -> str | None:
-        """Return the text of the mass; None if it is missing."""
-        return inertial.findtext("mass")
-
-    def _numbers(self, key: str, text: str | None, count: int = 1) -> Vector:
-        """Return the numbers in a text.
-
-        Raises:
-            ScenarioError: If there are others than `count` finite numbers.
-        """
-        try:
-            values = np.array([float(word) for word in (text or "").split()])
-        except ValueError:
-            values = np.array([])
-        if values.shape != (count,) or not np.all(np.isfinite(values)):
-            needed = "a finite number" if count == 1 else f"{count} finite numbers"
-            raise ScenarioError(f"{self._path}: {key}: needs {needed}, got {text!r}")
-        return values
-
-    def geometry(self, node: ET.Element) -> Geometry:
-        """Return a visual or collision geometry."""
-        shapes = node.findall("geometry/*")
-        if len(shapes) != 1:
-            raise ScenarioError(
-                f"{self._path}: <{node.tag}>: needs one geometry, got {len(shapes)}"
-            )
-        material, key = self.color
-        text = self.text(node.find(material), key)
-        color = None if text is None else self._numbers(key, text, 4)
-        return Geometry(
-            self._shape(shapes[0]),
-            self.pose(node),
-            None if color is None else (color[0], color[1], color[2]),
-            node.find(f"{{{DRAKE}}}proximity_properties"),
-        )
-
-    def _shape(self, node: ET.Element) -> Shape | MeshFile:
-        def size(key: str, count: int = 1) -> Vector:
-            values = self._numbers(key, self.text(node, key), count)
-            if not np.all(values > 0.0):
-                problem = f"must be greater than 0, got {values.tolist()}"
-                raise ScenarioError(f"{self._path}: <{node.tag}> {key}: {problem}")
-            return values
-
-        match node.tag:
-            case "box":
-                return Box(size("size", 3).tolist())
-            case "cylinder":
-                return Cylinder(float(size("radius")[0]), float(size("length")[0]))
-            case "sphere":
-                return Sphere(float(size("radius")[0]))
-            case "mesh":
-                scale = self._numbers("scale", self.text(node, "scale") or "1 1 1", 3)
-                uri = self.text(node, self.mesh) or ""
-                return MeshFile(_resolved(self._path, uri.strip()), scale)
-        raise ScenarioError(
-            f"{self._path}: unknown geometry <{node.tag}> "
-            "(allowed: box, cylinder, sphere, mesh)"
-        )
-
-    def inertial(self, link: ET.Element) -> tuple[float | None, SpatialInertia | None]:
-        """Return a link's mass and spatial inertia; None if missing or invalid."""
-        node = link.find("inertial")
-        text = None if node is None else self.mass(node)
-        if node is None or text is None:
-            return None, None
-        mass = float(self._numbers("mass", text)[0])
-        X_LI = self.pose(node)
-        found = [self.text(node.find("inertia"), key) for key in _MOMENTS]
-        if not mass > 0.0 or None in found[:3]:
-            return (mass if mass > 0.0 else None), None
-        moments = [
-            float(self._numbers(key, text or "0")[0])
-            for key, text in zip(_MOMENTS, found, strict=True)
-        ]
-        try:
-            I_I = RotationalInertia(*moments)
-            return mass, SpatialInertia.MakeFromCentralInertia(
-                mass, X_LI.translation(), I_I.ReExpress(X_LI.rotation())
-            )
-        except RuntimeError:  # no body has these moments
-            return mass, None
-
-
-class _Urdf(_Sdf):
-    """Reads the elements of a URDF file, whose values are attributes."""
-
-    link, mesh, color = "link", "filename", ("material/color", "rgba")
-
-    def text(self, node: ET.Element | None, key: str) -> str | None:
-        return None if node is None else node.get(key)
-
-    def pose(self, node: ET.Element) -> RigidTransform:
-        origin = node.find("origin")
-        xyz, rpy = (
-            self._numbers(key, self.text(origin, key) or "0 0 0", 3)
-            for key in ("xyz", "rpy")
-        )
-        return RigidTransform(RollPitchYaw(rpy), xyz)
-
-    def mass(self, inertial: ET.Element) -> str | None:
-        return self.text(inertial.find("mass"), "value")
-
-
-def _resolved(path: Path, uri: str) -> Path:
-    """Return the file that a URI in a file names: relative, absolute or in a package.
-
-    A package is ours, or a folder of that name above or beside the file.
-
-    Raises:
-        ScenarioError: If there is no such file.
-    """
-    scheme, colon, rest = uri.partition("://")
-    name, _, inside = rest.partition("/")
-    if not colon:
-        candidates = [path.parent / uri]
-    elif scheme == "file":
-        candidates = [Path(rest)]
-    else:  # package:// and Gazebo's model://
-        above = path.resolve().parents
-        candidates = [folder / name / inside for folder in above]
-    for candidate in candidates:
-        if candidate.is_file():
-            return candidate
-    if scheme == "package" and name == "drake_srg":
-        with contextlib.suppress(RuntimeError):
-            return resolve_url(uri)
-    raise ScenarioError(f"{path}: its mesh {uri!r} does not exist")
+def _mean_color(image: Any) -> Vector:
+    """Return the mean of an image of PIL, red, green, blue 0 .. 1."""
+    return np.asarray(image.convert("RGB"), float).reshape(-1, 3).mean(axis=0) / 255.0

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import copy
 import functools
 import hashlib
@@ -9,12 +10,13 @@ import importlib.metadata
 import json
 import logging
 import os
-import re
 import shutil
 import tempfile
 import xml.etree.ElementTree as ET
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from pathlib import Path
+from typing import TypeAlias
+from urllib.parse import unquote
 
 import numpy as np
 
@@ -24,10 +26,15 @@ from drake_srg.objects.meshes.files import (
     Contents,
     Geometry,
     MeshFile,
-    read_link,
-    read_xml,
 )
-from drake_srg.objects.sdf import DRAKE, AddContact, facet_length
+from drake_srg.objects.meshes.links import is_complete, read_link, read_xml, resolved
+from drake_srg.objects.meshes.sources import read_bytes, read_source
+from drake_srg.objects.sdf import (
+    PROXIMITY,
+    AddContact,
+    facet_length,
+    ode_friction,
+)
 from drake_srg.parsing import resolve_url
 
 _MANIFEST = "files.json"  # SHA-256 of each file
@@ -94,9 +101,6 @@ def _digest(path: Path) -> str:
     return hashlib.sha256(path.read_bytes()).hexdigest()
 
 
-# Changes with what `convert` makes of a file, so that old entries of the cache do not
-# serve.
-_VERSION = 1
 _XML = (".sdf", ".urdf", ".xml")
 
 
@@ -119,8 +123,7 @@ def model_tree(name: str, config: ObjectConfig) -> ET.Element:
     """
     try:
         path = resolve(str(config.model))
-        changed = path.stat().st_mtime_ns if path.is_file() else 0
-        return copy.deepcopy(_tree(path, changed, config.scale, config.pieces))
+        return copy.deepcopy(_tree(path, _stamps(path), config.scale, config.pieces))
     except ScenarioError as error:
         raise ScenarioError(f"objects.{name}.model: {error}") from None
 
@@ -133,6 +136,9 @@ def resolve(model: str) -> Path:
     """
     if "://" not in model:
         return Path(model).expanduser().absolute()
+    if model.startswith("file://"):
+        plain = Path(model.removeprefix("file://"))
+        return plain if plain.exists() else Path(unquote(str(plain)))
     try:
         return resolve_url(model)
     except RuntimeError as error:
@@ -157,12 +163,14 @@ def import_model(path: Path, scale: float, pieces: int, *, quiet: bool = False) 
 
     if path.suffix.lower() in _XML:
         if scale != 1.0:
-            raise ScenarioError(f"{path}: scale: must be 1, got {scale} (only meshes)")
+            raise ScenarioError(
+                f"{path}: scale: must be 1, got {scale}: give its <mesh> a scale"
+            )
         contents = read_link(path)
     else:
         mesh = Geometry(MeshFile(path, np.full(3, scale)))
         contents = Contents(path, [mesh], [mesh])
-    key = _key([path, *contents.mesh_files()], f"{_VERSION} {scale} {pieces}")
+    key = _key([path, *contents.mesh_files()], f"{scale} {pieces}")
 
     def make(folder: Path) -> None:
         convert(contents, pieces, folder)
@@ -172,66 +180,103 @@ def import_model(path: Path, scale: float, pieces: int, *, quiet: bool = False) 
     return cached_folder(key, make)
 
 
+Stamps: TypeAlias = tuple[tuple[Path, int, int], ...]
+
+
+def _stamps(path: Path) -> Stamps:
+    """Return the files that make up a model, with their sizes and times of change."""
+    found: dict[Path, tuple[int, int]] = {}
+    waiting = [path]
+    while waiting:
+        file = waiting.pop()
+        with contextlib.suppress(OSError, ValueError):
+            stat = file.stat()
+            found[file] = stat.st_mtime_ns, stat.st_size
+            named = _named_files(file, *found[file])
+            waiting += [other for other in named if other not in found]
+    return tuple((file, *stamp) for file, stamp in found.items())
+
+
 @functools.lru_cache(maxsize=256)
-def _tree(path: Path, _changed: int, scale: float, pieces: int) -> ET.Element:
-    """Return the tree of a file; `_changed` is when it was changed."""
-    if path.suffix.lower() == ".sdf":
-        root = read_xml(path, [])
-        if root.find("model") is None:
-            raise ScenarioError(f"{path}: must be an SDF file with a model")
-        if scale == 1.0 and _is_convex(root):
-            return _completed(root, path.parent)
+def _named_files(path: Path, changed: int, size: int) -> list[Path]:
+    """Return the files that a file of a model is converted from, besides itself."""
+    try:
+        if path.suffix.lower() not in _XML:
+            return read_source(path).neighbours
+        if _taken(path, changed, size) is not None:
+            return []  # Drake reads them each time
+        return read_link(path).mesh_files()
+    except ScenarioError:  # told when it is read
+        return []
+
+
+@functools.lru_cache(maxsize=256)
+def _taken(path: Path, _changed: int, _size: int) -> ET.Element | None:
+    """Return the tree of an SDF that Drake can take; None if it must be converted."""
+    if path.suffix.lower() != ".sdf":
+        return None
+    root = read_xml(path, [])
+    return _completed(root, path) if is_complete(path, root) else None
+
+
+@functools.lru_cache(maxsize=256)
+def _tree(path: Path, stamps: Stamps, scale: float, pieces: int) -> ET.Element:
+    """Return the tree of a file; `stamps` tell when its files were changed."""
+    if scale == 1.0 and stamps and (root := _taken(*stamps[0])) is not None:
+        return root
     folder = import_model(path, scale, pieces)
     from drake_srg.objects.meshes.convert import MODEL  # see `import_model`
 
-    return _completed(read_xml(folder / MODEL, []), folder)
+    return _completed(read_xml(folder / MODEL, []), folder / MODEL)
 
 
-def _is_convex(root: ET.Element) -> bool:
-    """Return whether all touched meshes are declared to be convex."""
-    meshes = root.findall(".//collision/geometry/mesh")
-    return all(mesh.find(f"{{{DRAKE}}}declare_convex") is not None for mesh in meshes)
-
-
-def _completed(root: ET.Element, folder: Path) -> ET.Element:
-    """Return the tree with absolute paths and contact properties of all collisions."""
-    for uri in root.iter("uri"):
+def _completed(root: ET.Element, path: Path) -> ET.Element:
+    """Return a file's tree with absolute paths and contact properties everywhere."""
+    for uri in root.iterfind(".//geometry/mesh/uri"):
         text = (uri.text or "").strip()
-        if "://" not in text:
-            uri.text = (folder / text).absolute().as_uri()
+        if not text.startswith(_OURS):
+            # Drake takes what follows `file://` as it is: no character is escaped.
+            uri.text = f"file://{resolved(path, text).absolute()}"
     for collision in root.iter("collision"):
         shapes = [shape.tag for shape in collision.findall("geometry/*")]
-        known = all(tag in ("box", "cylinder", "sphere", "mesh") for tag in shapes)
-        if known and collision.find(f"{{{DRAKE}}}proximity_properties") is None:
+        known = all(tag in _SHAPES for tag in shapes)
+        if known and collision.find(PROXIMITY) is None:
             radius = collision.findtext("geometry/*/radius")
-            AddContact(collision, facet_length(float(radius)) if radius else None)
+            radii = (radius or collision.findtext("geometry/*/radii") or "").split()
+            length = facet_length(min(map(float, radii))) if radii else None
+            AddContact(collision, length, ode_friction(collision, path))
+            for surface in collision.findall("surface"):  # Drake would warn of it
+                collision.remove(surface)
     return root
 
 
+_OURS = "package://drake_srg/"
+_SHAPES = ("box", "capsule", "cylinder", "ellipsoid", "mesh", "sphere")
+
+
 def _key(files: list[Path], options: str) -> str:
-    """Return a key of the contents of files, options and the tools' versions."""
+    """Return a key of the contents of files, options and what reads them."""
     digest = hashlib.sha256(options.encode())
     for package in ("trimesh", "coacd"):
         try:
             digest.update(importlib.metadata.version(package).encode())
         except importlib.metadata.PackageNotFoundError:
             digest.update(b"none")
-    for path in _with_materials(files):
-        try:
-            content = path.read_bytes()
-        except OSError as error:
-            raise ScenarioError(f"{path}: cannot be read: {error.strerror}") from None
-        digest.update(path.suffix.encode() + len(content).to_bytes(8, "big") + content)
+    digest.update(_own_digest())
+    for path in files:
+        parts = [path.suffix.encode(), read_bytes(path)]
+        if path.suffix.lower() not in _XML:
+            source = read_source(path)
+            parts += [x for name, f in source.files.items() for x in (name.encode(), f)]
+            parts += [name.encode() for name in source.missing]
+        for part in parts:
+            digest.update(len(part).to_bytes(8, "big") + part)
     return digest.hexdigest()[:32]
 
 
-def _with_materials(files: list[Path]) -> Iterator[Path]:
-    """Yield files, and those of the materials of OBJ files."""
-    for path in files:
-        yield path
-        if path.suffix.lower() == ".obj" and path.is_file():
-            names = re.findall(rb"^mtllib\s+(.+?)\s*$", path.read_bytes(), re.MULTILINE)
-            for name in names:
-                material = path.parent / name.decode(errors="replace")
-                if material.is_file():
-                    yield material
+@functools.cache
+def _own_digest() -> bytes:
+    """Return a digest of the code that makes a model of a file."""
+    folder = Path(__file__).parent
+    code = [*sorted(folder.glob("*.py")), folder.parent / "sdf.py"]
+    return hashlib.sha256(b"".join(file.read_bytes() for file in code)).digest()

@@ -32,6 +32,8 @@ TOLERANCE = 0.002
 _FINE = 5e-5
 # A part whose mesh is nowhere deeper than this inside its hull counts as convex [m].
 _CONVEX = 0.001
+# A part whose hull is thinner than this is a sheet without a volume [m].
+_THIN = 1e-6
 # Random points on a mesh and on a hull. A point is compared with the triangles of so
 # many of its nearest points on the mesh, or with all if there are not more.
 _SAMPLES, _HULL_SAMPLES, _NEAREST = 20_000, 500, 16
@@ -55,29 +57,41 @@ def convex_pieces(
 ) -> tuple[list[Vector], bool]:
     """Return the corners of convex pieces that stand for a mesh.
 
-    A mesh of parts that are convex, such as one cut by another program, keeps them.
-    CoACD cuts any other.
+    A part that is convex, such as one cut by another program, stays one piece. CoACD
+    cuts the others.
 
     Args:
         mesh: The mesh.
         most: Greatest number of pieces.
-        warnings: Receives a line if the mesh has more parts than that.
+        warnings: Receives what is cut although it is convex, and what is left out.
 
     Returns:
-        Corners of each piece, shape (n, 3) [m], and whether CoACD made them.
+        Corners of each piece, shape (n, 3) [m], and whether CoACD made some.
 
     Raises:
         ImportError: If CoACD is needed but missing.
     """
-    parts = [part for part in mesh_parts(mesh) if not is_cavity(part, mesh)]
-    if all(map(_is_convex, parts)):
-        if len(parts) <= most:
-            return [decimated(np.asarray(part.vertices)) for part in parts], False
+    parts = mesh_parts(mesh)
+    bodies = [part for part in parts if not _is_flat(part)]
+    if not bodies:  # faces without a common corner
+        return [decimated(piece) for piece in _cut(mesh, most)], True
+    if len(bodies) < len(parts):
+        warnings.append(f"flat parts are seen, not touched: {len(parts) - len(bodies)}")
+    solid = [part for part in bodies if not is_cavity(part, mesh)]
+    convex = [part for part in solid if _is_convex(part)]
+    if len(convex) == len(solid) <= most:
+        return [decimated(np.asarray(part.vertices)) for part in convex], False
+    if len(convex) >= most:
         warnings.append(
-            f"CoACD cuts {len(parts)} convex parts into {most} pieces at most "
-            f"({len(parts)} pieces would keep them)"
+            f"CoACD cuts {len(convex)} convex parts into {most} pieces at most "
+            f"({len(convex)} pieces would keep them)"
         )
-    return [decimated(piece) for piece in _cut(mesh, most)], True
+        return [decimated(piece) for piece in _cut(mesh, most)], True
+    kept = [np.asarray(part.vertices) for part in convex]
+    whole = {id(part) for part in convex}
+    rest = [part for part in bodies if id(part) not in whole]
+    cut = _cut(require_trimesh().util.concatenate(rest), most - len(kept))
+    return [decimated(piece) for piece in (*kept, *cut)], True
 
 
 def decimated(points: Vector) -> Vector:
@@ -158,13 +172,19 @@ def measure_fit(mesh: TriangleMesh, pieces: Sequence[Vector]) -> Fit:
     )
 
 
+def _is_flat(part: TriangleMesh) -> bool:
+    """Return whether all of a mesh lies in one plane, so that it bounds nothing."""
+    try:
+        hull = ConvexHull(part.vertices)
+    except QhullError:
+        return True
+    return bool(hull.volume < _THIN * hull.area)
+
+
 def _is_convex(part: TriangleMesh) -> bool:
     """Return whether a connected mesh is nearly its own hull."""
     points = np.vstack([part.vertices, part.triangles_center])
-    try:
-        planes = ConvexHull(part.vertices).equations
-    except QhullError:  # flat
-        return False
+    planes = ConvexHull(part.vertices).equations
     inside = -(points @ planes[:, :3].T + planes[:, 3]).max(axis=1)
     return bool(inside.max() < _CONVEX)
 

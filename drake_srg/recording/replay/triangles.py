@@ -157,7 +157,11 @@ def _parse_obj(path: Path, text: str) -> Triangles:
             for k in range(1, len(polygon) - 1):
                 faces.append((polygon[0], polygon[k], polygon[k + 1]))
     keys = np.array(list(corners)).reshape(-1, 2)
-    if not faces or keys[:, 0].max() >= len(points):
+    if (
+        not faces
+        or not 0 <= keys[:, 0].min() <= keys[:, 0].max() < len(points)
+        or keys[:, 1].max() >= len(normals)
+    ):
         raise ValueError(f"{path}: has no faces between its points")
     vertices, triangles = np.array(points)[keys[:, 0]], np.array(faces)
     if not smooth:

@@ -42,6 +42,8 @@ class Board:
         square: Side of a square [m].
         marker: Side of a marker [m].
         dictionary: Name of the markers' dictionary in `cv2.aruco`.
+        legacy: Whether OpenCV before 4.6 made it: with an even number of rows, it
+            starts with a white square.
     """
 
     columns: int = 6
@@ -49,6 +51,7 @@ class Board:
     square: float = 0.04
     marker: float = 0.03
     dictionary: str = "DICT_4X4_50"
+    legacy: bool = False
 
     @property
     def size(self) -> Vector:
@@ -86,9 +89,9 @@ class Board:
 def _detector(board: Board) -> cv2.aruco.CharucoDetector:
     dictionary = cv2.aruco.getPredefinedDictionary(getattr(cv2.aruco, board.dictionary))
     size = (board.columns, board.rows)
-    return cv2.aruco.CharucoDetector(
-        cv2.aruco.CharucoBoard(size, board.square, board.marker, dictionary)
-    )
+    made = cv2.aruco.CharucoBoard(size, board.square, board.marker, dictionary)
+    made.setLegacyPattern(board.legacy)
+    return cv2.aruco.CharucoDetector(made)
 
 
 @dc.dataclass(frozen=True)

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import contextlib
 import csv
 import dataclasses as dc
 import io
 import itertools
+import logging
 import math
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
 
 import cv2
@@ -17,6 +19,7 @@ from pydrake.common.eigen_geometry import Quaternion
 from pydrake.math import RigidTransform
 
 from drake_srg.common.exceptions import ScenarioError
+from drake_srg.common.tables import read_table
 from drake_srg.planning.motion.inverse_kinematics import (
     AxisTarget,
     HandTarget,
@@ -56,8 +59,10 @@ class Shot:
     X_WH: RigidTransform
 
 
-def find_views(shots: Iterable[Shot], mounting: Mounting) -> list[View]:
+def find_views(shots: Sequence[Shot], mounting: Mounting) -> list[View]:
     """Return what each image shows of the board, in order.
+
+    If none shows it, the images may show a board of OpenCV before 4.6.
 
     Raises:
         ScenarioError: If an image has another size than the camera's, or two in a row
@@ -65,7 +70,6 @@ def find_views(shots: Iterable[Shot], mounting: Mounting) -> list[View]:
     """
     info = mounting.model.color
     size = (info.height(), info.width())
-    views: list[View] = []
     last: Shot | None = None
     for shot in shots:
         if shot.image.shape[:2] != size:
@@ -79,17 +83,26 @@ def find_views(shots: Iterable[Shot], mounting: Mounting) -> list[View]:
                 f"{shot.name}: same image as {last.name}, but the hand has moved; the "
                 "camera is frozen"
             )
-        corners = find_corners(shot.image, mounting.board)
-        X_PQ = mounting.X_PQ(shot.X_WH)
-        views.append(View(shot.name, X_PQ, corners.p_B, corners.pixels))
         last = shot
-    if views and not any(len(view.pixels) for view in views):
-        board = mounting.board
-        raise ScenarioError(
-            f"none of {len(views)} images shows the board (allowed: {board.columns} x "
-            f"{board.rows} squares, {board.dictionary})"
-        )
-    return views
+    board = mounting.board
+    for candidate in (board, dc.replace(board, legacy=True)):
+        views = []
+        for shot in shots:
+            corners = find_corners(shot.image, candidate)
+            X_PQ = mounting.X_PQ(shot.X_WH)
+            views.append(View(shot.name, X_PQ, corners.p_B, corners.pixels))
+        if any(len(view.pixels) for view in views):
+            if candidate.legacy:
+                logging.getLogger("drake_srg").warning(
+                    "the board is of OpenCV before 4.6: it starts with a white square"
+                )
+            return views
+    if not shots:
+        return []
+    raise ScenarioError(
+        f"none of {len(shots)} images shows the board (allowed: {board.columns} x "
+        f"{board.rows} squares, {board.dictionary})"
+    )
 
 
 def read_shots(folder: Path) -> list[Shot]:
@@ -98,23 +111,8 @@ def read_shots(folder: Path) -> list[Shot]:
     Raises:
         ScenarioError: If a file is missing or invalid.
     """
-    path = folder / POSES
-    try:
-        # Spreadsheets put a byte-order mark before the first column.
-        with path.open(encoding="utf-8-sig", newline="") as file:
-            reader = csv.DictReader(file)
-            rows = list(reader)
-    except (OSError, UnicodeError, csv.Error) as error:
-        reason = getattr(error, "strerror", None) or "not a CSV file in UTF-8"
-        raise ScenarioError(f"{path}: cannot be read: {reason}") from None
-    missing = [name for name in COLUMNS if name not in (reader.fieldnames or ())]
-    if missing:
-        raise ScenarioError(
-            f"{path}: missing column {missing[0]} (allowed: {', '.join(COLUMNS)})"
-        )
-    return [
-        _read_shot(folder, row, f"{path}: row {i}") for i, row in enumerate(rows, 2)
-    ]
+    rows = read_table(folder / POSES, COLUMNS)
+    return [_read_shot(folder, row, where) for where, row in rows]
 
 
 def shot_files(shots: Sequence[Shot]) -> dict[str, bytes]:
@@ -133,11 +131,11 @@ def shot_files(shots: Sequence[Shot]) -> dict[str, bytes]:
     return {POSES: text.getvalue().encode(), **files}
 
 
-def _read_shot(folder: Path, row: Mapping[str, str | None], where: str) -> Shot:
+def _read_shot(folder: Path, row: Mapping[str, str], where: str) -> Shot:
     numbers: list[float] = []
     for name in COLUMNS[1:]:
         try:
-            numbers.append(float(row[name] or ""))
+            numbers.append(float(row[name]))
         except ValueError:
             numbers.append(math.nan)
         if not math.isfinite(numbers[-1]):
@@ -148,10 +146,12 @@ def _read_shot(folder: Path, row: Mapping[str, str | None], where: str) -> Shot:
             f"{where}: qw, qx, qy, qz must have norm 1 (allowed: within 0.001), got "
             f"{norm:.4g}"
         )
-    name = row["image"] or ""
+    name = row["image"]
     file = folder / name
-    # `imread` warns on standard error about a missing file.
-    image = cv2.imread(str(file), cv2.IMREAD_COLOR) if file.is_file() else None
+    image = None
+    if file.is_file():  # `imread` warns on standard error about a missing file
+        with contextlib.suppress(cv2.error):  # more pixels than it takes
+            image = cv2.imread(str(file), cv2.IMREAD_COLOR)
     if image is None:
         raise ScenarioError(f"{where}: image {name!r} cannot be read")
     rgb = np.asarray(cv2.cvtColor(image, cv2.COLOR_BGR2RGB), np.uint8)

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-import csv
 import dataclasses as dc
 import math
 from importlib import resources
 from pathlib import Path
 
 from drake_srg.common.exceptions import ScenarioError
+from drake_srg.common.tables import parse_table, read_table
 
 VENDOR = "ezgripper.csv"
 TESTS = ("position", "torque", "heating")
@@ -74,12 +74,7 @@ def read_log(path: Path) -> list[LogRow]:
     Raises:
         ScenarioError: If it cannot be read or is not a complete log.
     """
-    try:
-        text = path.read_text(encoding="utf-8-sig")  # spreadsheets write the mark
-    except (OSError, UnicodeDecodeError) as error:
-        reason = getattr(error, "strerror", None) or "must be a CSV file in UTF-8"
-        raise ScenarioError(f"{path}: {reason}") from None
-    return parse_log(text, str(path))
+    return _rows(read_table(path, COLUMNS, only=True), str(path))
 
 
 def parse_log(text: str, name: str) -> list[LogRow]:
@@ -89,28 +84,11 @@ def parse_log(text: str, name: str) -> list[LogRow]:
         ScenarioError: If a column is missing or not known, a value is missing or out of
             range, or a test has too few rows.
     """
-    lines = [x for x in text.splitlines() if x.strip() and not x.startswith("#")]
-    try:
-        header, *table = csv.reader(lines) if lines else [[]]
-    except csv.Error as error:
-        raise ScenarioError(f"{name}: not a CSV file: {error}") from None
-    header = [x.strip() for x in header]
-    missing = [column for column in COLUMNS if column not in header]
-    extra = [*header]
-    for column in {*COLUMNS} & {*header}:
-        extra.remove(column)
-    if missing or extra:
-        problem = f"missing column {missing[0]}" if missing else f"column {extra[0]}"
-        raise ScenarioError(f"{name}: {problem} (columns: {', '.join(COLUMNS)})")
-    rows = []
-    for number, cells in enumerate(table, 1):
-        where = f"{name}: row {number}"
-        if len(cells) != len(header):
-            raise ScenarioError(
-                f"{where}: needs {len(header)} entries, got {len(cells)}"
-            )
-        entries = dict(zip(header, (x.strip() for x in cells), strict=True))
-        rows.append(_row(entries, where))
+    return _rows(parse_table(text, name, COLUMNS, only=True), name)
+
+
+def _rows(table: list[tuple[str, dict[str, str]]], name: str) -> list[LogRow]:
+    rows = [_row(entries, where) for where, entries in table]
     for test, (_, fewest) in _NEEDED.items():
         found = sum(row.test == test for row in rows)
         if found < fewest:

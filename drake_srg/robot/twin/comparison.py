@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import dataclasses as dc
-import json
 from collections.abc import Mapping, Sequence
 from typing import Any
 
@@ -19,6 +18,7 @@ from pydrake.systems.framework import (
     State,
 )
 
+from drake_srg.common.tables import parse_json
 from drake_srg.lifetime import LeafSystem
 from drake_srg.robot.serve.commands import CommandError
 from drake_srg.scenario.schema import TwinConfig
@@ -52,7 +52,7 @@ def read_blobs(text: str) -> tuple[Sighting, ...]:
         CommandError: If it is anything else.
     """
     try:
-        message = json.loads(text)
+        message = parse_json(text)
         time = float(message["stamp"])
         found = [_sighting(time, blob) for blob in message["blobs"]]
     except (ValueError, KeyError, TypeError, AttributeError) as error:

@@ -19,8 +19,9 @@ import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
 
-from drake_srg.common.exceptions import ScenarioError, one_line
+from drake_srg.common.exceptions import ScenarioError
 from drake_srg.common.status_line import StatusLine
+from drake_srg.common.tables import read_json
 from drake_srg.objects.models import known_shape
 from drake_srg.scenario import draw_scenario
 from drake_srg.scenario.typed_yaml import parse_yaml
@@ -418,13 +419,8 @@ def _recorded_trials(sweep: Path, only_success: bool) -> tuple[list[Path], str]:
 
 def _metrics(trial: Path) -> dict[str, Any]:
     path = trial / _METRICS
-    try:
-        metrics = json.loads(path.read_text(encoding="utf-8"))
-        return {key: metrics[key] for key in ("seed", "success", "failure")}
-    except OSError as error:
-        raise ScenarioError(f"{path}: cannot be read: {error.strerror}") from error
-    except (ValueError, KeyError, TypeError) as error:
-        raise ScenarioError(f"{path}: invalid content: {one_line(error)}") from error
+    keys = ("seed", "success", "failure")
+    return read_json(path, lambda metrics: {key: metrics[key] for key in keys})
 
 
 def _whole_rate(rate: Fraction) -> int:

@@ -9,12 +9,12 @@ from drake_srg.objects.config import ObjectConfig
 from drake_srg.objects.household import object_facts
 from drake_srg.objects.meshes import pieces
 from drake_srg.objects.meshes.convert import DENSITY, MODEL, convert, read_report
-from drake_srg.objects.meshes.files import read_link
+from drake_srg.objects.meshes.links import read_link
 from drake_srg.objects.meshes.load import import_model
 from drake_srg.objects.models import simple_shape
 from drake_srg.types import Cylinder
 from objects.meshes.made_meshes import box, elbow, write_obj, write_stl
-from objects.meshes.test_files import CYLINDER, collision, urdf
+from objects.meshes.test_links import CYLINDER, collision, urdf
 
 UNITS = {1.0: "m", 0.001: "mm", 0.0254: "inches"}
 
@@ -110,13 +110,19 @@ def test_an_open_mesh_counts_as_solid(tmp_path):
     assert "the mesh is open at 4 edges" in report.warnings[0]
 
 
-def test_bad_pieces_are_told(tmp_path, monkeypatch):
+@pytest.mark.parametrize(
+    ("most", "advice"),
+    [(1, "try more pieces"), (32, "a sphere or a cylinder of an SDF")],
+)
+def test_bad_pieces_are_told(tmp_path, monkeypatch, most, advice):
+    """More pieces help only if there were as many as allowed."""
     hull = np.asarray(elbow()[0])
     monkeypatch.setattr(pieces, "_cut", lambda mesh, most: [hull])
-    report = converted(write_obj(tmp_path / "a.obj", elbow()))
+    report = converted(write_obj(tmp_path / "a.obj", elbow()), most)
     assert report.excess == pytest.approx(0.03, abs=1e-3)
     (told,) = [text for text in report.warnings if "stand out" in text]
     assert told.startswith("pieces stand out of the mesh by up to 29")
+    assert advice in told
 
 
 def test_an_object_larger_than_the_table_is_refused(tmp_path):

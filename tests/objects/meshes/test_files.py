@@ -4,36 +4,31 @@ import numpy as np
 import pytest
 
 from drake_srg.common.exceptions import ScenarioError
-from drake_srg.objects.meshes.files import (
-    MeshFile,
-    describe_openness,
-    read_link,
-    read_mesh,
-)
-from drake_srg.types import Box, Cylinder, Sphere
-from objects.meshes.made_meshes import FACES, box, joined, write_obj, write_stl
+from drake_srg.objects.meshes.files import MeshFile, describe_openness, read_mesh
+from objects.meshes.made_meshes import FACES, box, cup, joined, write_obj, write_stl
 
 ONE = np.ones(3)
 
 
 def read(path, scale=ONE):
     warnings = []
-    return read_mesh(path, scale, warnings), warnings
+    mesh = read_mesh(MeshFile(path, scale), warnings)
+    return mesh.solid, [color for _, color in mesh.surfaces], warnings
 
 
 @pytest.mark.parametrize("write", [write_obj, write_stl])
 def test_a_closed_box_needs_no_mending(tmp_path, write):
     path = write(tmp_path / f"box.{write.__name__[-3:]}", box([0.04, 0.05, 0.06]))
-    ((mesh, color),), warnings = read(path)
+    mesh, colors, warnings = read(path)
     assert mesh.volume == pytest.approx(0.04 * 0.05 * 0.06)
-    assert (color, warnings, describe_openness(mesh)) == (None, [], "")
+    assert (colors, warnings, describe_openness(mesh)) == ([None], [], "")
 
 
 def test_gltf_points_up_along_y(tmp_path):
     trimesh = pytest.importorskip("trimesh")  # of the extra `import`
     path = tmp_path / "box.glb"
     trimesh.Trimesh(*box([0.04, 0.05, 0.06], at=[0, 0.025, 0])).export(path)
-    ((mesh, _),), _ = read(path)
+    mesh, _, _ = read(path)
     np.testing.assert_allclose(mesh.bounds[:, 2], [0.0, 0.05], atol=1e-9)
 
 
@@ -41,22 +36,20 @@ def test_an_obj_has_the_colour_of_its_material(tmp_path):
     (tmp_path / "red.mtl").write_text("newmtl red\nKd 0.8 0.2 0.1\n")
     path = tmp_path / "box.obj"
     write_obj(path, box([0.04] * 3), head="mtllib red.mtl\nusemtl red")
-    ((_, color),), _ = read(path)
+    _, (color,), _ = read(path)
     assert color == pytest.approx((0.8, 0.2, 0.1), abs=0.01)
 
 
 def test_faces_that_point_inwards_are_turned(tmp_path):
     vertices, faces = box([0.04] * 3)
-    ((mesh, _),), warnings = read(
-        write_obj(tmp_path / "a.obj", (vertices, faces[:, ::-1]))
-    )
+    mesh, _, warnings = read(write_obj(tmp_path / "a.obj", (vertices, faces[:, ::-1])))
     assert mesh.volume == pytest.approx(0.04**3)
     assert "pointed inwards" in warnings[0]
 
 
 def test_a_mirrored_mesh_is_not_inside_out(tmp_path):
     path = write_obj(tmp_path / "a.obj", box([0.04, 0.05, 0.06]))
-    ((mesh, _),), warnings = read(path, np.array([1.0, -1.0, 1.0]))
+    mesh, _, warnings = read(path, np.array([1.0, -1.0, 1.0]))
     assert mesh.volume == pytest.approx(0.04 * 0.05 * 0.06)
     assert warnings == []
 
@@ -64,14 +57,14 @@ def test_a_mirrored_mesh_is_not_inside_out(tmp_path):
 def test_a_hollow_stays_hollow(tmp_path):
     inner, faces = box([0.02] * 3)
     mesh = joined(box([0.04] * 3), (inner, faces[:, ::-1]))
-    ((mesh, _),), warnings = read(write_obj(tmp_path / "a.obj", mesh))
+    mesh, _, warnings = read(write_obj(tmp_path / "a.obj", mesh))
     assert mesh.volume == pytest.approx(0.04**3 - 0.02**3)
     assert warnings == []
 
 
 def test_an_open_mesh_says_where(tmp_path):
     vertices, faces = box([0.04] * 3)
-    ((mesh, _),), _ = read(write_obj(tmp_path / "a.obj", (vertices, faces[2:])))
+    mesh, _, _ = read(write_obj(tmp_path / "a.obj", (vertices, faces[2:])))
     text = describe_openness(mesh)
     assert text.startswith("open at 4 edges")
     assert "-0.02" in text  # the missing face is at x = -0.02
@@ -80,7 +73,7 @@ def test_an_open_mesh_says_where(tmp_path):
 def test_faces_that_disagree_are_told(tmp_path):
     vertices, faces = box([0.04] * 3)
     faces = np.vstack([faces[:1, ::-1], faces[1:]])
-    ((mesh, _),), _ = read(write_obj(tmp_path / "a.obj", (vertices, faces)))
+    mesh, _, _ = read(write_obj(tmp_path / "a.obj", (vertices, faces)))
     assert "disagree" in describe_openness(mesh)
 
 
@@ -100,7 +93,7 @@ BAD_INDEX = "v 0 0 0\nv 0.1 0 0\nv 0 0.1 0\nf 1 2 9\n"
         ("a.obj", LINE, "only triangles without area"),
         ("a.obj", BAD_INDEX, "cannot be read as a mesh"),
         ("a.stl", "hello", "no triangles"),
-        ("a.glb", "hello", "cannot be read as a mesh"),
+        ("a.glb", "hello", "cannot be read as glTF"),
         ("a.ply", "hello", r"unknown format \(allowed: .sdf, .urdf, .obj"),
     ],
 )
@@ -112,7 +105,7 @@ def test_what_is_not_a_mesh_is_refused(tmp_path, name, content, problem):
 
 
 def test_a_missing_file_is_refused(tmp_path):
-    with pytest.raises(ScenarioError, match=r"none\.obj: cannot be read: no such file"):
+    with pytest.raises(ScenarioError, match=r"none\.obj: cannot be read: No such file"):
         read(tmp_path / "none.obj")
 
 
@@ -132,7 +125,7 @@ def test_a_size_that_no_object_has_is_refused(tmp_path, size, problem):
 
 def test_millimetres_can_be_scaled(tmp_path):
     path = write_obj(tmp_path / "a.obj", box([40.0, 50.0, 60.0]))
-    ((mesh, _),), _ = read(path, 0.001 * ONE)
+    mesh, _, _ = read(path, 0.001 * ONE)
     np.testing.assert_allclose(mesh.extents, [0.04, 0.05, 0.06])
 
 
@@ -143,184 +136,69 @@ def test_without_trimesh_the_command_is_told(tmp_path, monkeypatch):
         read(path)
 
 
-MASS = "<mass value='0.2'/>"
-INERTIA = "<inertia ixx='2e-4' iyy='3e-4' izz='4e-4' ixy='0' ixz='0' iyz='0'/>"
+def test_materials_colour_a_body_and_do_not_split_it(tmp_path):
+    """Each material covers half of the cube, so neither half is closed."""
+    (tmp_path / "two.mtl").write_text("newmtl a\nKd 1 0 0\nnewmtl b\nKd 0 0 1\n")
+    path = tmp_path / "a.obj"
+    head, materials = "mtllib two.mtl", [("a", 0), ("b", 5)]
+    mesh, colors, warnings = read(write_obj(path, box([0.04] * 3), head, materials))
+    assert (mesh.is_volume, len(mesh.faces), warnings) == (True, 12, [])
+    assert mesh.volume == pytest.approx(0.04**3)
+    assert sorted(colors) == [(0.0, 0.0, 1.0), (1.0, 0.0, 0.0)]
 
 
-def urdf(path, *elements, links=1, head=""):
-    link = f"<link name='l{{}}'>{''.join(elements)}</link>"
-    text = "".join(link.format(i) for i in range(links))
-    path.write_text(f"{head}<robot name='r'>{text}</robot>")
-    return path
+def test_a_glazed_cup_stays_hollow(tmp_path):
+    vertices, faces, inside = cup()
+    (tmp_path / "two.mtl").write_text("newmtl clay\nnewmtl glaze\n")
+    path = tmp_path / "a.obj"
+    materials = [("clay", 0), ("glaze", inside)]
+    write_obj(path, (vertices, faces), "mtllib two.mtl", materials)
+    mesh, _, _ = read(path)
+    assert describe_openness(mesh) == ""
+    assert mesh.volume == pytest.approx(0.06**3 - 0.048**2 * 0.054)
 
 
-def collision(geometry, pose=""):
-    return f"<collision>{pose}<geometry>{geometry}</geometry></collision>"
-
-
-CYLINDER = collision("<cylinder radius='0.03' length='0.1'/>")
+def test_turned_faces_are_seen_in_their_colour(tmp_path):
+    (tmp_path / "two.mtl").write_text("newmtl a\nKd 1 0 0\nnewmtl b\nKd 0 0 1\n")
+    vertices, faces = box([0.04] * 3)
+    path = tmp_path / "a.obj"
+    head, materials = "mtllib two.mtl", [("a", 0), ("b", 2)]
+    write_obj(path, (vertices, faces[:, ::-1]), head, materials)
+    seen = {c: m for m, c in read_mesh(MeshFile(path, ONE), []).surfaces}
+    red = seen[(1.0, 0.0, 0.0)]  # the faces at -x
+    np.testing.assert_allclose(red.face_normals, [[-1, 0, 0]] * 2, atol=1e-12)
+    assert len(seen[(0.0, 0.0, 1.0)].faces) == 10
 
 
 @pytest.mark.parametrize(
-    ("geometry", "shape"),
+    ("head", "materials", "told"),
     [
-        ("<cylinder radius='0.03' length='0.1'/>", Cylinder(0.03, 0.1)),
-        ("<box size='0.1 0.2 0.3'/>", Box([0.1, 0.2, 0.3])),
-        ("<sphere radius='0.04'/>", Sphere(0.04)),
+        ("mtllib none.mtl\nusemtl red", "", "none.mtl, material red"),
+        ("mtllib red.mtl\nusemtl blue", "newmtl red", "material blue"),
+        ("mtllib red.mtl\nusemtl red", "newmtl red\nmap_Kd a.png", "a.png"),
     ],
 )
-def test_urdf_primitives(tmp_path, geometry, shape):
-    pose = "<origin xyz='0.1 0.2 0.3' rpy='0 0 1.5707963'/>"
-    contents = read_link(urdf(tmp_path / "a.urdf", collision(geometry, pose)))
-    (touched,) = contents.collisions
-    assert touched.shape == shape
-    np.testing.assert_allclose(touched.X_LG.translation(), [0.1, 0.2, 0.3])
-    np.testing.assert_allclose(touched.X_LG.rotation().col(0), [0, 1, 0], atol=1e-6)
+def test_a_lost_colour_is_told(tmp_path, head, materials, told):
+    (tmp_path / "red.mtl").write_text(materials)
+    path = write_obj(tmp_path / "a.obj", box([0.04] * 3), head)
+    _, _, (warning,) = read(path)
+    assert warning == f"does not exist, so its colour is lost: {told}"
 
 
-def test_an_sdf_says_the_same(tmp_path):
-    path = tmp_path / "a.sdf"
-    path.write_text(
-        "<sdf version='1.9' xmlns:drake='drake.mit.edu'><model name='m'>"
-        "<link name='l'><inertial><pose>0 0 0.1 0 0 0</pose><mass>0.2</mass><inertia>"
-        "<ixx>2e-4</ixx><iyy>3e-4</iyy><izz>4e-4</izz></inertia></inertial>"
-        "<collision name='c'><pose>0.1 0 0 0 0 0</pose><geometry><cylinder>"
-        "<radius>0.03</radius><length>0.1</length></cylinder></geometry>"
-        "<drake:proximity_properties/></collision><visual name='v'><geometry><box>"
-        "<size>0.1 0.1 0.1</size></box></geometry><material><diffuse>0.1 0.2 0.3 1"
-        "</diffuse></material></visual></link></model></sdf>"
-    )
-    contents = read_link(path)
-    assert contents.collisions[0].shape == Cylinder(0.03, 0.1)
-    assert contents.collisions[0].contact is not None
-    assert contents.visuals[0].color == (0.1, 0.2, 0.3)
-    assert contents.mass == 0.2
-    np.testing.assert_allclose(contents.inertia.get_com(), [0, 0, 0.1])
-    assert contents.warnings == []
+@pytest.mark.parametrize("name", ["my red.mtl", "rot-ü.mtl", "50%20#.mtl"])
+@pytest.mark.parametrize("encoding", ["utf-8", "latin-1", "utf-16", "utf-8-sig"])
+def test_materials_are_found_by_any_name(tmp_path, name, encoding):
+    (tmp_path / name).write_text("newmtl red\nKd 0.8 0.2 0.1\n", encoding)
+    path = write_obj(tmp_path / "a.obj", box([0.04] * 3), f"mtllib {name}\nusemtl red")
+    path.write_text(path.read_text(), encoding)
+    _, (color,), warnings = read(path)
+    assert color == pytest.approx((0.8, 0.2, 0.1), abs=0.01)
+    assert warnings == []
 
 
-def test_urdf_inertia_is_about_the_centre_of_mass(tmp_path):
-    inertial = f"<inertial><origin xyz='0 0 0.1'/>{MASS}{INERTIA}</inertial>"
-    contents = read_link(urdf(tmp_path / "a.urdf", inertial, CYLINDER))
-    M = contents.inertia
-    central = M.Shift(M.get_com()).CalcRotationalInertia().get_moments()
-    np.testing.assert_allclose(central, [2e-4, 3e-4, 4e-4])
-
-
-@pytest.mark.parametrize(
-    ("inertial", "mass"),
-    [
-        ("", None),
-        ("<inertial/>", None),
-        ("<inertial><mass value='0'/></inertial>", None),
-        (f"<inertial>{MASS}</inertial>", 0.2),
-        # No body has a moment that exceeds the sum of the other two.
-        (f"<inertial>{MASS}<inertia ixx='1' iyy='1' izz='9'/></inertial>", 0.2),
-    ],
-)
-def test_impossible_inertia_is_none(tmp_path, inertial, mass):
-    contents = read_link(urdf(tmp_path / "a.urdf", inertial, CYLINDER))
-    assert (contents.mass, contents.inertia) == (mass, None)
-
-
-@pytest.mark.parametrize(
-    "head", ["<xml version='0.0' ?>\n", "\n<?xml version='1.0'?>", "<?xml verson='1'?>"]
-)
-def test_an_invalid_header_is_left_out(tmp_path, head):
-    contents = read_link(urdf(tmp_path / "a.urdf", CYLINDER, head=head))
-    assert "left out the invalid XML header" in contents.warnings
-
-
-def test_the_other_geometry_stands_in_for_a_missing_one(tmp_path):
-    contents = read_link(urdf(tmp_path / "a.urdf", CYLINDER))
-    assert contents.visuals == contents.collisions
-    assert contents.warnings == ["no visual geometry: took the collision one"]
-    seen = CYLINDER.replace("collision", "visual")
-    contents = read_link(urdf(tmp_path / "a.urdf", seen))
-    assert contents.visuals == contents.collisions
-    assert contents.warnings == ["no collision geometry: took the visual one"]
-
-
-@pytest.mark.parametrize(
-    "uri",
-    [
-        "m/a.obj",
-        "package://thing/m/a.obj",
-        "model://thing/m/a.obj",
-        "file://{}/m/a.obj",
-    ],
-)
-def test_meshes_are_found(tmp_path, uri):
-    folder = tmp_path / "thing"
-    (folder / "m").mkdir(parents=True)
-    write_obj(folder / "m" / "a.obj", box([1, 1, 1]))
-    uri = uri.format(folder)
-    mesh = collision(f"<mesh filename='{uri}' scale='0.1 0.2 0.3'/>")
-    contents = read_link(urdf(folder / "a.urdf", mesh))
-    shape = contents.collisions[0].shape
-    assert isinstance(shape, MeshFile)
-    assert shape.path.samefile(folder / "m" / "a.obj")
-    assert contents.mesh_files() == [shape.path]
-    np.testing.assert_allclose(shape.scale, [0.1, 0.2, 0.3])
-
-
-def test_meshes_of_our_package_are_found(tmp_path):
-    uri = "package://drake_srg/meshes/011_banana_banana_0_collision.obj"
-    contents = read_link(
-        urdf(tmp_path / "a.urdf", collision(f"<mesh filename='{uri}'/>"))
-    )
-    assert contents.mesh_files()[0].is_file()
-    with pytest.raises(ScenarioError, match="does not exist"):
-        mesh = collision("<mesh filename='package://drake_srg/meshes/no.obj'/>")
-        read_link(urdf(tmp_path / "a.urdf", mesh))
-
-
-@pytest.mark.parametrize(
-    ("elements", "problem"),
-    [
-        ([], "its link has no geometry"),
-        ([collision("<capsule radius='1' length='1'/>")], "unknown geometry <capsule>"),
-        ([collision("")], "<collision>: needs one geometry, got 0"),
-        ([collision("<box size='1 2'/>")], "size: needs 3 finite numbers, got '1 2'"),
-        ([collision("<box size='1 2 nan'/>")], "needs 3 finite numbers"),
-        ([collision("<sphere radius='-1'/>")], "must be greater than 0"),
-        ([collision("<sphere/>")], "radius: needs a finite number, got None"),
-        ([collision("<mesh filename='no.obj'/>")], "its mesh 'no.obj' does not exist"),
-        ([collision("<mesh/>")], "its mesh '' does not exist"),
-    ],
-)
-def test_what_is_not_an_object_is_refused(tmp_path, elements, problem):
-    with pytest.raises(ScenarioError, match=rf"a\.urdf: .*{problem}"):
-        read_link(urdf(tmp_path / "a.urdf", *elements))
-
-
-@pytest.mark.parametrize("links", [0, 2])
-def test_an_object_has_one_link(tmp_path, links):
-    with pytest.raises(ScenarioError, match=f"must have one link, got {links}"):
-        read_link(urdf(tmp_path / "a.urdf", CYLINDER, links=links))
-
-
-@pytest.mark.parametrize(
-    ("content", "problem"),
-    [
-        ("<robot", "cannot be read"),
-        ("hello", "cannot be read"),
-        ("<mujoco/>", "must hold <robot> .URDF. or <sdf>, got <mujoco>"),
-    ],
-)
-def test_another_file_is_refused(tmp_path, content, problem):
-    path = tmp_path / "a.urdf"
-    path.write_text(content)
-    with pytest.raises(ScenarioError, match=problem):
-        read_link(path)
-
-
-def test_a_pose_relative_to_another_frame_is_refused(tmp_path):
-    path = tmp_path / "a.sdf"
-    path.write_text(
-        "<sdf version='1.9'><model name='m'><link name='l'><visual name='v'>"
-        "<pose relative_to='x'>0 0 0 0 0 0</pose><geometry><sphere><radius>1</radius>"
-        "</sphere></geometry></visual></link></model></sdf>"
-    )
-    with pytest.raises(ScenarioError, match="must be in radians and relative to"):
-        read_link(path)
+def test_materials_may_be_in_several_files(tmp_path):
+    (tmp_path / "a.mtl").write_text("newmtl a\nKd 1 0 0\n")
+    (tmp_path / "b.mtl").write_text("newmtl b\nKd 0 0 1\n")
+    head = "# see mtllib\nmtllib a.mtl b.mtl\nusemtl b"
+    _, colors, warnings = read(write_obj(tmp_path / "a.obj", box([0.04] * 3), head))
+    assert (colors, warnings) == ([(0.0, 0.0, 1.0)], [])

@@ -13,7 +13,7 @@ from drake_srg.objects.meshes.pieces import (
     decimated,
     measure_fit,
 )
-from objects.meshes.made_meshes import box, elbow, joined
+from objects.meshes.made_meshes import box, cup, elbow, joined
 
 trimesh = pytest.importorskip("trimesh")  # of the extra `import`
 
@@ -70,6 +70,8 @@ def test_a_hollow_is_not_touched():
     assert (len(found), cut) == (1, False)
 
 
+# A label on a body.
+FLAT = (np.array([[0, 0, 0.2], [0.01, 0, 0.2], [0, 0.01, 0.2]]), [(0, 1, 2)])
 ROW = joined(*[box([0.01] * 3, [0.02 * i, 0, 0]) for i in range(5)])
 
 
@@ -84,6 +86,29 @@ def test_other_meshes_are_cut_by_coacd(monkeypatch, parts, told):
     found, cut = convex_pieces(mesh(parts), 4, warnings)
     assert (len(found), cut, calls) == (1, True, [4])
     assert [text[: len(told[0])] for text in warnings] == told if told else not warnings
+
+
+def test_only_parts_that_are_not_convex_are_cut(monkeypatch):
+    ball, sheet = box([0.02] * 3, [0.2, 0, 0]), FLAT
+    calls, warnings = [], []
+    monkeypatch.setattr(
+        pieces, "_cut", lambda mesh, most: calls.append((mesh, most)) or [ball[0]]
+    )
+    found, cut = convex_pieces(mesh(joined(ball, elbow(), sheet)), 4, warnings)
+    assert (len(found), cut) == (2, True)
+    ((given_mesh, most),) = calls
+    assert most == 3
+    assert given_mesh.volume == pytest.approx(mesh(elbow()).volume)
+    assert warnings == ["flat parts are seen, not touched: 1"]
+
+
+def test_a_cup_of_two_materials_is_cut_as_one_of_one():
+    needs_module("coacd")
+    vertices, faces, _ = cup()
+    found, cut = convex_pieces(mesh((vertices, faces)), 32, [])
+    assert cut
+    volume = sum(ConvexHull(corners).volume for corners in found)
+    assert volume == pytest.approx(mesh((vertices, faces)).volume, rel=0.1)
 
 
 def test_coacd_cuts_an_elbow_in_two():

@@ -154,7 +154,9 @@ def test_a_convex_is_drawn_as_its_hull(cube):
     assert volume(surface) == pytest.approx(8)
 
 
-@pytest.mark.parametrize("text", ["", "v 0 0 0", "f 1 2 3"])
+@pytest.mark.parametrize(
+    "text", ["", "v 0 0 0", "f 1 2 3", "v 0 0 0\nf 1//2 1//2 1//2", "v 0 0 0\nf 1 1 -3"]
+)
 def test_what_is_no_mesh_is_refused(tmp_path, text):
     path = tmp_path / "bad.obj"
     path.write_text(text)

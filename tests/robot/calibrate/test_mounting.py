@@ -17,10 +17,12 @@ from drake_srg.station.plant import MakeModelsPlant
 BOARD, PIXELS = Board(), 40
 
 
-def picture():
+def picture(board=BOARD):
     """The board as its own image, 40 pixels to a square, with a white margin."""
-    cell = PIXELS * BOARD.columns // BOARD.cells().shape[1]
-    image = np.where(np.kron(BOARD.cells(), np.ones((cell, cell))), 255, 0)
+    cell = PIXELS * board.columns // board.cells().shape[1]
+    image = np.where(np.kron(board.cells(), np.ones((cell, cell))), 255, 0)
+    below = PIXELS * (BOARD.rows - board.rows)
+    image = np.pad(image, ((0, below), (0, 0)), constant_values=255)
     return np.pad(image.astype(np.uint8), PIXELS, constant_values=255)
 
 

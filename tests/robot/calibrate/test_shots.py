@@ -1,7 +1,13 @@
 import dataclasses as dc
+import logging
+import struct
+import zlib
 
 import numpy as np
 import pytest
+from helpers import check_reads_or_refuses, damaged
+from hypothesis import given, settings
+from hypothesis import strategies as st
 from pydrake.math import RigidTransform, RollPitchYaw
 
 from drake_srg.common.exceptions import ScenarioError
@@ -72,11 +78,11 @@ def test_a_spreadsheet_s_byte_order_mark_is_passed_over(tmp_path):
             "poses.csv",
             b",0.000000000,",
             b",here,",
-            "row 2: .: must be a number, got 'here'",
+            "line 2: .: must be a number, got 'here'",
         ),
         ("poses.csv", b"0.000000000,0.98", b"0.000000000,0.08", "must have norm 1"),
-        ("1.png", None, None, "row 3: image '1.png' cannot be read"),
-        ("1.png", b"PNG", b"JPG", "row 3: image '1.png' cannot be read"),
+        ("1.png", None, None, "line 3: image '1.png' cannot be read"),
+        ("1.png", b"PNG", b"JPG", "line 3: image '1.png' cannot be read"),
     ],
 )
 def test_a_bad_folder_gets_one_line(tmp_path, name, old, new, message):
@@ -89,6 +95,31 @@ def test_a_bad_folder_gets_one_line(tmp_path, name, old, new, message):
     with pytest.raises(ScenarioError, match=message) as caught:
         read_shots(write(tmp_path, files))
     assert "\n" not in str(caught.value)
+
+
+def test_a_picture_of_too_many_pixels_is_refused(tmp_path):
+    files = shot_files(shots(np.zeros((6, 8, 3), np.uint8)))
+    start = files["0.png"][:16]
+    head = b"IHDR" + struct.pack(">IIBBBBB", 10**5, 10**5, 8, 2, 0, 0, 0)
+    crc = struct.pack(">I", zlib.crc32(head))
+    files["0.png"] = start[:12] + head + crc + files["0.png"][33:]
+    with pytest.raises(ScenarioError, match=r"image '0\.png' cannot be read"):
+        read_shots(write(tmp_path, files))
+
+
+def test_a_board_of_an_older_opencv_is_found_and_told(mounting, caplog):
+    """With an even number of rows, where the pattern differs."""
+    board = dc.replace(mounting.board, rows=4)
+    old = dc.replace(board, legacy=True)
+    taken = shots(picture(old), np.roll(picture(old), 5))
+    with caplog.at_level(logging.WARNING, logger="drake_srg"):
+        views = find_views(taken, dc.replace(mounting, board=board))
+    assert "OpenCV before 4.6" in caplog.text
+    expected = old.corners[:, :2] / old.square * 40 + 40 - 0.5
+    np.testing.assert_allclose(views[0].pixels, expected, atol=0.05)
+    caplog.clear()
+    find_views(shots(picture(board)), dc.replace(mounting, board=board))
+    assert not caplog.records
 
 
 def test_corners_are_found_in_each_image(mounting):
@@ -158,3 +189,13 @@ def test_a_camera_that_the_arm_cannot_reach_is_refused():
         ScenarioError, match=r"cameras.ceiling: the arm can .* 0 of 1 w"
     ):
         plan("kitchen", "ceiling", away, count=1)
+
+
+@pytest.mark.parametrize("name", ["poses.csv", "0.png"])
+@settings(max_examples=50)
+@given(data=st.data())
+def test_a_broken_file_gets_one_line(tmp_path_factory, name, data):
+    files = shot_files(shots(np.full((6, 8, 3), 90, np.uint8)))
+    files[name] = data.draw(damaged(files[name]))
+    folder = write(tmp_path_factory.mktemp("shots"), files)
+    check_reads_or_refuses(lambda _: read_shots(folder), folder / "poses.csv")

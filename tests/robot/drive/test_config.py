@@ -1,4 +1,7 @@
 import pytest
+from helpers import check_reads_or_refuses, damaged
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
 from drake_srg.common.exceptions import ScenarioError
 from drake_srg.robot.drive.arm import Ros2Arm
@@ -93,3 +96,17 @@ def test_mistakes_are_named(text, words):
 def test_a_missing_file_is_named(tmp_path):
     with pytest.raises(ScenarioError, match=r"none\.yaml: cannot be read"):
         load_hardware(tmp_path / "none.yaml")
+
+
+@settings(max_examples=60)
+@given(data=st.data())
+def test_a_broken_file_gets_one_line(tmp_path_factory, data):
+    path = tmp_path_factory.mktemp("hardware") / "robot.yaml"
+    more = "cameras: {top: !Ros2Camera {}}\nros2: {domain: 5}\n"
+    path.write_bytes(data.draw(damaged(f"{GOOD}{more}".encode())))
+    check_reads_or_refuses(load_hardware, path)
+
+
+def test_a_key_twice_is_refused():
+    with pytest.raises(ScenarioError, match=r"^f: line 3: key 'arm' is in line 1, too"):
+        parse_hardware(GOOD + "arm: !Ros2Arm {}", "f")

@@ -1,6 +1,9 @@
 import dataclasses as dc
 
 import pytest
+from helpers import check_reads_or_refuses, damaged
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
 from drake_srg.common.exceptions import ScenarioError
 from drake_srg.robot.identify.log import COLUMNS, parse_log, read_log, vendor_log
@@ -35,15 +38,21 @@ def test_columns_may_stand_in_any_order():
         (lambda s: s.replace("test,", "test,note,", 1), "column note"),
         (lambda s: s.replace("test,", "test,load,", 1), "column load"),
         (lambda s: s + "\n" + "9" * 200_000, "not a CSV file: field larger"),
-        (lambda s: s.replace("558.0", "nan"), "row 2: current_ma: must be 10 .. 20000"),
-        (lambda s: s.replace("558.0", "0.558"), "row 2: current_ma: must be 10"),
+        (
+            lambda s: s.replace("558.0", "nan"),
+            "line 3: current_ma: must be 10 .. 20000",
+        ),
+        (lambda s: s.replace("558.0", "0.558"), "line 3: current_ma: must be 10"),
         (
             lambda s: s.replace("558.0", "558 mA"),
             "current_ma: must be a number without",
         ),
-        (lambda s: s.replace(",558.0", ","), "row 2: current_ma: must not be empty"),
-        (lambda s: s.replace("position,30", "grasp,30"), "row 2: test: must be one of"),
-        (lambda s: s + ",9", "row 26: needs 7 entries, got 8"),
+        (lambda s: s.replace(",558.0", ","), "line 3: current_ma: must not be empty"),
+        (
+            lambda s: s.replace("position,30", "grasp,30"),
+            "line 3: test: must be one of",
+        ),
+        (lambda s: s + ",9", "line 27: needs 7 entries, got 8"),
         (lambda s: "\n".join(s.splitlines()[:2]), "test position: needs at least 4"),
         (lambda s: "", "missing column test"),
     ],
@@ -62,9 +71,17 @@ def test_a_file_may_start_with_a_byte_order_mark(tmp_path):
 
 
 def test_a_file_that_cannot_be_read_is_named(tmp_path):
-    with pytest.raises(ScenarioError, match=r"none\.csv: No such file"):
+    with pytest.raises(ScenarioError, match=r"none\.csv: cannot be read: No such file"):
         read_log(tmp_path / "none.csv")
     binary = tmp_path / "binary.csv"
     binary.write_bytes(b"\xff\xfe\x00")
-    with pytest.raises(ScenarioError, match="must be a CSV file in UTF-8"):
+    with pytest.raises(ScenarioError, match="not a CSV file in UTF-8"):
         read_log(binary)
+
+
+@settings(max_examples=60)
+@given(data=st.data())
+def test_a_broken_file_gets_one_line(tmp_path_factory, data):
+    path = tmp_path_factory.mktemp("log") / "log.csv"
+    path.write_bytes(data.draw(damaged(text().encode())))
+    check_reads_or_refuses(read_log, path)
