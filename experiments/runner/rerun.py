@@ -22,7 +22,7 @@ from drake_srg.cli.command import (
     INTERRUPTED,
     SUCCESS,
     TASK_FAILED,
-    end_on_sigterm,
+    end_on_signals,
 )
 from drake_srg.common.exceptions import ScenarioError, suggest
 from experiments import find_experiments
@@ -69,7 +69,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         "--accept", action="store_true", help="put the new results into docs"
     )
     options = parser.parse_args(arguments)
-    end_on_sigterm()
+    end_on_signals()
     try:
         return rerun(options)
     except (ScenarioError, OSError) as error:
