@@ -252,7 +252,10 @@ class Command:
         """Add the command, and --json and --quiet, to a command line."""
         description = f"{sentence(self.summary)} {self.details}"
         parser = subparsers.add_parser(
-            self.name, description=description.strip(), add_help=False
+            self.name,
+            help=sentence(self.summary),
+            description=description.strip(),
+            add_help=False,
         )
         parser.set_defaults(run=self.run, command=self.name)
         helps = () if self.own_help else (HELP,)
@@ -369,6 +372,13 @@ def a_scenario(
 
 
 SCENARIO = a_scenario()
+CELL = argument(
+    "--cell",
+    default="",
+    metavar="MODULE:FUNCTION",
+    help="a function of yours that builds the cell from the scenario, as in a project "
+    "of `drake-srg new`",
+)
 
 
 def load(options: argparse.Namespace) -> "Scenario":

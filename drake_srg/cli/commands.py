@@ -19,6 +19,7 @@ from typing import TYPE_CHECKING
 
 from drake_srg.cli.command import (
     BAD_INPUT,
+    CELL,
     INTERRUPTED,
     OPEN,
     SCENARIO,
@@ -79,6 +80,7 @@ def run_hardware(options: argparse.Namespace) -> int:
     "do a scenario's task in simulation or on hardware",
     "Exit code: 0 success, 1 the task failed, 2 bad input.",
     SCENARIO,
+    CELL,
     folder("the results", "out/SCENARIO or out/hardware/SCENARIO"),
     flag("--no-record", "write only metrics.json and log.npz"),
     argument(
@@ -91,9 +93,13 @@ def run_hardware(options: argparse.Namespace) -> int:
 def run(options: argparse.Namespace) -> int:
     """Do a scenario's task, and print its metrics and where the files are."""
     from drake_srg.simulation import Simulate
+    from drake_srg.station.cell import MakeCell, load_make_cell
 
     if options.hardware is not None:
+        if options.cell:
+            raise ScenarioError(f"--cell {options.cell}: cannot go with --hardware")
         return run_hardware(options)
+    make_cell = load_make_cell(options.cell) if options.cell else MakeCell
     scenario = load(options)
     name = name_of(options)
     with results_folder(options, Path("out") / name, RUN) as out:
@@ -102,6 +108,7 @@ def run(options: argparse.Namespace) -> int:
             name=name,
             out=out,
             record=not options.no_record,
+            make_cell=make_cell,
             progress=options.console.progress,
         )
     return _tell(options, result, out)
@@ -136,7 +143,7 @@ def _tell(options: argparse.Namespace, result: Result, out: Path) -> int:
 def demo(options: argparse.Namespace) -> int:
     """Run the kitchen cell, and name or open the replay."""
     options.scenario, options.seed, options.set = "kitchen", None, []
-    options.no_record, options.hardware = False, None
+    options.no_record, options.hardware, options.cell = False, None, ""
     code = run(options)
     if options.open:
         _open(options.out / "replay.html")

@@ -13,6 +13,7 @@ from drake_srg.cli.command import (
     command,
     flag,
     one_of,
+    printing,
     repeatable,
 )
 from drake_srg.cli.results import results_folder
@@ -35,7 +36,8 @@ class _Help(argparse.Action):
         name = getattr(namespace, "experiment", None)
         try:
             text = _load("runner.run").describe(name) if name else parser.format_help()
-            print(text)
+            with printing():
+                print(text)
         except ScenarioError as error:
             parser.error(str(error))
         parser.exit()

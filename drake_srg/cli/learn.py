@@ -41,9 +41,9 @@ _SET = "a keyword of the environment (repeatable), such as driver=tendon; YAML"
         choices=("q", "sac", "bc", "dagger"),
         default="q",
         metavar="NAME",
-        help="the algorithm; q: values of actions, for episodes of one step; sac: soft actor-critic; "
-        "bc: clones a hand-written rule, or --data; dagger: asks the rule again where "
-        "the clone ends up (default: %(default)s)",
+        help="the algorithm: q, values of actions, for episodes of one step; sac, "
+        "soft actor-critic; bc, which clones a hand-written rule, or --data; dagger, "
+        "which asks the rule again where the clone ends up (default: %(default)s)",
     ),
     argument(
         "--data",
@@ -121,7 +121,7 @@ def train(options: argparse.Namespace) -> int:
                 training, out, resume=options.resume, progress=options.console.progress
             )
     except KeyboardInterrupt:
-        again = shlex.join([*words, "-o", str(out), "--resume"])
+        again = shlex.join([*words, "--out", str(out), "--resume"])
         options.console.complain(f"stopped; to continue: {again}")
         return INTERRUPTED
     info = policy.info
@@ -156,7 +156,7 @@ def train(options: argparse.Namespace) -> int:
         "--seed",
         type=int,
         metavar="N",
-        help="seed of the first episode (not training's)",
+        help="seed of the first episode",
     ),
     repeatable("--set", "KEY=VALUE", f"{_SET}; of a scenario, any entry"),
     ENGINE,

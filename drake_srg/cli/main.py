@@ -7,7 +7,7 @@ import os
 import sys
 from collections.abc import Iterator, Sequence
 from pathlib import Path
-from typing import NoReturn
+from typing import Any, NoReturn
 
 import drake_srg
 from drake_srg.cli import commands, doctor, learn, objects, project, robot, sweep
@@ -114,6 +114,11 @@ class CommandParser(argparse.ArgumentParser):
             self.error(f"unknown argument {words[0]!r} {hint}")
         return options
 
+    def print_help(self, file: Any = None) -> None:
+        """Print the help; argparse's own method hides that it cannot be written."""
+        with printing():
+            print(self.format_help(), end="", file=file)
+
     def _check_value(self, action: argparse.Action, value: object) -> None:
         """Suggest a command, or another word, for one that is unknown."""
         if action.choices is not None and value not in action.choices:
@@ -142,7 +147,8 @@ class _PrintVersion(argparse.Action):
     """Prints the version; looks it up only then, because that reads the disk."""
 
     def __call__(self, parser: argparse.ArgumentParser, *_: object) -> None:
-        print(f"drake-srg {importlib.metadata.version('drake_srg')}")
+        with printing():
+            print(f"drake-srg {importlib.metadata.version('drake_srg')}")
         parser.exit()
 
 

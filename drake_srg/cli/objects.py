@@ -61,7 +61,7 @@ def _color(text: str) -> list[float]:
             "--mass",
             type=_positive,
             metavar="KG",
-            help="the mass, in place of the file's",
+            help="the mass",
         ),
         argument(
             "--density",
@@ -109,7 +109,7 @@ def import_object(options: argparse.Namespace) -> int:
         folder = import_model(file, options.scale, options.pieces, quiet=True)
     report = read_report(folder)
     out = free_path(options, Path("out") / "objects" / name, _FILES)
-    with writing("-o", out):
+    with writing("--out", out):
         out.parent.mkdir(parents=True, exist_ok=True)
         with tempfile.TemporaryDirectory(prefix=".", dir=out.parent) as there:
             new = Path(there) / name

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import importlib.util
 import keyword
 import re
 import shutil
@@ -12,14 +13,15 @@ from pathlib import Path
 from drake_srg.cli.command import SUCCESS, argument, command, writing
 from drake_srg.common.exceptions import ScenarioError
 
-_TEMPLATES = Path(__file__).with_name("project")
+_TEMPLATES = Path(__file__).with_name("template")
 _PLACE = "@NAME@"
+_MODULES = ("cell", "test_cell")  # the project's own
 
 
 @command(
     "start a project: scenario, localizer, test, notebook",
     "",
-    argument("name", metavar="NAME", help="of the project and its folder"),
+    argument("name", metavar="NAME", help="name of the project and its folder"),
 )
 def new(options: argparse.Namespace) -> int:
     """Write a project into a new folder, and print what to do with it."""
@@ -51,6 +53,8 @@ def make_project(name: str, parent: Path) -> Path:
     folder = parent / name
     if folder.exists():
         raise ScenarioError(f"NAME {name}: {folder} already exists")
+    if importlib.util.find_spec(name) is not None or name in _MODULES:
+        raise ScenarioError(f"NAME {name}: a Python module has this name")
     with (
         writing("NAME", folder),
         tempfile.TemporaryDirectory(prefix=f".{name}.", dir=parent) as hidden,
@@ -59,6 +63,7 @@ def make_project(name: str, parent: Path) -> Path:
         draft.mkdir()
         for template in _TEMPLATES.glob("*.in"):
             text = template.read_text("utf-8").replace(_PLACE, name)
-            (draft / template.stem).write_text(text, encoding="utf-8")
+            file = template.stem.replace("scenario", name).replace("dot_", ".")
+            (draft / file).write_text(text, encoding="utf-8")
         shutil.move(draft, folder)
     return folder

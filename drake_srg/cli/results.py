@@ -79,7 +79,7 @@ def results_folder(
 
     resume, replace = (getattr(options, key, False) for key in ("resume", "replace"))
     for out in _choices(options, default):
-        with writing("-o", out, advise), contextlib.ExitStack() as stack:
+        with writing("--out", out, advise), contextlib.ExitStack() as stack:
             stack.enter_context(output_folder(out))
             lock = _lock(out)
             if lock is not None:
@@ -92,7 +92,7 @@ def results_folder(
             if options.out is None and not resume:
                 continue
             if lock is None:
-                raise ScenarioError(f"-o {out}: another process is writing there")
+                raise ScenarioError(f"--out {out}: another process is writing there")
             raise taken(options, out, names)
 
 
@@ -108,7 +108,7 @@ def free_path(options: argparse.Namespace, default: Path, names: Sequence[str]) 
         ScenarioError: If there is something already.
     """
     for out in _choices(options, default):
-        with writing("-o", out):
+        with writing("--out", out):
             if options.replace:
                 remove(out, names)
             if not out.exists() or (out.is_dir() and not any(out.iterdir())):
@@ -127,7 +127,7 @@ def taken(
     more = "continue them with --resume, " if hasattr(options, "resume") else ""
     has = f"has results{there}" if out.is_dir() else "exists"
     return ScenarioError(
-        f"-o {out}: already {has}; {more}choose another, or add --replace"
+        f"--out {out}: already {has}; {more}choose another, or add --replace"
     )
 
 

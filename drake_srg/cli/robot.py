@@ -255,7 +255,7 @@ VENDOR = "vendor"
 
 
 @command(
-    "fit a gripper's motor, friction and heat to what its servo showed",
+    "fit a gripper's motor, friction and heat to a log of its servo",
     "It prints intervals, correlations and what the log leaves open, and writes a "
     "scenario.",
     argument(
@@ -338,12 +338,10 @@ _BOARD = "6,5,0.04,0.03,DICT_4X4_50"
 
 
 @command(
-    "find a camera's intrinsics and pose by images of a ChArUco board",
-    "In simulation, the arm shows the board to the camera. It prints standard "
-    "deviations and writes the images, and a scenario with the result.",
-    argument(
-        "what", choices=["camera"], metavar="WHAT", help="what to calibrate: camera"
-    ),
+    "find a camera's intrinsics and pose by images of a board",
+    "The board is a ChArUco board. In simulation, the arm shows it to the camera. It "
+    "prints standard deviations and writes the images, and a scenario with the result.",
+    argument("what", choices=["camera"], metavar="WHAT", help="the word camera"),
     SCENARIO,
     argument(
         "--camera",
@@ -479,5 +477,5 @@ def _base(scenario: str, out: Path) -> str:
     if not scenario.endswith(".yaml"):
         return scenario
     if Path(scenario).resolve() == (out / "calibration.yaml").resolve():
-        raise ScenarioError(f"-o {out}: would replace the scenario; choose another")
+        raise ScenarioError(f"--out {out}: would replace the scenario; choose another")
     return os.path.relpath(scenario, out)

@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from drake_srg.cli.command import (
+    CELL,
     INTERRUPTED,
     SCENARIO,
     SUCCESS,
@@ -63,6 +64,7 @@ A_SWEEP = argument("folder", type=Path, metavar="DIR", help="folder of the sweep
     "Trial k is `drake-srg run SCENARIO --seed S+k`. Exit code: 0 once all trials "
     "have run, whatever their outcome; 2 bad input; 130 interrupted.",
     SCENARIO,
+    CELL,
     argument("--trials", type=int, required=True, metavar="N", help="number of trials"),
     ENGINE,
     folder("the results", "out/sweeps/SCENARIO"),
@@ -113,6 +115,7 @@ def sweep(options: argparse.Namespace) -> int:
                 resume=options.resume,
                 progress=options.console.progress,
                 tell=warn,
+                cell=options.cell,
             )
     except KeyboardInterrupt:
         options.console.complain(f"stopped; to continue: {resume}")
@@ -232,6 +235,7 @@ def _resume_line(options: argparse.Namespace, out: Path) -> str:
         words += ["--seed", str(options.seed)]
     for override in options.set:
         words += ["--set", override]
+    words += ["--cell", options.cell] if options.cell else []
     if options.engine == "ray":
         words += ["--engine", "ray"]
         words += ["--address", options.address] if options.address else []
@@ -239,4 +243,4 @@ def _resume_line(options: argparse.Namespace, out: Path) -> str:
         words += ["--jobs", str(options.jobs)]
     if options.record != "none":
         words += ["--record", options.record]
-    return shlex.join([*words, "-o", str(out), "--resume"])
+    return shlex.join([*words, "--out", str(out), "--resume"])

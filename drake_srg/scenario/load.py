@@ -236,7 +236,8 @@ def _builtin(name: str | Path) -> Path:
 
 def _read(path: Path, seen: tuple[Path, ...] = ()) -> dict[str, Any]:
     try:
-        text = sys.stdin.read() if path == Path("-") else path.read_text("utf-8")
+        piped = path == Path("-")
+        text = sys.stdin.read() if piped else path.read_text(encoding="utf-8")
     except UnicodeError:
         raise ScenarioError(f"{path}: cannot be read: not text in UTF-8") from None
     except (OSError, ValueError) as error:  # ValueError: a null character in the path

@@ -4,6 +4,7 @@ import dataclasses as dc
 import json
 import subprocess
 import sys
+import tomllib
 from pathlib import Path
 
 import pytest
@@ -141,7 +142,6 @@ def test_the_exit_code_follows_what_is_claimed(
         metrics = dc.replace(
             judge(without_truth(), status), success=False, claimed=claimed
         )
-        out.mkdir()
         metrics.write(out / "metrics.json")
         return Result(metrics, {}, status)
 
@@ -181,7 +181,7 @@ def test_json_names_every_model(tmp_path, capsys):
     ("arguments", "words"),
     [
         (["export", "nowhere", "--sdf", "out"], "'nowhere'"),
-        ([*BENCH, "--sdf", "file/out"], "--sdf file/out: cannot be written"),
+        ([*BENCH, "--sdf", "file/out"], "--out file/out: cannot be written"),
         (
             [*BENCH, "--set", "object={soft: {edge: 0.02}}", "--sdf", "out"],
             "soft",
@@ -201,9 +201,9 @@ def test_bad_input_is_one_line_and_leaves_nothing(
 
 def test_a_folder_in_the_way_of_a_file_stops_all_files(tmp_path, capsys):
     (tmp_path / "gripper.urdf").mkdir()
-    assert main([*BENCH, "--urdf", str(tmp_path)]) == 2
+    assert main([*BENCH, "--urdf", str(tmp_path), "--replace"]) == 2
     (line,) = capsys.readouterr().err.splitlines()
-    assert f"--urdf {tmp_path}: cannot be written: Is a directory" in line
+    assert f"--out {tmp_path}: cannot be written: Is a directory" in line
     assert [path.name for path in tmp_path.iterdir()] == ["gripper.urdf"]
     assert not list((tmp_path / "gripper.urdf").iterdir())
 
@@ -231,12 +231,16 @@ def project(tmp_path_factory):
 
 def test_a_project_has_its_files_with_its_name(project):
     assert sorted(path.name for path in project.iterdir()) == [
+        ".gitignore",
         "README.md",
         "cell.py",
+        "my_cell.yaml",
         "notebook.ipynb",
-        "scenario.yaml",
+        "pyproject.toml",
         "test_cell.py",
     ]
+    about = tomllib.loads((project / "pyproject.toml").read_text())
+    assert about["project"]["name"] == "my_cell"
     for path in project.iterdir():
         assert "@NAME@" not in path.read_text()
     assert "# my_cell" in (project / "README.md").read_text()
@@ -281,6 +285,46 @@ def test_a_bad_name_is_refused(name, tmp_path, monkeypatch, capsys):
     assert main(["new", name]) == 2
     (line,) = capsys.readouterr().err.splitlines()
     assert f"NAME {name!r}: invalid (allowed: " in line
+    assert not list(tmp_path.iterdir())
+
+
+@pytest.mark.parametrize("name", ["drake_srg", "numpy", "json", "cell"])
+def test_the_name_of_a_module_is_refused(name, tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    assert main(["new", name]) == 2
+    (line,) = capsys.readouterr().err.splitlines()
+    assert f"NAME {name}: a Python module has this name" in line
+    assert not list(tmp_path.iterdir())
+
+
+@pytest.mark.slow
+def test_the_cell_of_a_project_runs_and_sweeps(project, monkeypatch, capsys):
+    monkeypatch.chdir(project)
+    own = ["my_cell.yaml", "--cell", "cell:make_cell"]
+    soon = ["--set", "planner.time_budget=0.5"]
+    assert main(["run", *own, *soon, "--no-record"]) == 1
+    metrics = json.loads((project / "out/my_cell/metrics.json").read_text())
+    assert metrics["scenario"] == "my_cell"
+    assert main(["sweep", *own, *soon, "--trials", "1", "--jobs", "1"]) == 0
+    assert "0 of 1" in capsys.readouterr().out
+    info = json.loads((project / "out/sweeps/my_cell/sweep.json").read_text())
+    assert info["cell"] == "cell:make_cell"
+
+
+@pytest.mark.parametrize(
+    ("cell", "words"),
+    [
+        ("cell", "must be MODULE:FUNCTION"),
+        ("nothing_here:make", "cannot be imported: ModuleNotFoundError"),
+        ("json:make", "json has no function 'make'"),
+    ],
+)
+def test_a_cell_that_is_none_is_told(cell, words, tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    assert main(["run", "assistive_arm", "--cell", cell]) == 2
+    (line,) = capsys.readouterr().err.splitlines()
+    assert f"--cell {cell}: " in line
+    assert words in line
     assert not list(tmp_path.iterdir())
 
 

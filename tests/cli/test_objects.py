@@ -77,7 +77,7 @@ def test_an_object_that_does_not_rest_is_told(tmp_path, capsys, outcomes):
         ("a.urdf", "<robot/>", [], ["a.urdf", "one link, got 0"]),
         ("a.txt", "hello", [], ["a.txt", "unknown format", ".urdf"]),
         ("a.obj", "hello", ["--pieces", "0"], ["--pieces", "1 .. 256"]),
-        ("a.obj", "hello", ["-o", "."], ["-o", "already exists"]),
+        ("a.obj", "hello", ["-o", "."], ["--out .", "already has results (a.obj)"]),
     ],
 )
 def test_bad_input_is_one_line_and_leaves_nothing(
@@ -137,7 +137,7 @@ def test_list_objects_shows_sizes_masses_and_pieces(capsys):
 @pytest.mark.slow
 def test_pictures_of_all_are_drawn(tmp_path, capsys, monkeypatch):
     monkeypatch.setattr(cli_objects, "_PIXELS", 32)
-    assert main(["list", "--objects", "--pictures", str(tmp_path / "p")]) == 0
+    assert main(["list", "--objects", "-o", str(tmp_path / "p")]) == 0
     names = {path.name for path in (tmp_path / "p").iterdir()}
     assert names == {*(f"{name}.png" for name in HOUSEHOLD), "objects.png"}
     assert str(tmp_path / "p" / "objects.png") in capsys.readouterr().out
