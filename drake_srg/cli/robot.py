@@ -255,7 +255,7 @@ VENDOR = "vendor"
 
 
 @command(
-    "fit a gripper's motor, friction and heat to a log of its servo",
+    "fit a gripper's motor, friction and heat to its servo's log",
     "It prints intervals, correlations and what the log leaves open, and writes a "
     "scenario.",
     argument(

@@ -13,7 +13,11 @@ from drake_srg.planning.motion.inverse_kinematics import (
     IkSolution,
     solve_inverse_kinematics,
 )
-from drake_srg.planning.motion.planning_scene import PlanningScene, carried_drift
+from drake_srg.planning.motion.planning_scene import (
+    Clearance,
+    PlanningScene,
+    carried_drift,
+)
 from drake_srg.types import Box, Cylinder, Shape, Sphere
 
 CAN = Cylinder(0.033, 0.102)
@@ -188,3 +192,14 @@ def test_it_is_what_steps_add_up_to(pendulum):
 def test_the_object_of_an_arm_at_rest_stays(pendulum):
     drift = carried_drift(pendulum, turn(0.0, 0.0), np.array([0.1, 0.0, 0.0]), 0.006)
     np.testing.assert_array_equal(drift, np.zeros(3))
+
+
+@pytest.mark.parametrize(
+    ("distance", "words"),
+    [
+        (-0.1018, "a and b overlap by 101.8 mm"),
+        (0.004, "a and b are 4.0 mm apart, must be 5.0 mm"),
+    ],
+)
+def test_a_clearance_is_told_in_words(distance, words):
+    assert str(Clearance(distance, 0.005, ("a", "b"))) == words
