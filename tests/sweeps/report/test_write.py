@@ -138,7 +138,12 @@ def test_what_no_trial_has_is_left_out(tmp_path):
     for name in ("grasp_lifted", "placement_error_m", "cycle_time_s"):
         rows[name] = [None] * 60
     page = report(tmp_path, rows)
-    for words in ("of 0 trials", "Grasped and lifted", "until it is placed", "has a value"):
+    for words in (
+        "of 0 trials",
+        "Grasped and lifted",
+        "until it is placed",
+        "has a value",
+    ):
         assert words not in page.text
 
 
