@@ -135,8 +135,8 @@ def _tell(options: argparse.Namespace, result: Result, out: Path) -> int:
 
 @command(
     "run the kitchen cell and record it",
-    "The same as `drake-srg run kitchen`. The last line is the path of the replay, "
-    "which any browser opens. Exit code: 0 success, 1 the task failed.",
+    "The same as `drake-srg run kitchen`. It ends with what to open, and what to try "
+    "next. Exit code: 0 success, 1 the task failed.",
     folder("the results", "out/kitchen"),
     OPEN,
 )
@@ -145,8 +145,15 @@ def demo(options: argparse.Namespace) -> int:
     options.scenario, options.seed, options.set = "kitchen", None, []
     options.no_record, options.hardware, options.cell = False, None, ""
     code = run(options)
+    page = options.out / "replay.html"
+    options.console.say(
+        "",
+        f"Open {page} in a browser: the run in 3D, with all its signals.",
+        "No friction:   drake-srg run kitchen --set object.friction=0",
+        "All scenarios: drake-srg list",
+    )
     if options.open:
-        _open(options.out / "replay.html")
+        _open(page)
     return code
 
 

@@ -2,6 +2,7 @@
 
 import dataclasses as dc
 import json
+import shlex
 import subprocess
 import sys
 import tomllib
@@ -13,7 +14,7 @@ from simulation.made_logs import BLOB, judge, make_log
 
 import drake_srg.robot.drive
 from drake_srg.cli import commands
-from drake_srg.cli.main import main
+from drake_srg.cli.main import main, make_parser
 from drake_srg.common.exceptions import ScenarioError
 from drake_srg.simulation import benchmark
 from drake_srg.simulation.benchmark import Benchmark, Peer
@@ -53,11 +54,21 @@ def test_replay_of_two_runs_makes_a_page_of_both(tmp_path, capsys):
 @pytest.mark.parametrize("code", [0, 1])
 def test_demo_is_a_recorded_run_of_the_kitchen(code, tmp_path, capsys, monkeypatch):
     ran, opened = [], []
-    monkeypatch.setattr(commands, "run", lambda options: ran.append(options) or code)
+
+    def run(options):
+        ran.append(options)
+        return code
+
+    monkeypatch.setattr(commands, "run", run)
     monkeypatch.setattr("webbrowser.open", lambda url: opened.append(url) or True)
     assert main(["demo", "--out", str(tmp_path), "--open"]) == code
     (options,) = ran
     assert (options.scenario, options.out) == ("kitchen", tmp_path)
+    first, *others = capsys.readouterr().out.splitlines()[-3:]
+    assert f"Open {tmp_path / 'replay.html'}" in first
+    for line in others:  # what it says to try is understood
+        words = shlex.split(line.partition("drake-srg")[2])
+        assert make_parser().parse_args(words).command == words[0]
     assert opened == [(tmp_path / "replay.html").as_uri()]
 
 
