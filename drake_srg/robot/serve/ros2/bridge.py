@@ -270,7 +270,7 @@ class _Mismatches(Listener):
     """
 
     def __init__(self, topic: Topic, warnings: Warnings) -> None:
-        super().__init__()
+        super().__init__()  # type: ignore[no-untyped-call] # Cyclone DDS has no types
         self._topic, self._warnings = topic, warnings
 
     def on_offered_incompatible_qos(self, writer: Any, status: Any) -> None:
