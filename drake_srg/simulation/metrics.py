@@ -140,10 +140,7 @@ class Metrics:
             ("cycle", show(self.cycle_time_s, 1.0, "s")),
             ("localisation error", across(self.localization_error_m)),
             ("localisation turn", degrees(self.localization_turn_rad)),
-            (
-                "placement error",
-                "off the table" if self._lost else across(self.placement_error_m),
-            ),
+            ("placement error", across(self.placement_error_m)),
             ("placement tilt", degrees(self.placement_tilt_rad)),
             ("shift while closing", show(self.grasp_shift_m, 1e3, "mm")),
             ("drift in the hand", show(self.hold_drift_m_per_s, 1e6, "um/s")),
@@ -182,11 +179,6 @@ class Metrics:
         ]
         width = max(20, *(len(name) for name, _ in rows))
         return "\n".join(f"{name:{width}} {value}" for name, value in rows)
-
-    @property
-    def _lost(self) -> bool:
-        """Whether what counts as placed nowhere is off the table: a single object."""
-        return bool(self.off_table) and self.placement_error_m is None
 
     def _called(self, name: str) -> str:
         """Return the name of an object, and its kind if the seed has drawn it."""
