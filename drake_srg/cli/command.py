@@ -14,6 +14,7 @@ import re
 import signal
 import sys
 import threading
+import types
 from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
 from queue import SimpleQueue
@@ -34,11 +35,33 @@ class OutputError(Exception):
     """Standard output cannot be written; the message says why."""
 
 
+# How soon to try again to interrupt an import [s].
+_AGAIN = 0.05
+
+
 def end_on_signals() -> None:
-    """Make SIGTERM and SIGHUP (a closed terminal) end the command as Ctrl-C does."""
-    if threading.current_thread() is threading.main_thread():  # Python's own limit
-        for number in heeded(signal.SIGTERM, signal.SIGHUP):
-            signal.signal(number, signal.default_int_handler)
+    """Make Ctrl-C, SIGTERM and SIGHUP (a closed terminal) end the command.
+
+    They raise a KeyboardInterrupt, but not within an import: there, Drake makes an
+    ImportError of it, and Python prints tracebacks. A second one does not wait.
+    """
+    if threading.current_thread() is not threading.main_thread():  # Python's own limit
+        return
+    came = False
+
+    def end(number: int, frame: types.FrameType | None) -> None:
+        nonlocal came
+        again, came = came and number != signal.SIGALRM, True
+        while frame is not None and not again:
+            if frame.f_code.co_filename.startswith("<frozen importlib"):
+                signal.setitimer(signal.ITIMER_REAL, _AGAIN)
+                return
+            frame = frame.f_back
+        raise KeyboardInterrupt
+
+    for number in heeded(signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
+        signal.signal(number, end)
+    signal.signal(signal.SIGALRM, end)
 
 
 def heeded(*numbers: signal.Signals) -> list[signal.Signals]:

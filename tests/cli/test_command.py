@@ -58,7 +58,7 @@ def test_a_closed_pipe_is_no_problem_of_the_files():
         raise BrokenPipeError(errno.EPIPE, os.strerror(errno.EPIPE))
 
 
-@pytest.mark.parametrize("name", ["SIGTERM", "SIGHUP"])
+@pytest.mark.parametrize("name", ["SIGINT", "SIGTERM", "SIGHUP"])
 def test_signals_end_a_command_like_ctrl_c(name):
     code = (
         "import os, signal, time\n"
@@ -74,6 +74,33 @@ def test_signals_end_a_command_like_ctrl_c(name):
         [sys.executable, "-c", code], capture_output=True, text=True, check=False
     )
     assert (done.returncode, done.stdout) == (0, "interrupted\n")
+
+
+def test_an_import_is_not_interrupted_but_what_follows_is(tmp_path):
+    (tmp_path / "slow.py").write_text(
+        "import os, signal, time\n"
+        "os.kill(os.getpid(), signal.SIGINT)\n"
+        "time.sleep(0.2)\n"
+        "print('imported')\n"
+    )
+    code = (
+        "import time\n"
+        "from drake_srg.cli.command import end_on_signals\n"
+        "end_on_signals()\n"
+        "try:\n"
+        "    import slow\n"
+        "    time.sleep(60)\n"
+        "except KeyboardInterrupt:\n"
+        "    print('interrupted')\n"
+    )
+    done = subprocess.run(
+        [sys.executable, "-c", code],
+        env={**os.environ, "PYTHONPATH": f"{ROOT}:{tmp_path}"},
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert (done.returncode, done.stdout) == (0, "imported\ninterrupted\n")
 
 
 def test_nohup_lets_a_command_live():
