@@ -13,12 +13,13 @@ from recording.replay.tiny_scene import record
 from simulation.made_logs import BLOB, judge, make_log
 
 import drake_srg.robot.drive
+import drake_srg.simulation
 from drake_srg.cli import commands
 from drake_srg.cli.main import main, make_parser
 from drake_srg.common.exceptions import ScenarioError
 from drake_srg.simulation import benchmark
 from drake_srg.simulation.benchmark import Benchmark, Peer
-from drake_srg.simulation.simulate import Result
+from drake_srg.simulation.simulate import STOPPED_BY_USER, Result
 from drake_srg.types import Mode, PlannerStatus
 
 
@@ -355,3 +356,55 @@ def test_a_folder_that_is_gone_is_told(tmp_path, monkeypatch, capsys):
     gone.rmdir()
     assert main(["new", "my_cell"]) == 2
     assert "NAME my_cell: cannot be written: No such file" in capsys.readouterr().err
+
+
+def test_models_of_another_export_stay_unless_they_are_to_be_replaced(
+    tmp_path, monkeypatch, capsys
+):
+    monkeypatch.chdir(tmp_path)
+    Path("mine").mkdir()
+    own = Path("mine/gripper.urdf")
+    own.write_text("mine")
+    assert main([*BENCH, "--urdf", "-o", "mine"]) == 2
+    assert "--out mine: already has results (gripper.urdf)" in capsys.readouterr().err
+    assert own.read_text() == "mine"
+    other = Path("mine/other.urdf")
+    other.touch()
+    assert main([*BENCH, "--urdf", "-o", "mine", "--replace"]) == 0
+    assert own.read_text() != "mine"
+    assert other.exists()
+    for folder in ("out/export/gripper_bench", "out/export/gripper_bench-2"):
+        assert main([*BENCH, "--sdf"]) == 0
+        assert Path(folder, "scene.sdf").is_file()
+
+
+@pytest.mark.parametrize("name", ["run", "demo"])
+def test_a_second_run_leaves_the_first_as_it_is(name, tmp_path, monkeypatch, capsys):
+    def simulate(scenario, *, out, **_):
+        metrics = judge(make_log())
+        metrics.write(out / "metrics.json")
+        (out / "video.mp4").write_text(f"made in {out}")
+        return Result(metrics, {}, PlannerStatus(mode=Mode.DONE))
+
+    monkeypatch.setattr(drake_srg.simulation, "Simulate", simulate)
+    monkeypatch.chdir(tmp_path)
+    command = ["run", "kitchen"] if name == "run" else ["demo"]
+    for folder in ("out/kitchen", "out/kitchen-2", "mine"):
+        more = ["-o", "mine"] if folder == "mine" else []
+        assert main([*command, *more]) == 0
+        assert Path(folder, "video.mp4").read_text() == f"made in {folder}"
+    assert main([*command, "-o", "mine"]) == 2
+    assert "mine: already has results (metrics.json)" in capsys.readouterr().err
+    assert main([*command, "-o", "mine", "--replace"]) == 0
+    assert Path("out/kitchen/video.mp4").read_text() == "made in out/kitchen"
+
+
+def test_a_run_that_was_interrupted_is_judged_and_ends_with_130(tmp_path, monkeypatch):
+    def simulate(scenario, *, out, **_):
+        metrics = judge(make_log())
+        metrics.write(out / "metrics.json")
+        return Result(metrics, {}, PlannerStatus(message=STOPPED_BY_USER))
+
+    monkeypatch.setattr(drake_srg.simulation, "Simulate", simulate)
+    assert main(["run", "kitchen", "-o", str(tmp_path), "-q"]) == 130
+    assert (tmp_path / "metrics.json").is_file()
