@@ -19,7 +19,7 @@ from drake_srg.cli.command import (
     one_of,
     writing,
 )
-from drake_srg.cli.results import folder, free_path, results_folder
+from drake_srg.cli.results import folder, new_folder, results_folder
 from drake_srg.common.exceptions import ScenarioError, scenario_errors
 from drake_srg.common.status_line import StatusLine
 
@@ -101,24 +101,23 @@ def import_object(options: argparse.Namespace) -> int:
 
     file = resolve(str(options.file))
     name = re.sub(r"\W+", "_", file.stem)
-    free_path(options, Path("out") / "objects" / name, ())  # fails before minutes
     if not 1 <= options.pieces <= 256:
         raise ScenarioError(f"--pieces: must be 1 .. 256, got {options.pieces}")
-    with StatusLine(shown=options.console.progress) as line:
-        line.show(f"{name}: mending it and cutting it into convex pieces")
-        folder = import_model(file, options.scale, options.pieces, quiet=True)
-    report = read_report(folder)
-    out = free_path(options, Path("out") / "objects" / name, _FILES)
-    with writing("--out", out):
-        out.parent.mkdir(parents=True, exist_ok=True)
-        with tempfile.TemporaryDirectory(prefix=".", dir=out.parent) as there:
-            new = Path(there) / name
-            copy_folder(folder, new)
-            report = _adjust(new, name, report, options)
-            with StatusLine(shown=options.console.progress) as line:
-                line.show(f"{name}: drawing and dropping it")
-                outcome = _draw_and_drop(new / MODEL, name)
-            new.rename(out)
+    with new_folder(options, Path("out") / "objects" / name, _FILES) as out:
+        with StatusLine(shown=options.console.progress) as line:
+            line.show(f"{name}: mending it and cutting it into convex pieces")
+            folder = import_model(file, options.scale, options.pieces, quiet=True)
+        report = read_report(folder)
+        with writing("--out", out):
+            out.parent.mkdir(parents=True, exist_ok=True)
+            with tempfile.TemporaryDirectory(prefix=".", dir=out.parent) as there:
+                new = Path(there) / name
+                copy_folder(folder, new)
+                report = _adjust(new, name, report, options)
+                with StatusLine(shown=options.console.progress) as line:
+                    line.show(f"{name}: drawing and dropping it")
+                    outcome = _draw_and_drop(new / MODEL, name)
+                new.rename(out)
     files = [out / MODEL, out / _PICTURE]
     options.console.say(*_description(report, outcome), "", *files)
     options.console.answer(dc.asdict(report) | {"rests": outcome.rests, "files": files})

@@ -11,6 +11,7 @@ import contextlib
 import fcntl
 import itertools
 import os
+import shutil
 from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 
@@ -28,7 +29,10 @@ SWEEP = (
 )
 TRAINING = ("training.json", "policy.npz", "policy.onnx", "checkpoint.pt", "events.*")
 CALIBRATION = ("calibration.yaml", "images/*")
-DATASET = ("meta/**/*", "data/**/*", "videos/**/*")
+DATASET = (
+    *("meta", "data", "videos"),
+    *("meta/**/*", "data/**/*", "videos/**/*"),
+)
 
 
 def folder(contents: str, default: str) -> Adds:
@@ -96,26 +100,41 @@ def results_folder(
             raise taken(options, out, names)
 
 
-def free_path(options: argparse.Namespace, default: Path, names: Sequence[str]) -> Path:
-    """Return the path of a folder that a command makes at the end, in one step.
+@contextlib.contextmanager
+def new_folder(
+    options: argparse.Namespace, default: Path, names: Sequence[str]
+) -> Iterator[Path]:
+    """Yield the path of a folder that a command makes at the end, in one step.
+
+    What it replaces is set aside until then, and comes back after an error.
 
     Args:
         options: Of the command: `out` and `replace`.
         default: The path without `-o`; a number is added if it is taken.
-        names: Patterns of what the command writes, which `--replace` removes.
+        names: Patterns of what the command writes: all that may be replaced.
 
     Raises:
         ScenarioError: If there is something already.
     """
     for out in _choices(options, default):
-        with writing("--out", out):
-            if options.replace:
-                remove(out, names)
-            if not out.exists() or (out.is_dir() and not any(out.iterdir())):
-                return out
-        if options.out is not None:
-            raise taken(options, out, ("*",))
-    raise AssertionError("numbers do not end")
+        results = {path for name in names for path in out.glob(name)}
+        others = [path for path in sorted(out.rglob("*")) if path not in results]
+        if not out.exists() or (out.is_dir() and not results and not others):
+            yield out
+            return
+        if options.replace and out.is_dir() and not others:
+            aside = out.with_name(f".{out.name}.replaced")
+            with writing("--out", out):
+                out.rename(aside)
+            try:
+                yield out
+            except BaseException:
+                aside.rename(out)
+                raise
+            shutil.rmtree(aside, ignore_errors=True)
+            return
+        if options.out is not None or options.replace:
+            raise taken(options, out, [path.name for path in others] or ("*",))
 
 
 def taken(

@@ -23,7 +23,7 @@ from drake_srg.cli.results import (
     DATASET,
     SWEEP,
     folder,
-    free_path,
+    new_folder,
     results_folder,
 )
 from drake_srg.common.exceptions import ScenarioError
@@ -183,8 +183,11 @@ def dataset(options: argparse.Namespace) -> int:
     require_sweep("pyarrow")
     from drake_srg.sweeps.dataset.make import make_dataset
 
-    output = free_path(options, options.folder / "dataset", DATASET)
-    with writing("-o", output):
+    default = options.folder / "dataset"
+    with (
+        new_folder(options, default, DATASET) as output,
+        writing("--out", output),
+    ):
         made = make_dataset(
             options.folder,
             output,

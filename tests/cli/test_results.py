@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 
 from drake_srg.cli import results
-from drake_srg.cli.results import RUN, SWEEP, find, free_path, remove, results_folder
+from drake_srg.cli.results import RUN, SWEEP, find, new_folder, remove, results_folder
 from drake_srg.common.exceptions import ScenarioError
 from drake_srg.learning.train import LOG, ONNX, POLICY
 from drake_srg.simulation.recorders import FILES
@@ -91,18 +91,37 @@ def test_what_is_resumed_is_the_last_one(tmp_path):
     assert run(options(default, resume=True), default) == default
 
 
-@pytest.mark.parametrize("name", ["", "-2"])
-def test_a_folder_that_is_made_in_one_step(tmp_path, name):
+def make(given, default, content="new"):
+    """Make a folder as `import` does; return it."""
+    with new_folder(given, default, ("model.sdf",)) as out:
+        assert not out.exists() or not any(out.iterdir())
+        out.mkdir(exist_ok=True)
+        (out / "model.sdf").write_text(content)
+    return out
+
+
+def test_a_folder_that_is_made_in_one_step_is_new(tmp_path):
     default = tmp_path / "cup"
-    assert free_path(options(), default, ()) == default
-    default.mkdir()
-    assert free_path(options(), default, ()) == default  # it is empty
-    (default / "model.sdf").touch()
-    assert free_path(options(), default, ()).name == "cup-2"
+    assert [make(options(), default).name for _ in range(2)] == ["cup", "cup-2"]
     with pytest.raises(ScenarioError, match=r"already has results \(model.sdf\)"):
-        free_path(options(default), default, ())
-    assert free_path(options(default, replace=True), tmp_path, ("model.sdf",))
-    assert not list(default.iterdir())
+        make(options(default), default)
+    assert make(options(default, replace=True), tmp_path, "newer") == default
+    assert (default / "model.sdf").read_text() == "newer"
+    (default / "notes.txt").touch()
+    with pytest.raises(ScenarioError, match=r"already has results \(notes.txt\)"):
+        make(options(default, replace=True), tmp_path, "newest")
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["cup", "cup-2"]
+
+
+def test_what_was_to_be_replaced_comes_back_after_an_error(tmp_path):
+    out = make(options(), tmp_path / "cup", "old")
+    with (
+        pytest.raises(ZeroDivisionError),
+        new_folder(options(out, replace=True), out, ("model.sdf",)),
+    ):
+        raise ZeroDivisionError
+    assert (out / "model.sdf").read_text() == "old"
+    assert [path.name for path in tmp_path.iterdir()] == ["cup"]
 
 
 def test_nothing_but_results_is_removed(tmp_path):
