@@ -28,7 +28,7 @@ if TYPE_CHECKING:
     from drake_srg.simulation.rig import DropOutcome
 
 _PICTURE = "picture.png"
-_FILES = ("model.sdf", "import.json", _PICTURE, "piece_*", "visual_*")
+_FILES = (*("model.sdf", "import.json"), *("*.obj", "*.mtl", "*.png", "*.jpg"))
 _SHEET = "objects.png"
 _PIXELS = 320
 
