@@ -12,8 +12,7 @@ unexport PYTHONDONTWRITEBYTECODE
 .PHONY: demo test test-fast test-learn golden coverage lint types docs models experiments package lock clean
 
 demo: .venv/ready  ## run the main job, record it, and say what to open and to try next
-	@PATH="$(CURDIR)/$(BIN):$$PATH" drake-srg demo
-	@command -v drake-srg > /dev/null || echo "(drake-srg is in $(BIN): source $(BIN)/activate)"
+	$(BIN)/drake-srg demo
 
 test: .venv/ready  ## run the test suite
 	$(PYTEST)

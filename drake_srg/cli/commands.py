@@ -146,11 +146,14 @@ def demo(options: argparse.Namespace) -> int:
     options.no_record, options.hardware, options.cell = False, None, ""
     code = run(options)
     page = options.out / "replay.html"
+    # As the reader can type it, also where no environment is activated.
+    typed = sys.argv[0] if Path(sys.argv[0]).name == "drake-srg" else "drake-srg"
+    program = "drake-srg" if shutil.which("drake-srg") else typed
     options.console.say(
         "",
         f"Open {page} in a browser: the run in 3D, with all its signals.",
-        "No friction:   drake-srg run kitchen --set object.friction=0",
-        "All scenarios: drake-srg list",
+        f"No friction:   {program} run kitchen --set object.friction=0",
+        f"All scenarios: {program} list",
     )
     if options.open:
         _open(page)

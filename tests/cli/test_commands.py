@@ -3,6 +3,7 @@
 import dataclasses as dc
 import json
 import shlex
+import shutil
 import subprocess
 import sys
 import tomllib
@@ -61,6 +62,8 @@ def test_demo_is_a_recorded_run_of_the_kitchen(code, tmp_path, capsys, monkeypat
         return code
 
     monkeypatch.setattr(commands, "run", run)
+    monkeypatch.setattr(sys, "argv", [".venv/bin/drake-srg"])
+    monkeypatch.setattr(shutil, "which", lambda name: None)
     monkeypatch.setattr("webbrowser.open", lambda url: opened.append(url) or True)
     assert main(["demo", "--out", str(tmp_path), "--open"]) == code
     (options,) = ran
@@ -68,6 +71,7 @@ def test_demo_is_a_recorded_run_of_the_kitchen(code, tmp_path, capsys, monkeypat
     first, *others = capsys.readouterr().out.splitlines()[-3:]
     assert f"Open {tmp_path / 'replay.html'}" in first
     for line in others:  # what it says to try is understood
+        assert ": .venv/bin/drake-srg " in " ".join(line.split())
         words = shlex.split(line.partition("drake-srg")[2])
         assert make_parser().parse_args(words).command == words[0]
     assert opened == [(tmp_path / "replay.html").as_uri()]
