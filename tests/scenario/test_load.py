@@ -144,7 +144,7 @@ def test_a_variant_keeps_what_it_does_not_override(write):
     [
         ("3", "base: must be a scenario's name or path"),
         ("[kitchen]", "base: must be a scenario's name or path"),
-        (
+        ("kitchn", r"unknown scenario 'kitchn' \(did you mean 'kitchen'\? allowed"),
             "kitchn",
             r"unknown scenario 'kitchn' \(did you mean 'kitchen'\? allowed: .*kitchen",
         ),
