@@ -11,7 +11,7 @@ unexport PYTHONDONTWRITEBYTECODE
 
 .PHONY: demo test test-fast test-learn golden coverage lint types docs models experiments package lock clean
 
-demo: .venv/ready  ## run the main job, record it, and name its replay
+demo: .venv/ready  ## run the main job, record it, and say what to open and to try next
 	$(BIN)/drake-srg demo
 
 test: .venv/ready  ## run the test suite

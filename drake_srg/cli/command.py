@@ -14,6 +14,7 @@ import re
 import signal
 import sys
 import threading
+import types
 from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
 from queue import SimpleQueue
@@ -26,13 +27,46 @@ if TYPE_CHECKING:
 
 # Exit codes.
 SUCCESS, TASK_FAILED, BAD_INPUT = 0, 1, 2
+UNWRITABLE = 74  # standard output cannot be written: EX_IOERR of sysexits.h
 INTERRUPTED = 130  # the shells' code for Ctrl-C
 
 
-def end_on_sigterm() -> None:
-    """Make a request to terminate end the command as Ctrl-C does."""
-    if threading.current_thread() is threading.main_thread():  # Python's own limit
-        signal.signal(signal.SIGTERM, signal.default_int_handler)
+class OutputError(Exception):
+    """Standard output cannot be written; the message says why."""
+
+
+# How soon to try again to interrupt an import [s].
+_AGAIN = 0.05
+
+
+def end_on_signals() -> None:
+    """Make Ctrl-C, SIGTERM and SIGHUP (a closed terminal) end the command.
+
+    They raise a KeyboardInterrupt, but not within an import: there, Drake makes an
+    ImportError of it, and Python prints tracebacks. A second one does not wait.
+    """
+    if threading.current_thread() is not threading.main_thread():  # Python's own limit
+        return
+    came = False
+
+    def end(number: int, frame: types.FrameType | None) -> None:
+        nonlocal came
+        again, came = came and number != signal.SIGALRM, True
+        while frame is not None and not again:
+            if frame.f_code.co_filename.startswith("<frozen importlib"):
+                signal.setitimer(signal.ITIMER_REAL, _AGAIN)
+                return
+            frame = frame.f_back
+        raise KeyboardInterrupt
+
+    for number in heeded(signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
+        signal.signal(number, end)
+    signal.signal(signal.SIGALRM, end)
+
+
+def heeded(*numbers: signal.Signals) -> list[signal.Signals]:
+    """Return the signals that are not ignored: `nohup` ignores SIGHUP."""
+    return [n for n in numbers if signal.getsignal(n) != signal.SIG_IGN]
 
 
 @contextlib.contextmanager
@@ -86,7 +120,7 @@ def stop_on_signals() -> Iterator[threading.Event]:
         signals.put(True)
         signal.signal(number, before[number])
 
-    numbers = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
+    numbers = [signal.SIGINT, *heeded(signal.SIGTERM, signal.SIGHUP)]
     before: dict[int, Any] = {number: signal.getsignal(number) for number in numbers}
     try:
         for each in numbers:
@@ -125,7 +159,8 @@ KEY_PAGES = {
 
 # Errors that need no explanation.
 _PLAIN = (
-    r"^stopped|cannot be (read|written)|already exists|is missing|`drake-srg doctor`"
+    r"^stopped|cannot be (read|written)|already (exists|has)|is missing|"
+    r"another process|`drake-srg doctor`"
 )
 
 
@@ -148,21 +183,53 @@ class Output:
         self._command = command
 
     def say(self, *lines: object) -> None:
-        """Print lines for people."""
+        """Print lines for people.
+
+        Raises:
+            OutputError: If standard output cannot be written.
+        """
         if self._words:
-            for line in lines:
-                print(line)
+            with printing():
+                for line in lines:
+                    print(line)
 
     def answer(self, values: Mapping[str, Any]) -> None:
-        """Print the result for scripts; its values are JSON's, or paths."""
+        """Print the result for scripts; its values are JSON's, or paths.
+
+        Raises:
+            OutputError: If standard output cannot be written.
+        """
         if self.json:
-            print(json.dumps(values, indent=2, default=str))
+            with printing():
+                print(json.dumps(values, indent=2, default=str))
 
     def complain(self, message: str) -> None:
         """Print an error: a line on standard error, and JSON where it is wanted."""
         page = page_about(message, self._command)
-        print(f"drake-srg: {message}{page and f' (see {page})'}", file=sys.stderr)
+        tell(f"{message}{page and f' (see {page})'}")
         self.answer({"error": message, "page": page or None})
+
+
+@contextlib.contextmanager
+def printing() -> Iterator[None]:
+    """Raise an OutputError where standard output cannot be written: a full disk."""
+    try:
+        yield
+    except BrokenPipeError:
+        raise
+    except OSError as error:
+        raise OutputError(error.strerror or one_line(error)) from error
+
+
+def tell(message: str) -> None:
+    """Print a message on standard error, which may be closed or full."""
+    with contextlib.suppress(OSError):
+        print(f"drake-srg: {message}", file=sys.stderr, flush=True)
+
+
+def warn(message: str) -> None:
+    """Print a warning on standard error."""
+    tell(f"warning: {message}")
 
 
 def page_about(message: str, command: str) -> str:
@@ -190,7 +257,7 @@ class Command:
         summary: For the overview: no capital, no full stop.
         details: What the command's own help says besides the summary.
         adds: Its arguments.
-        options: More keywords of its `argparse.ArgumentParser`.
+        own_help: Whether `--help` is among its arguments.
     """
 
     run: Callable[[argparse.Namespace], int]
@@ -198,7 +265,7 @@ class Command:
     summary: str
     details: str
     adds: tuple[Adds, ...]
-    options: dict[str, Any]
+    own_help: bool = False
 
     def __call__(self, options: argparse.Namespace) -> int:
         """Run the command."""
@@ -206,20 +273,25 @@ class Command:
 
     def add_to(self, subparsers: Any) -> None:
         """Add the command, and --json and --quiet, to a command line."""
-        description = f"{self.summary[0].upper()}{self.summary[1:]}. {self.details}"
+        description = f"{sentence(self.summary)} {self.details}"
         parser = subparsers.add_parser(
             self.name,
-            help=self.summary,
+            help=sentence(self.summary),
             description=description.strip(),
-            **self.options,
+            add_help=False,
         )
         parser.set_defaults(run=self.run, command=self.name)
-        for add in (JSON, QUIET, *self.adds):
+        helps = () if self.own_help else (HELP,)
+        for add in (*helps, JSON, QUIET, *self.adds):
             add(parser)
 
 
 def command(
-    summary: str, details: str = "", *adds: Adds, name: str = "", **options: Any
+    summary: str,
+    details: str = "",
+    *adds: Adds,
+    name: str | None = None,
+    own_help: bool = False,
 ) -> Callable[[Callable[[argparse.Namespace], int]], Command]:
     """Return a decorator that makes a command of a function; see `Command`.
 
@@ -227,17 +299,29 @@ def command(
         summary: For the overview.
         details: For the command's own help, too.
         adds: Its arguments.
-        name: Of the command; empty: the function's.
-        options: More keywords of its parser.
+        name: Of the command; None: the function's.
+        own_help: Whether `--help` is among its arguments.
     """
     return lambda run: Command(
-        run, name or run.__name__, summary, details, adds, options
+        run, run.__name__ if name is None else name, summary, details, adds, own_help
     )
 
 
-def argument(*names: str, **options: Any) -> Adds:
-    """Return what adds an argument; takes what argparse's `add_argument` does."""
-    return lambda parser: parser.add_argument(*names, **options)
+def argument(*names: str, help: str, **options: Any) -> Adds:
+    """Return what adds an argument.
+
+    Args:
+        *names: As for argparse's `add_argument`.
+        help: What it means, as a sentence without its capital and its full stop.
+        **options: As for `add_argument`.
+    """
+    text = sentence(help)
+    return lambda parser: parser.add_argument(*names, help=text, **options)
+
+
+def sentence(text: str) -> str:
+    """Return a text with a capital and a full stop."""
+    return f"{text[0].upper()}{text[1:]}."
 
 
 def flag(name: str, help: str) -> Adds:
@@ -271,28 +355,35 @@ def repeatable(name: str, metavar: str, help: str) -> Adds:
     return argument(name, action="append", default=[], metavar=metavar, help=help)
 
 
-def folder(help: str, default: Path | None = None) -> Adds:
-    """Return what adds `--out`."""
-    return argument("--out", type=Path, metavar="DIR", default=default, help=help)
-
-
-JSON = flag("--json", "print one JSON object on standard output, also for an error")
+HELP = argument("-h", "--help", action="help", help="print this and exit")
+# Options of every command, which may stand before it, too: without a default, what
+# stands there counts.
+JSON = argument(
+    "--json",
+    action="store_true",
+    default=argparse.SUPPRESS,
+    help="print one JSON object on standard output, also for an error",
+)
 QUIET = argument(
     *("-q", "--quiet"),
     action="store_true",
+    default=argparse.SUPPRESS,
     help="print nothing but errors, warnings and what --json asks for",
 )
 
 
 def a_scenario(
     nargs: str | None = None,
-    help: str = "a name from `drake-srg list` or a .yaml file",
+    help: str = "a name from `drake-srg list`, a .yaml file, or - for standard input",
 ) -> Adds:
     """Return what adds a scenario, its seed and overrides of its entries."""
     return all_of(
         argument("scenario", nargs=nargs, metavar="SCENARIO", help=help),
         argument(
-            "--seed", type=int, metavar="N", help="replaces the scenario's random_seed"
+            "--seed",
+            type=int,
+            metavar="N",
+            help="a number that replaces the scenario's random_seed",
         ),
         repeatable(
             "--set",
@@ -304,6 +395,13 @@ def a_scenario(
 
 
 SCENARIO = a_scenario()
+CELL = argument(
+    "--cell",
+    default="",
+    metavar="MODULE:FUNCTION",
+    help="a function of yours that builds the cell from the scenario, as in a project "
+    "of `drake-srg new`",
+)
 
 
 def load(options: argparse.Namespace) -> "Scenario":
@@ -311,6 +409,12 @@ def load(options: argparse.Namespace) -> "Scenario":
     from drake_srg.scenario import load_scenario
 
     return load_scenario(options.scenario, seed=options.seed, overrides=options.set)
+
+
+def name_of(options: argparse.Namespace) -> str:
+    """Return the name of a command's scenario, for its files and messages."""
+    name: str = options.scenario
+    return "stdin" if name == "-" else Path(name).stem
 
 
 OPEN = flag("--open", "show the page in the default browser")

@@ -1,4 +1,4 @@
-"""The commands run, demo, replay, list, diagram, bench, export and new.
+"""The commands run, demo, replay, list, diagram, bench and export.
 
 Imports that take time are inside, so that `drake-srg --help` comes at once.
 """
@@ -7,19 +7,20 @@ from __future__ import annotations
 
 import argparse
 import dataclasses as dc
+import itertools
 import json
-import keyword
 import re
 import shutil
 import subprocess
 import sys
-import tempfile
 import webbrowser
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from drake_srg.cli.command import (
     BAD_INPUT,
+    CELL,
+    INTERRUPTED,
     OPEN,
     SCENARIO,
     SUCCESS,
@@ -27,15 +28,17 @@ from drake_srg.cli.command import (
     a_scenario,
     argument,
     command,
-    end_on_sigterm,
     flag,
-    folder,
     load,
+    name_of,
     one_of,
     stop_on_signals,
+    tell,
+    warn,
     writing,
 )
 from drake_srg.cli.objects import list_objects
+from drake_srg.cli.results import REPLACE, RUN, folder, results_folder
 from drake_srg.common.exceptions import ScenarioError, scenario_errors
 from drake_srg.common.status_line import StatusLine
 
@@ -43,8 +46,8 @@ if TYPE_CHECKING:
     from drake_srg.simulation.simulate import Result
 
 
-def run_hardware(options: argparse.Namespace) -> tuple[Result, Path]:
-    """Do a scenario's task on a robot; return the result and the folder of its files.
+def run_hardware(options: argparse.Namespace) -> int:
+    """Do a scenario's task on a robot; print the result and return the exit code.
 
     Raises:
         ScenarioError: If the input is bad, or the robot cannot be reached.
@@ -56,9 +59,8 @@ def run_hardware(options: argparse.Namespace) -> tuple[Result, Path]:
 
         config = load_hardware(options.hardware)
         scenario = load(options)
-        name = Path(options.scenario).stem
-        out: Path = options.out or Path("out") / "hardware" / name
-        with writing("--out", out):
+        name = name_of(options)
+        with results_folder(options, Path("out") / "hardware" / name, RUN) as out:
             result = run_on_hardware(
                 scenario,
                 config,
@@ -67,43 +69,46 @@ def run_hardware(options: argparse.Namespace) -> tuple[Result, Path]:
                 record=not options.no_record,
                 progress=options.console.progress,
                 stop=stop,
-                tell=lambda text: print(f"drake-srg: warning: {text}", file=sys.stderr),
+                tell=warn,
                 terminal=own_terminal(sys.stdin),
             )
-    return result, out
+    code = _tell(options, result, out)
+    return INTERRUPTED if stop.is_set() else code
 
 
 @command(
-    "do a scenario's task in simulation or on hardware, and record it",
+    "do a scenario's task in simulation or on hardware",
     "Exit code: 0 success, 1 the task failed, 2 bad input.",
     SCENARIO,
-    folder(
-        "folder for the results (default: out/SCENARIO; out/hardware/SCENARIO)",
-    ),
+    CELL,
+    folder("the results", "out/SCENARIO or out/hardware/SCENARIO"),
     flag("--no-record", "write only metrics.json and log.npz"),
     argument(
         "--hardware",
         type=Path,
-        metavar="FILE.yaml",
+        metavar="FILE",
         help="do the task on a robot, through the drivers of this file",
     ),
 )
 def run(options: argparse.Namespace) -> int:
     """Do a scenario's task, and print its metrics and where the files are."""
     from drake_srg.simulation import Simulate
+    from drake_srg.station.cell import MakeCell, load_make_cell
 
     if options.hardware is not None:
-        return _tell(options, *run_hardware(options))
+        if options.cell:
+            raise ScenarioError(f"--cell {options.cell}: cannot go with --hardware")
+        return run_hardware(options)
+    make_cell = load_make_cell(options.cell) if options.cell else MakeCell
     scenario = load(options)
-    name = Path(options.scenario).stem
-    out: Path = options.out or Path("out") / name
-    end_on_sigterm()
-    with writing("--out", out):
+    name = name_of(options)
+    with results_folder(options, Path("out") / name, RUN) as out:
         result = Simulate(
             scenario,
             name=name,
             out=out,
             record=not options.no_record,
+            make_cell=make_cell,
             progress=options.console.progress,
         )
     return _tell(options, result, out)
@@ -111,6 +116,8 @@ def run(options: argparse.Namespace) -> int:
 
 def _tell(options: argparse.Namespace, result: Result, out: Path) -> int:
     """Print a result and where its files are; return the exit code."""
+    from drake_srg.simulation.simulate import STOPPED_BY_USER
+
     metrics, say = result.metrics, options.console.say
     done = metrics.success if metrics.claimed is None else metrics.claimed
     say(metrics.table())
@@ -120,23 +127,36 @@ def _tell(options: argparse.Namespace, result: Result, out: Path) -> int:
     for path in ("metrics.json", *filter(None, metrics.artifacts.values())):
         say(out / Path(path).name)
     options.console.answer(json.loads((out / "metrics.json").read_text("utf-8")))
+    options.out = out
+    if result.status.message == STOPPED_BY_USER:
+        return INTERRUPTED
     return SUCCESS if done else TASK_FAILED
 
 
 @command(
     "run the kitchen cell and record it",
-    "The same as `drake-srg run kitchen`. The last line is the path of the replay, "
-    "which any browser opens. Exit code: 0 success, 1 the task failed.",
-    folder("folder for the results (default: %(default)s)", Path("out/kitchen")),
+    "The same as `drake-srg run kitchen`. It ends with what to open, and what to try "
+    "next. Exit code: 0 success, 1 the task failed.",
+    folder("the results", "out/kitchen"),
     OPEN,
 )
 def demo(options: argparse.Namespace) -> int:
     """Run the kitchen cell, and name or open the replay."""
     options.scenario, options.seed, options.set = "kitchen", None, []
-    options.no_record, options.hardware = False, None
+    options.no_record, options.hardware, options.cell = False, None, ""
     code = run(options)
+    page = options.out / "replay.html"
+    # As the reader can type it, also where no environment is activated.
+    typed = sys.argv[0] if Path(sys.argv[0]).name == "drake-srg" else "drake-srg"
+    program = "drake-srg" if shutil.which("drake-srg") else typed
+    options.console.say(
+        "",
+        f"Open {page} in a browser: the run in 3D, with all its signals.",
+        f"No friction:   {program} run kitchen --set object.friction=0",
+        f"All scenarios: {program} list",
+    )
     if options.open:
-        _open(options.out / "replay.html")
+        _open(page)
     return code
 
 
@@ -148,9 +168,9 @@ def demo(options: argparse.Namespace) -> int:
         "folders", type=Path, nargs="+", metavar="DIR", help="folder of a recorded run"
     ),
     argument(
-        *("-o", "--output"),
+        *("-o", "--out"),
         type=Path,
-        metavar="FILE.html",
+        metavar="FILE",
         help="page of several runs (default: compare.html in the first folder)",
     ),
     flag(
@@ -163,7 +183,7 @@ def replay(options: argparse.Namespace) -> int:
     from drake_srg.recording.replay import write_comparison, write_page, write_rrd
 
     first: Path = options.folders[0]
-    if len(options.folders) == 1 and options.output is not None:
+    if len(options.folders) == 1 and options.out is not None:
         raise ScenarioError("-o: needs several folders (one has DIR/replay.html)")
     if len(options.folders) > 1 and options.rrd:
         raise ScenarioError("--rrd: needs one folder")
@@ -175,7 +195,7 @@ def replay(options: argparse.Namespace) -> int:
         if len(options.folders) == 1:
             page = write_page(first)
         else:
-            page = options.output or first / "compare.html"
+            page = options.out or first / "compare.html"
             write_comparison(options.folders, page)
     options.console.say(page)
     options.console.answer({**answer, "replay": page})
@@ -195,24 +215,29 @@ def _open(page: Path) -> None:
     "",
     flag("--objects", "list our household objects instead"),
     argument(
-        "--pictures",
+        *("-o", "--out"),
         type=Path,
         metavar="DIR",
         help="with --objects: folder for a picture of each, and one of all",
     ),
+    REPLACE,
     name="list",
 )
 def list_all(options: argparse.Namespace) -> int:
-    """Print the name and the first comment line of every scenario, or the objects."""
+    """Print the name and the first sentence of every scenario, or the objects."""
     from drake_srg import scenario
 
-    if options.objects or options.pictures is not None:
+    if options.objects:
         return list_objects(options)
+    if options.out is not None:
+        raise ScenarioError("-o: needs --objects")
     found = {}
     for name in scenario.list_scenarios():
-        first = (scenario.SCENARIOS / f"{name}.yaml").read_text().splitlines()[0]
-        found[name] = first.removeprefix("#").strip()
-        options.console.say(f"{name:24} {found[name]}")
+        lines = (scenario.SCENARIOS / f"{name}.yaml").read_text().splitlines()
+        comment = itertools.takewhile(lambda line: line.startswith("#"), lines)
+        text = " ".join(line.removeprefix("#").strip() for line in comment)
+        found[name] = re.split(r"(?<=\.) (?=[A-Z])", text)[0]
+        options.console.say(f"{name:27} {found[name]}")
     options.console.answer({"scenarios": found})
     return SUCCESS
 
@@ -222,7 +247,7 @@ def list_all(options: argparse.Namespace) -> int:
     "",
     SCENARIO,
     argument(
-        *("-o", "--output"),
+        *("-o", "--out"),
         type=Path,
         required=True,
         metavar="FILE",
@@ -233,12 +258,12 @@ def diagram(options: argparse.Namespace) -> int:
     """Draw a scenario's systems and their connections."""
     from drake_srg.station import MakeCell
 
-    output: Path = options.output
+    output: Path = options.out
     kinds = (".svg", ".png", ".dot")
     if output.suffix not in kinds:
         raise ScenarioError(f"-o {output}: must end in one of {', '.join(kinds)}")
     scenario = load(options)
-    with scenario_errors(Path(options.scenario).stem):
+    with scenario_errors(name_of(options)):
         cell = MakeCell(scenario)
     dot = cell.GetGraphvizString()
     with writing("-o", output):
@@ -276,13 +301,13 @@ def _draw(dot: str, output: Path) -> None:
     "Exit code: 0 every scenario was measured, 2 at least one was not.",
     a_scenario(
         "*",
-        "a name from `drake-srg list` or a .yaml file (default: every scenario "
-        "that has a fast variant, and the variant)",
+        "a name from `drake-srg list`, a .yaml file, or - for standard input "
+        "(default: every scenario that has a fast variant, and the variant)",
     ),
     argument(
         "--peers",
         type=Path,
-        metavar="PYTHON",
+        metavar="FILE",
         help="measure robosuite, too: the Python of an environment that has it "
         "(see docs/speed.md)",
     ),
@@ -307,7 +332,7 @@ def bench(options: argparse.Namespace) -> int:
     benchmarks, errors = {}, []
     with StatusLine(shown=options.console.progress) as line:
         for number, (name, scenario) in enumerate(scenarios.items()):
-            stem = Path(name).stem
+            stem = "stdin" if name == "-" else Path(name).stem
             line.count(number, len(scenarios), f"scenarios measured, now {stem}")
             try:
                 benchmarks[stem] = run_benchmark(scenario, stem)
@@ -332,7 +357,7 @@ def bench(options: argparse.Namespace) -> int:
             options.console.say(f"{name} : PickPlaceCan  {share:.2f} of the wall clock")
         answer["robosuite"] = dc.asdict(peer)
     if errors:
-        print(f"drake-srg: {error}", file=sys.stderr)
+        tell(error)
         answer["error"] = error
     options.console.answer(answer)
     return BAD_INPUT if errors else SUCCESS
@@ -353,24 +378,32 @@ _PROGRAMS = {
         *(
             argument(
                 f"--{kind}",
-                type=Path,
+                nargs="?",
+                const="",
                 metavar="DIR",
-                help=f"folder for {kind.upper()} files: {programs}",
+                help=f"write {kind.upper()}, for {programs}; DIR: as -o DIR",
             )
             for kind, programs in _PROGRAMS.items()
         ),
         required=True,
     ),
+    folder("the files", "out/export/SCENARIO"),
 )
 def export(options: argparse.Namespace) -> int:
     """Write a scenario's models in a format, and print their paths."""
-    from drake_srg.export import export_scenario
+    from drake_srg.export import FORMATS, export_scenario
     from drake_srg.export.mjcf import moment_arm_error
 
     scenario = load(options)
     kind = next(k for k in _PROGRAMS if getattr(options, k) is not None)
-    out: Path = getattr(options, kind)
-    with writing(f"--{kind}", out):
+    if where := getattr(options, kind):
+        if options.out is not None:
+            raise ScenarioError(f"-o {options.out}: --{kind} has a folder already")
+        options.out = Path(where)
+    default = Path("out") / "export" / name_of(options)
+    # Models beside those that are written have the same suffix, and stay.
+    stem = "scene" if options.replace else "*"
+    with results_folder(options, default, (stem + FORMATS[kind],)) as out:
         exported = export_scenario(scenario, kind, out)
     for each in exported:
         options.console.say(each.path)
@@ -387,55 +420,3 @@ def export(options: argparse.Namespace) -> int:
         }
     )
     return SUCCESS
-
-
-_TEMPLATES = Path(__file__).with_name("project")
-_PLACE = "@NAME@"
-
-
-@command(
-    "start a project: scenario, localizer, test, notebook",
-    "",
-    argument("name", metavar="NAME", help="of the project and its folder"),
-)
-def new(options: argparse.Namespace) -> int:
-    """Write a project into a new folder, and print what to do with it."""
-    with writing("NAME", Path(options.name)):
-        here = Path.cwd()  # which may have been deleted
-    folder = make_project(options.name, here)
-    files = sorted(folder.iterdir())
-    options.console.say(*(path.relative_to(here) for path in files))
-    options.console.say("", f"Next: cd {options.name} && python -m pytest")
-    options.console.answer({"project": folder, "files": [path.name for path in files]})
-    return SUCCESS
-
-
-def make_project(name: str, parent: Path) -> Path:
-    """Write a project, and return its folder.
-
-    Args:
-        name: The project's, and its folder's.
-        parent: Where the folder goes.
-
-    Raises:
-        ScenarioError: If the name is invalid or taken, or the folder cannot be written.
-    """
-    if not re.fullmatch(r"[a-z][a-z0-9_]*", name) or keyword.iskeyword(name):
-        raise ScenarioError(
-            f"NAME {name!r}: invalid (allowed: a-z, 0-9 and _, starting with a letter, "
-            "no Python keyword)"
-        )
-    folder = parent / name
-    if folder.exists():
-        raise ScenarioError(f"NAME {name}: {folder} already exists")
-    with (
-        writing("NAME", folder),
-        tempfile.TemporaryDirectory(prefix=f".{name}.", dir=parent) as hidden,
-    ):
-        draft = Path(hidden) / name
-        draft.mkdir()
-        for template in _TEMPLATES.glob("*.in"):
-            text = template.read_text("utf-8").replace(_PLACE, name)
-            (draft / template.stem).write_text(text, encoding="utf-8")
-        shutil.move(draft, folder)
-    return folder

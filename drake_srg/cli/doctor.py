@@ -299,7 +299,7 @@ print("package://drake_srg is " + parser.package_map().GetPath("drake_srg"))
 
 
 @command(
-    "check what works on this machine, and print what installs the rest",
+    "check what works on this machine, and how to install the rest",
     "Exit code: 0 everything required works, 1 something required is missing.",
 )
 def doctor(options: argparse.Namespace) -> int:

@@ -6,54 +6,20 @@ import sys
 from pathlib import Path
 from typing import Any, NoReturn
 
-from drake_srg.cli.command import SUCCESS, TASK_FAILED, end_on_sigterm, writing
+from drake_srg.cli.command import (
+    SUCCESS,
+    TASK_FAILED,
+    argument,
+    command,
+    flag,
+    one_of,
+    printing,
+    repeatable,
+)
+from drake_srg.cli.results import results_folder
 from drake_srg.common.exceptions import ScenarioError
 
 _CHECKOUT = Path(__file__).resolve().parents[2]
-
-
-def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Add the command's arguments; the parser must have no help of its own."""
-    parser.add_argument(
-        *("-h", "--help"),
-        action=_Help,
-        nargs=0,
-        help="show this or, after a NAME, the parameters of that experiment",
-    )
-    which = parser.add_mutually_exclusive_group(required=True)
-    which.add_argument("name", nargs="?", metavar="NAME", help="experiment to run")
-    which.add_argument("--list", action="store_true", help="list the experiments")
-    parser.add_argument(
-        "--set",
-        action="append",
-        default=[],
-        metavar="KEY=VALUE",
-        help="set a parameter of the experiment (repeatable): a name, a YAML value",
-    )
-    parser.add_argument(
-        "--quick",
-        action="store_true",
-        help="run only one case for each value of the first axis",
-    )
-    parser.add_argument(
-        "--workers",
-        type=int,
-        default=0,
-        metavar="N",
-        help="processes that run trials (default: one a core)",
-    )
-    parser.add_argument(
-        "--any-code",
-        action="store_true",
-        help="use finished trials of an earlier run although the code has changed",
-    )
-    parser.add_argument(
-        "--out",
-        type=Path,
-        metavar="DIR",
-        help="folder for result.json, tables and a figure "
-        "(default: out/experiments/NAME)",
-    )
 
 
 class _Help(argparse.Action):
@@ -67,10 +33,11 @@ class _Help(argparse.Action):
         option: str | None = None,
     ) -> NoReturn:
         """Print and exit."""
-        name = getattr(namespace, "name", None)
+        name = getattr(namespace, "experiment", None)
         try:
             text = _load("runner.run").describe(name) if name else parser.format_help()
-            print(text)
+            with printing():
+                print(text)
         except ScenarioError as error:
             parser.error(str(error))
         parser.exit()
@@ -92,6 +59,55 @@ def _load(module: str) -> Any:
     return importlib.import_module(f"experiments.{module}".removesuffix("."))
 
 
+def names() -> list[str]:
+    """Return the names of all experiments; none without a checkout."""
+    try:
+        return list(_load("").find_experiments())
+    except ScenarioError:
+        return []
+
+
+@command(
+    "compare models with published claims and theory",
+    "It continues an earlier run of the same experiment. Exit code: 0 every claim "
+    "holds, 1 at least one does not, 2 bad input.",
+    argument(
+        *("-h", "--help"),
+        action=_Help,
+        nargs=0,
+        help="print this or, after a NAME, the parameters of that experiment",
+    ),
+    one_of(
+        argument("experiment", nargs="?", metavar="NAME", help="the experiment to run"),
+        flag("--list", "list the experiments"),
+        required=True,
+    ),
+    repeatable(
+        "--set",
+        "KEY=VALUE",
+        "set a parameter of the experiment (repeatable): a name, a YAML value",
+    ),
+    flag("--quick", "run only one case for each value of the first axis"),
+    argument(
+        "--workers",
+        type=int,
+        default=0,
+        metavar="N",
+        help="number of processes that run trials (default: one a core)",
+    ),
+    flag(
+        "--any-code",
+        "use finished trials of an earlier run although the code has changed",
+    ),
+    argument(
+        *("-o", "--out"),
+        type=Path,
+        metavar="DIR",
+        help="folder for result.json, tables and a figure "
+        "(default: out/experiments/NAME)",
+    ),
+    own_help=True,
+)
 def experiment(options: argparse.Namespace) -> int:
     """Run an experiment, or list all of them; returns the exit code.
 
@@ -105,12 +121,11 @@ def experiment(options: argparse.Namespace) -> int:
         console.say(*(f"{name:24} {text}" for name, text in descriptions.items()))
         console.answer({"experiments": descriptions})
         return SUCCESS
-    out: Path = options.out or Path("out") / "experiments" / options.name
-    end_on_sigterm()
     run = _load("runner.run")
-    with writing("--out", out):
+    default = Path("out") / "experiments" / options.experiment
+    with results_folder(options, default, ()) as out:  # it continues what is there
         result = run.run_experiment(
-            options.name,
+            options.experiment,
             out,
             overrides=options.set,
             quick=options.quick,

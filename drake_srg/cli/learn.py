@@ -13,15 +13,17 @@ from drake_srg.cli.command import (
     SUCCESS,
     argument,
     command,
-    end_on_sigterm,
     flag,
-    folder,
     repeatable,
-    writing,
+    warn,
 )
-from drake_srg.cli.sweep import ENGINE, make_engine, warn
+from drake_srg.cli.results import SWEEP, TRAINING, folder, results_folder
+from drake_srg.cli.sweep import ENGINE, make_engine
 from drake_srg.common.exceptions import ScenarioError
 
+# For completion, which must not take the time of importing them.
+ENVIRONMENTS = ("GraspOneShot", "Pick", "KitchenPick", "KitchenPickPlace")
+RULES = ("rule", "touch", "random")
 _SET = "a keyword of the environment (repeatable), such as driver=tendon; YAML"
 
 
@@ -32,15 +34,16 @@ _SET = "a keyword of the environment (repeatable), such as driver=tendon; YAML"
     argument(
         "environment",
         metavar="ENV",
-        help="an environment, such as GraspOneShot, or the id of any other one",
+        help="an environment, such as GraspOneShot, or the id of any other",
     ),
     argument(
         "--algo",
         choices=("q", "sac", "bc", "dagger"),
         default="q",
-        help="q: values of actions, for episodes of one step; sac: soft actor-critic; "
-        "bc: clones a hand-written rule, or --data; dagger: asks the rule again where "
-        "the clone ends up (default: %(default)s)",
+        metavar="NAME",
+        help="the algorithm: q, values of actions, for episodes of one step; sac, "
+        "soft actor-critic; bc, which clones a hand-written rule, or --data; dagger, "
+        "which asks the rule again where the clone ends up (default: %(default)s)",
     ),
     argument(
         "--data",
@@ -52,6 +55,7 @@ _SET = "a keyword of the environment (repeatable), such as driver=tendon; YAML"
         "--rule",
         choices=("rule", "touch"),
         default="rule",
+        metavar="NAME",
         help="for bc and dagger: which hand-written rule is imitated; touch: the one "
         "that finds objects by touch (default: %(default)s)",
     ),
@@ -62,8 +66,14 @@ _SET = "a keyword of the environment (repeatable), such as driver=tendon; YAML"
         metavar="N",
         help="steps of the environment (default: %(default)s)",
     ),
-    argument("--seed", type=int, default=0, metavar="S", help="0 to 999 (default: 0)"),
-    repeatable("--set", "K=V", _SET),
+    argument(
+        "--seed",
+        type=int,
+        default=0,
+        metavar="N",
+        help="a number from 0 to 999 (default: 0)",
+    ),
+    repeatable("--set", "KEY=VALUE", _SET),
     argument(
         "--validation",
         type=int,
@@ -71,7 +81,7 @@ _SET = "a keyword of the environment (repeatable), such as driver=tendon; YAML"
         metavar="N",
         help="episodes that judge a policy in training (default: %(default)s)",
     ),
-    folder("folder for policy.npz and the log (default: out/train/ENV)"),
+    folder("policy.npz and the log", "out/train/ENV"),
     flag("--resume", "continue the training in DIR"),
 )
 def train(options: argparse.Namespace) -> int:
@@ -84,7 +94,6 @@ def train(options: argparse.Namespace) -> int:
     from drake_srg.learning.train import POLICY, Training
     from drake_srg.learning.train import train as run_training
 
-    out: Path = options.out or Path("out") / "train" / _stem(options.environment)
     words = ["drake-srg", "train", options.environment, "--algo", options.algo]
     words += ["--steps", str(options.steps), "--seed", str(options.seed)]
     words += [word for item in options.set for word in ("--set", item)]
@@ -104,9 +113,10 @@ def train(options: argparse.Namespace) -> int:
         data="" if options.data is None else str(options.data),
         rule=options.rule,
     )
-    end_on_sigterm()
+    default = Path("out") / "train" / _stem(options.environment)
+    out = default
     try:
-        with writing("--out", out):
+        with results_folder(options, default, TRAINING) as out:
             policy = run_training(
                 training, out, resume=options.resume, progress=options.console.progress
             )
@@ -127,7 +137,7 @@ def train(options: argparse.Namespace) -> int:
 
 
 @command(
-    "run a policy in many episodes, beside a rule and random actions",
+    "run a policy in many episodes, beside a rule's and chance's",
     "No episode took part in training. Exit code: 0 once all have run.",
     argument(
         "policy",
@@ -136,18 +146,21 @@ def train(options: argparse.Namespace) -> int:
     ),
     argument(
         "environment",
-        metavar="ENV|SCENARIO",
+        metavar="ENV",
         help="an environment, or a scenario in whose cell the policy is the planner",
     ),
     argument(
         "--trials", type=int, required=True, metavar="N", help="number of episodes"
     ),
     argument(
-        "--seed", type=int, metavar="N", help="of the first episode (not training's)"
+        "--seed",
+        type=int,
+        metavar="N",
+        help="seed of the first episode",
     ),
-    repeatable("--set", "K=V", f"{_SET}; of a scenario, any entry"),
+    repeatable("--set", "KEY=VALUE", f"{_SET}; of a scenario, any entry"),
     ENGINE,
-    folder("folder for the results (default: out/evaluate/ENV)"),
+    folder("the results", "out/evaluate/ENV"),
     flag("--resume", "continue the evaluation in DIR"),
     flag("--no-baselines", "leave out rule and random actions"),
     flag("--report", "also write DIR/POLICY/report.html"),
@@ -163,8 +176,6 @@ def evaluate(options: argparse.Namespace) -> int:
     from drake_srg.sweeps.report.write import write_report
     from drake_srg.sweeps.statistics import wilson_interval
 
-    out: Path = options.out or Path("out") / "evaluate" / _stem(options.environment)
-    end_on_sigterm()
     names = [options.policy]
     if not options.no_baselines:
         names += [name for name in BASELINES if name != options.policy]
@@ -172,15 +183,17 @@ def evaluate(options: argparse.Namespace) -> int:
     answer: dict[str, Any] = {}
     table = [("", "succeeded", "share", "95 % interval (Wilson)")]
     files: list[Path] = []
-    for name in names:
-        folder = out / (name if name in BUILT_IN else "policy")
-        with writing("--out", out):
+    default = Path("out") / "evaluate" / _stem(options.environment)
+    parts = {name: name if name in BUILT_IN else "policy" for name in names}
+    patterns = [f"{part}/{name}" for part in parts.values() for name in SWEEP]
+    with results_folder(options, default, patterns) as out:
+        for name, part in parts.items():
             try:
                 rows = run_evaluation(
                     name,
                     options.environment,
                     options.trials,
-                    out=folder,
+                    out=out / part,
                     engine=make_engine(options),
                     resume=options.resume,
                     progress=options.console.progress,
@@ -192,14 +205,14 @@ def evaluate(options: argparse.Namespace) -> int:
                 ):
                     continue  # an environment of somebody else's
                 raise
-            files.append(folder / "trials.parquet")
+            files.append(out / part / "trials.parquet")
             if options.report:
-                files.append(write_report(folder))
-        done, count = sum(rows["success"].to_pylist()), rows.num_rows
-        low, high = wilson_interval(done, count)
-        shown = f"{low:.1%} to {high:.1%}"
-        table.append((name, f"{done} of {count}", f"{done / count:.1%}", shown))
-        answer[name] = {"succeeded": done, "trials": count, "interval": [low, high]}
+                files.append(write_report(out / part))
+            done, count = sum(rows["success"].to_pylist()), rows.num_rows
+            low, high = wilson_interval(done, count)
+            shown = f"{low:.1%} to {high:.1%}"
+            table.append((name, f"{done} of {count}", f"{done / count:.1%}", shown))
+            answer[name] = {"succeeded": done, "trials": count, "interval": [low, high]}
     options.console.say(*_aligned(table), "", *files)
     options.console.answer({"policies": answer, "files": files})
     return SUCCESS

@@ -2,26 +2,35 @@
 
 import argparse
 import importlib.metadata
+import io
 import os
 import sys
 from collections.abc import Iterator, Sequence
 from pathlib import Path
-from typing import NoReturn
+from typing import Any, NoReturn
 
 import drake_srg
-from drake_srg.cli import commands, doctor
-from drake_srg.cli import commands as cli_export
-from drake_srg.cli import commands as cli_new
-from drake_srg.cli import experiment as cli_experiment
-from drake_srg.cli import learn as cli_learn
-from drake_srg.cli import objects as cli_objects
-from drake_srg.cli import robot as cli_calibrate
-from drake_srg.cli import robot as cli_identify
-from drake_srg.cli import robot as cli_serve
-from drake_srg.cli import robot as cli_twin
-from drake_srg.cli import sweep as cli_sweep
-from drake_srg.cli.command import BAD_INPUT, SUCCESS, Output, argument, command
-from drake_srg.common.exceptions import ScenarioError
+from drake_srg.cli import commands, doctor, learn, objects, project, robot, sweep
+from drake_srg.cli import experiment as experiments
+from drake_srg.cli.command import (
+    BAD_INPUT,
+    HELP,
+    INTERRUPTED,
+    JSON,
+    QUIET,
+    SUCCESS,
+    UNWRITABLE,
+    Command,
+    Output,
+    OutputError,
+    argument,
+    command,
+    end_on_signals,
+    printing,
+    sentence,
+    tell,
+)
+from drake_srg.common.exceptions import ScenarioError, suggest
 from drake_srg.common.installing import advised, require
 
 SHELLS = ("bash", "zsh", "fish")
@@ -33,14 +42,43 @@ def main(arguments: Sequence[str] | None = None) -> int:
     Args:
         arguments: The command line without the program's name; None: sys.argv's.
     """
-    arguments = sys.argv[1:] if arguments is None else arguments
+    # Where the shell has closed a stream, Python has none, and `print` takes another.
+    sys.stdout, sys.stderr = sys.stdout or _Nothing(), sys.stderr or _Nothing()
+    try:
+        try:
+            return _run(sys.argv[1:] if arguments is None else arguments)
+        finally:
+            with printing():
+                sys.stdout.flush()  # here, where errors are handled, not at exit
+    except OutputError as error:
+        _close_output()
+        tell(f"standard output: cannot be written: {error}")
+        return UNWRITABLE
+    except BrokenPipeError:  # `| head` has read enough
+        _close_output()
+        return SUCCESS
+
+
+class _Nothing(io.StringIO):
+    """A stream that forgets what is written to it."""
+
+    def write(self, text: str) -> int:
+        return len(text)
+
+
+def _close_output() -> None:
+    """Send what is left of the output nowhere, because Python writes it at exit."""
+    os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+
+
+def _run(arguments: Sequence[str]) -> int:
     CommandParser.json = "--json" in arguments
     options = make_parser().parse_args(arguments)
     output = Output(options.json, options.quiet, options.command)
     options.console = output
+    end_on_signals()
     try:
         code: int = options.run(options)
-        sys.stdout.flush()  # here, where a broken pipe is handled, not at exit
     except ScenarioError as error:
         output.complain(str(error))
         return BAD_INPUT
@@ -49,10 +87,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         return BAD_INPUT
     except KeyboardInterrupt:
         output.complain("stopped")
-        return BAD_INPUT
-    except BrokenPipeError:  # `| head` has read enough
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
-        return SUCCESS
+        return INTERRUPTED
     return code
 
 
@@ -66,12 +101,54 @@ class CommandParser(argparse.ArgumentParser):
         Output(self.json, quiet=False).complain(message)
         sys.exit(BAD_INPUT)
 
+    def parse_args(  # type: ignore[override] # of its overloads, this one is used
+        self, args: Sequence[str]
+    ) -> argparse.Namespace:
+        """Return the options, and suggest one for the first that is unknown."""
+        options, unknown = self.parse_known_args(args)
+        if unknown:
+            parsers = _parsers(self)
+            known = parsers.get(options.command, self)._option_string_actions
+            words = [w for w in unknown if w.startswith("-")] or unknown
+            hint = suggest(words[0].partition("=")[0], known)
+            self.error(f"unknown argument {words[0]!r} {hint}")
+        return options
+
+    def print_help(self, file: Any = None) -> None:
+        """Print the help; argparse's own method hides that it cannot be written."""
+        with printing():
+            print(self.format_help(), end="", file=file)
+
+    def _check_value(self, action: argparse.Action, value: object) -> None:
+        """Suggest a command, or another word, for one that is unknown."""
+        if action.choices is not None and value not in action.choices:
+            hint = suggest(str(value), map(str, action.choices))
+            raise argparse.ArgumentError(action, f"unknown {value!r} {hint}")
+
+    def format_help(self) -> str:
+        """Return the help; the overview has its commands in groups."""
+        if self._subparsers is None:
+            return super().format_help()
+        lines = [self.description or "", "", "usage: drake-srg COMMAND ...", ""]
+        for group, members in COMMANDS.items():
+            for number, each in enumerate(members):
+                first = "" if number else group
+                lines.append(f"{first:7}{each.name:11}{sentence(each.summary)}")
+        options = [
+            (", ".join(action.option_strings), action.help or "")
+            for action in self._actions
+            if action.option_strings
+        ]
+        lines += ["", *(f"{names:18}{help}" for names, help in options)]
+        return "\n".join([*lines, "", self.epilog or "", ""])
+
 
 class _PrintVersion(argparse.Action):
     """Prints the version; looks it up only then, because that reads the disk."""
 
     def __call__(self, parser: argparse.ArgumentParser, *_: object) -> None:
-        print(f"drake-srg {importlib.metadata.version('drake_srg')}")
+        with printing():
+            print(f"drake-srg {importlib.metadata.version('drake_srg')}")
         parser.exit()
 
 
@@ -80,21 +157,19 @@ class _PrintVersion(argparse.Action):
     'In bash: eval "$(drake-srg completion bash)". In zsh, write it to a file '
     "`_drake-srg` on the `fpath`; in fish, to "
     "~/.config/fish/completions/drake-srg.fish.",
-    argument("shell", choices=SHELLS, help="which one"),
+    argument("shell", choices=SHELLS, metavar="SHELL", help="bash, zsh or fish"),
 )
 def completion(options: argparse.Namespace) -> int:
     """Print the script that completes `drake-srg` in a shell.
 
-    It completes commands, options, scenarios, formats and paths.
+    It completes commands, options, paths and the names of what the package has.
     """
     shtab = require("shtab", "", "Completion needs")
     parser = make_parser()
-    # Drake is not imported to list them: a shell may run this whenever it starts.
-    folder = Path(drake_srg.__file__).with_name("scenarios")
-    scenarios = sorted(path.stem for path in folder.glob("*.yaml"))
+    names = _names()
     for action in _actions(parser):
-        if action.dest == "scenario":
-            action.choices = scenarios
+        if action.dest in names:
+            action.choices = names[action.dest]
         elif action.type is Path:
             action.complete = shtab.FILE  # type: ignore[attr-defined] # shtab's
     script = shtab.complete(parser, shell=options.shell)
@@ -103,44 +178,62 @@ def completion(options: argparse.Namespace) -> int:
     return SUCCESS
 
 
+def _names() -> dict[str, list[str]]:
+    """Return the names that the package has, by the argument that takes them.
+
+    Drake is not imported to list them: a shell may run this whenever it starts.
+    """
+    package = Path(drake_srg.__file__).parent
+    scenarios = sorted(path.stem for path in (package / "scenarios").glob("*.yaml"))
+    policies = sorted(
+        path.stem for path in (package / "learning/policies").glob("*.npz")
+    )
+    return {
+        "scenario": scenarios,
+        "base": scenarios,
+        "environment": [*learn.ENVIRONMENTS, *scenarios],
+        "policy": [*policies, *learn.RULES],
+        "experiment": experiments.names(),
+    }
+
+
 def _actions(parser: argparse.ArgumentParser) -> Iterator[argparse.Action]:
     """Yield the arguments of a parser and of its commands."""
+    yield from parser._actions
+    for each in _parsers(parser).values():
+        yield from each._actions
+
+
+def _parsers(parser: argparse.ArgumentParser) -> dict[str, argparse.ArgumentParser]:
+    """Return the parsers of the commands by name."""
     for action in parser._actions:
-        yield action
         if isinstance(action, argparse._SubParsersAction):
-            for each in action.choices.values():
-                yield from _actions(each)
+            return dict(action.choices)
+    return {}
 
 
-# In the order in which the overview shows them.
-COMMANDS = (
-    commands.run,
-    commands.demo,
-    cli_serve.serve,
-    cli_twin.twin,
-    cli_sweep.sweep,
-    cli_sweep.report,
-    cli_sweep.dataset,
-    cli_learn.train,
-    cli_learn.evaluate,
-    commands.replay,
-    commands.list_all,
-    cli_objects.import_object,
-    commands.diagram,
-    commands.bench,
-    command(
-        "compare models and drivers with published claims and theory",
-        "Exit code: 0 every claim holds, 1 at least one does not, 2 bad input.",
-        cli_experiment.add_arguments,
-        add_help=False,
-    )(cli_experiment.experiment),
-    cli_identify.identify,
-    cli_calibrate.calibrate,
-    cli_export.export,
-    cli_new.new,
-    completion,
-    doctor.doctor,
-)
+# By what one wants to do, in the order of the overview.
+COMMANDS: dict[str, tuple[Command, ...]] = {
+    "run": (commands.demo, commands.run, commands.bench),
+    "see": (commands.list_all, commands.replay, commands.diagram),
+    "vary": (sweep.sweep, sweep.report, sweep.dataset, experiments.experiment),
+    "learn": (learn.train, learn.evaluate),
+    "robots": (robot.serve, robot.twin, robot.identify, robot.calibrate),
+    "make": (
+        project.new,
+        objects.import_object,
+        commands.export,
+        completion,
+        doctor.doctor,
+    ),
+}
+
+
+@command("print this", name="")
+def _overview(options: argparse.Namespace) -> int:
+    """Print what `--help` prints: `drake-srg` alone."""
+    options.console.say(make_parser().format_help().rstrip())
+    return SUCCESS
 
 
 def make_parser() -> argparse.ArgumentParser:
@@ -149,13 +242,16 @@ def make_parser() -> argparse.ArgumentParser:
         prog="drake-srg",
         description="Robot cells with the SAKE Robotics gripper, simulated with Drake.",
         epilog="`drake-srg COMMAND --help` describes a command and its options.",
+        add_help=False,
     )
+    for add in (HELP, JSON, QUIET):
+        add(parser)
     parser.add_argument(
-        "--version", action=_PrintVersion, nargs=0, help="print the version and exit"
+        "--version", action=_PrintVersion, nargs=0, help="Print the version and exit."
     )
-    subparsers = parser.add_subparsers(
-        title="commands", required=True, metavar="COMMAND"
-    )
-    for each in COMMANDS:
-        each.add_to(subparsers)
+    parser.set_defaults(json=False, quiet=False, run=_overview.run, command="")
+    subparsers = parser.add_subparsers(title="commands", metavar="COMMAND")
+    for members in COMMANDS.values():
+        for each in members:
+            each.add_to(subparsers)
     return parser

@@ -16,10 +16,10 @@ from drake_srg.cli.command import (
     TASK_FAILED,
     argument,
     command,
-    end_on_sigterm,
     one_of,
     writing,
 )
+from drake_srg.cli.results import folder, new_folder, results_folder
 from drake_srg.common.exceptions import ScenarioError, scenario_errors
 from drake_srg.common.status_line import StatusLine
 
@@ -28,6 +28,7 @@ if TYPE_CHECKING:
     from drake_srg.simulation.rig import DropOutcome
 
 _PICTURE = "picture.png"
+_FILES = (*("model.sdf", "import.json"), *("*.obj", "*.mtl", "*.png", "*.jpg"))
 _SHEET = "objects.png"
 _PIXELS = 320
 
@@ -54,19 +55,27 @@ def _color(text: str) -> list[float]:
     argument(
         "file", type=Path, metavar="FILE", help="an .sdf, .urdf, .obj, .stl or .glb"
     ),
-    argument(
-        *("-o", "--output"),
-        type=Path,
-        metavar="DIR",
-        help="folder to make (default: out/objects/NAME)",
-    ),
+    folder("the model", "out/objects/NAME"),
     one_of(
-        argument("--mass", type=_positive, metavar="KG", help="replaces the file's"),
-        argument("--density", type=_positive, metavar="KG/M3", help="sets the mass"),
+        argument(
+            "--mass",
+            type=_positive,
+            metavar="KG",
+            help="the mass",
+        ),
+        argument(
+            "--density",
+            type=_positive,
+            metavar="X",
+            help="the density [kg/m3] that sets the mass",
+        ),
     ),
     argument("--friction", type=_positive, metavar="MU", help="Coulomb's coefficient"),
     argument(
-        "--color", type=_color, metavar="R,G,B", help="of all that is seen, 0 .. 1 each"
+        "--color",
+        type=_color,
+        metavar="COLOR",
+        help="the colour of all that is seen: R,G,B, each 0 .. 1",
     ),
     argument(
         "--scale",
@@ -90,28 +99,25 @@ def import_object(options: argparse.Namespace) -> int:
     from drake_srg.objects.meshes.convert import MODEL, read_report
     from drake_srg.objects.meshes.load import copy_folder, import_model, resolve
 
-    end_on_sigterm()
     file = resolve(str(options.file))
     name = re.sub(r"\W+", "_", file.stem)
-    out: Path = options.output or Path("out") / "objects" / name
-    if out.exists():
-        raise ScenarioError(f"-o {out}: already exists (choose another, or remove it)")
     if not 1 <= options.pieces <= 256:
         raise ScenarioError(f"--pieces: must be 1 .. 256, got {options.pieces}")
-    with StatusLine(shown=options.console.progress) as line:
-        line.show(f"{name}: mending it and cutting it into convex pieces")
-        folder = import_model(file, options.scale, options.pieces, quiet=True)
-    report = read_report(folder)
-    with writing("-o", out):
-        out.parent.mkdir(parents=True, exist_ok=True)
-        with tempfile.TemporaryDirectory(prefix=".", dir=out.parent) as there:
-            new = Path(there) / name
-            copy_folder(folder, new)
-            report = _adjust(new, name, report, options)
-            with StatusLine(shown=options.console.progress) as line:
-                line.show(f"{name}: drawing and dropping it")
-                outcome = _draw_and_drop(new / MODEL, name)
-            new.rename(out)
+    with new_folder(options, Path("out") / "objects" / name, _FILES) as out:
+        with StatusLine(shown=options.console.progress) as line:
+            line.show(f"{name}: mending it and cutting it into convex pieces")
+            folder = import_model(file, options.scale, options.pieces, quiet=True)
+        report = read_report(folder)
+        with writing("--out", out):
+            out.parent.mkdir(parents=True, exist_ok=True)
+            with tempfile.TemporaryDirectory(prefix=".", dir=out.parent) as there:
+                new = Path(there) / name
+                copy_folder(folder, new)
+                report = _adjust(new, name, report, options)
+                with StatusLine(shown=options.console.progress) as line:
+                    line.show(f"{name}: drawing and dropping it")
+                    outcome = _draw_and_drop(new / MODEL, name)
+                new.rename(out)
     files = [out / MODEL, out / _PICTURE]
     options.console.say(*_description(report, outcome), "", *files)
     options.console.answer(dc.asdict(report) | {"rests": outcome.rests, "files": files})
@@ -193,9 +199,10 @@ def list_objects(options: argparse.Namespace) -> int:
         size = " x ".join(f"{1e3 * side:.0f}" for side in facts.size)
         say(f"{name:26} {size:>18} {1e3 * facts.mass:>9.4g} {facts.pieces:>7}")
     pictures: list[Path] = []
-    if options.pictures is not None:
-        with writing("--pictures", options.pictures):
-            pictures = _draw_all(options.pictures)
+    if options.out is not None:
+        names = [f"{name}.png" for name in HOUSEHOLD]
+        with results_folder(options, options.out, names) as out:
+            pictures = _draw_all(out)
         say("", *pictures)
     options.console.answer({"objects": found, "pictures": pictures})
     return SUCCESS

@@ -9,6 +9,7 @@ import functools
 import math
 import os
 import sys
+from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -18,14 +19,21 @@ from drake_srg.cli.command import (
     TASK_FAILED,
     argument,
     command,
-    end_on_sigterm,
     flag,
-    folder,
     load,
+    name_of,
     ros,
     speaks_ros,
     stop_on_signals,
     writing,
+)
+from drake_srg.cli.results import (
+    CALIBRATION,
+    REPLACE,
+    RUN,
+    folder,
+    results_folder,
+    taken,
 )
 from drake_srg.common.exceptions import ScenarioError
 from drake_srg.common.status_line import StatusLine
@@ -57,42 +65,43 @@ def _number(text: str) -> float:
 
 
 @command(
-    "run a scenario's station under outside command: ROS 1, ROS 2, a servo driver",
+    "let clients command a station: ROS 1, ROS 2, servo drivers",
     "",
     SCENARIO,
     ros("run a ROS 1 node", "run a ROS 2 node", "clients"),
     argument(
         "--servo",
-        metavar="tcp:PORT|pty",
-        help="run the servos of gripper and arm for real drivers (or tcp:HOST:PORT)",
+        metavar="ADDRESS",
+        help="run the servos of gripper and arm for real drivers, at tcp:PORT, "
+        "tcp:HOST:PORT or pty",
     ),
     argument(
         "--protocol",
         type=int,
-        metavar="1|2",
-        help="Dynamixel protocol of the servos (default: 1)",
+        metavar="N",
+        help="Dynamixel protocol of the servos: 1 or 2 (default: 1)",
     ),
     argument(
         "--name",
         default="drake_srg",
-        metavar="NODE",
-        help="node name, to run several stations (default: %(default)s)",
+        metavar="NAME",
+        help="the node's name, to run several stations (default: %(default)s)",
     ),
     argument(
         "--rate",
         type=_rate,
         default=1.0,
-        metavar="FACTOR",
+        metavar="X",
         help="simulated seconds per real second; 0: as fast as possible (default: 1)",
     ),
     argument(
         "--camera-period",
         type=_period,
         default=0.1,
-        metavar="SECONDS",
+        metavar="X",
         help="shortest time between pictures [s] (default: %(default)s)",
     ),
-    folder("results (default: out/served/SCENARIO)"),
+    folder("the results", "out/served/SCENARIO"),
     flag("--no-record", "write no recording and replay"),
 )
 def serve(options: argparse.Namespace) -> int:
@@ -128,20 +137,21 @@ def serve(options: argparse.Namespace) -> int:
                 "serve: needs at least one of --ros1, --ros2 and --servo"
             )
         scenario = load(options)
-        name = Path(options.scenario).stem
-        out: Path = options.out or Path("out") / "served" / name
+        name = name_of(options)
+        default = Path("out") / "served" / name
         try:
-            served = Serve(
-                scenario,
-                functools.partial(bridges.connect, scenario),
-                name=name,
-                rate=options.rate,
-                camera_period=options.camera_period,
-                out=None if options.no_record else out,
-                stop=stop,
-                tell=lambda text: status.interrupt(f"drake-srg: warning: {text}"),
-                report=status.show,
-            )
+            with _recordings(options, default) as out:
+                served = Serve(
+                    scenario,
+                    functools.partial(bridges.connect, scenario),
+                    name=name,
+                    rate=options.rate,
+                    camera_period=options.camera_period,
+                    out=out,
+                    stop=stop,
+                    tell=lambda text: status.interrupt(f"drake-srg: warning: {text}"),
+                    report=status.show,
+                )
         except BrokenPipeError:  # nobody reads the status line any more
             raise
         except OSError as error:
@@ -157,17 +167,17 @@ def serve(options: argparse.Namespace) -> int:
 
 
 @command(
-    "follow a running robot with a simulated twin, and report where they differ",
+    "follow a running robot by simulation, report differences",
     "It only listens. Exit code: 0 no difference, 1 at least one, 2 bad input.",
     SCENARIO,
     ros("listen to ROS 1", "listen to ROS 2", "the robot"),
     argument(
         "--hardware",
         type=Path,
-        metavar="FILE.yaml",
+        metavar="FILE",
         help="listen to the topics of this hardware file",
     ),
-    folder("results (default: out/twin/SCENARIO)"),
+    folder("the results", "out/twin/SCENARIO"),
     flag("--no-record", "write nothing"),
 )
 def twin(options: argparse.Namespace) -> int:
@@ -186,14 +196,13 @@ def twin(options: argparse.Namespace) -> int:
 
         config = _config(options)
         scenario = load(options)
-        name = Path(options.scenario).stem
-        out: Path = options.out or Path("out") / "twin" / name
-        with writing("--out", out):
+        name = name_of(options)
+        with _recordings(options, Path("out") / "twin" / name) as out:
             result = run_twin(
                 scenario,
                 config,
                 name=name,
-                out=None if options.no_record else out,
+                out=out,
                 stop=stop,
                 tell=lambda text: status.interrupt(f"drake-srg: warning: {text}"),
                 report=status.show,
@@ -205,6 +214,16 @@ def twin(options: argparse.Namespace) -> int:
     output.say(*result.artifacts.values())
     output.answer(dc.asdict(result))
     return TASK_FAILED if result.partings else SUCCESS
+
+
+@contextlib.contextmanager
+def _recordings(options: argparse.Namespace, default: Path) -> Iterator[Path | None]:
+    """Yield the folder of a command's recordings; None with `--no-record`."""
+    if options.no_record:
+        yield None
+        return
+    with results_folder(options, default, RUN) as out:
+        yield out
 
 
 def _config(options: argparse.Namespace) -> HardwareConfig:
@@ -236,22 +255,23 @@ VENDOR = "vendor"
 
 
 @command(
-    "fit a gripper's motor, friction and heat to what its servo showed",
+    "fit a gripper's motor, friction and heat to its servo's log",
     "It prints intervals, correlations and what the log leaves open, and writes a "
     "scenario.",
     argument(
         "log",
-        metavar="LOG.csv",
+        metavar="FILE",
         help=f"rows of your gripper's tests, or `{VENDOR}` for the maker's own "
         "(columns: docs/gripper.md)",
     ),
     argument(
-        *("-o", "--output"),
+        *("-o", "--out"),
         type=Path,
-        metavar="FILE.yaml",
+        metavar="FILE",
         default=Path("srg_specimen.yaml"),
         help="the scenario to write (default: %(default)s)",
     ),
+    REPLACE,
     argument(
         "--base",
         default="gripper_bench",
@@ -278,10 +298,10 @@ def identify(options: argparse.Namespace) -> int:
         raise ScenarioError(f"--base {options.base}: gripper: needs !SrgTendonDriver")
     base = options.base
     if base.endswith(".yaml"):
-        if Path(base).resolve() == options.output.resolve():
-            raise ScenarioError(f"-o {options.output}: must differ from --base")
+        if Path(base).resolve() == options.out.resolve():
+            raise ScenarioError(f"-o {options.out}: must differ from --base")
         # A scenario names its base relative to its own folder.
-        base = os.path.relpath(base, options.output.parent)
+        base = os.path.relpath(base, options.out.parent)
     own = options.log != VENDOR
     rows = read_log(Path(options.log)) if own else vendor_log()
     result = fit_log(rows)
@@ -290,9 +310,11 @@ def identify(options: argparse.Namespace) -> int:
     # A log of something else may give values that no scenario takes.
     tree = parse_yaml(text, options.log)["gripper"]
     check_tree(tree, SrgTendonDriver | None, options.log, "gripper")
-    with writing("-o", options.output):
-        write_file(options.output, text.encode("utf-8"))
-    options.console.say(*report(result), "", options.output)
+    if options.out.exists() and not options.replace:
+        raise taken(options, options.out, ())
+    with writing("-o", options.out):
+        write_file(options.out, text.encode("utf-8"))
+    options.console.say(*report(result), "", options.out)
     options.console.answer(
         {
             "parameters": {
@@ -306,7 +328,7 @@ def identify(options: argparse.Namespace) -> int:
                 for e in fit.estimates
             },
             "errors": [dc.asdict(error) for error in result.errors],
-            "scenario": options.output,
+            "scenario": options.out,
         }
     )
     return SUCCESS
@@ -316,10 +338,10 @@ _BOARD = "6,5,0.04,0.03,DICT_4X4_50"
 
 
 @command(
-    "find a camera's intrinsics and pose by images of a ChArUco board",
-    "In simulation, the arm shows the board to the camera. It prints standard "
-    "deviations and writes the images, and a scenario with the result.",
-    argument("what", choices=["camera"], help="what to calibrate"),
+    "find a camera's intrinsics and pose by images of a board",
+    "The board is a ChArUco board. In simulation, the arm shows it to the camera. It "
+    "prints standard deviations and writes the images, and a scenario with the result.",
+    argument("what", choices=["camera"], metavar="WHAT", help="the word camera"),
     SCENARIO,
     argument(
         "--camera",
@@ -328,20 +350,19 @@ _BOARD = "6,5,0.04,0.03,DICT_4X4_50"
     ),
     argument(
         "--images",
-        metavar="N|DIR",
+        metavar="IMAGES",
         default="24",
         help="how many to take in simulation, or a folder of images with poses.csv "
         "(default: %(default)s)",
     ),
     argument(
         "--board",
-        metavar="COLUMNS,ROWS,SQUARE,MARKER[,DICTIONARY]",
+        metavar="BOARD",
         default=_BOARD,
-        help="the board in a folder's images; sides in metres (default: %(default)s)",
+        help="the board in a folder's images: columns, rows, sides of a square and of "
+        "a marker [m], dictionary (default: %(default)s)",
     ),
-    folder(
-        "folder for calibration.yaml and the images (default: out/calibrate_SCENARIO)"
-    ),
+    folder("calibration.yaml and the images", "out/calibrate_SCENARIO"),
 )
 def calibrate(options: argparse.Namespace) -> int:
     """Calibrate a camera and write a scenario with the result.
@@ -364,15 +385,12 @@ def calibrate(options: argparse.Namespace) -> int:
     board, count = parse_board(options.board), parse_count(options.images)
     if count is not None and options.board != _BOARD:
         raise ScenarioError("--board: needs a folder of --images")
-    out: Path = options.out or Path("out") / f"calibrate_{Path(options.scenario).stem}"
-    base = _base(options.scenario, out)
     scenario = load(options)
     if scenario.arm is None or scenario.gripper is None:
         raise ScenarioError(f"{options.scenario}: needs an arm and a gripper")
     camera = options.camera or next(iter(scenario.localizer.cameras), "")
     scene = own_scene(scenario)
     mounting = mount(scenario, camera, scene, board)
-    end_on_sigterm()
     if count is None:
         shots = read_shots(Path(options.images))
     else:
@@ -384,10 +402,12 @@ def calibrate(options: argparse.Namespace) -> int:
             shots = take_shots(scenario, mounting, scene, count, tell)
     result = solve(find_views(shots, mounting), mounting.focal, mounting.center)
     errors = None if count is None else true_errors(result, mounting)
-    file = out / "calibration.yaml"
-    with writing("--out", out):
+    default = Path("out") / f"calibrate_{name_of(options)}"
+    with results_folder(options, default, CALIBRATION) as out:
+        base = _base(options.scenario, out)
         if count is not None:
             write_folder(out / "images", shot_files(shots))
+        file = out / "calibration.yaml"
         write_file(file, overlay(result, mounting, base).encode("utf-8"))
     options.console.say(*report(result, mounting, errors), "", file)
     found = answer(result, mounting, errors)

@@ -1,25 +1,30 @@
 """The commands `drake-srg sweep`, `report` and `dataset`."""
 
 import argparse
-import contextlib
 import dataclasses as dc
 import shlex
-import sys
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from drake_srg.cli.command import (
+    CELL,
     INTERRUPTED,
     SCENARIO,
     SUCCESS,
-    Adds,
     all_of,
     argument,
     command,
-    end_on_sigterm,
     flag,
-    folder,
+    name_of,
+    warn,
     writing,
+)
+from drake_srg.cli.results import (
+    DATASET,
+    SWEEP,
+    folder,
+    new_folder,
+    results_folder,
 )
 from drake_srg.common.exceptions import ScenarioError
 
@@ -31,33 +36,27 @@ ENGINE = all_of(
     argument(
         "--jobs",
         type=int,
-        metavar="J",
+        metavar="N",
         help="trials at a time, one process each (default: the machine's cores)",
     ),
     argument(
         "--engine",
         choices=("joblib", "ray"),
         default="joblib",
-        help="joblib: processes on this machine; ray: a Ray cluster "
-        "(default: %(default)s)",
+        metavar="NAME",
+        help="what runs trials: joblib, processes on this machine, or ray, a Ray "
+        "cluster (default: %(default)s)",
     ),
     argument(
         "--address",
-        metavar="A",
+        metavar="ADDRESS",
         help="address of the Ray cluster (default: $RAY_ADDRESS; if that is not set, "
         "Ray starts on this machine)",
     ),
 )
 
 
-def _of_a_sweep(metavar: str, help: str) -> Adds:
-    """Return what adds the folder of a sweep, and the place of what is made of it."""
-    return all_of(
-        argument(
-            "folder", type=Path, metavar="DIR", help="folder of the sweep (its --out)"
-        ),
-        argument(*("-o", "--output"), type=Path, metavar=metavar, help=help),
-    )
+A_SWEEP = argument("folder", type=Path, metavar="DIR", help="folder of the sweep")
 
 
 @command(
@@ -65,15 +64,18 @@ def _of_a_sweep(metavar: str, help: str) -> Adds:
     "Trial k is `drake-srg run SCENARIO --seed S+k`. Exit code: 0 once all trials "
     "have run, whatever their outcome; 2 bad input; 130 interrupted.",
     SCENARIO,
+    CELL,
     argument("--trials", type=int, required=True, metavar="N", help="number of trials"),
     ENGINE,
-    folder("folder for the results (default: out/sweeps/SCENARIO)"),
+    folder("the results", "out/sweeps/SCENARIO"),
     flag("--resume", "continue the sweep in DIR"),
     argument(
         "--record",
         choices=("none", "failures", "all"),
         default="none",
-        help="trials whose video, rosbag and log are kept (default: %(default)s)",
+        metavar="WHICH",
+        help="trials whose video, rosbag and log are kept: none, failures or all "
+        "(default: %(default)s)",
     ),
 )
 def sweep(options: argparse.Namespace) -> int:
@@ -85,7 +87,6 @@ def sweep(options: argparse.Namespace) -> int:
     Raises:
         ScenarioError: For bad input, or if the folder cannot be written.
     """
-    out: Path = options.out or Path("out") / "sweeps" / Path(options.scenario).stem
     if options.trials < 1:
         raise ScenarioError(f"--trials {options.trials}: must be at least 1")
     engine = make_engine(options)
@@ -93,15 +94,16 @@ def sweep(options: argparse.Namespace) -> int:
     from drake_srg.sweeps.statistics import summary
     from drake_srg.sweeps.sweep import run_sweep
 
-    end_on_sigterm()
-    resume = _resume_line(options, out)
+    out = resume = None
 
     def advise() -> str:
-        begun = (out / "sweep.json").exists()
+        begun = out is not None and (out / "sweep.json").exists()
         return f"finished trials are kept; to continue: {resume}" if begun else ""
 
+    default = Path("out") / "sweeps" / name_of(options)
     try:
-        with writing("--out", out, advise):
+        with results_folder(options, default, SWEEP, advise) as out:
+            resume = _resume_line(options, out)
             rows = run_sweep(
                 options.scenario,
                 options.trials,
@@ -113,6 +115,7 @@ def sweep(options: argparse.Namespace) -> int:
                 resume=options.resume,
                 progress=options.console.progress,
                 tell=warn,
+                cell=options.cell,
             )
     except KeyboardInterrupt:
         options.console.complain(f"stopped; to continue: {resume}")
@@ -129,7 +132,13 @@ def sweep(options: argparse.Namespace) -> int:
 @command(
     "turn a sweep into an HTML page",
     "The page shows how often trials succeed, why they fail and what that depends on.",
-    _of_a_sweep("FILE.html", "the page (default: DIR/report.html)"),
+    A_SWEEP,
+    argument(
+        *("-o", "--out"),
+        type=Path,
+        metavar="FILE",
+        help="the page (default: DIR/report.html)",
+    ),
 )
 def report(options: argparse.Namespace) -> int:
     """Write the page of a sweep, and print its path; returns the exit code.
@@ -139,7 +148,7 @@ def report(options: argparse.Namespace) -> int:
     """
     from drake_srg.sweeps.report.write import write_report
 
-    output: Path = options.output or options.folder / "report.html"
+    output: Path = options.out or options.folder / "report.html"
     with writing("-o", output):
         path = write_report(options.folder, output)
     options.console.say(path)
@@ -150,11 +159,12 @@ def report(options: argparse.Namespace) -> int:
 @command(
     "turn a sweep's recordings into a LeRobot data set",
     "Each recorded trial becomes an episode: `drake-srg sweep ... --record all`.",
-    _of_a_sweep("FOLDER", "folder to create (default: DIR/dataset)"),
+    A_SWEEP,
+    folder("the data set", "DIR/dataset"),
     argument(
         "--fps",
         type=int,
-        metavar="F",
+        metavar="N",
         help="frames per second, a divisor of the image rate (default: every image)",
     ),
     flag("--only-success", "leave out trials that failed"),
@@ -173,9 +183,11 @@ def dataset(options: argparse.Namespace) -> int:
     require_sweep("pyarrow")
     from drake_srg.sweeps.dataset.make import make_dataset
 
-    end_on_sigterm()
-    output: Path = options.output or options.folder / "dataset"
-    with writing("-o", output):
+    default = options.folder / "dataset"
+    with (
+        new_folder(options, default, DATASET) as output,
+        writing("--out", output),
+    ):
         made = make_dataset(
             options.folder,
             output,
@@ -226,6 +238,7 @@ def _resume_line(options: argparse.Namespace, out: Path) -> str:
         words += ["--seed", str(options.seed)]
     for override in options.set:
         words += ["--set", override]
+    words += ["--cell", options.cell] if options.cell else []
     if options.engine == "ray":
         words += ["--engine", "ray"]
         words += ["--address", options.address] if options.address else []
@@ -234,9 +247,3 @@ def _resume_line(options: argparse.Namespace, out: Path) -> str:
     if options.record != "none":
         words += ["--record", options.record]
     return shlex.join([*words, "--out", str(out), "--resume"])
-
-
-def warn(text: str) -> None:
-    """Print a warning on standard error."""
-    with contextlib.suppress(OSError):  # standard error may be closed
-        print(f"drake-srg: warning: {text}", file=sys.stderr, flush=True)

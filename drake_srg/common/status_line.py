@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import os
 import shutil
 import sys
@@ -95,7 +96,8 @@ class StatusLine:
             if self._text:
                 self._write("\r\x1b[K")
             if tell is None:
-                print(text, file=sys.stderr, flush=True)
+                with contextlib.suppress(OSError):
+                    print(text, file=sys.stderr, flush=True)
             else:
                 tell(text)
             if self._text:
@@ -109,8 +111,13 @@ class StatusLine:
             self._text = ""
 
     def _write(self, text: str) -> None:
-        self._stream.write(text)
-        self._stream.flush()
+        try:
+            self._stream.write(text)
+            self._stream.flush()
+        except BrokenPipeError:  # nobody reads it any more
+            raise
+        except OSError:  # a full disk: a status is no result
+            pass
 
 
 def _minutes(seconds: float) -> str:

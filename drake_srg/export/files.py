@@ -65,7 +65,7 @@ def export_scenario(scenario: Scenario, kind: str, out: Path) -> list[ExportedMo
         # Without tendons, the joints keep the model's own share of the motor.
         scenario = dc.replace(scenario, gripper=None)
     builder = DiagramBuilder()
-    plant, graph = AddPlant(builder, scenario)
+    plant, graph = AddPlant(builder, scenario, catch=False)
     reader = PlantReader(plant, graph, read_constraints(scenario))
     if _SCENE in reader.instances:
         raise ScenarioError(f"directives: {_SCENE}: the name of the file of all models")

@@ -1,6 +1,8 @@
 """Configuration of movable objects in a scenario."""
 
 import dataclasses as dc
+import re
+from pathlib import PurePath
 
 from pydrake.common.schema import Transform
 
@@ -118,6 +120,13 @@ class ObjectConfig(Config):
     # Size that localizer and planner assume, over the true one: specimens of a product
     # vary.
     known_scale: float = dc.field(default=1.0, metadata=positive())
+
+    @property
+    def kind(self) -> str:
+        """What the object is, for people: `banana`, `cylinder`."""
+        if self.model is not None:
+            return re.sub(r"^\d+_", "", PurePath(self.model).stem)
+        return type(self.shape).__name__.lower()
 
 
 @dc.dataclass(kw_only=True)

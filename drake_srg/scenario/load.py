@@ -2,6 +2,7 @@
 
 import dataclasses as dc
 import re
+import sys
 from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -11,7 +12,7 @@ from pydrake.common import RandomGenerator
 from pydrake.common.schema import UniformVectorX
 
 from drake_srg.arm.drivers import ArmPositionDriver
-from drake_srg.common.exceptions import ScenarioError, scenario_errors
+from drake_srg.common.exceptions import ScenarioError, scenario_errors, suggest
 from drake_srg.scenario.checks import check_scenario, resolve_pick
 from drake_srg.scenario.draws import add_clutter, draw_distributions, key_generator
 from drake_srg.scenario.planner import with_planner_tag
@@ -198,15 +199,16 @@ def list_scenarios() -> list[str]:
 
 
 def is_scenario(name: str) -> bool:
-    """Return whether a name is one of the package's scenarios or of a YAML file."""
-    return name.endswith(".yaml") or name in list_scenarios()
+    """Return whether a name is a scenario's as `load_tree` takes it."""
+    return name == "-" or name.endswith(".yaml") or name in list_scenarios()
 
 
 def load_tree(name: str | Path, overrides: Iterable[str] = ()) -> dict[str, Any]:
     """Read a scenario with its bases and overrides, without drawing or checking.
 
     Args:
-        name: Name of one of the package's scenarios, or path of a YAML file.
+        name: Name of one of the package's scenarios, path of a YAML file, or `-` for
+            standard input, whose relative paths start in the working directory.
         overrides: Entries `KEY=VALUE`; see `load_scenario`.
 
     Returns:
@@ -224,7 +226,8 @@ def load_tree(name: str | Path, overrides: Iterable[str] = ()) -> dict[str, Any]
 
 
 def _file(name: str | Path) -> Path:
-    return Path(name) if str(name).endswith(".yaml") else _builtin(name)
+    is_file = str(name) == "-" or str(name).endswith(".yaml")
+    return Path(name) if is_file else _builtin(name)
 
 
 def override_tree(tree: dict[str, Any], overrides: Iterable[str]) -> None:
@@ -269,9 +272,9 @@ def _resolve_models(tree: Mapping[str, Any], folder: Path) -> None:
 
 def _builtin(name: str | Path) -> Path:
     if name not in list_scenarios():
+        hint = suggest(str(name), list_scenarios()).removesuffix(")")
         raise ScenarioError(
-            f"unknown scenario {str(name)!r} (allowed: {', '.join(list_scenarios())}, "
-            "or a path that ends in .yaml)"
+            f"unknown scenario {str(name)!r} {hint}, or a path that ends in .yaml)"
         )
     return SCENARIOS / f"{name}.yaml"
 
@@ -299,7 +302,8 @@ def _chain(path: Path) -> list[tuple[Path, dict[str, Any]]]:
 
 def _read(path: Path) -> dict[str, Any]:
     try:
-        text = path.read_text(encoding="utf-8")
+        piped = path == Path("-")
+        text = sys.stdin.read() if piped else path.read_text(encoding="utf-8")
     except UnicodeError:
         raise ScenarioError(f"{path}: cannot be read: not text in UTF-8") from None
     except (OSError, ValueError) as error:  # ValueError: a null character in the path

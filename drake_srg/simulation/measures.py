@@ -37,6 +37,26 @@ def hand_poses(scenario: Scenario, arm_states: Vector) -> list[RigidTransform]:
     return poses
 
 
+# This far below its start and the table, an object has left the table [m].
+_OFF_TABLE = 0.2
+
+
+def off_table(scenario: Scenario, log: Mapping[str, Vector]) -> list[str]:
+    """Return the names of the objects that fell off the table.
+
+    Args:
+        scenario: The scenario of the run.
+        log: Arrays of log.npz.
+    """
+    floor = scenario.table.height - _OFF_TABLE
+    return [
+        name
+        for name in scenario.objects
+        if (poses := log.get(pose_key(name))) is not None
+        and poses[-1, 2] < min(floor, poses[0, 2] - _OFF_TABLE)
+    ]
+
+
 _MAX_HOME_ERROR = 0.01  # rad; farther from home, the arm does not count as home
 # An object that has risen this far is off its support [m]. Toppling a 25 mm cylinder
 # raises its middle by 3 mm, the soup can's by 10 mm.

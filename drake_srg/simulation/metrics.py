@@ -2,6 +2,7 @@
 
 import dataclasses as dc
 import json
+import re
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -30,6 +31,16 @@ OF_SEVERAL = (
 # Limits for an object that rests upright.
 _MAX_SPEED = 1e-3  # m/s
 _MAX_TILT = np.deg2rad(5.0)
+
+
+def rounded(value: float) -> str:
+    """Return a measured value with three digits; what is far below 1 is 0."""
+    return f"{value:.3g}" if abs(value) >= 5e-4 else "0"
+
+
+def counted(number: int, thing: str) -> str:
+    """Return a number of things in words: `1 attempt`, `2 attempts`."""
+    return f"{number} {thing}" + "s" * (number != 1)
 
 
 @dc.dataclass
@@ -97,12 +108,17 @@ class Metrics:
     # Only on hardware: whether the planner says that it has done the task. Nobody knows
     # whether it has: `success` is False here, and null in metrics.json.
     claimed: bool | None = None
+    # Only if objects fell off the table: their names. If the picked one did, it has no
+    # placement error.
+    off_table: list[str] | None = None
+    # Only with clutter: of which kind each object is that a seed has drawn.
+    kinds: dict[str, str] | None = None
 
     def table(self) -> str:
         """Return the most important metrics as text."""
 
         def show(value: float | None, scale: float, unit: str) -> str:
-            return "-" if value is None else f"{scale * value:.3g} {unit}"
+            return "-" if value is None else f"{rounded(scale * value)} {unit}"
 
         def degrees(value: float | None) -> str:
             return show(value, 180.0 / np.pi, "degrees")
@@ -110,7 +126,8 @@ class Metrics:
         def across(vector: list[float] | None) -> str:
             if vector is None:
                 return "-"
-            return ", ".join(f"{1e3 * x:.2f}" for x in vector) + " mm"
+            # Adding 0 turns the -0 of a small negative number into 0.
+            return ", ".join(f"{round(1e3 * x, 2) + 0.0:.2f}" for x in vector) + " mm"
 
         word = "success" if self.success else f"failure: {self.failure}"
         if self.claimed:
@@ -119,7 +136,7 @@ class Metrics:
             return self._objects_table(self.objects)
         rows = [
             ("scenario", f"{self.scenario}, seed {self.seed}"),
-            ("result", f"{word}, {self.attempts} attempt(s)"),
+            ("result", f"{word}, {counted(self.attempts, 'attempt')}"),
             ("cycle", show(self.cycle_time_s, 1.0, "s")),
             ("localisation error", across(self.localization_error_m)),
             ("localisation turn", degrees(self.localization_turn_rad)),
@@ -129,6 +146,7 @@ class Metrics:
             ("drift in the hand", show(self.hold_drift_m_per_s, 1e6, "um/s")),
             ("largest grip force", show(self.peak_contact_force_n, 1.0, "N")),
             ("other objects moved", show(self.others_moved_m, 1e3, "mm")),
+            *self._off_table_rows(),
             *(
                 ("safety stop", f"{stop['reason']} at {stop['time_s']:.2f} s")
                 for stop in self.safety_stops or ()
@@ -149,13 +167,27 @@ class Metrics:
             ("picks", f"{self.picks_held} held of {self.picks}, {rate} per hour"),
             *self._multi_object_rows(),
             *(
-                (name, f"{thing['outcome']}, {thing['attempts']} attempt(s)")
+                (
+                    self._called(name),
+                    f"{thing['outcome']}, {counted(thing['attempts'], 'attempt')}",
+                )
                 for name, thing in objects.items()
             ),
+            *self._off_table_rows(),
             ("planning", f"{self.planning_wall_s:.3g} s of wall clock"),
             ("speed", f"{self.real_time_factor:.2f} x real time"),
         ]
-        return "\n".join(f"{name:20} {value}" for name, value in rows)
+        width = max(20, *(len(name) for name, _ in rows))
+        return "\n".join(f"{name:{width}} {value}" for name, value in rows)
+
+    def _called(self, name: str) -> str:
+        """Return the name of an object, and its kind if the seed has drawn it."""
+        kind = (self.kinds or {}).get(name)
+        return name if kind is None else f"{name} ({kind})"
+
+    def _off_table_rows(self) -> list[tuple[str, str]]:
+        names = ", ".join(map(self._called, self.off_table or ()))
+        return [("off the table", names)] if names else []
 
     def _multi_object_rows(self) -> list[tuple[str, str]]:
         if not self.multi_object_picks and not self.multi_object_picks_seen:
@@ -167,9 +199,11 @@ class Metrics:
         """Return the rows about the wrong bin and about what must stay."""
         rows = []
         if self.objects_in_wrong_bin is not None:
-            rows.append(("in a wrong bin", f"{self.objects_in_wrong_bin} objects"))
+            wrong = counted(self.objects_in_wrong_bin, "object")
+            rows.append(("in a wrong bin", wrong))
         if self.others_moved_m is not None:
-            rows.append(("other objects moved", f"{1e3 * self.others_moved_m:.3g} mm"))
+            moved = f"{rounded(1e3 * self.others_moved_m)} mm"
+            rows.append(("other objects moved", moved))
         return rows
 
     def write(self, path: Path) -> None:
@@ -179,7 +213,7 @@ class Metrics:
             fields = {k: v for k, v in fields.items() if k not in OF_SEVERAL}
         if self.claimed is not None:
             fields["success"] = None
-        for name in ("safety_stops", "claimed"):
+        for name in ("safety_stops", "claimed", "off_table", "kinds"):
             if fields[name] is None:
                 del fields[name]
         text = json.dumps(fields)
@@ -223,6 +257,7 @@ def calc_metrics(
     time, mode = log["time"], log["mode"].astype(int)
     poses = log.get(pose_key(pick))
     placed, error, tilt, turn = False, None, None, None
+    off_table = measures.off_table(scenario, log)
     localization = shift = drift = peak = cycle = lifted = to_placement = None
     if poses is not None:
         final = row_to_pose(poses[-1])
@@ -236,10 +271,12 @@ def calc_metrics(
                 turn = turn_between(shape, found, row_to_pose(poses[first]).rotation())
         start, place = row_to_pose(poses[first]), scenario.task.place
         goal = final_pose(scenario, start)
-        error = final.translation() - goal.translation()
-        tilt = final_tilt(scenario, start, final)
+        if pick not in off_table:
+            error = final.translation() - goal.translation()
+            tilt = final_tilt(scenario, start, final)
         placed = bool(
-            np.linalg.norm(error) <= place.tolerance
+            error is not None
+            and np.linalg.norm(error) <= place.tolerance
             and (tilt is None or tilt <= _MAX_TILT)
             and measures.final_speed(time, poses) <= _MAX_SPEED
             and not touching - {"support"}
@@ -295,8 +332,19 @@ def calc_metrics(
         real_time_factor=times.simulated / times.wall,
         artifacts=artifacts,
         safety_stops=measures.safety_stops(log),
+        off_table=off_table or None,
+        kinds=_kinds(scenario) or None,
         **({} if cleared is None else cleared.metrics()),
     )
+
+
+def _kinds(scenario: Scenario) -> dict[str, str]:
+    """Return the kinds of the objects that a seed has drawn, by name."""
+    return {
+        name: config.kind
+        for name, config in scenario.objects.items()
+        if re.fullmatch(r"clutter_\d+", name) and config.present
+    }
 
 
 def _floats(vector: Vector | None) -> list[float] | None:

@@ -2,12 +2,15 @@
 
 import copy
 import functools
+import importlib
+import sys
 from collections.abc import Callable
+from pathlib import Path
 from typing import TypeAlias
 
 from pydrake.systems.framework import Diagram, DiagramBuilder, OutputPort, System
 
-from drake_srg.common.exceptions import ScenarioError, scenario_errors
+from drake_srg.common.exceptions import ScenarioError, one_line, scenario_errors
 from drake_srg.common.systems import export_outputs, input_ports
 from drake_srg.objects.disturber import Disturber, Target
 from drake_srg.objects.models import object_body, simple_shape
@@ -134,6 +137,31 @@ def AddCell(
         *_COMMANDS,
     ):
         builder.ExportOutput(planner.GetOutputPort(name), exported)
+
+
+def load_make_cell(name: str) -> Callable[[Scenario], Diagram]:
+    """Return a user's own function that builds a cell.
+
+    Args:
+        name: `module:function`; the module is looked for in the working directory, too.
+
+    Raises:
+        ScenarioError: If there is none.
+    """
+    module, colon, function = name.partition(":")
+    if not (module and colon and function):
+        raise ScenarioError(f"--cell {name}: must be MODULE:FUNCTION")
+    if (here := str(Path.cwd())) not in sys.path:
+        sys.path.insert(0, here)
+    try:
+        make_cell = getattr(importlib.import_module(module), function, None)
+    except Exception as error:  # whatever the user's module raises
+        words = f"{type(error).__name__}: {one_line(error)}"
+        raise ScenarioError(f"--cell {name}: cannot be imported: {words}") from error
+    if not callable(make_cell):
+        raise ScenarioError(f"--cell {name}: {module} has no function {function!r}")
+    made: Callable[[Scenario], Diagram] = make_cell
+    return made
 
 
 def AddLocalizingPlanner(

@@ -16,8 +16,16 @@ from pathlib import Path
 
 import numpy as np
 from pydrake.common.yaml import yaml_dump_typed
+from pydrake.geometry import (
+    AddCompliantHydroelasticProperties,
+    AddContactMaterial,
+    CollisionFilterDeclaration,
+    GeometrySet,
+    ProximityProperties,
+    Role,
+    SceneGraph,
+)
 from pydrake.geometry import Box as DrakeBox
-from pydrake.geometry import CollisionFilterDeclaration, GeometrySet, Role, SceneGraph
 from pydrake.math import RigidTransform, RotationMatrix
 from pydrake.multibody.parsing import (
     FlattenModelDirectives,
@@ -27,7 +35,11 @@ from pydrake.multibody.parsing import (
     PackageMap,
     Parser,
 )
-from pydrake.multibody.plant import AddMultibodyPlant, MultibodyPlant
+from pydrake.multibody.plant import (
+    AddMultibodyPlant,
+    CoulombFriction,
+    MultibodyPlant,
+)
 from pydrake.systems.framework import DiagramBuilder
 
 from drake_srg import parsing
@@ -264,11 +276,41 @@ def _with_includes(url: str, packages: PackageMap) -> Iterator[Path]:
 _LID = "package://drake_srg/sdf/lid.sdf"
 
 
+# Below any floor, measured from the table's top, and larger than anything slides [m].
+_CATCH_DEPTH, _CATCH_SIDE = 5.0, 10_000.0
+
+
+def AddCatch(plant: MultibodyPlant, scenario: Scenario) -> None:
+    """Add a floor that nobody sees, far below, to a plant that is not finalized.
+
+    What leaves the cell would otherwise fall for ever, out of all numbers' range.
+    """
+    properties = ProximityProperties()
+    # Soft and damped: what arrives at 10 m/s rebounds at 1 cm/s at most.
+    AddCompliantHydroelasticProperties(_CATCH_SIDE, 1e5, properties)
+    AddContactMaterial(
+        dissipation=100.0, friction=CoulombFriction(1.0, 1.0), properties=properties
+    )
+    top = scenario.table.height - _CATCH_DEPTH
+    plant.RegisterCollisionGeometry(
+        plant.world_body(),
+        RigidTransform([0.0, 0.0, top - 0.5]),
+        DrakeBox(_CATCH_SIDE, _CATCH_SIDE, 1.0),
+        "catch",
+        properties,
+    )
+
+
 @scenario_errors()
 def AddPlant(
-    builder: DiagramBuilder, scenario: Scenario
+    builder: DiagramBuilder, scenario: Scenario, *, catch: bool = True
 ) -> tuple[MultibodyPlant, SceneGraph]:
     """Add the finalized plant with all models of a scenario to a diagram.
+
+    Args:
+        builder: The diagram's.
+        scenario: The scenario.
+        catch: Whether to add a floor far below for what leaves the cell.
 
     Raises:
         ScenarioError: If the models do not fit the scenario.
@@ -281,6 +323,8 @@ def AddPlant(
     )
     AddDirectives(plant, scenario)
     AddObjects(plant, scenario)
+    if catch:
+        AddCatch(plant, scenario)
     if scenario.arm is not None:
         arm = plant.GetModelInstanceByName("arm")
         scenario.arm.prepare_plant(plant, arm)

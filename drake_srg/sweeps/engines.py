@@ -162,14 +162,14 @@ def usable_cores() -> int:
 
 @contextlib.contextmanager
 def _interrupts_later() -> Iterator[None]:
-    """Delay Ctrl-C and SIGTERM until the block has ended."""
+    """Delay Ctrl-C, SIGTERM and SIGHUP until the block has ended."""
     if not _in_main_thread():
         yield
         return
     came: list[int] = []
     before = {
         number: signal.signal(number, lambda number, _: came.append(number))
-        for number in (signal.SIGINT, signal.SIGTERM)
+        for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
     }
     try:
         yield

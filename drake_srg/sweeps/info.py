@@ -105,6 +105,7 @@ class SweepInfo:
     jobs: int | None = None  # trials at a time; None: as many as the cluster has cores
     started: str = ""  # date and time, ISO 8601
     policy: str = ""  # of `drake-srg evaluate`; a sweep has none
+    cell: str = ""  # `module:function` that builds a cell of the user's own
     schema_version: int = SCHEMA_VERSION
 
     def write(self, folder: Path) -> None:
@@ -197,7 +198,7 @@ def difference(old: SweepInfo, new: SweepInfo) -> str:
         return f"{name}: was {there}, is {here}"
     pairs = [
         (name, getattr(old, name), getattr(new, name))
-        for name in ("record", "seed", "policy")
+        for name in ("record", "seed", "policy", "cell")
     ]
     if old.tree != new.tree:
         was, now = (dict(_leaves(yaml_load(data=info.tree), "")) for info in (old, new))

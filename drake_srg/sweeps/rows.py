@@ -57,7 +57,7 @@ TIMING_COLUMNS = (
 # Entries of metrics.json that are not metrics, or are in the row already.
 _NO_METRICS = (
     *("schema_version", "scenario", "seed", "artifacts"),
-    *("objects", "safety_stops"),
+    *("objects", "safety_stops", "off_table", "kinds"),
 )
 
 # A key in the metadata of a file's schema; see `_checksum`.

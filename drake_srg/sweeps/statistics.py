@@ -156,15 +156,15 @@ def summary(rows: Any) -> str:
 
     def median(name: str) -> str:
         times = rows.filter(rows["success"])[name].drop_null().to_pylist()
-        return f"{statistics.median_low(times):.3g} s" if times else "-"
+        return f"{statistics.median_low(times):.3g} s" if times else ""
 
     lines = [
         ("success", f"{succeeded} of {trials}{share}"),
         ("95 % interval (Wilson)", f"{low:.2%} to {high:.2%}"),
-        ("grasped and lifted", f"{sum(lifted)} of {len(lifted)}"),
+        ("grasped and lifted", f"{sum(lifted)} of {len(lifted)}" if lifted else ""),
         *((f"failure: {name}", str(n)) for name, n in failures.most_common()),
         ("wrongly reported done", str(wrong)),
         ("median to placement", median("time_to_placement_s")),
         ("median cycle", median("cycle_time_s")),
     ]
-    return "\n".join(f"{name:24} {value}" for name, value in lines)
+    return "\n".join(f"{name:24} {value}" for name, value in lines if value)

@@ -12,6 +12,7 @@ import contextlib
 import dataclasses as dc
 import datetime
 import fcntl
+import functools
 import itertools
 import os
 from collections.abc import Callable, Iterable, Iterator, Mapping
@@ -25,6 +26,7 @@ from drake_srg.lifetime import free_diagrams
 from drake_srg.recording.output import require
 from drake_srg.scenario import draw_scenario, load_tree
 from drake_srg.station import MakeCell
+from drake_srg.station.cell import load_make_cell
 from drake_srg.sweeps.engines import Engine
 from drake_srg.sweeps.files import remove_folder, remove_partial, write_folder
 from drake_srg.sweeps.info import (
@@ -47,7 +49,13 @@ from drake_srg.sweeps.rows import (
     write_row,
     write_rows,
 )
-from drake_srg.sweeps.trial import TrialResult, empty_row, run_trial, with_contents
+from drake_srg.sweeps.trial import (
+    TrialResult,
+    empty_row,
+    run_cell_trial,
+    run_trial,
+    with_contents,
+)
 
 RECORDINGS = "recordings"
 
@@ -356,6 +364,7 @@ def run_sweep(
     progress: bool = False,
     tell: Callable[[str], None] = print,
     trial_function: TrialFunction = run_trial,
+    cell: str = "",
 ) -> Any:
     """Run trials 0 .. `trials` - 1 of a scenario that have not run yet.
 
@@ -375,6 +384,7 @@ def run_sweep(
         progress: Whether to show progress on standard error.
         tell: Receives warnings, one line each.
         trial_function: Replaces `run_trial`; workers must be able to import it.
+        cell: `module:function` that builds a cell of the user's own; empty: `MakeCell`.
 
     Returns:
         All rows, a pyarrow.Table.
@@ -391,7 +401,9 @@ def run_sweep(
     overrides = list(overrides)
     tree = load_tree(scenario, overrides)
     require_sweep("pyarrow.parquet")
-    seed = check_scenario(tree, scenario, seed, record)
+    if cell:
+        trial_function = functools.partial(run_cell_trial, cell)
+    seed = check_scenario(tree, scenario, seed, record, cell)
     info = SweepInfo(
         scenario=scenario,
         seed=seed,
@@ -403,6 +415,7 @@ def run_sweep(
         engine=engine.name,
         jobs=engine.jobs,
         started=datetime.datetime.now().astimezone().isoformat(timespec="seconds"),
+        cell=cell,
     )
 
     def lost(trial: int, reason: str) -> TrialResult:
@@ -421,7 +434,11 @@ def run_sweep(
 
 
 def check_scenario(
-    tree: Mapping[str, Any], scenario: str, seed: int | None, record: str
+    tree: Mapping[str, Any],
+    scenario: str,
+    seed: int | None,
+    record: str,
+    cell: str = "",
 ) -> int:
     """Build the cell of trial 0, and return its seed.
 
@@ -430,6 +447,7 @@ def check_scenario(
         scenario: Its name or path.
         seed: Seed of trial 0; None: the scenario's `random_seed`.
         record: Which trials keep a recording.
+        cell: See `run_sweep`.
 
     Raises:
         ScenarioError: If the cell cannot be built, so that every trial would fail.
@@ -440,6 +458,6 @@ def check_scenario(
             require(module)
     drawn = draw_scenario(tree, scenario, seed).scenario
     with scenario_errors(Path(scenario).stem):
-        MakeCell(drawn)
+        (load_make_cell(cell) if cell else MakeCell)(drawn)
     free_diagrams()
     return drawn.random_seed

@@ -19,6 +19,7 @@ from drake_srg.common.exceptions import one_line
 from drake_srg.lifetime import free_diagrams
 from drake_srg.scenario import draw_scenario
 from drake_srg.simulation import Result, Simulate
+from drake_srg.station.cell import load_make_cell
 from drake_srg.sweeps.rows import TIMING_COLUMNS, metric_columns
 
 # `failure` of a trial that raised an error, which is then in `message`.
@@ -79,6 +80,18 @@ def run_trial(
     result.row["memory_mb"] = resident_memory()
     result.row["worker"] = f"{socket.gethostname()}:{os.getpid()}"
     return result
+
+
+def run_cell_trial(cell: str, *arguments: Any) -> TrialResult:
+    """Run a trial as `run_trial` does, in a cell of the user's own.
+
+    Args:
+        cell: See `load_make_cell`.
+        *arguments: Of `run_trial`.
+    """
+    make_cell = load_make_cell(cell)
+    simulate = functools.partial(Simulate, warm_up=False, make_cell=make_cell)
+    return functools.partial(run_trial, simulate=simulate)(*arguments)
 
 
 def with_contents(function: Callable[..., TrialResult], *arguments: Any) -> TrialResult:

@@ -24,7 +24,7 @@ from drake_srg.cli.command import (
     INTERRUPTED,
     SUCCESS,
     TASK_FAILED,
-    end_on_sigterm,
+    end_on_signals,
 )
 from drake_srg.common.exceptions import ScenarioError
 from experiments import find_experiments
@@ -67,7 +67,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     add("--quick", help=f"run the shortest only, about {QUICK:.0f} s in all", **flag)
     add("--accept", help="put the new results into docs", **flag)
     options = parser.parse_args(arguments)
-    end_on_sigterm()
+    end_on_signals()
     try:
         return rerun(options)
     except (ScenarioError, OSError) as error:

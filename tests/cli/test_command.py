@@ -58,13 +58,14 @@ def test_a_closed_pipe_is_no_problem_of_the_files():
         raise BrokenPipeError(errno.EPIPE, os.strerror(errno.EPIPE))
 
 
-def test_sigterm_ends_a_command_like_ctrl_c():
+@pytest.mark.parametrize("name", ["SIGINT", "SIGTERM", "SIGHUP"])
+def test_signals_end_a_command_like_ctrl_c(name):
     code = (
         "import os, signal, time\n"
-        "from drake_srg.cli.command import end_on_sigterm\n"
-        "end_on_sigterm()\n"
+        "from drake_srg.cli.command import end_on_signals\n"
+        "end_on_signals()\n"
         "try:\n"
-        "    os.kill(os.getpid(), signal.SIGTERM)\n"
+        f"    os.kill(os.getpid(), signal.{name})\n"
         "    time.sleep(60)\n"
         "except KeyboardInterrupt:\n"
         "    print('interrupted')\n"
@@ -73,6 +74,49 @@ def test_sigterm_ends_a_command_like_ctrl_c():
         [sys.executable, "-c", code], capture_output=True, text=True, check=False
     )
     assert (done.returncode, done.stdout) == (0, "interrupted\n")
+
+
+def test_an_import_is_not_interrupted_but_what_follows_is(tmp_path):
+    (tmp_path / "slow.py").write_text(
+        "import os, signal, time\n"
+        "os.kill(os.getpid(), signal.SIGINT)\n"
+        "time.sleep(0.2)\n"
+        "print('imported')\n"
+    )
+    code = (
+        "import time\n"
+        "from drake_srg.cli.command import end_on_signals\n"
+        "end_on_signals()\n"
+        "try:\n"
+        "    import slow\n"
+        "    time.sleep(60)\n"
+        "except KeyboardInterrupt:\n"
+        "    print('interrupted')\n"
+    )
+    done = subprocess.run(
+        [sys.executable, "-c", code],
+        env={**os.environ, "PYTHONPATH": f"{ROOT}:{tmp_path}"},
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert (done.returncode, done.stdout) == (0, "imported\ninterrupted\n")
+
+
+def test_nohup_lets_a_command_live():
+    code = (
+        "import os, signal\n"
+        "from drake_srg.cli.command import end_on_signals, stop_on_signals\n"
+        "signal.signal(signal.SIGHUP, signal.SIG_IGN)\n"  # as `nohup` does
+        "end_on_signals()\n"
+        "with stop_on_signals() as stop:\n"
+        "    os.kill(os.getpid(), signal.SIGHUP)\n"
+        "    print(stop.wait(0.1))\n"
+    )
+    done = subprocess.run(
+        [sys.executable, "-c", code], capture_output=True, text=True, check=False
+    )
+    assert (done.returncode, done.stdout) == (0, "False\n")
 
 
 def test_a_signal_that_comes_while_the_event_is_looked_at_stops_too():

@@ -2,8 +2,11 @@
 
 import dataclasses as dc
 import json
+import shlex
+import shutil
 import subprocess
 import sys
+import tomllib
 from pathlib import Path
 
 import pytest
@@ -11,12 +14,13 @@ from recording.replay.tiny_scene import record
 from simulation.made_logs import BLOB, judge, make_log
 
 import drake_srg.robot.drive
+import drake_srg.simulation
 from drake_srg.cli import commands
-from drake_srg.cli.main import main
+from drake_srg.cli.main import main, make_parser
 from drake_srg.common.exceptions import ScenarioError
 from drake_srg.simulation import benchmark
 from drake_srg.simulation.benchmark import Benchmark, Peer
-from drake_srg.simulation.simulate import Result
+from drake_srg.simulation.simulate import STOPPED_BY_USER, Result
 from drake_srg.types import Mode, PlannerStatus
 
 
@@ -52,11 +56,24 @@ def test_replay_of_two_runs_makes_a_page_of_both(tmp_path, capsys):
 @pytest.mark.parametrize("code", [0, 1])
 def test_demo_is_a_recorded_run_of_the_kitchen(code, tmp_path, capsys, monkeypatch):
     ran, opened = [], []
-    monkeypatch.setattr(commands, "run", lambda options: ran.append(options) or code)
+
+    def run(options):
+        ran.append(options)
+        return code
+
+    monkeypatch.setattr(commands, "run", run)
+    monkeypatch.setattr(sys, "argv", [".venv/bin/drake-srg"])
+    monkeypatch.setattr(shutil, "which", lambda name: None)
     monkeypatch.setattr("webbrowser.open", lambda url: opened.append(url) or True)
     assert main(["demo", "--out", str(tmp_path), "--open"]) == code
     (options,) = ran
     assert (options.scenario, options.out) == ("kitchen", tmp_path)
+    first, *others = capsys.readouterr().out.splitlines()[-3:]
+    assert f"Open {tmp_path / 'replay.html'}" in first
+    for line in others:  # what it says to try is understood
+        assert ": .venv/bin/drake-srg " in " ".join(line.split())
+        words = shlex.split(line.partition("drake-srg")[2])
+        assert make_parser().parse_args(words).command == words[0]
     assert opened == [(tmp_path / "replay.html").as_uri()]
 
 
@@ -141,7 +158,6 @@ def test_the_exit_code_follows_what_is_claimed(
         metrics = dc.replace(
             judge(without_truth(), status), success=False, claimed=claimed
         )
-        out.mkdir()
         metrics.write(out / "metrics.json")
         return Result(metrics, {}, status)
 
@@ -181,7 +197,7 @@ def test_json_names_every_model(tmp_path, capsys):
     ("arguments", "words"),
     [
         (["export", "nowhere", "--sdf", "out"], "'nowhere'"),
-        ([*BENCH, "--sdf", "file/out"], "--sdf file/out: cannot be written"),
+        ([*BENCH, "--sdf", "file/out"], "--out file/out: cannot be written"),
         (
             [*BENCH, "--set", "object={soft: {edge: 0.02}}", "--sdf", "out"],
             "soft",
@@ -201,9 +217,9 @@ def test_bad_input_is_one_line_and_leaves_nothing(
 
 def test_a_folder_in_the_way_of_a_file_stops_all_files(tmp_path, capsys):
     (tmp_path / "gripper.urdf").mkdir()
-    assert main([*BENCH, "--urdf", str(tmp_path)]) == 2
+    assert main([*BENCH, "--urdf", str(tmp_path), "--replace"]) == 2
     (line,) = capsys.readouterr().err.splitlines()
-    assert f"--urdf {tmp_path}: cannot be written: Is a directory" in line
+    assert f"--out {tmp_path}: cannot be written: Is a directory" in line
     assert [path.name for path in tmp_path.iterdir()] == ["gripper.urdf"]
     assert not list((tmp_path / "gripper.urdf").iterdir())
 
@@ -231,12 +247,16 @@ def project(tmp_path_factory):
 
 def test_a_project_has_its_files_with_its_name(project):
     assert sorted(path.name for path in project.iterdir()) == [
+        ".gitignore",
         "README.md",
         "cell.py",
+        "my_cell.yaml",
         "notebook.ipynb",
-        "scenario.yaml",
+        "pyproject.toml",
         "test_cell.py",
     ]
+    about = tomllib.loads((project / "pyproject.toml").read_text())
+    assert about["project"]["name"] == "my_cell"
     for path in project.iterdir():
         assert "@NAME@" not in path.read_text()
     assert "# my_cell" in (project / "README.md").read_text()
@@ -284,6 +304,46 @@ def test_a_bad_name_is_refused(name, tmp_path, monkeypatch, capsys):
     assert not list(tmp_path.iterdir())
 
 
+@pytest.mark.parametrize("name", ["drake_srg", "numpy", "json", "cell"])
+def test_the_name_of_a_module_is_refused(name, tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    assert main(["new", name]) == 2
+    (line,) = capsys.readouterr().err.splitlines()
+    assert f"NAME {name}: a Python module has this name" in line
+    assert not list(tmp_path.iterdir())
+
+
+@pytest.mark.slow
+def test_the_cell_of_a_project_runs_and_sweeps(project, monkeypatch, capsys):
+    monkeypatch.chdir(project)
+    own = ["my_cell.yaml", "--cell", "cell:make_cell"]
+    soon = ["--set", "planner.time_budget=0.5"]
+    assert main(["run", *own, *soon, "--no-record"]) == 1
+    metrics = json.loads((project / "out/my_cell/metrics.json").read_text())
+    assert metrics["scenario"] == "my_cell"
+    assert main(["sweep", *own, *soon, "--trials", "1", "--jobs", "1"]) == 0
+    assert "0 of 1" in capsys.readouterr().out
+    info = json.loads((project / "out/sweeps/my_cell/sweep.json").read_text())
+    assert info["cell"] == "cell:make_cell"
+
+
+@pytest.mark.parametrize(
+    ("cell", "words"),
+    [
+        ("cell", "must be MODULE:FUNCTION"),
+        ("nothing_here:make", "cannot be imported: ModuleNotFoundError"),
+        ("json:make", "json has no function 'make'"),
+    ],
+)
+def test_a_cell_that_is_none_is_told(cell, words, tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    assert main(["run", "assistive_arm", "--cell", cell]) == 2
+    (line,) = capsys.readouterr().err.splitlines()
+    assert f"--cell {cell}: " in line
+    assert words in line
+    assert not list(tmp_path.iterdir())
+
+
 def test_an_existing_folder_stays_as_it_is(tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
     (tmp_path / "mine").mkdir()
@@ -300,3 +360,55 @@ def test_a_folder_that_is_gone_is_told(tmp_path, monkeypatch, capsys):
     gone.rmdir()
     assert main(["new", "my_cell"]) == 2
     assert "NAME my_cell: cannot be written: No such file" in capsys.readouterr().err
+
+
+def test_models_of_another_export_stay_unless_they_are_to_be_replaced(
+    tmp_path, monkeypatch, capsys
+):
+    monkeypatch.chdir(tmp_path)
+    Path("mine").mkdir()
+    own = Path("mine/gripper.urdf")
+    own.write_text("mine")
+    assert main([*BENCH, "--urdf", "-o", "mine"]) == 2
+    assert "--out mine: already has results (gripper.urdf)" in capsys.readouterr().err
+    assert own.read_text() == "mine"
+    other = Path("mine/other.urdf")
+    other.touch()
+    assert main([*BENCH, "--urdf", "-o", "mine", "--replace"]) == 0
+    assert own.read_text() != "mine"
+    assert other.exists()
+    for folder in ("out/export/gripper_bench", "out/export/gripper_bench-2"):
+        assert main([*BENCH, "--sdf"]) == 0
+        assert Path(folder, "scene.sdf").is_file()
+
+
+@pytest.mark.parametrize("name", ["run", "demo"])
+def test_a_second_run_leaves_the_first_as_it_is(name, tmp_path, monkeypatch, capsys):
+    def simulate(scenario, *, out, **_):
+        metrics = judge(make_log())
+        metrics.write(out / "metrics.json")
+        (out / "video.mp4").write_text(f"made in {out}")
+        return Result(metrics, {}, PlannerStatus(mode=Mode.DONE))
+
+    monkeypatch.setattr(drake_srg.simulation, "Simulate", simulate)
+    monkeypatch.chdir(tmp_path)
+    command = ["run", "kitchen"] if name == "run" else ["demo"]
+    for folder in ("out/kitchen", "out/kitchen-2", "mine"):
+        more = ["-o", "mine"] if folder == "mine" else []
+        assert main([*command, *more]) == 0
+        assert Path(folder, "video.mp4").read_text() == f"made in {folder}"
+    assert main([*command, "-o", "mine"]) == 2
+    assert "mine: already has results (metrics.json)" in capsys.readouterr().err
+    assert main([*command, "-o", "mine", "--replace"]) == 0
+    assert Path("out/kitchen/video.mp4").read_text() == "made in out/kitchen"
+
+
+def test_a_run_that_was_interrupted_is_judged_and_ends_with_130(tmp_path, monkeypatch):
+    def simulate(scenario, *, out, **_):
+        metrics = judge(make_log())
+        metrics.write(out / "metrics.json")
+        return Result(metrics, {}, PlannerStatus(message=STOPPED_BY_USER))
+
+    monkeypatch.setattr(drake_srg.simulation, "Simulate", simulate)
+    assert main(["run", "kitchen", "-o", str(tmp_path), "-q"]) == 130
+    assert (tmp_path / "metrics.json").is_file()

@@ -2,7 +2,10 @@ import subprocess
 
 import pytest
 
+from drake_srg.cli import learn
 from drake_srg.cli.main import SHELLS, main
+from drake_srg.learning.envs import ENVIRONMENTS
+from drake_srg.learning.rules import BUILT_IN
 
 
 def complete(folder, words):
@@ -36,6 +39,11 @@ printf '%s\\n' "${COMPREPLY[@]}"
         (["export", "kitchen", "--m"], {"--mjcf"}),
         (["replay", "re"], {"recorded"}),
         (["completion", "f"], {"fish"}),
+        (["experiment", "grip_l"], {"grip_ladder"}),
+        (["evaluate", "grasp_o"], {"grasp_one_shot"}),
+        (["evaluate", "to"], {"touch"}),
+        (["evaluate", "pick", "KitchenPickP"], {"KitchenPickPlace"}),
+        (["train", "Gra"], {"GraspOneShot"}),
     ],
 )
 def test_bash_completes(tmp_path, capsys, words, found):
@@ -51,3 +59,8 @@ def test_every_shell_knows_commands_and_scenarios(capsys, shell):
     script = capsys.readouterr().out
     for word in ("export", "mjcf", "kitchen_tendon"):
         assert word in script
+
+
+def test_environments_and_rules_are_named_as_they_are():
+    assert [f"{name}-v0" for name in learn.ENVIRONMENTS] == list(ENVIRONMENTS)
+    assert set(learn.RULES) == set(BUILT_IN)

@@ -1,6 +1,7 @@
 import ctypes
 import errno
 import importlib.metadata
+import io
 import json
 import os
 import shutil
@@ -10,6 +11,7 @@ from pathlib import Path
 
 import pytest
 
+from drake_srg.cli import main as main_module
 from drake_srg.cli.main import main
 from drake_srg.recording.output import read_log
 
@@ -73,7 +75,6 @@ def test_bad_input_is_one_line_and_leaves_nothing(arguments, words, tmp_path, ca
 @pytest.mark.parametrize(
     ("arguments", "word"),
     [
-        ([], "COMMAND"),
         (["walk"], "walk"),
         (["run"], "SCENARIO"),
         (["run", "kitchen", "--seed", "x"], "--seed"),
@@ -221,9 +222,111 @@ def test_help_names_every_command(capsys):
         main(["--help"])
     assert stopped.value.code == 0
     lines = capsys.readouterr().out.splitlines()
-    named = [line.split()[0] for line in lines if line.startswith("    ")]
-    assert set(COMMANDS) <= set(named)
+    named = {word for line in lines for word in line[7:18].split()}
+    assert set(COMMANDS) <= named
+    groups = [line[:7].strip() for line in lines[4:-6] if line[:7].strip()]
+    assert groups == ["run", "see", "vary", "learn", "robots", "make"]
     assert max(map(len, lines)) <= 80
+    assert len(lines) <= 34  # one screen
+    assert main([]) == 0
+    assert capsys.readouterr().out.splitlines() == lines
+
+
+@pytest.mark.parametrize(
+    ("arguments", "guess"),
+    [
+        (["runn"], "'run'"),
+        (["run", "kitchen", "--sed", "3"], "'--seed'"),
+        (["sweep", "kitchen", "--trials", "1", "--record", "al"], "'all'"),
+        (["bench", "kitchn"], "'kitchen'"),
+        (["experiment", "grip_lader"], "'grip_ladder'"),
+    ],
+)
+def test_misspelt_words_are_guessed(arguments, guess, capsys):
+    try:
+        code = main(arguments)
+    except SystemExit as stopped:
+        code = stopped.code
+    assert code == 2
+    (line,) = capsys.readouterr().err.splitlines()
+    assert f"did you mean {guess}?" in line
+
+
+@pytest.mark.parametrize(
+    "words", [["-q", "list"], ["list", "-q"], ["-q", "list", "-q"]]
+)
+def test_options_of_all_commands_stand_before_or_after_one(words, capsys):
+    assert main(words) == 0
+    assert capsys.readouterr().out == ""
+    assert main([*words, "--json"]) == main(["--json", *words]) == 0
+    first, second = capsys.readouterr().out.split("\n{")
+    assert first.strip("{") == second.rstrip()
+
+
+def test_every_help_is_a_sentence():
+    parsers = main_module._parsers(main_module.make_parser())
+    for name, parser in parsers.items():
+        for action in parser._actions:
+            assert action.help[0].isupper() or action.help[0] == "-", (name, action)
+            assert action.help.endswith("."), (name, action.help)
+            metavar = action.metavar or ""
+            assert metavar == metavar.upper(), (name, metavar)
+            assert action.choices is None or action.metavar, (name, action.help)
+
+
+def test_folders_are_spelled_alike():
+    for name, parser in main_module._parsers(main_module.make_parser()).items():
+        spelled = [action.option_strings for action in parser._actions]
+        for names in spelled:
+            assert ("-o" in names) == ("--out" in names), name
+            assert "--output" not in names, name
+
+
+def test_a_scenario_comes_from_standard_input(tmp_path, capsys, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(sys, "stdin", io.StringIO("base: gripper_bench\n"))
+    assert main(["export", "-", "--urdf"]) == 0
+    assert (tmp_path / "out/export/stdin/gripper.urdf").is_file()
+    monkeypatch.setattr(sys, "stdin", io.StringIO("objects: 3\n"))
+    assert main(["run", "-"]) == 2
+    assert "objects" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    "arguments", [["list"], ["list", "--json"], ["--help"], ["--version"], ["walk"]]
+)
+def test_a_full_disk_is_one_line_and_a_code_of_its_own(arguments):
+    with Path("/dev/full").open("w") as full:
+        done = subprocess.run(
+            [sys.executable, "-m", "drake_srg", *arguments],
+            stdout=full,
+            stderr=subprocess.PIPE,
+            text=True,
+            check=False,
+        )
+    (line,) = done.stderr.splitlines()
+    if arguments == ["walk"]:
+        assert done.returncode == 2
+    else:
+        assert done.returncode == 74
+        assert line == "drake-srg: standard output: cannot be written: " + os.strerror(
+            28
+        )
+
+
+@pytest.mark.parametrize("closed", ["1", "2"])
+def test_a_closed_stream_is_no_error(closed):
+    command = f"exec {sys.executable} -m drake_srg list {closed}>&-"
+    done = subprocess.run(
+        ["sh", "-c", command], capture_output=True, text=True, check=False
+    )
+    assert (done.returncode, done.stderr) == (0, "")
+
+
+def test_the_list_cuts_no_sentence(capsys):
+    assert main(["list"]) == 0
+    for line in capsys.readouterr().out.splitlines():
+        assert line.endswith("."), line
 
 
 @pytest.mark.parametrize("command", COMMANDS)

@@ -77,7 +77,7 @@ def test_an_object_that_does_not_rest_is_told(tmp_path, capsys, outcomes):
         ("a.urdf", "<robot/>", [], ["a.urdf", "one link, got 0"]),
         ("a.txt", "hello", [], ["a.txt", "unknown format", ".urdf"]),
         ("a.obj", "hello", ["--pieces", "0"], ["--pieces", "1 .. 256"]),
-        ("a.obj", "hello", ["-o", "."], ["-o", "already exists"]),
+        ("a.obj", "hello", ["-o", "."], ["--out .", "already has results (a.obj)"]),
     ],
 )
 def test_bad_input_is_one_line_and_leaves_nothing(
@@ -137,7 +137,23 @@ def test_list_objects_shows_sizes_masses_and_pieces(capsys):
 @pytest.mark.slow
 def test_pictures_of_all_are_drawn(tmp_path, capsys, monkeypatch):
     monkeypatch.setattr(cli_objects, "_PIXELS", 32)
-    assert main(["list", "--objects", "--pictures", str(tmp_path / "p")]) == 0
+    assert main(["list", "--objects", "-o", str(tmp_path / "p")]) == 0
     names = {path.name for path in (tmp_path / "p").iterdir()}
     assert names == {*(f"{name}.png" for name in HOUSEHOLD), "objects.png"}
     assert str(tmp_path / "p" / "objects.png") in capsys.readouterr().out
+
+
+def test_a_model_is_kept_unless_it_is_to_be_replaced(tmp_path, capsys, outcomes):
+    path = write_obj(tmp_path / "a.obj", box([0.04] * 3))
+    out = tmp_path / "out"
+    words = ["import", str(path), "-o", str(out), "--quiet"]
+    assert main([*words, "--mass", "0.1"]) == 0
+    (out / "notes.txt").touch()
+    before = (out / "model.sdf").read_text()
+    assert main([*words, "--mass", "0.2"]) == 2
+    assert f"--out {out}: already has results" in capsys.readouterr().err
+    assert (out / "model.sdf").read_text() == before
+    assert main([*words, "--mass", "0.2", "--replace"]) == 2  # the notes stay
+    (out / "notes.txt").unlink()
+    assert main([*words, "--mass", "0.2", "--replace"]) == 0
+    assert "<mass>0.2</mass>" in (out / "model.sdf").read_text()

@@ -25,7 +25,7 @@ def folder(tmp_path, monkeypatch):
     docs.mkdir()
     monkeypatch.setattr(rerun, "OUT", tmp_path / "out")
     monkeypatch.setattr(rerun, "find_experiments", lambda: dict.fromkeys(NAMES))
-    monkeypatch.setattr(rerun, "end_on_sigterm", lambda: None)
+    monkeypatch.setattr(rerun, "end_on_signals", lambda: None)
     monkeypatch.setattr(rerun, "read_stamps", lambda: read_stamps(docs))
     monkeypatch.setattr(rerun, "committed_rows", lambda n: committed_rows(n, docs))
     monkeypatch.setattr(rerun, "accept", lambda made, out: accept(made, out, docs))

@@ -148,7 +148,7 @@ def test_a_variant_keeps_what_it_does_not_override(write):
     [
         ("3", "base: must be a scenario's name or path"),
         ("[kitchen]", "base: must be a scenario's name or path"),
-        ("kitchn", r"unknown scenario 'kitchn' \(allowed: .*kitchen"),
+        ("kitchn", r"unknown scenario 'kitchn' \(did you mean 'kitchen'\? allowed"),
         ("mine.yaml", "base: mine.yaml leads back to itself"),
         ("other.yaml", "base: mine.yaml leads back to itself"),
         ("missing.yaml", "missing.yaml: cannot be read: No such file"),

@@ -1,11 +1,14 @@
 import dataclasses as dc
 import json
+import re
 
 import numpy as np
 import pytest
 from pydrake.common.eigen_geometry import AngleAxis
 from pydrake.math import RigidTransform, RollPitchYaw, RotationMatrix
 
+from drake_srg.scenario import load_scenario
+from drake_srg.simulation.metrics import _kinds, counted, rounded
 from drake_srg.theses.script import Script, ScriptStep
 from drake_srg.types import Failure, Mode, PlannerStatus
 from simulation.made_logs import (
@@ -196,6 +199,73 @@ def test_the_peak_force_is_the_largest_of_all_samples():
     log = make_log()
     log["contact_force"][40] = 12.5
     assert judge(log).peak_contact_force_n == 12.5
+
+
+def fallen(log, name="soup_can"):
+    """Let an object of a log fall to the floor."""
+    log[f"object_pose.{name}"][-20:, 2] = -0.7
+    return log
+
+
+def test_what_falls_is_off_the_table_and_measured_no_further(tmp_path):
+    metrics = judge(fallen(make_log()), touching=())
+    assert metrics.off_table == ["soup_can"]
+    assert metrics.placement_error_m is metrics.placement_tilt_rad is None
+    assert not metrics.success
+    assert re.search(r"off the table +soup_can\n", metrics.table())
+    metrics.write(tmp_path / "metrics.json")
+    written = json.loads((tmp_path / "metrics.json").read_text())
+    assert written["off_table"] == ["soup_can"]
+    assert written["placement_error_m"] is None
+
+
+def test_what_was_knocked_off_the_table_is_named():
+    scenario = load_scenario(
+        "kitchen",
+        overrides=["objects.mug={model: package://drake_srg/sdf/025_mug.sdf}"],
+    )
+    log = make_log()
+    log["object_pose.mug"] = log["object_pose.soup_can"].copy()
+    metrics = judge(fallen(log, "mug"), scenario=scenario)
+    assert metrics.off_table == ["mug"]
+    assert metrics.placement_error_m is not None
+    assert re.search(r"off the table +mug\n", metrics.table())
+
+
+def test_what_starts_low_may_stay_there():
+    log = make_log()
+    log["object_pose.soup_can"][:, 2] = -0.7
+    assert judge(log).off_table is None
+
+
+def test_drawn_objects_are_told_by_their_kind(tmp_path):
+    scenario = load_scenario("clear_table", seed=0)
+    kinds = {config.kind for config in scenario.objects.values()}
+    metrics = dc.replace(judge(make_log()), kinds=_kinds(scenario))
+    assert set(metrics.kinds) == set(scenario.objects)
+    assert set(metrics.kinds.values()) <= kinds
+    thing = {"outcome": "cleared", "attempts": 1}
+    metrics = dc.replace(metrics, objects={"clutter_1": thing})
+    kind = metrics.kinds["clutter_1"]
+    assert re.search(rf"clutter_1 \({kind}\) +cleared, 1 attempt\n", metrics.table())
+    assert judge(make_log()).kinds is None
+
+
+@pytest.mark.parametrize(
+    ("value", "shown"), [(-1e-6, "0.00"), (1.23456e-3, "1.23"), (-2e-3, "-2.00")]
+)
+def test_vectors_have_no_negative_zero(value, shown):
+    metrics = dc.replace(judge(make_log()), placement_error_m=[value] * 3)
+    assert f" {', '.join([shown] * 3)} mm" in metrics.table()
+
+
+def test_rounding_errors_are_shown_as_zero():
+    assert [rounded(x) for x in (1.55e-08, -1e-9, 0.0, 0.123456, 1234.5)] == [
+        *("0", "0", "0", "0.123", "1.23e+03")
+    ]
+    assert [counted(n, "attempt") for n in (0, 1, 2)] == [
+        *("0 attempts", "1 attempt", "2 attempts")
+    ]
 
 
 # The file.

@@ -372,3 +372,23 @@ def test_a_missing_file_is_reported():
     )
     with pytest.raises(ScenarioError, match=r"directives: .*no\.yaml"):
         MakeModelsPlant(scenario)
+
+
+def test_what_leaves_the_cell_is_caught():
+    scenario = load_scenario("gripper_bench", overrides=["object.friction=0"])
+    builder = DiagramBuilder()
+    plant, _ = AddPlant(builder, scenario)
+    simulator = Simulator(builder.Build())
+    context = plant.GetMyMutableContextFromRoot(simulator.get_mutable_context())
+    body = plant.get_body(
+        plant.GetBodyIndices(plant.GetModelInstanceByName(scenario.task.pick))[0]
+    )
+    plant.SetFreeBodyPose(context, body, RigidTransform([100.0, 0.0, 0.0]))
+    simulator.AdvanceTo(2.0)
+    z = plant.EvalBodyPoseInWorld(context, body).translation()[2]
+    assert -5.0 < z - scenario.table.height < -4.5
+
+
+def test_a_lasting_floor_is_not_exported():
+    plant, _ = AddPlant(DiagramBuilder(), load_scenario("gripper_bench"), catch=False)
+    assert not plant.GetCollisionGeometriesForBody(plant.world_body())

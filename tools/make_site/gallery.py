@@ -44,7 +44,7 @@ def record_replays(folder: Path, target: Path) -> None:
         out = folder / sources_hash() / name
         page = out / "replay.html"
         if not page.is_file():
-            result = Simulate(load_scenario(name), name=name, out=out)
+            result = Simulate(load_scenario(name), name=name, out=out, progress=True)
             if not result.metrics.success:
                 raise RuntimeError(f"gallery: {name}: {result.metrics.failure}")
         shutil.copyfile(page, target / f"{name}.html")

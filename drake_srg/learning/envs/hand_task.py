@@ -11,6 +11,7 @@ import math
 from collections.abc import Mapping, Sequence
 from typing import Any, ClassVar, Protocol
 
+import gymnasium
 import numpy as np
 import numpy.typing as npt
 from pydrake.multibody.plant import MultibodyPlant
@@ -219,10 +220,10 @@ class HandTask:
         """The present episode's object.
 
         Raises:
-            RuntimeError: Before the first episode.
+            gymnasium.error.ResetNeeded: Before the first episode.
         """
         if self._scene is None:
-            raise RuntimeError("call reset() before an environment's first step")
+            raise gymnasium.error.ResetNeeded("call reset() before the first step")
         return self._scene
 
     def joints_at(self, pose: Vector) -> Vector:

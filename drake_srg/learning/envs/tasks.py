@@ -116,9 +116,10 @@ class GraspOneShotEnv(HandEnv):
 
     def step(self, action: Any) -> Step:
         """Grasp, lift and shake."""
+        scene = self.scene
         try:
             grasp = grasp_of(checked(action), self.estimate, self.table)
-            self.begin(self.scene, self.joints_at(grasp.over))
+            self.begin(scene, self.joints_at(grasp.over))
             self.move(grasp.at, grasp.preshape, DOWN)
             self.move(grasp.at, grasp.closure, CLOSE)
             self.move(grasp.up, grasp.closure, UP)
@@ -223,6 +224,7 @@ class PickEnv(HandEnv):
 
     def step(self, action: Any) -> Step:
         """Move the hand for one control period."""
+        _ = self.scene  # there is none before a reset
         before = self._truth
         try:
             a = np.clip(checked(action), -1.0, 1.0)

@@ -202,7 +202,8 @@ def _cut(mesh: TriangleMesh, most: int) -> list[Vector]:
     with tempfile.TemporaryDirectory() as folder:
         there = Path(folder)
         np.savez(there / "mesh.npz", vertices=mesh.vertices, faces=mesh.faces)
-        command = [sys.executable, "-c", _COACD, folder, str(TOLERANCE), str(most)]
+        code = _DIE_WITH_PARENT + _COACD
+        command = [sys.executable, "-c", code, folder, str(TOLERANCE), str(most)]
         environment = {**os.environ, "PYTHONPATH": os.pathsep.join(sys.path)}
         done = subprocess.run(
             command, capture_output=True, text=True, check=False, env=environment
@@ -214,6 +215,12 @@ def _cut(mesh: TriangleMesh, most: int) -> list[Vector]:
             return [pieces[key] for key in pieces.files]
 
 
+# However the parent ends, also by a signal that it cannot handle; on Linux only.
+_DIE_WITH_PARENT = """
+import ctypes, signal, sys
+if sys.platform == "linux":
+    ctypes.CDLL(None).prctl(1, signal.SIGKILL)  # PR_SET_PDEATHSIG
+"""
 # Its threshold is in metres. A shallower search than by default takes a fraction of the
 # time.
 _COACD = """

@@ -39,6 +39,8 @@ class Clearance:
 
     def __str__(self) -> str:
         first, second = self.bodies
+        if self.distance < 0.0:
+            return f"{first} and {second} overlap by {-1e3 * self.distance:.1f} mm"
         return (
             f"{first} and {second} are {1e3 * self.distance:.1f} mm apart, "
             f"must be {1e3 * self.margin:.1f} mm"

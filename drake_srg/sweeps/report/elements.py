@@ -222,7 +222,7 @@ def histogram(
     if whole:
         edges = np.arange(low - 0.5, values[shown].max() + 1.0)
     else:
-        margin = 1e-3 * (high - low) or abs(high) * 1e-3 or 1e-9  # if all are equal
+        margin = 1e-3 * (high - low) or 0.05 * abs(high) or 1.0  # if all are equal
         edges = np.linspace(low - margin, high + margin, _BINS + 1)
     counts = [
         np.histogram(values[shown & rows], edges)[0] for rows in (success, ~success)

@@ -89,13 +89,17 @@ def _rates(ranked: Sequence[Effect], trials: Trials) -> list[Element]:
         )
         figures.append(figure(effect.name, words, plot, kind))
     told = any(effect.failure is not None for effect in ranked)
+    words = (
+        "Every bin has about the same number of trials, and is drawn with its 95 % "
+        "interval (Wilson). Each stroke at the bottom is a failed trial."
+    )
+    if any(
+        effect.failure is not None and effect.failure.significant for effect in ranked
+    ):
+        words += " The quantities that matter most come first."
     return [
         element("h3", "Success rate by quantity"),
-        paragraph(
-            "Every bin has about the same number of trials, and is drawn with its 95 % "
-            "interval (Wilson). Each stroke at the bottom is a failed trial. The "
-            "quantities that matter most come first."
-        ),
+        paragraph(words),
         *in_part(figures, _OPEN_EFFECTS if told else 0, _grid),
     ]
 
@@ -260,39 +264,40 @@ def summary(trials: Trials) -> Element:
     times, placing = trials.cycle_time[good], trials.time_to_placement[good]
     known = np.isfinite(trials.grasp_lifted)
     lifted = int(np.sum(trials.grasp_lifted[known]))
-    return element(
-        "div",
+    tiles = [
         _tile(
             "Success",
             percent(k / n, n),
             f"{k:,} of {n:,} trials; 95 % interval {percent(low, n)} to "
             f"{percent(high, n)} (Wilson)",
             "tile lead",
-        ),
-        _tile(
-            "Grasped and lifted",
-            f"{lifted:,}",
-            f"of {np.count_nonzero(known):,} trials, whatever came of it",
-        ),
+        )
+    ]
+    if np.any(known):
+        lifts = f"of {np.count_nonzero(known):,} trials, whatever came of it"
+        tiles.append(_tile("Grasped and lifted", f"{lifted:,}", lifts))
+    tiles.append(
         _tile(
             "Wrongly reported done",
             f"{claimed:,}",
             "failed trials that the planner reported as done",
             "tile bad" if claimed else "tile",
-        ),
-        _tile(
-            "Placement error",
-            number(quantile(errors, 0.95), "mm"),
-            f"95 % quantile; median {number(quantile(errors, 0.5), 'mm')}",
-        ),
-        _tile(
-            "Cycle time",
-            number(quantile(times, 0.5), "s"),
-            f"median; 95 % quantile {number(quantile(times, 0.95), 's')}; "
-            f"until the object is placed {number(quantile(placing, 0.5), 's')}",
-        ),
-        class_="tiles",
+        )
     )
+    if np.any(np.isfinite(errors)):
+        tiles.append(
+            _tile(
+                "Placement error",
+                number(quantile(errors, 0.95), "mm"),
+                f"95 % quantile; median {number(quantile(errors, 0.5), 'mm')}",
+            )
+        )
+    if np.any(np.isfinite(times)):
+        words = f"median; 95 % quantile {number(quantile(times, 0.95), 's')}"
+        if np.any(np.isfinite(placing)):
+            words += f"; until it is placed {number(quantile(placing, 0.5), 's')}"
+        tiles.append(_tile("Cycle time", number(quantile(times, 0.5), "s"), words))
+    return element("div", *tiles, class_="tiles")
 
 
 def _tile(name: str, value: str, detail: str, class_: str = "tile") -> Element:
@@ -398,7 +403,6 @@ def distributions(trials: Trials) -> Element:
     figures = []
     for name, unit, values, whole in kinds:
         if not np.any(np.isfinite(values)):
-            figures.append(figure(name, "No trial has a value."))
             continue
         own = values[good] if np.any(np.isfinite(values[good])) else values
         words = (
@@ -408,6 +412,8 @@ def distributions(trials: Trials) -> Element:
         label = f"Histogram of {name.lower()} {f'[{unit}]' if unit else ''}: {words}"
         plot = elements.histogram(values, good, label=label, whole=whole)
         figures.append(figure(f"{name} [{unit}]" if unit else name, words, plot))
+    if not figures:
+        return section("Distributions", paragraph("No trial has a value."))
     return section(
         "Distributions",
         paragraph(

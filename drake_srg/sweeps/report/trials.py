@@ -293,6 +293,8 @@ class Trials:
         """
         quantities: dict[str, Vector] = {_NEAREST: self._nearest_clutter()}
         for name in self._sampled:
+            if name.startswith("episode."):  # an outcome, no cause
+                continue
             values = self.column(name)
             words = sorted({value for value in values if isinstance(value, str)})
             if words:

@@ -264,6 +264,7 @@ def _header(sweep: SweepInfo, trials: Trials) -> list[Element]:
     repeat = command(
         *(*words, sweep.scenario, "--trials", str(sweep.trials)),
         *("--seed", str(sweep.seed)),
+        *(("--cell", sweep.cell) if sweep.cell else ()),
         overrides=sweep.overrides,
     )
     done = f"{len(trials):,} trials"
@@ -292,6 +293,8 @@ def _header(sweep: SweepInfo, trials: Trials) -> list[Element]:
 
 def _rerun(sweep: SweepInfo, seed: int) -> str:
     words: tuple[str, ...] = ("run", sweep.scenario)
+    if sweep.cell:
+        words += ("--cell", sweep.cell)
     if sweep.policy:
         words = ("evaluate", sweep.policy, sweep.scenario, "--trials", "1")
     return command(*words, "--seed", str(seed), overrides=sweep.overrides)

@@ -88,3 +88,12 @@ def test_a_wrong_scene_is_one_clear_line(pick, options, message):
     with pytest.raises(ScenarioError) as error:
         pick.reset(options=options)
     assert str(error.value).startswith(message)
+
+
+@pytest.mark.parametrize("name", ["GraspOneShot-v0", "Pick-v0"])
+def test_a_step_before_the_first_reset_is_gymnasiums_own_error(name):
+    env = gymnasium.make(f"drake_srg/{name}")
+    action = env.action_space.sample()
+    for asked in (env, env.unwrapped):
+        with pytest.raises(gymnasium.error.ResetNeeded, match="reset"):
+            asked.step(action)

@@ -1,8 +1,13 @@
+import subprocess
+import sys
+from pathlib import Path
+
 import numpy as np
 import pytest
 from helpers import needs_module
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from robot.serve.waiting import wait_until
 from scipy.spatial import ConvexHull
 
 from drake_srg.objects.meshes import pieces
@@ -138,3 +143,28 @@ def test_fit_is_the_distance_of_parallel_faces(grow):
     fit = measure_fit(solid, [box([0.05, 0.05, 0.05 + 2 * grow])[0]])
     assert fit.excess == pytest.approx(max(grow, 0.0), abs=1e-6)
     assert fit.gap == pytest.approx(max(-grow, 0.0), abs=1e-6)
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="other systems have no such call")
+def test_cutting_ends_with_the_process_that_asked_for_it(tmp_path):
+    told = tmp_path / "child"
+    told.touch()
+    waits = f"import os, time; open({str(told)!r}, 'w').write(str(os.getpid()))"
+    code = (
+        "from drake_srg.objects.meshes import pieces\n"
+        "import trimesh\n"
+        f"pieces._COACD = {waits + '; time.sleep(600)'!r}\n"
+        "pieces._cut(trimesh.creation.box(), 4)\n"
+    )
+    parent = subprocess.Popen([sys.executable, "-c", code])
+    child = Path("/proc", wait_until(told.read_text))
+    parent.kill()
+    parent.wait()
+    assert wait_until(lambda: not child.exists() or "Z" in state(child))
+
+
+def state(process):
+    try:
+        return (process / "stat").read_text().rpartition(")")[2].split()[0]
+    except OSError:
+        return "Z"

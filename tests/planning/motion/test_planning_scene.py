@@ -15,7 +15,11 @@ from drake_srg.planning.motion.inverse_kinematics import (
     solve_inverse_kinematics,
 )
 from drake_srg.planning.motion.limits import MotionLimits
-from drake_srg.planning.motion.planning_scene import PlanningScene, carried_drift
+from drake_srg.planning.motion.planning_scene import (
+    Clearance,
+    PlanningScene,
+    carried_drift,
+)
 from drake_srg.types import Box, Cylinder, Shape, Sphere
 
 CAN = Cylinder(0.033, 0.102)
@@ -217,3 +221,14 @@ def test_a_free_body_must_be_placed(iiwa, home):
     iiwa.plant.SetPositions(iiwa.context, iiwa.positions(home))
     X_WE = elbow.CalcPoseInWorld(iiwa.context)
     assert not scene(X_WE).is_free(home)
+
+
+@pytest.mark.parametrize(
+    ("distance", "words"),
+    [
+        (-0.1018, "a and b overlap by 101.8 mm"),
+        (0.004, "a and b are 4.0 mm apart, must be 5.0 mm"),
+    ],
+)
+def test_a_clearance_is_told_in_words(distance, words):
+    assert str(Clearance(distance, 0.005, ("a", "b"))) == words

@@ -242,6 +242,6 @@ def test_the_command_reports_a_full_disk(sweep, tmp_path, monkeypatch, capsys):
 def test_an_interrupted_command_leaves_nothing(sweep, tmp_path, monkeypatch, capsys):
     stop = raise_(KeyboardInterrupt())
     monkeypatch.setattr(format.ParquetFiles, "append", stop)
-    assert command(sweep, "-o", tmp_path / "made") == 2
+    assert command(sweep, "-o", tmp_path / "made") == 130
     assert capsys.readouterr().err == "drake-srg: stopped\n"
     assert list(tmp_path.iterdir()) == []

@@ -124,6 +124,45 @@ def test_a_sweep_of_errors_has_a_page(tmp_path):
     assert "No trial has a value." in page.text
 
 
+def test_an_outcome_of_an_episode_is_no_cause(tmp_path):
+    rows = made_rows(60)
+    outcome = [float(success) for success in rows["success"]]
+    page = report(
+        tmp_path, rows | {"episode.return": outcome, "episode.steps": outcome}
+    )
+    assert "episode." not in page.text
+
+
+def test_what_no_trial_has_is_left_out(tmp_path):
+    rows = made_rows(60)
+    for name in ("grasp_lifted", "placement_error_m", "cycle_time_s"):
+        rows[name] = [None] * 60
+    page = report(tmp_path, rows)
+    for words in (
+        "of 0 trials",
+        "Grasped and lifted",
+        "until it is placed",
+        "has a value",
+    ):
+        assert words not in page.text
+
+
+def test_the_order_is_explained_only_where_something_matters(tmp_path):
+    words = "The quantities that matter most come first."
+    assert words in report(tmp_path / "effects", made_rows(400)).text
+    noise = made_rows(400, effects=False, failure_rate=0.02)
+    assert words not in report(tmp_path / "noise", noise).text
+
+
+@pytest.mark.parametrize("value", [0.0, 3.0])
+def test_equal_values_have_an_axis_that_one_can_read(value):
+    values = np.full(10, value)
+    plot = histogram(values, np.ones(10, dtype=bool), label="x")
+    texts = [e.text for e in plot.iter("text")]
+    assert not any("e-" in text for text in texts if text), texts
+    assert "".join(texts).count(f"{value:g}")
+
+
 def test_equal_rows_give_equal_pages(tmp_path):
     folder = write_sweep(tmp_path, made_rows(100))
     once = write_report(folder).read_bytes()

@@ -14,7 +14,12 @@ from drake_srg.common.installing import pip_install, this_package
 from drake_srg.recording.rosbag import MakeMessage, Topic
 from drake_srg.robot.serve.action_server import with_actions
 from drake_srg.robot.serve.bridge import RosBridge
-from drake_srg.robot.serve.commands import COMMAND_LIMIT, CommandInbox, CommandTopic
+from drake_srg.robot.serve.commands import (
+    COMMAND_LIMIT,
+    CommandInbox,
+    CommandTopic,
+    Warnings,
+)
 from drake_srg.robot.serve.sockets import own_address
 
 try:
@@ -24,6 +29,7 @@ try:
         DDSException,
         GuardCondition,
         InstanceState,
+        Listener,
         ReadCondition,
         SampleState,
         ViewState,
@@ -182,6 +188,7 @@ class Ros2Bridge(RosBridge):
                     self._participant,
                     self._topic(topic.name, topic.type),
                     self._qos(topic.name, topic.type, _policies(topic), writes=True),
+                    listener=_Mismatches(topic, inbox.warnings),
                 )
                 for topic in topics
             }
@@ -247,6 +254,37 @@ class Ros2Bridge(RosBridge):
                 use_cdrv0_representation=True, use_xcdrv2_representation=False
             ),
             *(Policy.Userdata(text.encode()) for text in user_data),
+        )
+
+
+# DDS's numbers of policies in which a subscriber may ask for more than is offered.
+_POLICY_NAMES = {2: "durability", 11: "reliability", 23: "data representation"}
+
+
+class _Mismatches(Listener):
+    """Tells of subscribers that get nothing, because their QoS asks for too much.
+
+    Args:
+        topic: What is published.
+        warnings: Each topic and policy is told once.
+    """
+
+    def __init__(self, topic: Topic, warnings: Warnings) -> None:
+        super().__init__()  # type: ignore[no-untyped-call] # Cyclone DDS has no types
+        self._topic, self._warnings = topic, warnings
+
+    def on_offered_incompatible_qos(self, writer: Any, status: Any) -> None:
+        """Warn; DDS calls this in a thread of its own."""
+        number = int(status.last_policy_id)
+        policy = _POLICY_NAMES.get(number, f"policy {number}")
+        advice = ""
+        if policy == "reliability" and self._topic.sensor:
+            advice = "; subscribe with best effort, as for sensors"
+        name = self._topic.name
+        self._warnings.warn(
+            f"{name}: {policy}",
+            f"ROS 2: {name}: a subscriber gets nothing, because it asks for more "
+            f"{policy} than is offered{advice}",
         )
 
 

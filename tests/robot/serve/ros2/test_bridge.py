@@ -386,3 +386,23 @@ def test_a_sample_serialises_to_its_bytes():
     sample = payload_type(STORE, "std_msgs/msg/Int32")(b"data")
     assert sample.cdr == sample.serialize(use_version_2=False) == b"data"
     assert type(sample).deserialize(b"other").cdr == b"other"
+
+
+@pytest.mark.slow
+def test_a_subscriber_that_gets_nothing_is_told_once():
+    told = []
+    inbox = CommandInbox(command_topics(), Warnings(told.append))
+    domain = free_domain()
+    with (
+        closing(Ros2Bridge(inbox, TOPICS, domain=domain)) as bridge,
+        closing(CyclonePeer(domain)) as peer,
+    ):
+        for _ in range(2):
+            peer.subscribe(IMAGE.name, "Image", True)
+        assert wait_until(lambda: told)
+        assert not bridge.has_subscribers(IMAGE.name)
+        subscribe(peer, bridge, "/gripper/closure_commanded", "Float64")
+    (line,) = told
+    assert IMAGE.name in line
+    assert "reliability" in line
+    assert "best effort" in line

@@ -1,0 +1,206 @@
+"""Folders for results: nothing that a user has is overwritten in silence.
+
+Without `-o`, results go to a new folder: `out/kitchen`, then `out/kitchen-2`. With it,
+a folder that has results already is refused unless `--replace` is given.
+"""
+
+from __future__ import annotations
+
+import argparse
+import contextlib
+import fcntl
+import itertools
+import os
+import shutil
+from collections.abc import Callable, Iterator, Sequence
+from pathlib import Path
+
+from drake_srg.cli.command import Adds, all_of, argument, flag, writing
+from drake_srg.common.exceptions import ScenarioError
+
+# Files of results, as patterns: of a run, a sweep, a training.
+RUN = (
+    *("metrics.json", "log.npz", "video.mp4", "recording.mcap", "timeline.png"),
+    *("replay.html", "replay.glb", "replay.rrd"),
+)
+SWEEP = (
+    *("sweep.json", "trials.parquet", "trials/*.parquet*", "report.html"),
+    *(f"recordings/*/{name}" for name in RUN),
+)
+TRAINING = ("training.json", "policy.npz", "policy.onnx", "checkpoint.pt", "events.*")
+CALIBRATION = ("calibration.yaml", "images/*")
+DATASET = (
+    *("meta", "data", "videos"),
+    *("meta/**/*", "data/**/*", "videos/**/*"),
+)
+
+
+def folder(contents: str, default: str) -> Adds:
+    """Return what adds `--out`, a folder for results, and `--replace`.
+
+    Args:
+        contents: What the folder is for.
+        default: The folder where none is given, in words.
+    """
+    where = f"{default}, or with -2 and so on if that has results"
+    return all_of(
+        argument(
+            *("-o", "--out"),
+            type=Path,
+            metavar="DIR",
+            help=f"folder for {contents} (default: {where})",
+        ),
+        REPLACE,
+    )
+
+
+REPLACE = flag("--replace", "replace earlier results in the same place")
+
+
+@contextlib.contextmanager
+def results_folder(
+    options: argparse.Namespace,
+    default: Path,
+    names: Sequence[str],
+    advise: Callable[[], str] | None = None,
+) -> Iterator[Path]:
+    """Yield the folder of a command's results, in which nobody else writes.
+
+    It is made if necessary, and removed if nothing has been written when an error
+    occurs. An OSError on the way is reported as one about `-o`.
+
+    Args:
+        options: Of the command: `out`, `replace` and perhaps `resume`.
+        default: The folder without `-o`; a number is added if it is taken.
+        names: Patterns of what the command writes, as for `Path.glob`.
+        advise: See `writing`.
+
+    Raises:
+        ScenarioError: If the folder has results already, or another process is writing
+            there, or it cannot be written.
+    """
+    from drake_srg.recording.output import output_folder
+
+    resume, replace = (getattr(options, key, False) for key in ("resume", "replace"))
+    for out in _choices(options, default):
+        with writing("--out", out, advise), contextlib.ExitStack() as stack:
+            stack.enter_context(output_folder(out))
+            lock = _lock(out)
+            if lock is not None:
+                stack.callback(os.close, lock)
+            if replace and not resume and lock is not None:
+                remove(out, names)
+            if lock is not None and (resume or not find(out, names)):
+                yield out
+                return
+            if options.out is None and not resume:
+                continue
+            if lock is None:
+                raise ScenarioError(f"--out {out}: another process is writing there")
+            raise taken(options, out, names)
+
+
+@contextlib.contextmanager
+def new_folder(
+    options: argparse.Namespace, default: Path, names: Sequence[str]
+) -> Iterator[Path]:
+    """Yield the path of a folder that a command makes at the end, in one step.
+
+    What it replaces is set aside until then, and comes back after an error.
+
+    Args:
+        options: Of the command: `out` and `replace`.
+        default: The path without `-o`; a number is added if it is taken.
+        names: Patterns of what the command writes: all that may be replaced.
+
+    Raises:
+        ScenarioError: If there is something already.
+    """
+    for out in _choices(options, default):
+        results = {path for name in names for path in out.glob(name)}
+        others = [path for path in sorted(out.rglob("*")) if path not in results]
+        if not out.exists() or (out.is_dir() and not results and not others):
+            yield out
+            return
+        if options.replace and out.is_dir() and not others:
+            aside = out.with_name(f".{out.name}.replaced")
+            with writing("--out", out):
+                out.rename(aside)
+            try:
+                yield out
+            except BaseException:
+                aside.rename(out)
+                raise
+            shutil.rmtree(aside, ignore_errors=True)
+            return
+        if options.out is not None or options.replace:
+            raise taken(options, out, [path.name for path in others] or ("*",))
+
+
+def taken(
+    options: argparse.Namespace, out: Path, names: Sequence[str]
+) -> ScenarioError:
+    """Return the error that a place has results already, and what to do."""
+    found = find(out, names)
+    there = f" ({found.relative_to(out)})" if found is not None else ""
+    more = "continue them with --resume, " if hasattr(options, "resume") else ""
+    has = f"has results{there}" if out.is_dir() else "exists"
+    return ScenarioError(
+        f"--out {out}: already {has}; {more}choose another, or add --replace"
+    )
+
+
+def find(out: Path, names: Sequence[str]) -> Path | None:
+    """Return the first file of a folder that matches one of the patterns."""
+    return next((path for name in names for path in sorted(out.glob(name))), None)
+
+
+def remove(out: Path, names: Sequence[str]) -> None:
+    """Remove the files that match the patterns, and folders that this empties.
+
+    Raises:
+        OSError: If one cannot be removed.
+    """
+    found = {path for name in names for path in out.glob(name)}
+    folders = {parent for path in found for parent in path.parents if parent != out}
+    folders = {path for path in folders if out in path.parents}
+    for path in found:
+        if path.is_dir() and not path.is_symlink():
+            folders.add(path)
+        else:
+            path.unlink()
+    for path in sorted(folders, reverse=True):  # inner ones first
+        if not any(path.iterdir()):
+            path.rmdir()
+
+
+def _choices(options: argparse.Namespace, default: Path) -> Iterator[Path]:
+    """Yield the folder of `-o`; without it, the default and numbered ones.
+
+    To be resumed is the last one that exists.
+    """
+    if options.out is not None:
+        yield options.out
+        return
+    numbered = (
+        default if n == 1 else default.with_name(f"{default.name}-{n}")
+        for n in itertools.count(1)
+    )
+    if not getattr(options, "resume", False):
+        yield from numbered
+        return
+    there = list(itertools.takewhile(Path.exists, numbered))
+    yield there[-1] if there else default
+
+
+def _lock(out: Path) -> int | None:
+    """Lock a folder until the descriptor that is returned is closed; None: it is."""
+    descriptor = os.open(out, os.O_RDONLY)
+    try:
+        fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except BlockingIOError:
+        os.close(descriptor)
+        return None
+    except OSError:  # a file system without locks
+        pass
+    return descriptor
