@@ -27,6 +27,7 @@ from drake_srg.planning.motion.planning_scene import (
     PlanningScene,
 )
 from drake_srg.planning.planner_machine import (
+    SEARCH_PERIOD,
     MotionMemory,
     Observation,
     PlannerConfig,
@@ -233,7 +234,7 @@ class Idle(TaughtMode):
         """Look when a look is due, and plan once there is something to grasp."""
         if memory.motions or now.time < memory.next_look:
             return memory
-        memory.next_look = now.time + self.config.search_period
+        memory.next_look = now.time + SEARCH_PERIOD
         grasp = self.config.grasp
         p_WT = self._look(memory, now) if grasp is None else np.array(grasp)
         if p_WT is None:

@@ -281,7 +281,6 @@ class TaskPlanner:
             hand,
             self.q_home,
             place_height=config.place_height,
-            regrasp_squeeze=config.regrasp_squeeze,
         )
 
     def plan(
