@@ -23,9 +23,9 @@ from pydrake.trajectories import PiecewisePolynomial
 
 import experiments.runner as ex
 from drake_srg.common.srg_geometry import SRG
+from drake_srg.gripper import JOINT_NAMES
 from drake_srg.gripper.drivers import SrgPositionDriver
 from drake_srg.gripper.servo import GripperServo
-from drake_srg.gripper.underactuation import JOINT_NAMES
 from drake_srg.parsing import AddModel
 from drake_srg.types import Vector
 
@@ -171,7 +171,7 @@ def trial(law: str, motion: str) -> ex.Measures:
     gripper = AddModel(plant, "package://drake_srg/sdf/srg.sdf")
     plant.WeldFrames(plant.world_frame(), plant.GetFrameByName("palm", gripper))
     plant.Finalize()
-    joints = [plant.GetJointByName(f"{name}_joint", gripper) for name in JOINT_NAMES]
+    joints = [plant.GetJointByName(name, gripper) for name in JOINT_NAMES]
     order = [joint.index() for joint in joints]
     torque_limits = [
         plant.get_joint_actuator(i).effort_limit()

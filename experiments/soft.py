@@ -14,8 +14,8 @@ from pydrake.multibody.tree import DeformableBody
 
 import experiments.runner as ex
 from drake_srg.common.srg_geometry import SRG
+from drake_srg.gripper import JOINT_NAMES
 from drake_srg.gripper.tendon import TendonDriveConfig, base_moment_arm
-from drake_srg.gripper.underactuation import JOINT_NAMES
 from drake_srg.objects.config import ObjectConfig, SoftConfig
 from drake_srg.objects.models import object_body
 from drake_srg.simulation.rig import Rig, bench_scenario
@@ -194,7 +194,7 @@ def pad_gap(rig: Rig, state: Vector) -> Vector:
     """
     plant, context = rig.plant, rig.plant.CreateDefaultContext()
     gripper = plant.GetModelInstanceByName("gripper")
-    joints = [plant.GetJointByName(f"{name}_joint", gripper) for name in JOINT_NAMES]
+    joints = [plant.GetJointByName(name, gripper) for name in JOINT_NAMES]
     tips = [plant.GetFrameByName(f"{s}_tip_link", gripper) for s in ("left", "right")]
     gaps = []
     for q in state[:, : len(joints)]:

@@ -10,7 +10,7 @@ PACKAGE = Path(__file__).parents[1] / "drake_srg"
 
 # Rooms on one storey never import each other.
 STOREYS = [
-    {"types", "lifetime", "parsing"},
+    {"types", "lifetime", "parsing", "face"},
     {"common"},
     {"arm", "gripper", "vision", "objects"},
     {"planning", "recording"},

@@ -1,21 +1,28 @@
-"""Make the pictures of README.md and docs: docs/cells.webp and docs/varied.jpg.
+"""Make the pictures of README.md and docs that show cells.
 
-Run `python tools/make_picture.py [RUN RUN]`. docs/cells.webp plays the videos of two
-recorded runs, one per cell: those in the given folders, or else new ones.
+Run `python tools/make_picture.py [cells | varied | lessons]...`; without a name, it
+makes all of them: docs/cells.webp, docs/varied.jpg and docs/tutorial/*.webp.
 """
 
+import contextlib
+import re
 import sys
 import tempfile
 from collections.abc import Sequence
 from pathlib import Path
 
 import av
+import gymnasium
 import numpy as np
 from PIL import Image
 
+from drake_srg.cli.main import main as drake_srg_main
+from drake_srg.common.log_format import MODES
+from drake_srg.learning.rules import grasp_one_shot
 from drake_srg.scenario import load_scenario
 from drake_srg.simulation import Simulate
 from drake_srg.station import MakeStation
+from drake_srg.types import Mode
 
 DOCS = Path(__file__).parents[1] / "docs"
 CELLS = ("kitchen", "assistive_arm")
@@ -23,17 +30,22 @@ SIZE, RATE, PAUSE = (448, 252), 8, 1500  # pixels, frames per second, ms at the 
 # More pixels than shown, against the traces of video compression.
 SHARP = ("cameras.overview.width=1280", "cameras.overview.height=720")
 VIEW, SEEDS = (320, 240), 4
+# What a lesson shows of a run: the moments at which these modes begin.
+MOMENTS = (Mode.CLOSE, Mode.LIFT, Mode.TRANSFER, Mode.RELEASE)
+SMALL = (400, 225)
 
 
-def make_moving_picture(runs: Sequence[Path]) -> None:
-    """Show the videos of recorded runs side by side, for as long as the longest."""
-    videos = [_frames(run / "video.mp4") for run in runs]
-    pictures = []
-    for i in range(max(map(len, videos))):
-        picture = Image.new("RGB", (len(videos) * SIZE[0], SIZE[1]))
-        for column, frames in enumerate(videos):
-            picture.paste(frames[min(i, len(frames) - 1)], (column * SIZE[0], 0))
-        pictures.append(picture)
+def make_moving_picture() -> None:
+    """Show the videos of both cells side by side, for as long as the longest."""
+    videos = []
+    for cell in CELLS:
+        frames, rate, _ = _video(cell)
+        rows = np.arange(0.0, len(frames), rate / RATE).astype(int)
+        videos.append([_scaled(frames[row], SIZE) for row in rows])
+    pictures = [
+        _joined([frames[min(i, len(frames) - 1)] for frames in videos], len(CELLS))
+        for i in range(max(map(len, videos)))
+    ]
     pictures[0].save(
         DOCS / "cells.webp",
         save_all=True,
@@ -45,35 +57,118 @@ def make_moving_picture(runs: Sequence[Path]) -> None:
     )
 
 
-def _frames(video: Path) -> list[Image.Image]:
-    """Return the frames of a video, `RATE` per second."""
-    with av.open(str(video)) as container:
-        frames = [frame.to_image() for frame in container.decode(video=0)]
-        rate = float(container.streams.video[0].average_rate)
-    rows = np.arange(0.0, len(frames), rate / RATE).astype(int)
-    return [frames[row].resize(SIZE, Image.Resampling.LANCZOS) for row in rows]
-
-
 def make_varied_picture() -> None:
     """Join the ceiling cameras' first images, one row per cell, one column per seed."""
-    picture = Image.new("RGB", (SEEDS * VIEW[0], len(CELLS) * VIEW[1]))
-    for row, cell in enumerate(CELLS):
-        for seed in range(SEEDS):
-            station = MakeStation(load_scenario(f"{cell}_varied_accurate", seed=seed))
-            port = station.GetOutputPort("camera_ceiling.color_image")
-            image = port.Eval(station.CreateDefaultContext()).data[..., :3]
-            view = Image.fromarray(image).resize(VIEW, Image.Resampling.LANCZOS)
-            picture.paste(view, (seed * VIEW[0], row * VIEW[1]))
-    picture.save(DOCS / "varied.jpg", quality=88)
+    views = [
+        _ceiling(f"{cell}_varied_accurate", seed)
+        for cell in CELLS
+        for seed in range(SEEDS)
+    ]
+    _joined(views, SEEDS).save(DOCS / "varied.jpg", quality=88)
 
+
+def make_lesson_pictures() -> None:
+    """Make the picture of each lesson from what the lesson runs."""
+    kitchen = _moments("kitchen")
+    with tempfile.TemporaryDirectory() as folder, contextlib.chdir(folder):
+        _save_files("your_object", "your_cell")
+        exec(Path("mallet.py").read_text("utf-8"), {})
+        drake_srg_main(
+            [
+                "import",
+                "mallet.stl",
+                "--scale",
+                "0.001",
+                "--mass",
+                "0.3",
+                "-o",
+                "mallet",
+            ]
+        )
+        mallet, corner = _moments("mallet.yaml"), _moments("corner.yaml")
+    pictures = {
+        "first_run": _joined(kitchen, 2),
+        "your_object": _joined(mallet, 2),
+        "your_localizer": _ceiling("kitchen", 0),
+        "your_cell": _joined(corner, 2),
+        "a_sweep": _joined([_ceiling("kitchen_varied", seed) for seed in range(4)], 2),
+        "a_policy": _joined(_grasps(), 2),
+    }
+    for name, picture in pictures.items():
+        picture.save(DOCS / f"tutorial/{name}.webp", quality=75, method=6)
+
+
+def _save_files(*lessons: str) -> None:
+    """Save the files that lessons show into the working directory."""
+    for lesson in lessons:
+        page = (DOCS / f"tutorial/{lesson}.md").read_text("utf-8")
+        pattern = (
+            r"as\s+`([\w.]+)`[^`]*?(?:`[^`]+`[^`]*?)*?```(?:python|yaml)\n(.*?)```"
+        )
+        for name, text in re.findall(pattern, page, re.DOTALL):
+            Path(name).write_text(text, "utf-8")
+
+
+def _video(scenario: str) -> tuple[list[Image.Image], float, dict[Mode, float]]:
+    """Return the frames of a new run, their rate, and when each mode began [s]."""
+    with tempfile.TemporaryDirectory() as folder:
+        loaded = load_scenario(scenario, overrides=SHARP)
+        log = Simulate(loaded, name="run", out=Path(folder)).log
+        with av.open(str(Path(folder) / "video.mp4")) as container:
+            frames = [frame.to_image() for frame in container.decode(video=0)]
+            rate = float(container.streams.video[0].average_rate)
+    modes, first = np.unique(log["mode"], return_index=True)
+    times = log["time"][first]
+    began = {MODES[int(m)]: float(t) for m, t in zip(modes, times, strict=True)}
+    return frames, rate, began
+
+
+def _moments(scenario: str) -> list[Image.Image]:
+    """Return what the video shows as the modes of `MOMENTS` begin."""
+    frames, rate, began = _video(scenario)
+    rows = [min(round(rate * began[mode]), len(frames) - 1) for mode in MOMENTS]
+    return [_scaled(frames[row], SMALL) for row in rows]
+
+
+def _ceiling(scenario: str, seed: int) -> Image.Image:
+    """Return the first image of the ceiling camera."""
+    station = MakeStation(load_scenario(scenario, seed=seed))
+    port = station.GetOutputPort("camera_ceiling.color_image")
+    image = port.Eval(station.CreateDefaultContext()).data[..., :3]
+    return _scaled(Image.fromarray(image), VIEW)
+
+
+def _grasps() -> list[Image.Image]:
+    """Return four objects in the hand, after the shake."""
+    env = gymnasium.make("drake_srg/GraspOneShot-v0", physics="train", driver="plant")
+    images = []
+    for seed in range(4):
+        observation, _ = env.reset(seed=seed)
+        env.step(grasp_one_shot(observation))
+        images.append(_scaled(Image.fromarray(env.render()), SMALL))
+    return images
+
+
+def _scaled(image: Image.Image, size: tuple[int, int]) -> Image.Image:
+    return image.resize(size, Image.Resampling.LANCZOS)
+
+
+def _joined(images: Sequence[Image.Image], columns: int) -> Image.Image:
+    """Join images of one size, row by row."""
+    width, height = images[0].size
+    rows = -(-len(images) // columns)
+    picture = Image.new("RGB", (columns * width, rows * height))
+    for i, image in enumerate(images):
+        picture.paste(image, (i % columns * width, i // columns * height))
+    return picture
+
+
+MAKERS = {
+    "cells": make_moving_picture,
+    "varied": make_varied_picture,
+    "lessons": make_lesson_pictures,
+}
 
 if __name__ == "__main__":
-    make_varied_picture()
-    if len(sys.argv) > 1:
-        make_moving_picture([Path(folder) for folder in sys.argv[1:]])
-    else:
-        with tempfile.TemporaryDirectory() as folder:
-            for cell in CELLS:
-                scenario = load_scenario(cell, overrides=SHARP)
-                Simulate(scenario, name=cell, out=Path(folder) / cell)
-            make_moving_picture([Path(folder) / cell for cell in CELLS])
+    for name in sys.argv[1:] or MAKERS:
+        MAKERS[name]()

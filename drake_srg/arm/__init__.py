@@ -1,1 +1,5 @@
 """Arms: drivers, jerk-limited references, external torques, kinematics."""
+
+from drake_srg.face import face
+
+__getattr__, __dir__, __all__ = face(__name__)

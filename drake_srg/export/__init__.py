@@ -1,5 +1,5 @@
 """Writes a scenario's models as URDF, SDF or MJCF, for other simulators and tools."""
 
-from drake_srg.export.files import FORMATS, ExportedModel, export_scenario
+from drake_srg.face import face
 
-__all__ = ["FORMATS", "ExportedModel", "export_scenario"]
+__getattr__, __dir__, __all__ = face(__name__)

@@ -54,10 +54,29 @@ class FingerLayout:
         """The sensors' names, in order."""
         return tuple(self.sensor_links)
 
+    def SetDefaultPositions(
+        self, plant: MultibodyPlant, gripper: ModelInstanceIndex, q: Vector
+    ) -> None:
+        """Set where a gripper's joints start.
+
+        Use this in place of the plant's method, which takes the plant's order.
+
+        Args:
+            plant: With the gripper.
+            gripper: Its model instance.
+            q: In the order of `joint_names`, shape (n,) [rad].
+        """
+        for name, angle in zip(self.joint_names, q, strict=True):
+            joint = plant.GetJointByName(name, gripper)
+            joint.set_default_positions([angle])
+
 
 SRG_FINGERS = FingerLayout(
-    joint_names=tuple(f"{name}_joint" for name in JOINT_NAMES),
-    sensor_links={name: f"{name}_link" for name in JOINT_NAMES},
+    joint_names=JOINT_NAMES,
+    sensor_links={
+        name: f"{name}_link"
+        for name in (joint.removesuffix("_joint") for joint in JOINT_NAMES)
+    },
     fingers=FINGERS,
     seen={
         "left_tip": ("right_base_link", "right_tip_link"),

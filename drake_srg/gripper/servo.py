@@ -12,7 +12,7 @@ in it. `GripperServo` offers three readings.
 import dataclasses as dc
 import math
 import sys
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from pydrake.autodiffutils import AutoDiffXd
@@ -23,7 +23,7 @@ from pydrake.systems.framework import BasicVector, Context, DiscreteValues, Leaf
 from pydrake.systems.scalar_conversion import TemplateSystem
 
 from drake_srg.common.srg_geometry import SRG
-from drake_srg.common.systems import value_or_none
+from drake_srg.common.systems import made_for_floats, value_or_none
 from drake_srg.lifetime import LeafSystem, collectable
 from drake_srg.types import Vector, positive
 
@@ -418,8 +418,14 @@ def GripperServo_(T: Any) -> Any:  # noqa: D103 (the class below is the document
     return Impl
 
 
-def __getattr__(name: str) -> Any:
-    """Make `GripperServo`, which is `GripperServo_[float]`, when it is first used."""
-    if name != "GripperServo":
-        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-    return globals().setdefault(name, GripperServo_[float])
+if TYPE_CHECKING:
+
+    class GripperServo(LeafSystem):
+        """Controls n positions by PWM: `GripperServo_[float]`."""
+
+        config: GripperServoConfig
+
+        def __init__(self, config: GripperServoConfig) -> None: ...
+
+else:
+    __getattr__ = made_for_floats(GripperServo_, __name__)

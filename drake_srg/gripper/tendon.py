@@ -9,7 +9,7 @@ on the base angle alone, the tip's on the tip angle alone.
 import dataclasses as dc
 import math
 import sys
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from pydrake.common.value import AbstractValue
@@ -25,6 +25,7 @@ from pydrake.systems.framework import (
 from pydrake.systems.scalar_conversion import TemplateSystem
 
 from drake_srg.common.exceptions import ScenarioError
+from drake_srg.common.systems import made_for_floats
 from drake_srg.gripper.underactuation import FINGERS
 from drake_srg.lifetime import LeafSystem, collectable, weak
 from drake_srg.types import Vector, positive
@@ -428,11 +429,17 @@ def TendonDrive_(T: Any) -> Any:  # noqa: D103 (the class below is the documenta
     return Impl
 
 
-def __getattr__(name: str) -> Any:
-    """Make `TendonDrive`, which is `TendonDrive_[float]`, when it is first used."""
-    if name != "TendonDrive":
-        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-    return globals().setdefault(name, TendonDrive_[float])
+if TYPE_CHECKING:
+
+    class TendonDrive(LeafSystem):
+        """Turns PWM into four joint torques by wires: `TendonDrive_[float]`."""
+
+        config: TendonDriveConfig
+
+        def __init__(self, config: TendonDriveConfig, period: float) -> None: ...
+
+else:
+    __getattr__ = made_for_floats(TendonDrive_, __name__)
 
 
 @dc.dataclass(kw_only=True)

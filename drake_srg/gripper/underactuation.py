@@ -10,9 +10,14 @@ from drake_srg.common.systems import value_or_none
 from drake_srg.lifetime import LeafSystem
 from drake_srg.types import positive
 
-# Order of the SRG's joints and sensors, here and at every port. A finger is a pair of
-# indices (base, tip) into it.
-JOINT_NAMES = ("left_base", "right_base", "left_tip", "right_tip")
+# Order of the SRG's joints and sensors, here and at every port; the plant has another.
+# A finger is a pair of indices (base, tip) into it.
+JOINT_NAMES = (
+    "left_base_joint",
+    "right_base_joint",
+    "left_tip_joint",
+    "right_tip_joint",
+)
 FINGERS = ((0, 2), (1, 3))
 BASES = ("algorithm_1", "freeze")
 TIPS = ("algorithm_1", "curl")

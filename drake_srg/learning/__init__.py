@@ -1,1 +1,5 @@
 """Policies that grasp: networks, learners, training and evaluation."""
+
+from drake_srg.face import face
+
+__getattr__, __dir__, __all__ = face(__name__)

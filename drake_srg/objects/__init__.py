@@ -1,1 +1,5 @@
 """Movable objects: configuration, models, poses, contacts, disturbances."""
+
+from drake_srg.face import face
+
+__getattr__, __dir__, __all__ = face(__name__)

@@ -1,1 +1,5 @@
 """Records runs as video, rosbag, log and timeline."""
+
+from drake_srg.face import face
+
+__getattr__, __dir__, __all__ = face(__name__)

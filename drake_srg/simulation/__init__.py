@@ -1,5 +1,5 @@
 """Simulation: runs a cell, logs and records the run, and judges the result."""
 
-from drake_srg.simulation.simulate import Result, Simulate, failure_time
+from drake_srg.face import face
 
-__all__ = ["Result", "Simulate", "failure_time"]
+__getattr__, __dir__, __all__ = face(__name__)

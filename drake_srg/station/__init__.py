@@ -4,44 +4,6 @@ A station is a plant with its sensors and drivers. A cell is a station with a lo
 and a planner, which works autonomously.
 """
 
-from drake_srg.station.cell import (
-    AddCell,
-    AddDisturber,
-    ConnectClearingPlanner,
-    ConnectCommands,
-    ConnectPlanner,
-    MakeCell,
-    register_planner,
-)
-from drake_srg.station.clearing import MakeClearingPlanner
-from drake_srg.station.perception import AddDestinationMapper, AddHeightMapper
-from drake_srg.station.planners import (
-    MakeHand,
-    MakePlanner,
-    MakeScriptedPlanner,
-    MakeTaskPlanner,
-    MakeTaughtPlanner,
-    register_gripper,
-)
-from drake_srg.station.station import AddStation, MakeStation
+from drake_srg.face import face
 
-__all__ = [
-    "AddCell",
-    "AddDestinationMapper",
-    "AddDisturber",
-    "AddHeightMapper",
-    "AddStation",
-    "ConnectClearingPlanner",
-    "ConnectCommands",
-    "ConnectPlanner",
-    "MakeCell",
-    "MakeClearingPlanner",
-    "MakeHand",
-    "MakePlanner",
-    "MakeScriptedPlanner",
-    "MakeStation",
-    "MakeTaskPlanner",
-    "MakeTaughtPlanner",
-    "register_gripper",
-    "register_planner",
-]
+__getattr__, __dir__, __all__ = face(__name__)

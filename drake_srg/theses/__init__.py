@@ -1,1 +1,5 @@
 """What the two theses did, to compare with."""
+
+from drake_srg.face import face
+
+__getattr__, __dir__, __all__ = face(__name__)

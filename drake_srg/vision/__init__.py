@@ -1,1 +1,5 @@
 """Localisation of objects in camera images."""
+
+from drake_srg.face import face
+
+__getattr__, __dir__, __all__ = face(__name__)

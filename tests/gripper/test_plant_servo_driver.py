@@ -77,7 +77,7 @@ def test_motors_are_as_strong_as_configured():
             hand.plant.get_joint_actuator, hand.plant.GetJointActuatorIndices()
         )
     }
-    assert [limits[f"{name}_joint"] for name in JOINT_NAMES] == pytest.approx(
+    assert [limits[name] for name in JOINT_NAMES] == pytest.approx(
         [1.003, 1.003, 0.714, 0.714]
     )
 

@@ -38,7 +38,7 @@ def test_joints_are_measured_in_the_order_of_their_names():
     hand = Hand()
     plant_context = hand.plant.GetMyMutableContextFromRoot(hand.root)
     for i, name in enumerate(JOINT_NAMES):
-        joint = hand.plant.GetJointByName(f"{name}_joint", hand.model)
+        joint = hand.plant.GetJointByName(name, hand.model)
         joint.set_angle(plant_context, 0.1 * (i + 1))
         joint.set_angular_rate(plant_context, 1.0 * (i + 1))
     expected = [0.1, 0.2, 0.3, 0.4, 1, 2, 3, 4]
@@ -53,7 +53,7 @@ def test_each_joint_is_driven_by_its_own_pwm(i):
     hand.command(joint_position_commanded=targets)
     hand.advance(0.5)
     assert hand.q == pytest.approx(targets, abs=0.01)
-    name = f"{JOINT_NAMES[i]}_joint"
+    name = JOINT_NAMES[i]
     for k in hand.plant.GetJointActuatorIndices():
         actuator = hand.plant.get_joint_actuator(k)
         torque = actuator.get_actuation_vector(hand.read("actuation"))[0]
@@ -156,7 +156,7 @@ def test_the_configuration_has_the_order_of_joints_and_sensors():
         "left_tip_joint",
         "right_tip_joint",
     )
-    assert driver.sensor_names == JOINT_NAMES
+    assert driver.joint_names == JOINT_NAMES
 
 
 def test_touch_can_trigger_algorithm_1():

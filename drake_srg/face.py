@@ -1,0 +1,43 @@
+"""Faces of packages: their public names, each imported when it is first used.
+
+A package lists its face in `__init__.pyi`, one `from MODULE import NAME as NAME` for
+each name. Type checkers read that file, and so does `face`. What no face lists is
+private. So `import drake_srg.gripper` takes no time, and no module of a package waits
+for another that its face needs.
+"""
+
+from __future__ import annotations
+
+import importlib
+import re
+import sys
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+_LINE = re.compile(r"^from (\S+) import \(?\s*(\w+) as \w+", re.MULTILINE)
+
+
+def face(
+    package: str,
+) -> tuple[Callable[[str], Any], Callable[[], list[str]], list[str]]:
+    """Return a package's `__getattr__`, `__dir__` and `__all__` (PEP 562).
+
+    Args:
+        package: Its `__name__`; `__init__.pyi` stands beside its `__init__.py`.
+    """
+    module = sys.modules[package]
+    stub = Path(str(module.__file__)).with_name("__init__.pyi")
+    homes = {name: home for home, name in _LINE.findall(stub.read_text("utf-8"))}
+
+    def get(name: str) -> Any:
+        if name not in homes:
+            raise AttributeError(f"module {package!r} has no attribute {name!r}")
+        value = getattr(importlib.import_module(homes[name]), name)
+        setattr(module, name, value)
+        return value
+
+    def names() -> list[str]:
+        return sorted({*vars(module), *homes})
+
+    return get, names, list(homes)

@@ -1,0 +1,16 @@
+from drake_srg.recording.output import OutputFile as OutputFile
+from drake_srg.recording.output import Recorder as Recorder
+from drake_srg.recording.output import read_log as read_log
+from drake_srg.recording.output import write_log as write_log
+from drake_srg.recording.replay.page import write_comparison as write_comparison
+from drake_srg.recording.replay.page import write_page as write_page
+from drake_srg.recording.replay.recorder import ReplayRecorder as ReplayRecorder
+from drake_srg.recording.replay.rrd import write_rrd as write_rrd
+from drake_srg.recording.rosbag import RosbagRecorder as RosbagRecorder
+from drake_srg.recording.rosbag import Topic as Topic
+from drake_srg.recording.timeline import COLORS as COLORS
+from drake_srg.recording.timeline import Timeline as Timeline
+from drake_srg.recording.timeline import draw_timeline as draw_timeline
+from drake_srg.recording.timeline import make_figure as make_figure
+from drake_srg.recording.timeline import style_axes as style_axes
+from drake_srg.recording.video import VideoRecorder as VideoRecorder

@@ -1,0 +1,14 @@
+from drake_srg.robot.calibrate.mounting import Board as Board
+from drake_srg.robot.drive.config import HardwareConfig as HardwareConfig
+from drake_srg.robot.drive.config import load_hardware as load_hardware
+from drake_srg.robot.drive.link import HardwareDriver as HardwareDriver
+from drake_srg.robot.drive.link import Link as Link
+from drake_srg.robot.drive.opening import Hardware as Hardware
+from drake_srg.robot.drive.opening import open_hardware as open_hardware
+from drake_srg.robot.drive.run import run_on_hardware as run_on_hardware
+from drake_srg.robot.drive.station import MakeHardwareStation as MakeHardwareStation
+from drake_srg.robot.serve.loop import MakeServedStation as MakeServedStation
+from drake_srg.robot.serve.loop import Serve as Serve
+from drake_srg.robot.twin.loop import TwinLoop as TwinLoop
+from drake_srg.robot.twin.run import run_twin as run_twin
+from drake_srg.robot.twin.station import MakeTwin as MakeTwin

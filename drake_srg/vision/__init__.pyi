@@ -1,0 +1,15 @@
+from drake_srg.vision.blob_localizer import BlobLocalizer as BlobLocalizer
+from drake_srg.vision.blob_localizer import BlobTarget as BlobTarget
+from drake_srg.vision.camera import CalibratedPose as CalibratedPose
+from drake_srg.vision.camera import CameraCalibrationConfig as CameraCalibrationConfig
+from drake_srg.vision.camera import CameraModel as CameraModel
+from drake_srg.vision.camera_errors import CameraErrors as CameraErrors
+from drake_srg.vision.camera_errors import CameraErrorsConfig as CameraErrorsConfig
+from drake_srg.vision.color import ColorRange as ColorRange
+from drake_srg.vision.height_map import HeightMapper as HeightMapper
+from drake_srg.vision.height_map import height_map as height_map
+from drake_srg.vision.obstacles import ObstacleFinder as ObstacleFinder
+from drake_srg.vision.surfaces import CameraLeveling as CameraLeveling
+from drake_srg.vision.surfaces import Surface as Surface
+from drake_srg.vision.thing_labeler import KnownThing as KnownThing
+from drake_srg.vision.thing_labeler import ThingLabeler as ThingLabeler

@@ -1,0 +1,59 @@
+"""The lessons of docs/tutorial, followed word for word, in order, in one folder."""
+
+import importlib.util
+import re
+import shlex
+from pathlib import Path
+
+import pytest
+
+from drake_srg.cli.main import main
+
+FOLDER = Path(__file__).parents[1] / "docs/tutorial"
+INDEX = (FOLDER / "index.md").read_text("utf-8")
+LESSONS = re.findall(r"^(\w+)$", INDEX.split(":hidden:")[1], re.M)
+PAGES = {name: (FOLDER / f"{name}.md").read_text("utf-8") for name in LESSONS}
+BLOCK = re.compile(r"^```(sh|python|yaml)\n(.*?)^```", re.DOTALL | re.M)
+# A few trials show what twenty do.
+SHORTER = ("--trials 20", "--trials 2")
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory):
+    return tmp_path_factory.mktemp("lessons")
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", LESSONS)
+def test_a_lesson_does_what_it_shows(name, folder, monkeypatch):
+    monkeypatch.chdir(folder)
+    page, start = PAGES[name], 0
+    for match in BLOCK.finditer(page):
+        language, block = match.groups()
+        if language == "sh":
+            for line in block.splitlines():
+                follow(line)
+        else:
+            file = re.findall(r"\bas\s+`([\w.]+)`", page[start : match.start()])[-1]
+            Path(file).write_text(block, "utf-8")
+            if language == "python":
+                assert f"`python {file}`" in page
+                exec(compile(block, file, "exec"), {"__name__": "__main__"})
+        start = match.end()
+
+
+def follow(line):
+    """Run a command; a comment names its exit codes, or an extra that it needs."""
+    command, _, comment = line.partition("  # ")
+    if "extra learn" in comment and not importlib.util.find_spec("torch"):
+        return
+    program, *words = shlex.split(command.replace(*SHORTER))
+    assert program == "drake-srg"
+    assert str(main(words)) in (re.findall(r"\d", comment) or "0"), line
+
+
+@pytest.mark.parametrize("name", LESSONS)
+def test_a_lesson_has_a_small_picture_and_a_line_in_the_index(name):
+    (picture,) = re.findall(r"!\[[^\]]+\]\((\w+\.webp)\)", PAGES[name])
+    assert (FOLDER / picture).stat().st_size < 60_000
+    assert f"({name}.md)" in INDEX
