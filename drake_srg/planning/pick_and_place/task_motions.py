@@ -21,6 +21,7 @@ from drake_srg.planning.grasps.grasps import (
     carrying,
     place_target,
 )
+from drake_srg.planning.motion.arm_model import restores_fingers
 from drake_srg.planning.motion.inverse_kinematics import HandTarget
 from drake_srg.planning.motion.moves import Moves
 from drake_srg.planning.motion.paths import plan_cartesian_path
@@ -283,6 +284,7 @@ class TaskPlanner:
             place_height=config.place_height,
         )
 
+    @restores_fingers
     def plan(
         self,
         q_start: Vector,
@@ -305,6 +307,7 @@ class TaskPlanner:
         with self._standing(obstacles):
             return self._plan(q_start, X_WO, shape, X_WO_goal, tried)
 
+    @restores_fingers
     def plan_carry(
         self,
         q_grasp: Vector,
@@ -330,6 +333,7 @@ class TaskPlanner:
             return error.failure
         return TaskMotions(grasp, motions)
 
+    @restores_fingers
     def plan_place(
         self,
         q_start: Vector,
@@ -391,6 +395,7 @@ class TaskPlanner:
         # posture of the arm reaches.
         return (blocked or reasons)[0]
 
+    @restores_fingers
     def rests(self, shape: Solid, X_WO: RigidTransform) -> bool:
         """Return whether an object at `X_WO` [m] is on something, and in nothing."""
         lowered = RigidTransform([0.0, 0.0, 2.0 * SUPPORT_OVERLAP]) @ X_WO
@@ -409,6 +414,7 @@ class TaskPlanner:
         taken = clearance.spare < 0.0 and "held_object" in clearance.bodies
         return clearance if taken else None
 
+    @restores_fingers
     def others(
         self, q: Vector, fingers: Mapping[str, float], obstacles: Obstacles
     ) -> Obstacles:
@@ -430,6 +436,7 @@ class TaskPlanner:
             if not self.scene.touches(q, *o, within=self.config.hand_clearance)
         )
 
+    @restores_fingers
     def obstruction(
         self, task: TaskMotions, shape: Solid, obstacles: Obstacles
     ) -> str | None:
@@ -460,6 +467,7 @@ class TaskPlanner:
                     return f"{mode.value}: {hit}"
         return None
 
+    @restores_fingers
     def plan_escape(
         self, q: Vector, fingers: Mapping[str, float], obstacles: Obstacles = ()
     ) -> tuple[Trajectory, Trajectory] | PlanningFailure:
