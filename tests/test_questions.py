@@ -52,6 +52,7 @@ def test_few_files_answer_a_question(question):
     assert [m for m in reached if m in rooms or m.startswith(inside)] == []
 
 
+# With longer steps, because the profile makes each step slow.
 RUN = """
 import sys
 from drake_srg.cli.main import main
@@ -59,7 +60,8 @@ from drake_srg.cli.main import main
 codes = set()
 sys.setprofile(lambda frame, event, _: codes.add(frame.f_code))
 try:
-    main(["run", "kitchen", "--no-record", "--quiet", "--out", sys.argv[1]])
+    steps = ["--set", "plant_config.time_step=0.005", "--set", "arm.period=0.005"]
+    main(["run", "kitchen", *steps, "--no-record", "--quiet", "--out", sys.argv[1]])
 finally:
     sys.setprofile(None)
     functions = [c for c in codes if c.co_flags & 1 and c.co_name[0] != "<"]

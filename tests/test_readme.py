@@ -25,7 +25,6 @@ ELSEWHERE = {
     "docs/experiments.md": "tests/experiments/test_pages.py",
     "docs/export.md": "tests/export/test_mjcf.py",
     "docs/extending.md": "tests/test_extending.py",
-    "docs/grasps.md": "tests/planning/grasps/test_surface_grasps.py",
     "docs/own_diagram.md": "tests/examples/test_own_diagram.py",
     "docs/state_machine.md": "tests/planning/test_state_machine_ports.py",
     "docs/dataset.md": "needs LeRobot, which is not a package of ours",

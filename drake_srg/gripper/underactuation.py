@@ -30,9 +30,8 @@ class UnderactuationConfig(Config):
 
     # Base plus tip angle that closure 1 asks for [rad].
     full_scale: float = dc.field(default=SRG.full_scale, metadata=positive())
-    # Targets of base and tip saturate here [rad].
+    # Targets of the bases saturate here, those of the tips at the joint's limit [rad].
     base_limit: float = dc.field(default=SRG.joint_limit, metadata=positive())
-    tip_limit: float = dc.field(default=SRG.joint_limit, metadata=positive())
     # The thesis tests `tip angle <= 0`. The measured angle of a finger on its stop is
     # zero only up to the stop's compliance [rad].
     straight_tolerance: float = dc.field(default=0.002, metadata={"ge": 0.0})
@@ -42,7 +41,8 @@ class UnderactuationConfig(Config):
     base: str = dc.field(default="algorithm_1", metadata={"among": BASES})
     # A frozen base then approaches the object: its target advances by this speed times
     # `period` per evaluation [rad/s], but no further than the error beyond the measured
-    # angle [rad], which limits the force. At speed 0, the base stays.
+    # angle [rad], which limits the force as `planner.squeeze` does. At speed 0, the
+    # base stays.
     approach_speed: float = dc.field(default=0.0, metadata={"ge": 0.0})
     approach_error: float = dc.field(default=0.1, metadata={"ge": 0.0})
     # What a tip does whose sensor fires while its base's does not. `algorithm_1`: it
@@ -143,7 +143,7 @@ class UnderactuationLogic(LeafSystem):
     def __init__(self, config: UnderactuationConfig | None = None) -> None:
         super().__init__()
         self.config = config or UnderactuationConfig()
-        self._limits = 2 * [self.config.base_limit] + 2 * [self.config.tip_limit]
+        self._limits = 2 * [self.config.base_limit] + 2 * [SRG.joint_limit]
         self._closure, self._measured, self._triggered, self._commanded, self._hold = (
             self.DeclareVectorInputPort(name=name, size=size)
             for name, size in (

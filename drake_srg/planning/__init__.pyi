@@ -7,8 +7,6 @@ from drake_srg.planning.grasps.grasps import Hand as Hand
 from drake_srg.planning.grasps.linkage_hand import LinkageHand as LinkageHand
 from drake_srg.planning.grasps.srg_hand import SrgFingers as SrgFingers
 from drake_srg.planning.grasps.srg_hand import SrgHand as SrgHand
-from drake_srg.planning.grasps.surface_grasps import KnownSurface as KnownSurface
-from drake_srg.planning.grasps.surface_grasps import SurfaceGrasps as SurfaceGrasps
 from drake_srg.planning.grasps.top_grasps import HeightMapGrasps as HeightMapGrasps
 from drake_srg.planning.grasps.top_grasps import TopGrasp as TopGrasp
 from drake_srg.planning.motion.arm_model import ArmModel as ArmModel

@@ -38,6 +38,14 @@ GIVES_UP: Mapping[Failure, str] = {
 }
 _STILL = 0.05  # joint speed below which the fingers rest [rad/s]
 _CLEAR = 0.001  # distance at which resting fingers have let go of an object [m]
+# Time between looks for an object that is not seen [s]: by default, there are three.
+SEARCH_PERIOD = 0.25
+# A carried object is lost once the gripper's joints have closed by this much on average
+# in `slip_time` [rad]. Fingers around an object give way to one another, which does not
+# change the average: it changed by less than 0.001 rad with a can between fingertips,
+# and by 0.01 rad with wrapped fingers that settled. Fingers that lose a can close by
+# 0.1 rad.
+SLIP_CLOSING = 0.03
 
 SeenT = TypeVar("SeenT")
 
@@ -56,9 +64,8 @@ class PlannerConfig(MotionConfig):
     max_attempts: int = dc.field(default=3, metadata={"ge": 1})
     # Longest duration of a cycle before giving up [s].
     time_budget: float = dc.field(default=40.0, metadata=positive())
-    # How long to look for an object, and the time between looks [s].
+    # How long to look for an object [s].
     search_time: float = dc.field(default=0.5, metadata={"ge": 0.0})
-    search_period: float = dc.field(default=0.25, metadata=positive())
     # Directions from which to take objects.
     approaches: list[str] = dc.field(
         default_factory=lambda: ["above", "side"],
@@ -78,7 +85,8 @@ class PlannerConfig(MotionConfig):
     clearance: float = dc.field(default=0.01, metadata={"ge": 0.0})
     hand_clearance: float = dc.field(default=0.005, metadata={"ge": 0.0})
     # Height above the table at which to let go of the object [m]: more than the error
-    # of the localisation, so that the object is not pressed into the table.
+    # of the localisation, so that the object is not pressed into the table. Raise it
+    # for cameras with larger errors.
     place_height: float = dc.field(default=0.0005, metadata={"ge": 0.0})
     # Half the plant's step h [s]: before it places an object, the planner takes off how
     # far the simulation in steps carries it off the hand; see `carried_drift`. 0 for a
@@ -100,7 +108,9 @@ class PlannerConfig(MotionConfig):
     max_external_torque: list[float] | None = dc.field(
         default=None, metadata=positive()
     )
-    # Time after a command within which the fingers may not have begun to move [s].
+    # Time after a command within which the fingers may not have begun to move [s]: more
+    # than the delays of the gripper's bus and servo, or open fingers beside an object
+    # count as closed.
     gripper_reaction: float = dc.field(default=0.2, metadata={"ge": 0.0})
     # How long the fingers may take to close or open [s].
     gripper_timeout: float = dc.field(default=1.5, metadata=positive())
@@ -110,14 +120,6 @@ class PlannerConfig(MotionConfig):
     # long [s]. It must be longer than `grasp_detector.post_contact_delay`, so that one
     # missed reading of a sensor does not count.
     slip_time: float = dc.field(default=0.15, metadata=positive())
-    # It is also lost once the gripper's joints have closed by this much on average in
-    # that time [rad]. Fingers around an object give way to one another, which does not
-    # change the average: it changed by less than 0.001 rad with a can between
-    # fingertips, and by 0.01 rad with wrapped fingers that settled. Fingers that lose a
-    # can close by 0.1 rad.
-    slip_closing: float = dc.field(default=0.03, metadata=positive())
-    # Factor on the squeeze after an object has been lost or missed.
-    regrasp_squeeze: float = dc.field(default=1.5, metadata={"ge": 1.0})
     # Whether to look again when the hand is in front of the object, and to plan again
     # if it has moved. Useful with cameras that see it there.
     look_before_grasp: bool = False

@@ -13,6 +13,7 @@ from pydrake.systems.framework import Context
 from pydrake.trajectories import Trajectory
 
 from drake_srg.planning import state_machine
+from drake_srg.planning.motion.arm_model import restores_fingers
 from drake_srg.planning.motion.arm_motion import Motion
 from drake_srg.planning.motion.inverse_kinematics import (
     AxisTarget,
@@ -27,6 +28,7 @@ from drake_srg.planning.motion.planning_scene import (
     PlanningScene,
 )
 from drake_srg.planning.planner_machine import (
+    SEARCH_PERIOD,
     MotionMemory,
     Observation,
     PlannerConfig,
@@ -86,11 +88,12 @@ class TaughtMotions:
                     f"planner.{name}: needs one entry per joint of the arm "
                     f"({len(q_home)}), got {count}"
                 )
-        self._scene = scene
+        self.scene = scene
         self.moves = moves
         self.q_home = np.asarray(q_home, dtype=float)
         self.config = config
 
+    @restores_fingers
     def plan(self, p_WT: Vector) -> Mapping[AnyMode, Trajectory] | PlanningFailure:
         """Plan the motion of each mode that moves the arm.
 
@@ -103,7 +106,7 @@ class TaughtMotions:
             return error.failure
 
     def _plan(self, p_WT: Vector) -> dict[AnyMode, Trajectory]:
-        self._scene.SetFingers({})
+        self.scene.SetFingers({})
         p_2 = np.asarray(p_WT)
         q_2 = self._reach(p_2, self.q_home)
         q_1 = self._reach(p_2 + np.array(self.config.approach), q_2)
@@ -125,7 +128,7 @@ class TaughtMotions:
         """Return the posture with the tip at `p_WT` [m] and the hand's z up."""
         axis = AxisTarget(_UP, _UP, angle=_ANGLE)
         target = HandTarget(p_WT, axes=(axis,), p_GT=self.moves.p_GT)
-        found = solve_inverse_kinematics(self._scene, target, q_nominal=q_nominal)
+        found = solve_inverse_kinematics(self.scene, target, q_nominal=q_nominal)
         if isinstance(found, IkFailure):
             raise NoPathError(PlanningFailure(found.failure, found.message))
         return found.q
@@ -233,7 +236,7 @@ class Idle(TaughtMode):
         """Look when a look is due, and plan once there is something to grasp."""
         if memory.motions or now.time < memory.next_look:
             return memory
-        memory.next_look = now.time + self.config.search_period
+        memory.next_look = now.time + SEARCH_PERIOD
         grasp = self.config.grasp
         p_WT = self._look(memory, now) if grasp is None else np.array(grasp)
         if p_WT is None:

@@ -29,6 +29,7 @@ COMPARED = ("kitchen_tendon", "thesis_kitchen")
 ALIKE = {
     "assistive_arm_before",
     "assistive_arm_flat",
+    "assistive_arm_varied_accurate",
     "clear_heap",
     "clear_heap_fast",
     "clear_table_fast",
@@ -36,6 +37,10 @@ ALIKE = {
     "gripper_bench_accurate",
     "gripper_bench_fast",
     "kitchen_tendon_specimen",
+    "kitchen_varied_accurate",
+    "row_table",
+    "sort_table_varied",
+    "srg_specimen",
     "thesis_kitchen_tendon",
 }
 DISCRETE = sorted(set(list_scenarios()) - CONTINUOUS - ALIKE - set(COMPARED))

@@ -72,9 +72,7 @@ def the_blob(thing):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(
-    ("name", "yaw"), [("hammer", 0.3), ("hammer", 1.9), ("mug", -2.4)]
-)
+@pytest.mark.parametrize(("name", "yaw"), [("hammer", 1.9), ("mug", -2.4)])
 def test_a_standing_object_is_located_with_its_yaw(name, yaw):
     R_WO = RotationMatrix.MakeZRotation(yaw)
     solid = SOLIDS[name]
@@ -106,9 +104,7 @@ def test_a_bottle_shows_its_axis_only(tilt, yaw):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(
-    "rpy", [(0, 0, 0.4), (np.pi / 2, 0, 1.0), (0, np.pi / 2, -0.6)]
-)
+@pytest.mark.parametrize("rpy", [(np.pi / 2, 0, 1.0), (0, np.pi / 2, -0.6)])
 def test_a_box_may_lie_on_any_side(rpy):
     shape, R_WO = Box([0.04, 0.07, 0.11]), RollPitchYaw(rpy).ToRotationMatrix()
     blob = the_blob(lying(shape, R_WO, 0.1, 0.1))

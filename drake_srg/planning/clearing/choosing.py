@@ -318,7 +318,7 @@ def label_of(grasp: TopGrasp, height_map: HeightMap, table: float) -> int:
 class ChosenGrasps(HeightMapGrasps):
     """Finds grasps of labelled things only; everything else is in the way.
 
-    Its maps are LabeledHeightMaps. For its arguments see `TopGraspSearch`.
+    Its maps are LabeledHeightMaps. For its arguments see `HeightMapGrasps`.
     """
 
     def segment(self, height_map: HeightMap) -> Segmentation:

@@ -25,6 +25,8 @@ from drake_srg.planning.motion.arm_motion import Motion
 from drake_srg.planning.motion.planning_scene import PlanningFailure
 from drake_srg.planning.planner_machine import (
     GIVES_UP,
+    SEARCH_PERIOD,
+    SLIP_CLOSING,
     HandSenses,
     Observation,
     PlannerMachine,
@@ -122,7 +124,7 @@ class Idle(ClearingMode):
         view, done = memory.view, memory.pick or memory.push or memory.finished
         if done or now.time < view.next_look:
             return memory
-        view.next_look = now.time + self.config.search_period
+        view.next_look = now.time + SEARCH_PERIOD
         if view.next_look + self.config.period < self.config.search_time:
             return memory
         before, view.latest = view.latest, now.senses.see()
@@ -285,7 +287,7 @@ class Transfer(ClearingMode):
             told = pick.grasp.holds(senses.fingers, senses.proximity)
         else:  # fingers that lose so thin a load at least close further
             closing = np.mean(senses.fingers - pick.angles)
-            told = bool(closing < self.config.slip_closing)
+            told = bool(closing < SLIP_CLOSING)
         pick.held = senses.grasped and told
         return memory
 

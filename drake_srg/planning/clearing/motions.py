@@ -19,6 +19,7 @@ from drake_srg.planning.clearing.maps import (
     thing_at,
 )
 from drake_srg.planning.grasps.top_grasps import Reach, TopGrasp, palm_pose
+from drake_srg.planning.motion.arm_model import restores_fingers
 from drake_srg.planning.motion.inverse_kinematics import (
     HandTarget,
     IkFailure,
@@ -282,6 +283,7 @@ class ClearingMotions(abc.ABC):
         self.destination = destination
         self._table = table
 
+    @restores_fingers
     def plan(
         self,
         q_start: Vector,
@@ -427,6 +429,7 @@ class ClearingMotions(abc.ABC):
         with self.scene.holding(box, middle):
             yield
 
+    @restores_fingers
     def plan_way(self, q_start: Vector, q_goal: Vector) -> Trajectory | PlanningFailure:
         """Plan the way between postures high above the table, shape (N,) [rad] each."""
         self.scene.SetFingers({})
@@ -436,6 +439,7 @@ class ClearingMotions(abc.ABC):
         except NoPathError as error:
             return error.failure
 
+    @restores_fingers
     def plan_retreat(
         self, q_start: Vector, fingers: Mapping[str, float]
     ) -> Trajectory | PlanningFailure:
@@ -458,6 +462,7 @@ class ClearingMotions(abc.ABC):
                     failure = error.failure
         return failure
 
+    @restores_fingers
     def plan_up(
         self, q_start: Vector, fingers: Mapping[str, float], palm: float
     ) -> Trajectory | PlanningFailure:

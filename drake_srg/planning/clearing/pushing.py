@@ -15,6 +15,7 @@ from drake_srg.planning.clearing.motions import turned_to
 from drake_srg.planning.grasps.fingers import Fingers
 from drake_srg.planning.grasps.segmentation import Segmentation, Thing
 from drake_srg.planning.grasps.top_grasps import Reach, palm_pose
+from drake_srg.planning.motion.arm_model import restores_fingers
 from drake_srg.planning.motion.inverse_kinematics import (
     HandTarget,
     IkSolution,
@@ -193,11 +194,12 @@ class PushMotions:
         segment: Callable[[HeightMap], Segmentation],
         period: float | None,
     ) -> None:
-        self._scene, self._moves, self._q_over = scene, moves, q_over
+        self.scene, self._moves, self._q_over = scene, moves, q_over
         self._fingers, self._table = fingers, table
         self._reach, self._segment = reach, segment
         self._period = period
 
+    @restores_fingers
     def plan(
         self, q_start: Vector, height_map: HeightMap, tried: Sequence[Push] = ()
     ) -> Push | None:
@@ -215,16 +217,16 @@ class PushMotions:
         up = np.array([0.0, 0.0, self._fingers.deepest])
         # Broadside first.
         for yaw in (push.yaw + 0.5 * np.pi, push.yaw - 0.5 * np.pi, push.yaw):
-            self._scene.SetFingers(self._fingers.closed(0.0).joints)
+            self.scene.SetFingers(self._fingers.closed(0.0).joints)
             start, end = (
                 HandTarget.from_pose(palm_pose(p + up, yaw))
                 for p in (push.start_W, push.end_W)
             )
             ik = solve_inverse_kinematics(
-                self._scene,
+                self.scene,
                 start,
                 q_nominal=self._q_over,
-                q_guess=turned_to(self._scene, self._q_over, push.start_W),
+                q_guess=turned_to(self.scene, self._q_over, push.start_W),
                 max_starts=_STARTS,
             )
             if not isinstance(ik, IkSolution):

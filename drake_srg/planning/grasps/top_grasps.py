@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import abc
 import copy
 import dataclasses as dc
 import functools
@@ -177,6 +176,8 @@ _APART, _TURNED = 0.012, 0.35
 _LEAST_HEIGHT, _LEAST_AREA = 0.004, 6e-5
 # Distance between the finest samples along the closing direction [m].
 _STEP = 0.002
+# Points that are tried: about this many in all, and at least so many of each thing.
+_POINTS, _PER_THING = 150, 16
 
 
 @dc.dataclass(frozen=True)
@@ -193,12 +194,13 @@ class Reach:
         return np.asarray((radius >= self.least) & (radius <= self.most))
 
 
-class TopGraspSearch(abc.ABC):
-    """Judges places and directions on a height map, and explains what it refuses.
+class HeightMapGrasps:
+    """Finds grasps without knowing or telling apart the things on a table.
 
-    All depths and openings are judged at once (see `PinchJudge`). The best are moved to
-    where both pads touch at the same time, turned a little, and judged once more. What
-    no pinch takes may be wrapped (`WrapJudge`).
+    It tries points on things, times directions, and judges all depths and openings at
+    once (see `PinchJudge`). The best are moved to where both pads touch at the same
+    time, turned a little, and judged once more. What no pinch takes may be wrapped
+    (`WrapJudge`).
 
     Args:
         fingers: The hand's.
@@ -225,11 +227,12 @@ class TopGraspSearch(abc.ABC):
             WrapJudge(fingers, wrap, table_gap=table_gap) if wrap else None
         )
 
-    @abc.abstractmethod
     def proposals(
         self, segments: Segmentation, rng: Generator
     ) -> tuple[Vector, Vector]:
-        """Return where to judge pinches.
+        """Return points on things and their middles, each with all directions.
+
+        The points are where the hand reaches, which may be only the end of a thing.
 
         Args:
             segments: What stands on the table, or a part of that.
@@ -239,6 +242,19 @@ class TopGraspSearch(abc.ABC):
             x, y of the palm's axis in world, shape (n, 2) [m], and directions of
             closing, shape (n,) [rad].
         """
+        middles = segments.map.middles()
+        points = [thing.middle for thing in segments.things]
+        parts = [middles[tuple(thing.cells.T)] for thing in segments.things]
+        if self._reach is not None:
+            parts = [part[self._reach.contains(part)] for part in parts]
+        total = sum(map(len, parts))
+        for part in parts:
+            share = round(_POINTS * len(part) / max(total, 1))
+            count = min(max(share, _PER_THING), len(part))
+            points += list(part[rng.choice(len(part), count, replace=False)])
+        p_W = np.array(points)
+        yaws = np.pi * (np.arange(YAWS) / YAWS - 0.5)
+        return np.repeat(p_W, len(yaws), axis=0), np.tile(yaws, len(p_W))
 
     def segment(self, height_map: HeightMap) -> Segmentation:
         """Return what stands on the table according to a height map."""
@@ -387,7 +403,7 @@ class TopGraspSearch(abc.ABC):
         found = self._pinches(segments, seed) or self._wraps(segments, segments.things)
         return bool(found)
 
-    def _anywhere(self) -> TopGraspSearch:
+    def _anywhere(self) -> HeightMapGrasps:
         """Return the same search without limits of reach."""
         search = copy.copy(self)
         search._reach = None
@@ -426,35 +442,3 @@ def _not_taken(segments: Segmentation, grasps: Sequence[TopGrasp]) -> list[Thing
 
 def _rows(candidates: Candidates) -> list[Candidates]:
     return [candidates.take(np.array([i])) for i in range(len(candidates.score))]
-
-
-# Points that are tried: about this many in all, and at least so many of each thing.
-_POINTS, _PER_THING = 150, 16
-
-
-class HeightMapGrasps(TopGraspSearch):
-    """Finds grasps without knowing or telling apart the things on a table.
-
-    It tries points on things, times directions. For its arguments see `TopGraspSearch`.
-    """
-
-    def proposals(
-        self, segments: Segmentation, rng: Generator
-    ) -> tuple[Vector, Vector]:
-        """Return points on things and their middles, each with all directions.
-
-        The points are where the hand reaches, which may be only the end of a thing.
-        """
-        middles = segments.map.middles()
-        points = [thing.middle for thing in segments.things]
-        parts = [middles[tuple(thing.cells.T)] for thing in segments.things]
-        if self._reach is not None:
-            parts = [part[self._reach.contains(part)] for part in parts]
-        total = sum(map(len, parts))
-        for part in parts:
-            share = round(_POINTS * len(part) / max(total, 1))
-            count = min(max(share, _PER_THING), len(part))
-            points += list(part[rng.choice(len(part), count, replace=False)])
-        p_W = np.array(points)
-        yaws = np.pi * (np.arange(YAWS) / YAWS - 0.5)
-        return np.repeat(p_W, len(yaws), axis=0), np.tile(yaws, len(p_W))

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import dataclasses as dc
-from collections.abc import Mapping, Sequence
+import functools
+from collections.abc import Callable, Mapping, Sequence
+from typing import Concatenate, ParamSpec, Protocol, TypeVar
 
 import numpy as np
 from pydrake.math import RigidTransform
@@ -232,3 +234,33 @@ def _moving_joints(plant: MultibodyPlant, model: ModelInstanceIndex) -> list[Joi
     joints = map(plant.get_joint, plant.GetJointIndices(model))
     moving = (joint for joint in joints if joint.num_positions() == 1)
     return sorted(moving, key=lambda joint: joint.position_start())
+
+
+class _WithScene(Protocol):
+    @property
+    def scene(self) -> ArmModel:
+        """What it plans with."""
+
+
+_P = ParamSpec("_P")
+_T = TypeVar("_T")
+_S = TypeVar("_S", bound=_WithScene)
+
+
+def restores_fingers(
+    method: Callable[Concatenate[_S, _P], _T],
+) -> Callable[Concatenate[_S, _P], _T]:
+    """Have a method leave the fingers of its object's `scene` as they were.
+
+    So a planner changes nothing of itself: all that it remembers is in the Context.
+    """
+
+    @functools.wraps(method)
+    def restoring(self: _S, /, *args: _P.args, **options: _P.kwargs) -> _T:
+        before = self.scene.fingers
+        try:
+            return method(self, *args, **options)
+        finally:
+            self.scene.fingers = before
+
+    return restoring

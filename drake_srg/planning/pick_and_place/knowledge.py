@@ -16,6 +16,7 @@ from drake_srg.planning.motion.arm_motion import Motion
 from drake_srg.planning.pick_and_place.sightings import View
 from drake_srg.planning.pick_and_place.task_motions import Obstacles, TaskMotions
 from drake_srg.planning.planner_machine import (
+    SLIP_CLOSING,
     HandSenses,
     MotionMemory,
     PlannerConfig,
@@ -159,7 +160,7 @@ def watch_grasp(
     """Stop the motion of an arm whose hand loses what it carries.
 
     The object is lost where nothing is sensed between the fingers for
-    `config.slip_time`, or where they close by `config.slip_closing` in about that time.
+    `config.slip_time`, or where they close by `SLIP_CLOSING` in about that time.
     """
     if memory.attempt.lost:
         return
@@ -171,7 +172,7 @@ def watch_grasp(
         )
     since = np.inf if holding(memory, senses) else min(grip.unheld_since, time)
     closing = senses.fingers - grip.angles
-    if time - since >= config.slip_time or np.mean(closing) > config.slip_closing:
+    if time - since >= config.slip_time or np.mean(closing) > SLIP_CLOSING:
         memory.motion = memory.motion.stopped(time)
         memory.attempt.lost = True
         return

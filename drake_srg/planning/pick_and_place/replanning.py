@@ -26,7 +26,11 @@ from drake_srg.planning.pick_and_place.task_motions import (
     TaskMotions,
     TaskPlanner,
 )
-from drake_srg.planning.planner_machine import PlannerConfig, planning_clock
+from drake_srg.planning.planner_machine import (
+    SEARCH_PERIOD,
+    PlannerConfig,
+    planning_clock,
+)
 from drake_srg.types import AnyMode, Blob, Failure, Mode, Sphere, Vector
 
 # An object seen this far from where the motions take it has moved [m], [rad]: more than
@@ -120,7 +124,7 @@ class Replanner:
     def _miss_object(self, memory: PlannerMemory, time: float) -> None:
         attempt = memory.attempt
         if time < attempt.began + self._config.search_time:
-            attempt.next_look = time + self._config.search_period
+            attempt.next_look = time + SEARCH_PERIOD
             return
         message = f"no {self._sightings.object_name} in any image"
         _fail(memory, Failure.NOT_SEEN, message)

@@ -21,6 +21,7 @@ from drake_srg.planning.grasps.grasps import (
     carrying,
     place_target,
 )
+from drake_srg.planning.motion.arm_model import restores_fingers
 from drake_srg.planning.motion.inverse_kinematics import HandTarget
 from drake_srg.planning.motion.moves import Moves
 from drake_srg.planning.motion.paths import plan_cartesian_path
@@ -281,9 +282,9 @@ class TaskPlanner:
             hand,
             self.q_home,
             place_height=config.place_height,
-            regrasp_squeeze=config.regrasp_squeeze,
         )
 
+    @restores_fingers
     def plan(
         self,
         q_start: Vector,
@@ -306,6 +307,7 @@ class TaskPlanner:
         with self._standing(obstacles):
             return self._plan(q_start, X_WO, shape, X_WO_goal, tried)
 
+    @restores_fingers
     def plan_carry(
         self,
         q_grasp: Vector,
@@ -331,6 +333,7 @@ class TaskPlanner:
             return error.failure
         return TaskMotions(grasp, motions)
 
+    @restores_fingers
     def plan_place(
         self,
         q_start: Vector,
@@ -392,6 +395,7 @@ class TaskPlanner:
         # posture of the arm reaches.
         return (blocked or reasons)[0]
 
+    @restores_fingers
     def rests(self, shape: Solid, X_WO: RigidTransform) -> bool:
         """Return whether an object at `X_WO` [m] is on something, and in nothing."""
         lowered = RigidTransform([0.0, 0.0, 2.0 * SUPPORT_OVERLAP]) @ X_WO
@@ -410,6 +414,7 @@ class TaskPlanner:
         taken = clearance.spare < 0.0 and "held_object" in clearance.bodies
         return clearance if taken else None
 
+    @restores_fingers
     def others(
         self, q: Vector, fingers: Mapping[str, float], obstacles: Obstacles
     ) -> Obstacles:
@@ -431,6 +436,7 @@ class TaskPlanner:
             if not self.scene.touches(q, *o, within=self.config.hand_clearance)
         )
 
+    @restores_fingers
     def obstruction(
         self, task: TaskMotions, shape: Solid, obstacles: Obstacles
     ) -> str | None:
@@ -461,6 +467,7 @@ class TaskPlanner:
                     return f"{mode_name(mode)}: {hit}"
         return None
 
+    @restores_fingers
     def plan_escape(
         self, q: Vector, fingers: Mapping[str, float], obstacles: Obstacles = ()
     ) -> tuple[Trajectory, Trajectory] | PlanningFailure:

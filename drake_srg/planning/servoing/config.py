@@ -20,20 +20,16 @@ class ServoConfig(Config):
     period: float = dc.field(default=0.01, metadata=positive())
     camera_period: float = dc.field(default=0.04, metadata=positive())
     # Share of the error that the hand makes up for per second. The loop is stable while
-    # the gain times the delay, here `camera_period`, stays well below 1.
+    # the gain times the delay, here `camera_period`, stays well below 1: lower it for a
+    # slower camera.
     gain: float = dc.field(default=5.0, metadata=positive())
-    # Largest speed [m/s], acceleration [m/s²] and turning rate [rad/s] of the hand
-    # relative to a goal at rest. 0.25 m/s is the usual limit of collaborative arms.
+    # Largest speed [m/s] and acceleration [m/s²] of the hand relative to a goal at
+    # rest. 0.25 m/s is the usual limit of collaborative arms. The hand turns by at most
+    # 1 rad where it may move by 0.25 m.
     speed: float = dc.field(default=0.25, metadata=positive())
     acceleration: float = dc.field(default=1.5, metadata=positive())
-    turning: float = dc.field(default=1.0, metadata=positive())
     # Whether the hand also turns towards its goal; else it keeps its orientation.
     turns: bool = False
-    # Gains of the alpha-beta filter that follows the goal: shares of the difference
-    # between sighting and prediction that go into position and velocity. These are
-    # near to critical damping, beta = 2 - alpha - 2 sqrt(1 - alpha).
-    alpha: float = dc.field(default=0.6, metadata=positive(le=1.0))
-    beta: float = dc.field(default=0.135, metadata={"ge": 0.0, "le": 2.0})
     # Whether the goal's velocity is fed forward. Without, the hand trails a moving goal
     # by its velocity over `gain`.
     feed_forward: bool = True
@@ -41,27 +37,24 @@ class ServoConfig(Config):
     # by as much.
     lag: float = dc.field(default=0.0, metadata={"ge": 0.0})
     # The hand stays this far behind its goal [m] unless it is aligned: it may come
-    # `funnel` times as near as its distance from the line of approach, less
-    # `alignment` [m]. So the fingers go past the object, not into it.
+    # `funnel` times as near as its distance from the line of approach, less 4 mm. So
+    # the fingers go past the object, not into it.
     standoff: float = dc.field(default=0.06, metadata={"ge": 0.0})
-    alignment: float = dc.field(default=0.004, metadata={"ge": 0.0})
     funnel: float = dc.field(default=6.0, metadata={"ge": 0.0})
     # The goal is reached once this many images in a row show the hand within this
     # distance of it [m].
     tolerance: float = dc.field(default=0.003, metadata=positive())
     settled: int = dc.field(default=6, metadata={"ge": 1})
-    # How high the hand goes with what it has grasped before it brakes [m], and how fast
-    # [m/s].
+    # How high the hand goes with what it has grasped before it brakes [m].
     rise: float = dc.field(default=0.02, metadata={"ge": 0.0})
-    rise_speed: float = dc.field(default=0.1, metadata=positive())
     # Images without a usable sighting, or equal images of a moving hand, after which
     # the servo gives up; and how far the hand must have moved meanwhile [m].
     patience: int = dc.field(default=5, metadata={"ge": 1})
     moved: float = dc.field(default=0.002, metadata=positive())
-    # Least singular value of the interaction matrix, and of the arm's Jacobian, below
-    # which a direction counts as lost. Image coordinates are those at focal length 1.
+    # Least singular value of the interaction matrix below which a direction counts as
+    # lost. Image coordinates are those at focal length 1. With `turns`, an image of
+    # small objects needs less, such as 0.01: turns and shifts then look almost alike.
     least_interaction: float = dc.field(default=0.2, metadata=positive())
-    least_jacobian: float = dc.field(default=0.05, metadata=positive())
     # Images to heed; 0: all. With 1, the hand goes where the first one showed the goal.
     looks: int = dc.field(default=0, metadata={"ge": 0})
 

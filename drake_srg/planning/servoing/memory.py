@@ -50,6 +50,9 @@ class MovingGoal:
         )
 
 
+# Shares of the surprise of a sighting that go into the goal's position and velocity.
+# They are near to critical damping, beta = 2 - alpha - 2 sqrt(1 - alpha).
+_ALPHA, _BETA = 0.6, 0.135
 _DECAY = 6.0  # 1/s; a hand at 0.25 m/s brakes with less than half the arm's limits
 _GONE = 1e-6  # rad, rad/s
 
@@ -203,14 +206,14 @@ class Memory(Shared):
             X_WG: Where the hand was in the image [m].
             X_WG_goal: Where it must go [m].
             time: Of the image [s].
-            config: Gains of the filter, and tolerances.
+            config: Tolerances, and whether the goal moves.
         """
         p_goal = X_WG_goal.translation()
         if self.goal is None:
             goal = MovingGoal(p_goal, time=time)
         else:
-            beta = config.beta if config.feed_forward else 0.0
-            goal = self.goal.seen(p_goal, time, config.alpha, beta)
+            beta = _BETA if config.feed_forward else 0.0
+            goal = self.goal.seen(p_goal, time, _ALPHA, beta)
         R_goal = X_WG_goal.rotation() if config.turns else self.R_WG_goal
         memory = dc.replace(self, goal=goal, R_WG_goal=R_goal, missed=0)
         memory = memory._reporting(fault=None, images=self.status.images + 1)

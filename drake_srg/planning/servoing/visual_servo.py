@@ -39,6 +39,16 @@ from drake_srg.types import Vector
 _UP = np.array([0.0, 0.0, 1.0])
 _PASS = ServoCommand.PASS
 _ROUNDING = 1e-9  # of times of updates, which are multiples of the period [s]
+# The hand turns at 1 rad/s where it moves at 0.25 m/s [rad/m].
+_TURNING = 4.0
+# Distance from the line of approach at which the hand is aligned [m]: more than the
+# default `tolerance`, so that the way to the goal is free before it is reached.
+_ALIGNED = 0.004
+# How fast the hand rises with what it has grasped [m/s]: slow enough to brake from
+# within millimetres.
+RISE_SPEED = 0.1
+# Singular value of the arm's Jacobian below which a direction is damped.
+_LEAST_JACOBIAN = 0.05
 
 
 class VisualServo(LeafSystem):
@@ -213,16 +223,15 @@ class VisualServo(LeafSystem):
         wanted = self._wanted(memory, time)
         most = config.acceleration * config.period
         step = wanted - memory.twist
-        turning = most * config.turning / config.speed
         twist = memory.twist + np.concatenate(
-            [limited(step[:3], most), limited(step[3:], turning)]
+            [limited(step[:3], most), limited(step[3:], _TURNING * most)]
         )
         made = joint_step(
             q,
             arm.jacobian(q),
             twist,
             config.period,
-            least=config.least_jacobian,
+            least=_LEAST_JACOBIAN,
             speed=arm.speed,
             lower=arm.lower,
             upper=arm.upper,
@@ -242,7 +251,7 @@ class VisualServo(LeafSystem):
             p_goal - X_WG.translation(),
             axis_W,
             standoff=config.standoff,
-            alignment=config.alignment,
+            alignment=_ALIGNED,
             funnel=config.funnel,
         )
         twist = hand_twist(
@@ -250,10 +259,10 @@ class VisualServo(LeafSystem):
             RigidTransform(memory.R_WG_goal, p_goal - back * axis_W),
             gain=config.gain,
             speed=config.speed,
-            turning=config.turning,
+            turning=_TURNING * config.speed,
         )
         if memory.status.state is ServoState.RAISING:
-            twist[:3] = config.rise_speed * _UP
+            twist[:3] = RISE_SPEED * _UP
         twist[:3] += goal.v_W
         return twist
 

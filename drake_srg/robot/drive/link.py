@@ -236,12 +236,6 @@ class Robot:
         gripper = self.scenario.gripper
         return () if gripper is None else gripper.joint_names
 
-    @property
-    def finger_sensors(self) -> tuple[str, ...]:
-        """Names of the gripper's finger sensors, in the order of its ports."""
-        gripper = self.scenario.gripper
-        return () if gripper is None else gripper.sensor_names
-
 
 class HardwareDriver(abc.ABC):
     """Configuration of a driver, which a YAML tag chooses in a hardware file.

@@ -32,9 +32,7 @@ SIDE = 0.04  # of the square things [m]
 TALL = 0.05
 HELD = np.array([0.8, 0.8, 0.3, 0.3, 0.0, 0.0, 0.0, 0.0])  # state with something
 MODES = (Mode.PRE_GRASP, Mode.GRASP, Mode.LIFT, Mode.TRANSFER)
-CONFIG = PlannerConfig(
-    latency=0.1, search_time=0.0, search_period=0.1, gripper_timeout=0.5
-)
+CONFIG = PlannerConfig(latency=0.1, search_time=0.0, gripper_timeout=0.5)
 
 
 def table(*places, tall=TALL):

@@ -5,6 +5,7 @@ import dataclasses as dc
 import numpy as np
 import pytest
 
+from drake_srg.planning.planner_machine import SEARCH_PERIOD, SLIP_CLOSING
 from drake_srg.types import Failure, Mode
 from planning.clearing.fake_table import (
     BIN,
@@ -70,7 +71,7 @@ def test_notices_fingers_that_close_further_on_the_way(width, counted):
     one.until(Mode.CLOSE)
     one.feel(True)
     one.until(Mode.TRANSFER)
-    one.fix("gripper_state", [*(HELD[:4] + CONFIG.slip_closing + 0.01), *np.zeros(4)])
+    one.fix("gripper_state", [*(HELD[:4] + SLIP_CLOSING + 0.01), *np.zeros(4)])
     one.show(table())
     one.until(Mode.RELEASE)
     assert one.status.cycles == counted
@@ -80,7 +81,7 @@ def test_waits_until_nothing_moves():
     pouring = run(A)
     for x in (0.1, 0.14, 0.18):
         pouring.show(table((x, 0.1)))
-        pouring.simulator.AdvanceTo(pouring.context.get_time() + CONFIG.search_period)
+        pouring.simulator.AdvanceTo(pouring.context.get_time() + SEARCH_PERIOD)
         assert pouring.status.mode is Mode.IDLE
     pouring.show(table(A))
     pouring.until(Mode.PRE_GRASP)

@@ -11,7 +11,7 @@ ESCAPE = [Mode.RELEASE, Mode.RETREAT, Mode.HOME]
 
 
 def test_an_object_that_is_nowhere_is_given_up_after_the_search_time():
-    world = World(search_time=0.5, search_period=0.25)
+    world = World(search_time=0.5)
     world.where = lambda mode: []
     status = world.run()
     assert (status.mode, status.failure) == (Mode.FAILED, Failure.NOT_SEEN)

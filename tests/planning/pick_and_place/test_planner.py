@@ -89,7 +89,7 @@ def test_cameras_are_evaluated_only_when_the_planner_looks():
 
 
 def test_an_object_that_appears_later_is_found():
-    world = World(search_time=0.5, search_period=0.25)
+    world = World(search_time=0.5)
     late = world.where
     world.where = lambda mode: late(mode) if world.time > 0.1 else []
     status = world.run()

@@ -105,7 +105,7 @@ _POST = (
 )
 
 
-def collision(limit, height=0.4, seen=False, name="kitchen_fast"):
+def collision(limit, *overrides, height=0.4, seen=False, name="kitchen_fast"):
     """Run with a post; `limit` is that of all joints [N m], `height` in m."""
     scenario = load_scenario(
         name,
@@ -117,6 +117,7 @@ def collision(limit, height=0.4, seen=False, name="kitchen_fast"):
             f"planner.max_external_torque={[limit] * 7}",
             "planner.max_attempts=1",
             "planner.time_budget=12",
+            *overrides,
         ],
     )
     return Simulate(scenario)
@@ -143,7 +144,8 @@ def test_an_arm_that_hits_a_post_stops():
 @pytest.mark.slow
 def test_an_arm_on_a_discrete_plant_stops_too():
     """There, external torques are estimated, not taken from the contacts."""
-    stopped = collision(30.0, name="kitchen")
+    longer_steps = ("plant_config.time_step=0.005", "arm.period=0.005")
+    stopped = collision(30.0, *longer_steps, name="kitchen")
     assert stopped.metrics.failure == "stopped"
     speeds = stopped.log["arm.state_measured"][-1, 7:]
     np.testing.assert_allclose(speeds, 0.0, atol=0.05)

@@ -129,7 +129,6 @@ def test_after_a_failure_another_grasp_is_tried_more_firmly(planner):
         planner.hand,
         planner.q_home,
         place_height=config.place_height,
-        regrasp_squeeze=config.regrasp_squeeze,
     )
     ends = [RigidTransform(START), can, RigidTransform([0.55, -0.42, 0.05])]
     first, _ = search.candidates(*ends)

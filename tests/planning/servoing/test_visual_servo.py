@@ -12,6 +12,7 @@ from pydrake.math import RigidTransform, RollPitchYaw, RotationMatrix
 
 from drake_srg.planning.servoing.config import ServoCommand, ServoFault, ServoState
 from drake_srg.planning.servoing.tracker import FeatureSighting, PoseSighting
+from drake_srg.planning.servoing.visual_servo import RISE_SPEED
 from planning.servoing.ideal_hand import (
     CONFIG,
     HOME,
@@ -284,4 +285,4 @@ def test_a_raised_hand_follows_the_object_brakes_and_rests():
     assert hand.status.at_rest
     rise = arm().X_WG(hand.q).translation() - p
     assert rise[2] == pytest.approx(CONFIG.rise, abs=0.004)
-    assert rise[1] > 0.05 * CONFIG.rise / CONFIG.rise_speed
+    assert rise[1] > 0.05 * CONFIG.rise / RISE_SPEED

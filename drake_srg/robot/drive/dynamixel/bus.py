@@ -226,28 +226,8 @@ class ServoBus:
         self._line, self._timeout, self._retries = line, timeout, retries
         self._registers = {r.name: r for r in self.table.registers}
 
-    def ping(self, number: int) -> bool:
-        """Return whether a servo replies, even if only to refuse."""
-        packet = self._packet(number, Instruction.PING)
-        size = sum(self._registers[name].size for name in self.table.identity)
-        try:
-            self._exchange(packet, [(number, size)])
-        except NoReplyError:
-            return False
-        return True
-
-    def read(self, number: int, *names: str) -> Reply:
-        """Return registers of a servo, all read at once.
-
-        Raises:
-            BusError: If the servo does not reply, or refuses.
-        """
-        data = self.table.packets.to_bytes(*self._block(names))
-        packet = self._packet(number, Instruction.READ, data)
-        return self._replies(packet, [number], names)[number]
-
     def read_all(self, numbers: Sequence[int], *names: str) -> dict[int, Reply]:
-        """Return the same registers of several servos, by ID, by one group read.
+        """Return the same registers of servos, by ID, all read at once.
 
         Raises:
             BusError: If one of the servos does not reply, or refuses.

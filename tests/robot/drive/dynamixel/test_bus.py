@@ -137,18 +137,12 @@ def test_an_unknown_protocol_is_refused():
 
 
 @PROTOCOLS
-def test_a_ping_finds_the_servos_that_are_there(protocol):
-    _, bus = bus_with(protocol)
-    assert [bus.ping(number) for number in (1, 4, 5)] == [True, True, False]
-
-
-@PROTOCOLS
 def test_registers_are_read_and_written_by_name(protocol):
     line, bus = bus_with(protocol)
     line.q = np.array([0.5, -0.5, 1.0])
     line.step()
     bus.write(2, "led", 1)
-    reply = bus.read(2, *BLOCK)
+    reply = bus.read_all([2], *BLOCK)[2]
     counts = round(JOINT.to_counts(0.5))
     assert reply.values == {"torque_enable": 0, "led": 1, "present_position": counts}
     assert reply.fault == ""
@@ -164,7 +158,7 @@ def test_a_group_read_gives_each_servo_its_own(protocol, numbers, count):
     replies = bus.read_all(asked, "present_position")
     assert list(replies) == asked
     for number in asked:
-        assert replies[number] == bus.read(number, "present_position")
+        assert replies[number] == bus.read_all([number], "present_position")[number]
 
 
 @PROTOCOLS
@@ -210,7 +204,7 @@ def test_an_overload_is_told_with_the_values():
     line.load = 0.3
     for _ in range(110):
         line.step(duration=0.1)
-    reply = bus.read(4, "present_position", "torque_limit")
+    reply = bus.read_all([4], "present_position", "torque_limit")[4]
     assert reply.fault == "overload"
     assert reply.values["torque_limit"] == 0
 
@@ -220,7 +214,8 @@ def test_a_repeated_instruction_succeeds(protocol):
     line, bus = bus_with(protocol, retries=1)
     spoiled = iter([True])
     line.spoil = lambda reply: reply[:-1] if next(spoiled, False) else reply
-    assert bus.read(1, "present_position").values == {"present_position": 2048}
+    reply = bus.read_all([1], "present_position")[1]
+    assert reply.values == {"present_position": 2048}
 
 
 # Noise.

@@ -58,62 +58,62 @@ def subscribe(peer, bridge, topic, kind, reliable=True):
     assert wait_until(lambda: bridge.has_subscribers(topic) and peer.matched(topic))
 
 
+# Topics, values, and fields of their messages.
+SENT = [
+    (TOPICS[0], [], {"clock": {"sec": 1, "nanosec": 500_000_000}}),
+    (
+        JOINT_STATES,
+        [STATE, None],
+        {
+            "name": ["a", "b"],
+            "position": [0.1, 0.2],
+            "velocity": [0.3, 0.4],
+        },
+    ),
+    (TOPICS[2], [[0.25]], {"data": 0.25}),
+    (
+        TOPICS[3],
+        [[1.0, np.inf, -0.5]],
+        {"layout": {"dim": [], "data_offset": 0}, "data": [1.0, np.inf, -0.5]},
+    ),
+    (
+        IMAGE,
+        [PIXELS],
+        {
+            "height": 480,
+            "width": 640,
+            "encoding": "rgb8",
+            "is_bigendian": 0,
+            "step": 1920,
+            "data": PIXELS.reshape(-1).tolist(),
+        },
+    ),
+    (
+        CAMERA["/camera/color/camera_info"],
+        [],
+        {
+            "height": 480,
+            "width": 640,
+            "distortion_model": "plumb_bob",
+            "d": [0.0] * 5,
+            "r": [1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0],
+        },
+    ),
+    (CAMERA["/blobs"], [[]], {}),
+]
+
+
 @pytest.mark.slow
-@pytest.mark.parametrize(
-    "topic, values, expected",
-    [
-        (TOPICS[0], [], {"clock": {"sec": 1, "nanosec": 500_000_000}}),
-        (
-            JOINT_STATES,
-            [STATE, None],
-            {
-                "name": ["a", "b"],
-                "position": [0.1, 0.2],
-                "velocity": [0.3, 0.4],
-            },
-        ),
-        (TOPICS[2], [[0.25]], {"data": 0.25}),
-        (
-            TOPICS[3],
-            [[1.0, np.inf, -0.5]],
-            {"layout": {"dim": [], "data_offset": 0}, "data": [1.0, np.inf, -0.5]},
-        ),
-        (
-            IMAGE,
-            [PIXELS],
-            {
-                "height": 480,
-                "width": 640,
-                "encoding": "rgb8",
-                "is_bigendian": 0,
-                "step": 1920,
-                "data": PIXELS.reshape(-1).tolist(),
-            },
-        ),
-        (
-            CAMERA["/camera/color/camera_info"],
-            [],
-            {
-                "height": 480,
-                "width": 640,
-                "distortion_model": "plumb_bob",
-                "d": [0.0] * 5,
-                "r": [1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0],
-            },
-        ),
-        (CAMERA["/blobs"], [[]], {}),
-    ],
-    ids=lambda value: value.name if isinstance(value, rosbag.Topic) else "",
-)
-def test_another_process_receives_the_topics(bridge, peer, topic, values, expected):
-    assert not bridge.has_subscribers(topic.name)
-    kind = topic.type.rpartition("/")[2]
-    subscribe(peer, bridge, topic.name, kind, reliable=not topic.sensor)
-    bridge.publish(topic, 1.5, values)
-    (message,) = wait_until(lambda: peer.take(topic.name))
-    if "header" in message:
-        assert message["header"]["stamp"] == {"sec": 1, "nanosec": 500_000_000}
-    assert {name: message[name] for name in expected} == expected
+def test_another_process_receives_the_topics(bridge, peer):
+    for topic, values, expected in SENT:
+        assert not bridge.has_subscribers(topic.name)
+        kind = topic.type.rpartition("/")[2]
+        subscribe(peer, bridge, topic.name, kind, reliable=not topic.sensor)
+        bridge.publish(topic, 1.5, values)
+        (message,) = wait_until(lambda name=topic.name: peer.take(name))
+        if "header" in message:
+            assert message["header"]["stamp"] == {"sec": 1, "nanosec": 500_000_000}
+        assert {name: message[name] for name in expected} == expected, topic.name
 
 
 def test_announcements_are_those_of_ros_2(bridge, peer):
