@@ -151,6 +151,14 @@ def test_links_resolve(name):
             assert anchor in [slug(heading) for heading in headings], anchor
 
 
+@pytest.mark.parametrize("name", ["explanation", "how_to", "reference", "tutorial"])
+def test_an_index_says_a_line_about_every_page(name):
+    text, tree = PAGES[f"docs/{name}/index.md"].split(":hidden:")
+    for entry in tree.split("```")[0].split():
+        path = re.sub(r"^(\.\./notebooks/\w+)$", r"../\1.ipynb", entry)
+        assert f"({path.removesuffix('.ipynb')}" in text, entry
+
+
 def slug(heading):
     """Return the anchor that GitHub gives to a heading."""
     return re.sub(r"[^\w\- ]", "", heading.lower()).replace(" ", "-")
