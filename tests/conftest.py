@@ -32,6 +32,7 @@ settings.load_profile("drake_srg")
 # The files that take longest, first: the workers then end together.
 LONGEST = (
     "test_notebooks.py",
+    "test_lessons.py",
     "scenarios/test_thesis_kitchen.py",
     "scenarios/test_assistive_arm.py",
     "simulation/test_simulate.py",

@@ -98,10 +98,8 @@ def _exists(name):
     parts = name.split(".")
     for size in range(len(parts), 0, -1):
         path = ROOT.joinpath(*parts[:size])
-        source = path.with_suffix(".py") if path.with_suffix(".py").is_file() else None
-        if path.is_dir():  # the face tells what is in it
-            face = path / "__init__.pyi"
-            source = face if face.is_file() else path / "__init__.py"
+        files = (path.with_suffix(".py"), path / "__init__.pyi", path / "__init__.py")
+        source = next(filter(Path.is_file, files), None)
         if source is not None:
             text = source.read_text("utf-8")
             return size == len(parts) or re.search(rf"\b{parts[size]}\b", text)

@@ -20,8 +20,13 @@ PAGES = {str(p.relative_to(ROOT)): p.read_text("utf-8") for p in DOCS}
 PAGES["README.md"] = (ROOT / "README.md").read_text("utf-8")
 HARDWARE = "docs/hardware.md"  # its YAML blocks are hardware files, or go on in one
 PARTS = "arm: !Ros2Arm {}\ngripper: !Ros2Gripper {}\n"
+# Pages that `make docs` makes, and checks.
+MADE = [ROOT / f"docs/reference/{name}/index.md" for name in ("systems", "python")]
+# Whoever follows these lessons, as a test does, writes the scenarios that they run.
+LESSONS = [n for n in PAGES if n.startswith("docs/tutorial/") and "index" not in n]
 # Other tests run the Python of these pages, or say here why none does.
 ELSEWHERE = {
+    **dict.fromkeys(LESSONS, "tests/test_lessons.py"),
     "docs/experiments.md": "tests/experiments/test_pages.py",
     "docs/export.md": "tests/export/test_mjcf.py",
     "docs/extending.md": "tests/test_extending.py",
@@ -75,7 +80,7 @@ def test_python_blocks_run(name, code, swept):
 def test_other_tests_run_the_other_blocks(name):
     test = ROOT / ELSEWHERE[name]
     assert blocks(name, "python")
-    if test.suffix == ".py":
+    if test.suffix == ".py" and name not in LESSONS:
         assert Path(name).name in test.read_text("utf-8")
 
 
@@ -102,7 +107,9 @@ def commands(name):
     return [line for line in lines if line.startswith("drake-srg ")]
 
 
-@pytest.mark.parametrize("name", [name for name in having("sh") if commands(name)])
+@pytest.mark.parametrize(
+    "name", [n for n in having("sh") if commands(n) and n not in LESSONS]
+)
 def test_commands_are_valid(name):
     for command in commands(name):
         words = shlex.split(command, comments=True)[1:]
@@ -136,12 +143,20 @@ def test_links_resolve(name):
     page = re.sub(r"```.*?```", "", PAGES[name], flags=re.DOTALL)
     for path, anchor in re.findall(r"\]\((?!http)([^)#\s]*)#?([^)\s]*)\)", page):
         target = here / path if path else ROOT / name
-        assert target.exists(), path
+        assert target.exists() or target in MADE, path
         if target.suffix == ".py":  # of several experiments in a file, it names one
             assert anchor in ("", *EXPERIMENTS[target.stem]), anchor
         elif anchor:
             headings = re.findall(r"^#+ (.*)$", target.read_text(), re.MULTILINE)
             assert anchor in [slug(heading) for heading in headings], anchor
+
+
+@pytest.mark.parametrize("name", ["explanation", "how_to", "reference", "tutorial"])
+def test_an_index_says_a_line_about_every_page(name):
+    text, tree = PAGES[f"docs/{name}/index.md"].split(":hidden:")
+    for entry in tree.split("```")[0].split():
+        path = re.sub(r"^(\.\./notebooks/\w+)$", r"../\1.ipynb", entry)
+        assert f"({path.removesuffix('.ipynb')}" in text, entry
 
 
 def slug(heading):

@@ -25,7 +25,7 @@ from make_site.markdown import code, table
 
 # A class with more keys than this is shown once; elsewhere, the page refers to it.
 _REPEATED = 4
-_HEADS = ("key", "value", "default", "meaning")
+_HEADS = ("key", "meaning", "value", "default")  # as a phone shows them
 _POSES = "Poses (`X_PB`, `pose` and others) are mappings with these keys."
 
 
@@ -58,9 +58,9 @@ def keys_index() -> str:
     rows = [
         (
             f"[{name}](keys/{name}.md)" if len(keys) > 1 else _breakable(name),
+            _POSES if name == "POSE" else keys[0].comment,
             _value_words(keys[0]) if len(keys) == 1 else "",
             keys[0].default if len(keys) == 1 else "",
-            _POSES if name == "POSE" else keys[0].comment,
         )
         for name, keys in sections.items()
     ]
@@ -105,9 +105,9 @@ def _table(keys: list[Key]) -> str:
     rows = [
         (
             _breakable(key.path),
+            "" if key.comment == key.unit else key.comment,
             _value_words(key),
             key.default,
-            "" if key.comment == key.unit else key.comment,
         )
         for key in keys
     ]

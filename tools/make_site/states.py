@@ -81,8 +81,8 @@ def drawing(transitions: _Table) -> str:
     return (
         f'<svg class="states" viewBox="0 0 {width} {height}" role="img" '
         'aria-label="Which mode follows which"><defs><marker id="tip" refX="7" '
-        'refY="3" markerWidth="8" markerHeight="6" orient="auto"><path class="tip" d="M0 0L8 3'
-        f'L0 6z"/></marker></defs>{"".join(lines)}</svg>\n'
+        'refY="3" markerWidth="8" markerHeight="6" orient="auto"><path class="tip" '
+        f'd="M0 0L8 3L0 6z"/></marker></defs>{"".join(lines)}</svg>\n'
     )
 
 
