@@ -131,7 +131,7 @@ def test_the_first_text_shades_and_the_others_are_panels(out):
     assert "falls" in timeline.mode
     labels = [label for label, _, _ in timeline.signals]
     assert labels == ["word", "number", "pose", "vertical speed\n[m/s]"]
-    label, values, names = timeline.signals[0]
+    _, values, names = timeline.signals[0]
     assert names == ["up", "down"]
     np.testing.assert_array_equal(values.sum(axis=1), 1.0)
 
