@@ -179,6 +179,7 @@ class Recorder(LeafSystem):
             self._output.discard()
 
     def _close_forgotten(self) -> str:
+        self._failed = True  # so that nothing empty is kept
         return str(self.path) if self._close() else ""
 
     def __del__(self) -> None:
