@@ -114,11 +114,17 @@ def close_at_exit(owner: Any, close: Callable[[Any], str]) -> None:
 def close_late(owner: Callable[[], Any], close: Callable[[Any], str]) -> None:
     """Complete a forgotten file, and warn; see `close_at_exit`."""
     forgotten = owner()
-    name = "" if forgotten is None else close(forgotten)
-    if name:
+    if forgotten is None:
+        return
+    try:
+        name = close(forgotten)
+        what = f"{name}: completed only now" if name else ""
+    except Exception as error:  # nobody could catch it here
+        what = f"a recording is lost: {error}"
+    if what:
         warnings.warn(
-            f"{name}: completed only now, because nothing closed its recorder. Use the "
-            "recorder as a context manager around the simulation: `with recorder:`",
+            f"{what}, because nothing closed its recorder. Use the recorder as a "
+            "context manager around the simulation: `with recorder:`",
             RuntimeWarning,
             stacklevel=2,
         )
@@ -174,6 +180,7 @@ class Recorder(LeafSystem):
             self._output.discard()
 
     def _close_forgotten(self) -> str:
+        self._failed = True  # so that nothing empty is kept
         return str(self.path) if self._close() else ""
 
     def __del__(self) -> None:
