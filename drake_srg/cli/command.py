@@ -11,6 +11,7 @@ import dataclasses as dc
 import json
 import os
 import re
+import shlex
 import signal
 import sys
 import threading
@@ -415,6 +416,13 @@ def name_of(options: argparse.Namespace) -> str:
     """Return the name of a command's scenario, for its files and messages."""
     name: str = options.scenario
     return "stdin" if name == "-" else Path(name).stem
+
+
+def resuming(options: argparse.Namespace, out: Path) -> str:
+    """Return the command line that continues in a folder what was interrupted."""
+    words = [w for w in options.typed if w not in ("--resume", "--replace")]
+    where = [] if options.out is not None else ["--out", str(out)]
+    return shlex.join(["drake-srg", *words, *where, "--resume"])
 
 
 OPEN = flag("--open", "show the page in the default browser")

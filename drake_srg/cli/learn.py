@@ -15,6 +15,7 @@ from drake_srg.cli.command import (
     command,
     flag,
     repeatable,
+    resuming,
     warn,
 )
 from drake_srg.cli.results import SWEEP, TRAINING, folder, results_folder
@@ -121,8 +122,7 @@ def train(options: argparse.Namespace) -> int:
                 training, out, resume=options.resume, progress=options.console.progress
             )
     except KeyboardInterrupt:
-        again = shlex.join([*words, "--out", str(out), "--resume"])
-        options.console.complain(f"stopped; to continue: {again}")
+        options.console.complain(f"stopped; to continue: {resuming(options, out)}")
         return INTERRUPTED
     info = policy.info
     options.console.say(

@@ -75,7 +75,7 @@ def _run(arguments: Sequence[str]) -> int:
     CommandParser.json = "--json" in arguments
     options = make_parser().parse_args(arguments)
     output = Output(options.json, options.quiet, options.command)
-    options.console = output
+    options.console, options.typed = output, arguments
     end_on_signals()
     try:
         code: int = options.run(options)

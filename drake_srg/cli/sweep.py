@@ -2,7 +2,6 @@
 
 import argparse
 import dataclasses as dc
-import shlex
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -16,6 +15,7 @@ from drake_srg.cli.command import (
     command,
     flag,
     name_of,
+    resuming,
     warn,
     writing,
 )
@@ -103,7 +103,7 @@ def sweep(options: argparse.Namespace) -> int:
     default = Path("out") / "sweeps" / name_of(options)
     try:
         with results_folder(options, default, SWEEP, advise) as out:
-            resume = _resume_line(options, out)
+            resume = resuming(options, out)
             rows = run_sweep(
                 options.scenario,
                 options.trials,
@@ -229,21 +229,3 @@ def make_engine(options: argparse.Namespace) -> "Engine":
     if jobs < 1:
         raise ScenarioError(f"--jobs {jobs}: must be at least 1")
     return JoblibEngine(jobs)
-
-
-def _resume_line(options: argparse.Namespace, out: Path) -> str:
-    """Return the command that continues this sweep."""
-    words = ["drake-srg", "sweep", options.scenario, "--trials", str(options.trials)]
-    if options.seed is not None:
-        words += ["--seed", str(options.seed)]
-    for override in options.set:
-        words += ["--set", override]
-    words += ["--cell", options.cell] if options.cell else []
-    if options.engine == "ray":
-        words += ["--engine", "ray"]
-        words += ["--address", options.address] if options.address else []
-    elif options.jobs is not None:
-        words += ["--jobs", str(options.jobs)]
-    if options.record != "none":
-        words += ["--record", options.record]
-    return shlex.join([*words, "--out", str(out), "--resume"])

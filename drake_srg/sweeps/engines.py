@@ -182,15 +182,17 @@ def _interrupts_later() -> Iterator[None]:
 
 @contextlib.contextmanager
 def _interrupts_ignored() -> Iterator[None]:
-    """Ignore Ctrl-C; processes started in the block ignore it for good."""
+    """Ignore Ctrl-C and SIGHUP; processes started here ignore them for good."""
     if not _in_main_thread():
         yield
         return
-    before = signal.signal(signal.SIGINT, signal.SIG_IGN)
+    numbers = (signal.SIGINT, signal.SIGHUP)
+    before = {number: signal.signal(number, signal.SIG_IGN) for number in numbers}
     try:
         yield
     finally:
-        signal.signal(signal.SIGINT, before)
+        for number, handler in before.items():
+            signal.signal(number, handler)
 
 
 def _in_main_thread() -> bool:
@@ -202,6 +204,7 @@ def _begin_worker(parent: int) -> None:
     """Prepare a worker, and end it when its parent has gone: nothing else would."""
     # A worker that replaces a dead one does not inherit this.
     signal.signal(signal.SIGINT, signal.SIG_IGN)
+    signal.signal(signal.SIGHUP, signal.SIG_IGN)
 
     def watch() -> None:
         while os.getppid() == parent:

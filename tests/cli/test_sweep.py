@@ -107,7 +107,8 @@ def test_a_full_disk_is_one_line_with_the_command_to_continue(
     (line,) = capsys.readouterr().err.splitlines()
     assert "cannot be written: No space left on device" in line
     assert "finished trials are kept" in line
-    assert line.endswith(f"--seed 3 {' '.join(ABSENT)} --out {tmp_path} --resume")
+    assert f" --out {tmp_path} {' '.join(ABSENT)} --trials 2" in line
+    assert line.endswith("--seed 3 --resume")
 
 
 def test_a_folder_that_cannot_be_made_has_nothing_to_continue(
