@@ -32,6 +32,10 @@ _COMPARISONS = {
 _SCALARS = (bool, int, float, str)
 
 
+class ScenarioError(ValueError):
+    """Bad input. The message says what is wrong, where, and what is allowed."""
+
+
 def positive(**metadata: object) -> Mapping[str, object]:
     """Return the metadata of a dataclass field that must be greater than zero."""
     return {"gt": 0.0, **metadata}
@@ -124,14 +128,14 @@ class Config:
     bounds. Derive a dataclass from it.
 
     Raises:
-        ValueError: If a field does not.
+        ScenarioError: If a field does not.
     """
 
     def __setattr__(self, name: str, value: object) -> None:
         kind: type = type(self)
         check = _checks(kind).get(name)
         if check is not None and (problem := check(value)) and not _unchecked.get():
-            raise ValueError(f"{kind.__name__}.{name}: {problem}")
+            raise ScenarioError(f"{kind.__name__}.{name}: {problem}")
         super().__setattr__(name, value)
 
 

@@ -13,9 +13,7 @@ import typing
 from collections.abc import Iterable, Iterator
 from typing import TypeVar
 
-
-class ScenarioError(ValueError):
-    """Bad input. The message says what is wrong, where, and what is allowed."""
+from drake_srg.config import ScenarioError as ScenarioError  # noqa: PLC0414 (handed on)
 
 
 @contextlib.contextmanager

@@ -30,7 +30,8 @@ class Motions:
 
     def __init__(self, failure=None, **config):
         self.q_home = HOME
-        self.config = Taught(**(TIMES | config))
+        poses = {"lift": list(HOME), "place": list(HOME)}
+        self.config = Taught(**(poses | TIMES | config))
         self.failure = failure
         self.asked = []
 

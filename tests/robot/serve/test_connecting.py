@@ -140,7 +140,7 @@ def test_the_bridges_are_those_that_the_options_name():
         ({"ros1": True, "master": "roscore"}, "serve: ROS 1 master: must be"),
         pytest.param(
             {"ros2": True, "domain": 233},
-            "serve: ROS 2 domain: must be 0 to 232",
+            "serve: Ros2Config.domain: must be at most 232, got 233",
             marks=NEEDS_DDS,
         ),
     ],
