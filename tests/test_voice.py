@@ -23,49 +23,10 @@ BANNED = re.compile(
     r"|\bheld against\b|\btells of\b|\bas it does\b|\bthe way of a\b"
 )
 FILE_LINK = re.compile(r"\[[^\]]*\w\.(?:md|ipynb)[^\]]*\]\(")
-LONG_SENTENCES: set[str] = {
-    "docs/assistive_arm.md",
-    "docs/bridges.md",
-    "docs/experiments.md",
-    "docs/figures.md",
-    "docs/kitchen.md",
-    "docs/safety.md",
-    "docs/servoing.md",
-    "docs/speed.md",
-    "docs/sweeps.md",
-    "docs/training.md",
-    "docs/twin.md",
-}
-BANNED_WORDS: set[str] = {
-    "docs/bridges.md",
-    "docs/clearing.md",
-    "docs/figures.md",
-    "docs/kitchen.md",
-    "docs/safety.md",
-    "docs/servoing.md",
-    "docs/speed.md",
-    "docs/training.md",
-}
-LINKS_BY_FILE: set[str] = {
-    "docs/assistive_arm.md",
-    "docs/bridges.md",
-    "docs/figures.md",
-    "docs/kitchen.md",
-    "docs/speed.md",
-    "docs/sweeps.md",
-}
-LONG_PAGES: set[str] = {
-    "docs/assistive_arm.md",
-    "docs/bridges.md",
-    "docs/extending.md",
-    "docs/grasps.md",
-    "docs/kitchen.md",
-    "docs/safety.md",
-    "docs/servoing.md",
-    "docs/speed.md",
-    "docs/sweeps.md",
-    "docs/training.md",
-}
+LONG_SENTENCES: set[str] = set()
+BANNED_WORDS: set[str] = set()
+LINKS_BY_FILE: set[str] = set()
+LONG_PAGES: set[str] = set()
 
 
 def sentences(page):
