@@ -204,7 +204,7 @@ class HeightMap:
     # World z [m], shape (ny, nx); NaN where no camera saw anything.
     height: Vector
 
-    def middles(self) -> Vector:
+    def centers(self) -> Vector:
         """Return x, y of the middle of each cell in world, shape (ny, nx, 2) [m]."""
         ny, nx = self.height.shape
         middles = np.empty((ny, nx, 2))
@@ -304,7 +304,7 @@ class Failure(enum.Enum):
 
 
 @dc.dataclass(frozen=True, eq=False)
-class Left:
+class Remaining:
     """A thing that a planner leaves where it is, and why."""
 
     p_W: Vector  # of its top, shape (3,) [m]
@@ -313,7 +313,7 @@ class Left:
 
 @dc.dataclass(frozen=True)
 class PlannerStatus:
-    """What a planner reports about its task."""
+    """A planner's report about its task."""
 
     mode: AnyMode = Mode.IDLE
     failure: Failure | None = None  # set once the mode is FAILED
@@ -328,7 +328,7 @@ class PlannerStatus:
     sighting: Blob | None = None  # the latest that the planner has used
     sighted_at: float = 0.0  # time of that sighting [s]
     message: str = ""  # why it failed, in words
-    left: tuple[Left, ...] = ()  # things that stay, once the mode is DONE
+    left: tuple[Remaining, ...] = ()  # things that stay, once the mode is DONE
 
     def __str__(self) -> str:
         """Return the mode, the number of the grasp and why it failed, in words."""

@@ -135,7 +135,7 @@ def test_a_scaled_shape_has_scaled_extents(shape, factor, u):
 
 def test_the_cells_of_a_height_map():
     map_ = HeightMap(np.array([0.1, -0.2]), 0.01, np.zeros((3, 5)))
-    middles = map_.middles()
+    middles = map_.centers()
     assert middles.shape == (3, 5, 2)
     np.testing.assert_allclose(middles[2, 4], [0.14, -0.18])
     rows, columns = np.indices((3, 5))

@@ -26,7 +26,7 @@ FILE_LINK = re.compile(r"\[[^\]]*\w\.(?:md|ipynb)[^\]]*\]\(")
 LONG_SENTENCES: set[str] = set()
 BANNED_WORDS: set[str] = set()
 LINKS_BY_FILE: set[str] = set()
-LONG_PAGES: set[str] = set()
+LONG_PAGES = {"docs/extending.md"}
 
 
 def sentences(page):

@@ -146,7 +146,7 @@ COMMAND_PAGES = {
     "experiment": "docs/experiments.md",
     "export": "docs/export.md",
     "identify": "docs/gripper.md",
-    "import": "docs/objects.md",
+    "import": "docs/importing.md",
     "replay": "docs/replay.md",
     "twin": "docs/twin.md",
 }

@@ -6,7 +6,7 @@ from drake_srg.types import Vector
 
 
 class SafetyState(enum.Enum):
-    """What the monitor does."""
+    """State of the safety monitor."""
 
     RUNNING = "running"  # the arm follows the commands
     BRAKING = "braking"  # it comes to rest along its path

@@ -34,7 +34,7 @@ SLAVE_GAIN = 20.0
 
 @dc.dataclass(kw_only=True)
 class MasterSlaveConfig(Config):
-    """How the fingers move, with the arm thesis's values."""
+    """Parameters of the fingers' motion, with the arm thesis's values."""
 
     # Crank angle of the master that closure 1 asks for [rad]: a little beyond 0.681,
     # where flat pads meet.

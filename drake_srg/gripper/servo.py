@@ -38,7 +38,7 @@ _PEAK_TO_MEAN_SPEED = 15.0 / 8.0
 
 @dc.dataclass(kw_only=True)
 class MinimumJerkConfig(Config):
-    """How fast the reference moves."""
+    """Limits of the reference's motion."""
 
     # Peak speed of a rest-to-rest motion [rad/s].
     max_velocity: float = dc.field(default=SRG.joint_speed, metadata=positive())

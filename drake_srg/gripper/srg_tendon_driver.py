@@ -40,7 +40,7 @@ from drake_srg.types import Vector
 
 @dc.dataclass(kw_only=True)
 class SpoolCommandConfig(Config):
-    """How closure becomes a spool angle."""
+    """Parameters of the map from closure to spool angle."""
 
     # Base plus tip angle that closure 1 asks of an empty hand [rad], and the limit of
     # the base, beyond which the tip closes; as in `UnderactuationConfig`.

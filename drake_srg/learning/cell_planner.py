@@ -44,7 +44,7 @@ _UPRIGHT = np.cos(np.deg2rad(15.0))  # as far as a localizer's boxes may lean
 
 @dc.dataclass(frozen=True, eq=False)
 class Command:
-    """What the hand does until the next control period.
+    """Command to the hand until the next control period.
 
     Attributes:
         mode: As reported; DONE and FAILED end the attempt.
@@ -61,7 +61,7 @@ class Command:
 
 @dc.dataclass(frozen=True, eq=False)
 class _Memory:
-    """What the planner remembers.
+    """State of the planner between updates.
 
     Attributes:
         q: Commanded positions of the arm's joints, shape (N,).
@@ -310,7 +310,7 @@ _RISEN = LIFTED + 0.02
 
 @dc.dataclass(frozen=True, eq=False)
 class _PolicyAttempt:
-    """How far an attempt is.
+    """Progress of an attempt.
 
     Attributes:
         estimate: Where the object was seen, shape (4,).

@@ -45,7 +45,7 @@ def training_seed(run: int, episode: int) -> int:
 
 @dc.dataclass(frozen=True, eq=False)
 class Episode:
-    """What happened in an episode.
+    """Record of an episode.
 
     Attributes:
         observations: Shape (steps + 1, n).

@@ -44,7 +44,7 @@ _ENVIRONMENTS = {
 
 @dc.dataclass(frozen=True)
 class CellPolicy:
-    """What acts in a cell.
+    """A policy that acts in a cell.
 
     Attributes:
         act: Returns the action for an observation.

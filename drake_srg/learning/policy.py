@@ -121,7 +121,7 @@ _OPSET = 18  # of ONNX
 
 @dc.dataclass(frozen=True)
 class PolicyInfo:
-    """What a policy was made for and by.
+    """Provenance of a policy: its environment and its training.
 
     Attributes:
         environment: Id of its environment.

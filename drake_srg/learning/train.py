@@ -50,7 +50,7 @@ _RECENT = 100  # episodes of the success rate that is shown
 
 @dc.dataclass(frozen=True, kw_only=True)
 class Training:
-    """What is trained.
+    """Settings of a training.
 
     Attributes:
         environment: Id of the environment.

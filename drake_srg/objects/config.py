@@ -64,7 +64,7 @@ class ObjectConfig(Config):
     # around its origin, the localizer and the planner know that shape. They know the
     # convex pieces of another object only if `color_range` is given. The origin of such
     # an object is underneath it, on the table. Meshes are cut into convex pieces, once,
-    # for which a cache is kept; see docs/objects.md.
+    # for which a cache is kept; see docs/importing.md.
     model: str | None = None
     # Metres per unit of a mesh as `model`: 0.001 for one in millimetres.
     scale: float = dc.field(default=1.0, metadata=positive())

@@ -30,7 +30,7 @@ from drake_srg.types import (
 
 @dc.dataclass(kw_only=True)
 class Disturbance(Config):
-    """Which object is disturbed, and when."""
+    """A disturbance: its object and its time."""
 
     # The planner's mode that triggers it.
     at: str = dc.field(

@@ -61,7 +61,7 @@ def household_object(name: str) -> ObjectConfig:
 
 @dc.dataclass(frozen=True, eq=False)
 class ObjectFacts:
-    """What an object is like.
+    """Facts about an object.
 
     Attributes:
         low: Least coordinates of its collision geometry in its frame, shape (3,) [m].

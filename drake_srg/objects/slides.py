@@ -19,7 +19,7 @@ _FREQUENCY = 40.0
 
 @dc.dataclass(kw_only=True)
 class SlideConfig(Config):
-    """How the one actuated joint of a model moves, whatever the robot does."""
+    """Prescribed motion of a model's one actuated joint."""
 
     # Speed along the joint's axis [m/s] or about it [rad/s].
     speed: float = 0.05

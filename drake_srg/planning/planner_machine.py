@@ -1,4 +1,4 @@
-"""What all planners share: one way to write a mode, and the system that runs them.
+"""Base of all planners: modes, and the system that runs them.
 
 A planner consists of what is known (a `MotionMemory`), where each mode leads
 (`Transitions`), and what each mode does (`PlannerMode`). `PlannerMachine` runs it.
@@ -203,7 +203,7 @@ Table: TypeAlias = Mapping[AnyMode, Sequence[tuple[Condition, AnyMode]]]
 
 @dc.dataclass(frozen=True)
 class Transitions:
-    """Where each mode of a planner leads, as a pure function.
+    """Transitions between the modes of a planner, as a pure function.
 
     Attributes:
         table: The transitions. Modes of your own are keys like ours.
@@ -262,7 +262,7 @@ class Transitions:
 
 @dc.dataclass
 class MotionMemory(Memory, abc.ABC):
-    """What every planner remembers: its commands. Derive the planner's own from it."""
+    """State of every planner: its commands. Derive the planner's own from it."""
 
     motion: Motion  # the arm's; at first, it rests at home
     closure: float = 0.0  # commanded, 0 open .. 1 closed
@@ -286,7 +286,7 @@ class PlannerMode(ModeActions[AnyMode, MotionMemoryT, SensesT, Observation]):
 
     @property
     def wait(self) -> float:
-        """How long the mode lasts at least after its motion [s]."""
+        """Least duration of the mode after its motion [s]."""
         return 0.0
 
     def trajectory(self, memory: MotionMemoryT) -> Trajectory | None:

@@ -1,4 +1,4 @@
-"""What recorders share: files that appear when complete, and logs."""
+"""Helpers of recorders: files that appear when complete, and logs."""
 
 from __future__ import annotations
 

@@ -287,7 +287,7 @@ def _draw_modes(all_axes: npt.NDArray[Any], time: Vector, mode: Sequence[str]) -
 
 @dc.dataclass(frozen=True)
 class Labels:
-    """What a log does not tell about its columns.
+    """Labels of a log's columns.
 
     Attributes:
         title: The run's.

@@ -100,7 +100,7 @@ else:  # the classes that a tag selects from
 
 @dc.dataclass(kw_only=True)
 class SelectionConfig(Config):
-    """Which objects to take: those of some names, those of a colour, or else all.
+    """Objects to take: by name, by colour, or all.
 
     Written as `[NAME, ...]`, as `{colour: COLOUR}`, or as `all`.
     """

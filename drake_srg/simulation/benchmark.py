@@ -1,4 +1,4 @@
-"""How fast a scenario runs: alone, as a bare plant, and beside peers."""
+"""Speed of a scenario: alone, as a bare plant, and beside peers."""
 
 import dataclasses as dc
 import json

@@ -17,7 +17,7 @@ from drake_srg.scenario import Scenario
 from drake_srg.simulation import measures
 from drake_srg.simulation.measures import hand_poses
 from drake_srg.station.perception import ROW, bin_boxes, destinations, row_places
-from drake_srg.types import Failure, Left, Mode, PlannerStatus, Sphere, Vector
+from drake_srg.types import Failure, Mode, PlannerStatus, Remaining, Sphere, Vector
 
 # Where the fingers take things, in the palm [m].
 _p_GC = np.array([SRG.grasp_center_x, 0.0, 0.0])
@@ -112,7 +112,7 @@ CLEARED, WRONG_BIN = "cleared", "wrong_bin"
 
 @dc.dataclass(frozen=True)
 class ObjectOutcome:
-    """What became of one object.
+    """Outcome for one object.
 
     Attributes:
         cleared: Whether it rests in its bin.
@@ -140,7 +140,7 @@ class ObjectOutcome:
 
 @dc.dataclass(frozen=True)
 class ClearingOutcome:
-    """What became of all objects.
+    """Outcome for all objects.
 
     Attributes:
         objects: Those that belong into a bin.
@@ -361,7 +361,7 @@ def _is_inside(p_W: Vector, box: tuple[Vector, Vector]) -> bool:
     return bool(np.all(p_W >= low) and np.all(p_W <= high))
 
 
-def _reason(row: Vector, facts: ObjectFacts, left: Sequence[Left]) -> str:
+def _reason(row: Vector, facts: ObjectFacts, left: Sequence[Remaining]) -> str:
     """Return the reason that the planner gives for the place of an object."""
     distances = [(box_distance(row, facts, thing.p_W), thing) for thing in left]
     near = [pair for pair in distances if pair[0] < _NAMED_WITHIN]
@@ -373,7 +373,7 @@ def _reason(row: Vector, facts: ObjectFacts, left: Sequence[Left]) -> str:
 def _dropped(
     log: Mapping[str, Vector],
     outcomes: Mapping[str, ObjectOutcome],
-    left: Sequence[Left],
+    left: Sequence[Remaining],
 ) -> list[str]:
     """Return what must be the loads that the planner has not seen in their bins.
 

@@ -408,7 +408,7 @@ _PERIOD = 0.01  # between looks at the speed [s]
 
 @dc.dataclass(frozen=True)
 class DropOutcome:
-    """What a dropped object does.
+    """Motion of a dropped object.
 
     Attributes:
         rests: Whether it is quiet, and still on the table.

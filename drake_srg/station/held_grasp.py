@@ -1,4 +1,4 @@
-"""How a hand holds an object: the contacts, and the object's mass and size."""
+"""A hand's hold on an object: the contacts, and the object's mass and size."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from drake_srg.planning.grasps.grasp_measures import Body, Patch, contact_patche
 
 
 class HeldGrasp(NamedTuple):
-    """What the measures of grasps are computed from.
+    """Inputs of grasp measures.
 
     Attributes:
         patches: The hand's contacts with the object.

@@ -43,7 +43,7 @@ from drake_srg.vision.camera_errors import X_BE_believed
 
 @dc.dataclass(frozen=True)
 class CameraMount:
-    """Where the camera's colour imager is in the hand.
+    """Pose of the camera's colour imager in the hand.
 
     Attributes:
         X_GC: Truly [m].

@@ -1,4 +1,4 @@
-"""What the two theses did, to compare with."""
+"""Methods of the two theses, to compare with."""
 
 from drake_srg.face import face
 

@@ -27,7 +27,7 @@ DEPTH_OFFSET = 0.01  # added to the depth of the blob's middle [m]
 
 @dc.dataclass(kw_only=True)
 class ThesisBlobConfig(Config):
-    """What a scenario chooses of the thesis's localizer; the rest is as printed."""
+    """Options of the thesis's localizer; the rest is as printed."""
 
     # Time between images until the blob has been sent [s].
     period: float = dc.field(default=0.05, metadata=positive())

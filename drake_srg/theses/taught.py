@@ -136,7 +136,7 @@ class TaughtMotions:
 
 @dc.dataclass(frozen=True)
 class Senses:
-    """What the planner measures."""
+    """Measurements of the planner."""
 
     q: Vector  # the arm's joints, shape (N,) [rad]
     gripped: bool  # both fingers sense something

@@ -30,7 +30,7 @@ _MOST_LOST = 0.5
 
 @dc.dataclass(kw_only=True)
 class CameraErrorsConfig(Config):
-    """How a camera differs from an ideal one; with all zeros, not at all.
+    """Errors of a camera; all zeros mean an ideal one.
 
     The z of the camera's body B points into the scene, x to the right and y down the
     image.

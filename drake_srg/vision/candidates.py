@@ -169,7 +169,7 @@ class _Region:
 
 @dc.dataclass(frozen=True)
 class _Edge:
-    """What is around a region of pixels, in a window of an image.
+    """Surroundings of a region of pixels, in a window of an image.
 
     Attributes:
         region: The region.

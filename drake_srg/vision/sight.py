@@ -372,7 +372,7 @@ class Sight:
 
     @property
     def surface(self) -> Mask:
-        """Which pixels show points on the solid's surface, shape (n,)."""
+        """Return which pixels show points on the solid's surface, shape (n,)."""
         return np.asarray(np.abs(self.error) <= self.thickness)
 
 

@@ -58,7 +58,7 @@ def color_labels(
     """
     on = things(height_map, table)
     labels = np.full(on.shape, -1, np.int8)
-    p_W = np.column_stack([height_map.middles()[on], height_map.height[on]])
+    p_W = np.column_stack([height_map.centers()[on], height_map.height[on]])
     p_C = (p_W - (X_WB @ imager.X_BI).translation()) @ (
         X_WB @ imager.X_BI
     ).rotation().matrix()
@@ -104,7 +104,7 @@ def solid_mask(
     """
     mask = things(height_map, table)
     radius = 0.5 * float(np.linalg.norm(solid.bounding_size)) + _ON_SURFACE
-    middles: Vector = height_map.middles()
+    middles: Vector = height_map.centers()
     away = np.linalg.norm(middles - X_WC.translation()[:2], axis=-1)
     mask &= away < radius
     p_W = np.column_stack([middles[mask], height_map.height[mask]])

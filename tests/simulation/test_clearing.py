@@ -12,7 +12,7 @@ from drake_srg.scenario import load_scenario
 from drake_srg.simulation.clearing import clearing_outcome, delivered, least_width
 from drake_srg.simulation.metrics import RunTimes, calc_metrics
 from drake_srg.station.perception import bin_boxes, row_places
-from drake_srg.types import Failure, Left, Mode, PlannerStatus
+from drake_srg.types import Failure, Mode, PlannerStatus, Remaining
 
 IN_BIN, ON_TABLE = [0.34, -0.56, 0.05], [0.6, 0.1, 0.025]
 A, B = "clutter_1", "clutter_2"
@@ -83,22 +83,22 @@ def test_what_lies_beside_the_bin_is_not_in_it(scenario, direction, far):
 def test_what_is_left_needs_a_reason(scenario):
     ends = {A: IN_BIN, B: ON_TABLE}
     assert not outcome(scenario, ends).honest
-    elsewhere = Left(np.array([0.9, 0.1, 0.05]), Failure.TOO_WIDE)
+    elsewhere = Remaining(np.array([0.9, 0.1, 0.05]), Failure.TOO_WIDE)
     assert not outcome(scenario, ends, left=(elsewhere,)).honest
-    there = Left(np.array([0.6, 0.1, 0.05]), Failure.TOO_WIDE)
+    there = Remaining(np.array([0.6, 0.1, 0.05]), Failure.TOO_WIDE)
     found = outcome(scenario, ends, left=(elsewhere, there))
     assert found.honest
     assert found.objects[B].outcome == "too_wide"
 
 
 def test_a_load_that_missed_the_bin_was_dropped(scenario):
-    lost = Left(np.array([0.34, -0.56, 0.0]), Failure.DROPPED)
+    lost = Remaining(np.array([0.34, -0.56, 0.0]), Failure.DROPPED)
     ends = {A: [0.34, -0.3, 0.05], B: ON_TABLE}
     found = outcome(scenario, ends, left=(lost,))
     assert [thing.outcome for thing in found.objects.values()] == [
         *("dropped", "not_seen")
     ]
-    seen = Left(np.array([0.6, 0.1, 0.05]), Failure.TOO_WIDE)
+    seen = Remaining(np.array([0.6, 0.1, 0.05]), Failure.TOO_WIDE)
     found = outcome(scenario, ends, left=(seen, lost))
     assert found.objects[B].outcome == "too_wide"
     assert not found.honest  # it was to be cleared

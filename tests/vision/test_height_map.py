@@ -32,7 +32,7 @@ BOX = (-0.03, 0.05, 0.02, 0.06, 0.08)
 
 def test_a_box_and_the_table():
     found = height_map([cloud(BOX)], TABLE, resolution=RESOLUTION)
-    middles, above = found.middles(), found.height - TABLE.height
+    middles, above = found.centers(), found.height - TABLE.height
     inside = (middles[..., 0] > -0.028) & (middles[..., 0] < 0.048)
     inside &= (middles[..., 1] > 0.022) & (middles[..., 1] < 0.058)
     np.testing.assert_allclose(above[inside], 0.08)
@@ -45,7 +45,7 @@ def test_what_no_camera_sees_is_unknown_but_for_narrow_holes():
     wide = (points[:, 0] > 0.1) & (points[:, 0] < 0.13)
     narrow = np.abs(points[:, 0] + 0.1005) < 0.0012
     found = height_map([points[~wide & ~narrow]], TABLE, resolution=RESOLUTION)
-    x = found.middles()[..., 0]
+    x = found.centers()[..., 0]
     assert np.isnan(found.height[(x > 0.105) & (x < 0.125)]).all()
     assert np.isfinite(found.height[x < 0.09]).all()
 
@@ -55,7 +55,7 @@ def test_an_ignored_part_is_unknown_and_what_leans_on_it_is_not():
     low = (0.01, 0.05, 0.02, 0.06, 0.08)
     tall = (-0.03, 0.01, 0.02, 0.06, 0.5)
     found = height_map([cloud(low, tall)], TABLE, ignored=[part], resolution=RESOLUTION)
-    middles = found.middles()
+    middles = found.centers()
     inside = part.contains(middles.reshape(-1, 2)).reshape(found.height.shape)
     np.testing.assert_array_equal(np.isnan(found.height), inside)
     beside = (middles[..., 0] > 0.012) & (middles[..., 0] < 0.048)
@@ -77,7 +77,7 @@ def test_another_camera_fills_a_shadow():
 )
 def test_the_robot_is_unknown(robot):
     found = height_map([cloud(robot)], TABLE, resolution=RESOLUTION)
-    middles = found.middles()
+    middles = found.centers()
     inside = (middles[..., 0] > robot[0]) & (middles[..., 0] < robot[1])
     inside &= (middles[..., 1] > robot[2]) & (middles[..., 1] < robot[3])
     assert np.isnan(found.height[inside]).all()
@@ -154,7 +154,7 @@ def connected(things):
 def test_it_maps_a_rendered_scene():
     mapper, context = connected(THINGS)
     found = mapper.GetOutputPort("height_map").Eval(context)
-    middles = found.middles()
+    middles = found.centers()
     for thing in THINGS:
         away = np.abs(middles - thing.position[:2]).max(axis=-1)
         top = found.height[away < 0.015]

@@ -57,7 +57,7 @@ def labels(seen, names, known=None, blobs=(), *, upright=False):
 
 def share(found, label, x, y, radius=0.02):
     """Return the share of the cells around a place that have a label."""
-    near = np.abs(found.middles() - [x, y]).max(axis=-1) < radius
+    near = np.abs(found.centers() - [x, y]).max(axis=-1) < radius
     return np.mean(found.label[near] == label)
 
 

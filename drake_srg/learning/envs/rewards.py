@@ -1,4 +1,4 @@
-"""What happened in an episode, and rewards for it."""
+"""Records of episodes, and rewards for them."""
 
 from __future__ import annotations
 

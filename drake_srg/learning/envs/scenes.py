@@ -38,7 +38,7 @@ _MOST_YAW = 3.0  # rad
 
 @dc.dataclass(frozen=True, eq=False)
 class Workspace:
-    """Where a hand may go, and where it starts.
+    """Bounds of a hand's motion, and its start.
 
     Attributes:
         low: Least x, y, z of the grasp centre in world, shape (3,) [m].
@@ -129,7 +129,7 @@ _COARSE, _FINE, _FINEST = 2, 16, 32
 
 @dc.dataclass(frozen=True)
 class Physics:
-    """How an environment simulates.
+    """Physics settings of an environment.
 
     Attributes:
         name: `train`: Drake's convex integrator in steps of 23 ms without error
@@ -260,7 +260,7 @@ _KEYS = {"object", "estimate_error"}
 
 @dc.dataclass(frozen=True)
 class Scene:
-    """What one episode is about.
+    """Objects, goal and start of one episode.
 
     Attributes:
         object: The object, with a position.
@@ -276,7 +276,7 @@ class Scene:
 
     @property
     def position(self) -> Vector:
-        """Where the object starts, [x, y] in world [m]."""
+        """Start of the object, [x, y] in world [m]."""
         return np.array(self.object.position)
 
     @property

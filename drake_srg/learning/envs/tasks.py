@@ -25,7 +25,7 @@ _ACROSS = np.deg2rad(80.0)
 
 @dc.dataclass(frozen=True, eq=False)
 class Grasp:
-    """What an action means.
+    """Meaning of an action.
 
     Attributes:
         over: Pose of the hand (4) above the grasp, [x, y, z, yaw] [m, rad].

@@ -197,7 +197,7 @@ _NEAR = 0.001  # an origin this close to the underside is underneath the object 
 
 @dc.dataclass(frozen=True)
 class Report:
-    """What an import found and did.
+    """Findings and actions of an import.
 
     Attributes:
         size: Extents of the pieces along x, y, z [m].

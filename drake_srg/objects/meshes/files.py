@@ -156,7 +156,7 @@ def read_mesh(file: MeshFile, warnings: list[str]) -> ReadMesh:
     solid = _joined([mesh for mesh, _ in cleaned])
     low, high = solid.bounds
     check_size(path, low, high, file)
-    _TurnOutsideOut(solid, warnings)
+    _turn_outside_out(solid, warnings)
     ends = np.cumsum([len(mesh.faces) for mesh, _ in cleaned])
     rows = np.split(np.arange(len(solid.faces)), ends[:-1])
     by_color: dict[Color | None, list[Any]] = {}
@@ -277,7 +277,7 @@ def _is_inside_out(mesh: TriangleMesh) -> bool:
     return bool(closed and mesh.volume < 0.0)
 
 
-def _TurnOutsideOut(mesh: TriangleMesh, warnings: list[str]) -> None:
+def _turn_outside_out(mesh: TriangleMesh, warnings: list[str]) -> None:
     """Turn the faces of a mesh's closed parts outwards; they keep their order."""
     groups = require_trimesh().graph.connected_components(
         mesh.face_adjacency, nodes=np.arange(len(mesh.faces)), min_len=1

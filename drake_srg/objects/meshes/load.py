@@ -108,7 +108,7 @@ def model_tree(name: str, config: ObjectConfig) -> ET.Element:
     """Return the SDF tree of an object's model, with one model and absolute paths.
 
     An SDF of primitives and declared convex meshes is taken as it is. Everything else
-    is converted, once, and kept in the cache; see docs/objects.md.
+    is converted, once, and kept in the cache; see docs/importing.md.
 
     Args:
         name: The object's name, for error messages.

@@ -41,7 +41,7 @@ _SAMPLES, _HULL_SAMPLES, _NEAREST = 20_000, 500, 16
 
 @dc.dataclass(frozen=True)
 class Fit:
-    """How well convex pieces stand for a mesh.
+    """Quality of convex pieces that stand for a mesh.
 
     Attributes:
         excess: Largest distance of the pieces' surface outside the mesh [m].

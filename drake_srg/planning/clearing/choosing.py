@@ -27,7 +27,7 @@ from drake_srg.planning.grasps.top_grasps import (
 )
 from drake_srg.planning.motion.planning_scene import PlanningFailure
 from drake_srg.planning.planner_machine import PlannerConfig, planning_clock
-from drake_srg.types import Failure, HeightMap, LabeledHeightMap, Left, Vector
+from drake_srg.types import Failure, HeightMap, LabeledHeightMap, Remaining, Vector
 
 # Grasps whose motions are planned, at most.
 _MOST_GRASPS = 30
@@ -63,7 +63,7 @@ class PickPlanner:
 
     @property
     def destinations(self) -> tuple[Destination, ...]:
-        """Where loads go."""
+        """Destinations of loads."""
         return (self.motions.destination,)
 
     def route(
@@ -142,7 +142,7 @@ class PickPlanner:
         memory.pick, memory.push, memory.left = pick, None, ()
         if pick is None:
             memory.push = self._next_push(memory, height_map, time)
-            refused = [Left(r.p_W, r.failure) for r in found.refused]
+            refused = [Remaining(r.p_W, r.failure) for r in found.refused]
             left = _distinct([*refused, *missed])
             memory.left = tuple(_named(found.places(SAME_THING), left))
         else:
@@ -158,15 +158,15 @@ class PickPlanner:
         found: GraspPlan,
         height_map: HeightMap,
         time: float,
-    ) -> tuple[Pick | None, list[Left]]:
+    ) -> tuple[Pick | None, list[Remaining]]:
         """Return the next pick, and why better grasps are left; see `plan`."""
-        missed: list[Left] = []
+        missed: list[Remaining] = []
         planned = 0
         for grasp in found.grasps:
             if self._given_up(memory.attempts.tried, grasp, found):
                 stuck = self._given_up(memory.attempts.stopped, grasp, found)
                 why = Failure.STOPPED if stuck else Failure.NO_GRASP
-                missed.append(Left(grasp.p_WC, why))
+                missed.append(Remaining(grasp.p_WC, why))
                 continue
             if planned == _MOST_GRASPS:
                 break
@@ -184,7 +184,7 @@ class PickPlanner:
                 spots=memory.loads.spots(there.destination),
             )
             if isinstance(motions, PlanningFailure):
-                missed.append(Left(grasp.p_WC, motions.failure))
+                missed.append(Remaining(grasp.p_WC, motions.failure))
                 continue
             ready_at = time + self.config.latency
             into = there.destination
@@ -215,7 +215,7 @@ class PickPlanner:
         for destination in self.destinations:
             over |= destination.overhang(seen)
         over = np.asarray(cv2.dilate(over, _EDGES))
-        cells = seen.cells(height_map.middles())
+        cells = seen.cells(height_map.centers())
         known = np.all((cells >= 0) & (cells < over.shape), axis=-1)
         hidden = np.zeros(height_map.height.shape, bool)
         hidden[known] = over[tuple(cells[known].T)] > 0
@@ -243,16 +243,16 @@ def _near(p_1: Vector, p_2: Vector) -> bool:
     return bool(np.linalg.norm(p_1[:2] - p_2[:2]) < SAME_THING)
 
 
-def _distinct(left: Iterable[Left]) -> list[Left]:
+def _distinct(left: Iterable[Remaining]) -> list[Remaining]:
     """Return the first of the reasons for each place."""
-    kept: list[Left] = []
+    kept: list[Remaining] = []
     for other in left:
         if not any(_near(other.p_W, known.p_W) for known in kept):
             kept.append(other)
     return kept
 
 
-def _named(places: Iterable[Vector], left: list[Left]) -> list[Left]:
+def _named(places: Iterable[Vector], left: list[Remaining]) -> list[Remaining]:
     """Return what is left with the nearest reason for all of the given places too.
 
     Things that touch each other count as one, and that has one reason.
@@ -261,7 +261,7 @@ def _named(places: Iterable[Vector], left: list[Left]) -> list[Left]:
     for p_W in places:
         if left and not any(_near(p_W, known.p_W) for known in named):
             nearest = min(left, key=lambda o: float(np.linalg.norm(o.p_W - p_W)))
-            named.append(Left(p_W, nearest.failure))
+            named.append(Remaining(p_W, nearest.failure))
     return named
 
 
@@ -345,7 +345,7 @@ class ChosenGrasps(HeightMapGrasps):
 def _part(segments: Segmentation, thing: Thing, cells: npt.NDArray[np.intp]) -> Thing:
     """Return the part of a thing that consists of some of its cells."""
     heights = segments.above[cells[:, 0], cells[:, 1]].astype(float)
-    points = segments.map.middles()[cells[:, 0], cells[:, 1]]
+    points = segments.map.centers()[cells[:, 0], cells[:, 1]]
     middle = np.average(points, axis=0, weights=heights)
     size = sides(cells, segments.map.resolution)
     top = float(heights.max())
@@ -382,7 +382,7 @@ class ChoosingPlanner(PickPlanner):
 
     @property
     def destinations(self) -> tuple[Destination, ...]:
-        """Where loads of all labels go."""
+        """Destinations of loads, by label."""
         return tuple(motions.destination for motions in self._by_label)
 
     def route(

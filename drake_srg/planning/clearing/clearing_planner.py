@@ -283,7 +283,7 @@ class Transfer(ClearingMode):
         pick, senses = memory.planned, now.senses
         if not memory.motion.arrived(senses.q, now.time):
             return memory
-        if pick.grasp.tellable:
+        if pick.grasp.detectable:
             told = pick.grasp.holds(senses.fingers, senses.proximity)
         else:  # fingers that lose so thin a load at least close further
             closing = np.mean(senses.fingers - pick.angles)

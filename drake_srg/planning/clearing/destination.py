@@ -1,4 +1,4 @@
-"""Where loads go."""
+"""Destinations of loads."""
 
 from __future__ import annotations
 
@@ -45,7 +45,7 @@ class Spot:
 
 @dc.dataclass(frozen=True, eq=False)
 class Spots:
-    """Where loads are laid or set down in a bin, the emptier places first.
+    """Places in a bin for loads to be laid or set down, the emptier first.
 
     Attributes:
         long: Lanes along the bin, for long loads.
@@ -146,7 +146,7 @@ class Destination:
         aside = side * np.eye(3)[axis] * (self.high - self.low)[axis]
         if height_map is None:
             return Spot(aside, self.floor)
-        apart = np.abs(height_map.middles() - self.middle - aside[:2])
+        apart = np.abs(height_map.centers() - self.middle - aside[:2])
         if around:
             within = apart.max(axis=-1) < _HALF_SPOT
         else:
@@ -159,7 +159,7 @@ class Destination:
         self, height_map: HeightMap, margin: float = 0.0
     ) -> npt.NDArray[np.bool_]:
         """Return which cells of a map are inside or within a margin [m], (ny, nx)."""
-        return self.encloses(height_map.middles(), margin)
+        return self.encloses(height_map.centers(), margin)
 
     def encloses(self, p_W: Vector, margin: float) -> npt.NDArray[np.bool_]:
         """Return which points (..., 2) are inside or within a margin [m], (...)."""

@@ -1,4 +1,4 @@
-"""What is known while a table is cleared, and where each mode leads."""
+"""Knowledge and transitions of the planner that clears a table."""
 
 from __future__ import annotations
 
@@ -34,9 +34,9 @@ from drake_srg.types import (
     AnyMode,
     Failure,
     HeightMap,
-    Left,
     Mode,
     PlannerStatus,
+    Remaining,
     Vector,
 )
 
@@ -116,7 +116,7 @@ class Pick(Memory):
 
 @dc.dataclass
 class View(Memory):
-    """What the cameras have shown of the table.
+    """Views of the table so far.
 
     Attributes:
         latest: The latest map; None before the first look.
@@ -135,7 +135,7 @@ class View(Memory):
 
 @dc.dataclass
 class Attempts(Memory):
-    """What was tried so far.
+    """Attempts so far.
 
     Attributes:
         picks: Number of grasps begun.
@@ -194,7 +194,7 @@ class ClearingMemory(MotionMemory):
     pick: Pick | None = None
     push: Push | None = None
     finished: bool = False
-    left: tuple[Left, ...] = ()
+    left: tuple[Remaining, ...] = ()
     attempts: Attempts = dc.field(default_factory=Attempts)
     released: Released = dc.field(default_factory=Released)
     loads: Loads = dc.field(default_factory=Loads)
@@ -210,7 +210,7 @@ class ClearingMemory(MotionMemory):
 
     @property
     def departure(self) -> Vector:
-        """Where the next pick begins, shape (N,) [rad]."""
+        """Joint positions at which the next pick begins, shape (N,) [rad]."""
         way_out = self.released.way_out
         if way_out is None:
             return self.motion.destination

@@ -13,7 +13,7 @@ import numpy.typing as npt
 from drake_srg.planning.clearing.destination import BESIDE, EDGE, Destination, Spots
 from drake_srg.planning.clearing.maps import fallen, opened, parts
 from drake_srg.planning.state_machine import Memory
-from drake_srg.types import Failure, HeightMap, Left
+from drake_srg.types import Failure, HeightMap, Remaining
 
 # Where loads go, at least this share of their volume rises, and at least so much [m³]:
 # more than noise. Things lie differently there, behind a rim, on others and in them,
@@ -114,9 +114,9 @@ class Load:
         return bool(np.sum(still) < 0.5 * np.sum(risen))
 
     @property
-    def report(self) -> Left:
+    def report(self) -> Remaining:
         """The report of a load that was dropped; the place is its destination's."""
-        return Left(np.array([*self.destination.middle, 0.0]), Failure.DROPPED)
+        return Remaining(np.array([*self.destination.middle, 0.0]), Failure.DROPPED)
 
 
 @dc.dataclass
@@ -151,7 +151,7 @@ class Loads(Memory):
         return sum(load.several for load in self.known)
 
     @property
-    def lost(self) -> tuple[Left, ...]:
+    def lost(self) -> tuple[Remaining, ...]:
         """Reports of the loads that were dropped and not seen where they belong."""
         dropped = [o for o in self.known if o.verdict is Verdict.DROPPED]
         return tuple(load.report for load in dropped)
@@ -283,7 +283,7 @@ class Loads(Memory):
 
 @dc.dataclass(frozen=True)
 class Risen:
-    """What has risen between two maps of a destination and of what is around it.
+    """Rises between two height maps of a destination and its surroundings.
 
     Attributes:
         inside: Volume inside, of parts that are there for the most part [m³].

@@ -1,4 +1,4 @@
-"""What height maps of a table show: differences between two, and what stands there."""
+"""Readings of a table's height maps: differences, and what stands there."""
 
 from __future__ import annotations
 
@@ -67,7 +67,7 @@ def near(height_map: HeightMap, p_W: Vector, radius: float) -> npt.NDArray[np.bo
         p_W: The place, shape (2 or 3,) [m].
         radius: The radius [m].
     """
-    away = np.linalg.norm(height_map.middles() - p_W[:2], axis=-1)
+    away = np.linalg.norm(height_map.centers() - p_W[:2], axis=-1)
     return np.asarray(away < radius)
 
 
@@ -327,7 +327,7 @@ def thing_at(
     joined = np.asarray(cv2.morphologyEx(found, cv2.MORPH_CLOSE, _GAP))
     high = (joined > 0) & (steps < step)
     _, labels = cv2.connectedComponents(high.astype(np.uint8), connectivity=8)
-    middles, place = height_map.middles(), np.asarray(p_W, dtype=float)[:2]
+    middles, place = height_map.centers(), np.asarray(p_W, dtype=float)[:2]
     away = np.where(high, np.linalg.norm(middles - place, axis=-1), np.inf)
     if away.min() > _FORK:
         return place[np.newaxis]

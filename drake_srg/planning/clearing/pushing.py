@@ -105,7 +105,7 @@ def _pushes(
     if not _reaches_below(segments, thing, top - _FLAT):
         return []
     cells = thing.cells[above > top - _TOP]
-    points = segments.map.middles()[cells[:, 0], cells[:, 1]]
+    points = segments.map.centers()[cells[:, 0], cells[:, 1]]
     middle, height = points.mean(axis=0), top - _TOP
     found = []
     for yaw in 2.0 * np.pi * np.arange(_DIRECTIONS) / _DIRECTIONS:

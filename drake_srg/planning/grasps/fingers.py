@@ -13,7 +13,7 @@ from drake_srg.types import Vector
 
 @dc.dataclass(frozen=True)
 class Wrap:
-    """How fingers take from above what is too wide for their pads.
+    """A grasp from above around an object that is too wide for the pads.
 
     The hand comes down fully open. Its base links come to lie on the top of the thing,
     and the tips turn down around its upper edges.
@@ -133,7 +133,7 @@ class Fingers(abc.ABC):
         return True
 
     @abc.abstractmethod
-    def tellable(self, width: float) -> bool:
+    def detectable(self, width: float) -> bool:
         """Return whether joint angles tell a held thing of a width [m] from none."""
 
 

@@ -1,4 +1,4 @@
-"""Where and how the master-slave linkage gripper can take a cylinder."""
+"""Grasps of a cylinder by the master-slave linkage gripper."""
 
 from __future__ import annotations
 
@@ -118,7 +118,7 @@ class LinkageFingers(Fingers):
         """See `Fingers`."""
         return bool(np.max(q) < 0.5 * (crank_angle(0.5 * width) + EMPTY_ANGLE))
 
-    def tellable(self, width: float) -> bool:
+    def detectable(self, width: float) -> bool:
         """See `Fingers`."""
         return EMPTY_ANGLE - crank_angle(0.5 * width) > _TELLABLE
 

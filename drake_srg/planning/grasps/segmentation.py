@@ -1,4 +1,4 @@
-"""What stands on a table: a height map, segmented into things."""
+"""Segmentation of a table's height map into objects."""
 
 from __future__ import annotations
 
@@ -105,7 +105,7 @@ class Segmentation:
 
         Every part of a thing is within `apart` [m] of one of its places.
         """
-        middles, found = self.map.middles(), []
+        middles, found = self.map.centers(), []
         for thing in self.things:
             rows, columns = thing.cells.T
             points = middles[rows, columns]
@@ -140,7 +140,7 @@ class Segmentation:
 
     def labels_near(self, p_W: Vector, apart: float) -> set[int]:
         """Return the numbers of things within `apart` of a place (2 or 3,) [m]."""
-        near = np.linalg.norm(self.map.middles() - p_W[:2], axis=-1) <= apart
+        near = np.linalg.norm(self.map.centers() - p_W[:2], axis=-1) <= apart
         return set(np.unique(self.labels[near]).tolist()) - {0}
 
     @functools.cached_property
@@ -281,6 +281,6 @@ def _middle(
 ) -> Vector:
     """Return x, y of the middle of the volume of some cells (n, 2), shape (2,) [m]."""
     heights = above[tuple(cells.T)].astype(float)
-    points = map_.middles()[tuple(cells.T)]
+    points = map_.centers()[tuple(cells.T)]
     middle: Vector = np.average(points, axis=0, weights=heights)
     return middle

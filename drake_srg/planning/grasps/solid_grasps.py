@@ -104,7 +104,7 @@ def solid_map(solid: ConvexPieces) -> HeightMap:
     origin = low[:2] - _AROUND
     count = np.ceil((high[:2] - low[:2] + 2.0 * _AROUND) / _RESOLUTION).astype(int)
     flat = HeightMap(origin, _RESOLUTION, np.zeros(count[::-1]))
-    p = flat.middles()
+    p = flat.centers()
     top = np.full(flat.height.shape, low[2])
     for normals, offsets in solid.faces:
         # Of each half-space, n z <= offset - n_x x - n_y y.

@@ -1,4 +1,4 @@
-"""Where and how the SRG can take an object, from above or from the side."""
+"""Grasps of an object by the SRG, from above or from the side."""
 
 from __future__ import annotations
 
@@ -239,7 +239,7 @@ class SrgFingers(Fingers):
         """See `Fingers`; the tips come last in `q`."""
         return bool(np.max(q[2:]) < _STRAIGHT)
 
-    def tellable(self, width: float) -> bool:
+    def detectable(self, width: float) -> bool:
         """See `Fingers`."""
         return width - _BLUR > 2.0 * _LEAST_GAP
 

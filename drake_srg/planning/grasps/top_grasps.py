@@ -70,9 +70,9 @@ class TopGrasp:
         return close(self.width)
 
     @property
-    def tellable(self) -> bool:
+    def detectable(self) -> bool:
         """Whether joint angles tell a hand that holds the thing from an empty one."""
-        return self.fingers.tellable(self.width)
+        return self.fingers.detectable(self.width)
 
     def target(self) -> HandTarget:
         """Return where the hand must be when the fingers close."""
@@ -110,7 +110,7 @@ class Refusal:
 
 @dc.dataclass(frozen=True, eq=False)
 class GraspPlan:
-    """What a planner finds on a table.
+    """Result of planning grasps on a table.
 
     Attributes:
         grasps: The best first.
@@ -182,7 +182,7 @@ _POINTS, _PER_THING = 150, 16
 
 @dc.dataclass(frozen=True)
 class Reach:
-    """Where the hand can be when it points down: a ring about the arm's base [m]."""
+    """Reach of a hand that points down: a ring around the arm's base [m]."""
 
     center: tuple[float, float]
     least: float
@@ -242,7 +242,7 @@ class HeightMapGrasps:
             x, y of the palm's axis in world, shape (n, 2) [m], and directions of
             closing, shape (n,) [rad].
         """
-        middles = segments.map.middles()
+        middles = segments.map.centers()
         points = [thing.middle for thing in segments.things]
         parts = [middles[tuple(thing.cells.T)] for thing in segments.things]
         if self._reach is not None:
@@ -411,7 +411,7 @@ class HeightMapGrasps:
 
     def _refuse(self, segments: Segmentation, thing: Thing, seed: int) -> Refusal:
         """Return why there is no grasp of a thing."""
-        points = segments.map.middles()[thing.cells[:, 0], thing.cells[:, 1]]
+        points = segments.map.centers()[thing.cells[:, 0], thing.cells[:, 1]]
         if self._reach is not None and not self._reach.contains(points).any():
             failure = Failure.OUT_OF_REACH
         elif len(segments.things) > 1 and self._takes(segments.only(thing), seed):

@@ -73,7 +73,7 @@ class Motion:
 
     @property
     def _end_speed(self) -> Vector:
-        """How fast the joints still are as the trajectory ends, shape (N,) [rad/s]."""
+        """Return the joints' speeds at the trajectory's end, shape (N,) [rad/s]."""
         if self.trajectory is None or self.stopped_at is not None:
             return np.zeros_like(self.q_rest)
         end = self.trajectory.EvalDerivative(self.trajectory.end_time(), 1)

@@ -1,4 +1,4 @@
-"""What the pick-and-place planner knows, and where each of its modes leads.
+"""Knowledge and transitions of the pick-and-place planner.
 
 `modes.py` says what each mode does.
 """
@@ -60,7 +60,7 @@ class Attempt(Memory):
 
 @dc.dataclass
 class Grip(Memory):
-    """How the fingers hold the object."""
+    """The fingers' hold on the object."""
 
     # Angles of the gripper's joints when they were last opened, by name [rad].
     fingers_open: Mapping[str, float] = dc.field(default_factory=dict)

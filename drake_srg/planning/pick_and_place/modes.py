@@ -197,7 +197,7 @@ class PreGrasp(Moving):
         return super().enter(memory, entry)
 
     def look(self, memory: PlannerMemory, now: Now) -> None:
-        """See whether the object is still where the motions take it."""
+        """Check that the object is still where the motions take it."""
         if self.config.look_before_grasp:
             self.replanner.compare(now.senses.see(), memory, now.time)
 
@@ -267,7 +267,7 @@ class Transfer(Carrying):
         return self.config.verify_time
 
     def look(self, memory: PlannerMemory, now: Now) -> None:
-        """See where the object is in the hand, and correct its placing."""
+        """Find the object's pose in the hand, and correct its placing."""
         if self.config.look_before_place and not memory.attempt.lost:
             self.replanner.correct(now.senses.see(), memory, now.time)
 
@@ -359,7 +359,7 @@ class Home(Moving):
         return super().update(memory, now)
 
     def look(self, memory: PlannerMemory, now: Now) -> None:
-        """See whether the object is on its goal."""
+        """Check that the object is on its goal."""
         # What was dropped may have been dropped onto its goal.
         hopeful = memory.trouble.failure in (None, Failure.DROPPED)
         if hopeful and self.final_failure(memory, now.time) is None:
@@ -382,7 +382,7 @@ class End(BetweenAttempts):
     """Stays where it is: the task is over."""
 
     def update(self, memory: PlannerMemory, now: Now) -> PlannerMemory:
-        """Heed nothing."""
+        """Keep the memory."""
         return memory
 
     def observe(self, memory: PlannerMemory, now: Now) -> Observation:

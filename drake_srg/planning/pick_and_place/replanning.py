@@ -80,7 +80,7 @@ class Replanner:
         return back or self._goal
 
     def judge(self, view: View, memory: PlannerMemory, time: float) -> None:
-        """See whether the object is where this cycle was to take it."""
+        """Check that the object is where this cycle was to take it."""
         blob, goal = self._sightings.best(view, self._rests), self.goal(memory)
         _look(memory, view, blob, time)
         memory.attempt.at_goal = False
@@ -133,7 +133,7 @@ class Replanner:
             self.escape(memory, time)  # the arm may hide it
 
     def compare(self, view: View, memory: PlannerMemory, time: float) -> None:
-        """See whether the object is still where the motions take it, and they free."""
+        """Check that the object is where the motions go, and that they are free."""
         blob = self._sightings.best(view, self._rests)
         certain = blob if blob is not None and blob.certain else None
         _look(memory, view, certain, time)
@@ -158,7 +158,7 @@ class Replanner:
             memory.cycle.detours += 1
 
     def correct(self, view: View, memory: PlannerMemory, time: float) -> None:
-        """See where the object is in the hand, and plan the rest from there."""
+        """Find the object's pose in the hand, and plan the rest from there."""
         motions = memory.attempt.planned
         q, grasp = memory.motion.position(time), motions.grasp
         p_WO = self._task_planner.scene.X_WG(q) @ grasp.p_GO

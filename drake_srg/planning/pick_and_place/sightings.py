@@ -1,4 +1,4 @@
-"""Where the planner's object and the others are, read from blobs."""
+"""Poses of the planner's object and of the others, read from blobs."""
 
 from __future__ import annotations
 

@@ -82,7 +82,7 @@ class Servoing(PlannerConfig):
 
 
 class ServoCommand(enum.Enum):
-    """What a visual servo must do."""
+    """Command to a visual servo."""
 
     PASS = "pass"  # pass on the planned positions
     TRACK = "track"  # drive the hand by what the camera shows
@@ -92,7 +92,7 @@ class ServoCommand(enum.Enum):
 
 
 class ServoState(enum.Enum):
-    """What a visual servo does."""
+    """State of a visual servo."""
 
     PASSING = "passing"
     TRACKING = "tracking"

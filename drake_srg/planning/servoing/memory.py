@@ -22,7 +22,7 @@ from drake_srg.types import Vector
 
 @dc.dataclass(frozen=True)
 class MovingGoal:
-    """Where a goal is, and how it moves. It is replaced, never changed."""
+    """Pose and motion of a goal. It is replaced, never changed."""
 
     p_W: Vector  # at `time`, shape (3,) [m]
     v_W: Vector = dc.field(default_factory=lambda: np.zeros(3))  # shape (3,) [m/s]

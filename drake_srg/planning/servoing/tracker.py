@@ -35,7 +35,7 @@ class Taken:
 
 @dc.dataclass(frozen=True, eq=False)
 class Sighting(Shared):
-    """What one image shows; base class."""
+    """Base class of what one image shows."""
 
     frame: int = 0  # equal for equal images
     # When the image was taken, by the clock of camera and arm [s]; NaN: now.

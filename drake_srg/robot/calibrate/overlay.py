@@ -1,4 +1,4 @@
-"""What a calibration says: a scenario, lines of text, and its errors."""
+"""Results of a calibration: a scenario, lines of text, and its errors."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from drake_srg.types import Vector
 
 @dc.dataclass(frozen=True)
 class TrueErrors:
-    """How far a calibration in simulation is from the simulated camera.
+    """Errors of a calibration in simulation, against the simulated camera.
 
     Attributes:
         position: Of the camera's body [m], shape (3,), in the body.

@@ -41,7 +41,7 @@ class View:
 
 @dc.dataclass(frozen=True)
 class Unknowns:
-    """What a calibration estimates.
+    """Unknowns of a calibration.
 
     Attributes:
         focal: Focal lengths [pixels], shape (2,).

@@ -212,7 +212,7 @@ class Mailbox:
 
 @dc.dataclass(frozen=True)
 class Robot:
-    """What a driver may know of the robot that it is a part of.
+    """The robot as its drivers know it.
 
     Attributes:
         scenario: The scenario that runs on the hardware.

@@ -46,7 +46,7 @@ class Hardware:
 
     @property
     def lag(self) -> float:
-        """How long after a command the slowest part is to be there [s]."""
+        """Time after a command by which the slowest part must arrive [s]."""
         return max((link.lag for link in self.links), default=0.0)
 
 

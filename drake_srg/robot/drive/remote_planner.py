@@ -24,7 +24,7 @@ from drake_srg.types import AnyMode, Failure, Mode, PlannerStatus, Vector
 
 @dc.dataclass(frozen=True)
 class Tick:
-    """What the planner gets to know, one period of its clock after the tick before.
+    """Inputs of the planner, one period of its clock after the tick before.
 
     Attributes:
         values: Measurements by output port of the station, with the robot's clock.
@@ -37,7 +37,7 @@ class Tick:
 
 @dc.dataclass(frozen=True)
 class Answer:
-    """What the planner commands and reports after a tick.
+    """The planner's commands and reports after a tick.
 
     Attributes:
         time: The planner's clock [s]; `motion` refers to it.
@@ -183,7 +183,7 @@ _SERVO_PATIENCE = 0.5
 
 @dc.dataclass(frozen=True)
 class Plan:
-    """What the planner last said.
+    """The planner's most recent answer.
 
     Attributes:
         motion: The arm's motion, by the planner's clock.

@@ -254,7 +254,7 @@ class ControlLoop:
 
     @property
     def safety(self) -> tuple[SafetyState, StopReason]:
-        """What the safety monitor does, and why."""
+        """State of the safety monitor, and its reason."""
         return safety_state(self._safety.Eval(self._context))
 
     @property

@@ -229,7 +229,7 @@ class Error:
 
 @dc.dataclass(frozen=True)
 class Identification:
-    """What a log tells.
+    """Parameters identified from a log.
 
     Attributes:
         motor: The motor as its registers show it.

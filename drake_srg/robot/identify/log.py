@@ -35,7 +35,7 @@ _NEEDED = {
 
 @dc.dataclass(frozen=True)
 class LogRow:
-    """What the registers showed in one test; NaN where not measured.
+    """Register values of one test; NaN where not measured.
 
     Attributes:
         test: `position`: the tips press on each other by position control, `torque`: by

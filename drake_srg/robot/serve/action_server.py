@@ -83,7 +83,7 @@ _DEFINITIONS = {
 
 
 class GoalStatus(enum.IntEnum):
-    """What becomes of a goal, as in action_msgs/GoalStatus."""
+    """Status of a goal, as in action_msgs/GoalStatus."""
 
     UNKNOWN = 0
     ACCEPTED = 1

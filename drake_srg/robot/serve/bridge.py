@@ -1,4 +1,4 @@
-"""What every bridge and ROS node shares, and what a station publishes to them."""
+"""Base of bridges and ROS nodes, and a station's messages to them."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ class Bridge:
 
     @property
     def status(self) -> str:
-        """Where clients reach it, such as "ROS 1 at http://localhost:11311"."""
+        """Address for clients, such as "ROS 1 at http://localhost:11311"."""
         return ""
 
     @property
@@ -118,7 +118,7 @@ class Outlet:
 
     @property
     def status(self) -> str:
-        """Where clients reach the bridges, as text for the status line."""
+        """Addresses of the bridges, as text for the status line."""
         return ", ".join(bridge.status for bridge in self.bridges if bridge.status)
 
     def has_subscribers(self, topic: str) -> bool:

@@ -1,4 +1,4 @@
-"""What a robot and its twin are compared by, and when they part."""
+"""Comparison of a robot with its twin."""
 
 from __future__ import annotations
 
@@ -224,7 +224,7 @@ _MEMORY = 5.0
 
 @dc.dataclass(frozen=True)
 class _Memory:
-    """Where the objects were, and the last comparisons.
+    """Previous poses of the objects, and the last comparisons.
 
     Attributes:
         times: Of the positions, increasing.

@@ -33,7 +33,7 @@ from drake_srg.types import Vector
 
 @dc.dataclass(frozen=True)
 class Told:
-    """What a robot has told last. Times are by its clock.
+    """A robot's latest messages. Times are by its clock.
 
     Attributes:
         stamp: Time of the arm's state [s].

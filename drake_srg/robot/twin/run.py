@@ -31,7 +31,7 @@ _STATUS_PERIOD = 0.5  # time between status reports [s, real]
 
 @dc.dataclass(frozen=True)
 class TwinResult:
-    """What a twin has seen; `write` makes its metrics.json.
+    """Observations of a twin; `write` makes its metrics.json.
 
     Attributes:
         scenario: Its name.

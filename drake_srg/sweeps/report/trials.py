@@ -31,7 +31,7 @@ Rows: TypeAlias = npt.NDArray[np.bool_]
 
 @dc.dataclass(frozen=True)
 class Relation:
-    """How one outcome depends on one quantity.
+    """Dependence of one outcome on one quantity.
 
     Attributes:
         strength: AUC of failed against successful trials (0.5: none), or Spearman's
@@ -53,7 +53,7 @@ class Relation:
 
 @dc.dataclass(frozen=True)
 class Effect:
-    """How the outcomes depend on one quantity; None with too few trials."""
+    """Dependence of the outcomes on one quantity; None with too few trials."""
 
     name: str
     values: Vector  # one per trial, nan for none

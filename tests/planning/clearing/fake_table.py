@@ -38,7 +38,7 @@ CONFIG = PlannerConfig(latency=0.1, search_time=0.0, gripper_timeout=0.5)
 def table(*places, tall=TALL):
     """Return the map of a table with a square thing at each place."""
     height_map = HeightMap(np.zeros(2), RESOLUTION, np.zeros((80, 100)))
-    middles = height_map.middles()
+    middles = height_map.centers()
     for place in places:
         inside = np.all(np.abs(middles - place) < 0.5 * SIDE, axis=-1)
         height_map.height[inside] = tall
@@ -56,7 +56,7 @@ def crossing(inside, outside, height=0.15):
     shown = table()
     shown.height[deep.contains(shown)] = deep.rim
     shown.height[deep.contains(shown, -0.02)] = 0.02
-    x, y = np.moveaxis(shown.middles(), -1, 0)
+    x, y = np.moveaxis(shown.centers(), -1, 0)
     bar = np.abs(y - deep.middle[1]) < 0.012
     bar &= (x > deep.low[0] - outside) & (x < deep.low[0] + inside)
     shown.height[bar] = height

@@ -18,7 +18,7 @@ def labeled(height_map, *places):
     """Label what stands within 30 mm of each place, in order."""
     label = np.full(height_map.height.shape, -1, np.int8)
     for i, place in enumerate(places):
-        near = np.abs(height_map.middles() - place).max(axis=-1) < 0.03
+        near = np.abs(height_map.centers() - place).max(axis=-1) < 0.03
         label[near & (height_map.height > 0.0)] = i
     return LabeledHeightMap(
         height_map.origin, height_map.resolution, height_map.height, label, NAMES
@@ -29,7 +29,7 @@ def fine(*places):
     """Return a map of 2 mm cells with a block of 50 mm at each place."""
     found = HeightMap(np.full(2, -0.199), 0.002, np.zeros((200, 200)))
     for place in places:
-        near = np.abs(found.middles() - place).max(axis=-1) < 0.025
+        near = np.abs(found.centers() - place).max(axis=-1) < 0.025
         found.height[near] = 0.05
     return found
 
@@ -65,7 +65,7 @@ def test_things_that_touch_are_not_taken_together():
 
 def test_a_labelled_thing_beside_another_is_wrapped_alone():
     seen = fine()
-    away = np.abs(seen.middles())
+    away = np.abs(seen.centers())
     seen.height[(away[..., 0] < 0.104) & (away[..., 1] < 0.079)] = 0.066
     seen.height[(away[..., 0] > 0.104) & (away[..., 0] < 0.14)] = 0.02
     labels = labeled(seen)

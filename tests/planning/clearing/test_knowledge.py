@@ -174,7 +174,7 @@ def test_the_end_of_the_hand_over_the_bin_is_no_thing_on_the_table():
         BIN, low=np.array([0.35, 0.3]), high=np.array([0.4, 0.35]), rim=0.12
     )
     limit, after = small.low[0] - AROUND, table()
-    x, y = np.moveaxis(after.middles(), -1, 0)
+    x, y = np.moveaxis(after.centers(), -1, 0)
     after.height[(x > limit - 0.02) & (x < limit + 0.15) & (y > 0.3)] = TALL
     seen = over_bin(before, small).without_load(after)
     np.testing.assert_array_equal(seen.height, table().height)
@@ -187,7 +187,7 @@ def test_what_was_pushed_towards_the_bin_shows_as_a_whole():
         BIN, low=np.array([0.35, 0.3]), high=np.array([0.4, 0.35]), rim=0.12
     )
     limit = small.low[0] - AROUND  # of what is near the bin
-    middles = after.middles()
+    middles = after.centers()
     pushed = (np.abs(middles[..., 0] - limit) < 0.06) & (middles[..., 1] > 0.3)
     after.height[pushed] = TALL
     seen = over_bin(before, small).without_load(after)
@@ -196,11 +196,11 @@ def test_what_was_pushed_towards_the_bin_shows_as_a_whole():
 
 def test_what_is_hidden_beside_something_leaves_with_the_rest():
     before, after = table(A, (0.3, 0.1)), table((0.3, 0.1))
-    gap = after.middles()[..., 0] > 0.3
-    gap &= after.middles()[..., 0] < 0.32
+    gap = after.centers()[..., 0] > 0.3
+    gap &= after.centers()[..., 0] < 0.32
     after.height[gap] = np.nan
-    strip = np.abs(after.middles() - A).max(axis=-1) < 0.5 * SIDE
-    strip &= after.middles()[..., 0] > A[0] + 0.3 * SIDE
+    strip = np.abs(after.centers() - A).max(axis=-1) < 0.5 * SIDE
+    strip &= after.centers()[..., 0] > A[0] + 0.3 * SIDE
     after.height[strip] = np.nan
     seen = over_bin(before).without_load(after)
     assert not np.any(seen.height[strip] > 0.0)

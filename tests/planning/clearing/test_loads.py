@@ -53,7 +53,7 @@ def test_a_load_that_leans_on_the_rim_may_hang_over_it_unseen(x, tall, seen):
     deep = Destination(BIN.low, BIN.high, rim=0.02)
     before, after = table(), table((x, 0.2), tall=tall)
     assert has_received(deep, before, after, LOAD)  # nothing is beyond the rim
-    after.height[after.middles()[..., 0] > 0.405] = np.nan
+    after.height[after.centers()[..., 0] > 0.405] = np.nan
     assert has_received(deep, before, after, LOAD) == seen
 
 
@@ -61,7 +61,7 @@ def test_a_load_that_leans_on_the_rim_may_hang_over_it_unseen(x, tall, seen):
 def test_only_the_rim_beside_an_unseen_place_hides_things(axis, low):
     deep = Destination(BIN.low, BIN.high, rim=0.02)
     after = table((0.36, 0.2))
-    places = after.middles()[..., axis]
+    places = after.centers()[..., axis]
     unseen = places < BIN.low[axis] if low else places > BIN.high[axis]
     after.height[unseen] = np.nan
     near = not low and axis == 0  # to the load
@@ -72,7 +72,7 @@ def test_only_the_rim_beside_an_unseen_place_hides_things(axis, low):
 def test_the_edge_of_the_wall_may_be_seen_anywhere_near_it(beyond, seen):
     deep = Destination(BIN.low, BIN.high, rim=0.12)
     before, after = table(), table((0.25, 0.2), tall=0.02)
-    x, y = np.moveaxis(after.middles(), -1, 0)
+    x, y = np.moveaxis(after.centers(), -1, 0)
     near = (x > 0.4) & (x < 0.4 + beyond) & (y > 0.1) & (y < 0.3)
     after.height[near] = 0.12
     load = dc.replace(LOAD, volume=0.02 * SIDE**2, height=0.02, felt=False)
@@ -160,7 +160,7 @@ def test_what_lies_over_the_rim_may_be_pushed_along_it():
     moved = np.where(np.roll(bar, 3, axis=0), 0.15, floor)
     before = dc.replace(after, height=moved)
     assert not has_received(deep, before, after, LOAD)
-    load = np.abs(after.middles() - (0.3, 0.15)).max(axis=-1) < 0.5 * SIDE
+    load = np.abs(after.centers() - (0.3, 0.15)).max(axis=-1) < 0.5 * SIDE
     after.height[load] = 0.02 + TALL
     assert has_received(deep, before, after, LOAD)
     missed = dc.replace(LOAD, felt=False)
@@ -183,7 +183,7 @@ def test_a_small_load_beside_the_bin_is_not_in_it_though_others_settle():
     small = dc.replace(LOAD, volume=6e-6, height=0.005)
     before, after = table((0.2, 0.2), tall=0.2), table((0.2, 0.2), tall=0.202)
     assert has_received(BIN, before, table((0.2, 0.2), (0.3, 0.2)), small)
-    x, y = np.moveaxis(after.middles(), -1, 0)
+    x, y = np.moveaxis(after.centers(), -1, 0)
     after.height[(np.abs(x - 0.45) < 0.02) & (np.abs(y - 0.2) < 0.02)] = 0.005
     settled = (np.abs(x - 0.3) < 0.02) & (np.abs(y - 0.2) < 0.02)
     after.height[settled] = 0.003  # 4.8 cm³

@@ -50,7 +50,7 @@ def test_edges_of_tall_things_flicker(seed, tall):
     """Heaps seemed to move for as long as the planner was ready to wait."""
     rng = np.random.default_rng(seed)
     shown = HeightMap(np.zeros(2), 0.002, np.zeros((100, 120)))
-    x = shown.middles()[..., 0]
+    x = shown.centers()[..., 0]
 
     def look(edge):
         """Near the edge, cells show what is beside them as well as what is there."""
@@ -98,7 +98,7 @@ def test_what_slides_elsewhere_is_not_taken(seed, sinks, noise):
     """A plate slid down a wall, and a marker seemed larger than what had come in."""
     amount = NOISE if noise else 0.0
     before, after = table(A), table()
-    slides = np.linalg.norm(before.middles() - B, axis=-1) < 0.08
+    slides = np.linalg.norm(before.centers() - B, axis=-1) < 0.08
     before.height[slides], after.height[slides] = 0.1, 0.1 - sinks
     volume = volume_taken(
         noisy(before, seed, amount), noisy(after, seed + 1, amount), np.array(A)
@@ -115,7 +115,7 @@ def test_flat_things_go_too(tall):
 def test_a_flat_thing_that_leaves_a_noisy_table_is_gone(seed):
     others = [(x, 0.3) for x in np.arange(0.05, 0.45, 0.06)]
     before = noisy(table(*others), seed, noise=2.4e-3)
-    wrench = np.abs(before.middles() - A).max(axis=-1) < 0.5 * SIDE
+    wrench = np.abs(before.centers() - A).max(axis=-1) < 0.5 * SIDE
     before.height[wrench] += 0.01
     after = noisy(table(*others), seed + 1, noise=2.4e-3)
     assert has_gone(before, after, np.array(A))
@@ -125,7 +125,7 @@ def test_a_flat_thing_that_leaves_a_noisy_table_is_gone(seed):
 def test_what_has_left_is_in_no_gap_either(now, kept):
     """A strip beside a box kept the height of a pitcher, and was grasped thrice."""
     before, after = table(A), table(*now)
-    x, y = np.moveaxis(after.middles(), -1, 0)
+    x, y = np.moveaxis(after.centers(), -1, 0)
     gap = (np.abs(x - A[0]) < 0.005) & (np.abs(y - A[1]) < 0.02)
     far = (x > A[0] + 0.1) & (x < A[0] + 0.12)
     before.height[far] = TALL  # out of sight by now
@@ -140,7 +140,7 @@ def test_what_has_left_is_in_no_gap_either(now, kept):
 def test_what_may_belong_to_something_that_is_still_seen_is_kept():
     close = (A[0] + SIDE + 0.01, A[1])
     before, after = table(A, close), table(close)
-    x = after.middles()[..., 0]
+    x = after.centers()[..., 0]
     edge = (np.abs(x - close[0] + 0.5 * SIDE) < 0.01) & (after.height > 0.0)
     after.height[edge] = np.nan
     np.testing.assert_array_equal(completed(after, before).height, table(close).height)
@@ -148,7 +148,7 @@ def test_what_may_belong_to_something_that_is_still_seen_is_kept():
 
 def test_nothing_is_where_nothing_is_known():
     before, after = table(A), table()
-    gap = np.abs(after.middles() - A).max(axis=-1) < 0.004
+    gap = np.abs(after.centers() - A).max(axis=-1) < 0.004
     after.height[gap] = np.nan
     label = np.zeros(after.height.shape, np.int8)
     labeled = [
@@ -162,7 +162,7 @@ def test_nothing_is_where_nothing_is_known():
 def test_columns_hold_whatever_stands(place, size):
     height_map = table(place)
     boxes = obstacle_boxes(height_map, 0.0, size)
-    for p in height_map.middles()[height_map.height > 0.0]:
+    for p in height_map.centers()[height_map.height > 0.0]:
         top = np.array([*p, TALL])
         inside = [
             np.all(np.abs(X.inverse() @ top) <= 0.5 * np.array(box.size) + 1e-9)

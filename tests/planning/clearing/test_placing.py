@@ -111,7 +111,7 @@ def motions(scenario):
 
 def long_thing(height_map, length):
     """Lay a bar on the map, from the grasp on along x."""
-    offsets = height_map.middles() - PLACE
+    offsets = height_map.centers() - PLACE
     inside = (np.abs(offsets[..., 1]) < 0.02) & (
         np.abs(offsets[..., 0] - 0.5 * length) < 0.5 * length + 0.02
     )
@@ -321,7 +321,7 @@ def risen(motions, grasp, height_map):
 def bar_at(place, low=-0.2, high=0.2):
     """Return a grasp across a bar along y, from `low` to `high`, and its map [m]."""
     height_map = moved(table())
-    x, y = np.moveaxis(height_map.middles() - place, -1, 0)
+    x, y = np.moveaxis(height_map.centers() - place, -1, 0)
     height_map.height[(np.abs(x) < 0.02) & (y > low) & (y < high)] = 0.03
     return grasp_at(place), height_map
 

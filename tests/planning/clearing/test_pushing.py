@@ -24,7 +24,7 @@ def segmented(*boxes):
     """Return a map of square boxes: middle, side and height of their tops."""
     height_map = HeightMap(np.zeros(2), 0.01, np.zeros((80, 80)))
     for middle, side, top in boxes:
-        apart = np.abs(height_map.middles() - middle).max(axis=-1)
+        apart = np.abs(height_map.centers() - middle).max(axis=-1)
         inside = apart < 0.5 * side
         height_map.height[inside] = np.maximum(height_map.height[inside], top)
     return Segmentation.of(height_map, 0.0, least_height=0.004, least_area=1e-4)
@@ -80,7 +80,7 @@ def fine(*bars):
     """Return a map of bars, with edges as rounded as those of smoothed maps."""
     height_map = HeightMap(np.zeros(2), 0.002, np.zeros((400, 400)))
     for low, high, top in bars:
-        p_W = height_map.middles()
+        p_W = height_map.centers()
         inside = np.all((p_W > low) & (p_W < high), axis=-1)
         height_map.height[inside] = top
     rounded = cv2.GaussianBlur(height_map.height, (0, 0), 1.5)
@@ -124,7 +124,7 @@ def heap_of_boxes(*boxes):
     """Return a map of square boxes on a table: middle, side and height of each."""
     height_map = HeightMap(np.array([0.3, -0.4]), 0.005, np.zeros((160, 120)))
     for middle, side, top in boxes:
-        inside = np.abs(height_map.middles() - middle).max(axis=-1) < 0.5 * side
+        inside = np.abs(height_map.centers() - middle).max(axis=-1) < 0.5 * side
         height_map.height[inside] = top
     return height_map
 

@@ -12,7 +12,7 @@ def height_map(*boxes, noise=0.0, seed=0, half=0.2):
     n = round(2 * half / 0.002)
     origin = np.full(2, -half + 0.001)
     found = HeightMap(origin, 0.002, np.full((n, n), TABLE))
-    middles = found.middles()
+    middles = found.centers()
     for x, y, yaw, length, width, height in boxes:
         d = middles - [x, y]
         along = np.cos(yaw) * d[..., 0] + np.sin(yaw) * d[..., 1]

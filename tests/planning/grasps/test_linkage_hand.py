@@ -114,7 +114,7 @@ def test_the_silhouette_of_the_open_hand(half_gap):
 
 @given(width=st.floats(0.01, 0.05))
 def test_wider_things_need_more_open_fingers(width):
-    assert FINGERS.tellable(width)
+    assert FINGERS.detectable(width)
     opened, closed = FINGERS.opened(0.5 * width + 0.003), FINGERS.closed(width)
     assert 0.0 <= opened.closure < closed.closure <= 1.0
     assert all(opened.joints[name] < closed.joints[name] for name in closed.joints)

@@ -86,7 +86,7 @@ JUDGE = PinchJudge(HAND, table_gap=TABLE_GAP)
 def segmented(*boxes):
     """Return the segmentation of boxes (x0, x1, y0, y1, height) on a table [m]."""
     map_ = HeightMap(np.full(2, -0.199), 0.002, np.zeros((200, 200)))
-    x, y = np.moveaxis(map_.middles(), -1, 0)
+    x, y = np.moveaxis(map_.centers(), -1, 0)
     for x0, x1, y0, y1, height in boxes:
         map_.height[(x > x0) & (x < x1) & (y > y0) & (y < y1)] = height
     return Segmentation.of(map_, 0.0, least_height=0.004, least_area=6e-5)
@@ -222,7 +222,7 @@ def test_what_a_pinch_takes_is_not_wrapped():
 
 def test_a_dome_has_no_edges_to_hold():
     map_ = height_map(half=0.25)
-    away = np.linalg.norm(map_.middles(), axis=-1)
+    away = np.linalg.norm(map_.centers(), axis=-1)
     map_.height[:] += 0.08 * np.sqrt(np.clip(1.0 - (away / 0.079) ** 2, 0.0, None))
     assert PLANNER.plan(map_).grasps == ()
 

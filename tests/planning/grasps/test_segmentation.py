@@ -137,7 +137,7 @@ def test_a_short_part_and_a_thin_thing_share_the_common_middle():
 
 def test_places_beside_the_same_thing():
     found = segmented((10, 40, 20, 30, 0.05), (60, 70, 10, 60, 0.03))
-    middles = found.map.middles()
+    middles = found.map.centers()
     one, another = (middles[tuple(thing.cells.T)] for thing in found.things)
     table, outside = middles[2, 2], np.array([9.0, 9.0])
     assert found.beside_same(one[0], one[-1], 0.0)
@@ -168,7 +168,7 @@ def test_places_are_on_things_and_near_every_part_of_them(apart):
     assert np.all(heights > TABLE)
     for thing in found.things:
         iy, ix = thing.cells.T
-        parts = found.map.middles()[iy, ix]
+        parts = found.map.centers()[iy, ix]
         away = np.linalg.norm(parts[:, None] - places[None, :, :2], axis=-1)
         assert away.min(axis=1).max() <= apart
     assert segmented().places(apart) == []

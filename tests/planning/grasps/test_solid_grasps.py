@@ -26,14 +26,14 @@ HAMMER = ConvexPieces((HANDLE, block([0.04, 0.1, 0.04], [0.02, 0.0, 0.0])))
 def test_a_map_shows_the_top_of_each_part():
     shelf = block([0.1, 0.1, 0.01], [0.0, 0.0, 0.09])
     seen = solid_map(ConvexPieces((block([0.02, 0.02, 0.1]), shelf)).shifted([0, 0, 3]))
-    inside = np.max(np.abs(seen.middles()), axis=-1) < 0.049
+    inside = np.max(np.abs(seen.centers()), axis=-1) < 0.049
     np.testing.assert_allclose(seen.height[inside], 0.1)
-    outside = np.max(np.abs(seen.middles()), axis=-1) > 0.051
+    outside = np.max(np.abs(seen.centers()), axis=-1) > 0.051
     np.testing.assert_allclose(seen.height[outside], 0.0)
     assert np.count_nonzero(outside) > np.count_nonzero(inside)
     wedge = ConvexPieces((np.delete(block([0.1, 0.1, 0.1]), [1, 3], axis=0),))
     seen = solid_map(wedge)
-    x = seen.middles()[..., 0]
+    x = seen.centers()[..., 0]
     np.testing.assert_allclose(seen.height[inside], x[inside] + 0.05, atol=1e-9)
 
 

@@ -51,7 +51,7 @@ def test_the_silhouette_of_the_open_hand(half_gap):
 @given(width=st.floats(0.008, 0.13))
 def test_held_things_are_told_from_none(width):
     closed, empty = FINGERS.closed(width), FINGERS.closed(0.0)
-    assert FINGERS.tellable(width)
+    assert FINGERS.detectable(width)
     assert FINGERS.holds(width, angles(closed), np.zeros(4))
     assert not FINGERS.holds(width, angles(empty), np.zeros(4))
 
@@ -67,7 +67,7 @@ def test_an_empty_hand_whose_tips_have_turned_holds_nothing(empty):
 
 
 def test_the_thinnest_things_cannot_be_told():
-    assert not FINGERS.tellable(0.001)
+    assert not FINGERS.detectable(0.001)
 
 
 @given(width=st.floats(0.13, 0.165))

@@ -62,7 +62,7 @@ def test_commands_and_target():
     one = grasp()
     assert 0.0 < one.closure_open < one.closure_closed < 1.0
     assert one.fingers_open.keys() == one.fingers_closed.keys()
-    assert one.tellable
+    assert one.detectable
     assert one.target().distance(one.X_WG) < 1e-12
     assert not one.holds(np.array([1.76, 1.76, 0.0, 0.0]), np.zeros(4))
     assert one.holds(np.array([1.2, 1.2, 0.0, 0.0]), np.zeros(4))
@@ -265,7 +265,7 @@ def test_the_same_map_and_seed_give_the_same_plan():
 @given(radius=st.floats(0.02, 0.05))
 def test_a_ball_is_held_below_its_middle(radius):
     scene = height_map()
-    d = np.hypot(*np.moveaxis(scene.middles(), -1, 0))
+    d = np.hypot(*np.moveaxis(scene.centers(), -1, 0))
     assume(radius < 0.05)
     cap = np.sqrt(np.maximum(radius**2 - d**2, 0.0))
     scene.height[d < radius] += (radius + cap)[d < radius]
@@ -278,7 +278,7 @@ def test_a_ball_is_held_below_its_middle(radius):
 @pytest.mark.parametrize("seed", range(3))
 def test_noise_makes_no_flank_of_the_rim_of_a_plate(seed):
     plate = height_map(noise=0.003, seed=seed)
-    radius = np.linalg.norm(plate.middles(), axis=-1)
+    radius = np.linalg.norm(plate.centers(), axis=-1)
     plate.height[:] += np.interp(radius, [0.085, 0.128], [0.01, 0.024]) * (
         radius < 0.13
     )

@@ -162,7 +162,7 @@ class RefusedByServoError(BusError):
 
 
 class ByteLine(Protocol):
-    """What a master needs of a line; see `Line`."""
+    """A serial line as a master uses it; see `Line`."""
 
     def write(self, data: bytes) -> None:
         """Send all bytes."""
@@ -179,7 +179,7 @@ class ByteLine(Protocol):
 
 @dc.dataclass(frozen=True)
 class Reply:
-    """What a servo reports.
+    """A servo's status packet.
 
     Attributes:
         values: Of the registers that were asked for, by name.

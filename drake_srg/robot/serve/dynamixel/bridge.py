@@ -412,7 +412,7 @@ class ServoBridge(Bridge):
 
     @property
     def status(self) -> str:
-        """Where clients reach it, such as "servo at tcp:127.0.0.1:4001"."""
+        """Address for clients, such as "servo at tcp:127.0.0.1:4001"."""
         return self._status
 
     def update(self, time: float, values: Mapping[str, Vector]) -> None:

@@ -47,7 +47,7 @@ FAST_READING = (Instruction.FAST_SYNC_READ, Instruction.FAST_BULK_READ)
 
 
 class Fault(enum.IntFlag):
-    """What may be wrong with a servo: bits of its registers and status packets."""
+    """A servo's faults: bits of its registers and status packets."""
 
     VOLTAGE = 1
     OVERHEATING = 4

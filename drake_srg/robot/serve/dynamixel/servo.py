@@ -131,7 +131,7 @@ JOINT = Encoder(TURN // 2)
 
 @dc.dataclass(frozen=True)
 class MotorState:
-    """What a servo senses of its motor.
+    """Measurements of a servo's motor.
 
     Attributes:
         angle: Of the output shaft, positive clockwise [rad].
@@ -397,7 +397,7 @@ class Servo(abc.ABC):
 
     @property
     def _faults(self) -> Fault:
-        """What is wrong with the servo itself now."""
+        """The servo's own faults now."""
         table, faults = self.table, Fault(0)
         low, high = table["min_voltage_limit"], table["max_voltage_limit"]
         if not low <= table["present_voltage"] <= high:
