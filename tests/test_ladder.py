@@ -19,14 +19,35 @@ from pydrake.systems.framework import DiagramBuilder, LeafSystem
 from pydrake.systems.primitives import ConstantValueSource, ConstantVectorSource
 from pydrake.systems.sensors import CameraInfo, ImageDepth32F, ImageRgba8U
 
-from drake_srg import arm, gripper, objects, vision
+from drake_srg import (
+    arm,
+    gripper,
+    load_scenario,
+    objects,
+    planning,
+    recording,
+    station,
+    theses,
+    vision,
+)
 from drake_srg.arm.impedance import JointSpring
 from drake_srg.arm.safety.limits import JointLimits
 from drake_srg.gripper import SRG_FINGERS, SrgPositionDriver
+from drake_srg.planning.servoing.config import ServoCommand
+from drake_srg.planning.servoing.tracker import FeatureSighting, PoseSighting
 from drake_srg.types import Box, Cylinder, HeightMap, Mode
 
-# Systems that need a scene graph, whose own tests climb the ladder in a small plant.
-IN_A_PLANT = {"ProximitySensors"}  # tests/gripper/test_sensors.py
+ROOMS = (arm, gripper, vision, objects, planning, theses, recording)
+# Systems whose own tests climb the ladder: in a small plant, with a subclass of their
+# own, or with a file.
+ELSEWHERE = {
+    "ProximitySensors",  # tests/gripper/test_sensors.py
+    "PlannerMachine",  # tests/planning/test_planner_machine.py
+    "StateMachine",  # tests/planning/test_state_machine_ports.py
+    "Recorder",  # tests/recording/test_output.py
+    "RosbagRecorder",  # tests/recording/test_rosbag.py
+    "VideoRecorder",  # tests/recording/test_video.py
+}
 MODEL = vision.CameraModel(CameraInfo(32, 24, 0.8))
 ABOVE = RigidTransform(RotationMatrix.MakeXRotation(np.pi), [0.0, 0.0, 1.0])
 TABLE = vision.Surface((-0.2, -0.2), (0.2, 0.2), 0.0)
@@ -71,6 +92,23 @@ SAFETY = arm.SafetyConfig()
 EFFORT = np.full(7, 100.0)
 SERVO = SrgPositionDriver().servo
 OPEN = np.zeros(8)
+TABLE_MAP = HeightMap(np.array([0.3, -0.3]), 0.005, np.zeros((100, 100)))
+
+
+def servo(method):
+    """The visual servo of a scenario, which tracks nothing yet."""
+    scenario = load_scenario(
+        "kitchen_servoing", overrides=[f"planner.servo.method={method}"]
+    )
+    return station.MakeServo(scenario), station.MakeTracker(scenario)
+
+
+def resting(system, **inputs):
+    """Complete inputs: everything measured that is not given is at rest, at 0."""
+    sizes = port_table(system)[0]
+    vectors = {n: np.zeros(size) for n, size in sizes.items() if size is not None}
+    return {**vectors, **inputs}
+
 
 SYSTEMS = {
     "GravityCompensation": (
@@ -196,8 +234,57 @@ SYSTEMS = {
 }
 
 
+PLANNERS = {
+    "PickAndPlacePlanner": lambda: (
+        station.MakePlanner(load_scenario("kitchen_fast")),
+        {"blobs": Value([])},
+    ),
+    "ClearingPlanner": lambda: (
+        station.MakeClearingPlanner(load_scenario("clear_table_fast")),
+        {"height_map": Value(TABLE_MAP), "destination_map": Value(TABLE_MAP)},
+    ),
+    "TaughtPlanner": lambda: (
+        station.MakeTaughtPlanner(load_scenario("assistive_arm_thesis")),
+        {"blobs": Value([])},
+    ),
+    "ScriptedPlanner": lambda: (
+        station.MakeScriptedPlanner(load_scenario("gripper_bench")),
+        {},
+    ),
+    "ThesisBlobLocalizer": lambda: (
+        theses.ThesisBlobLocalizer("can", "top", MODEL),
+        images("top"),
+    ),
+    "PositionBasedServo": lambda: (
+        servo("pbvs")[0],
+        {"command": Value(ServoCommand.PASS), "sighting": Value(PoseSighting())},
+    ),
+    "ImageBasedServo": lambda: (
+        servo("ibvs")[0],
+        {"command": Value(ServoCommand.PASS), "sighting": Value(FeatureSighting())},
+    ),
+    "SurfaceTracker": lambda: (
+        servo("pbvs")[1],
+        {"color_image": color(), "depth_image": depth()},
+    ),
+    "SilhouetteTracker": lambda: (
+        servo("ibvs")[1],
+        {"color_image": color(), "depth_image": depth()},
+    ),
+}
+
+
+def made(name):
+    """A system, and what is fixed or connected at its inputs."""
+    if name in SYSTEMS:
+        make, inputs = SYSTEMS[name]
+        return make(), inputs
+    system, inputs = PLANNERS[name]()
+    return system, resting(system, **inputs)
+
+
 def public_systems():
-    for room in (arm, gripper, objects, vision):
+    for room in ROOMS:
         for name in room.__all__:
             found = getattr(importlib.import_module(room.__name__), name)
             if inspect.isclass(found) and issubclass(found, LeafSystem):
@@ -205,7 +292,7 @@ def public_systems():
 
 
 def test_every_public_system_is_here():
-    assert {*public_systems()} == SYSTEMS.keys() | IN_A_PLANT
+    assert {*public_systems()} == SYSTEMS.keys() | PLANNERS.keys() | ELSEWHERE
 
 
 def is_sound(value):
@@ -219,10 +306,9 @@ def eval_outputs(system, context):
         assert size is None or value.shape == (size,)
 
 
-@pytest.mark.parametrize("name", SYSTEMS)
+@pytest.mark.parametrize("name", [*SYSTEMS, *PLANNERS])
 def test_a_system_stands_alone(name):
-    make, inputs = SYSTEMS[name]
-    system = make()
+    system, inputs = made(name)
     assert inputs.keys() <= port_table(system)[0].keys()
     context = system.CreateDefaultContext()
     fix(system, context, **inputs)
@@ -233,11 +319,11 @@ def test_a_system_stands_alone(name):
     eval_outputs(system, context)
 
 
-@pytest.mark.parametrize("name", SYSTEMS)
+@pytest.mark.parametrize("name", [*SYSTEMS, *PLANNERS])
 def test_a_system_works_in_a_short_diagram(name):
-    make, inputs = SYSTEMS[name]
+    built, inputs = made(name)
     builder = DiagramBuilder()
-    system = builder.AddNamedSystem("system", make())
+    system = builder.AddNamedSystem("system", built)
     for port, value in inputs.items():
         abstract = isinstance(value, AbstractValue)
         source = ConstantValueSource if abstract else ConstantVectorSource
