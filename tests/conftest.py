@@ -2,6 +2,7 @@
 
 import gc
 import os
+import signal
 import sys
 import weakref
 from pathlib import Path
@@ -15,6 +16,9 @@ import pytest
 from hypothesis import settings
 
 from drake_srg.lifetime import LeafSystem
+
+# Under `nohup`, processes that tests start would ignore it.
+signal.signal(signal.SIGHUP, signal.SIG_DFL)
 
 # Makes `experiments` importable, and the packages in tools/, such as `make_site`. At
 # the end, so that `models` stays tests/models.

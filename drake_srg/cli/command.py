@@ -428,6 +428,13 @@ def resuming(options: argparse.Namespace, out: Path) -> str:
 OPEN = flag("--open", "show the page in the default browser")
 
 
+def _domain(text: str) -> int:
+    """Return a ROS 2 domain. From 233 on, DDS would need ports above 65535."""
+    if not (text.isdecimal() and int(text) <= 232):
+        raise argparse.ArgumentTypeError(f"must be 0 to 232, got {text}")
+    return int(text)
+
+
 def ros(ros1: str, ros2: str, peer: str) -> Adds:
     """Return what adds the options of a command that speaks ROS.
 
@@ -444,7 +451,7 @@ def ros(ros1: str, ros2: str, peer: str) -> Adds:
         flag("--ros2", ros2),
         argument(
             "--domain",
-            type=int,
+            type=_domain,
             metavar="N",
             help="ROS 2 domain (default: $ROS_DOMAIN_ID)",
         ),

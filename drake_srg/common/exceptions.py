@@ -28,7 +28,7 @@ def scenario_errors(name: str = "") -> Iterator[None]:
     """
     try:
         yield
-    except (RuntimeError, ValueError, SystemExit) as error:
+    except (RuntimeError, ValueError, FileNotFoundError, SystemExit) as error:
         if isinstance(error, ScenarioError) and not name:
             raise
         message = one_line(error)

@@ -26,7 +26,7 @@ from drake_srg.sweeps.files import write_file
 _PACKAGE = Path(__file__).resolve().parents[1]
 
 # The files that Python and Drake's parser read, not those that editors leave behind.
-SUFFIXES = {".py", ".yaml", ".csv", ".xml", ".sdf", ".urdf", ".obj", ".vtk"}
+SUFFIXES = {".py", ".pyi", ".yaml", ".csv", ".xml", ".sdf", ".urdf", ".obj", ".vtk"}
 SUFFIXES |= {".gltf", ".bin", ".stl", ".mtl", ".png"}
 
 # Folders and modules that no trial imports: they build on trials, or have nothing to do

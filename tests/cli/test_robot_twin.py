@@ -36,11 +36,6 @@ JOINTS = {
         (["kitchen_fast", "--ros2", "--set", "twin.joint=0"], "twin.joint"),
         (["kitchen_fast", "--hardware", "missing.yaml"], "missing.yaml"),
         (["kitchen_fast", "--hardware", "bus.yaml"], "a bus has one master"),
-        pytest.param(
-            ["kitchen_fast", "--ros2", "--domain", "233"],
-            "must be 0 to 232, got 233",
-            marks=NEEDS_DDS,
-        ),
     ],
 )
 def test_bad_input_is_reported_on_one_line(

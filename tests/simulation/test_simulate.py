@@ -127,8 +127,9 @@ def test_the_files_contain_the_result(golden, folder):
     metrics = json.loads((folder / "metrics.json").read_text())
     expected = dc.asdict(golden.metrics)
     # Entries of several objects are left out where there is one, stops where nothing
-    # can stop the arm, the planner's word where there is the truth.
-    left_out = (*OF_SEVERAL, "safety_stops", "claimed")
+    # can stop the arm, the planner's word where there is the truth, kinds and what fell
+    # off the table where there are none.
+    left_out = (*OF_SEVERAL, "safety_stops", "claimed", "kinds", "off_table")
     assert {expected.pop(name) for name in left_out} == {None}
     assert metrics == expected
     log = read_log(folder / "log.npz")

@@ -1,11 +1,13 @@
 import ast
 import dataclasses as dc
+import functools
 import shutil
 from pathlib import Path
 
 import pytest
 
 import drake_srg
+from drake_srg.face import names_of
 from drake_srg.parsing import models_path
 from drake_srg.sweeps.info import (
     NOT_IN_A_TRIAL,
@@ -95,6 +97,14 @@ def module_files():
     return files
 
 
+@functools.cache
+def faces():
+    """The modules that the names of packages' faces come from."""
+    stubs = PACKAGE.rglob("__init__.pyi")
+    packages = [".".join(s.parent.relative_to(PACKAGE.parent).parts) for s in stubs]
+    return {package: names_of(package) for package in packages}
+
+
 def imported_names(path):
     """The dotted names that a module imports anywhere, also inside functions."""
     for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
@@ -102,7 +112,9 @@ def imported_names(path):
             yield from (alias.name for alias in node.names)
         elif isinstance(node, ast.ImportFrom):
             yield node.module
-            yield from (f"{node.module}.{alias.name}" for alias in node.names)
+            face = faces().get(node.module, {})
+            for alias in node.names:
+                yield face.get(alias.name, f"{node.module}.{alias.name}")
 
 
 def imported_modules(start):

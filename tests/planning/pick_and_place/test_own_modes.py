@@ -44,8 +44,8 @@ from planning.planning_world import (
 BLOBS = AbstractValue.Make([])
 
 
-# The mode that docs/state_machine.md adds.
-PAGE = (Path(__file__).parents[3] / "docs/state_machine.md").read_text("utf-8")
+# The mode that docs/own_modes.md adds.
+PAGE = (Path(__file__).parents[3] / "docs/own_modes.md").read_text("utf-8")
 (BLOCK,) = re.findall(r"```python\n(import enum\n.*?)```", PAGE, re.DOTALL)
 DOCUMENTED: dict = {"__name__": "page"}
 exec(BLOCK, DOCUMENTED)

@@ -213,7 +213,10 @@ def test_the_command_prints_what_it_made(sweep, tmp_path, capsys):
     ("arguments", "said"),
     [
         (["--fps", "3"], "--fps 3: must divide the image rate, 8 Hz; allowed for"),
-        (["-o", "/proc/made"], "-o /proc/made: cannot be written: No such file or dir"),
+        (
+            ["-o", "/proc/made"],
+            "--out /proc/made: cannot be written: No such file or dir",
+        ),
         (["--fps", "fast"], "--fps"),
     ],
 )
