@@ -187,8 +187,13 @@ def _result(path: Path) -> tuple[bool, str] | None:
         word = "success" if success else f"failure: {metrics['failure']}"
         if "objects_total" in metrics:
             word += f", {metrics['objects_cleared']} of {metrics['objects_total']}"
-            return success, f"{word} objects cleared, {tries} picks"
-        return success, f"{word}, {tries} attempt{'' if tries == 1 else 's'}"
+            word += f" objects cleared, {tries} pick{'' if tries == 1 else 's'}"
+        else:
+            word += f", {tries} attempt{'' if tries == 1 else 's'}"
+        drawn = dict(metrics.get("kinds", {})).items()
+        # Names are those of the scene's nodes; kinds are what the seed has drawn.
+        named = ", ".join(f"{name} is {kind}" for name, kind in drawn)
+        return success, f"{word}; {named}" if named else word
     except (OSError, ValueError, KeyError, TypeError):
         return None
 

@@ -74,6 +74,10 @@ def test_the_page_loads_nothing_from_elsewhere(folder):
     [
         ({"success": True, "attempts": 1}, "success, 1 attempt<"),
         (
+            {"success": True, "attempts": 1, "kinds": {"clutter_1": "banana"}},
+            "success, 1 attempt; clutter_1 is banana<",
+        ),
+        (
             {
                 **{"success": True, "attempts": 7},
                 **{"objects_total": 6, "objects_cleared": 5},
