@@ -17,8 +17,14 @@ from hypothesis import settings
 
 from drake_srg.lifetime import LeafSystem
 
-# Under `nohup`, processes that tests start would ignore it.
-signal.signal(signal.SIGHUP, signal.SIG_DFL)
+# In the background of a shell, or under `nohup`, they are ignored, and so they would be
+# by the processes that tests start.
+for number, handler in (
+    (signal.SIGINT, signal.default_int_handler),
+    (signal.SIGHUP, signal.SIG_DFL),
+):
+    if signal.getsignal(number) is signal.SIG_IGN:
+        signal.signal(number, handler)
 
 # Makes `experiments` importable, and the packages in tools/, such as `make_site`. At
 # the end, so that `models` stays tests/models.
