@@ -129,6 +129,8 @@ class Recording:
         if self._out is not None:
             for file in (*FILES.values(), "metrics.json"):
                 (self._out / file).unlink(missing_ok=True)
+            for video in self._out.glob("video_*.mp4"):
+                video.unlink()
 
     def complete(self) -> dict[str, str]:
         """Complete all files but replay.html, once, and return their paths by kind.

@@ -19,7 +19,7 @@ from drake_srg.recording import AddRecording
 
 
 def main(out: Path) -> float:
-    """Close on a peg, open again, and return the largest force of a wire [N]."""
+    """Close on a peg, open again, and return the larger wire force at 2 s [N]."""
     builder = DiagramBuilder()
     plant, scene_graph = AddMultibodyPlantSceneGraph(builder, time_step=0.001)
     gripper = AddModel(plant, "package://drake_srg/sdf/srg.sdf", "gripper")
@@ -50,7 +50,7 @@ def main(out: Path) -> float:
     )
     for name, source in (
         ("closure_commanded", TrajectorySource(closure)),
-        ("force_limit", ConstantVectorSource([0.3])),
+        ("force_limit", ConstantVectorSource([0.3])),  # largest PWM, of full scale
     ):
         builder.AddNamedSystem(name, source)
         builder.Connect(source.get_output_port(), driver.GetInputPort(name))
@@ -66,6 +66,7 @@ def main(out: Path) -> float:
     with AddRecording(builder, plant, scene_graph, out, ports=ports):
         diagram = builder.Build()
         simulator = Simulator(diagram)
+        # The closure is held at 0.8 from 1 s to 2 s: read the wires at the end of that.
         simulator.AdvanceTo(2.0)
         context = driver.GetMyContextFromRoot(simulator.get_context())
         force = driver.GetOutputPort("wire_force").Eval(context)
@@ -75,4 +76,7 @@ def main(out: Path) -> float:
 
 if __name__ == "__main__":
     folder = Path(sys.argv[1] if len(sys.argv) > 1 else "own_wires")
-    print(f"The wires pull with up to {main(folder):.1f} N. See {folder}/replay.html.")
+    force = main(folder)
+    print(
+        f"At 2 s, the tighter wire pulls with {force:.1f} N. See {folder}/replay.html."
+    )
