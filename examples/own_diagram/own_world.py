@@ -2,6 +2,7 @@
 
 import numpy as np
 from pydrake.geometry import (
+    AddCompliantHydroelasticProperties,
     AddContactMaterial,
     AddRigidHydroelasticProperties,
     Box,
@@ -39,10 +40,14 @@ def AddBox(
     """
     inertia = SpatialInertia.SolidBoxWithMass(max(mass, 1e-3), *sides)
     body = plant.AddRigidBody(name, plant.AddModelInstance(name), inertia)
-    # Rigid, so that the hand's soft pads meet it with an area, not in points.
+    # Two rigid bodies meet in a point, and a box sinks in on one: what is free is
+    # compliant. 50 MPa is stiff beside the hand's pads (2 MPa).
     contact = ProximityProperties()
     AddContactMaterial(friction=CoulombFriction(0.8, 0.8), properties=contact)
-    AddRigidHydroelasticProperties(resolution_hint=0.05, properties=contact)
+    if mass:
+        AddCompliantHydroelasticProperties(0.05, 5e7, contact)
+    else:
+        AddRigidHydroelasticProperties(0.05, contact)
     shape, X_BG = Box(*sides), RigidTransform()
     plant.RegisterCollisionGeometry(body, X_BG, shape, name, contact)
     plant.RegisterVisualGeometry(body, X_BG, shape, name, np.array([*color, 1.0]))

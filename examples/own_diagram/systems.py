@@ -48,7 +48,7 @@ def main(out: Path) -> np.ndarray:
     logic = builder.AddNamedSystem("logic", UnderactuationLogic())
     reference = builder.AddNamedSystem("reference", MinimumJerkReference(np.zeros(4)))
     servo = builder.AddNamedSystem("servo", GripperServo(SrgPositionDriver().servo))
-    closure = builder.AddNamedSystem("closure", ConstantVectorSource([0.6]))
+    closure = builder.AddNamedSystem("closure", ConstantVectorSource([0.5]))
 
     measured = encoders.get_output_port()
     for source, target in (
