@@ -29,7 +29,12 @@ from drake_srg.learning.episodes import (
 from drake_srg.learning.policy import Policy, check_sizes, load_policy, policy_digest
 from drake_srg.learning.rules import BUILT_IN, RANDOM, random_policy, rule_of
 from drake_srg.sweeps.engines import Engine
-from drake_srg.sweeps.info import SweepInfo, current_versions, dump_tree
+from drake_srg.sweeps.info import (
+    SweepInfo,
+    current_versions,
+    dump_tree,
+    hash_model_files,
+)
 from drake_srg.sweeps.sweep import run_missing_trials
 from drake_srg.sweeps.trial import TrialResult, empty_row, resident_memory
 
@@ -150,6 +155,7 @@ def sweep_info(
         overrides=overrides,
         tree=dump_tree(tree),
         versions=current_versions(),
+        files=hash_model_files(tree),
         engine=engine.name,
         jobs=engine.jobs,
         started=now.isoformat(timespec="seconds"),

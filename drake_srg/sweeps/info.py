@@ -5,6 +5,7 @@ The package's version does not identify them: it changes with a release, not a c
 
 from __future__ import annotations
 
+import contextlib
 import dataclasses as dc
 import functools
 import hashlib
@@ -20,6 +21,7 @@ from pydrake.common.yaml import yaml_dump, yaml_load
 
 from drake_srg.common.exceptions import ScenarioError, checked_types
 from drake_srg.common.tables import read_json
+from drake_srg.objects.meshes.load import model_files, resolve
 from drake_srg.parsing import models_path
 from drake_srg.sweeps.files import write_file
 
@@ -106,6 +108,7 @@ class SweepInfo:
     started: str = ""  # date and time, ISO 8601
     policy: str = ""  # of `drake-srg evaluate`; a sweep has none
     cell: str = ""  # `module:function` that builds a cell of the user's own
+    files: Mapping[str, str] = dc.field(default_factory=dict)  # see `hash_model_files`
     schema_version: int = SCHEMA_VERSION
 
     def write(self, folder: Path) -> None:
@@ -143,6 +146,29 @@ def dump_tree(tree: Mapping[str, Any]) -> str:
     """Return a tree of `load_tree` as YAML; equal trees give equal text."""
     text: str = yaml_dump(tree)
     return text
+
+
+def hash_model_files(tree: Mapping[str, Any]) -> dict[str, str]:
+    """Return a short hash of each model of the user's own that a scenario names.
+
+    Args:
+        tree: Of the scenario, before drawing values.
+
+    Returns:
+        The hashes by path or URL, as in the scenario. What a model names (meshes,
+        materials, textures) counts with it. The package's own models are left out.
+    """
+    hashes = {}
+    for _, value in _leaves(tree, ""):
+        if isinstance(value, str) and not value.startswith("package://drake_srg/"):
+            whole = hashlib.sha256()
+            with contextlib.suppress(ScenarioError, OSError, ValueError):
+                path = resolve(value)
+                if path.suffix.lower() in SUFFIXES and path.is_file():
+                    for file in model_files(path):
+                        whole.update(hashlib.sha256(file.read_bytes()).digest())
+                    hashes[value] = whole.hexdigest()[:12]
+    return hashes
 
 
 def current_versions() -> dict[str, str]:
@@ -204,6 +230,7 @@ def difference(old: SweepInfo, new: SweepInfo) -> str:
         was, now = (dict(_leaves(yaml_load(data=info.tree), "")) for info in (old, new))
         keys = (key for key in {**was, **now} if was.get(key) != now.get(key))
         pairs += [(key, was.get(key), now.get(key)) for key in keys]
+    pairs += [(name, old.files.get(name), now) for name, now in new.files.items()]
     for name, before, after in pairs:
         if before != after:
             return f"{name}: was {_words(before)}, is {_words(after)}"

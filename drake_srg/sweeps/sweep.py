@@ -36,6 +36,7 @@ from drake_srg.sweeps.info import (
     current_versions,
     difference,
     dump_tree,
+    hash_model_files,
     read_sweep,
 )
 from drake_srg.sweeps.rows import (
@@ -412,6 +413,7 @@ def run_sweep(
         overrides=overrides,
         tree=dump_tree(tree),
         versions=current_versions(),
+        files=hash_model_files(tree),
         engine=engine.name,
         jobs=engine.jobs,
         started=datetime.datetime.now().astimezone().isoformat(timespec="seconds"),

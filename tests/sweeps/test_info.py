@@ -17,6 +17,7 @@ from drake_srg.sweeps.info import (
     difference,
     dump_tree,
     hash_files,
+    hash_model_files,
     read_sweep,
     sources_hash,
     version_difference,
@@ -204,6 +205,25 @@ def test_only_versions_that_can_change_rows_count(name, decisive):
     there = {**here, name: "other"}
     expected = (name, "other", here[name]) if decisive else None
     assert version_difference(there, here) == expected
+
+
+def test_a_changed_material_of_a_users_mesh_is_a_difference(tmp_path):
+    mesh, paint = tmp_path / "drill.obj", tmp_path / "drill.mtl"
+    mesh.write_text("mtllib drill.mtl\nv 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n")
+    paint.write_text("newmtl a\nKd 1 0 0\n")
+    tree = {
+        "objects": {
+            "drill": {"model": str(mesh)},
+            "can": {"model": "package://drake_srg/sdf/can.sdf"},
+            "gone": {"model": str(tmp_path / "gone.obj")},
+        }
+    }
+    before = hash_model_files(tree)
+    assert list(before) == [str(mesh)]
+    assert hash_model_files(tree) == before
+    paint.write_text("newmtl a\nKd 0 0 1\n")
+    told = difference(changed(files=before), changed(files=hash_model_files(tree)))
+    assert told.startswith(f"{mesh}: was {before[str(mesh)]}, is ")
 
 
 def test_equal_trees_give_equal_text():

@@ -180,6 +180,14 @@ def import_model(path: Path, scale: float, pieces: int, *, quiet: bool = False) 
     return cached_folder(key, make)
 
 
+def model_files(path: Path) -> list[Path]:
+    """Return the files that make up a model: its own, and meshes, materials, textures.
+
+    A file that is missing or cannot be read is left out.
+    """
+    return [file for file, _, _ in _stamps(path)]
+
+
 Stamps: TypeAlias = tuple[tuple[Path, int, int], ...]
 
 

@@ -1,6 +1,7 @@
 import json
 import struct
 
+import cv2
 import numpy as np
 import pytest
 
@@ -137,7 +138,6 @@ FACTOR = {"baseColorFactor": [0.5, 1.0, 0.2, 1.0]}
     ],
 )
 def test_a_colour_is_factor_times_texture(tmp_path, pbr, color):
-    cv2 = pytest.importorskip("cv2")
     cv2.imwrite(str(tmp_path / "my paint.png"), np.full((2, 2, 3), (0, 128, 255), "u1"))
     tree, content = gltf(
         box(SIZE),
