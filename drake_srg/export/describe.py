@@ -6,6 +6,7 @@ Python cannot ask a plant for them.
 from __future__ import annotations
 
 import dataclasses as dc
+import math
 import xml.etree.ElementTree as ET
 from collections.abc import Iterator, Mapping, Sequence
 
@@ -225,17 +226,19 @@ class PlantReader:
         frame = self._plant.GetBodyFrameIdOrThrow(body.index())
         for role in (Role.kIllustration, Role.kProximity):
             for geometry in inspector.GetGeometries(frame, role):
-                color = friction = None
+                color, friction, modulus = None, None, math.inf
                 if role == Role.kIllustration:
                     color = self._color(geometry)
                 else:
                     friction = self._friction(geometry)
+                    modulus = self._modulus(geometry)
                 yield Geometry(
                     name=inspector.GetName(geometry).split("::")[-1],
                     shape=inspector.GetShape(geometry),
                     X_LG=inspector.GetPoseInFrame(geometry),
                     color=color,
                     friction=friction,
+                    modulus=modulus,
                 )
 
     def _color(self, geometry: GeometryId) -> tuple[float, ...]:
@@ -251,6 +254,12 @@ class PlantReader:
             return 1.0  # Drake's default
         friction = properties.GetProperty("material", "coulomb_friction")
         return float(friction.dynamic_friction())
+
+    def _modulus(self, geometry: GeometryId) -> float:
+        properties = self._graph.model_inspector().GetProximityProperties(geometry)
+        key = ("hydroelastic", "hydroelastic_modulus")
+        has = properties.HasProperty(*key)
+        return float(properties.GetProperty(*key)) if has else math.inf
 
     def _joint(self, joint: DrakeJoint, parent: str, child: str) -> Joint:
         X_PJ = joint.frame_on_parent().GetFixedPoseInBodyFrame()

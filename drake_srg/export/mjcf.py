@@ -218,11 +218,26 @@ def moment_arm_error(wires: Wires) -> float:
 
 
 _KINDS = {"revolute": "hinge", "prismatic": "slide"}
-_TIME_STEP = 0.002  # s
+# What MuJoCo's documentation offers against slip, as far as it helps a grasp: elliptic
+# cones, friction 100 times as stiff as contact, and passes that remove the slip that is
+# left. At their default tolerance, 1e-6, these passes end before creep does. At 1 ms,
+# some grasps of `experiments/engines.py` slip, and at 2 ms, thin objects are lost.
+_OPTIONS: dict[str, object] = {
+    "timestep": 0.0005,  # s
+    "integrator": "implicitfast",
+    "cone": "elliptic",
+    "impratio": 100,
+    "noslip_iterations": 50,
+    "noslip_tolerance": 1e-12,
+}
 # MuJoCo's constraints yield in proportion to the acceleration that a force would cause.
 # Its defaults let the wire turn the light finger links 0.4 rad beyond their limits:
-# time constant and damping, as stiff as the step allows, and share held, 0 .. 1.
-_STIFF, _HARD = (2.0 * _TIME_STEP, 1.0), (0.99, 0.999, 0.001)
+# time constant [s] and damping, and share held, 0 .. 1.
+_STIFF, _HARD = (0.004, 1.0), (0.99, 0.999, 0.001)
+# MuJoCo's contacts are points. What is as soft as a pad (2 MPa) touches with an area
+# and resists being turned on it: pressed evenly on a disc as wide as a pad, 30 mm, by
+# friction at two thirds of its radius [m].
+_SOFT, _ARM = 1e7, 2.0 / 3.0 * 0.015  # Pa, m
 
 
 def to_mjcf(model: Model, meshes: Meshes, wires: Wires | None = None) -> str:
@@ -245,7 +260,7 @@ class _Writer:
         self._start: list[float] = []  # positions, in MuJoCo's order
         self._root = root = ET.Element("mujoco", model=model.name)
         add(root, "compiler", angle="radian", meshdir=FOLDER, autolimits="true")
-        add(root, "option", timestep=_TIME_STEP, integrator="implicitfast")
+        add(root, "option", **_OPTIONS)
         defaults = add(root, "default")
         add(defaults, "joint", solreflimit=_STIFF, solimplimit=_HARD)
         add(defaults, "equality", solref=_STIFF, solimp=_HARD)
@@ -341,9 +356,13 @@ class _Writer:
         if visual:
             values |= {"class_": "visual", "rgba": geometry.color}
         else:
-            # Torsion and rolling as by default.
-            friction = [geometry.friction, 0.005, 0.0001]
+            assert geometry.friction is not None
+            soft = geometry.modulus < _SOFT
+            # Of what is not soft, torsion and rolling as by default.
+            torsion = geometry.friction * _ARM if soft else 0.005
+            friction = [geometry.friction, torsion, 0.0001]
             values |= {"class_": "collision", "name": name, "friction": friction}
+            values |= {"condim": 4} if soft else {}
         add(body, "geom", **values, **_pose(geometry.X_LG))
 
     def _mesh(self, geometry: Geometry, name: str) -> str:

@@ -28,6 +28,7 @@ class Geometry:
         X_LG: Its pose on the link.
         color: Red, green, blue, opacity, 0 .. 1; None: it collides and is not drawn.
         friction: Coefficient of friction; None: it is drawn and does not collide.
+        modulus: Hydroelastic modulus [Pa]; infinite: it is rigid.
     """
 
     name: str
@@ -35,6 +36,7 @@ class Geometry:
     X_LG: RigidTransform
     color: tuple[float, ...] | None = None
     friction: float | None = None
+    modulus: float = math.inf
 
 
 @dc.dataclass(frozen=True)

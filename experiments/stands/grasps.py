@@ -5,6 +5,8 @@ data/grasps.yaml says how each object is presented and grasped, and why.
 
 import copy
 import dataclasses as dc
+import time as wall_clock
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -19,7 +21,7 @@ from drake_srg.objects.models import simple_shape
 from drake_srg.scenario import Scenario
 from drake_srg.scenario.typed_yaml import load_typed
 from drake_srg.simulation.rig import Rig, bench_scenario, shake
-from drake_srg.types import Box
+from drake_srg.types import Box, Vector
 from experiments.data import household_objects, read_yaml
 from experiments.stands.holding import in_hand, is_free
 
@@ -27,7 +29,7 @@ MIDDLE = np.array([0.5, 0.0, 0.0])  # origin of the gantry's joint positions [m]
 # Times [s]. The hand arrives. The fingers close (up to 2.5 s with a loose wire) and the
 # wire force settles (time constant 0.3 s). The arm lifts. Each shake has two cycles
 # that swell, one at full strength and two that fade. Then everything comes to rest.
-_ARRIVE, _CLOSE, _LIFT, SHAKE, _REST = 1.0, 3.5, 0.8, 2.5, 0.3
+ARRIVE, CLOSE, LIFT, SHAKE, REST = 1.0, 3.5, 0.8, 2.5, 0.3
 LIFT_HEIGHT = 0.1  # m
 ACCELERATION, FREQUENCY = 9.81, 2.0  # m/s², Hz
 HELD = 3.0 * SHAKE  # from the end of the lift to the end of the last shake [s]
@@ -105,7 +107,10 @@ def width_between_pads(name: str, grasp: GraspConfig) -> float:
 
 
 def present(
-    thing: ObjectConfig, grasp: GraspConfig, scenario: str = "gripper_bench"
+    thing: ObjectConfig,
+    grasp: GraspConfig,
+    scenario: str = "gripper_bench",
+    overrides: Sequence[str] = (),
 ) -> Scenario:
     """Return the bench with an object to grasp and the hand in front of it.
 
@@ -125,7 +130,13 @@ def present(
     thing.pose.rotation = Rotation(RollPitchYaw(np.deg2rad(grasp.object)))
     p_WG = p_WO - grasp.R_WG @ np.array(grasp.grip) - MIDDLE
     home = list(p_WG + grasp.R_WG @ np.array(grasp.retreat))
-    bench = bench_scenario(thing, gripper_rpy=grasp.hand, home=home, scenario=scenario)
+    bench = bench_scenario(
+        thing,
+        gripper_rpy=grasp.hand,
+        home=home,
+        scenario=scenario,
+        overrides=overrides,
+    )
     for i, support in enumerate(grasp.supports):
         bench.objects[f"support_{i}"] = ObjectConfig(
             shape=Box(support.size),
@@ -150,8 +161,30 @@ def _on_white(rig: Rig) -> npt.NDArray[np.uint8]:
     return image
 
 
-def simulate(scenario: Scenario, grasp: GraspConfig) -> ex.Measures:
+def stops(scenario: Scenario, grasp: GraspConfig) -> tuple[Vector, Vector]:
+    """Return the gantry's positions (3) where the hand grasps, and after the lift."""
+    there = scenario.arm.home - grasp.R_WG @ np.array(grasp.retreat)
+    return there, there + np.array([0.0, 0.0, LIFT_HEIGHT])
+
+
+def creep(time: Vector, p_GO: Vector, seconds: float) -> float:
+    """Return the mean speed of an object in the hand at the end [um/s].
+
+    Args:
+        time: (K) [s].
+        p_GO: Its position in the hand (K, 3) [m].
+        seconds: How long the end lasts [s].
+    """
+    start = np.searchsorted(time, time[-1] - seconds)
+    way = np.linalg.norm(p_GO[-1] - p_GO[start])
+    return 1e6 * float(way / (time[-1] - time[start]))
+
+
+def simulate(scenario: Scenario, grasp: GraspConfig, hold: float = 0.0) -> ex.Measures:
     """Grasp the object of a scenario, lift it, and shake it along x, y and z.
+
+    With `hold`, the hand then waits for so long [s], which tells the `creep` of the
+    object in its last 4/5 [um/s], and `wall`, the time that a simulated second takes.
 
     Return `held_for`: time after the lift during which only the gripper touches the
     object [s]; `acceleration`: peak of the hand's along the axis where that is lowest
@@ -160,23 +193,31 @@ def simulate(scenario: Scenario, grasp: GraspConfig) -> ex.Measures:
     `image` of the hand at the end.
     """
     limit = scenario.gripper.wire_motor.drive.force_limit_of(grasp.wire_force)
-    there = scenario.arm.home - grasp.R_WG @ np.array(grasp.retreat)
-    above = there + np.array([0.0, 0.0, LIFT_HEIGHT])
+    there, above = stops(scenario, grasp)
     camera, p_WL = scenario.cameras["overview"], MIDDLE + above + grasp.R_WG @ _PADS
     camera.width = camera.height = 190
     camera.X_PB = Transform(look_at(p_WL + _EYE, p_WL))
     camera.X_PB.base_frame = "world"
     with Rig(scenario, name="grasp", images=True) as rig:
-        rig.move(there, _ARRIVE)
-        rig.advance(_CLOSE, closure=1.0, force_limit=limit)
-        rig.move(above, _LIFT)
+        start = wall_clock.perf_counter()
+        rig.move(there, ARRIVE)
+        rig.advance(CLOSE, closure=1.0, force_limit=limit)
+        rig.move(above, LIFT)
         lifted = len(rig.log()["time"]) - 1
         free = [is_free(rig)]
         for axis in np.eye(3):
             rig.advance(SHAKE, arm=shake(above, ACCELERATION * axis, FREQUENCY, SHAKE))
             free.append(is_free(rig))
-        rig.advance(_REST)
+        rig.advance(REST)
+        shaken = len(rig.log()["time"])
+        rig.advance(hold)
+        wall = wall_clock.perf_counter() - start
         log, image = rig.log(), _on_white(rig)
+    held = {}
+    if hold:
+        held["creep"] = creep(log["time"], in_hand(log), 0.8 * hold)
+        held["wall"] = wall / log["time"][-1]
+        log = {key: values[:shaken] for key, values in log.items()}
     quaternion, time = log["object_pose.thing"][lifted:, 3:], log["time"][lifted:]
     p_GO = in_hand(log)[lifted:]
     speed = log["arm.state_measured"][lifted:, 3:]
@@ -195,4 +236,5 @@ def simulate(scenario: Scenario, grasp: GraspConfig) -> ex.Measures:
         "grip_force": np.sum(log["gripper.contact_force"][lifted]),
         "wire_force": np.max(log["gripper.wire_force"]),
         "image": image,
+        **held,
     }
