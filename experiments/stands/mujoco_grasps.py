@@ -44,7 +44,8 @@ def simulate(
         scenario: Of `grasps.present`.
         grasp: The grasp.
         options: Fields of MuJoCo's `mjOption` that replace those of the exported file;
-            `condim` is that of all contacts.
+            `condim` is that of all contacts; `harmonic`: pads and object meet with the
+            harmonic mean of their coefficients of friction.
         hold: How long the hand waits at the end [s].
 
     Returns:
@@ -56,6 +57,8 @@ def simulate(
     for name, value in options.items():
         if name == "condim":
             model.geom_condim[:] = value
+        elif name == "harmonic":
+            _combine_friction(model)
         else:
             setattr(model.opt, name, value)
     data = mujoco.MjData(model)
@@ -82,6 +85,19 @@ def simulate(
         "creep": creep(np.array(time), np.array(p_GO), 0.8 * hold),
         "wall": wall,
     }
+
+
+def _combine_friction(model: Any) -> None:
+    """Give pads and object the friction that Drake would have between them."""
+    owners = [model.body(body).name for body in model.geom_bodyid]
+    solid = np.array(model.geom_contype) > 0
+    pads = solid & [owner.endswith("tip_link") for owner in owners]
+    thing = solid & [owner.startswith("thing") for owner in owners]
+    pads &= np.array(model.geom_condim) == 4
+    friction = model.geom_friction
+    ours, theirs = friction[pads, 0].max(), friction[thing, 0].max()
+    friction[pads] *= (mean := 2.0 * ours * theirs / (ours + theirs)) / ours
+    friction[thing, 0] = np.minimum(friction[thing, 0], mean)
 
 
 def _body(model: Any) -> str:
