@@ -121,20 +121,17 @@ def test_workers_have_one_thread_each(engine):
             assert engine.submit(stub.environment, name).result() == value
 
 
-@pytest.mark.parametrize("name", ["drake_srg", "drake_srg_sources", "drake"])
-def test_a_cluster_with_other_versions_is_rejected(connected, monkeypatch, name):
-
-    here = {**engines.current_versions(), name: "0.0"}
+def test_a_cluster_with_another_version_is_rejected(connected, monkeypatch):
+    here = {**engines.current_versions(), "drake": "0.0"}
     monkeypatch.setattr(engines, "current_versions", lambda: here)
     with (
-        pytest.raises(ScenarioError, match=rf"{name} .* on .*, 0.0 here"),
+        pytest.raises(ScenarioError, match=r"drake .* on .*, 0.0 here"),
         engines.RayEngine(connected.address),
     ):
         pass
 
 
 def test_a_node_with_other_code_runs_nothing():
-
     here = engines.current_versions()
     assert engines.call_on_node(here, abs, -1) == 1
     with pytest.raises(ScenarioError, match=r"drake_srg_sources .* on .*, other here"):
