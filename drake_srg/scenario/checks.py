@@ -436,6 +436,7 @@ def _camera_problems(scenario: Scenario) -> Iterator[tuple[str, str]]:
                     )
     allowed = ", ".join(scenario.cameras) or "none"
     video = scenario.recording.video_camera
+    inset = scenario.recording.inset_camera if video else ""
     for key, used in (
         ("camera_errors", list(scenario.camera_errors)),
         ("camera_calibrations", list(scenario.camera_calibrations)),
@@ -443,6 +444,7 @@ def _camera_problems(scenario: Scenario) -> Iterator[tuple[str, str]]:
         ("task.place.cameras", scenario.task.place.cameras),
         ("recording.bag_cameras", scenario.recording.bag_cameras),
         ("recording.video_camera", [video] if video else []),
+        ("recording.inset_camera", [inset] if inset else []),
     ):
         for camera in used:
             if camera not in scenario.cameras:

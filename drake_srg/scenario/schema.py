@@ -232,6 +232,9 @@ class RecordingConfig(Config):
     period: float = dc.field(default=0.02, metadata={"ge": 0.001, "le": 0.05})
     # Camera of video.mp4; empty: no video.
     video_camera: str = ""
+    # Camera of the smaller picture in the corner of video.mp4, such as one that the
+    # hand carries; empty: none.
+    inset_camera: str = ""
     video_fps: float = dc.field(default=20.0, metadata=positive(le=240.0))
     # Cameras whose images go into recording.mcap, and the time between images [s].
     bag_cameras: list[str] = dc.field(default_factory=list)

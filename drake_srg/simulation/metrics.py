@@ -11,7 +11,7 @@ import numpy as np
 
 from drake_srg.common.log_format import MODES, pose_key, row_to_pose
 from drake_srg.objects.models import simple_shape
-from drake_srg.recording.output import OutputFile
+from drake_srg.recording.output import OutputFile, counted, verdict
 from drake_srg.scenario import Scenario
 from drake_srg.simulation import measures
 from drake_srg.simulation.clearing import clearing_outcome
@@ -36,11 +36,6 @@ _MAX_TILT = np.deg2rad(5.0)
 def rounded(value: float) -> str:
     """Return a measured value with three digits; what is far below 1 is 0."""
     return f"{value:.3g}" if abs(value) >= 5e-4 else "0"
-
-
-def counted(number: int, thing: str) -> str:
-    """Return a number of things in words: `1 attempt`, `2 attempts`."""
-    return f"{number} {thing}" + "s" * (number != 1)
 
 
 @dc.dataclass
@@ -129,14 +124,11 @@ class Metrics:
             # Adding 0 turns the -0 of a small negative number into 0.
             return ", ".join(f"{round(1e3 * x, 2) + 0.0:.2f}" for x in vector) + " mm"
 
-        word = "success" if self.success else f"failure: {self.failure}"
-        if self.claimed:
-            word = "done, by the planner's word"
         if self.objects is not None:
             return self._objects_table(self.objects)
         rows = [
             ("scenario", f"{self.scenario}, seed {self.seed}"),
-            ("result", f"{word}, {counted(self.attempts, 'attempt')}"),
+            ("result", verdict(vars(self))),
             ("cycle", show(self.cycle_time_s, 1.0, "s")),
             ("localisation error", across(self.localization_error_m)),
             ("localisation turn", degrees(self.localization_turn_rad)),
@@ -157,12 +149,10 @@ class Metrics:
         return "\n".join(f"{name:20} {value}" for name, value in rows)
 
     def _objects_table(self, objects: Mapping[str, Mapping[str, Any]]) -> str:
-        word = "success" if self.success else f"failure: {self.failure}"
         rate = "-" if self.picks_per_hour is None else f"{self.picks_per_hour:.0f}"
         rows = [
             ("scenario", f"{self.scenario}, seed {self.seed}"),
-            ("result", word),
-            ("cleared", f"{self.objects_cleared} of {self.objects_total} objects"),
+            ("result", verdict(vars(self))),
             *self._choice_rows(),
             ("picks", f"{self.picks_held} held of {self.picks}, {rate} per hour"),
             *self._multi_object_rows(),
@@ -333,12 +323,12 @@ def calc_metrics(
         artifacts=artifacts,
         safety_stops=measures.safety_stops(log),
         off_table=off_table or None,
-        kinds=_kinds(scenario) or None,
+        kinds=kinds_of(scenario) or None,
         **({} if cleared is None else cleared.metrics()),
     )
 
 
-def _kinds(scenario: Scenario) -> dict[str, str]:
+def kinds_of(scenario: Scenario) -> dict[str, str]:
     """Return the kinds of the objects that a seed has drawn, by name."""
     return {
         name: config.kind
