@@ -63,21 +63,15 @@ def main(out: Path) -> tuple[PlannerStatus, float]:
     planner = PickAndPlacePlanner(motions, "box", BOX, GOAL, config=config)
     builder.AddNamedSystem("planner", planner)
     arm_driver = AddArmDriver(builder, plant, arm, gripper, scene.plant, arm_config)
-    gripper_driver = AddSrgPositionDriver(
-        builder, plant, gripper, scene_graph=scene_graph
-    )
+    hand_driver = AddSrgPositionDriver(builder, plant, gripper, scene_graph=scene_graph)
     for source, system, port in (
         (localizer.GetOutputPort("blobs"), planner, "blobs"),
         (arm_driver.GetOutputPort("state_measured"), planner, "arm_state"),
-        (gripper_driver.GetOutputPort("state_measured"), planner, "gripper_state"),
-        (gripper_driver.GetOutputPort("grasped"), planner, "grasped"),
-        (gripper_driver.GetOutputPort("proximity"), planner, "proximity"),
+        (hand_driver.GetOutputPort("state_measured"), planner, "gripper_state"),
+        (hand_driver.GetOutputPort("grasped"), planner, "grasped"),
+        (hand_driver.GetOutputPort("proximity"), planner, "proximity"),
         (planner.GetOutputPort("position_commanded"), arm_driver, "position_commanded"),
-        (
-            planner.GetOutputPort("closure_commanded"),
-            gripper_driver,
-            "closure_commanded",
-        ),
+        (planner.GetOutputPort("closure_commanded"), hand_driver, "closure_commanded"),
     ):
         builder.Connect(source, system.GetInputPort(port))
     ports, seen = {"mode": planner.GetOutputPort("mode")}, {"eye": eye}
