@@ -42,7 +42,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
     Args:
         arguments: The command line without the program's name; None: sys.argv's.
     """
-    # Where the shell has closed a stream, Python has none, and `print` takes another.
+    # If the shell has closed a stream, Python's is None, and `print` would take
+    # another.
     sys.stdout, sys.stderr = sys.stdout or _Nothing(), sys.stderr or _Nothing()
     try:
         try:

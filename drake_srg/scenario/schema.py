@@ -70,9 +70,9 @@ class TwinConfig(Config):
     settle: float = dc.field(default=2.0, metadata={"ge": 0.0})
     # The twin ends when the robot has been silent for this long [s, real].
     silence: float = dc.field(default=3.0, metadata=positive())
-    # Topics of what cameras see, std_msgs/String as `serve` publishes it, and of the
-    # commands to the gripper: std_msgs/Float64, 0 open .. 1 closed, and std_msgs/Int32,
-    # 0 open .. 100 closed. Empty: there is none.
+    # Topics of the cameras' sightings, std_msgs/String as `serve` publishes it,
+    # and of the commands to the gripper: std_msgs/Float64, 0 open .. 1 closed,
+    # and std_msgs/Int32, 0 open .. 100 closed. Empty: no such topic.
     blobs: str = "/blobs"
     closure: str = "/gripper/closure_commanded"
     grasp: str = "/grasp"
@@ -181,7 +181,7 @@ class ClearConfig(Config):
 
     # Their names; `task.pick` fills them in.
     objects: list[str] = dc.field(default_factory=list)
-    # Where the planner looks for them, without the bin.
+    # The planner looks for them in this region, without the bin.
     region: RegionConfig = dc.field(default_factory=RegionConfig)
 
 

@@ -87,13 +87,14 @@ class Metrics:
     # With several bins: how many rest in their own, and how many in another.
     objects_sorted: int | None = None
     objects_in_wrong_bin: int | None = None
-    # Grasps, those that held by the planner's word, and those of which something rests
-    # where it belongs, by ground truth.
+    # Grasps; those that held by the planner's word; those whose load rests where
+    # it belongs, by ground truth.
     picks: int | None = None
     picks_held: int | None = None
     picks_delivered: int | None = None
     picks_per_hour: float | None = None
-    # Grasps that carried several objects, and those of which the planner says so.
+    # Grasps that carried several objects, and those after which the planner says
+    # so.
     multi_object_picks: int | None = None
     multi_object_picks_seen: int | None = None
     objects: dict[str, dict[str, Any]] | None = None
@@ -106,7 +107,7 @@ class Metrics:
     # Only if objects fell off the table: their names. If the picked one did, it has no
     # placement error.
     off_table: list[str] | None = None
-    # Only with clutter: of which kind each object is that a seed has drawn.
+    # Only with clutter: the kind of each object that a seed has drawn.
     kinds: dict[str, str] | None = None
 
     def table(self) -> str:

@@ -115,7 +115,7 @@ def test_a_list_may_name_the_one_object_to_place():
         (
             "clear_table",
             "task.place.cameras=[bon]",
-            "task.place.cameras: unknown camera 'bon' (allowed: bin, ceiling, fingers, overview",
+            "task.place.cameras: unknown camera 'bon' (allowed: bin, ceiling, fingers",
         ),
         ("kitchen", "task.pick=all", "task.place.bin: must name the bin"),
         ("kitchen", "task.pick=[soup_can, a]", "task.pick: must name one object with"),

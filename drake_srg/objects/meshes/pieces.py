@@ -152,7 +152,7 @@ def measure_fit(mesh: TriangleMesh, pieces: Sequence[Vector]) -> Fit:
     owner = np.repeat(np.arange(len(pieces)), [len(p) for p in touched])
     others = depths(points)
     others[owner, np.arange(len(points))] = np.inf
-    points = points[others.min(axis=0) > -1e-5]  # nothing touches what is inside
+    points = points[others.min(axis=0) > -1e-5]  # nothing touches a hidden triangle
     if len(mesh.faces) <= _NEAREST:
         candidates = np.tile(np.arange(len(mesh.faces)), (len(points), 1))
     else:

@@ -265,7 +265,7 @@ def _named(places: Iterable[Vector], left: list[Remaining]) -> list[Remaining]:
     return named
 
 
-# Labels are wrong at edges: this share of what is between the fingers must agree.
+# Labels are wrong at edges: this share of the cells between the fingers must agree.
 _LEAST_SHARE = 0.8
 _LEAST_HEIGHT = 0.004  # of a thing above the table [m]
 # Points between the fingers: along the closing direction, and across it [m].

@@ -25,13 +25,14 @@ _LANE = 0.2
 # Tall things are set down in its middle, or so far to either side along it, as a share
 # of its length: what leans on a rim may hang over it.
 _SPOT = 0.25
-# Half the width of a lane, and of a place for a tall load [m]: what is within it is
-# below the load. In a lane, it may also be below the hand, whose fingers open by 55 mm
-# and are 22 mm thick: one that goes down in a mug lifts it out of the bin.
+# Half the width of a lane, and of a place for a tall load [m]. Everything within it
+# counts as below the load. In a lane, it may also be below the hand. Its fingers open
+# by 55 mm and are 22 mm thick, and one that goes down into a mug lifts it out of the
+# bin.
 _HALF_LANE, _HALF_SPOT = 0.09, 0.05
-# What reaches over a rim from inside, no further than `_STICKS_OUT` beyond it, is in
-# the bin [m]: most of it is inside, and the wall leaves a hand no room. On the wall it
-# is higher than the rim by `_ON_RIM`, and beside that at most `_BELOW_RIM` lower.
+# A part that reaches over a rim from inside, by at most `_STICKS_OUT` [m], is in the
+# bin: most of it is inside, and the wall leaves a hand no room. On the wall, it is
+# higher than the rim by `_ON_RIM`; beside the wall, it is at most `_BELOW_RIM` lower.
 _STICKS_OUT, _ON_RIM, _BELOW_RIM = 0.08, 0.008, 0.03
 
 

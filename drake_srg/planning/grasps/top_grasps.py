@@ -20,8 +20,8 @@ from drake_srg.types import Failure, HeightMap, Vector
 
 # Places that are nearer to each other belong to one thing [m].
 SAME_THING = 0.06
-# Grasps of one thing fail alike, such as on the rim of a plate, if what is between the
-# fingers is as wide and as high within [m].
+# Grasps of one thing fail alike, such as on the rim of a plate, if width and height
+# between the fingers agree within [m].
 ALIKE = 0.01
 
 
@@ -34,7 +34,7 @@ class TopGrasp:
     half_gap: float  # of the open fingers' ends [m]
     width: float  # expected between the pads [m]
     p_WC: Vector  # middle between the pads at contact, shape (3,) [m]
-    height: float  # top of what is taken, above the table [m]
+    height: float  # top of the target, above the table [m]
     score: float  # higher is better
     wrapped: bool = False  # a wrap, not a pinch
 

@@ -152,7 +152,7 @@ class BetweenAttempts(TaskMode):
             memory.cycle = Cycle(started=entry.time)
         elif attempt.at_goal is False:
             failure = failure or Failure.MISPLACED
-        # Where planning failed, its own words say more.
+        # A message of the motion planner says more.
         worded = entry.previous is Mode.IDLE or attempt.trapped
         if failure is not None and not worded:
             trouble.message = trouble.touched or _MESSAGES.get(failure, trouble.message)
@@ -360,7 +360,7 @@ class Home(Moving):
 
     def look(self, memory: PlannerMemory, now: Now) -> None:
         """Check that the object is on its goal."""
-        # What was dropped may have been dropped onto its goal.
+        # The object may have been dropped onto its goal.
         hopeful = memory.trouble.failure in (None, Failure.DROPPED)
         if hopeful and self.final_failure(memory, now.time) is None:
             self.replanner.judge(now.senses.see(), memory, now.time)

@@ -162,7 +162,8 @@ class Replanner:
         motions = memory.attempt.planned
         q, grasp = memory.motion.position(time), motions.grasp
         p_WO = self._task_planner.scene.X_WG(q) @ grasp.p_GO
-        # What looks like it elsewhere may be seen better than what the hand half hides.
+        # Something similar elsewhere may be seen better than the object that
+        # the hand half hides.
         blob = self._sightings.nearest(view, p_WO)
         certain = blob if blob is not None and blob.certain else None
         _look(memory, view, certain, time)

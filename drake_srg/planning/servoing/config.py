@@ -33,8 +33,8 @@ class ServoConfig(Config):
     # Whether the goal's velocity is fed forward. Without, the hand trails a moving goal
     # by its velocity over `gain`.
     feed_forward: bool = True
-    # How much later than one period the arm follows its commands [s]; the hand is led
-    # by as much.
+    # Delay of the arm beyond one period [s]. The servo aims that far ahead of the
+    # goal.
     lag: float = dc.field(default=0.0, metadata={"ge": 0.0})
     # The hand stays this far behind its goal [m] unless it is aligned: it may come
     # `funnel` times as near as its distance from the line of approach, less 4 mm. So
@@ -45,7 +45,7 @@ class ServoConfig(Config):
     # distance of it [m].
     tolerance: float = dc.field(default=0.003, metadata=positive())
     settled: int = dc.field(default=6, metadata={"ge": 1})
-    # How high the hand goes with what it has grasped before it brakes [m].
+    # Height by which the hand raises the grasped object before it brakes [m].
     rise: float = dc.field(default=0.02, metadata={"ge": 0.0})
     # Images without a usable sighting, or equal images of a moving hand, after which
     # the servo gives up; and how far the hand must have moved meanwhile [m].
@@ -55,7 +55,8 @@ class ServoConfig(Config):
     # lost. Image coordinates are those at focal length 1. With `turns`, an image of
     # small objects needs less, such as 0.01: turns and shifts then look almost alike.
     least_interaction: float = dc.field(default=0.2, metadata=positive())
-    # Images to heed; 0: all. With 1, the hand goes where the first one showed the goal.
+    # Number of images that the servo uses; 0: all. With 1, the hand goes where
+    # the first one showed the goal.
     looks: int = dc.field(default=0, metadata={"ge": 0})
 
 

@@ -298,7 +298,7 @@ TRIAL = {
     "seed": pa.int64(),
     "success": pa.bool_(),
     "failure": pa.string(),  # the planner's reason; null for a success
-    # What the robot knows of the object's shape; null if it is not a simple one.
+    # The object's shape as the robot knows it; null if it is not a simple one.
     "object_size": pa.list_(pa.float64()),  # along its axes [m]
     "object_round": pa.bool_(),
 }
