@@ -213,7 +213,7 @@ def _parsers(parser: argparse.ArgumentParser) -> dict[str, argparse.ArgumentPars
     return {}
 
 
-# By what one wants to do, in the order of the overview.
+# Grouped by purpose, in the order of the overview.
 COMMANDS: dict[str, tuple[Command, ...]] = {
     "run": (commands.demo, commands.run, commands.bench),
     "see": (commands.list_all, commands.replay, commands.diagram),

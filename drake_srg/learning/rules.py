@@ -158,9 +158,9 @@ _PALM = 0.085
 _ASIDE_AT, _BESIDE_AT, _SWEPT_AT, _BACK_AT, _OPENED_AT = 11, 21, 56, 58, 67
 # From this step on, fingers that are closed lift the cylinder: they rest by then.
 _LIFTED_AT = 86
-# Scaled speed of the joints below which the fingers are still. The closure that a
-# network commands is never quite even, and Algorithm 1 bends tips that rest by up to
-# 0.25 each time it changes: with the limit of `rules`, they were never still.
+# Scaled speed of the joints below which the fingers are still. A network's closure
+# command jitters, and each change makes Algorithm 1 bend resting tips, by up to 0.25.
+# With the limit of `rules`, such fingers were never still.
 _STILL_BY_TOUCH = 0.3
 # Until these steps, boxes are tried where they were seen, and on one side of that; then
 # on the other. The hand, which turns by up to 135 degrees, has closed by the first. The

@@ -189,7 +189,7 @@ class Observation:
     moved: bool = False  # the object is not where the motions take it
     placing: bool = False  # the load is to be set down, not dropped
     still: bool = False  # the fingers have come to rest
-    holding: bool = False  # what was to be taken is between the fingers
+    holding: bool = False  # the target is between the fingers
     clear: bool = False  # nothing is near the fingers
     at_goal: bool = False  # the object has been seen on its goal
     last_cycle: bool = True  # no cycle follows this one

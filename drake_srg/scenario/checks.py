@@ -263,8 +263,8 @@ def _step_problems(scenario: Scenario) -> Iterator[tuple[str, str]]:
                 f"{_CENIC} needs plant_config.time_step 0.0, got {step}",
             )
         return
-    # A tendon driver would update as often as the plant, and what the gripper holds
-    # would creep (docs/speed.md).
+    # A tendon driver would update as often as the plant, and a held object would
+    # creep (docs/speed.md).
     driver = scenario.gripper
     if driver is not None and driver.needs_discrete_plant:
         tag = f"!{type(driver).__name__}"

@@ -144,9 +144,9 @@ class PlaceConfig(Config):
     # Name of a model among `directives`, an open box: objects are dropped into it
     # instead of being set down. The other keys do not apply.
     bin: str = ""
-    # Bins by name, as with `bin`, and which objects each is for. Names count before
-    # colours, and colours before all; what suits none stays. Once loaded, `bin` is
-    # among them.
+    # Bins by name, as with `bin`, and the objects for each. Names count before
+    # colours, and colours before `all`; objects that suit no bin stay. Once
+    # loaded, `bin` is among them.
     bins: dict[str, SelectionConfig] = dc.field(default_factory=dict)
     # A row in which objects that stand are set down again, upright, at `height`. Needs
     # a list of names as `task.pick`.

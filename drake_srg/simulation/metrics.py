@@ -62,8 +62,8 @@ class Metrics:
     localization_turn_rad: float | None
     placement_error_m: list[float] | None  # final position minus goal
     placement_tilt_rad: float | None  # None for a sphere
-    # Whether the object was off its support when the last lift ended: what that thesis
-    # calls a successful grasp.
+    # Whether the object was off its support when the last lift ended: the
+    # successful grasp of that thesis.
     grasp_lifted: bool | None
     grasp_shift_m: float | None  # motion of the object while the fingers close
     smoothness: float | None  # log dimensionless jerk of the arm; higher is smoother

@@ -31,7 +31,7 @@ from drake_srg.types import Failure, HeightMap, LabeledHeightMap, Remaining, Vec
 
 # Grasps whose motions are planned, at most.
 _MOST_GRASPS = 30
-# Edges of what sticks out of a bin flicker by so many cells.
+# Edges of things that stick out of a bin flicker by this many cells.
 _EDGES = np.ones((9, 9), np.uint8)
 
 

@@ -14,16 +14,16 @@ from drake_srg.types import HeightMap, Vector
 # How far around a destination a load may be seen that has missed it [m].
 BESIDE = 0.1
 # How far a load in the hand may reach beyond a bin, and how far around the bin the
-# planner looks in the end for what has missed it [m]. Farther off is the arm.
+# planner looks in the end for loads that missed it [m]. The arm is farther off.
 AROUND = 0.2
 # A bin's edge in maps flickers between wall and table within this distance outside [m].
 # As far inside, there may still be wall [m].
 EDGE, _WALL = 0.01, 0.02
-# Lanes in which long things are laid down are beside the middle, where others are
-# dropped: so far, as a share of a bin's width.
+# Long things are laid down in lanes beside the middle, where others are dropped. The
+# lanes are this far from it, as a share of a bin's width.
 _LANE = 0.2
-# Tall things are set down in its middle, or so far to either side along it, as a share
-# of its length: what leans on a rim may hang over it.
+# Tall things are set down in the bin's middle, or this far to either side along it,
+# as a share of its length. A thing that leans on a rim may hang over it.
 _SPOT = 0.25
 # Half the width of a lane, and of a place for a tall load [m]. Everything within it
 # counts as below the load. In a lane, it may also be below the hand. Its fingers open

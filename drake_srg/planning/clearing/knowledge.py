@@ -47,7 +47,7 @@ _CORE = 0.03
 # If the hand over the bin holds a thing, at least this share of it is near the bin. A
 # long thing that was pushed there lies on both sides of the limit.
 _LEAST_NEAR = 0.8
-# Noise raises the cells at the edges of what has risen.
+# Noise raises the cells at the edges of a rise.
 _EDGES = np.ones((5, 5), np.uint8)
 
 

@@ -26,8 +26,8 @@ _LEAST_SHARE, _LEAST_VOLUME = 0.2, 5.0e-6
 # there may hang over it and fall.
 _MOST_BESIDE, _MOST_OUTSIDE = 0.25, 0.4
 _NEAR_RIM, _ABOVE_RIM = 0.05, 0.02
-# If at least this share of its volume has come in on the whole, what has come to lie
-# beside is something else: an arm that goes by may push things there.
+# If at least this share of the load's volume is inside, a rise beside the bin is
+# another thing: an arm that goes by may push things there.
 _MAIN_SHARE = 0.5
 # A heap loses more than the load, because others settle. If at least this much rises
 # in a bin [m³], at most this much rises beside it, and this share remains after
@@ -328,7 +328,8 @@ class Risen:
             beside &= ~(low & destination.contains(after, EDGE))
             hidden = inside & ~low & _hides(destination, after)
             inside, beside = inside & ~hidden, beside | hidden
-            # Both ends of what lies on the rim are one part, above what the wall hides.
+            # Both ends of a load on the rim are one part, above the strip
+            # that the wall hides.
             changed |= np.isnan(before.height) & (after.height > destination.rim)
         away = beside | ~destination.contains(after, BESIDE)
         received, over, apart = [], 0.0, 0.0

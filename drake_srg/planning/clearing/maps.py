@@ -15,12 +15,13 @@ from drake_srg.planning.motion.planning_scene import PlanningScene
 from drake_srg.types import Box, HeightMap, LabeledHeightMap, Shape, Vector
 
 # Heights that differ by less are the same: [m], below the height of a spoon's handle,
-# and in standard deviations of what noise changes.
+# and in standard deviations of the noise of a change.
 _SAME, _DEVIATIONS = 0.003, 3.0
 # Changes of less than this are noise at the edges of things [m³].
 _LEAST_VOLUME = 1.0e-6
-# At least this share of what has left its place has left the map. What moves as its
-# neighbour is taken casts other shadows: 0.26 was seen as a hammer left a heap.
+# At least this share of a thing that has left its place has left the map. A thing
+# that moves as its neighbour is taken casts other shadows: 0.26 was seen as a hammer
+# left a heap.
 _LEAST_SHARE = 0.2
 # A connected change of this much of the map says that something is still moving [m²].
 # Edges of things flicker in noisy depth, here and there.

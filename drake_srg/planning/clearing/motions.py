@@ -41,8 +41,8 @@ from drake_srg.types import AnyMode, Box, HeightMap, Mode, Vector
 # posture.
 _STARTS = 4
 _WITHIN = 0.01  # error of the radii of the ring that the hand reaches [m]
-# Horizontal distance of the hand from where loads go, from which on it hides nothing
-# there [m], and turns of the first joint that are tried for that.
+# From this horizontal distance to a load's place on, the hand hides nothing there
+# [m]. Turns of the first joint that are tried for that.
 _AWAY = 0.6
 _TURNS = np.deg2rad(np.arange(15.0, 180.0, 15.0))
 # A load turns about the line between the pads until it hangs from them. No household
@@ -65,10 +65,10 @@ _ABOVE = 0.03
 # Margin of the hand while it is at a grasp, or between things that it has set down
 # [m]: grasps keep their own clearance.
 TIPS = 0.0
-# A hand that comes from the side keeps the middle of its pads so much higher than
-# whatever is within `HAND_RADIUS` [m].
+# A hand that comes from the side keeps the middle of its pads this much higher than
+# everything within `HAND_RADIUS` [m].
 _OVER = 0.06
-_LOAD_WIDTH = 0.06  # of what hangs below the hand, as planned [m]
+_LOAD_WIDTH = 0.06  # of the part that hangs below the hand, as planned [m]
 _NOWHERE = Spots()
 
 
@@ -322,9 +322,9 @@ class ClearingMotions(abc.ABC):
         if grasp.wrapped:  # the palm keeps it level
             load = load.level
         load = self._with_destination(load, number, filled, spots)
-        # High above the things around, the hand is out of their way. Far from its base,
-        # the arm does not get that high: then the hand passes between them, if it can,
-        # and draws what hangs from it in.
+        # High above the things around, the hand is out of their way. Far from
+        # its base, the arm does not get that high. Then the hand passes
+        # between them, if it can, and draws in the load that hangs from it.
         for height in dict.fromkeys((approach, near)):
             try:
                 to = self._approach(q_start, q_grasp, grasp, height, height_map)

@@ -29,8 +29,8 @@ _RIM = 0.03
 # Of three loads, one is dropped in the bin's middle, and the others this far to
 # either side along it, as a share of its length, so that they do not pile up.
 _ASIDE = 0.22
-# Shares of the distance from the arm by which a load is drawn in that it cannot lift
-# high enough where it is.
+# If the arm cannot lift a load high enough, it draws the load in by these shares of
+# the distance.
 _DRAWN_IN = (0.15, 0.3, 0.45)
 # A long load swings as it is lifted. At full speed, a hammer of 0.67 kg pulls itself
 # out of the pads. Share of that speed while a load that may hang is lifted.

@@ -39,7 +39,8 @@ _AROUND, _UNDER = 0.04, 0.008
 # A pushed thing needs this much room at its new place, along and across [m], and this
 # much of that must be free.
 _ROOM, _ACROSS, _LEAST_FREE = 0.2, 0.12, 0.6
-# Pushes are alike if they begin so near to each other [m] and turn by so little [rad].
+# Pushes are alike if they begin this near to each other [m] and their directions
+# differ by less than this [rad].
 _SAME_PLACE, _SAME_WAY = 0.05, np.deg2rad(30.0)
 
 

@@ -27,8 +27,8 @@ _OPENINGS = (0.016, 0.027, 0.04, 0.055, 0.07, 0.085)
 _DEPTHS = (0.015, 0.03, 0.045, 0.06, 0.08, 0.095)
 # A thing this near to a pad touches it [m].
 _TOUCHES = 0.004
-# The slant of a face is fitted to what the pad sees within `_FACE` of the middle of the
-# part that touches, across the pad. Distances beyond `_AWAY` count as that [m].
+# The slant of a face is fitted across the pad to the surface within `_FACE` of the
+# middle of the part that touches. Distances beyond `_AWAY` count as that [m].
 _FACE, _AWAY = 0.01, 0.02
 # Height of the flank over which its lean is measured [m].
 _RISE = 0.012

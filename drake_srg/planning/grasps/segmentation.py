@@ -18,8 +18,8 @@ _NEAR = 0.01
 _NOISY = 3e-4
 # Noise makes specks that look like small things: among it, a thing is larger by this.
 _SPECKS = 2.0
-# A thing is higher than the table's noise by this many standard deviations. From there
-# it extends over whatever is higher than it by so many.
+# A thing is higher than the table's noise by this many standard deviations. From
+# there, it extends over all cells that are higher by the second number.
 _DEVIATIONS, _EXTENDS = 4.0, 2.0
 # A part of a thing that is nowhere wider than `_THIN` and at least `_LONG` long sticks
 # out of something wider, such as a hammer from below a plate [m].

@@ -176,7 +176,8 @@ _APART, _TURNED = 0.012, 0.35
 _LEAST_HEIGHT, _LEAST_AREA = 0.004, 6e-5
 # Distance between the finest samples along the closing direction [m].
 _STEP = 0.002
-# Points that are tried: about this many in all, and at least so many of each thing.
+# Number of points that are tried: about this many in all, and at least this many per
+# thing.
 _POINTS, _PER_THING = 150, 16
 
 
@@ -273,7 +274,8 @@ class HeightMapGrasps:
         if not segments.things:
             return GraspPlan()
         new, old = self._distinct(segments, self._pinches(segments, seed), tried)
-        # Only what no pinch takes: wraps need a flat top and more room.
+        # Only things that no pinch takes: wraps need a flat top and more
+        # room.
         wraps = self._wraps(segments, _not_taken(segments, new))
         new_wraps, old_wraps = self._distinct(segments, wraps, tried)
         grasps = (new + new_wraps + old + old_wraps)[:_MOST]

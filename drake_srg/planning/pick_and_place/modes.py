@@ -30,8 +30,8 @@ from drake_srg.planning.planner_machine import (
 )
 from drake_srg.types import AnyMode, Failure, Mode
 
-# Joint error within which what an object meets as it is set down is its goal [rad]: 5
-# to 8 mm at the hand of an iiwa.
+# If an object that is set down meets something within this joint error, it has met
+# its goal [rad]: 5 to 8 mm at the hand of an iiwa.
 _SET_DOWN = 0.01
 
 Now: TypeAlias = state_machine.Moment[Senses]

@@ -33,8 +33,9 @@ from drake_srg.planning.planner_machine import (
 )
 from drake_srg.types import AnyMode, Blob, Failure, Mode, Sphere, Vector
 
-# An object seen this far from where the motions take it has moved [m], [rad]: more than
-# the localisation may be off, and what fingers that close on it still make up for.
+# An object seen this far from where the motions expect it has moved [m], [rad]. That
+# is more than the error of the localisation, and closing fingers still make up for
+# it.
 _MOVED, _TURNED = 0.003, np.deg2rad(5.0)
 # An object seen further than this from its place in the hand is not in it [m].
 _LOST = 0.03

@@ -68,8 +68,8 @@ class ServoingConfig(ServoConfig):
     method: str = dc.field(default="pbvs", metadata={"among": ("pbvs", "ibvs")})
     # Name of the camera, which is fixed to the hand.
     camera: str = "hand"
-    # How the goal is known. `shown`: by what the camera saw of an object in the hand;
-    # where the camera is need not be known. `calibrated`: by the camera's calibration.
+    # Source of the goal. `shown`: the camera's view of an object in the hand; the
+    # camera's place need not be known. `calibrated`: the camera's calibration.
     goal: str = dc.field(default="shown", metadata={"among": ("shown", "calibrated")})
     # Time after which the servo counts as failed [s].
     time_limit: float = dc.field(default=6.0, metadata=positive())
@@ -86,7 +86,7 @@ class ServoCommand(enum.Enum):
     """Command to a visual servo."""
 
     PASS = "pass"  # pass on the planned positions
-    TRACK = "track"  # drive the hand by what the camera shows
+    TRACK = "track"  # the images drive the hand
     FOLLOW = "follow"  # go on as the goal last moved, without the camera
     RAISE = "raise"  # the same, but upwards; then brake, and hold the hand
     HOLD = "hold"  # brake, and hold the hand

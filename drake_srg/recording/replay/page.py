@@ -185,7 +185,7 @@ def _result(path: Path) -> tuple[bool, str] | None:
         metrics = json.loads(path.read_text(encoding="utf-8"))
         success, word = bool(metrics["success"]), verdict(metrics)
         drawn = dict(metrics.get("kinds", {})).items()
-        # Names are those of the scene's nodes; kinds are what the seed has drawn.
+        # Names are those of the scene's nodes; the seed has drawn the kinds.
         named = ", ".join(f"{name} is {kind}" for name, kind in drawn)
         return success, f"{word}; {named}" if named else word
     except (OSError, ValueError, KeyError, TypeError):

@@ -303,8 +303,8 @@ TRIAL = {
     "object_round": pa.bool_(),
 }
 
-# LeRobot's name for what policies may know of the scene besides the robot's state; its
-# policies take it as a vector of its own kind (FeatureType.ENV).
+# LeRobot's name for knowledge of the scene besides the robot's state; its policies
+# take it as a vector of its own kind (FeatureType.ENV).
 SIGHTING_KEY = "observation.environment_state"
 
 _SCALARS = {
