@@ -245,7 +245,7 @@ class RecordingConfig(Config):
 
 @dc.dataclass(kw_only=True)
 class Scenario(Config):
-    """A robot cell, its objects and its task; see the module's docstring."""
+    """A robot cell, its objects and its task, as a scenario file states them."""
 
     # Seed of all random draws.
     random_seed: int = dc.field(default=0, metadata={"ge": 0})
@@ -259,10 +259,13 @@ class Scenario(Config):
     ignored_contacts: list[list[str]] = dc.field(default_factory=list)
     # All models except `objects`. The actuated ones are named `arm` and `gripper`.
     directives: list[ModelDirective] = dc.field(default_factory=list)
+    # Driver of the model `arm`, chosen by its tag; null: there is no arm.
     arm: _ArmDriver | None = None
+    # Driver of the model `gripper`, chosen by its tag; null: there is no gripper.
     gripper: _Driver | None = None
     # Limits of the arm's motion that hold whatever commands it; null: none.
     safety: SafetyConfig | None = None
+    # Drake's cameras, by name.
     cameras: dict[str, CameraConfig] = dc.field(default_factory=dict)
     # Imperfections of cameras by name; a camera without an entry is ideal.
     camera_errors: dict[str, CameraErrorsConfig] = dc.field(default_factory=dict)
@@ -273,6 +276,7 @@ class Scenario(Config):
     )
     # Top of a table among the directives, on which objects stand.
     table: TableConfig = dc.field(default_factory=TableConfig)
+    # The objects, by name.
     objects: dict[str, ObjectConfig] = dc.field(default_factory=dict)
     # A random number of more objects; once loaded, they are among `objects`.
     clutter: ClutterConfig = dc.field(default_factory=ClutterConfig)
