@@ -244,6 +244,7 @@ def test_the_defaults_pass():
         ("simulator_config.start_time=-1", "simulator_config.start_time: must be 0.0"),
         ("arm.kp=[-1, 1, 1, 1, 1, 1, 1]", "arm.kp: must be at least 0.0, got -1.0"),
         ("arm.kd=[-1, 1, 1, 1, 1, 1, 1]", "arm.kd: must be at least 0.0, got -1.0"),
+        ("recording.inset_camera=sky", "recording.inset_camera: unknown camera 'sky'"),
         ("recording.video_camera=sky", "allowed: ceiling, fingers, overview"),
         (
             "planner.approaches=[below]",
