@@ -8,22 +8,20 @@ for another that its face needs.
 
 from __future__ import annotations
 
+import ast
 import importlib
-import re
 import sys
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-_LINE = re.compile(r"^from (\S+) import \(?\s*(\w+) as \w+", re.MULTILINE)
-
 
 def names_of(package: str) -> dict[str, str]:
     """Return the modules that the names of a package's face come from, by name."""
-    stub = Path(str(importlib.import_module(package).__file__)).with_name(
-        "__init__.pyi"
-    )
-    return {name: home for home, name in _LINE.findall(stub.read_text("utf-8"))}
+    init = Path(str(importlib.import_module(package).__file__))
+    stub = ast.parse(init.with_suffix(".pyi").read_text("utf-8"))
+    imports = [line for line in stub.body if isinstance(line, ast.ImportFrom)]
+    return {line.names[0].name: str(line.module) for line in imports}
 
 
 def face(

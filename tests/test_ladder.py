@@ -42,7 +42,6 @@ ROOMS = (arm, gripper, vision, objects, planning, theses, recording)
 # own, or with a file.
 ELSEWHERE = {
     "ProximitySensors",  # tests/gripper/test_sensors.py
-    "PlannerMachine",  # tests/planning/test_planner_machine.py
     "StateMachine",  # tests/planning/test_state_machine_ports.py
     "Recorder",  # tests/recording/test_output.py
     "RosbagRecorder",  # tests/recording/test_rosbag.py

@@ -42,7 +42,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
     Args:
         arguments: The command line without the program's name; None: sys.argv's.
     """
-    # Where the shell has closed a stream, Python has none, and `print` takes another.
+    # If the shell has closed a stream, Python's is None, and `print` would take
+    # another.
     sys.stdout, sys.stderr = sys.stdout or _Nothing(), sys.stderr or _Nothing()
     try:
         try:
@@ -212,7 +213,7 @@ def _parsers(parser: argparse.ArgumentParser) -> dict[str, argparse.ArgumentPars
     return {}
 
 
-# By what one wants to do, in the order of the overview.
+# Grouped by purpose, in the order of the overview.
 COMMANDS: dict[str, tuple[Command, ...]] = {
     "run": (commands.demo, commands.run, commands.bench),
     "see": (commands.list_all, commands.replay, commands.diagram),

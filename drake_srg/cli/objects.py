@@ -53,7 +53,10 @@ def _color(text: str) -> list[float]:
     "it on a table. Exit code: 0 it rests there, 1 it does not, 2 bad "
     "input.",
     argument(
-        "file", type=Path, metavar="FILE", help="an .sdf, .urdf, .obj, .stl or .glb"
+        "file",
+        type=Path,
+        metavar="FILE",
+        help="an .sdf, .urdf, .obj, .stl, .glb or .gltf",
     ),
     folder("the model", "out/objects/NAME"),
     one_of(

@@ -382,7 +382,7 @@ class _Writer:
                 name=asset,
                 file=f"{file.name}.obj",
                 scale=file.scale if scaled else None,
-                # What is only seen may be open or flat.
+                # Visual meshes may be open or flat.
                 inertia="shell" if visual else None,
             )
         return asset

@@ -221,10 +221,10 @@ class TorqueControl(LeafSystem):
 
 
 def _default_motor_servo() -> GripperServoConfig:
-    # As for the joints of SrgPositionDriver: K = J w² with w = 40 rad/s and J the
-    # motor's inertia at the spool, over its full torque. The back-EMF damps more than
-    # critically (0.91 against 2 J w = 0.8 N m s/rad), and the first feedforward gain
-    # makes up for it.
+    # Gains as in SrgPositionDriver: K = J w² with w = 40 rad/s and J the motor's
+    # inertia at the spool, over its full torque. The back-EMF damps more than
+    # critically (0.91 against 2 J w = 0.8 N m s/rad), and the first feedforward
+    # gain makes up for it.
     drive = TendonDriveConfig()
     return GripperServoConfig(
         kp=[drive.reflected_inertia * 40.0**2 / drive.full_torque],

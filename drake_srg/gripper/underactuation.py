@@ -35,9 +35,10 @@ class UnderactuationConfig(Config):
     # The thesis tests `tip angle <= 0`. The measured angle of a finger on its stop is
     # zero only up to the stop's compliance [rad].
     straight_tolerance: float = dc.field(default=0.002, metadata={"ge": 0.0})
-    # What a base does whose sensor fires while the hand closes. `algorithm_1`: it keeps
-    # its target, and so drives on into the object. `freeze`: its target becomes the
-    # angle at which the sensor fired, and then the farthest one until it has stopped.
+    # Behaviour of a base whose sensor fires while the hand closes. `algorithm_1`:
+    # it keeps its target, and so drives on into the object. `freeze`: its target
+    # becomes the angle at which the sensor fired, and then the farthest one until
+    # it has stopped.
     base: str = dc.field(default="algorithm_1", metadata={"among": BASES})
     # A frozen base then approaches the object: its target advances by this speed times
     # `period` per evaluation [rad/s], but no further than the error beyond the measured
@@ -45,14 +46,14 @@ class UnderactuationConfig(Config):
     # base stays.
     approach_speed: float = dc.field(default=0.0, metadata={"ge": 0.0})
     approach_error: float = dc.field(default=0.1, metadata={"ge": 0.0})
-    # What a tip does whose sensor fires while its base's does not. `algorithm_1`: it
-    # keeps its target. Around something wide and low, straight fingers lean outwards,
-    # and their pads push it down and out of the hand. `curl`: where both tips sense
-    # something while the bases lean outwards (`curl_lean`), the tips close, and the
-    # bases give way until the pads are upright. That takes a motor at each joint: a
-    # wire pulls the base 2.9 times as hard as the tip (`moment_arms`), and a force on
-    # the middle of the pad turns it only 2.5 times as hard, so that a tip with a wire
-    # stays straight there.
+    # Behaviour of a tip whose sensor fires while its base's does not.
+    # `algorithm_1`: it keeps its target. Around something wide and low, straight
+    # fingers lean outwards, and their pads push it down and out of the hand.
+    # `curl`: if both tips sense something while the bases lean outwards
+    # (`curl_lean`), the tips close, and the bases give way until the pads are
+    # upright. That takes a motor at each joint. A wire pulls the base 2.9 times
+    # as hard as the tip (`moment_arms`), but a force on the middle of the pad
+    # turns it only 2.5 times as hard. So a tip with a wire stays straight there.
     tip: str = dc.field(default="algorithm_1", metadata={"among": TIPS})
     # Tips curl while the bases lean outwards by more than this on average [rad], which
     # is around things wider than 75 mm. Friction holds narrower ones, and a tip that

@@ -36,8 +36,8 @@ from drake_srg.types import Blob, Cylinder, Failure, Mode, PlannerStatus, Shape,
 
 # How long the localizer may take to find the object [s].
 _PATIENCE = 1.0
-# Greatest mean speed of the hand on its way [m/s, rad/s]: at its peak, a minimum-jerk
-# motion is 1.9 times as fast, which is that of the environments.
+# Greatest mean speed of the hand [m/s, rad/s]. The peak of a minimum-jerk motion is
+# 1.9 times as fast, which is the environments' limit.
 _SPEED = np.array([0.2, 0.2, 0.2, 1.0])
 _UPRIGHT = np.cos(np.deg2rad(15.0))  # as far as a localizer's boxes may lean
 

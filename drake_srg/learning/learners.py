@@ -74,8 +74,9 @@ class CloningConfig:
     rate: float = 1e-3  # of Adam, at first
     decay: float = 1e-2  # of its weights
     batch: int = 256
-    # Gradient steps: so many at least, and so many passes over the samples. At 16
-    # passes over 80,000 of `pick_by_touch`, the error is twice that of 64.
+    # Gradient steps: at least so many, and at least so many passes over the
+    # samples. With 16 passes over the 80,000 samples of `pick_by_touch`, the
+    # error is twice that with 64.
     updates: int = 5000
     passes: float = 64.0
     # Largest action that is imitated: tanh reaches 1 only at infinity.
@@ -365,8 +366,8 @@ class DaggerRounds(CloningRounds):
 
 
 _MODEL, _BUFFER, _COUNTS = "sac.zip", "replay.pkl", "counts.npz"
-# Of soft actor-critic (Haarnoja et al., ICML 2018), but for the learning rate and the
-# discount: episodes of a few dozen steps that end in one reward.
+# Settings of soft actor-critic (Haarnoja et al., ICML 2018), except for learning rate
+# and discount: these episodes have a few dozen steps and end in one reward.
 SAC_OPTIONS = {
     "learning_rate": 1e-3,
     "gamma": 0.98,

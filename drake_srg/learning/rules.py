@@ -138,13 +138,13 @@ RULES = {
 
 
 _ANGLE, _TURN = 2.0, np.pi
-# The hand comes down beside the estimate, four standard deviations of 20 mm
-# away, and moves on until what it pushes has its middle 45 mm beyond it [m].
+# The hand comes down beside the estimate, four standard deviations of 20 mm away. It
+# moves on until the middle of the pushed object is 45 mm beyond the estimate [m].
 _BESIDE, _BEYOND = 0.08, 0.045
-_SWEEP = 0.003  # per step, 6 cm/s: at twice that, it topples what is slender [m]
+_SWEEP = 0.003  # per step, 6 cm/s: twice as fast, it topples slender objects [m]
 _OPEN = 0.05  # closure at which the fingers are level
-# What it pushes lies between the pads' ends, which are this share of its width apart.
-# Pads that meet let it roll off to the side, and then open against it.
+# A pushed object lies between the pads' ends, which are this share of its width
+# apart. Pads that meet let it roll off to the side, and then open against it.
 _CRADLE = 0.4
 _HALF_FINGER = 0.0155  # half the pads' width [m]
 # The hand ends short of the middle: the finger's edge meets some objects, which are
@@ -158,9 +158,9 @@ _PALM = 0.085
 _ASIDE_AT, _BESIDE_AT, _SWEPT_AT, _BACK_AT, _OPENED_AT = 11, 21, 56, 58, 67
 # From this step on, fingers that are closed lift the cylinder: they rest by then.
 _LIFTED_AT = 86
-# Scaled speed of the joints below which the fingers are still. The closure that a
-# network commands is never quite even, and Algorithm 1 bends tips that rest by up to
-# 0.25 each time it changes: with the limit of `rules`, they were never still.
+# Scaled speed of the joints below which the fingers are still. A network's closure
+# command jitters, and each change makes Algorithm 1 bend resting tips, by up to 0.25.
+# With the limit of `rules`, such fingers were never still.
 _STILL_BY_TOUCH = 0.3
 # Until these steps, boxes are tried where they were seen, and on one side of that; then
 # on the other. The hand, which turns by up to 135 degrees, has closed by the first. The
@@ -242,7 +242,7 @@ def _step(observation: Array) -> int:
 
 
 RANDOM, RULE, TOUCH = "random", "rule", "touch"
-# What every policy is compared with, and all that need no file.
+# Policies without a file: every other one is compared with them.
 BASELINES = (RULE, RANDOM)
 BUILT_IN = (RULE, TOUCH, RANDOM)
 _RULES: dict[str, Mapping[str, Act]] = {RULE: RULES, TOUCH: TOUCH_RULES}

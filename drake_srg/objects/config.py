@@ -148,8 +148,9 @@ class SleepingConfig(Config):
     after: float = dc.field(default=0.5, metadata=positive())
     # At rest, every point of it is at most this fast [m/s].
     speed: float = dc.field(default=5.0e-4, metadata=positive())
-    # It wakes when something awake comes this near [m]. Within `period`, 5 mm allow for
-    # an acceleration of 100 m/s², ten times that of a fall.
+    # A sleeping object wakes when something awake comes this near [m]. Within
+    # `period`, 5 mm allow for an acceleration of 100 m/s², ten times that of a
+    # fall.
     margin: float = dc.field(default=0.005, metadata=positive())
     # Time between checks [s].
     period: float = dc.field(default=0.01, metadata=positive())

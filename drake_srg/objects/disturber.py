@@ -90,8 +90,9 @@ _GRAVITY = 9.81  # m/s²
 # Height by which a pushing hand lifts the object [m]. Sliding would depend on friction,
 # and with steps above 2 ms a stiff object that slides on a table rattles.
 _PUSH_LIFT = 0.002
-# Natural frequency of the spring between hand and object [rad/s]: a third of what is
-# stable when a plant with steps of 10 ms samples it, and fast beside a push of 0.3 s.
+# Natural frequency of the spring between hand and object [rad/s]. It is a third of
+# the stable limit when a plant with steps of 10 ms samples it, and fast beside a push
+# of 0.3 s.
 _PUSH_FREQUENCY = 25.0
 # Time for which the hand stays at the end of its path [s]: four time constants.
 _PUSH_HOLD = 4.0 / _PUSH_FREQUENCY

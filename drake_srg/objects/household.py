@@ -28,8 +28,9 @@ from drake_srg.objects.models import AddObject, object_body
 from drake_srg.objects.solids import hull_points
 from drake_srg.types import Vector
 
-# Numbers are those of the YCB object set. The generators, tools/models/props.py,
-# household.py, packages.py and tableware.py, say what is theirs and what is ours.
+# Numbers are those of the YCB object set. The generators (tools/models/props.py,
+# household.py, packages.py and tableware.py) say which numbers are theirs and which
+# are ours.
 HOUSEHOLD = (
     "003_cracker_box",
     "004_sugar_box",

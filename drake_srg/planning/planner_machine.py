@@ -96,9 +96,10 @@ class PlannerConfig(MotionConfig):
     payload: float = dc.field(default=0.5, metadata={"ge": 0.0})
     # Delay of the arm after which something must have stopped it [s].
     arrival_timeout: float = dc.field(default=1.0, metadata=positive())
-    # How far a joint may be off its path while the hand pushes things on a table, or
-    # sets one down, before something must have stopped it [rad]; null: it presses on
-    # until `arrival_timeout`. Its own delay puts the simulated iiwa off by up to 0.021.
+    # How far a joint may be off its path while the hand pushes things on a table,
+    # or sets one down, before the planner concludes that something stopped it
+    # [rad]; null: it presses on until `arrival_timeout`. Its own delay puts the
+    # simulated iiwa off by up to 0.021.
     path_tolerance: float | None = dc.field(default=None, metadata=positive())
     # Protective stop: external torques (see `AddExternalTorque`) that end the task
     # while the arm moves, one per joint [N m]; null: no limits. Leave room for carried
@@ -188,7 +189,7 @@ class Observation:
     moved: bool = False  # the object is not where the motions take it
     placing: bool = False  # the load is to be set down, not dropped
     still: bool = False  # the fingers have come to rest
-    holding: bool = False  # what was to be taken is between the fingers
+    holding: bool = False  # the target is between the fingers
     clear: bool = False  # nothing is near the fingers
     at_goal: bool = False  # the object has been seen on its goal
     last_cycle: bool = True  # no cycle follows this one

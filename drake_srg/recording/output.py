@@ -56,6 +56,28 @@ def output_folder(out: Path | None) -> Iterator[None]:
         raise
 
 
+def counted(number: int, thing: str) -> str:
+    """Return a number of things in words: `1 attempt`, `2 attempts`."""
+    return f"{number} {thing}" + "s" * (number != 1)
+
+
+def verdict(metrics: Mapping[str, Any]) -> str:
+    """Return how a run ended, in words.
+
+    Args:
+        metrics: Contents of its metrics.json.
+    """
+    tries = metrics["attempts"]
+    if metrics.get("claimed"):
+        word = "done, by the planner's word"
+    else:
+        word = "success" if metrics["success"] else f"failure: {metrics['failure']}"
+    if metrics.get("objects_total") is None:
+        return f"{word}, {counted(tries, 'attempt')}"
+    cleared, total = metrics["objects_cleared"], metrics["objects_total"]
+    return f"{word}, {cleared} of {total} objects cleared, {counted(tries, 'pick')}"
+
+
 class OutputFile:
     """A file that appears under its name only when it is complete.
 

@@ -291,16 +291,20 @@ def AddRecording(
         "query_object": scene_graph.get_query_output_port(),
         "contact_results": plant.get_contact_results_output_port(),
     }
-    sampler = _Sampler(
-        out,
-        ports,
-        SceneRecorder(scene_graph, cameras, objects),
-        senses,
-        Labels(title or out.resolve().name, signals=tuple(ports)),
-        (next(iter(cameras), ""), 1.0 / frame_rate),
-        period,
-    )
-    recording = sampler.recording
+    scene = SceneRecorder(scene_graph, cameras, objects)
+    recording = Recording(out)
+    sampler = _Sampler(recording, ports, scene, senses, period)
+    log = sampler.log
+    labels = Labels(title or out.resolve().name, signals=tuple(ports))
+    video_camera = next(iter(cameras), "")
+
+    def write(out: Path) -> dict[str, Path]:
+        def write_glb(path: Path) -> Path:
+            return write_replay(path, scene, labels, video_camera, 1.0 / frame_rate)
+
+        return write_samples(out, log.arrays(), labels, write_glb) if log else {}
+
+    recording.write_samples = write
     texts = [p for p in ports.values() if isinstance(_model(p), (str, enum.Enum))]
     with output_folder(out), contextlib.ExitStack() as stack:
         recorders: dict[str, Recorder] = {}
@@ -383,27 +387,29 @@ def _number_topic(name: str, port: str, model: AbstractValue) -> Topic:
 class _Sampler(LeafSystem):
     """Samples ports and the scene at every multiple of a period.
 
+    The samples stay outside the Context until the recording writes them, because they
+    grow during the simulation, and whoever clones or saves a context would copy all of
+    them. So a context that is simulated twice is recorded twice. The sampler keeps its
+    recording alive, but not the reverse: a diagram that nobody needs is freed, and its
+    recording then completes the files.
+
     Args:
-        out: Folder of the recording.
+        recording: The recording; the first sample begins it.
         ports: The ports to log, by name.
         scene: Samples the scene.
         senses: The ports that the scene is sampled from.
-        labels: What the log does not tell.
-        video: Name of the camera of video.mp4, and the time of its first frame [s].
         period: Time between samples [s].
 
     Attributes:
-        recording: The recording.
+        log: The samples of the ports.
     """
 
     def __init__(
         self,
-        out: Path,
+        recording: Recording,
         ports: Mapping[str, OutputPort],
         scene: SceneRecorder,
         senses: Mapping[str, OutputPort],
-        labels: Labels,
-        video: tuple[str, float],
         period: float,
     ) -> None:
         super().__init__()
@@ -412,22 +418,8 @@ class _Sampler(LeafSystem):
                 self.DeclareVectorInputPort(name, port.size())
             else:
                 self.DeclareAbstractInputPort(name, port.Allocate())
-        self._log = SignalLog({name: self.GetInputPort(name) for name in ports})
-        self._scene, self._latest = scene, -math.inf
-        self.recording = recording = Recording(out)
-        log = self._log
-
-        def write(out: Path) -> dict[str, Path]:
-            if not log:
-                return {}
-            return write_samples(
-                out,
-                log.arrays(),
-                labels,
-                lambda path: write_replay(path, scene, labels, *video),
-            )
-
-        recording.write_samples = write
+        self.log = SignalLog({name: self.GetInputPort(name) for name in ports})
+        self._recording, self._scene, self._latest = recording, scene, -math.inf
         self.DeclarePeriodicPublishEvent(period, 0.0, self._sample)
 
     def _sample(self, context: Context) -> None:
@@ -439,10 +431,10 @@ class _Sampler(LeafSystem):
                 f"the time went back from {self._latest:g} to {time:g} s during a "
                 "recording: build a diagram with a recording of its own for each run"
             )
-        if not self._log:
-            self.recording.begin()
+        if not self.log:
+            self._recording.begin()
         self._latest = time
-        self._log.sample(context)
+        self.log.sample(context)
         contacts = self.GetInputPort("contact_results").Eval(context)
         query = self.GetInputPort("query_object").Eval(context)
         self._scene.sample(time, query, contacts)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import dataclasses as dc
+from collections.abc import Iterable, Mapping
 from fractions import Fraction
 from pathlib import Path
 from typing import Any
@@ -10,11 +12,63 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 from pydrake.common.value import AbstractValue
+from pydrake.geometry import RenderCameraCore
+from pydrake.math import RigidTransform
 from pydrake.systems.framework import Context
 from pydrake.systems.sensors import ImageRgba8U
 
 from drake_srg.recording.output import Recorder, require
 from drake_srg.types import mode_words
+
+_BESIDE = 0.06  # from an object's origin to its name, in the image's x [m]
+_FONT = cv2.FONT_HERSHEY_SIMPLEX
+_LAST_FRAME = 1.5  # how long the verdict stays [s]
+_GOOD, _BAD = (150, 235, 160), (255, 150, 130)  # colours of verdicts, RGB
+
+# Names to write into an image, each with the pixel (x, y) of its lower left corner.
+Names = list[tuple[str, tuple[int, int]]]
+
+
+@dc.dataclass(frozen=True, eq=False)
+class View:
+    """Where a pinhole camera that stands still sees points.
+
+    Args:
+        core: Its intrinsics and the pose of its sensor X_BS.
+        X_WB: Its pose.
+        kinds: What to write in place of objects' names.
+    """
+
+    core: RenderCameraCore
+    X_WB: RigidTransform
+    kinds: Mapping[str, str] = dc.field(default_factory=dict)
+
+    def names(self, poses: Mapping[str, RigidTransform]) -> Names:
+        """Return where to write the names of objects in view, one below another.
+
+        Args:
+            poses: Poses X_WO of the objects by name.
+        """
+        lens = self.core.intrinsics()
+        X_WS = self.X_WB @ self.core.sensor_pose_in_camera_body()
+        places = []
+        for name, X_WO in poses.items():
+            x, y, z = X_WS.inverse() @ X_WO.translation()
+            if z < self.core.clipping().near():
+                continue
+            u = lens.focal_x() * (x + _BESIDE) / z + lens.center_x()
+            v = lens.focal_y() * y / z + lens.center_y()
+            if 0.0 <= u < lens.width() and 0.0 <= v < lens.height():
+                places.append((v, u, self.kinds.get(name, name).replace("_", " ")))
+        names: Names = []
+        line, length = lens.height() / 32, lens.height() / 7
+        for top, u, name in sorted(places):
+            v = top
+            for _, (x, y) in names:
+                if abs(u - x) < length and abs(v - y) < line:
+                    v = y + line
+            names.append((name, (round(u), round(v))))
+        return names
 
 
 class VideoFile:
@@ -55,6 +109,7 @@ class VideoFile:
             )
         self._av = require("av")
         self._size, self._name = (width, height), path.name
+        self._last: npt.NDArray[Any] | None = None
         self._container = self._av.open(
             str(path), "w", options={"movflags": "faststart"}
         )
@@ -69,7 +124,12 @@ class VideoFile:
         self.frames = 0
 
     def add(
-        self, image: npt.NDArray[np.uint8], time: float, words: object = None
+        self,
+        image: npt.NDArray[np.uint8],
+        time: float,
+        words: object = None,
+        names: Iterable[tuple[str, tuple[int, int]]] = (),
+        inset: npt.NDArray[np.uint8] | None = None,
     ) -> None:
         """Add an image.
 
@@ -77,6 +137,8 @@ class VideoFile:
             image: RGBA, shape (height, width, 4).
             time: Simulated time [s], for the caption.
             words: Caption, see `caption`; None: no caption.
+            names: Names to write into it, see `View.names`.
+            inset: A smaller RGBA image for the upper left corner.
         """
         width, height = self._size
         if image.shape[:2] != (height, width):
@@ -87,8 +149,38 @@ class VideoFile:
         even = image[: height // 2 * 2, : width // 2 * 2]
         # Faster than the copy of a slice.
         rgb: npt.NDArray[Any] = cv2.cvtColor(even, cv2.COLOR_RGBA2RGB)
+        for name, (x, y) in names:
+            for shift in ((-1, -1), (1, -1), (-1, 1), (1, 1)):  # an outline
+                corner = (x + shift[0], y + shift[1])
+                cv2.putText(rgb, name, corner, _FONT, height / 900, (255, 255, 255))
+            cv2.putText(rgb, name, (x, y), _FONT, height / 900, (40, 40, 40))
+        if inset is not None:
+            rows, columns = min(inset.shape[0], height), min(inset.shape[1], width)
+            part = rgb[:rows, :columns]
+            part[:] = inset[:rows, :columns, :3]
+            part[-2:] = part[:, -2:] = 255
         if words is not None:
             caption(rgb, time, words)
+        self._last = rgb
+        self._encode(rgb)
+
+    def hold(self, success: bool, verdict: str) -> None:
+        """Show the last image for some more time, with a verdict above the caption.
+
+        Args:
+            success: Whether it is a good one.
+            verdict: In words.
+        """
+        if self._last is None:
+            return
+        rgb = self._last.copy()
+        end = len(rgb) - len(rgb) // 15
+        strip = rgb[end - max(1, len(rgb) // 11) : end]
+        write_line(strip, verdict, _GOOD if success else _BAD, 2)
+        for _ in range(max(1, round(_LAST_FRAME / self._tick))):
+            self._encode(rgb)
+
+    def _encode(self, rgb: npt.NDArray[Any]) -> None:
         frame = self._av.VideoFrame.from_ndarray(rgb, format="rgb24")
         frame.pts = self.frames
         frame.time_base = self._tick
@@ -110,18 +202,60 @@ def caption(image: npt.NDArray[Any], time: float, text: Any) -> None:
         time: Simulated time [s].
         text: A string, or a mode, which is shown by its name.
     """
-    line = f"{time:6.2f} s  {mode_words(text)}"
-    height, width = image.shape[:2]
+    height = image.shape[0]
     strip = image[-max(1, height // 15) :]
+    write_line(strip, f"{time:6.2f} s  {mode_words(text)}", (255, 255, 255), 1)
+
+
+def write_line(
+    strip: npt.NDArray[Any], line: str, color: tuple[int, int, int], thickness: int
+) -> None:
+    """Darken a strip of an image, and write a line into it.
+
+    Args:
+        strip: RGB, shape (height, width, 3); changed in place.
+        line: The text; a long one becomes smaller until it fits.
+        color: RGB.
+        thickness: Of the strokes [pixels].
+    """
     strip[:] = strip // 3  # keeps the text legible on any background
-    margin, scale, font = height // 40, height / 700, cv2.FONT_HERSHEY_SIMPLEX
-    (length, _), _ = cv2.getTextSize(line, font, scale, 1)
-    scale *= min(1.0, (width - 2 * margin) / length)  # long reasons fit, too
-    place = (margin, height - height // 50)
-    cv2.putText(image, line, place, font, scale, (255, 255, 255), 1, cv2.LINE_AA)
+    height, width = strip.shape[:2]
+    margin, scale = height * 3 // 8, height * 3 / 140
+    (length, _), _ = cv2.getTextSize(line, _FONT, scale, thickness)
+    scale *= min(1.0, (width - 2 * margin) / length)
+    place = (margin, height * 7 // 10)
+    pixels = np.ascontiguousarray(strip)
+    cv2.putText(pixels, line, place, _FONT, scale, color, thickness, cv2.LINE_AA)
+    strip[:] = pixels
 
 
-class VideoRecorder(Recorder):
+class CaptionedRecorder(Recorder):
+    """Base of recorders that write into a camera's images."""
+
+    _view: View | None = None
+    _verdict: tuple[bool, str] | None = None
+
+    def judge(self, success: bool, verdict: str) -> None:
+        """Let the video end with a verdict, see `VideoFile.hold`."""
+        self._verdict = success, verdict
+
+    def _declare_texts(self, view: View | None, caption: AbstractValue | None) -> None:
+        """Declare the ports `caption` and `object_poses`."""
+        self._view = view
+        self._caption = self.DeclareAbstractInputPort(
+            name="caption", model_value=caption or AbstractValue.Make(object())
+        )
+        self._poses = self.DeclareAbstractInputPort(
+            name="object_poses", model_value=AbstractValue.Make({})
+        )
+
+    def _names(self, context: Context) -> Names:
+        if self._view is None or not self._poses.HasValue(context):
+            return []
+        return self._view.names(self._poses.Eval(context))
+
+
+class VideoRecorder(CaptionedRecorder):
     """Writes a camera's images into an MP4 file that plays in any browser.
 
     .. pydrake_system::
@@ -130,11 +264,15 @@ class VideoRecorder(Recorder):
         input_ports:
         - color_image
         - caption (optional)
+        - object_poses (optional)
+        - inset (optional)
 
     `color_image` is an ImageRgba8U. It is sampled every 1 / `frame_rate` of simulated
     time, first after one such period, so video time is simulated time minus one period.
     If `caption` is connected, every frame shows the time and its value: a string, or a
-    mode, shown by its name.
+    mode, shown by its name. `object_poses` is a dict of poses X_WO by name: with a
+    `view`, the names stand beside the objects. `inset`, a smaller ImageRgba8U, covers
+    the upper left corner.
 
     The video appears under its name on `close()`. Use the recorder as a context manager
     around the simulation, which closes it also after an error. The encoder is outside
@@ -150,6 +288,7 @@ class VideoRecorder(Recorder):
         quality: Constant rate factor of x264, 0 (lossless) .. 51; 23 is its default.
         caption: Model value of the port `caption`; None: a Python object, such as an
             enum. `AbstractValue.Make("")` takes Drake's strings.
+        view: Where the camera sees objects; None: no names.
 
     Raises:
         ImportError: If PyAV is missing.
@@ -166,6 +305,7 @@ class VideoRecorder(Recorder):
         frame_rate: float = 20.0,
         quality: int = 23,
         caption: AbstractValue | None = None,
+        view: View | None = None,
     ):
         super().__init__()
         self._begin(path)
@@ -180,8 +320,9 @@ class VideoRecorder(Recorder):
         self._image = self.DeclareAbstractInputPort(
             name="color_image", model_value=AbstractValue.Make(ImageRgba8U())
         )
-        self._caption = self.DeclareAbstractInputPort(
-            name="caption", model_value=caption or AbstractValue.Make(object())
+        self._declare_texts(view, caption)
+        self._inset = self.DeclareAbstractInputPort(
+            name="inset", model_value=AbstractValue.Make(ImageRgba8U())
         )
         period = 1.0 / frame_rate
         self.DeclarePeriodicPublishEvent(period, period, self._record)
@@ -192,6 +333,8 @@ class VideoRecorder(Recorder):
         return self._file.frames
 
     def _finish(self) -> bool:
+        if self._verdict is not None:
+            self._file.hold(*self._verdict)
         self._file.close()
         return self.frames > 0
 
@@ -199,4 +342,8 @@ class VideoRecorder(Recorder):
         if self._closed:
             raise RuntimeError(f"{self.path}: the recorder is closed; make a new one")
         words = self._caption.Eval(context) if self._caption.HasValue(context) else None
-        self._file.add(self._image.Eval(context).data, context.get_time(), words)
+        inset = None
+        if self._inset.HasValue(context):
+            inset = self._inset.Eval(context).data
+        image, time = self._image.Eval(context).data, context.get_time()
+        self._file.add(image, time, words, self._names(context), inset)

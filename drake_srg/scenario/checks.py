@@ -263,8 +263,8 @@ def _step_problems(scenario: Scenario) -> Iterator[tuple[str, str]]:
                 f"{_CENIC} needs plant_config.time_step 0.0, got {step}",
             )
         return
-    # A tendon driver would update as often as the plant, and what the gripper holds
-    # would creep (docs/speed.md).
+    # A tendon driver would update as often as the plant, and a held object would
+    # creep (docs/speed.md).
     driver = scenario.gripper
     if driver is not None and driver.needs_discrete_plant:
         tag = f"!{type(driver).__name__}"
@@ -436,6 +436,7 @@ def _camera_problems(scenario: Scenario) -> Iterator[tuple[str, str]]:
                     )
     allowed = ", ".join(scenario.cameras) or "none"
     video = scenario.recording.video_camera
+    inset = scenario.recording.inset_camera if video else ""
     for key, used in (
         ("camera_errors", list(scenario.camera_errors)),
         ("camera_calibrations", list(scenario.camera_calibrations)),
@@ -443,6 +444,7 @@ def _camera_problems(scenario: Scenario) -> Iterator[tuple[str, str]]:
         ("task.place.cameras", scenario.task.place.cameras),
         ("recording.bag_cameras", scenario.recording.bag_cameras),
         ("recording.video_camera", [video] if video else []),
+        ("recording.inset_camera", [inset] if inset else []),
     ):
         for camera in used:
             if camera not in scenario.cameras:

@@ -157,7 +157,7 @@ def add_clutter(
     tree, clutter = dict(tree), tree.get("clutter")
     if tree.get("objects") is None:  # null in a variant removes those of its base
         tree["objects"] = {}
-    # `load_typed` reports what has another type.
+    # `load_typed` reports values of another type.
     if not _is_mapping(tree["objects"]):
         return tree
     tree["objects"] = _without_nulls(tree["objects"])

@@ -70,9 +70,9 @@ class TwinConfig(Config):
     settle: float = dc.field(default=2.0, metadata={"ge": 0.0})
     # The twin ends when the robot has been silent for this long [s, real].
     silence: float = dc.field(default=3.0, metadata=positive())
-    # Topics of what cameras see, std_msgs/String as `serve` publishes it, and of the
-    # commands to the gripper: std_msgs/Float64, 0 open .. 1 closed, and std_msgs/Int32,
-    # 0 open .. 100 closed. Empty: there is none.
+    # Topics of the cameras' sightings, std_msgs/String as `serve` publishes it,
+    # and of the commands to the gripper: std_msgs/Float64, 0 open .. 1 closed,
+    # and std_msgs/Int32, 0 open .. 100 closed. Empty: no such topic.
     blobs: str = "/blobs"
     closure: str = "/gripper/closure_commanded"
     grasp: str = "/grasp"
@@ -144,9 +144,9 @@ class PlaceConfig(Config):
     # Name of a model among `directives`, an open box: objects are dropped into it
     # instead of being set down. The other keys do not apply.
     bin: str = ""
-    # Bins by name, as with `bin`, and which objects each is for. Names count before
-    # colours, and colours before all; what suits none stays. Once loaded, `bin` is
-    # among them.
+    # Bins by name, as with `bin`, and the objects for each. Names count before
+    # colours, and colours before `all`; objects that suit no bin stay. Once
+    # loaded, `bin` is among them.
     bins: dict[str, SelectionConfig] = dc.field(default_factory=dict)
     # A row in which objects that stand are set down again, upright, at `height`. Needs
     # a list of names as `task.pick`.
@@ -181,7 +181,7 @@ class ClearConfig(Config):
 
     # Their names; `task.pick` fills them in.
     objects: list[str] = dc.field(default_factory=list)
-    # Where the planner looks for them, without the bin.
+    # The planner looks for them in this region, without the bin.
     region: RegionConfig = dc.field(default_factory=RegionConfig)
 
 
@@ -232,6 +232,9 @@ class RecordingConfig(Config):
     period: float = dc.field(default=0.02, metadata={"ge": 0.001, "le": 0.05})
     # Camera of video.mp4; empty: no video.
     video_camera: str = ""
+    # Camera of the smaller picture in the corner of video.mp4, such as one that the
+    # hand carries; empty: none.
+    inset_camera: str = ""
     video_fps: float = dc.field(default=20.0, metadata=positive(le=240.0))
     # Cameras whose images go into recording.mcap, and the time between images [s].
     bag_cameras: list[str] = dc.field(default_factory=list)
@@ -242,7 +245,7 @@ class RecordingConfig(Config):
 
 @dc.dataclass(kw_only=True)
 class Scenario(Config):
-    """A robot cell, its objects and its task; see the module's docstring."""
+    """A robot cell, its objects and its task, as a scenario file states them."""
 
     # Seed of all random draws.
     random_seed: int = dc.field(default=0, metadata={"ge": 0})
@@ -256,10 +259,13 @@ class Scenario(Config):
     ignored_contacts: list[list[str]] = dc.field(default_factory=list)
     # All models except `objects`. The actuated ones are named `arm` and `gripper`.
     directives: list[ModelDirective] = dc.field(default_factory=list)
+    # Driver of the model `arm`, chosen by its tag; null: there is no arm.
     arm: _ArmDriver | None = None
+    # Driver of the model `gripper`, chosen by its tag; null: there is no gripper.
     gripper: _Driver | None = None
     # Limits of the arm's motion that hold whatever commands it; null: none.
     safety: SafetyConfig | None = None
+    # Drake's cameras, by name.
     cameras: dict[str, CameraConfig] = dc.field(default_factory=dict)
     # Imperfections of cameras by name; a camera without an entry is ideal.
     camera_errors: dict[str, CameraErrorsConfig] = dc.field(default_factory=dict)
@@ -270,6 +276,7 @@ class Scenario(Config):
     )
     # Top of a table among the directives, on which objects stand.
     table: TableConfig = dc.field(default_factory=TableConfig)
+    # The objects, by name.
     objects: dict[str, ObjectConfig] = dc.field(default_factory=dict)
     # A random number of more objects; once loaded, they are among `objects`.
     clutter: ClutterConfig = dc.field(default_factory=ClutterConfig)

@@ -33,7 +33,7 @@ from drake_srg.station.sleeping import Advance, MakeAdvance
 from drake_srg.station.station import AddStation
 from drake_srg.types import Failure, PlannerStatus, Vector
 
-# What is left of a station as its bare plant.
+# Parts of a station that stay in its bare plant.
 _BARE = ("plant", "scene_graph", "sleep_monitor")
 
 

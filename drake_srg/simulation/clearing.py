@@ -21,7 +21,9 @@ from drake_srg.types import Failure, Mode, PlannerStatus, Remaining, Sphere, Vec
 
 # Where the fingers take things, in the palm [m].
 _p_GC = np.array([SRG.grasp_center_x, 0.0, 0.0])
-_LIFTED = 0.08  # least rise of the middle of what the hand carries over the bin [m]
+_LIFTED = (
+    0.08  # least rise of the middle of a load that the hand carries over the bin [m]
+)
 
 
 def attempts_of(

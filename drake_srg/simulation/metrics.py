@@ -11,7 +11,7 @@ import numpy as np
 
 from drake_srg.common.log_format import MODES, pose_key, row_to_pose
 from drake_srg.objects.models import simple_shape
-from drake_srg.recording.output import OutputFile
+from drake_srg.recording.output import OutputFile, counted, verdict
 from drake_srg.scenario import Scenario
 from drake_srg.simulation import measures
 from drake_srg.simulation.clearing import clearing_outcome
@@ -38,11 +38,6 @@ def rounded(value: float) -> str:
     return f"{value:.3g}" if abs(value) >= 5e-4 else "0"
 
 
-def counted(number: int, thing: str) -> str:
-    """Return a number of things in words: `1 attempt`, `2 attempts`."""
-    return f"{number} {thing}" + "s" * (number != 1)
-
-
 @dc.dataclass
 class Metrics:
     """The contents of metrics.json in SI units; None if a metric does not apply."""
@@ -67,8 +62,8 @@ class Metrics:
     localization_turn_rad: float | None
     placement_error_m: list[float] | None  # final position minus goal
     placement_tilt_rad: float | None  # None for a sphere
-    # Whether the object was off its support when the last lift ended: what that thesis
-    # calls a successful grasp.
+    # Whether the object was off its support when the last lift ended: the
+    # successful grasp of that thesis.
     grasp_lifted: bool | None
     grasp_shift_m: float | None  # motion of the object while the fingers close
     smoothness: float | None  # log dimensionless jerk of the arm; higher is smoother
@@ -92,13 +87,14 @@ class Metrics:
     # With several bins: how many rest in their own, and how many in another.
     objects_sorted: int | None = None
     objects_in_wrong_bin: int | None = None
-    # Grasps, those that held by the planner's word, and those of which something rests
-    # where it belongs, by ground truth.
+    # Grasps; those that held by the planner's word; those whose load rests where
+    # it belongs, by ground truth.
     picks: int | None = None
     picks_held: int | None = None
     picks_delivered: int | None = None
     picks_per_hour: float | None = None
-    # Grasps that carried several objects, and those of which the planner says so.
+    # Grasps that carried several objects, and those after which the planner says
+    # so.
     multi_object_picks: int | None = None
     multi_object_picks_seen: int | None = None
     objects: dict[str, dict[str, Any]] | None = None
@@ -111,7 +107,7 @@ class Metrics:
     # Only if objects fell off the table: their names. If the picked one did, it has no
     # placement error.
     off_table: list[str] | None = None
-    # Only with clutter: of which kind each object is that a seed has drawn.
+    # Only with clutter: the kind of each object that a seed has drawn.
     kinds: dict[str, str] | None = None
 
     def table(self) -> str:
@@ -129,14 +125,11 @@ class Metrics:
             # Adding 0 turns the -0 of a small negative number into 0.
             return ", ".join(f"{round(1e3 * x, 2) + 0.0:.2f}" for x in vector) + " mm"
 
-        word = "success" if self.success else f"failure: {self.failure}"
-        if self.claimed:
-            word = "done, by the planner's word"
         if self.objects is not None:
             return self._objects_table(self.objects)
         rows = [
             ("scenario", f"{self.scenario}, seed {self.seed}"),
-            ("result", f"{word}, {counted(self.attempts, 'attempt')}"),
+            ("result", verdict(vars(self))),
             ("cycle", show(self.cycle_time_s, 1.0, "s")),
             ("localisation error", across(self.localization_error_m)),
             ("localisation turn", degrees(self.localization_turn_rad)),
@@ -157,12 +150,10 @@ class Metrics:
         return "\n".join(f"{name:20} {value}" for name, value in rows)
 
     def _objects_table(self, objects: Mapping[str, Mapping[str, Any]]) -> str:
-        word = "success" if self.success else f"failure: {self.failure}"
         rate = "-" if self.picks_per_hour is None else f"{self.picks_per_hour:.0f}"
         rows = [
             ("scenario", f"{self.scenario}, seed {self.seed}"),
-            ("result", word),
-            ("cleared", f"{self.objects_cleared} of {self.objects_total} objects"),
+            ("result", verdict(vars(self))),
             *self._choice_rows(),
             ("picks", f"{self.picks_held} held of {self.picks}, {rate} per hour"),
             *self._multi_object_rows(),
@@ -333,12 +324,12 @@ def calc_metrics(
         artifacts=artifacts,
         safety_stops=measures.safety_stops(log),
         off_table=off_table or None,
-        kinds=_kinds(scenario) or None,
+        kinds=kinds_of(scenario) or None,
         **({} if cleared is None else cleared.metrics()),
     )
 
 
-def _kinds(scenario: Scenario) -> dict[str, str]:
+def kinds_of(scenario: Scenario) -> dict[str, str]:
     """Return the kinds of the objects that a seed has drawn, by name."""
     return {
         name: config.kind

@@ -19,9 +19,10 @@ from drake_srg.recording.recording import FILES
 from drake_srg.recording.rosbag import RosbagRecorder, Topic, cell_topics
 from drake_srg.recording.scene_topics import scene_topics as topics_of_scene
 from drake_srg.recording.timeline import Labels
-from drake_srg.recording.video import VideoRecorder
+from drake_srg.recording.video import VideoRecorder, View
 from drake_srg.scenario import Scenario
 from drake_srg.scenario.schema import script_of
+from drake_srg.simulation.metrics import kinds_of
 from drake_srg.station.plant import AddDirectives, AddObjects, MakeModelsPlant
 from drake_srg.station.video_process import RemoteVideoRecorder, VideoProcess
 from drake_srg.types import Vector
@@ -90,9 +91,6 @@ def AddRecorders(
         if scenario.recording.video_camera:
             video = _AddVideoRecorder(builder, cell, scenario, out, process)
             recorders["video"] = stack.enter_context(video)
-            builder.Connect(
-                cell.GetOutputPort("planner.status"), video.GetInputPort("caption")
-            )
         scene = scene_topics(cell, scenario) if scenario.recording.bag_scene else []
         recorders["recording"] = AddRosbagRecorder(builder, cell, scenario, out, scene)
         stack.pop_all()
@@ -106,18 +104,30 @@ def _AddVideoRecorder(
     out: Path,
     process: VideoProcess | None,
 ) -> VideoRecorder | RemoteVideoRecorder:
-    """Add the recorder of video.mp4, connected to the cell but for the caption."""
-    name, fps = scenario.recording.video_camera, scenario.recording.video_fps
+    """Add the recorder of video.mp4, connected to the cell."""
+    config, ports = scenario.recording, output_ports(cell)
+    name, fps = config.video_camera, config.video_fps
     path, camera = out / FILES["video"], scenario.cameras[name]
+    view = None
+    if camera.X_PB.base_frame in ("", "world"):
+        core = camera.MakeCameras()[0].core()
+        view = View(core, camera.X_PB.GetDeterministicValue(), kinds_of(scenario))
     video: VideoRecorder | RemoteVideoRecorder
     if process is None:
-        video = VideoRecorder(path, camera.width, camera.height, frame_rate=fps)
-        source = cell.GetOutputPort(f"camera_{name}.color_image")
+        size = camera.width, camera.height
+        video = VideoRecorder(path, *size, frame_rate=fps, view=view)
+        source = ports[f"camera_{name}.color_image"]
     else:
-        source = cell.GetOutputPort("plant_state_cheat")
-        video = RemoteVideoRecorder(process, path, source.size(), fps)
+        source = ports[_STATE]
+        video = RemoteVideoRecorder(process, path, source.size(), fps, view)
     builder.AddNamedSystem("video_recorder", video)
     builder.Connect(source, video.get_input_port(0))
+    inset = ports.get(f"camera_{config.inset_camera}.color_image")
+    if process is None and inset is not None:
+        builder.Connect(inset, video.GetInputPort("inset"))
+    builder.Connect(ports["planner.status"], video.GetInputPort("caption"))
+    if "object_poses_cheat" in ports:
+        builder.Connect(ports["object_poses_cheat"], video.GetInputPort("object_poses"))
     return video
 
 

@@ -474,7 +474,7 @@ def drop(thing: ObjectConfig) -> DropOutcome:
                 quiet = max(recent) < QUIET
                 if rig.time > LATE - 1e-6 or (rig.time > SOON - 1e-6 and quiet):
                     break
-        except ScenarioError:  # Drake gave up on what became of the contact
+        except ScenarioError:  # Drake gave up on the contact
             return DropOutcome(False, rig.time, np.inf, np.inf)
         away = rig.X_WO("thing").translation() - start
     moved = float(np.linalg.norm(away[:2]))

@@ -17,9 +17,10 @@ from drake_srg.common.status_line import StatusLine
 from drake_srg.common.systems import MakeSimulator
 from drake_srg.lifetime import my_context
 from drake_srg.planning.planner_machine import planning_clock
-from drake_srg.recording.output import output_folder
+from drake_srg.recording.output import Recorder, output_folder, verdict
 from drake_srg.recording.recording import FILES, Recording
 from drake_srg.recording.replay import write_page
+from drake_srg.recording.video import CaptionedRecorder
 from drake_srg.scenario import Scenario, perception_cameras, servo_of
 from drake_srg.simulation.flat import MakeRoot
 from drake_srg.simulation.metrics import Metrics, RunTimes, calc_metrics
@@ -142,8 +143,10 @@ def Simulate(
         builder, cell = MakeRoot("cell", make, add, built, name)
         recording = stack.enter_context(Recording(out))
         with scenario_errors(name):
+            recorders: dict[str, Recorder] = {}
             if out is not None and recorded:
-                recording.record(AddRecorders(builder, cell, scenario, out, process))
+                recorders = AddRecorders(builder, cell, scenario, out, process)
+                recording.record(recorders)
             diagram = builder.Build()
             diagram.set_name("simulation")
             simulator = MakeSimulator(diagram, scenario.simulator_config)
@@ -154,6 +157,12 @@ def Simulate(
         samples = Samples(name, scenario, diagram, cell, replayed)
         recording.write_samples = samples.write
         status, times = _run(simulator, cell, scenario, name, samples, progress)
+        arrays = samples.log.arrays()
+        touching = samples.log.touching
+        metrics = calc_metrics(scenario, name, arrays, status, touching, times, {})
+        video = recorders.get("video")
+        if isinstance(video, CaptionedRecorder):
+            video.judge(metrics.success, verdict(vars(metrics)))
         with StatusLine(shown=progress and recorded) as line:
             line.show(f"{name}: completing video and replay", last=True)
         written = recording.complete()
@@ -162,16 +171,7 @@ def Simulate(
         if kept is not None:
             samples.write(kept)
             write_page(kept)
-        arrays = samples.log.arrays()
-        metrics = calc_metrics(
-            scenario,
-            name,
-            arrays,
-            status,
-            samples.log.touching,
-            times,
-            {kind: written.get(kind) for kind in FILES},
-        )
+        metrics.artifacts = {kind: written.get(kind) for kind in FILES}
         if out is not None:
             metrics.write(out / "metrics.json")  # which the page shows
     return Result(metrics, arrays, status)
@@ -196,7 +196,8 @@ def _without_unused_cameras(scenario: Scenario, recorded: bool) -> Scenario:
     if servo is not None:
         used.add(servo.camera)
     if recorded:
-        used |= {scenario.recording.video_camera, *scenario.recording.bag_cameras}
+        config = scenario.recording
+        used |= {config.video_camera, config.inset_camera, *config.bag_cameras}
     seen = {name: c for name, c in scenario.cameras.items() if name in used}
     return dc.replace(scenario, cameras=seen)
 

@@ -236,8 +236,8 @@ def AddScriptedPlanner(
     return planner
 
 
-# Adds a planner, and all by which it sees, to a cell with a station; connects its
-# inputs and commands.
+# Adds a planner and its perception to a cell with a station, and connects inputs and
+# commands.
 AddPlanner: TypeAlias = Callable[[DiagramBuilder, Scenario, Diagram], System]
 _PLANNERS: dict[type[PlannerConfig], AddPlanner] = {
     PickAndPlace: functools.partial(AddLocalizingPlanner, make_planner=MakePlanner),

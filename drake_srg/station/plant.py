@@ -105,8 +105,8 @@ class Drops:
         return RigidTransform(X_WO.rotation(), X_WO.translation() + rise)
 
 
-# Distance from the camera to the card, over that to the object: so near the camera that
-# an arm on the table does not reach it.
+# Distance from the camera to the card, over that to the object. The card is so near
+# the camera that an arm on the table does not reach it.
 _SHARE_OF_DISTANCE = 0.3
 _GREY = [0.35, 0.35, 0.35, 1.0]
 
@@ -286,7 +286,8 @@ def AddCatch(plant: MultibodyPlant, scenario: Scenario) -> None:
     What leaves the cell would otherwise fall for ever, out of all numbers' range.
     """
     properties = ProximityProperties()
-    # Soft and damped: what arrives at 10 m/s rebounds at 1 cm/s at most.
+    # Soft and damped: an object that arrives at 10 m/s rebounds at 1 cm/s at
+    # most.
     AddCompliantHydroelasticProperties(_CATCH_SIDE, 1e5, properties)
     AddContactMaterial(
         dissipation=100.0, friction=CoulombFriction(1.0, 1.0), properties=properties

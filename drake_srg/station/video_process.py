@@ -22,15 +22,14 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from pydrake.common.value import AbstractValue
 from pydrake.common.yaml import yaml_dump_typed
 from pydrake.systems.framework import Context
 
 import drake_srg
 from drake_srg.common.exceptions import one_line
 from drake_srg.common.real_time import lower_priority
-from drake_srg.recording.output import Recorder, require
-from drake_srg.recording.video import VideoFile
+from drake_srg.recording.output import require
+from drake_srg.recording.video import CaptionedRecorder, VideoFile, View
 from drake_srg.scenario import LocalizerConfig, Scenario
 from drake_srg.scenario.typed_yaml import read_typed
 from drake_srg.station.cameras import MakeRemoteCameras
@@ -38,6 +37,7 @@ from drake_srg.types import mode_words
 
 _PIPE = 1 << 20  # for states that wait to be rendered: about a minute's [bytes]
 _PATIENCE = 120.0  # s; a frame takes seconds at worst
+_VERDICT = 2  # length of the last message; that of a frame is longer
 _SIGN, _SIGN_PERIOD = b"\0", 1.0  # of life: before the answer, at most so often [s]
 
 
@@ -94,7 +94,8 @@ class VideoProcess:
         # one camera are needed, and that from which a card may hide an object; a
         # gripper's driver may be the user's own.
         hidden_from = scenario.localizer.cameras[:1]
-        names = {scenario.recording.video_camera, *hidden_from}
+        filmed = scenario.recording.video_camera, scenario.recording.inset_camera
+        names = {*filter(None, filmed), *hidden_from}
         seen = dc.replace(
             scenario,
             gripper=None,
@@ -117,16 +118,20 @@ class VideoProcess:
     def send(self, *message: Any) -> None:
         """Send a message: the scenario's YAML, then the path, then frames.
 
-        A frame is its time [s], its caption and the plant's state. Messages to a
-        process that has ended, or hangs, are lost; `finish` reports that.
+        A frame is its time [s], its caption, the plant's state and the names to write
+        into it. Messages to a process that has ended, or hangs, are lost; `finish`
+        reports that.
         """
         rest = pickle.dumps(message)
         with contextlib.suppress(OSError):
             while rest and self._ready(self._stdin, select.POLLOUT):
                 rest = rest[os.write(self._stdin, rest) :]
 
-    def finish(self) -> int:
+    def finish(self, verdict: tuple[bool, str] | None = None) -> int:
         """Wait until the video is complete, and return its number of frames.
+
+        Args:
+            verdict: With what it ends, see `VideoFile.hold`.
 
         Returns:
             0 if the process could not make it; `tell` was called with the reason.
@@ -134,7 +139,7 @@ class VideoProcess:
         Raises:
             OSError: If the file could not be written.
         """
-        self.send()
+        self.send(*(verdict or ()))
         assert self._process.stdin is not None
         self._process.stdin.close()
         answer = b""
@@ -171,7 +176,7 @@ class VideoProcess:
         return f"died ({ended})"
 
 
-class RemoteVideoRecorder(Recorder):
+class RemoteVideoRecorder(CaptionedRecorder):
     """Records a camera as an H.264 video in a separate process.
 
     .. pydrake_system::
@@ -180,6 +185,7 @@ class RemoteVideoRecorder(Recorder):
         input_ports:
         - plant_state
         - caption
+        - object_poses
 
     Frames are those of a `VideoRecorder` at the same camera. `close()` waits for them.
 
@@ -188,28 +194,32 @@ class RemoteVideoRecorder(Recorder):
         path: The .mp4 file.
         state_size: Size of the plant's state.
         frame_rate: Images per simulated second [Hz].
+        view: Where the camera sees objects; None: no names.
 
     Raises:
         OSError: If the file cannot be written.
     """
 
     def __init__(
-        self, process: VideoProcess, path: Path, state_size: int, frame_rate: float
+        self,
+        process: VideoProcess,
+        path: Path,
+        state_size: int,
+        frame_rate: float,
+        view: View | None = None,
     ):
         super().__init__()
         self._process = process
         self._begin(path)
         self._state = self.DeclareVectorInputPort("plant_state", state_size)
-        self._caption = self.DeclareAbstractInputPort(
-            name="caption", model_value=AbstractValue.Make(object())
-        )
+        self._declare_texts(view, None)
         period = 1.0 / frame_rate
         self.DeclarePeriodicPublishEvent(period, period, self._record)
         process.send(str(self._output.path))
 
     def _finish(self) -> bool:
         try:
-            return self._process.finish() > 0
+            return self._process.finish(self._verdict) > 0
         except OSError as error:
             raise OSError(error.errno, error.strerror, str(self.path)) from error
 
@@ -217,7 +227,7 @@ class RemoteVideoRecorder(Recorder):
         state = np.array(self._state.Eval(context))
         # The other process does not know the user's own modes.
         words = mode_words(self._caption.Eval(context))
-        self._process.send(context.get_time(), words, state)
+        self._process.send(context.get_time(), words, state, self._names(context))
 
 
 def main() -> None:
@@ -255,20 +265,24 @@ def _render(live: Callable[[], None]) -> int:
     """
     (text,) = pickle.load(sys.stdin.buffer)
     scenario = read_typed(Scenario, text)
-    name = scenario.recording.video_camera
+    name, close = scenario.recording.video_camera, scenario.recording.inset_camera
     cameras = MakeRemoteCameras(scenario)
     context = cameras.CreateDefaultContext()
     state = cameras.GetInputPort("state")
     port = cameras.GetOutputPort(f"camera_{name}.color_image")
+    near = cameras.GetOutputPort(f"camera_{close}.color_image") if close else None
     config, fps = scenario.cameras[name], scenario.recording.video_fps
     (path,) = pickle.load(sys.stdin.buffer)
     file = VideoFile(Path(path), config.width, config.height, fps)
-    while message := pickle.load(sys.stdin.buffer):
-        time, words, value = message
+    while len(message := pickle.load(sys.stdin.buffer)) > _VERDICT:
+        time, words, value, names = message
         context.SetTime(time)
         state.FixValue(context, value)
-        file.add(port.Eval(context).data, time, words)
+        inset = None if near is None else near.Eval(context).data
+        file.add(port.Eval(context).data, time, words, names, inset)
         live()
+    if message:
+        file.hold(*message)
     file.close()
     return file.frames
 

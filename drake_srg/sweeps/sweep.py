@@ -200,10 +200,11 @@ def _set_aside(file: Path) -> Path:
     return file.rename(aside)
 
 
-# After so many dead workers, the trial is to blame: two may have died of another trial
-# beside it, and it has to die alone twice, because one death may be its worker's.
+# After this many dead workers, the trial is to blame. Two may have died of another
+# trial beside it. It must then die alone twice, because one death may be its
+# worker's.
 TRIES = 4
-# After so many deaths per slot without a single result, no trial is to blame.
+# After this many deaths per slot without a single result, no trial is to blame.
 _DEATHS = 5
 
 

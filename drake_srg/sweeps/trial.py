@@ -73,8 +73,8 @@ def run_trial(
             result, files=again.files, warning=_different(result.row, again.row)
         )
     free_diagrams()
-    # What is left stays until the worker ends: modules and caches. Later collections
-    # need not look at it again.
+    # Modules and caches stay until the worker ends. Later collections need not
+    # look at them again.
     gc.freeze()
     result.row["trial_time_s"] = wall.perf_counter() - start
     result.row["memory_mb"] = resident_memory()

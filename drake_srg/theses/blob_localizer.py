@@ -148,7 +148,7 @@ def first_blob(image: npt.NDArray[np.uint8]) -> tuple[float, float] | None:
     count, _, statistics, centers = cv2.connectedComponentsWithStats(
         mask.astype(np.uint8)
     )
-    if count == 1:  # only what is not of the colour
+    if count == 1:  # leaves out everything of another colour
         return None
     first = 1 + int(np.argmin(statistics[1:, cv2.CC_STAT_TOP]))
     height, width = mask.shape

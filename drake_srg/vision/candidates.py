@@ -21,7 +21,7 @@ from drake_srg.vision.images import Mask, grow, has_depth
 _STEP = 0.25
 _DEVIATIONS = 6.0  # a step also exceeds this many standard deviations of noise
 # Least area of a region, as a share of the object's smallest face. A smaller region
-# does not show what it is.
+# does not show which object it is.
 _LEAST_AREA = 0.08
 # Likewise, of a thing that is seen whole. From any side, a box, cylinder or ball covers
 # at least 0.79 of the smallest face of the box around it.

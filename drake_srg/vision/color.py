@@ -173,7 +173,7 @@ def _log(values: npt.NDArray[Any]) -> npt.NDArray[np.float32]:
     return np.log(np.asarray(values, np.float32) + np.float32(_DARK))
 
 
-# Where each hue ends [degrees]; what is beyond the last is red again.
+# End of each hue [degrees]; beyond the last, it is red again.
 _ENDS = {
     "red": 16.0,
     "orange": 42.0,
@@ -187,7 +187,7 @@ _ENDS = {
 _NEUTRAL = ("black", "grey", "white")
 COLORS: tuple[str, ...] = (*_ENDS, *_NEUTRAL)
 NUM_HUES = len(_ENDS)
-# What is less saturated or darker than this has no hue (0 .. 1).
+# A colour less saturated or darker than this has no hue (0 .. 1).
 _LEAST_SATURATION, _LEAST_VALUE = 0.3, 0.15
 # The greatest values of black and of grey (0 .. 1).
 _BLACK, _GREY = 0.25, 0.75

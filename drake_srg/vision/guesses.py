@@ -19,8 +19,8 @@ from drake_srg.vision.solids import signed_distance, turn_between
 # the true one [rad].
 _TURN = np.deg2rad(30.0)
 # Points that rank the guesses, steps that bring a guess to them, and guesses that are
-# worth a fit. As few points show what makes a turn visible, such as a handle, as many
-# more are if none of the first explains the view.
+# worth a fit. Only few of the points lie on a part that makes a turn visible, such as a
+# handle. So as many guesses again are fitted if none of the first explains the view.
 _POINTS, _STEPS, WORTH_A_FIT = 150, 4, 6
 # Turns about the solid's axes, and about the vertical, that may rival the best pose
 # [rad], and how many of the former are worth a fit.

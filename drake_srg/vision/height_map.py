@@ -170,7 +170,7 @@ def _filled(height: Vector) -> Vector:
     filled = height.copy()
     for _ in range((_HOLE + 1) // 2):
         missing = np.isnan(filled)
-        # Erosion takes the least, and inf for what is missing.
+        # Erosion takes the least, and inf stands for missing cells.
         known = np.where(missing, np.inf, filled).astype(np.float32)
         lowest = cv2.erode(known, np.ones((3, 3), np.uint8), borderValue=np.inf)
         filled[missing] = np.where(np.isfinite(lowest), lowest, np.nan)[missing]

@@ -75,7 +75,8 @@ def align(
     for softness in softnesses:
         margin, doubt = int(np.ceil(3 + 2 * softness)), softness * pixel
         sight = look(shape, X_WO, view, margin=margin, doubt=doubt)
-        # Within the outline, depth decides what belongs to the solid: colours may vary.
+        # Within the outline, depth decides which pixels belong to the solid:
+        # colours may vary.
         points = sight.points[sight.blob | (sight.surface & (sight.distance < -1))]
         known = (sight.labels != UNKNOWN) & (np.abs(sight.distance) < 3 + 8 * softness)
         side = np.where(sight.labels == INSIDE, 1, -1)[known]

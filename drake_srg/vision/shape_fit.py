@@ -370,7 +370,8 @@ class _Fitter:
         labels[tuple(sight.pixels.T[::-1])] = known
         h, w = view.depth.shape
         in_image = found = np.array(True)
-        # Where pixels are not in doubt: the median of 3 x 3 reaches one pixel farther.
+        # These pixels are certain: the median of 3 x 3 reaches one pixel
+        # farther.
         beside = _FRAYED + bool(view.noise)
         for grow, expected in ((-beside, INSIDE), (beside, OUTSIDE)):
             pixels = np.rint(outline.ring(grow, _RING)).astype(int)

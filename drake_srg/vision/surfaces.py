@@ -131,7 +131,7 @@ class CameraLeveling(LeafSystem):
         z = over[:, 2]
         plane = np.array([0.0, 0.0, float(np.median(z))])
         fits = np.ones(len(z), dtype=bool)
-        fitted = np.zeros(0, dtype=bool)  # what the plane fits
+        fitted = np.zeros(0, dtype=bool)  # pixels that the plane fits
         for _ in range(_ROUNDS):
             error = z - A @ plane
             spread = robust_deviation(error[fits])

@@ -22,7 +22,7 @@ from drake_srg.vision.images import Mask
 from drake_srg.vision.solids import signed_distance
 
 Labels = npt.NDArray[np.int8]
-# What is lower than this above the table belongs to the table [m].
+# Anything lower than this above the table belongs to the table [m].
 _LEAST_HEIGHT = 0.004
 # Distance of a cell's top from the surface of the object that it belongs to, at most
 # [m]: errors of pose and map. Steep flanks show at their upper edge's height.

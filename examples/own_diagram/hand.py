@@ -59,9 +59,13 @@ def main(out: Path) -> float:
     target = plant.get_desired_state_input_port(arm)
     builder.Connect(lift.get_output_port(), target)
 
-    names = ("state_measured", "proximity", "pwm", "grasped")
-    ports = {f"gripper.{name}": driver.GetOutputPort(name) for name in names}
-    ports["arm.state"] = plant.get_state_output_port(arm)
+    ports = {
+        "gripper.joints [rad, rad/s]": driver.GetOutputPort("state_measured"),
+        "gripper.proximity [m]": driver.GetOutputPort("proximity"),
+        "gripper.pwm": driver.GetOutputPort("pwm"),
+        "gripper.grasped": driver.GetOutputPort("grasped"),
+        "arm.state [m, m/s]": plant.get_state_output_port(arm),
+    }
     with AddRecording(builder, plant, scene_graph, out, ports=ports, objects=["box"]):
         simulator = Simulator(builder.Build())
         simulator.AdvanceTo(2.5)

@@ -52,7 +52,6 @@ def main(out: Path) -> tuple[PlannerStatus, float]:
     arm_config = ArmPositionDriver(home=HOME)
     arm_config.prepare_plant(plant, arm)
     plant.Finalize()
-    plant.SetDefaultPositions(arm, HOME)
     down = RigidTransform(RollPitchYaw(np.pi, 0.0, -np.pi / 2), [0.7, 0.0, 1.55])
     eye, localizer = AddLocalizer(builder, scene_graph, down, BOX)
     # The planner's model of the cell knows of no box. It also weighs the arm.
@@ -63,16 +62,16 @@ def main(out: Path) -> tuple[PlannerStatus, float]:
     motions = TaskPlanner(scene, hand, np.array(HOME), config)
     planner = PickAndPlacePlanner(motions, "box", BOX, GOAL, config=config)
     builder.AddNamedSystem("planner", planner)
-    mover = AddArmDriver(builder, plant, arm, gripper, scene.plant, arm_config)
-    fingers = AddSrgPositionDriver(builder, plant, gripper, scene_graph=scene_graph)
+    arm_driver = AddArmDriver(builder, plant, arm, gripper, scene.plant, arm_config)
+    hand_driver = AddSrgPositionDriver(builder, plant, gripper, scene_graph=scene_graph)
     for source, system, port in (
         (localizer.GetOutputPort("blobs"), planner, "blobs"),
-        (mover.GetOutputPort("state_measured"), planner, "arm_state"),
-        (fingers.GetOutputPort("state_measured"), planner, "gripper_state"),
-        (fingers.GetOutputPort("grasped"), planner, "grasped"),
-        (fingers.GetOutputPort("proximity"), planner, "proximity"),
-        (planner.GetOutputPort("position_commanded"), mover, "position_commanded"),
-        (planner.GetOutputPort("closure_commanded"), fingers, "closure_commanded"),
+        (arm_driver.GetOutputPort("state_measured"), planner, "arm_state"),
+        (hand_driver.GetOutputPort("state_measured"), planner, "gripper_state"),
+        (hand_driver.GetOutputPort("grasped"), planner, "grasped"),
+        (hand_driver.GetOutputPort("proximity"), planner, "proximity"),
+        (planner.GetOutputPort("position_commanded"), arm_driver, "position_commanded"),
+        (planner.GetOutputPort("closure_commanded"), hand_driver, "closure_commanded"),
     ):
         builder.Connect(source, system.GetInputPort(port))
     ports, seen = {"mode": planner.GetOutputPort("mode")}, {"eye": eye}

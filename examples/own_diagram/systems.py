@@ -34,13 +34,11 @@ def main(out: Path) -> np.ndarray:
 
     # The plant has the joints in an order of its own.
     joints = [plant.GetJointByName(n, gripper) for n in SRG_FINGERS.joint_names]
-    select = plant.MakeStateSelectorMatrix([joint.index() for joint in joints])
-    motors = [plant.GetJointActuatorIndices(gripper)[i] for i in range(4)]
-    of_joint = {plant.get_joint_actuator(a).joint().index(): a for a in motors}
-    torques = np.zeros((4, 4))  # of the actuators, in their order, from the joints' PWM
-    for column, joint in enumerate(joints):
-        actuator = plant.get_joint_actuator(of_joint[joint.index()])
-        torques[motors.index(actuator.index()), column] = actuator.effort_limit()
+    indices = [joint.index() for joint in joints]
+    select = plant.MakeStateSelectorMatrix(indices)
+    drive = plant.MakeActuatorSelectorMatrix(indices)
+    limits = drive.T @ plant.GetEffortUpperLimits()  # of the joints [N m]
+    torques = drive @ np.diag(limits)  # of the actuators, from the joints' PWM
 
     encoders = builder.AddNamedSystem("encoders", MatrixGain(select))
     amplifiers = builder.AddNamedSystem("amplifiers", MatrixGain(torques))

@@ -61,8 +61,8 @@ def main(out: Path) -> RigidTransform:
         builder.Connect(closure.get_output_port(), closed)
         target = plant.get_desired_state_input_port(arms[side])
         builder.Connect(lift.get_output_port(), target)
-        for name in ("contact_force", "grasped"):
-            ports[f"{side}.{name}"] = driver.GetOutputPort(name)
+        ports[f"{side}.contact_force [N]"] = driver.GetOutputPort("contact_force")
+        ports[f"{side}.grasped"] = driver.GetOutputPort("grasped")
     with AddRecording(builder, plant, scene_graph, out, ports=ports, objects=["bar"]):
         simulator = Simulator(builder.Build())
         simulator.AdvanceTo(2.5)

@@ -11,6 +11,7 @@ from pathlib import Path
 
 import pytest
 
+from drake_srg.__main__ import main as drake_srg_command
 from drake_srg.cli import main as main_module
 from drake_srg.cli.main import main
 from drake_srg.recording.output import read_log
@@ -381,3 +382,15 @@ def test_a_reader_that_has_seen_enough_is_no_error(unbuffered):
             check=False,
         )
     assert (listing.returncode, listing.stderr) == (0, b"")
+
+
+def test_ctrl_c_during_imports_is_one_line(monkeypatch, capsys):
+    class Interrupted:
+        def find_spec(self, name, path=None, target=None):
+            if name == "drake_srg.cli.main":
+                raise KeyboardInterrupt
+
+    monkeypatch.delitem(sys.modules, "drake_srg.cli.main")
+    monkeypatch.setattr(sys, "meta_path", [Interrupted(), *sys.meta_path])
+    assert drake_srg_command() == 130
+    assert capsys.readouterr().err == "drake-srg: stopped\n"

@@ -5,11 +5,13 @@ import av
 import numpy as np
 import pytest
 from pydrake.common.value import AbstractValue
+from pydrake.math import RigidTransform, RollPitchYaw
 from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import DiagramBuilder
 from pydrake.systems.primitives import ConstantValueSource
+from pydrake.systems.sensors import CameraConfig
 
-from drake_srg.recording.video import VideoRecorder, caption
+from drake_srg.recording.video import VideoRecorder, View, caption
 from drake_srg.types import Mode
 from recording.recording_sources import Sweep, image, is_freed
 
@@ -36,11 +38,10 @@ def decode(path):
 
 def test_ports(tmp_path):
     recorder = VideoRecorder(tmp_path / "video.mp4", 64, 48)
-    assert [recorder.get_input_port(i).get_name() for i in (0, 1)] == [
-        "color_image",
-        "caption",
+    names = [
+        recorder.get_input_port(i).get_name() for i in range(recorder.num_input_ports())
     ]
-    assert recorder.num_input_ports() == 2
+    assert names == ["color_image", "caption", "object_poses", "inset"]
     assert recorder.num_output_ports() == 0
     recorder.close()
 
@@ -99,6 +100,68 @@ def test_captions_show_enums_and_strings_alike():
         caption(picture, 1.5, text)
     assert np.array_equal(pictures[0], pictures[1])
     assert not np.array_equal(pictures[1], pictures[2])
+
+
+def camera_view(**kwargs):
+    """Return the view of a camera at 1 m above the origin that looks down."""
+    config = CameraConfig(width=640, height=360, fps=8.0)
+    X_WB = RigidTransform(RollPitchYaw(np.pi, 0.0, -np.pi / 2), [0.0, 0.0, 1.0])
+    return View(config.MakeCameras()[0].core(), X_WB, **kwargs)
+
+
+def test_names_stand_beside_what_the_camera_sees():
+    view = camera_view(kinds={"clutter_1": "mug"})
+    poses = {
+        "soup_can": RigidTransform([0.0, 0.0, 0.0]),
+        "clutter_1": RigidTransform([0.1, 0.0, 0.0]),
+        "behind": RigidTransform([0.0, 0.0, 1.5]),
+        "far_left": RigidTransform([0.0, 5.0, 0.0]),
+    }
+    names = dict(view.names(poses))
+    assert set(names) == {"soup can", "mug"}
+    focal = view.core.intrinsics().focal_x()
+    # The image's x is the world's -y, its y the world's -x; 6 cm beside the origin.
+    np.testing.assert_allclose(names["soup can"], [320 + 0.06 * focal, 180], atol=1)
+    np.testing.assert_allclose(
+        names["mug"], [320 + 0.06 * focal, 180 - 0.1 * focal], atol=1
+    )
+
+
+def test_names_of_neighbours_do_not_overlap():
+    poses = {
+        name: RigidTransform([0.001 * i, 0.0, 0.0]) for i, name in enumerate("abc")
+    }
+    rows = sorted(y for _, (_, y) in camera_view().names(poses))
+    assert np.diff(rows).min() >= 10
+
+
+def test_pictures_have_names_an_inset_and_end_with_the_verdict(tmp_path):
+    path = tmp_path / "video.mp4"
+    view, builder = camera_view(), DiagramBuilder()
+    recorder = builder.AddSystem(
+        VideoRecorder(path, 640, 360, frame_rate=10.0, view=view, quality=5)
+    )
+    poses = {"can": RigidTransform()}
+    for name, value in (
+        ("color_image", image((90, 90, 90, 255), 640, 360)),
+        ("inset", image((0, 0, 200, 255), 100, 80)),
+        ("object_poses", poses),
+    ):
+        source = builder.AddSystem(ConstantValueSource(AbstractValue.Make(value)))
+        builder.Connect(source.get_output_port(), recorder.GetInputPort(name))
+    with recorder:
+        Simulator(builder.Build()).AdvanceTo(0.2)
+        recorder.judge(True, "success, 1 attempt")
+    frames = decode(path)[1].astype(float)
+    assert len(frames) == 2 + 15  # 1.5 s of the verdict
+    (_, (x, y)), *_ = view.names(poses)
+    plain = np.abs(frames[:, :, 100:] - 90.0)
+    assert plain[0, y - 10 : y, x - 100 : x - 80].max() > 60  # the name
+    assert plain[0, y + 20 :].max() < 12
+    assert frames[0, :70, :90, 2].min() > 150  # the inset
+    assert (frames[-1, 304:336] < 45).any()  # the strip of the verdict
+    assert (frames[-1, 304:336, :, 1] > 150).any()  # its letters
+    assert (frames[0, 304:336] > 45).all()
 
 
 def test_no_frames_leave_no_file_and_closing_twice_is_fine(tmp_path):

@@ -115,7 +115,7 @@ def test_a_list_may_name_the_one_object_to_place():
         (
             "clear_table",
             "task.place.cameras=[bon]",
-            "task.place.cameras: unknown camera 'bon' (allowed: bin, ceiling, overview",
+            "task.place.cameras: unknown camera 'bon' (allowed: bin, ceiling, fingers",
         ),
         ("kitchen", "task.pick=all", "task.place.bin: must name the bin"),
         ("kitchen", "task.pick=[soup_can, a]", "task.pick: must name one object with"),
@@ -244,7 +244,8 @@ def test_the_defaults_pass():
         ("simulator_config.start_time=-1", "simulator_config.start_time: must be 0.0"),
         ("arm.kp=[-1, 1, 1, 1, 1, 1, 1]", "arm.kp: must be at least 0.0, got -1.0"),
         ("arm.kd=[-1, 1, 1, 1, 1, 1, 1]", "arm.kd: must be at least 0.0, got -1.0"),
-        ("recording.video_camera=sky", "allowed: ceiling, overview"),
+        ("recording.inset_camera=sky", "recording.inset_camera: unknown camera 'sky'"),
+        ("recording.video_camera=sky", "allowed: ceiling, fingers, overview"),
         (
             "planner.approaches=[below]",
             "planner.approaches: must be one of above, side",

@@ -7,8 +7,9 @@ import pytest
 from pydrake.common.eigen_geometry import AngleAxis
 from pydrake.math import RigidTransform, RollPitchYaw, RotationMatrix
 
+from drake_srg.recording.output import counted
 from drake_srg.scenario import load_scenario
-from drake_srg.simulation.metrics import _kinds, counted, rounded
+from drake_srg.simulation.metrics import kinds_of, rounded
 from drake_srg.theses.script import Script, ScriptStep
 from drake_srg.types import Failure, Mode, PlannerStatus
 from simulation.made_logs import (
@@ -241,7 +242,7 @@ def test_what_starts_low_may_stay_there():
 def test_drawn_objects_are_told_by_their_kind(tmp_path):
     scenario = load_scenario("clear_table", seed=0)
     kinds = {config.kind for config in scenario.objects.values()}
-    metrics = dc.replace(judge(make_log()), kinds=_kinds(scenario))
+    metrics = dc.replace(judge(make_log()), kinds=kinds_of(scenario))
     assert set(metrics.kinds) == set(scenario.objects)
     assert set(metrics.kinds.values()) <= kinds
     thing = {"outcome": "cleared", "attempts": 1}

@@ -128,10 +128,10 @@ def test_a_video_shows_the_run(tmp_path):
     overrides = ["cameras.overview.width=160", "cameras.overview.height=128"]
     path = tmp_path / "run.mp4"
     with Rig(bench_scenario(BALL, overrides=overrides), video=path) as rig:
-        rig.advance(0.2)
+        rig.advance(0.5)
     with av.open(str(path)) as container:
         frames = [f.to_ndarray(format="rgb24") for f in container.decode(video=0)]
-    assert len(frames) == 4  # 20 Hz
+    assert len(frames) == 4  # 8 Hz
     assert frames[0].shape == (128, 160, 3)
     assert frames[0].std() > 20.0
 

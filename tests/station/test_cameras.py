@@ -104,7 +104,8 @@ def test_only_imperfect_cameras_get_imperfections():
 @pytest.mark.slow
 def test_remote_cameras_show_what_the_stations_cameras_do(scenario, station):
     remote = MakeRemoteCameras(scenario)
-    cameras = [f"camera_{n}.{p}" for n in ("ceiling", "overview") for p in PORTS]
+    names = ("ceiling", "fingers", "overview")
+    cameras = [f"camera_{n}.{p}" for n in names for p in PORTS]
     context, root = remote.CreateDefaultContext(), station.CreateDefaultContext()
     state = move_can(station, root, 0.1)
     assert port_table(remote) == ({"state": len(state)}, dict.fromkeys(cameras))

@@ -40,7 +40,7 @@ def test_a_process_that_dies_is_told_and_the_rest_is_kept(tmp_path, monkeypatch)
 
     def send_and_die(self, *message):
         send(self, *message)
-        if len(message) == 3:  # a frame
+        if len(message) == 4:  # a frame
             self._process.kill()
 
     monkeypatch.setattr(VideoProcess, "send", send_and_die)
@@ -69,12 +69,12 @@ def test_an_error_of_the_process_is_told_or_raised(tmp_path):
         process.send(str(tmp_path / "missing" / "video.mp4"))
         plant, _ = AddPlant(DiagramBuilder(), scenario)
         state = plant.get_state_output_port().Eval(plant.CreateDefaultContext())
-        process.send(0.0, None, state)
+        process.send(0.0, None, state, [])
         with pytest.raises(FileNotFoundError):
             process.finish()
     with VideoProcess(scenario, told.append) as process:
         process.send(str(tmp_path / "video.mp4"))
-        process.send(0.0, None, [1.0, 2.0])  # not a state of this plant
+        process.send(0.0, None, [1.0, 2.0], [])  # not a state of this plant
         assert process.finish() == 0
     (line,) = told
     assert line.startswith("no video: ")
@@ -87,7 +87,7 @@ def test_a_process_that_hangs_is_told_and_ended(tmp_path):
         os.kill(process._process.pid, signal.SIGSTOP)
         process.send(str(tmp_path / "video.mp4"))
         for _ in range(3):  # more than the pipe holds
-            process.send(0.0, None, np.zeros(1 << 17))
+            process.send(0.0, None, np.zeros(1 << 17), [])
         assert process.finish() == 0
     assert told == [
         "no video: the process that renders it hung (no sign of life for 0.2 s)"

@@ -293,7 +293,7 @@ class HandTask:
                 return False
         return True
 
-    # What came of it.
+    # The result.
 
     @property
     def estimate(self) -> Vector:

@@ -21,7 +21,7 @@ from drake_srg.learning.envs.hand_env import HandEnv
 from drake_srg.learning.envs.scenes import choose
 
 SUITE = "drake_srg"
-# What a robot measures of itself; the other entries tell of the object and the goal.
+# Measurements of the robot itself; the other entries describe object and goal.
 _OWN = ("height", "angle_", "speed_", "force_", "closure", "time", "yaw")
 _TASKS = {
     "GraspOneShot-v0": "Grasp the object and hold it.",

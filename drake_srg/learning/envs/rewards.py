@@ -50,7 +50,8 @@ def pick_progress(reach: float, touching: float, height: float) -> float:
     return float(0.3 * near + 0.2 * touching + 0.5 * lifted)
 
 
-# Of the truth before (None: at the start of a single-step episode) and after a step.
+# Called with the truth before (None at the start of a single-step episode) and after
+# a step.
 Reward = Callable[[Truth | None, Truth], float]
 
 
@@ -77,9 +78,10 @@ def lifted_reward(before: Truth | None, after: Truth) -> float:
     return float(after.grasp is not None)
 
 
-# Reward 0.5: medians of 200 grasps of the hand-written rule on the training seeds of
-# run 999; None where a measure is within 0 .. 1. From the patches' centers alone, four
-# of five grasps that hold have epsilon and volume 0: those are no rewards.
+# Values with reward 0.5: medians of 200 grasps of the hand-written rule on the
+# training seeds of run 999; None if a measure is within 0 .. 1. From the patches'
+# centers alone, four of five grasps that hold have epsilon and volume 0, so those two
+# are no rewards.
 _TYPICAL: Mapping[str, float | None] = {
     "force closure": None,
     "epsilon, patches": 0.12,

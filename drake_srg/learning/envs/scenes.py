@@ -88,8 +88,8 @@ _SAMPLED = ("proximity", "minimum_jerk", "grasp_detector")
 _SENSING = {name: {"period": 3 / 128} for name in _SAMPLED}
 _FINE_SENSING = {name: {"period": 3 / 256} for name in _SAMPLED}
 
-# What each driver's configuration becomes, sampled as in `kitchen_fast`; on the
-# accurate physics, twice as often.
+# Changes to each driver's configuration: sampled as in `kitchen_fast`, and twice as
+# often on the accurate physics.
 _DRIVERS: dict[str, dict[str, Any]] = {
     "plant": {"_tag": "!PlantServoDriver", "proximity": None},
     "position": {
@@ -180,7 +180,7 @@ class Physics:
             "command_period": CONTROL_PERIOD,
             "weightless": self.name == "train",
         }
-        # What CENIC asks for; nothing is recorded.
+        # CENIC needs such periods; nothing is recorded.
         changes["recording"] = {"period": CONTROL_PERIOD, "video_fps": 16}
         if self.name == "accurate":
             hand = "package://drake_srg/sdf/srg.sdf"

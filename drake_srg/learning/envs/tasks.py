@@ -255,7 +255,7 @@ class PickEnv(HandEnv):
 
 # The object stands at its goal for so many control periods: within this distance [m],
 # this far from the table [m], upright by the cosine of its lean, and touched by no
-# finger. In the long steps of `train`, what stands there never comes to rest: it
+# finger. In the long steps of `train`, a standing object never comes to rest: it
 # bounces by millimetres.
 _STANDS, _TOLERANCE, _LIFT, _UPRIGHT = 8, 0.02, 0.01, np.cos(np.deg2rad(15.0))
 _FAR = 0.6  # what the goal's entries of the observation are 1 for [m]

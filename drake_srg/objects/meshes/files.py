@@ -135,7 +135,7 @@ def read_mesh(file: MeshFile, warnings: list[str]) -> ReadMesh:
     source = read_source(path)
     require_trimesh()
     try:
-        with np.errstate(all="ignore"):  # `_piece` tells of what is not finite
+        with np.errstate(all="ignore"):  # `_piece` reports values that are not finite
             found = _loaded(source)
             colors = [_color(mesh) or _DEFAULTS.get(suffix) for mesh in found]
             pieces = [_piece(mesh, source, scale) for mesh in found]

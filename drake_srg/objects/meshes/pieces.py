@@ -34,8 +34,8 @@ _FINE = 5e-5
 _CONVEX = 0.001
 # A part whose hull is thinner than this is a sheet without a volume [m].
 _THIN = 1e-6
-# Random points on a mesh and on a hull. A point is compared with the triangles of so
-# many of its nearest points on the mesh, or with all if there are not more.
+# Random points on a mesh and on a hull. Each is compared with the triangles of this
+# many of its nearest points on the mesh, or with all if the mesh has fewer.
 _SAMPLES, _HULL_SAMPLES, _NEAREST = 20_000, 500, 16
 
 
@@ -152,7 +152,7 @@ def measure_fit(mesh: TriangleMesh, pieces: Sequence[Vector]) -> Fit:
     owner = np.repeat(np.arange(len(pieces)), [len(p) for p in touched])
     others = depths(points)
     others[owner, np.arange(len(points))] = np.inf
-    points = points[others.min(axis=0) > -1e-5]  # nothing touches what is inside
+    points = points[others.min(axis=0) > -1e-5]  # nothing touches a hidden triangle
     if len(mesh.faces) <= _NEAREST:
         candidates = np.tile(np.arange(len(mesh.faces)), (len(points), 1))
     else:

@@ -31,7 +31,7 @@ from drake_srg.types import Failure, HeightMap, LabeledHeightMap, Remaining, Vec
 
 # Grasps whose motions are planned, at most.
 _MOST_GRASPS = 30
-# Edges of what sticks out of a bin flicker by so many cells.
+# Edges of things that stick out of a bin flicker by this many cells.
 _EDGES = np.ones((9, 9), np.uint8)
 
 
@@ -265,7 +265,7 @@ def _named(places: Iterable[Vector], left: list[Remaining]) -> list[Remaining]:
     return named
 
 
-# Labels are wrong at edges: this share of what is between the fingers must agree.
+# Labels are wrong at edges: this share of the cells between the fingers must agree.
 _LEAST_SHARE = 0.8
 _LEAST_HEIGHT = 0.004  # of a thing above the table [m]
 # Points between the fingers: along the closing direction, and across it [m].

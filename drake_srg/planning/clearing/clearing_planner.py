@@ -104,7 +104,7 @@ class ClearingMode(PlannerMode[ClearingMemory, Senses]):
             seen = without_hand(seen, pick.grasp.p_WC, kept)
         memory.view.looks += 1
         if memory.loads.look(seen) and pick is not None:
-            # What was taken has changed the table; in the end, pushes have.
+            # Picks have changed the table; in the end, pushes have.
             memory.attempts.pushed = ()
 
 
@@ -332,7 +332,7 @@ class Release(ClearingMode):
         memory.view.looks += 1
         seen = pick.without_load(entry.senses.see())
         self.planner.judge(memory, seen)
-        if placing:  # then the hand must first leave what it has placed
+        if placing:  # the hand must first leave the load that it has placed
             way_out = None if stuck else self.planner.way_out(memory, pick)
             released.astray, released.way_out = True, way_out
             if way_out is None:

@@ -14,24 +14,25 @@ from drake_srg.types import HeightMap, Vector
 # How far around a destination a load may be seen that has missed it [m].
 BESIDE = 0.1
 # How far a load in the hand may reach beyond a bin, and how far around the bin the
-# planner looks in the end for what has missed it [m]. Farther off is the arm.
+# planner looks in the end for loads that missed it [m]. The arm is farther off.
 AROUND = 0.2
 # A bin's edge in maps flickers between wall and table within this distance outside [m].
 # As far inside, there may still be wall [m].
 EDGE, _WALL = 0.01, 0.02
-# Lanes in which long things are laid down are beside the middle, where others are
-# dropped: so far, as a share of a bin's width.
+# Long things are laid down in lanes beside the middle, where others are dropped. The
+# lanes are this far from it, as a share of a bin's width.
 _LANE = 0.2
-# Tall things are set down in its middle, or so far to either side along it, as a share
-# of its length: what leans on a rim may hang over it.
+# Tall things are set down in the bin's middle, or this far to either side along it,
+# as a share of its length. A thing that leans on a rim may hang over it.
 _SPOT = 0.25
-# Half the width of a lane, and of a place for a tall load [m]: what is within it is
-# below the load. In a lane, it may also be below the hand, whose fingers open by 55 mm
-# and are 22 mm thick: one that goes down in a mug lifts it out of the bin.
+# Half the width of a lane, and of a place for a tall load [m]. Everything within it
+# counts as below the load. In a lane, it may also be below the hand. Its fingers open
+# by 55 mm and are 22 mm thick, and one that goes down into a mug lifts it out of the
+# bin.
 _HALF_LANE, _HALF_SPOT = 0.09, 0.05
-# What reaches over a rim from inside, no further than `_STICKS_OUT` beyond it, is in
-# the bin [m]: most of it is inside, and the wall leaves a hand no room. On the wall it
-# is higher than the rim by `_ON_RIM`, and beside that at most `_BELOW_RIM` lower.
+# A part that reaches over a rim from inside, by at most `_STICKS_OUT` [m], is in the
+# bin: most of it is inside, and the wall leaves a hand no room. On the wall, it is
+# higher than the rim by `_ON_RIM`; beside the wall, it is at most `_BELOW_RIM` lower.
 _STICKS_OUT, _ON_RIM, _BELOW_RIM = 0.08, 0.008, 0.03
 
 

@@ -40,14 +40,14 @@ from drake_srg.types import (
     Vector,
 )
 
-# What falls out of the bin rolls this far at most [m].
+# An object that falls out of the bin rolls this far at most [m].
 _ROLLED = 0.3
-# What is gone from so near to the grasp belongs to the load for the most part [m].
+# Most of the volume that disappears this near to the grasp belongs to the load [m].
 _CORE = 0.03
-# Of what a hand over the bin holds, at least this share is near the bin. A long thing
-# that was pushed there lies on both sides of the limit.
+# If the hand over the bin holds a thing, at least this share of it is near the bin. A
+# long thing that was pushed there lies on both sides of the limit.
 _LEAST_NEAR = 0.8
-# Noise raises the cells at the edges of what has risen.
+# Noise raises the cells at the edges of a rise.
 _EDGES = np.ones((5, 5), np.uint8)
 
 
@@ -58,10 +58,10 @@ class Pick(Memory):
     grasp: TopGrasp
     motions: Mapping[AnyMode, Trajectory]
     height_map: HeightMap
-    destination: Destination  # of what it takes
+    destination: Destination  # of the target
     ready_at: float  # when planning has taken its time [s]
-    label: int = -1  # of what it takes, on labelled maps; -1: none
-    confirmed: bool = False  # what it takes was seen again on the way there
+    label: int = -1  # of the target, on labelled maps; -1: none
+    confirmed: bool = False  # the target was seen again on the way there
     # Angles of the gripper's joints as the lift begins, shape (n,) [rad].
     angles: Vector = dc.field(default_factory=lambda: np.zeros(0))
     held: bool = False  # the fingers felt something until the arm was over the bin

@@ -15,31 +15,33 @@ from drake_srg.planning.clearing.maps import fallen, opened, parts
 from drake_srg.planning.state_machine import Memory
 from drake_srg.types import Failure, HeightMap, Remaining
 
-# Where loads go, at least this share of their volume rises, and at least so much [m³]:
-# more than noise. Things lie differently there, behind a rim, on others and in them,
-# and push others down.
+# Where a load goes, at least this share of its volume rises, and at least this much
+# [m³], which is more than noise. The share is low because the load lies differently
+# in the bin: behind a rim, on other loads or in them, and it pushes them down.
 _LEAST_SHARE, _LEAST_VOLUME = 0.2, 5.0e-6
-# At most this share of the load's volume rises beside, in parts of which more than
-# `_MOST_OUTSIDE` lies there: what reaches less far over the rim has its middle inside,
-# and stays. So near to the rim, and so much higher than it [m], is beside, too,
-# where no camera sees beyond it: a load that leans there may hang over it and fall.
+# At most this share of the load's volume rises beside the bin, counting parts of
+# which more than `_MOST_OUTSIDE` lies there. A part that reaches less far over the
+# rim has its middle inside, and stays. Where no camera sees beyond the rim, a rise
+# this near to it and this much higher [m] counts as beside, too: a load that leans
+# there may hang over it and fall.
 _MOST_BESIDE, _MOST_OUTSIDE = 0.25, 0.4
 _NEAR_RIM, _ABOVE_RIM = 0.05, 0.02
-# If at least this share of its volume has come in on the whole, what has come to lie
-# beside is something else: an arm that goes by may push things there.
+# If at least this share of the load's volume is inside, a rise beside the bin is
+# another thing: an arm that goes by may push things there.
 _MAIN_SHARE = 0.5
-# What a heap loses is more than the load: others settle. Where at least so much rises
-# in a bin [m³], as little beside it, and so little falls that this share remains, it is
-# the load.
+# A heap loses more than the load, because others settle. If at least this much rises
+# in a bin [m³], at most this much rises beside it, and this share remains after
+# subtracting the falls, the rise is the load.
 _LEAST_WHOLE, _WHOLE = 1.0e-5, 0.8
-# A part is a thing of its own if it is larger than this [m³], than this share of all
-# that has risen, and than so many times what has fallen: what was pushed aside rises as
-# much as it falls. Things rise by so many times the load's volume together at most.
+# A part is a thing of its own if it is larger than this [m³], than this share of the
+# whole rise, and than so many times the fall: a thing that was pushed aside rises as
+# much as it falls. All things together rise by at most so many times the load's
+# volume.
 _LEAST_THING, _LEAST_PART, _MOVED, _MOST_RISEN = 1.0e-5, 0.1, 2.0, 1.5
-# What hangs over a rim shows at these distances from it [m]. Nearer to it, a wall hides
-# the table from a camera above the bin, too.
+# A load that hangs over a rim shows at these distances from it [m]. Nearer to it, a
+# wall hides the table from a camera above the bin, too.
 _BEYOND = (0.025, 0.04)
-# What was set down is as high as it was, within [m].
+# A load that was set down has kept its height, within [m].
 _SAME_HEIGHT = 0.015
 # The volume of a load on a map is the same within this share, unless it lies on another
 # side.
@@ -326,7 +328,8 @@ class Risen:
             beside &= ~(low & destination.contains(after, EDGE))
             hidden = inside & ~low & _hides(destination, after)
             inside, beside = inside & ~hidden, beside | hidden
-            # Both ends of what lies on the rim are one part, above what the wall hides.
+            # Both ends of a load on the rim are one part, above the strip
+            # that the wall hides.
             changed |= np.isnan(before.height) & (after.height > destination.rim)
         away = beside | ~destination.contains(after, BESIDE)
         received, over, apart = [], 0.0, 0.0
@@ -376,14 +379,15 @@ class Risen:
         """Return whether a load has come where it belongs, and not beside."""
         received, least = self.inside, _LEAST_SHARE * load.volume
         if load.felt:
-            # What lay over the rim may have been pushed along it.
+            # A load that lay over the rim may have been pushed along it.
             missed = max(self.over - self.left, 0.0)
             if self.net < max(_LEAST_VOLUME, _MAIN_SHARE * load.volume):
                 missed += self.apart
         else:
             missed = self.over + self.apart
-            # What lies in a bin moves as a load comes in; without one, as much falls,
-            # also in parts that are too small to count.
+            # Things in a bin move as a load comes in. If none comes in,
+            # as much falls as rises, also in parts that are too small to
+            # count.
             least = max(least, _LEAST_SHARE * received)
             received = min(received, self.net)
         if received < max(_LEAST_VOLUME, least):

@@ -15,31 +15,34 @@ from drake_srg.planning.motion.planning_scene import PlanningScene
 from drake_srg.types import Box, HeightMap, LabeledHeightMap, Shape, Vector
 
 # Heights that differ by less are the same: [m], below the height of a spoon's handle,
-# and in standard deviations of what noise changes.
+# and in standard deviations of the noise of a change.
 _SAME, _DEVIATIONS = 0.003, 3.0
 # Changes of less than this are noise at the edges of things [m³].
 _LEAST_VOLUME = 1.0e-6
-# At least this share of what has left its place has left the map. What moves as its
-# neighbour is taken casts other shadows: 0.26 was seen as a hammer left a heap.
+# At least this share of a thing that has left its place has left the map. A thing
+# that moves as its neighbour is taken casts other shadows: 0.26 was seen as a hammer
+# left a heap.
 _LEAST_SHARE = 0.2
 # A connected change of this much of the map says that something is still moving [m²].
 # Edges of things flicker in noisy depth, here and there.
 _LEAST_AREA = 2.0e-4
-# An edge may be seen so far to either side of where it is [m]: two cells of the table's
-# map. There, only a height that was not seen so near is a change. So a thing of 5 cm
-# that moves by less than about 1 cm between two looks counts as still.
+# An edge may be seen this far to either side of its place [m]: two cells of the
+# table's map. Near an edge, a cell has changed only if no cell this near had its
+# height before. So a thing 5 cm wide that moves by less than about 1 cm counts as
+# still.
 _FLICKER = 0.004
 # Changes of single cells are noise; this many cells side by side are not.
 _KERNEL = np.ones((3, 3), np.uint8)
-# Cells so near to a place [m] tell whether what is there has moved, or has gone.
+# Cells this near to a place [m] tell whether the thing there has moved, or has gone.
 _MOVED, _GONE = 0.05, 0.015
-# What is taken changes the map so near to where it was grasped as the open fingers
-# reach, and in parts this far from each other: noise breaks it apart [m].
+# A pick changes the map this near to the grasp, as far as the open fingers reach. The
+# change may be in parts this far from each other, because noise breaks it apart [m].
 _TAKEN, _APART = 0.1, 0.008
-# What was so much higher has left [m]. Low things hide so much of the table beside them
-# from the ceiling [m].
+# A thing that stood this much higher than the cell is now has left [m]. Low things
+# hide this much of the table beside them from the ceiling [m].
 _LEFT, _HIDDEN = 0.01, 0.02
-# Between pads there may be a gap, such as that of a fork. The thing is as near as [m]:
+# Between pads there may be a gap, such as that of a fork. Then the thing is at most
+# this far away [m].
 _FORK = 0.02
 _TAKEN_RADIUS = 0.12  # things this near to a grasp are the load itself [m]
 _LEAST_HEIGHT = 0.005  # lower things are below every motion across [m]
@@ -211,7 +214,7 @@ def completed(seen: HeightMap, earlier: HeightMap | None) -> HeightMap:
     size = 2 * round(_HIDDEN / seen.resolution) + 1
     around = np.ones((size, size), np.uint8)
     beside = cv2.dilate(left, around) > 0
-    # What is as high as something that is still seen nearby may belong to that.
+    # A cell as high as something nearby that is still seen may belong to that.
     highest = cv2.dilate(np.nan_to_num(seen.height, nan=-np.inf), around)
     beside &= earlier.height > highest + _LEFT
     height = np.where(beside, np.nan, earlier.height)

@@ -37,35 +37,38 @@ from drake_srg.planning.motion.trajectories import STRAIGHT, PathPart
 from drake_srg.planning.planner_machine import PlannerConfig
 from drake_srg.types import AnyMode, Box, HeightMap, Mode, Vector
 
-# Of inverse kinematics: another grasp comes sooner than a rare posture.
+# Starts of inverse kinematics: trying another grasp is faster than finding a rare
+# posture.
 _STARTS = 4
 _WITHIN = 0.01  # error of the radii of the ring that the hand reaches [m]
-# Horizontal distance of the hand from where loads go, from which on it hides nothing
-# there [m], and turns of the first joint that are tried for that.
+# From this horizontal distance to a load's place on, the hand hides nothing there
+# [m]. Turns of the first joint that are tried for that.
 _AWAY = 0.6
 _TURNS = np.deg2rad(np.arange(15.0, 180.0, 15.0))
-# A load turns about the line between the pads until it hangs from them, but no
-# household object by more than `_MOST_SAG` [m] below where it lay: the hammer, held by
-# its head, has a handle of 0.32 m. What reaches further than `_LONG` from the grasp may
+# A load turns about the line between the pads until it hangs from them. No household
+# object sinks by more than `_MOST_SAG` [m] below where it lay: the hammer, held by
+# its head, has a handle of 0.32 m. A part further than `_LONG` from the grasp may
 # hang beside where it lay [m].
 _MOST_SAG, _LONG = 0.22, 0.1
 # Things that touch are parted by a step of this height [m]: more than noise makes.
 _STEP = 0.015
-# What hangs further below the grasp and is let go above the rim may topple over it [m].
+# A load that hangs further below the grasp than this may topple over the rim when it
+# is let go above it [m].
 _TALL = 0.1
 # Greatest offset in x and y of the hand from the bin's middle when it lets go [m].
 _ASIDE = 0.12
-# Distance of a stuck hand from what it presses on: so much of an overlap is free [m].
+# A stuck hand overlaps with the thing that it presses on: this much counts as free
+# [m].
 _PRESSED = -0.02
 # How far above the highest thing in a bin a hand leaves it [m].
 _ABOVE = 0.03
-# Margin of the hand while it is at a grasp, or between what it has set down [m]: grasps
-# keep their own clearance.
+# Margin of the hand while it is at a grasp, or between things that it has set down
+# [m]: grasps keep their own clearance.
 TIPS = 0.0
-# A hand that comes from the side keeps the middle of its pads so much higher than
-# whatever is within `HAND_RADIUS` [m].
+# A hand that comes from the side keeps the middle of its pads this much higher than
+# everything within `HAND_RADIUS` [m].
 _OVER = 0.06
-_LOAD_WIDTH = 0.06  # of what hangs below the hand, as planned [m]
+_LOAD_WIDTH = 0.06  # of the part that hangs below the hand, as planned [m]
 _NOWHERE = Spots()
 
 
@@ -134,7 +137,8 @@ def reach_with_hand_down(
         within, without, q = middle, beyond, in_middle.q
         while abs(without - within) > _WITHIN:
             between = 0.5 * (within + without)
-            # What is reached nearby is the best start, and the only one needed.
+            # A posture found nearby is the best start, and the only one
+            # needed.
             found = solve_from(scene, target(between), q)
             if found is None:
                 without = between
@@ -186,7 +190,7 @@ class HeldLoad:
     middle_G: Vector
     # From the bin's middle to where it is dropped, in world, shape (3,) [m].
     aside_W: Vector = dc.field(default_factory=lambda: np.zeros(3))
-    piled: float = 0.0  # how far what is in the bin rises above its rim [m]
+    piled: float = 0.0  # how far the load of the bin rises above its rim [m]
     spots: tuple[Spot, ...] = ()  # where it may be laid down, the best one first
 
     @property
@@ -318,9 +322,9 @@ class ClearingMotions(abc.ABC):
         if grasp.wrapped:  # the palm keeps it level
             load = load.level
         load = self._with_destination(load, number, filled, spots)
-        # High above the things around, the hand is out of their way. Far from its base,
-        # the arm does not get that high: then the hand passes between them, if it can,
-        # and draws what hangs from it in.
+        # High above the things around, the hand is out of their way. Far from
+        # its base, the arm does not get that high. Then the hand passes
+        # between them, if it can, and draws in the load that hangs from it.
         for height in dict.fromkeys((approach, near)):
             try:
                 to = self._approach(q_start, q_grasp, grasp, height, height_map)

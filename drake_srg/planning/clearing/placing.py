@@ -19,18 +19,18 @@ from drake_srg.planning.motion.planning_scene import NoPathError
 from drake_srg.planning.motion.trajectories import STRAIGHT, PathPart, joined
 from drake_srg.types import AnyMode, HeightMap, Mode, Vector
 
-# Height above what is below at which a load is let go [m]: more than it sags in the
-# fingers, and little to fall.
+# A load is let go this high above everything below it [m]: more than it sags in the
+# fingers, and a short fall.
 _ABOVE = 0.02
 # Angles of the load on its way from hanging to lying [rad].
 _ANGLES = np.deg2rad([0.0, 15.0, 30.0, 45.0, 60.0, 75.0, 90.0])
 # Distance that the load keeps from the bin's rim [m].
 _RIM = 0.03
-# Of three loads, one is dropped in the bin's middle and the others so far to either
-# side along it, as a share of its length: things do not pile up.
+# Of three loads, one is dropped in the bin's middle, and the others this far to
+# either side along it, as a share of its length, so that they do not pile up.
 _ASIDE = 0.22
-# Shares of the distance from the arm by which a load is drawn in that it cannot lift
-# high enough where it is.
+# If the arm cannot lift a load high enough, it draws the load in by these shares of
+# the distance.
 _DRAWN_IN = (0.15, 0.3, 0.45)
 # A long load swings as it is lifted. At full speed, a hammer of 0.67 kg pulls itself
 # out of the pads. Share of that speed while a load that may hang is lifted.

@@ -29,17 +29,18 @@ from drake_srg.types import HeightMap, Vector
 _DIRECTIONS = 16
 # The uppermost thing of a heap reaches down this far at least [m]. A heap has parts
 # that are lower than its top by `_FLAT` and at least `_EDGE` wide [m]. A plate or a
-# lying box on its own, which pushing does not help, has only a rounded edge.
+# lying box on its own has only a rounded edge; pushing would not help it.
 _TOP, _FLAT, _EDGE = 0.025, 0.035, 0.01
-# Distance of the closed hand's middle from what it pushes at first, and how far it
-# pushes it [m].
+# Distance between the closed hand's middle and the thing that it pushes, at first,
+# and length of the push [m].
 _BEFORE, _FAR = 0.05, 0.2
 # Room for the closed hand around its middle, and under its ends [m].
 _AROUND, _UNDER = 0.04, 0.008
-# What is pushed needs as much room where it goes, along and across [m], and so much of
-# that must be free.
+# A pushed thing needs this much room at its new place, along and across [m], and this
+# much of that must be free.
 _ROOM, _ACROSS, _LEAST_FREE = 0.2, 0.12, 0.6
-# Pushes are alike if they begin so near to each other [m] and turn by so little [rad].
+# Pushes are alike if they begin this near to each other [m] and their directions
+# differ by less than this [rad].
 _SAME_PLACE, _SAME_WAY = 0.05, np.deg2rad(30.0)
 
 
@@ -49,7 +50,7 @@ class Push:
 
     start_W: Vector  # shape (3,) [m]
     end_W: Vector  # shape (3,) [m]
-    # What is left to move, through the heap and over the bin.
+    # Motions that remain: through the heap and over the bin.
     motions: tuple[Trajectory, ...] = ()
     ready_at: float = 0.0  # when planning has taken its time [s]
 

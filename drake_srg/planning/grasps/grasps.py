@@ -52,11 +52,12 @@ class Grasp(abc.ABC):
     fingers_closed: Mapping[str, float]  # the same, as expected when holding [rad]
     # Angle between the object's axis and the nearest axis of the palm [rad].
     lean: float = 0.0
-    # Where the palm's y is in the object, perpendicular to its axis, shape (3,): the
-    # normal of a box's face. None: the object is round.
+    # Direction of the palm's y in the object, perpendicular to its axis, shape
+    # (3,): the normal of a box's face. None: the object is round.
     across_O: Vector | None = None
-    # What must point down in the palm when the hand takes an object that lies,
-    # perpendicular to `axis_G` and the palm's y, shape (3,). None: the object stands.
+    # Direction in the palm that must point down when the hand takes a lying
+    # object, perpendicular to `axis_G` and the palm's y, shape (3,). None: the
+    # object stands.
     down_G: Vector | None = None
     # How far the axis may be turned from `axis_G` when the hand closes [rad].
     pick_angle: float = _EXACT

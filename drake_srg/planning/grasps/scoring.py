@@ -17,24 +17,24 @@ Floats = npt.NDArray[np.float32]
 
 # Distance that the open hand keeps from everything; one noisy cell counts less [m].
 _CLEARANCE = 0.004
-# What reaches above the fingers' ends by this is between them [m].
+# A thing counts as between the fingers if it rises above their ends by this [m].
 _ENGAGED = 0.002
-# Of pinches: half gaps of the open fingers' ends that are tried [m].
+# Half gaps of the open fingers' ends that are tried for pinches [m].
 _OPENINGS = (0.016, 0.027, 0.04, 0.055, 0.07, 0.085)
-# Of pinches: how far below the top of a thing the fingers' ends may reach [m]; no
-# further than to the table. In noise, less is no flank: 7 mm down the rim of a plate,
+# In a pinch, the fingers' ends may reach this far below the top of a thing [m], but
+# not below the table. In noise, less is no flank: 7 mm down the rim of a plate,
 # pinches slip off.
 _DEPTHS = (0.015, 0.03, 0.045, 0.06, 0.08, 0.095)
 # A thing this near to a pad touches it [m].
 _TOUCHES = 0.004
-# The slant of a face is fitted to what the pad sees within `_FACE` of the middle of the
-# part that touches, across the pad. Distances beyond `_AWAY` count as that [m].
+# The slant of a face is fitted across the pad to the surface within `_FACE` of the
+# middle of the part that touches. Distances beyond `_AWAY` count as that [m].
 _FACE, _AWAY = 0.01, 0.02
 # Height of the flank over which its lean is measured [m].
 _RISE = 0.012
-# Most of the flank of a low thing may be below what counts as between the pads. From
-# this height above the fingers' ends on [m], and so many standard deviations of the
-# table's own heights, it counts, too.
+# A low thing may have most of its flank below the limit for things between the pads.
+# Its flank counts from this height above the fingers' ends [m], and so many standard
+# deviations of the table's own heights.
 _FOOT, _DEVIATIONS = 0.001, 2.0
 # Tangent of the angle between a face and the pad that presses on it, at most. Friction
 # would allow 0.6 and blurred edges look less steep than they are.
@@ -45,11 +45,11 @@ _TWIST, _WEDGE, _LEVER = 2.0, 2.0, 48.0
 # 10 mm. Beyond that it swings, however long the lever: longer ones than this cost no
 # more, and one that is not known costs as much as `_UNKNOWN` [m].
 _LONGEST, _UNKNOWN = 0.05, 0.017
-# What sticks out along the closing direction tips the thing between the pads. Their
-# friction and pressure resist by N (mu w + h), w apart and h high: a middle so many
-# times (mu w + h) away costs nothing, and each further multiple a point; with the
-# lever, at most what the longest lever costs. A hammer that is held by its head has 3.9
-# and falls, a bowl by its wall 1.1.
+# A thing that sticks out along the closing direction tips between the pads. Their
+# friction and pressure resist by N (mu w + h), w apart and h high. A middle so many
+# times (mu w + h) away costs nothing, and each further multiple a point, but together
+# with the lever at most as much as the longest lever. A hammer that is held by its
+# head has 3.9 and falls, a bowl by its wall 1.1.
 _FRICTION, _RESISTED = 0.6, 1.5
 # Distance between samples below the palm, at most [m].
 _PALM_STEP = 0.007
@@ -60,8 +60,8 @@ _ROOM, _WIDE = 0.012, 0.1
 # Weights of the score's terms (docs/grasps.md): depth, steepness, the excess width that
 # costs two points and the half gap that costs one [m].
 _DEPTH, _STEEP, _EXCESS, _OPENING = 2.5, 2.0, 0.05, 0.3
-# Half the width of the middle of a pinch: what is there is taken. It counts as one
-# thing up to this height above the point in the middle [m].
+# Half the width of the middle of a pinch: the hand takes the thing that is there. The
+# middle counts as one thing up to this height above its central point [m].
 _MIDDLE, _TALLER = 0.011, 0.02
 # Samples reach this far beyond the widest opening, for the fingers' backs [m].
 _BACKS = 0.04

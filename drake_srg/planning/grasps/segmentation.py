@@ -18,14 +18,15 @@ _NEAR = 0.01
 _NOISY = 3e-4
 # Noise makes specks that look like small things: among it, a thing is larger by this.
 _SPECKS = 2.0
-# A thing is higher than the table's noise by this many standard deviations. From there
-# it extends over whatever is higher than it by so many.
+# A thing is higher than the table's noise by this many standard deviations. From
+# there, it extends over all cells that are higher by the second number.
 _DEVIATIONS, _EXTENDS = 4.0, 2.0
 # A part of a thing that is nowhere wider than `_THIN` and at least `_LONG` long sticks
 # out of something wider, such as a hammer from below a plate [m].
 _THIN, _LONG = 0.05, 0.1
-# So does a part at least `_BROAD` across beside one wider than `_WIDE`, such as a ball
-# that touches a plate. The corners of a lying box are less broad [m].
+# A part at least `_BROAD` across beside one wider than `_WIDE` also has a lever of
+# its own, such as a ball that touches a plate. The corners of a lying box are less
+# broad [m].
 _WIDE, _BROAD = 0.13, 0.03
 
 

@@ -14,15 +14,15 @@ from drake_srg.planning.grasps.grasps import PinchGrasp
 from drake_srg.planning.grasps.top_grasps import HeightMapGrasps, TopGrasp
 from drake_srg.types import HeightMap, Vector
 
-# The arm's reach decides among so many of the best pinches.
+# The arm's reach decides among this many of the best pinches.
 _MOST = 12
-# Resolution of the solid's height map, and what that shows around it [m].
+# Resolution of the solid's height map, and margin of the map around it [m].
 _RESOLUTION, _AROUND = 0.002, 0.06
-# More than the clearance, for what inverse kinematics leaves open [m].
+# More than the clearance, because inverse kinematics leaves errors [m].
 _SPARE = 1e-3
-# Costs of a grasp for what its score lacks to the best one's [rad²], and for the
-# distance of the line between the pads from the centre of mass: the solid turns about
-# that line [rad²/m].
+# Costs of a grasp: per point that its score is below the best one's [rad²], and per
+# distance of the line between the pads from the centre of mass, because the solid
+# turns about that line [rad²/m].
 _COST, _LEVER = 4.0, 200.0
 
 

@@ -244,8 +244,8 @@ class SrgFingers(Fingers):
         return width - _BLUR > 2.0 * _LEAST_GAP
 
 
-# What the hand must clear above and below its middle [m]: half of the palm's height,
-# rounded up to 0.1 mm.
+# Free space that the hand needs above and below its middle [m]: half of the palm's
+# height, rounded up to 0.1 mm.
 _PALM_HALF_HEIGHT = np.ceil(0.5e4 * SRG.palm_height) / 1e4
 # How far straight fingers reach in the palm's x, pointing a little inward of straight
 # ahead [m].

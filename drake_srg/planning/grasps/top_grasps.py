@@ -20,8 +20,8 @@ from drake_srg.types import Failure, HeightMap, Vector
 
 # Places that are nearer to each other belong to one thing [m].
 SAME_THING = 0.06
-# Grasps of one thing fail alike, such as on the rim of a plate, if what is between the
-# fingers is as wide and as high within [m].
+# Grasps of one thing fail alike, such as on the rim of a plate, if width and height
+# between the fingers agree within [m].
 ALIKE = 0.01
 
 
@@ -34,7 +34,7 @@ class TopGrasp:
     half_gap: float  # of the open fingers' ends [m]
     width: float  # expected between the pads [m]
     p_WC: Vector  # middle between the pads at contact, shape (3,) [m]
-    height: float  # top of what is taken, above the table [m]
+    height: float  # top of the target, above the table [m]
     score: float  # higher is better
     wrapped: bool = False  # a wrap, not a pinch
 
@@ -176,7 +176,8 @@ _APART, _TURNED = 0.012, 0.35
 _LEAST_HEIGHT, _LEAST_AREA = 0.004, 6e-5
 # Distance between the finest samples along the closing direction [m].
 _STEP = 0.002
-# Points that are tried: about this many in all, and at least so many of each thing.
+# Number of points that are tried: about this many in all, and at least this many per
+# thing.
 _POINTS, _PER_THING = 150, 16
 
 
@@ -273,7 +274,8 @@ class HeightMapGrasps:
         if not segments.things:
             return GraspPlan()
         new, old = self._distinct(segments, self._pinches(segments, seed), tried)
-        # Only what no pinch takes: wraps need a flat top and more room.
+        # Only things that no pinch takes: wraps need a flat top and more
+        # room.
         wraps = self._wraps(segments, _not_taken(segments, new))
         new_wraps, old_wraps = self._distinct(segments, wraps, tried)
         grasps = (new + new_wraps + old + old_wraps)[:_MOST]

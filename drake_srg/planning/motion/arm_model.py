@@ -72,7 +72,8 @@ class ArmChain:
         turns = self.turns[:, None, None]
         ends = []
         for at in (np.s_[:, :-1], np.s_[:, 1:]):
-            # Of each link: how fast it turns, and how fast the points at its ends move.
+            # For each link: its angular velocity, and the velocities of
+            # the points at its ends.
             w = np.cumsum(turns * v * axes[at], axis=0)
             slide = np.cumsum((1.0 - turns) * v * axes[at], axis=0)
             along = cross(w, np.diff(points[at], axis=0))

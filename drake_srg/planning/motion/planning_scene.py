@@ -238,7 +238,7 @@ class PlanningScene(ArmModel):
     def is_edge_free(self, q1: Vector, q2: Vector) -> bool:
         """Return whether the straight line from `q1` to `q2` keeps every margin."""
         samples = self.samples(np.array([q1, q2]))
-        # Every eighth first: what blocks a line is mostly wider than eight steps.
+        # Every eighth first: most obstacles are wider than eight steps.
         coarse, fine = samples[::8], np.delete(samples, np.s_[::8], axis=0)
         return all(map(self.is_free, coarse)) and all(map(self.is_free, fine))
 

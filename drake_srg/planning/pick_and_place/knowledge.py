@@ -193,7 +193,8 @@ def watch_touch(memory: PlannerMemory, senses: Senses, config: PlannerConfig) ->
         f"the arm touches something: joint {joint + 1} feels "
         f"{abs(torque[joint]):.2g} N m from outside (allowed: {limits[joint]:.2g} N m)"
     )
-    # Its own path might lead on into what it has met, and so might its lag behind that.
+    # Its own path, and its lag behind that, might lead on into the thing that it
+    # has met.
     memory.motion = Motion(senses.q.copy())
 
 

@@ -30,8 +30,8 @@ from drake_srg.planning.planner_machine import (
 )
 from drake_srg.types import AnyMode, Failure, Mode
 
-# Joint error within which what an object meets as it is set down is its goal [rad]: 5
-# to 8 mm at the hand of an iiwa.
+# If an object that is set down meets something within this joint error, it has met
+# its goal [rad]: 5 to 8 mm at the hand of an iiwa.
 _SET_DOWN = 0.01
 
 Now: TypeAlias = state_machine.Moment[Senses]
@@ -152,7 +152,7 @@ class BetweenAttempts(TaskMode):
             memory.cycle = Cycle(started=entry.time)
         elif attempt.at_goal is False:
             failure = failure or Failure.MISPLACED
-        # Where planning failed, its own words say more.
+        # A message of the motion planner says more.
         worded = entry.previous is Mode.IDLE or attempt.trapped
         if failure is not None and not worded:
             trouble.message = trouble.touched or _MESSAGES.get(failure, trouble.message)
@@ -360,7 +360,7 @@ class Home(Moving):
 
     def look(self, memory: PlannerMemory, now: Now) -> None:
         """Check that the object is on its goal."""
-        # What was dropped may have been dropped onto its goal.
+        # The object may have been dropped onto its goal.
         hopeful = memory.trouble.failure in (None, Failure.DROPPED)
         if hopeful and self.final_failure(memory, now.time) is None:
             self.replanner.judge(now.senses.see(), memory, now.time)

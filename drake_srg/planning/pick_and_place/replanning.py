@@ -33,8 +33,9 @@ from drake_srg.planning.planner_machine import (
 )
 from drake_srg.types import AnyMode, Blob, Failure, Mode, Sphere, Vector
 
-# An object seen this far from where the motions take it has moved [m], [rad]: more than
-# the localisation may be off, and what fingers that close on it still make up for.
+# An object seen this far from where the motions expect it has moved [m], [rad]. That
+# is more than the error of the localisation, and closing fingers still make up for
+# it.
 _MOVED, _TURNED = 0.003, np.deg2rad(5.0)
 # An object seen further than this from its place in the hand is not in it [m].
 _LOST = 0.03
@@ -162,7 +163,8 @@ class Replanner:
         motions = memory.attempt.planned
         q, grasp = memory.motion.position(time), motions.grasp
         p_WO = self._task_planner.scene.X_WG(q) @ grasp.p_GO
-        # What looks like it elsewhere may be seen better than what the hand half hides.
+        # Something similar elsewhere may be seen better than the object that
+        # the hand half hides.
         blob = self._sightings.nearest(view, p_WO)
         certain = blob if blob is not None and blob.certain else None
         _look(memory, view, certain, time)

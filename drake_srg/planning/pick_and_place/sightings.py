@@ -119,7 +119,8 @@ class Sightings:
         return (*known, *apart, *others)
 
     def _pose(self, shape: Solid, blob: Blob) -> RigidTransform:
-        # What nearly stands on something level is upright, whatever an image says.
+        # An object that nearly stands on something level is upright, whatever
+        # an image says.
         if isinstance(shape, Box):
             return _levelled(blob.X_WO, self._upright)
         if isinstance(shape, ConvexPieces):

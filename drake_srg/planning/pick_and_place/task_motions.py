@@ -39,7 +39,7 @@ from drake_srg.types import AnyMode, Failure, Mode, Vector, mode_name
 _UP = np.array([0.0, 0.0, 1.0])
 # How much more a carried object may lean than where it was taken [rad].
 _UPRIGHT = 0.004
-# How much higher the object may be carried over what is in its way [m].
+# The object may be carried this much higher over things in its way [m].
 _HIGHER = (0.0, 0.04, 0.08)
 
 
@@ -383,7 +383,8 @@ class TaskPlanner:
                     return TaskMotions(candidate.grasp, motions)
                 except NoPathError as error:
                     no_path.append(error.failure)
-            # The grasps that came furthest tell best what is in the way.
+            # The grasps that came furthest show best where the obstacle
+            # is.
             reasons = reasons or no_path or failures
             # From another side there may be a way past obstacles, but no more reach.
             blocked = [f for f in reasons if f.failure is Failure.BLOCKED]
@@ -391,8 +392,8 @@ class TaskPlanner:
                 break
         if not reasons:
             return PlanningFailure(Failure.NO_GRASP, f"no known grasp takes a {shape}")
-        # What only the surroundings forbid is more useful to know than what no
-        # posture of the arm reaches.
+        # A grasp that only the surroundings forbid tells more than one that
+        # no posture of the arm reaches.
         return (blocked or reasons)[0]
 
     @restores_fingers

@@ -33,8 +33,8 @@ class ServoConfig(Config):
     # Whether the goal's velocity is fed forward. Without, the hand trails a moving goal
     # by its velocity over `gain`.
     feed_forward: bool = True
-    # How much later than one period the arm follows its commands [s]; the hand is led
-    # by as much.
+    # Delay of the arm beyond one period [s]. The servo aims that far ahead of the
+    # goal.
     lag: float = dc.field(default=0.0, metadata={"ge": 0.0})
     # The hand stays this far behind its goal [m] unless it is aligned: it may come
     # `funnel` times as near as its distance from the line of approach, less 4 mm. So
@@ -45,7 +45,7 @@ class ServoConfig(Config):
     # distance of it [m].
     tolerance: float = dc.field(default=0.003, metadata=positive())
     settled: int = dc.field(default=6, metadata={"ge": 1})
-    # How high the hand goes with what it has grasped before it brakes [m].
+    # Height by which the hand raises the grasped object before it brakes [m].
     rise: float = dc.field(default=0.02, metadata={"ge": 0.0})
     # Images without a usable sighting, or equal images of a moving hand, after which
     # the servo gives up; and how far the hand must have moved meanwhile [m].
@@ -55,7 +55,8 @@ class ServoConfig(Config):
     # lost. Image coordinates are those at focal length 1. With `turns`, an image of
     # small objects needs less, such as 0.01: turns and shifts then look almost alike.
     least_interaction: float = dc.field(default=0.2, metadata=positive())
-    # Images to heed; 0: all. With 1, the hand goes where the first one showed the goal.
+    # Number of images that the servo uses; 0: all. With 1, the hand goes where
+    # the first one showed the goal.
     looks: int = dc.field(default=0, metadata={"ge": 0})
 
 
@@ -67,8 +68,8 @@ class ServoingConfig(ServoConfig):
     method: str = dc.field(default="pbvs", metadata={"among": ("pbvs", "ibvs")})
     # Name of the camera, which is fixed to the hand.
     camera: str = "hand"
-    # How the goal is known. `shown`: by what the camera saw of an object in the hand;
-    # where the camera is need not be known. `calibrated`: by the camera's calibration.
+    # Source of the goal. `shown`: the camera's view of an object in the hand; the
+    # camera's place need not be known. `calibrated`: the camera's calibration.
     goal: str = dc.field(default="shown", metadata={"among": ("shown", "calibrated")})
     # Time after which the servo counts as failed [s].
     time_limit: float = dc.field(default=6.0, metadata=positive())
@@ -85,7 +86,7 @@ class ServoCommand(enum.Enum):
     """Command to a visual servo."""
 
     PASS = "pass"  # pass on the planned positions
-    TRACK = "track"  # drive the hand by what the camera shows
+    TRACK = "track"  # the images drive the hand
     FOLLOW = "follow"  # go on as the goal last moved, without the camera
     RAISE = "raise"  # the same, but upwards; then brake, and hold the hand
     HOLD = "hold"  # brake, and hold the hand

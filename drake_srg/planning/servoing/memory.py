@@ -82,7 +82,7 @@ class HandOver:
 # A step that makes less than this share of the hand's motion counts as none, unless the
 # motion is slower than this [m/s].
 _NO_STEP, _SLOW = 0.1, 0.005
-# Below its top, at which a rising hand brakes [m]: it comes up to 3 mm higher.
+# A rising hand brakes this far below its top [m]: it comes up to 3 mm higher.
 _THERE = 1e-3
 
 

@@ -48,7 +48,7 @@ from drake_srg.planning.servoing.config import (
 )
 from drake_srg.types import AnyMode, Failure, Mode, Shape
 
-# What the servo is told in each mode; it passes in all others.
+# The servo's command in each mode; it passes in all others.
 COMMANDS: Mapping[AnyMode, ServoCommand] = {
     Mode.GRASP: ServoCommand.TRACK,
     Mode.CLOSE: ServoCommand.FOLLOW,

@@ -305,7 +305,7 @@ class Tracker(LeafSystem):
 
 _STEPS, _STILL = 20, 1e-5  # Gauss-Newton steps, and the step that ends them [m]
 # Distance from the surface at which a point counts half [m]: pixels on the rim show
-# what is behind.
+# the background.
 _SOFT = 0.004
 # The position is determined unless the normals are all this near to a plane (root mean
 # square of their sines).
@@ -407,7 +407,7 @@ class SurfaceTracker(Tracker):
     ) -> PoseSighting:
         p_CS = None
         if region is not None:
-            # Pixels on the rim mix the object with what is behind it.
+            # Pixels on the rim mix object and background.
             inner = cv2.erode(region.astype(np.uint8), np.ones((3, 3), np.uint8)) > 0
             inner &= has_depth(depth)
             points = self._rays[inner] * depth[inner][:, np.newaxis]

@@ -44,8 +44,8 @@ _TURNING = 4.0
 # Distance from the line of approach at which the hand is aligned [m]: more than the
 # default `tolerance`, so that the way to the goal is free before it is reached.
 _ALIGNED = 0.004
-# How fast the hand rises with what it has grasped [m/s]: slow enough to brake from
-# within millimetres.
+# Speed at which the hand raises the grasped object [m/s]: slow enough to brake within
+# millimetres.
 RISE_SPEED = 0.1
 # Singular value of the arm's Jacobian below which a direction is damped.
 _LEAST_JACOBIAN = 0.05

@@ -15,7 +15,7 @@ from pathlib import Path
 import numpy as np
 
 from drake_srg.common.exceptions import ScenarioError, one_line
-from drake_srg.recording.output import OutputFile, read_log
+from drake_srg.recording.output import OutputFile, read_log, verdict
 from drake_srg.recording.replay.glb import EXTRAS, Json, read_glb
 from drake_srg.recording.timeline import (
     COLORS,
@@ -183,15 +183,9 @@ def _result(path: Path) -> tuple[bool, str] | None:
     """Return whether a run succeeded and a phrase about it, if metrics.json tells."""
     try:
         metrics = json.loads(path.read_text(encoding="utf-8"))
-        success, tries = bool(metrics["success"]), int(metrics["attempts"])
-        word = "success" if success else f"failure: {metrics['failure']}"
-        if "objects_total" in metrics:
-            word += f", {metrics['objects_cleared']} of {metrics['objects_total']}"
-            word += f" objects cleared, {tries} pick{'' if tries == 1 else 's'}"
-        else:
-            word += f", {tries} attempt{'' if tries == 1 else 's'}"
+        success, word = bool(metrics["success"]), verdict(metrics)
         drawn = dict(metrics.get("kinds", {})).items()
-        # Names are those of the scene's nodes; kinds are what the seed has drawn.
+        # Names are those of the scene's nodes; the seed has drawn the kinds.
         named = ", ".join(f"{name} is {kind}" for name, kind in drawn)
         return success, f"{word}; {named}" if named else word
     except (OSError, ValueError, KeyError, TypeError):

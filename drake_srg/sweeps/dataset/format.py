@@ -298,13 +298,13 @@ TRIAL = {
     "seed": pa.int64(),
     "success": pa.bool_(),
     "failure": pa.string(),  # the planner's reason; null for a success
-    # What the robot knows of the object's shape; null if it is not a simple one.
+    # The object's shape as the robot knows it; null if it is not a simple one.
     "object_size": pa.list_(pa.float64()),  # along its axes [m]
     "object_round": pa.bool_(),
 }
 
-# LeRobot's name for what policies may know of the scene besides the robot's state; its
-# policies take it as a vector of its own kind (FeatureType.ENV).
+# LeRobot's name for knowledge of the scene besides the robot's state; its policies
+# take it as a vector of its own kind (FeatureType.ENV).
 SIGHTING_KEY = "observation.environment_state"
 
 _SCALARS = {

@@ -26,8 +26,8 @@ _ARM = "/arm/position_commanded"
 _CLOSURE = "/gripper/closure_commanded"
 _CAMERA = "/camera_(.+)/color/image_raw"
 
-# Where the object was last seen in world [m], and whether it has been seen: without a
-# sighting, all are 0. No rotation has a quaternion of zeros.
+# Place where the object was last seen in world [m], and whether it has been seen:
+# without a sighting, all are 0. No rotation has a quaternion of zeros.
 SIGHTING = ("x", "y", "z", "qx", "qy", "qz", "qw", "seen")
 
 # Simulated time adds up steps, and stamps are whole nanoseconds.
