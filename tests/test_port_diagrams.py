@@ -220,8 +220,9 @@ def systems(tmp_path_factory):
         add("VisualServo", planner.GetSubsystemByName("servo"))
         for system in subsystems(planner):
             add(type(system).__name__, system)
-    kitchen = load_scenario("kitchen")
-    armed = MakeStation(dc.replace(kitchen, gripper=None, cameras={}))
+    without = ["directives.gripper=null", "directives.gripper::palm=null"]
+    bare = load_scenario("kitchen", overrides=["gripper=null", *without])
+    armed = MakeStation(dc.replace(bare, cameras={}))
     add("Station", armed)
     add("ArmDriver", armed.GetSubsystemByName("arm_driver"))
     add("Station", MakeStation(Scenario()))

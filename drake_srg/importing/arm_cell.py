@@ -40,7 +40,7 @@ _STARTS = 6  # of the solver, for each place on the map
 # Where the base may stand on the table, and how far it keeps from its edges [m].
 _BASE_STEP, _EDGE = 0.05, 0.12
 # The base keeps this distance from places of objects [m].
-_BASE_ROOM = 0.2
+_BASE_ROOM = 0.15
 _AZIMUTHS = np.radians([0.0, 30.0, -30.0, 60.0, -60.0, 90.0, -90.0, 135.0, -135.0])
 _HOMES = 6  # postures to choose from
 _SIGHT = 0.06  # radius of what the camera's view of a place takes [m]
@@ -234,10 +234,11 @@ class _Hand:
 
 
 def _places(scenario: Scenario) -> Iterator[Vector]:
-    """Yield places that the task may need, x, y in world, shape (2,) [m]."""
+    """Yield places of the task, the goal last: x, y in world, shape (2,) [m]."""
     low, high = scenario.task.region.min, scenario.task.region.max
-    for x, y in itertools.product(*(np.linspace(a, b, 3) for a, b in zip(low, high))):
-        yield np.array([x, y])
+    rows = [np.linspace(a, b, 3) for a, b in zip(low, high, strict=True)]
+    for place in itertools.product(*rows):
+        yield np.array(place)
     yield np.array(scenario.task.place.position)
 
 
@@ -248,7 +249,7 @@ def _base(
 
     Args:
         scenario: With the table.
-        places: Shape (n, 2) [m].
+        places: The goal last, shape (n, 2) [m].
         near: Distances from the base that the hand reaches [m].
     """
     low = np.array(scenario.table.min) + _EDGE
@@ -263,7 +264,7 @@ def _base(
         gaps = np.abs(distances[:, None] - near).min(axis=1)
         ends = np.minimum(distances - near[0], near[-1] - distances)
         inside = (gaps <= 0.5 * MAP_STEP + 1e-9) & (ends >= 0.0)
-        share = float(inside.mean())
+        share = float(inside.mean() * inside[-1])  # the goal is needed every time
         room = float(np.minimum(ends, MAP_STEP).min())
         if (share, room) > (best[0] + 1e-9, -np.inf) or (
             share > best[0] - 1e-9 and room > best[1] + 1e-9

@@ -60,6 +60,7 @@ _UNREAD = (
     *("mimic", f"{{{DRAKE}}}mimic", "safety_controller", "calibration"),
     *("gazebo", "plugin", "sensor"),
 )
+_HUGE = 1e15  # larger limits are none
 _ALIGNED = 0.99  # cosine of the largest angle between two axes that count as one
 
 
@@ -178,6 +179,9 @@ class _Tree:
         self.read = read
         joints = read.root.findall(read.joint)
         self.elements = {node.get("name"): node for node in joints}
+        for name, node in self.elements.items():
+            if node.get("type") == "floating":  # Drake only warns of it
+                self.refuse(f"joint {name}: the base floats (allowed: a fixed joint)")
         self._plant = plant = MultibodyPlant(time_step=0.0)
         root = copy.deepcopy(read.root)
         for parent in list(root.iter()):
@@ -243,11 +247,12 @@ class _Tree:
             if isinstance(joint, WeldJoint):
                 continue
             if not isinstance(joint, RevoluteJoint | PrismaticJoint):
-                base = " (the base floats)" if at.name() not in self.above else ""
                 self.refuse(
-                    f"joint {joint.name()}: {joint.type_name()} cannot be driven{base} "
+                    f"joint {joint.name()}: {joint.type_name()} cannot be driven "
                     "(allowed: revolute, continuous, prismatic, fixed)"
                 )
+            if at.name() == "world":
+                self.refuse(f"joint {joint.name()}: needs a link as its parent")
             joints.insert(0, joint)
         if not joints:
             self.refuse(f"no joint moves {body.name()!r}: an arm needs at least one")
@@ -405,74 +410,74 @@ def _inertia(
 
 
 def _joints(tree: _Tree, chain: _Chain, given: GivenLimits) -> list[ArmJoint]:
-    n, found = len(chain.joints), []
+    n = len(chain.joints)
     for key in ("velocity", "acceleration", "effort"):
         values = getattr(given, key)
         if len(values) not in (0, 1, n):
             tree.refuse(f"--{key}: needs one number, or one per joint ({n})")
         if not all(math.isfinite(value) and value > 0.0 for value in values):
             tree.refuse(f"--{key}: must be greater than 0, got {list(values)}")
+    return [_joint(tree, chain, i, given) for i in range(n)]
 
-    for i, (joint, parent) in enumerate(zip(chain.joints, chain.roots, strict=False)):
-        name, child = joint.name(), chain.roots[i + 1]
-        read, node = tree.read, tree.elements[joint.name()]
-        if any(str(e.tag).rpartition("}")[2] == "mimic" for e in node.iter()):
-            tree.refuse(f"joint {name}: follows another joint (mimic), needs a motor")
-        found_limit = [node.find("limit"), node.find("axis/limit")]
-        element = next((e for e in found_limit if e is not None), None)
-        dynamics = [node.find("dynamics"), node.find("axis/dynamics")]
 
-        def number(
-            key: str, default: float = math.nan, at: ET.Element | None = element
-        ) -> float:
-            text = read.text(at, key)  # noqa: B023 # called within the loop
-            return default if text is None else float(read.numbers(key, text)[0])
+def _joint(tree: _Tree, chain: _Chain, i: int, given: GivenLimits) -> ArmJoint:
+    """Return joint i of the chain, with its limits."""
+    joint, parent, child = chain.joints[i], chain.roots[i], chain.roots[i + 1]
+    name, node, read = joint.name(), tree.elements[joint.name()], tree.read
+    if any(str(e.tag).rpartition("}")[2] == "mimic" for e in node.iter()):
+        tree.refuse(f"joint {name}: follows another joint (mimic), needs a motor")
+    turns = isinstance(joint, RevoluteJoint)
+    unit = "rad" if turns else "m"
+    # In an SDF, they are in the axis.
+    nodes = [node.find(f"{at}limit") for at in ("", "axis/")]
+    limits = next((e for e in nodes if e is not None), None)
+    nodes = [node.find(f"{at}dynamics") for at in ("", "axis/")]
+    dynamics = next((e for e in nodes if e is not None), None)
 
-        def limit(key: str, unit: str) -> float:
-            values = getattr(given, key)
-            value = values[min(i, len(values) - 1)] if values else number(key)  # noqa: B023
-            if not (0.0 < value < 1e15):
-                word = f"no {key} limit in {unit}"
-                tree.refuse(f"joint {name}: has {word} (--{key} N, or N,N,...)")  # noqa: B023
-            return float(value)
+    def number(at: ET.Element | None, key: str, default: float = math.nan) -> float:
+        text = read.text(at, key)
+        return default if text is None else float(read.numbers(key, text)[0])
 
-        turns = isinstance(joint, RevoluteJoint)
-        per = "rad" if turns else "m"
-        velocity = limit("velocity", f"{per}/s")
-        acceleration = number(f"{{{DRAKE}}}acceleration")
-        if given.acceleration:
-            acceleration = limit("acceleration", f"{per}/s²")
-        elif not (0.0 < acceleration < 1e15):
-            acceleration = velocity / TIME_TO_SPEED
-            read.warnings.append(
-                f"no acceleration limits: assumed full speed in {TIME_TO_SPEED} s"
-            )
-        lower, upper = -math.inf, math.inf
-        if node.get("type") != "continuous" and (turns or element is not None):
-            missing = math.inf if read.root.tag == "sdf" else 0.0
-            lower, upper = number("lower", -missing), number("upper", missing)
-        if not turns and not (-1e15 < lower and upper < 1e15):
-            tree.refuse(f"joint {name}: a sliding joint needs lower and upper limits")
-        if not lower < upper:
-            tree.refuse(
-                f"joint {name}: no room to move: limits {lower:g} .. {upper:g} {per}"
-            )
-        found.append(
-            ArmJoint(
-                name,
-                "revolute" if turns else "prismatic",
-                tree.X_WB(parent).inverse() @ tree.X_WB(child),
-                joint.frame_on_child().GetFixedPoseInBodyFrame(),
-                np.array(joint.revolute_axis() if turns else joint.translation_axis()),
-                lower,
-                upper,
-                velocity,
-                acceleration,
-                limit("effort", "N m" if turns else "N"),
-                max([0.0, *(number("damping", 0.0, at) for at in dynamics)]),
-            )
+    def limit(key: str, unit: str) -> float:
+        values = getattr(given, key)
+        value = values[min(i, len(values) - 1)] if values else number(limits, key)
+        if not 0.0 < value < _HUGE:
+            problem = f"has no {key} limit in {unit} (--{key} N, or N,N,...)"
+            tree.refuse(f"joint {name}: {problem}")
+        return float(value)
+
+    velocity = limit("velocity", f"{unit}/s")
+    acceleration = number(limits, f"{{{DRAKE}}}acceleration")
+    if given.acceleration:
+        acceleration = limit("acceleration", f"{unit}/s²")
+    elif not 0.0 < acceleration < _HUGE:
+        acceleration = velocity / TIME_TO_SPEED
+        read.warnings.append(
+            f"no acceleration limits: assumed full speed in {TIME_TO_SPEED} s"
         )
-    return found
+    lower, upper = -math.inf, math.inf
+    if node.get("type") != "continuous":
+        missing = math.inf if read.root.tag == "sdf" else 0.0
+        lower = number(limits, "lower", -missing)
+        upper = number(limits, "upper", missing)
+    if not turns and not (lower > -_HUGE and upper < _HUGE):
+        tree.refuse(f"joint {name}: slides, needs lower and upper limits")
+    if not lower < upper:
+        problem = f"has no room to move: limits {lower:g} .. {upper:g} {unit}"
+        tree.refuse(f"joint {name}: {problem}")
+    return ArmJoint(
+        name,
+        "revolute" if turns else "prismatic",
+        tree.X_WB(parent).inverse() @ tree.X_WB(child),
+        joint.frame_on_child().GetFixedPoseInBodyFrame(),
+        np.array(joint.revolute_axis() if turns else joint.translation_axis()),
+        lower,
+        upper,
+        velocity,
+        acceleration,
+        limit("effort", "N m" if turns else "N"),
+        max(0.0, number(dynamics, "damping", 0.0)),
+    )
 
 
 def _flange(tree: _Tree, chain: _Chain, links: Sequence[ArmLink]) -> RigidTransform:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import itertools
+import re
 import xml.etree.ElementTree as ET
 from collections import Counter
 from collections.abc import Sequence
@@ -110,10 +111,10 @@ def _AddContents(node: ET.Element, link: ArmLink, folder: Path) -> None:
     contents, nowhere = link.contents, np.zeros(3)
     assert contents.inertia is not None
     AddInertial(node, contents.inertia)
-    reader = MeshReader(contents.warnings)
-    AddVisuals(node, contents, reader, nowhere, folder, f"{link.name}_visual")
+    reader, plain = MeshReader(contents.warnings), re.sub(r"\W+", "_", link.name)
+    AddVisuals(node, contents, reader, nowhere, folder, f"{plain}_visual")
     for i, geometry in enumerate(contents.collisions):
-        name = f"{link.name}_{i}"
+        name = f"{plain}_{i}"
         collision = AddChild(node, "collision", name=name)
         if isinstance(geometry.shape, MeshFile):
             corners = decimated(np.asarray(reader.solid(geometry).vertices))

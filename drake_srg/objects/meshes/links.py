@@ -56,6 +56,8 @@ def read_xml(path: Path, warnings: list[str]) -> ET.Element:
         raise ScenarioError(f"{path}: is nested more than {_DEEPEST} elements deep")
     # Drake reads prefixes that nothing declares.
     prefixes = set(re.findall(r"</?([A-Za-z_][\w.-]*):", text))
+    prefixes |= set(re.findall(r"""\s([A-Za-z_][\w.-]*):[\w.-]+\s*=\s*["']""", text))
+    prefixes -= {"xml", "xmlns"}
     for prefix in sorted(p for p in prefixes if f"xmlns:{p}=" not in text):
         name = DRAKE if prefix == "drake" else prefix
         text = re.sub(r"<(sdf|robot)\b", rf'<\1 xmlns:{prefix}="{name}"', text, count=1)
@@ -330,9 +332,11 @@ class UrdfReader(SdfReader):
     link, joint, mesh = "link", "joint", "filename"
 
     def text(self, node: ET.Element | None, key: str) -> str | None:
+        """See `SdfReader`."""
         return None if node is None else node.get(key)
 
     def pose(self, node: ET.Element) -> RigidTransform:
+        """See `SdfReader`."""
         origin = node.find("origin")
         xyz, rpy = (
             self.numbers(key, self.text(origin, key) or "0 0 0", 3)
@@ -341,6 +345,7 @@ class UrdfReader(SdfReader):
         return RigidTransform(RollPitchYaw(rpy), xyz)
 
     def color(self, node: ET.Element) -> Color | None:
+        """See `SdfReader`."""
         material = node.find("material")
         if material is None:
             return None
@@ -355,12 +360,14 @@ class UrdfReader(SdfReader):
         return None
 
     def contact(self, node: ET.Element) -> ET.Element | None:
+        """See `SdfReader`."""
         contact = copy.deepcopy(node.find(PROXIMITY))
         for child in () if contact is None else contact:
             child.text = child.attrib.pop("value", None)  # as in an SDF
         return contact
 
     def mass(self, inertial: ET.Element) -> str | None:
+        """See `SdfReader`."""
         return self.text(inertial.find("mass"), "value")
 
 
