@@ -232,7 +232,7 @@ def systems(tmp_path_factory):
     folder = tmp_path_factory.mktemp("video")
     video = RemoteVideoRecorder(process, folder / "video.mp4", 3, 20.0)
     add("RemoteVideoRecorder", video)
-    camera = CameraModel.from_config(kitchen.cameras["ceiling"])
+    camera = CameraModel.from_config(bare.cameras["ceiling"])
     add("HeightMapper", HeightMapper({"ceiling": camera}, Surface((0, 0), (1, 1), 0)))
     add("StateMachine", make_machine())
     add("TorqueControl", TorqueControl(TendonDriveConfig(), 0.005))
