@@ -220,6 +220,7 @@ def systems(tmp_path_factory):
         add("VisualServo", planner.GetSubsystemByName("servo"))
         for system in subsystems(planner):
             add(type(system).__name__, system)
+    kitchen = load_scenario("kitchen")
     without = ["directives.gripper=null", "directives.gripper::palm=null"]
     bare = load_scenario("kitchen", overrides=["gripper=null", *without])
     armed = MakeStation(dc.replace(bare, cameras={}))
@@ -232,7 +233,7 @@ def systems(tmp_path_factory):
     folder = tmp_path_factory.mktemp("video")
     video = RemoteVideoRecorder(process, folder / "video.mp4", 3, 20.0)
     add("RemoteVideoRecorder", video)
-    camera = CameraModel.from_config(bare.cameras["ceiling"])
+    camera = CameraModel.from_config(kitchen.cameras["ceiling"])
     add("HeightMapper", HeightMapper({"ceiling": camera}, Surface((0, 0), (1, 1), 0)))
     add("StateMachine", make_machine())
     add("TorqueControl", TorqueControl(TendonDriveConfig(), 0.005))
