@@ -254,24 +254,25 @@ def _base(
     """
     low = np.array(scenario.table.min) + _EDGE
     high = np.array(scenario.table.max) - _EDGE
-    best, found = (-1.0, 0.0), (0.0, 0.0)
     grid = (np.arange(a, b, _BASE_STEP) for a, b in zip(low, high, strict=True))
-    # The nearest to where the kitchen's own arm stands first.
-    for xy in sorted(itertools.product(*grid), key=lambda p: float(np.hypot(*p))):
+
+    def score(xy: Sequence[float]) -> tuple[float, float]:
+        """Return the share of places within reach, and the room at its ends [m]."""
         distances = np.linalg.norm(places - xy, axis=1)
         if distances.min() < _BASE_ROOM:
-            continue
+            return 0.0, 0.0
         gaps = np.abs(distances[:, None] - near).min(axis=1)
         ends = np.minimum(distances - near[0], near[-1] - distances)
-        inside = (gaps <= 0.5 * MAP_STEP + 1e-9) & (ends >= 0.0)
+        inside = (gaps < 0.51 * MAP_STEP) & (ends >= 0.0)
         share = float(inside.mean() * inside[-1])  # the goal is needed every time
-        room = float(np.minimum(ends, MAP_STEP).min())
-        if (share, room) > (best[0] + 1e-9, -np.inf) or (
-            share > best[0] - 1e-9 and room > best[1] + 1e-9
-        ):
-            best, found = (share, room), (float(xy[0]), float(xy[1]))
-    x, y = places.mean(axis=0) - found
-    return (*found, float(np.arctan2(y, x))), best[0]
+        return share, round(float(np.minimum(ends, MAP_STEP).min()), 3)
+
+    # Of equals, the nearest to where the kitchen's own arm stands.
+    nearest = sorted(itertools.product(*grid), key=lambda xy: float(np.hypot(*xy)))
+    best = max(nearest, key=score)
+    x, y = places.mean(axis=0) - best
+    base = (float(best[0]), float(best[1]), float(np.arctan2(y, x)))
+    return base, score(best)[0]
 
 
 def _sights(
@@ -300,7 +301,8 @@ def _home(
     x, y, yaw = base
     radius = near[len(near) // 2]
     scene, random = hand.scene, default_rng(0)
-    low, high = np.maximum(scene.lower, -_FAR), np.minimum(scene.upper, _FAR)
+    wide = scene.upper - scene.lower > 2.0 * _FAR
+    low, high = np.where(wide, -_FAR, scene.lower), np.where(wide, _FAR, scene.upper)
     starts = [middle, *(random.uniform(low, high) for _ in range(_HOMES))]
     seen: list[tuple[float, Vector]] = []
     hidden: list[tuple[float, Vector]] = []
