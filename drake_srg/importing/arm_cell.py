@@ -40,7 +40,7 @@ _STARTS = 6  # of the solver, for each place on the map
 # Where the base may stand on the table, and how far it keeps from its edges [m].
 _BASE_STEP, _EDGE = 0.05, 0.12
 # The base keeps this distance from places of objects: room for open fingers [m].
-_BASE_ROOM = 0.2
+_BASE_ROOM = 0.18
 _AZIMUTHS = np.radians([0.0, 30.0, -30.0, 60.0, -60.0, 90.0, -90.0, 135.0, -135.0])
 _HOMES = 6  # postures to choose from
 _SIGHT = 0.06  # radius of what the camera's view of a place takes [m]
