@@ -184,6 +184,10 @@ def servoed_planners():
         yield MakeServoingPlanner(load_scenario("kitchen_servoing", overrides=settings))
 
 
+NO_GRIPPER = ["gripper=null"]
+NO_GRIPPER += ["directives.gripper=null", "directives.gripper::palm=null"]
+
+
 @pytest.fixture(scope="module")
 def systems(tmp_path_factory):
     """Real systems by the names of the blocks that document them."""
@@ -221,7 +225,8 @@ def systems(tmp_path_factory):
         for system in subsystems(planner):
             add(type(system).__name__, system)
     kitchen = load_scenario("kitchen")
-    armed = MakeStation(dc.replace(kitchen, gripper=None, cameras={}))
+    bare = load_scenario("kitchen", overrides=NO_GRIPPER)
+    armed = MakeStation(dc.replace(bare, cameras={}))
     add("Station", armed)
     add("ArmDriver", armed.GetSubsystemByName("arm_driver"))
     add("Station", MakeStation(Scenario()))

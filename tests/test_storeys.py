@@ -20,7 +20,7 @@ STOREYS = [
     {"station"},
     {"export"},
     {"simulation"},
-    {"sweeps"},
+    {"importing", "sweeps"},
     {"learning"},
     {"robot"},
     {"cli"},

@@ -147,6 +147,7 @@ COMMAND_PAGES = {
     "export": "docs/export.md",
     "identify": "docs/gripper.md",
     "import": "docs/importing.md",
+    "import-arm": "docs/your_arm.md",
     "replay": "docs/replay.md",
     "twin": "docs/twin.md",
 }

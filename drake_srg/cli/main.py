@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any, NoReturn
 
 import drake_srg
-from drake_srg.cli import commands, doctor, learn, objects, project, robot, sweep
+from drake_srg.cli import arms, commands, doctor, learn, objects, project, robot, sweep
 from drake_srg.cli import experiment as experiments
 from drake_srg.cli.command import (
     BAD_INPUT,
@@ -223,6 +223,7 @@ COMMANDS: dict[str, tuple[Command, ...]] = {
     "make": (
         project.new,
         objects.import_object,
+        arms.import_arm,
         commands.export,
         completion,
         doctor.doctor,

@@ -255,7 +255,7 @@ def override_tree(tree: dict[str, Any], overrides: Iterable[str]) -> None:
 
 
 def _resolve_models(tree: Mapping[str, Any], folder: Path) -> None:
-    """Make relative paths of objects' models in a tree absolute.
+    """Make relative paths of models in a tree absolute: objects' and directives'.
 
     Args:
         tree: Tree of a scenario or a part of it; changed.
@@ -268,6 +268,15 @@ def _resolve_models(tree: Mapping[str, Any], folder: Path) -> None:
             model = entry.get("model") if isinstance(entry, dict) else None
             if isinstance(model, str) and "://" not in model:
                 entry["model"] = str((folder / Path(model).expanduser()).absolute())
+    directives = tree.get("directives")
+    for entry in (
+        directives.values() if isinstance(directives, dict) else directives or ()
+    ):
+        added = entry.get("add_model") if isinstance(entry, dict) else None
+        file = added.get("file") if isinstance(added, dict) else None
+        if added is not None and isinstance(file, str) and "://" not in file:
+            path = (folder / Path(file).expanduser()).absolute()
+            added["file"] = f"file://{path}"
 
 
 def _builtin(name: str | Path) -> Path:

@@ -341,6 +341,23 @@ def AddPlant(
     return plant, scene_graph
 
 
+def check_driven(plant: MultibodyPlant, scenario: Scenario) -> None:
+    """Check that something drives every model with motors: it would go limp.
+
+    Raises:
+        ScenarioError: If nothing does.
+    """
+    keys = {"arm": scenario.arm, "gripper": scenario.gripper}
+    driven = {*scenario.slides, *(key for key, config in keys.items() if config)}
+    motors = map(plant.get_joint_actuator, plant.GetJointActuatorIndices())
+    for name in (plant.GetModelInstanceName(m.model_instance()) for m in motors):
+        if name not in driven:
+            raise ScenarioError(
+                f"directives: {name}: has motors that nothing drives (allowed: a model "
+                "named arm or gripper with the key of that name, or one in slides)"
+            )
+
+
 def filter_contacts(scene_graph: SceneGraph, pairs: Sequence[Sequence[str]]) -> None:
     """Filter out contact between pairs of geometries.
 

@@ -19,7 +19,7 @@ from drake_srg.objects.poses import ObjectPoses
 from drake_srg.objects.slides import AddSlide
 from drake_srg.scenario.schema import Scenario
 from drake_srg.station.cameras import AddCameras
-from drake_srg.station.plant import AddPlant, MakeModelsPlant
+from drake_srg.station.plant import AddPlant, MakeModelsPlant, check_driven
 from drake_srg.station.sleeping import AddSleepMonitor
 
 # Ports of a gripper driver that connect to the plant and are not exported.
@@ -106,6 +106,7 @@ def AddStation(builder: DiagramBuilder, scenario: Scenario) -> None:
         ScenarioError: If the models do not fit the scenario.
     """
     plant, scene_graph = AddPlant(builder, scenario)
+    check_driven(plant, scenario)
     for name, slide in scenario.slides.items():
         AddSlide(builder, plant, name, slide)
     gripper = None

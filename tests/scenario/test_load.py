@@ -119,10 +119,13 @@ def test_objects_without_a_position_are_placed_apart():
 
 
 def test_a_variant_overrides_models_by_name(write):
-    path = write("base: kitchen\ndirectives: {gripper: {add_model: {file: x.sdf}}}")
+    file = "package://mine/x.sdf"
+    path = write(
+        f"base: kitchen\ndirectives: {{gripper: {{add_model: {{file: {file}}}}}}}"
+    )
     models = [d.add_model for d in load_scenario(path).directives if d.add_model]
     files = {model.name: model.file for model in models}
-    assert files["gripper"] == "x.sdf"
+    assert files["gripper"] == file
     assert files["arm"] == "package://drake_srg/sdf/iiwa14.sdf"
 
 
@@ -309,6 +312,21 @@ def test_paths_of_models_are_relative_to_their_own_file(tmp_path, monkeypatch):
     }
     kind = tree["clutter"]["kinds"]["k"]["model"]
     assert kind == str(tmp_path / "bases" / ".." / "k.obj")
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "directives: [{add_model: {name: arm, file: my arm.sdf}}]",
+        "base: kitchen\ndirectives: {arm: {add_model: {file: my arm.sdf}}}",
+    ],
+)
+def test_paths_of_directives_are_relative_to_their_own_file(tmp_path, text):
+    path = tmp_path / "mine.yaml"
+    path.write_text(text)
+    added = [d["add_model"] for d in load_tree(path)["directives"] if "add_model" in d]
+    (file,) = [model["file"] for model in added if model["name"] == "arm"]
+    assert file == f"file://{tmp_path / 'my arm.sdf'}"
 
 
 FILE = b"""# ours

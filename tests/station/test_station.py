@@ -22,6 +22,35 @@ def station():
     return make()
 
 
+def second_arm():
+    """The kitchen with another arm beside the first."""
+    from drake_srg.scenario.load import draw_scenario, load_tree
+
+    tree = load_tree("kitchen")
+    file = "package://drake_srg/sdf/iiwa14.sdf"
+    tree["directives"] += [
+        {"add_model": {"name": "left", "file": file}},
+        {"add_weld": {"parent": "table::table_top", "child": "left::link_0"}},
+    ]
+    return draw_scenario(tree, "mine.yaml", None).scenario
+
+
+@pytest.mark.parametrize(
+    ("scenario", "name"),
+    [
+        (second_arm, "left"),
+        (lambda: load_scenario("kitchen", overrides=["arm=null"]), "arm"),
+        (lambda: load_scenario("kitchen", overrides=["gripper=null"]), "gripper"),
+    ],
+)
+def test_a_model_with_motors_that_nothing_drives_is_refused(scenario, name):
+    with pytest.raises(ScenarioError) as error:
+        MakeStation(scenario())
+    message = str(error.value)
+    assert message.startswith(f"directives: {name}: has motors that nothing drives")
+    assert "\n" not in message
+
+
 def camera_ports(name):
     return [
         f"camera_{name}.{port}"
@@ -60,7 +89,8 @@ def test_the_ports_are_as_documented(station):
 
 
 def test_there_are_no_ports_for_missing_parts():
-    scenario = load_scenario("kitchen", overrides=["gripper=null"])
+    without = ["directives.gripper=null", "directives.gripper::palm=null"]
+    scenario = load_scenario("kitchen", overrides=["gripper=null", *without])
     scenario.cameras.clear()
     inputs, outputs = port_table(MakeStation(scenario))
     assert set(inputs) == {"arm.position_commanded", "object_forces_cheat"}

@@ -120,7 +120,7 @@ def part_of(geometry: Geometry, reader: MeshReader, most: int) -> Part:
     if isinstance(geometry.shape, MeshFile):
         return _mesh_part(geometry, reader, most)
     X_LG, R_LG = geometry.X_LG, geometry.X_LG.rotation()
-    M_G = _unit_density(geometry.shape)
+    M_G = unit_density(geometry.shape)
     M_L = M_G.ReExpress(R_LG).Shift(-X_LG.translation())
     reach = np.array([geometry.shape.half_extent(row) for row in R_LG.matrix()])
     low, high = X_LG.translation() - reach, X_LG.translation() + reach
@@ -136,9 +136,9 @@ def _mesh_part(geometry: Geometry, reader: MeshReader, most: int) -> Part:
             f"the mesh is {openness}: it counts as solid, with the volume of its pieces"
         )
         hull = require_trimesh().convex.convex_hull
-        solids = [_mesh_inertia(hull(corners)) for corners in pieces]
+        solids = [mesh_inertia(hull(corners)) for corners in pieces]
     else:
-        solids = [_mesh_inertia(mesh)]
+        solids = [mesh_inertia(mesh)]
     points = np.vstack(pieces)
     return Part(
         list(pieces),
@@ -160,7 +160,7 @@ def total(solids: list[SpatialInertia]) -> SpatialInertia:
     return whole
 
 
-def _mesh_inertia(mesh: TriangleMesh) -> SpatialInertia:
+def mesh_inertia(mesh: TriangleMesh) -> SpatialInertia:
     """Return the spatial inertia of a closed mesh about its origin at 1 kg/m³."""
     I = np.asarray(mesh.moment_inertia)  # noqa: E741 # about the centre of mass
     central = RotationalInertia(I[0, 0], I[1, 1], I[2, 2], I[0, 1], I[0, 2], I[1, 2])
@@ -169,7 +169,8 @@ def _mesh_inertia(mesh: TriangleMesh) -> SpatialInertia:
     )
 
 
-def _unit_density(shape: Shape) -> SpatialInertia:
+def unit_density(shape: Shape) -> SpatialInertia:
+    """Return the spatial inertia of a shape about its centre at 1 kg/m³."""
     match shape:
         case Cylinder(radius, length):
             z = [0.0, 0.0, 1.0]
@@ -263,16 +264,16 @@ def convert(contents: Contents, most: int, folder: Path) -> None:
     root = ET.Element("sdf", {"version": "1.9"})
     link = AddChild(AddChild(root, "model", name="object"), "link", name="object")
     AddInertial(link, inertia.Shift(p_LO))
-    _AddVisuals(link, contents, reader, p_LO, folder)
+    AddVisuals(link, contents, reader, p_LO, folder)
     shapes = [(shape, part) for part in parts for shape in part.shapes]
     for i, (shape, part) in enumerate(shapes):
         node = AddChild(link, "collision", name=f"piece_{i}")
         if isinstance(shape, np.ndarray):
             hull = require_trimesh().convex.convex_hull(shape - p_LO)
-            mesh = _AddMesh(node, folder / f"piece_{i}.obj", hull)
+            mesh = AddMesh(node, folder / f"piece_{i}.obj", hull)
             AddChild(mesh, f"{{{DRAKE}}}declare_convex")
         else:
-            _AddPrimitive(node, shape, part.X_LG, p_LO)
+            AddPrimitive(node, shape, part.X_LG, p_LO)
         radius = getattr(shape, "radius", None)
         AddContact(
             node,
@@ -366,25 +367,36 @@ def _listed(values: Vector) -> str:
     return ", ".join(f"{value:.2g}" for value in values)
 
 
-def _AddVisuals(
+def AddVisuals(
     link: ET.Element,
     contents: Contents,
     reader: MeshReader,
     p_LO: Vector,
     folder: Path,
+    name: str = "visual",
 ) -> None:
+    """Append the visuals of a link, and write their meshes.
+
+    Args:
+        link: The element.
+        contents: Of the link.
+        reader: Of its meshes.
+        p_LO: The element's origin in the link [m], shape (3,).
+        folder: For the meshes.
+        name: Start of the names of visuals and files.
+    """
     count = 0
     for geometry in contents.visuals:
         if not isinstance(geometry.shape, MeshFile):
-            node = AddChild(link, "visual", name=f"visual_{count}")
-            _AddPrimitive(node, geometry.shape, geometry.X_LG, p_LO)
+            node = AddChild(link, "visual", name=f"{name}_{count}")
+            AddPrimitive(node, geometry.shape, geometry.X_LG, p_LO)
             _AddColor(node, geometry.color or _GREY)
             count += 1
             continue
         for mesh, color in reader.surfaces(geometry):
-            node = AddChild(link, "visual", name=f"visual_{count}")
+            node = AddChild(link, "visual", name=f"{name}_{count}")
             mesh.apply_translation(-p_LO)
-            _AddMesh(node, folder / f"visual_{count}.obj", mesh)
+            AddMesh(node, folder / f"{name}_{count}.obj", mesh)
             _AddColor(node, geometry.color or color or _GREY)
             count += 1
 
@@ -393,9 +405,10 @@ def _AddColor(visual: ET.Element, color: Sequence[float]) -> None:
     AddChild(AddChild(visual, "material"), "diffuse", [*color, 1.0])
 
 
-def _AddPrimitive(
+def AddPrimitive(
     parent: ET.Element, shape: Shape | Vector, X_LG: RigidTransform, p_LO: Vector
 ) -> None:
+    """Append pose and geometry of a primitive; see `AddVisuals`."""
     AddPose(parent, X_LG.translation() - p_LO, RollPitchYaw(X_LG.rotation()).vector())
     geometry = AddChild(parent, "geometry")
     match shape:
@@ -409,7 +422,7 @@ def _AddPrimitive(
             AddChild(AddChild(geometry, "sphere"), "radius", radius)
 
 
-def _AddMesh(parent: ET.Element, path: Path, mesh: TriangleMesh) -> ET.Element:
+def AddMesh(parent: ET.Element, path: Path, mesh: TriangleMesh) -> ET.Element:
     """Write a mesh to a file, and append a geometry that names it."""
     shaded = require_trimesh().graph.smooth_shade(mesh, angle=_CREASE)
     lines = [f"v {x:.7g} {y:.7g} {z:.7g}" for x, y, z in shaded.vertices]

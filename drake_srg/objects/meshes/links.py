@@ -1,9 +1,10 @@
-"""URDF and SDF files of one rigid body."""
+"""URDF and SDF files: their links, and objects of one link."""
 
 from __future__ import annotations
 
 import contextlib
 import copy
+import dataclasses as dc
 import itertools
 import re
 import xml.etree.ElementTree as ET
@@ -55,6 +56,8 @@ def read_xml(path: Path, warnings: list[str]) -> ET.Element:
         raise ScenarioError(f"{path}: is nested more than {_DEEPEST} elements deep")
     # Drake reads prefixes that nothing declares.
     prefixes = set(re.findall(r"</?([A-Za-z_][\w.-]*):", text))
+    prefixes |= set(re.findall(r"""\s([A-Za-z_][\w.-]*):[\w.-]+\s*=\s*["']""", text))
+    prefixes -= {"xml", "xmlns"}
     for prefix in sorted(p for p in prefixes if f"xmlns:{p}=" not in text):
         name = DRAKE if prefix == "drake" else prefix
         text = re.sub(r"<(sdf|robot)\b", rf'<\1 xmlns:{prefix}="{name}"', text, count=1)
@@ -85,7 +88,7 @@ def is_complete(path: Path, root: ET.Element) -> bool:
     """
     if root.tag != "sdf":
         return False
-    read = _Sdf(path, root, [])
+    read = SdfReader(path, root, [])
     link = read.single_link()
     for node in (*link.findall("visual"), *link.findall("collision")):
         for shape in node.findall("geometry/*"):
@@ -106,29 +109,38 @@ def read_link(path: Path) -> Contents:
         ScenarioError: If it cannot be read, has several links, or holds something else
             than boxes, cylinders, spheres and meshes.
     """
+    read = open_model(path)
+    link, warnings = read.single_link(), read.warnings
+    found = read.contents(link)
+    if not found.visuals and not found.collisions:
+        raise ScenarioError(f"{path}: its link has no geometry")
+    if not found.collisions:
+        warnings.append("no collision geometry: took the visual one")
+    if not found.visuals:
+        warnings.append("no visual geometry: took the collision one")
+    if any(read.root.find(f".//{tag}") is not None for tag in _OTHER_FRICTION):
+        warnings.append("its friction for other simulators is not read: set --friction")
+    return dc.replace(
+        found,
+        visuals=found.visuals or found.collisions,
+        collisions=found.collisions or found.visuals,
+    )
+
+
+def open_model(path: Path) -> SdfReader:
+    """Return the reader of a URDF or SDF file.
+
+    Raises:
+        ScenarioError: If it cannot be read, or is another kind of file.
+    """
     warnings: list[str] = []
     root = read_xml(path, warnings)
-    formats = {"robot": _Urdf, "sdf": _Sdf}
+    formats = {"robot": UrdfReader, "sdf": SdfReader}
     if root.tag not in formats:
         raise ScenarioError(
             f"{path}: must hold <robot> (URDF) or <sdf>, got <{root.tag}>"
         )
-    read = formats[root.tag](path, root, warnings)
-    link = read.single_link()
-    visuals = [read.geometry(node) for node in link.findall("visual")]
-    collisions = [read.geometry(node) for node in link.findall("collision")]
-    if not visuals and not collisions:
-        raise ScenarioError(f"{path}: its link has no geometry")
-    if not collisions:
-        warnings.append("no collision geometry: took the visual one")
-    if not visuals:
-        warnings.append("no visual geometry: took the collision one")
-    if any(root.find(f".//{tag}") is not None for tag in _OTHER_FRICTION):
-        warnings.append("its friction for other simulators is not read: set --friction")
-    mass, inertia = read.inertial(link)
-    return Contents(
-        path, visuals or collisions, collisions or visuals, inertia, mass, warnings
-    )
+    return formats[root.tag](path, root, warnings)
 
 
 _SHAPES = ("box", "cylinder", "sphere", "mesh")
@@ -136,15 +148,29 @@ _SHAPES = ("box", "cylinder", "sphere", "mesh")
 _OTHER_FRICTION = ("gazebo//mu1", "contact/lateral_friction", "contact_coefficients")
 
 
-class _Sdf:
-    """Reads the elements of an SDF file, whose values are elements of their own."""
+class SdfReader:
+    """Reads the elements of an SDF file, whose values are elements of their own.
 
-    link, mesh = "model/link", "uri"
+    Attributes:
+        path: The file.
+        root: Its tree.
+        warnings: Receives what is mended.
+    """
+
+    link, joint, mesh = "model/link", "model/joint", "uri"
 
     def __init__(self, path: Path, root: ET.Element, warnings: list[str]) -> None:
-        self._path = path
-        self._root = root
-        self._warnings = warnings
+        self.path = path
+        self.root = root
+        self.warnings = warnings
+
+    def contents(self, link: ET.Element) -> Contents:
+        """Return what a link consists of."""
+        self._name = link.get("name")
+        visuals = [self.geometry(node) for node in link.findall("visual")]
+        collisions = [self.geometry(node) for node in link.findall("collision")]
+        mass, inertia = self.inertial(link)
+        return Contents(self.path, visuals, collisions, inertia, mass, self.warnings)
 
     def single_link(self) -> ET.Element:
         """Return the only link.
@@ -152,19 +178,22 @@ class _Sdf:
         Raises:
             ScenarioError: If there are several, or it is not free.
         """
-        found = self._root.findall(self.link)
+        found = self.root.findall(self.link)
         links = [link for link in found if link.get("drake_ignore") != "true"]
         if len(links) != 1:
             self._refuse(f"must have one link, got {len(links)} (a single rigid body)")
         for tag in ("include", "model", "joint"):
-            if self._root.find(f"model/{tag}") is not None:
+            if self.root.find(f"model/{tag}") is not None:
                 self._refuse(f"<{tag}> in its model: an object is one rigid body")
-        if (self._root.findtext("model/static") or "").strip() in ("true", "1"):
+        if (self.root.findtext("model/static") or "").strip() in ("true", "1"):
             self._refuse("<static>: must be false: an object moves freely")
+        self._name = links[0].get("name")
         return links[0]
 
+    _name: str | None = None  # of the link that is read
+
     def _refuse(self, problem: str) -> NoReturn:
-        raise ScenarioError(f"{self._path}: {problem}")
+        raise ScenarioError(f"{self.path}: {problem}")
 
     def text(self, node: ET.Element | None, key: str) -> str | None:
         """Return the text of a value; None if it is missing."""
@@ -175,18 +204,18 @@ class _Sdf:
         pose = node.find("pose")
         if pose is None or not (pose.text or "").strip():
             return RigidTransform()
-        frame, link = pose.get("relative_to"), self._root.find(self.link)
-        if frame and link is not None and frame != link.get("name"):
+        frame = pose.get("relative_to")
+        if frame and frame != self._name:
             self._refuse(f"<pose>: must be relative to the link, got {frame!r}")
         degrees = pose.get("degrees", "false").strip() in ("true", "1")
         turn = pose.get("rotation_format", "euler_rpy")
         if turn == "euler_rpy":
-            values = self._numbers("pose", pose.text, 6)
+            values = self.numbers("pose", pose.text, 6)
             rpy = np.radians(values[3:]) if degrees else values[3:]
             return RigidTransform(RollPitchYaw(rpy), values[:3])
         if turn != "quat_xyzw" or degrees:
             self._refuse(f"<pose>: unknown rotation_format {turn}")
-        values = self._numbers("pose", pose.text, 7)
+        values = self.numbers("pose", pose.text, 7)
         wxyz, norm = values[[6, 3, 4, 5]], np.linalg.norm(values[3:])
         if norm < 1e-6:
             self._refuse("<pose>: its quaternion is zero")
@@ -196,7 +225,7 @@ class _Sdf:
         """Return the colour of a visual; None: the mesh's own."""
         text = node.findtext("material/diffuse")
         if text is None and node.find("material/script") is not None:
-            self._warnings.append("a material's script is not read: it has no colour")
+            self.warnings.append("a material's script is not read: it has no colour")
         # The fourth number, opacity, has a default.
         return self._rgb("diffuse", text, (3, 4)) if text else None
 
@@ -206,7 +235,7 @@ class _Sdf:
 
     def _rgb(self, key: str, text: str, counts: tuple[int, ...]) -> Color:
         count = len(text.split())
-        values = self._numbers(key, text, count if count in counts else counts[-1])
+        values = self.numbers(key, text, count if count in counts else counts[-1])
         if not np.all((values >= 0.0) & (values <= 1.0)):
             self._refuse(f"{key}: must be 0 .. 1 each, got {text!r}")
         return (values[0], values[1], values[2])
@@ -215,7 +244,7 @@ class _Sdf:
         """Return the text of the mass; None if it is missing."""
         return inertial.findtext("mass")
 
-    def _numbers(self, key: str, text: str | None, count: int = 1) -> Vector:
+    def numbers(self, key: str, text: str | None, count: int = 1) -> Vector:
         """Return the numbers in a text.
 
         Raises:
@@ -240,14 +269,14 @@ class _Sdf:
             self.pose(node),
             self.color(node),
             self.contact(node),
-            ode_friction(node, self._path),
+            ode_friction(node, self.path),
         )
 
     def shape(self, node: ET.Element) -> Shape | MeshFile:
         """Return the shape of a geometry."""
 
         def size(key: str, count: int = 1) -> Vector:
-            values = self._numbers(key, self.text(node, key), count)
+            values = self.numbers(key, self.text(node, key), count)
             if not np.all(values > 0.0):
                 problem = f"must be greater than 0, got {values.tolist()}"
                 self._refuse(f"<{node.tag}> {key}: {problem}")
@@ -264,12 +293,12 @@ class _Sdf:
                 if node.find("submesh") is not None:
                     self._refuse("<submesh>: export the part as a mesh of its own")
                 text = (self.text(node, "scale") or "").strip() or "1 1 1"
-                scale = self._numbers("scale", text, 1 if len(text.split()) == 1 else 3)
+                scale = self.numbers("scale", text, 1 if len(text.split()) == 1 else 3)
                 if not np.all(scale):
                     self._refuse(f"<mesh> scale: must not be 0, got {text!r}")
                 uri = (self.text(node, self.mesh) or "").strip()
-                file = resolved(self._path, uri)
-                return MeshFile(file, scale * np.ones(3), self._path)
+                file = resolved(self.path, uri)
+                return MeshFile(file, scale * np.ones(3), self.path)
         allowed = ", ".join(_SHAPES)
         return self._refuse(f"unknown geometry <{node.tag}> (allowed: {allowed})")
 
@@ -279,13 +308,13 @@ class _Sdf:
         text = None if node is None else self.mass(node)
         if node is None or text is None:
             return None, None
-        mass = float(self._numbers("mass", text)[0])
+        mass = float(self.numbers("mass", text)[0])
         X_LI = self.pose(node)
         found = [self.text(node.find("inertia"), key) for key in _MOMENTS]
         if not mass > 0.0 or None in found[:3]:
             return (mass if mass > 0.0 else None), None
         moments = [
-            float(self._numbers(key, text or "0")[0])
+            float(self.numbers(key, text or "0")[0])
             for key, text in zip(_MOMENTS, found, strict=True)
         ]
         try:
@@ -297,45 +326,48 @@ class _Sdf:
             return mass, None
 
 
-class _Urdf(_Sdf):
+class UrdfReader(SdfReader):
     """Reads the elements of a URDF file, whose values are attributes."""
 
-    link, mesh = "link", "filename"
+    link, joint, mesh = "link", "joint", "filename"
 
     def text(self, node: ET.Element | None, key: str) -> str | None:
+        """See `SdfReader`."""
         return None if node is None else node.get(key)
 
     def pose(self, node: ET.Element) -> RigidTransform:
+        """See `SdfReader`."""
         origin = node.find("origin")
         xyz, rpy = (
-            self._numbers(key, self.text(origin, key) or "0 0 0", 3)
+            self.numbers(key, self.text(origin, key) or "0 0 0", 3)
             for key in ("xyz", "rpy")
         )
         return RigidTransform(RollPitchYaw(rpy), xyz)
 
     def color(self, node: ET.Element) -> Color | None:
+        """See `SdfReader`."""
         material = node.find("material")
         if material is None:
             return None
         name = material.get("name")
         # As in Drake, a name means the same everywhere in the file.
-        same = (
-            m for m in self._root.iter("material") if name and m.get("name") == name
-        )
+        same = (m for m in self.root.iter("material") if name and m.get("name") == name)
         for candidate in (material, *same):
             rgba = self.text(candidate.find("color"), "rgba")
             if rgba is not None:
                 return self._rgb("rgba", rgba, (4,))
-        self._warnings.append(f"material {name!r} has no colour in this file")
+        self.warnings.append(f"material {name!r} has no colour in this file")
         return None
 
     def contact(self, node: ET.Element) -> ET.Element | None:
+        """See `SdfReader`."""
         contact = copy.deepcopy(node.find(PROXIMITY))
         for child in () if contact is None else contact:
             child.text = child.attrib.pop("value", None)  # as in an SDF
         return contact
 
     def mass(self, inertial: ET.Element) -> str | None:
+        """See `SdfReader`."""
         return self.text(inertial.find("mass"), "value")
 
 

@@ -1,0 +1,1 @@
+"""Arms from URDF and SDF files of others: models, limits, homes, scenarios, checks."""
