@@ -11,6 +11,7 @@ from PIL import Image
 from drake_srg.common.exceptions import ScenarioError
 from experiments import find_experiments
 from experiments.runner import committed
+from experiments.runner.claims import Trials
 from experiments.runner.committed import (
     COMMITTED,
     LARGEST,
@@ -20,6 +21,7 @@ from experiments.runner.committed import (
     read_rows,
     read_stamps,
 )
+from experiments.runner.run import find_experiment
 
 BEFORE = json.loads((Path(__file__).parent / "rows_before.json").read_text())
 
@@ -41,6 +43,16 @@ def test_every_experiment_has_rows_and_a_small_picture(name):
     assert committed_rows(name), f"{name}: no committed result yet: make experiments"
     assert (COMMITTED / f"{name}.png").stat().st_size < LARGEST
     assert name in read_stamps()
+
+
+@pytest.mark.parametrize("name", sorted(find_experiments()))
+def test_trials_that_have_a_name_are_judged_by_it(name):
+    """Cases may list other axes first; then the rows would get their values as names."""
+    experiment = find_experiment(name)
+    cases = Trials(list(experiment.cases(**experiment.values(name, ()))))
+    if "name" in cases[0]:
+        names = {row.name for row in committed_rows(name) or ()}
+        assert names & set(cases.groups(*experiment.axes(cases)))
 
 
 def test_accepted_results_are_the_committed_ones(tmp_path):
