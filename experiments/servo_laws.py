@@ -252,17 +252,9 @@ def _at_limit(law: str, t: Any) -> float:
 
 def rise_time(time: Vector, q: Vector, start: float, end: float) -> float:
     """Return the time from 10 % to 90 % of a step [s]; NaN if 90 % is not reached."""
-    share, crossings = (q - start) / (end - start), []
-    for level in (0.1, 0.9):
-        above = np.flatnonzero(share >= level)
-        if not len(above):
-            return np.nan
-        k = above[0]
-        part = 0.0  # of the way between two samples
-        if k > 0:
-            part = (level - share[k - 1]) / (share[k] - share[k - 1]) - 1.0
-        crossings.append(time[k] + part * (time[k] - time[max(k - 1, 0)]))
-    return float(crossings[1] - crossings[0])
+    reached = np.maximum.accumulate((q - start) / (end - start))
+    low, high = np.interp([0.1, 0.9], reached, time, right=np.nan)
+    return float(high - low)
 
 
 def overshoot(q: Vector) -> float:
@@ -273,11 +265,8 @@ def overshoot(q: Vector) -> float:
 def settling_time(time: Vector, error: Vector, band: float) -> float:
     """Return when `|error|` enters the band for good [s]; NaN if it ends outside."""
     outside = np.flatnonzero(np.abs(error) > band)
-    if not len(outside):
-        return float(time[0])
-    if outside[-1] == len(time) - 1:
-        return np.nan
-    return float(time[outside[-1] + 1])
+    first = outside[-1] + 1 if len(outside) else 0
+    return float(np.append(time, np.nan)[first])
 
 
 def _step(law: str, t: Any) -> ex.Values:

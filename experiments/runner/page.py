@@ -110,14 +110,21 @@ def read_claims() -> list[dict[str, Any]]:
 
 
 def fill(text: str, folder: Path = COMMITTED) -> str:
-    """Return a text with `{EXPERIMENT|ROW|QUANTITY|FORMAT}` replaced by values."""
+    """Return a text with `{EXPERIMENT|ROW|QUANTITY|FORMAT}` replaced by values.
+
+    A row `*` stands for the least value of all rows of that quantity.
+    """
 
     def value(match: re.Match[str]) -> str:
         experiment, name, quantity, form = match.groups()
-        for row in committed_rows(experiment, folder) or ():
-            if (row.name, row.quantity) == (name, quantity):
-                return format(row.measured, form)
-        raise KeyError(f"{experiment}: no row {name!r}, {quantity!r}")
+        values = [
+            row.measured
+            for row in committed_rows(experiment, folder) or ()
+            if row.quantity == quantity and name in (row.name, "*")
+        ]
+        if not values:
+            raise KeyError(f"{experiment}: no row {name!r}, {quantity!r}")
+        return format(min(values) if name == "*" else values[0], form)
 
     return _VALUE.sub(value, text)
 

@@ -64,7 +64,11 @@ def sources_of(module: str, root: Path = ROOT) -> list[Path]:
         if name.startswith("experiments.") and ".runner" not in name
     ]
     names = _names(own)
-    data = {p for p in (root / "experiments/data").rglob("*.*") if _named(p, names)}
+    data = {
+        path
+        for path in (root / "experiments/data").rglob("*.*")
+        if _named(path, names) and path.name != "claims.yaml"  # which pages read
+    }
     names |= _names(data)
     # Whatever starts like a name may be meant: code puts `_fast` behind some.
     scenarios = root / "drake_srg/scenarios"
@@ -217,7 +221,7 @@ def _names(paths: Iterable[Path]) -> frozenset[str]:
 def _named(path: Path, names: Collection[str]) -> bool:
     """Return whether names have a file, its stem or, of data, the folder of it."""
     loose = {path.stem} if path.suffix != ".obj" else {path.parent.name}
-    return not names.isdisjoint({path.name, *loose})
+    return any(name in names for name in (path.name, *loose))
 
 
 def _entry(key: str, scenario: Path) -> str:

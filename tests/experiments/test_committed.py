@@ -47,7 +47,7 @@ def test_every_experiment_has_rows_and_a_small_picture(name):
 
 @pytest.mark.parametrize("name", sorted(find_experiments()))
 def test_trials_that_have_a_name_are_judged_by_it(name):
-    """Cases may list other axes first; then the rows would get their values as names."""
+    """Cases may list other axes first: rows must not get their values as names."""
     experiment = find_experiment(name)
     cases = Trials(list(experiment.cases(**experiment.values(name, ()))))
     if "name" in cases[0]:

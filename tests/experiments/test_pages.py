@@ -46,6 +46,10 @@ def test_claims_quote_rows_that_exist():
         assert "{" not in entry["ours"]
     with pytest.raises(KeyError, match="soft: no row"):
         page.fill("{soft|no|such|.1f}")
+    placed = [
+        r.measured for r in committed_rows("known_shapes") if r.quantity == "placed"
+    ]
+    assert page.fill("{known_shapes|*|placed|.3f}") == f"{min(placed):.3f}"
 
 
 def test_the_index_fits_a_screen_and_has_every_experiment():
