@@ -32,13 +32,14 @@ SHIPPED = SrgPositionDriver().servo  # gains of the driver
 BANDWIDTH = 40.0  # of the shipped gains [rad/s]; see srg_position_driver.py
 # A usual integral: a corner one decade below the bandwidth costs little phase.
 _WITH_KI = dc.replace(SHIPPED, ki=[0.1 * BANDWIDTH * kp for kp in SHIPPED.kp])
+_NEVER = 1e9  # so slow an anti-windup does nothing [s]
 LAWS = {
     "pid": SHIPPED,  # K_I is 0
     # The register of an MX-64, and percent.
     "pid, 1023 steps": dc.replace(SHIPPED, pwm_steps=1023),
     "pid, 100 steps": dc.replace(SHIPPED, pwm_steps=100),
     "pid, K_I": _WITH_KI,
-    "pid, K_I, no anti-windup": dc.replace(_WITH_KI, tracking_time=1e9),
+    "pid, K_I, no anti-windup": dc.replace(_WITH_KI, tracking_time=_NEVER),
     "printed": dc.replace(_WITH_KI, law="printed"),
     "printed, K_I = 0": dc.replace(SHIPPED, law="printed"),
     "literal": dc.replace(_WITH_KI, law="literal"),
@@ -332,7 +333,7 @@ def _windup(law: str, t: Any, step: Any) -> ex.Values:
     beyond = max(0.0, float(np.max(-_error(t)[t["time [s]"] > BLOCKED[1]])))
     config, bound = LAWS[law], ex.number()
     # Back-calculation: no more than after a step.
-    if config.law == "pid" and np.isfinite(config.tracking_time):
+    if config.law == "pid" and config.tracking_time < _NEVER:
         limit = (END - START) * overshoot(step["angle [rad]"])
         bound = ex.at_most(max(BAND, limit))
     return {"blocked for 0.5 s: overshoot after release [rad]": (beyond, bound)}
