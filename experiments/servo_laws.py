@@ -32,13 +32,14 @@ SHIPPED = SrgPositionDriver().servo  # gains of the driver
 BANDWIDTH = 40.0  # of the shipped gains [rad/s]; see srg_position_driver.py
 # A usual integral: a corner one decade below the bandwidth costs little phase.
 _WITH_KI = dc.replace(SHIPPED, ki=[0.1 * BANDWIDTH * kp for kp in SHIPPED.kp])
+_NEVER = 1e9  # so slow an anti-windup does nothing [s]
 LAWS = {
     "pid": SHIPPED,  # K_I is 0
     # The register of an MX-64, and percent.
     "pid, 1023 steps": dc.replace(SHIPPED, pwm_steps=1023),
     "pid, 100 steps": dc.replace(SHIPPED, pwm_steps=100),
     "pid, K_I": _WITH_KI,
-    "pid, K_I, no anti-windup": dc.replace(_WITH_KI, tracking_time=1e9),
+    "pid, K_I, no anti-windup": dc.replace(_WITH_KI, tracking_time=_NEVER),
     "printed": dc.replace(_WITH_KI, law="printed"),
     "printed, K_I = 0": dc.replace(SHIPPED, law="printed"),
     "literal": dc.replace(_WITH_KI, law="literal"),
@@ -252,17 +253,9 @@ def _at_limit(law: str, t: Any) -> float:
 
 def rise_time(time: Vector, q: Vector, start: float, end: float) -> float:
     """Return the time from 10 % to 90 % of a step [s]; NaN if 90 % is not reached."""
-    share, crossings = (q - start) / (end - start), []
-    for level in (0.1, 0.9):
-        above = np.flatnonzero(share >= level)
-        if not len(above):
-            return np.nan
-        k = above[0]
-        part = 0.0  # of the way between two samples
-        if k > 0:
-            part = (level - share[k - 1]) / (share[k] - share[k - 1]) - 1.0
-        crossings.append(time[k] + part * (time[k] - time[max(k - 1, 0)]))
-    return float(crossings[1] - crossings[0])
+    reached = np.maximum.accumulate((q - start) / (end - start))
+    low, high = np.interp([0.1, 0.9], reached, time, right=np.nan)
+    return float(high - low)
 
 
 def overshoot(q: Vector) -> float:
@@ -273,11 +266,8 @@ def overshoot(q: Vector) -> float:
 def settling_time(time: Vector, error: Vector, band: float) -> float:
     """Return when `|error|` enters the band for good [s]; NaN if it ends outside."""
     outside = np.flatnonzero(np.abs(error) > band)
-    if not len(outside):
-        return float(time[0])
-    if outside[-1] == len(time) - 1:
-        return np.nan
-    return float(time[outside[-1] + 1])
+    first = outside[-1] + 1 if len(outside) else 0
+    return float(np.append(time, np.nan)[first])
 
 
 def _step(law: str, t: Any) -> ex.Values:
@@ -343,7 +333,7 @@ def _windup(law: str, t: Any, step: Any) -> ex.Values:
     beyond = max(0.0, float(np.max(-_error(t)[t["time [s]"] > BLOCKED[1]])))
     config, bound = LAWS[law], ex.number()
     # Back-calculation: no more than after a step.
-    if config.law == "pid" and np.isfinite(config.tracking_time):
+    if config.law == "pid" and config.tracking_time < _NEVER:
         limit = (END - START) * overshoot(step["angle [rad]"])
         bound = ex.at_most(max(BAND, limit))
     return {"blocked for 0.5 s: overshoot after release [rad]": (beyond, bound)}

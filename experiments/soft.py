@@ -240,6 +240,7 @@ soft = ex.Experiment(
         "creep in the last second": ex.at_most(0.1),
         "smallest volume of an element": ex.at_least(0.0),
     },
+    by=("name",),
     whole=elasticity,
     picture=[ex.Curves("time [s]", "grip force [N]"), ex.Curves("time [s]", "squeeze")],
 )

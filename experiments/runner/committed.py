@@ -19,7 +19,8 @@ from PIL import Image
 from drake_srg.common.exceptions import ScenarioError
 from drake_srg.sweeps.files import write_file
 from experiments.runner.claims import Row
-from experiments.runner.run import RESULT, ROOT, code_hash
+from experiments.runner.run import RESULT
+from experiments.runner.sources import ROOT, code_of
 
 COMMITTED = ROOT / "docs/experiments"
 LARGEST = 100_000  # file size of a picture in docs [bytes]
@@ -31,7 +32,7 @@ class Stamp:
     """What a result was made with.
 
     Attributes:
-        sources: Hash of the package, its models and the experiments.
+        sources: Hash of what the experiment runs, see `sources`.
         drake: Version of Drake.
         result: Hash of result.json: a result of other parameters has no stamp.
         seconds: Wall-clock time of the run [s].
@@ -41,11 +42,6 @@ class Stamp:
     drake: str
     result: str
     seconds: float
-
-    @property
-    def stale(self) -> bool:
-        """Whether the sources have changed since."""
-        return self.sources != code_hash()
 
 
 def drake_version() -> str:
@@ -59,9 +55,9 @@ def show_time(seconds: float) -> str:
 
 
 def make_stamp(folder: Path, seconds: float) -> Stamp:
-    """Return the stamp of a folder's new result, made in `seconds` [s]."""
+    """Return the stamp of the new result in a folder NAME, made in `seconds` [s]."""
     result = hashlib.sha256((folder / RESULT).read_bytes()).hexdigest()[:12]
-    return Stamp(code_hash(), drake_version(), result, round(seconds, 1))
+    return Stamp(code_of(folder.name), drake_version(), result, round(seconds, 1))
 
 
 def write_stamp(folder: Path, stamp: Stamp) -> None:

@@ -20,6 +20,7 @@ from experiments.runner.committed import (
     read_stamps,
     show_time,
 )
+from experiments.runner.sources import code_of
 
 _VALUE = re.compile(r"\{(\w+)\|([^|}]+)\|([^|}]+)\|([^}]+)\}")
 
@@ -48,7 +49,7 @@ def page(name: str, module: str, description: str, stamp: Stamp | None) -> str:
     missed = [row for row in rows if not row.passed]
     judged = [row for row in rows if row.judged]
     others = [row for row in rows if not row.judged]
-    text += f"**{verdict(rows, stamp)}** Drake {stamp.drake}, "
+    text += f"**{verdict(name, rows, stamp)}** Drake {stamp.drake}, "
     text += f"{show_time(stamp.seconds)}.\n\n{picture}{why}\n"
     if missed:
         text += "## What falls short\n\n"
@@ -63,14 +64,19 @@ def page(name: str, module: str, description: str, stamp: Stamp | None) -> str:
     return text + (f"## Other figures\n\n{table(others)}\n" if others else "")
 
 
-def verdict(rows: Sequence[Row], stamp: Stamp) -> str:
+def stale(name: str, stamp: Stamp) -> bool:
+    """Return whether what an experiment runs has changed since."""
+    return stamp.sources != code_of(name)
+
+
+def verdict(name: str, rows: Sequence[Row], stamp: Stamp) -> str:
     """Return how many claims hold, and whether that is still known."""
     judged = [row for row in rows if row.judged]
     good = sum(row.passed for row in judged)
     text = f"{good} of {len(judged)} claims hold."
     if not judged:
         text = f"{len(rows)} figures."
-    return f"{text} Not run since the code changed." if stamp.stale else text
+    return f"{text} Not run since the code changed." if stale(name, stamp) else text
 
 
 def table(rows: Sequence[Row]) -> str:
@@ -104,14 +110,21 @@ def read_claims() -> list[dict[str, Any]]:
 
 
 def fill(text: str, folder: Path = COMMITTED) -> str:
-    """Return a text with `{EXPERIMENT|ROW|QUANTITY|FORMAT}` replaced by values."""
+    """Return a text with `{EXPERIMENT|ROW|QUANTITY|FORMAT}` replaced by values.
+
+    A row `*` stands for the least value of all rows of that quantity.
+    """
 
     def value(match: re.Match[str]) -> str:
         experiment, name, quantity, form = match.groups()
-        for row in committed_rows(experiment, folder) or ():
-            if (row.name, row.quantity) == (name, quantity):
-                return format(row.measured, form)
-        raise KeyError(f"{experiment}: no row {name!r}, {quantity!r}")
+        values = [
+            row.measured
+            for row in committed_rows(experiment, folder) or ()
+            if row.quantity == quantity and name in (row.name, "*")
+        ]
+        if not values:
+            raise KeyError(f"{experiment}: no row {name!r}, {quantity!r}")
+        return format(min(values) if name == "*" else values[0], form)
 
     return _VALUE.sub(value, text)
 
@@ -134,8 +147,8 @@ def link(name: str, stamps: dict[str, Stamp]) -> str:
         return f"[{name}](experiments/{name}.md) (no result)"
     judged = [row for row in rows if row.judged]
     good = sum(row.passed for row in judged)
-    stale = ", not run since" * stamp.stale
-    return f"[{name}](experiments/{name}.md) ({good}/{len(judged)}{stale})"
+    since = ", not run since" * stale(name, stamp)
+    return f"[{name}](experiments/{name}.md) ({good}/{len(judged)}{since})"
 
 
 def index() -> str:

@@ -6,7 +6,6 @@ import base64
 import contextlib
 import csv
 import dataclasses as dc
-import functools
 import importlib
 import io
 import json
@@ -28,12 +27,11 @@ from drake_srg.common.status_line import StatusLine
 from drake_srg.recording.output import OutputFile, output_folder
 from drake_srg.recording.timeline import make_figure, save_png
 from drake_srg.simulation.simulate import keep_first_replay
-from drake_srg.sweeps.info import hash_files
-from experiments import FOLDER, find_experiments
+from experiments import find_experiments
 from experiments.runner.claims import Case, Row, Trials
 from experiments.runner.experiment import Experiment
+from experiments.runner.sources import code_of
 
-ROOT = FOLDER.parent
 RESULT, KEPT = "result.json", "trials.jsonl"
 # Beside the results, where an experiment runs a cell: its first run.
 REPLAY = "replay.html"
@@ -136,7 +134,7 @@ def run_experiment(
     if not workers:
         workers = 1 if experiment.serial else os.cpu_count() or 1
     with output_folder(out), contextlib.ExitStack() as stack:
-        kept = Kept(out, any_code)
+        kept = Kept(out, code_of(name), any_code)
         replays = None
         if out is not None:
             replays = Path(stack.enter_context(TemporaryDirectory(prefix=".", dir=out)))
@@ -193,21 +191,14 @@ def _run_trial(name: str, case: Case, replays: Path | None) -> Any:
         return encode(dict(find_experiment(name).trial(**case)))
 
 
-@functools.cache
-def code_hash() -> str:
-    """Return a hash of all that an experiment may depend on, once per process."""
-    names = ("drake_srg", "models", "experiments")
-    return hash_files({f"{name}/": ROOT / name for name in names})
-
-
 class Kept:
     """A file of finished trials, one line of JSON each; None keeps them in memory only.
 
-    Trials of other code count only if `any_code`.
+    Trials of other code than that of the hash `code` count only if `any_code`.
     """
 
-    def __init__(self, out: Path | None, any_code: bool = False):
-        self._path = out / KEPT if out else None
+    def __init__(self, out: Path | None, code: str, any_code: bool = False):
+        self._path, self._code = out / KEPT if out else None, code
         self._made: dict[str, Any] = {}
         if self._path is None or not self._path.exists():
             return
@@ -215,7 +206,7 @@ class Kept:
             # A line may be incomplete; its trial then runs again.
             with contextlib.suppress(ValueError, KeyError, TypeError):
                 entry = json.loads(line)
-                if any_code or entry["code"] == code_hash():
+                if any_code or entry["code"] == code:
                     self._made[entry["case"]] = entry["result"]
 
     def get(self, case: Case) -> Any:
@@ -230,7 +221,7 @@ class Kept:
     def add(self, case: Case, result: Any) -> None:
         """Remember the encoded result of a case."""
         # Once through JSON, so that a kept result equals one that has just been made.
-        entry = {"case": _key(case), "code": code_hash(), "result": result}
+        entry = {"case": _key(case), "code": self._code, "result": result}
         text = json.dumps(entry)
         self._made[_key(case)] = json.loads(text)["result"]
         if self._path is not None:

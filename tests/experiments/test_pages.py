@@ -1,5 +1,6 @@
 """The pages of the site, and figures elsewhere that quote results."""
 
+import dataclasses as dc
 import re
 import sys
 from pathlib import Path
@@ -12,6 +13,7 @@ from experiments import find_experiments
 from experiments.runner import page
 from experiments.runner.committed import committed_rows
 from experiments.runner.run import run_experiment
+from experiments.runner.sources import code_of
 
 ROOT = Path(__file__).parents[2]
 
@@ -30,9 +32,11 @@ def test_a_page_says_what_falls_short_and_what_is_stale():
     text = page.pages()["hardware"]
     assert "## What falls short" in text
     assert "one Coulomb friction cannot hold" in text
-    assert page.verdict(rows(), STAMP) == (
+    assert page.verdict("soft", rows(), STAMP) == (
         "1 of 1 claims hold. Not run since the code changed."
     )
+    current = dc.replace(STAMP, sources=code_of("soft"))
+    assert page.verdict("soft", rows(), current) == "1 of 1 claims hold."
     assert "**no**" in page.table(rows(5.0))
 
 
@@ -42,6 +46,10 @@ def test_claims_quote_rows_that_exist():
         assert "{" not in entry["ours"]
     with pytest.raises(KeyError, match="soft: no row"):
         page.fill("{soft|no|such|.1f}")
+    placed = [
+        r.measured for r in committed_rows("known_shapes") if r.quantity == "placed"
+    ]
+    assert page.fill("{known_shapes|*|placed|.3f}") == f"{min(placed):.3f}"
 
 
 def test_the_index_fits_a_screen_and_has_every_experiment():

@@ -39,11 +39,11 @@ def measure(folder, monkeypatch):
     Results that were made before do not count any more, as after a change of code.
     """
 
-    def set_values(values):
+    def set_values(values, wall=2.0):
         def run(name, out):
             if isinstance(values.get(name), str):
                 return values[name]
-            write_result(out, rows(values.get(name, 1.0)))
+            write_result(out, rows(values.get(name, 1.0), wall))
             return ""
 
         monkeypatch.setattr(rerun, "run_apart", run)
@@ -165,6 +165,17 @@ def test_the_quick_ones_are_the_shortest(folder, measure, capsys):
     assert "no experiment to run" in capsys.readouterr().err
     main(["--accept"])
     assert main(["--quick"]) == 0
+
+
+def test_the_quick_ones_hold_on_a_busy_machine(folder, measure, capsys):
+    main(["--accept"])
+    measure({"soft": 1.5}, wall=-1.0)  # so wrong that no correction helps
+    assert main(["--quick"]) == 1
+    table = capsys.readouterr().out
+    assert "slip" in table
+    assert "duration" not in table
+    assert main([]) == 1
+    assert "duration" in capsys.readouterr().out
 
 
 @pytest.mark.slow

@@ -66,7 +66,7 @@ def test_an_interrupted_run_goes_on(fake, tmp_path):
 def test_other_code_runs_again_unless_told_otherwise(fake, tmp_path, monkeypatch):
     ran = fake()
     run_experiment("fake_half", tmp_path, workers=1)
-    monkeypatch.setattr(runner, "code_hash", lambda: "other")
+    monkeypatch.setattr(runner, "code_of", lambda name: "other")
     run_experiment("fake_half", tmp_path, workers=1, any_code=True)
     assert len(ran()) == 2
     run_experiment("fake_half", tmp_path, workers=1)
@@ -74,15 +74,15 @@ def test_other_code_runs_again_unless_told_otherwise(fake, tmp_path, monkeypatch
 
 
 def test_a_line_that_was_cut_off_runs_again(tmp_path):
-    kept = Kept(tmp_path)
+    kept = Kept(tmp_path, "c0de")
     kept.add({"seed": 0}, {"x": 1})
     with (tmp_path / "trials.jsonl").open("a") as file:
         file.write('{"case": "{\\"seed\\": 1}", "co')
-    again = Kept(tmp_path)
+    again = Kept(tmp_path, "c0de")
     assert again.read({"seed": 0}) == {"x": 1}
     assert again.get({"seed": 1}) is None
     again.add({"seed": 1}, {"x": 2})
-    assert Kept(tmp_path).read({"seed": 1}) == {"x": 2}
+    assert Kept(tmp_path, "c0de").read({"seed": 1}) == {"x": 2}
 
 
 def test_measures_survive_a_file():
