@@ -19,7 +19,7 @@ PACKAGE = Path(drake_srg.__file__).parent
 ROOT = PACKAGE.parent
 STUBS = sorted([PACKAGE / "__init__.pyi", *PACKAGE.glob("*/__init__.pyi")])
 # Rooms without a face: of data, and of the command line.
-NO_FACE = {"cli", "models", "scenarios"}
+NO_FACE = {"cli", "importing", "models", "scenarios"}
 # Modules whose public names are all public, and what a page of docs imports besides:
 # a module that makes environments known, and a policy's own package.
 WHOLE = {"drake_srg.types", "drake_srg.lifetime"}

@@ -269,12 +269,12 @@ def _resolve_models(tree: Mapping[str, Any], folder: Path) -> None:
             if isinstance(model, str) and "://" not in model:
                 entry["model"] = str((folder / Path(model).expanduser()).absolute())
     directives = tree.get("directives")
-    for entry in (
-        directives.values() if isinstance(directives, dict) else directives or ()
-    ):
+    if isinstance(directives, dict):  # of an overlay
+        directives = list(directives.values())
+    for entry in directives if isinstance(directives, list) else ():
         added = entry.get("add_model") if isinstance(entry, dict) else None
         file = added.get("file") if isinstance(added, dict) else None
-        if added is not None and isinstance(file, str) and "://" not in file:
+        if isinstance(added, dict) and isinstance(file, str) and "://" not in file:
             path = (folder / Path(file).expanduser()).absolute()
             added["file"] = f"file://{path}"
 

@@ -35,7 +35,7 @@ def test_our_own_arm_passes(iiwa_file):
     assert check.problems() == []
     assert 0.05 < check.gravity < 1.0
     assert check.behind > 0.0
-    assert picture.shape == (360, 640, 3)
+    assert picture.shape == (720, 1280, 3)
     assert np.ptp(picture) > 50
 
 
