@@ -127,7 +127,12 @@ def crop(png):
 
 ALTERATIONS = {
     "a word": ("stream", lambda text: re.sub(r"[a-z]{4}", "else", text, count=1)),
-    "a digit": ("stream", lambda text: re.sub(r"\.\d", ".9", text, count=1)),
+    "a digit": (
+        "stream",
+        lambda text: re.sub(
+            r"\.(\d)", lambda d: f".{(int(d[1]) + 5) % 10}", text, count=1
+        ),
+    ),
     "a line of a figure": ("image/png", lambda png: draw(png, (100, 60, 400, 200))),
     "a figure, by a pixel": ("image/png", shift),
     "a figure's size": ("image/png", crop),

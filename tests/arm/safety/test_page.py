@@ -1,4 +1,4 @@
-"""docs/safety.md: its code runs, its scenario loads, its table is complete."""
+"""docs/safety.md: its scenario loads, its table is complete."""
 
 import re
 from pathlib import Path
@@ -11,11 +11,6 @@ PAGE = (Path(__file__).parents[3] / "docs" / "safety.md").read_text(encoding="ut
 
 def blocks(kind):
     return re.findall(rf"```{kind}\n(.*?)```", PAGE, re.DOTALL)
-
-
-def test_the_example_stops_the_arm():
-    (code,) = blocks("python")
-    exec(code, {})
 
 
 def test_the_profile_loads(tmp_path):
