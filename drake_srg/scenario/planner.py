@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from typing import TYPE_CHECKING, Any
 
+from drake_srg.planning.insertion.config import Insert
 from drake_srg.planning.planner_machine import Clear, PickAndPlace
 from drake_srg.planning.servoing.config import Servoing
 from drake_srg.scenario.typed_yaml import fail
@@ -57,7 +58,7 @@ def planner_problems(scenario: Scenario) -> Iterator[tuple[str, str]]:
 
 def _task_problems(scenario: Scenario) -> Iterator[tuple[str, str]]:
     kind, clears = type(scenario.planner), scenario.task.clear is not None
-    if clears and kind in (PickAndPlace, Servoing, Taught):
+    if clears and kind in (PickAndPlace, Servoing, Insert, Taught):
         problem = (
             f"must have the tag !{Clear.__name__} with this task.pick, got "
             f"!{kind.__name__}: write planner: !{Clear.__name__} {{...}}"
