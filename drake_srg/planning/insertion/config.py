@@ -21,12 +21,6 @@ class Insert(PlannerConfig):
     `arm: !ArmImpedanceDriver` with `cartesian`.
     """
 
-    # `tilt` sets the peg's lower edge into the hole, slides it against the far wall and
-    # puts the peg upright; `spiral` moves the upright peg in a spiral until it drops;
-    # `straight` pushes where the goal is.
-    strategy: str = dc.field(
-        default="tilt", metadata={"among": ("tilt", "spiral", "straight")}
-    )
     # Depth of the hole [m], and how much less of it counts as seated.
     depth: float = dc.field(default=0.02, metadata=positive())
     depth_tolerance: float = dc.field(default=0.002, metadata=positive())

@@ -46,8 +46,6 @@ _LATE = 6.0  # longest duration of any of these modes [s]
 _DITHER, _FREQUENCY = 6e-4, 3.0  # across the way to the wall [m], [Hz]
 _PAST = -0.0087  # tilt at which the peg stops when it is put upright [rad]
 _SHALLOW = 0.003  # a peg that is no deeper has not entered [m]
-_DROP = 0.0005  # a peg in a spiral has found the hole once it drops by this [m]
-_PITCH, _WIDEST = 1.5e-4, 2e-3  # of the spiral [m]
 # The wall is at most this much farther than the inset and its like on the other side
 # [m]; a peg that slides on has met no hole.
 _STRAY = 0.002
@@ -243,16 +241,14 @@ class Tilt(Inserting):
 
     def turn_to(self, tip: Insertion) -> float:
         """See `Inserting`."""
-        return self.task.config.tilt if self.task.config.strategy == "tilt" else 0.0
+        return self.task.config.tilt
 
     def pull_to(self, tip: Insertion, time: float) -> Vector:
         """See `Inserting`."""
         assert tip.X_WU is not None
         config, r = self.task.config, self.task.peg.radius
-        angle = self.turn_to(tip)
-        inset = config.inset if angle else 0.0
-        aside = r - inset - r * np.cos(angle)
-        up = r * np.sin(angle) + 0.5 * config.hover
+        aside = r - config.inset - r * np.cos(config.tilt)
+        up = r * np.sin(config.tilt) + 0.5 * config.hover
         across = (tip.tries // 2) * config.search_step * np.cross(_UP, tip.along)
         return tip.X_WU.translation() + aside * tip.along + up * _UP + across
 
@@ -265,48 +261,36 @@ class Tilt(Inserting):
 
 
 class Search(Inserting):
-    """Lowers the tip until it rests; in a spiral, until it drops."""
+    """Lowers the tip until it rests: on the rim, one edge of it in the hole."""
 
     mode = InsertMode.SEARCH
 
     def pull_to(self, tip: Insertion, time: float) -> Vector:
         """See `Inserting`."""
-        target, config = self.forward(tip, self.task.config.search_force), self.task
-        level = tip.X_WT.translation().copy()
-        level[2] = target[2]
-        if config.config.strategy == "spiral" and self.stalled(tip, time):
-            radius, angle = self._spiral(tip, time)
-            level[:2] = tip.began[:2]
-            level[:2] += radius * np.array([np.cos(angle), np.sin(angle)])
-        return level
-
-    def _spiral(self, tip: Insertion, time: float) -> tuple[float, float]:
-        """Return radius [m] and angle [rad] of an even speed along the spiral."""
-        way = self.speed * max(time - tip.progress_at - _WITHOUT, 0.0)
-        angle = np.sqrt(4.0 * np.pi * way / _PITCH)
-        return _PITCH * angle / (2.0 * np.pi), float(angle)
+        lower = self.forward(tip, self.task.config.search_force)
+        return np.array([*tip.X_WT.translation()[:2], lower[2]])
 
     def observe_tip(self, tip: Insertion, time: float) -> Observation:
         """See `Inserting`."""
-        rests = self.stalled(tip, time)
-        config, r = self.task.config, self.task.peg.radius
-        tip.rim = float(tip.p[2])
-        if config.strategy == "tilt":
-            edge = r * np.sin(config.tilt) - (2.0 * r - config.inset) * np.tan(
-                config.tilt
-            )
-            tip.rim -= float(edge)
-            return Observation(arrived=rests)
-        if config.strategy == "straight":
-            return Observation(arrived=rests)
-        far = rests and self._spiral(tip, time)[0] > _WIDEST
-        return Observation(arrived=far)
+        return Observation(arrived=self.stalled(tip, time))
 
 
 class Slide(Inserting):
     """Slides the lower edge to the wall of the hole, wiggling across."""
 
     mode = InsertMode.SLIDE
+
+    def enter(self, memory: PlannerMemory, entry: Entry) -> PlannerMemory:
+        """Note where the rim is, on which the side of the tip away from the wall rests.
+
+        The edge in the hole is lower by what the tilt makes of the chord between them.
+        """
+        memory = super().enter(memory, entry)
+        config, r, tip = self.task.config, self.task.peg.radius, insertion_of(memory)
+        edge = tip.p[2] - r * np.sin(config.tilt)
+        chord = 2.0 * r - config.inset
+        tip.rim = float(edge + chord * np.tan(config.tilt))
+        return memory
 
     def pull_to(self, tip: Insertion, time: float) -> Vector:
         """See `Inserting`."""

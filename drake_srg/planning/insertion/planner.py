@@ -16,6 +16,7 @@ from drake_srg.planning.pick_and_place.replanning import Replanner
 from drake_srg.planning.pick_and_place.task_motions import TaskPlanner
 from drake_srg.planning.planner_machine import (
     Condition,
+    Observation,
     PlannerConfig,
     Table,
     Transitions,
@@ -26,8 +27,8 @@ from drake_srg.types import AnyMode, Cylinder, Failure, Mode
 NOT_INSERTED = (Failure.NO_HOLE, Failure.HOLE_BLOCKED, Failure.TOO_TIGHT)
 
 
-def _lost(o, t, c) -> bool:  # type: ignore[no-untyped-def]  # a `Condition`
-    return bool(o.arrived and not o.holding)
+def _lost(o: Observation, t: float, c: PlannerConfig) -> bool:
+    return o.arrived and not o.holding
 
 
 def _ended(mode: AnyMode) -> list[tuple[Condition, AnyMode]]:
@@ -39,11 +40,7 @@ INSERT_TRANSITIONS: Table = {
     **TRANSITIONS,
     Mode.PLACE: _ended(InsertMode.TILT),
     InsertMode.TILT: _ended(InsertMode.SEARCH),
-    InsertMode.SEARCH: [
-        (_lost, Mode.RELEASE),
-        (lambda o, t, c: o.arrived and c.strategy == "tilt", InsertMode.SLIDE),
-        (lambda o, t, c: o.arrived, InsertMode.PRESS),
-    ],
+    InsertMode.SEARCH: _ended(InsertMode.SLIDE),
     InsertMode.SLIDE: [
         (lambda o, t, c: o.stuck, InsertMode.WITHDRAW),
         *_ended(InsertMode.UPRIGHT),
