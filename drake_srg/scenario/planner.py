@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from typing import TYPE_CHECKING, Any
 
+from drake_srg.arm.impedance import ArmImpedanceDriver
 from drake_srg.planning.insertion.config import Insert
 from drake_srg.planning.planner_machine import Clear, PickAndPlace
 from drake_srg.planning.servoing.config import Servoing
@@ -54,6 +55,8 @@ def planner_problems(scenario: Scenario) -> Iterator[tuple[str, str]]:
         yield "localizer.obstacles", f"{problem}, got true"
     if isinstance(planner, Servoing):
         yield from _servo_problems(scenario, planner)
+    if isinstance(planner, Insert):
+        yield from _insertion_problems(scenario, planner)
 
 
 def _task_problems(scenario: Scenario) -> Iterator[tuple[str, str]]:
@@ -84,6 +87,22 @@ def _script_problems(scenario: Scenario, planner: Script) -> Iterator[tuple[str,
                 f"planner.steps[{i}].arm",
                 f"needs one entry per joint of the arm ({n}), got {len(step.arm)}",
             )
+
+
+def _insertion_problems(
+    scenario: Scenario, planner: Insert
+) -> Iterator[tuple[str, str]]:
+    arm = scenario.arm
+    if not isinstance(arm, ArmImpedanceDriver) or arm.cartesian is None:
+        problem = "must be !ArmImpedanceDriver with cartesian for planner: !Insert"
+        yield "arm", f"{problem}, got !{type(arm).__name__}"
+        return
+    # The limits of the forces hold only if the planner knows the spring.
+    stiffest = max(arm.cartesian.translation), arm.cartesian.rotation
+    for key, is_so in zip(("stiffness", "turning_stiffness"), stiffest, strict=True):
+        if (believed := getattr(planner, key)) != is_so:
+            problem = f"must be that of arm.cartesian ({is_so:g}), got {believed:g}"
+            yield f"planner.{key}", problem
 
 
 def _servo_problems(scenario: Scenario, planner: Servoing) -> Iterator[tuple[str, str]]:
