@@ -92,6 +92,9 @@ def _script_problems(scenario: Scenario, planner: Script) -> Iterator[tuple[str,
 def _insertion_problems(
     scenario: Scenario, planner: Insert
 ) -> Iterator[tuple[str, str]]:
+    if scenario.task.repeat > 1:
+        problem = "must be 1 with planner: !Insert, which takes no peg out of its hole"
+        yield "task.repeat", f"{problem}, got {scenario.task.repeat}"
     arm = scenario.arm
     if not isinstance(arm, ArmImpedanceDriver) or arm.cartesian is None:
         problem = "must be !ArmImpedanceDriver with cartesian for planner: !Insert"

@@ -98,6 +98,7 @@ def test_a_key_from_before_there_were_tags_is_told_with_its_new_form(
             "arm=!ArmPositionDriver {}",
             r"arm: must be !ArmImpedanceDriver with cartesian",
         ),
+        ("insert", "task.repeat=2", r"task\.repeat: must be 1 with planner: !Insert"),
         (
             "insert",
             "planner.stiffness=500",

@@ -110,17 +110,11 @@ class Inserting(Carrying, abc.ABC):
         tip.X_TG, tip.X_WT = X_GT.inverse(), X_WG @ X_GT
         pinch = X_WG.rotation().matrix()[:, 1]  # the palm's y
         tip.along = _unit(pinch - pinch[2] * _UP)
-        upright = _upright(tip.X_WT.rotation())
-        rim = task.X_WO_goal.translation() + _UP * (
-            task.config.depth - 0.5 * task.peg.length
-        )
-        tip.X_WU, tip.tries, tip.stops, tip.seated = (
-            RigidTransform(upright, rim),
-            0,
-            (),
-            False,
-        )
+        rim = task.X_WO_goal.translation().copy()
+        rim[2] += task.config.depth - 0.5 * task.peg.length
+        tip.X_WU = RigidTransform(_upright(tip.X_WT.rotation()), rim)
         tip.rim, tip.angle = float(rim[2]), 0.0
+        tip.tries, tip.stops, tip.deepest, tip.seated = 0, (), 0.0, False
 
     def _measure(self, tip: Insertion, q: Vector, share: float) -> None:
         assert tip.X_TG is not None, "a mode before has noted how the hand holds it"
