@@ -336,9 +336,11 @@ class Press(Inserting):
 
     def observe_tip(self, tip: Insertion, time: float) -> Observation:
         """See `Inserting`."""
-        if not self.stalled(tip, time):
-            return Observation()
         config, depth = self.task.config, tip.rim - float(tip.p[2])
+        # A hand that is deeper than the hole slips along a peg that rests.
+        slips = depth > config.depth + config.depth_tolerance
+        if not slips and not self.stalled(tip, time):
+            return Observation()
         if depth >= config.depth - config.depth_tolerance:
             tip.seated = True
             return Observation(arrived=True, at_goal=True)

@@ -156,6 +156,15 @@ def test_the_depth_at_which_the_peg_stops_tells_what_stops_it(depth, seated, sto
     assert memory.insertion.stops == stops
 
 
+def test_a_hand_that_slips_along_the_seated_peg_stops():
+    def sinking(memory):
+        return memory.insertion.p - 0.01 * UP  # always further
+
+    deep = RIM - 0.02 * UP
+    memory, seen = run(Press(TASK, None, 1), make_memory(deep), sinking, 0.1)
+    assert seen.at_goal
+
+
 def test_no_set_point_pulls_with_more_than_the_limits():
     memory = make_memory(RIM)
     memory.insertion.X_WT = RigidTransform(
