@@ -161,7 +161,7 @@ def test_a_hand_that_slips_along_the_seated_peg_stops():
         return memory.insertion.p - 0.01 * UP  # always further
 
     deep = RIM - 0.02 * UP
-    memory, seen = run(Press(TASK, None, 1), make_memory(deep), sinking, 0.1)
+    _, seen = run(Press(TASK, None, 1), make_memory(deep), sinking, 0.1)
     assert seen.at_goal
 
 
