@@ -301,6 +301,9 @@ class Failure(enum.Enum):
     MISPLACED = "misplaced"
     TIME_BUDGET = "time_budget"
     STOPPED = "stopped"
+    NO_HOLE = "no_hole"
+    HOLE_BLOCKED = "hole_blocked"
+    TOO_TIGHT = "too_tight"
 
 
 @dc.dataclass(frozen=True, eq=False)

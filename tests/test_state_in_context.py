@@ -50,6 +50,7 @@ def own_systems(diagram):
         ("kitchen", ["safety={}", "sleeping={}", "gripper.trigger=touch"]),
         ("kitchen_tendon", ["gripper.drive.dead_band=0.1"]),
         ("kitchen_impedance", []),
+        ("insert", []),
         ("assistive_arm", ["gripper.errors={latency: 0.01, encoder_noise: 1.0e-4}"]),
         ("clear_table", []),
         ("thesis_kitchen", []),

@@ -12,6 +12,7 @@ from pathlib import Path
 from models import (
     assistive_arm,
     charuco,
+    fits,
     gantry,
     household,
     iiwa14,
@@ -32,7 +33,7 @@ def main() -> int:
     check = parser.parse_args().check
     builders = (
         *(srg, iiwa14, gantry, props, household, packages, tableware),
-        *(assistive_arm, linkage_gripper, workplace, charuco),
+        *(assistive_arm, linkage_gripper, workplace, charuco, fits),
     )
     files = {
         name: content.encode() if isinstance(content, str) else content

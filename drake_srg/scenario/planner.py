@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from typing import TYPE_CHECKING, Any
 
+from drake_srg.arm.impedance import ArmImpedanceDriver
+from drake_srg.planning.insertion.config import Insert
 from drake_srg.planning.planner_machine import Clear, PickAndPlace
 from drake_srg.planning.servoing.config import Servoing
 from drake_srg.scenario.typed_yaml import fail
@@ -53,11 +55,13 @@ def planner_problems(scenario: Scenario) -> Iterator[tuple[str, str]]:
         yield "localizer.obstacles", f"{problem}, got true"
     if isinstance(planner, Servoing):
         yield from _servo_problems(scenario, planner)
+    if isinstance(planner, Insert):
+        yield from _insertion_problems(scenario, planner)
 
 
 def _task_problems(scenario: Scenario) -> Iterator[tuple[str, str]]:
     kind, clears = type(scenario.planner), scenario.task.clear is not None
-    if clears and kind in (PickAndPlace, Servoing, Taught):
+    if clears and kind in (PickAndPlace, Servoing, Insert, Taught):
         problem = (
             f"must have the tag !{Clear.__name__} with this task.pick, got "
             f"!{kind.__name__}: write planner: !{Clear.__name__} {{...}}"
@@ -83,6 +87,25 @@ def _script_problems(scenario: Scenario, planner: Script) -> Iterator[tuple[str,
                 f"planner.steps[{i}].arm",
                 f"needs one entry per joint of the arm ({n}), got {len(step.arm)}",
             )
+
+
+def _insertion_problems(
+    scenario: Scenario, planner: Insert
+) -> Iterator[tuple[str, str]]:
+    if scenario.task.repeat > 1:
+        problem = "must be 1 with planner: !Insert, which takes no peg out of its hole"
+        yield "task.repeat", f"{problem}, got {scenario.task.repeat}"
+    arm = scenario.arm
+    if not isinstance(arm, ArmImpedanceDriver) or arm.cartesian is None:
+        problem = "must be !ArmImpedanceDriver with cartesian for planner: !Insert"
+        yield "arm", f"{problem}, got !{type(arm).__name__}"
+        return
+    # The limits of the forces hold only if the planner knows the spring.
+    stiffest = max(arm.cartesian.translation), arm.cartesian.rotation
+    for key, is_so in zip(("stiffness", "turning_stiffness"), stiffest, strict=True):
+        if (believed := getattr(planner, key)) != is_so:
+            problem = f"must be that of arm.cartesian ({is_so:g}), got {believed:g}"
+            yield f"planner.{key}", problem
 
 
 def _servo_problems(scenario: Scenario, planner: Servoing) -> Iterator[tuple[str, str]]:

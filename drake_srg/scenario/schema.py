@@ -25,6 +25,7 @@ from drake_srg.gripper.drivers import DRIVERS
 from drake_srg.objects.config import ClutterConfig, ObjectConfig, SleepingConfig
 from drake_srg.objects.disturber import Force, Push, Topple
 from drake_srg.objects.slides import SlideConfig
+from drake_srg.planning.insertion.config import Insert
 from drake_srg.planning.planner_machine import Clear, PickAndPlace, PlannerConfig
 from drake_srg.planning.servoing.config import Servoing, ServoingConfig
 from drake_srg.theses.blob_localizer import ThesisBlobConfig
@@ -84,6 +85,7 @@ PLANNERS: tuple[type[PlannerConfig], ...] = (
     PickAndPlace,
     Clear,
     Servoing,
+    Insert,
     Taught,
     Script,
 )

@@ -14,6 +14,7 @@ from drake_srg.common.exceptions import ScenarioError, one_line, scenario_errors
 from drake_srg.common.systems import export_outputs, input_ports
 from drake_srg.objects.disturber import Disturber, Target
 from drake_srg.objects.models import object_body, simple_shape
+from drake_srg.planning.insertion.config import Insert
 from drake_srg.planning.planner_machine import Clear, PickAndPlace, PlannerConfig
 from drake_srg.planning.servoing.config import Servoing
 from drake_srg.scenario.schema import Scenario, accept_planner, script_of
@@ -27,6 +28,7 @@ from drake_srg.station.perception import (
     chooses,
 )
 from drake_srg.station.planners import (
+    MakeInsertionPlanner,
     MakePlanner,
     MakeScriptedPlanner,
     MakeTaughtPlanner,
@@ -115,7 +117,7 @@ def AddCell(
     if make_planner is not None:
         needed["task.pick"] = scenario.task.pick
         needed["localizer.cameras"] = scenario.localizer.cameras
-    elif isinstance(scenario.planner, (PickAndPlace, Clear, Servoing, Taught)):
+    elif isinstance(scenario.planner, (PickAndPlace, Clear, Servoing, Insert, Taught)):
         key = "localizer.cameras (or planner: !Script)"
         needed[key] = scenario.localizer.cameras
     missing = [key for key, value in needed.items() if not value]
@@ -243,6 +245,7 @@ _PLANNERS: dict[type[PlannerConfig], AddPlanner] = {
     PickAndPlace: functools.partial(AddLocalizingPlanner, make_planner=MakePlanner),
     Servoing: functools.partial(AddLocalizingPlanner, make_planner=MakeServoingPlanner),
     Taught: functools.partial(AddLocalizingPlanner, make_planner=MakeTaughtPlanner),
+    Insert: functools.partial(AddLocalizingPlanner, make_planner=MakeInsertionPlanner),
     Clear: AddClearingPlanner,
     Script: AddScriptedPlanner,
 }

@@ -31,6 +31,7 @@ from drake_srg.objects.solids import planned_solid
 from drake_srg.planning.grasps.grasps import Hand
 from drake_srg.planning.grasps.linkage_hand import LinkageFingers, LinkageHand
 from drake_srg.planning.grasps.srg_hand import SrgHand
+from drake_srg.planning.insertion.planner import InsertionPlanner
 from drake_srg.planning.motion.moves import Moves
 from drake_srg.planning.motion.planning_scene import PlanningScene
 from drake_srg.planning.pick_and_place.planner import PickAndPlacePlanner
@@ -211,6 +212,11 @@ def MakePlanner(scenario: Scenario, **own: Any) -> PickAndPlacePlanner:
             `make_modes` and `transition`.
     """
     return PickAndPlacePlanner(**{**planner_arguments(scenario), **own})
+
+
+def MakeInsertionPlanner(scenario: Scenario) -> InsertionPlanner:
+    """Make the planner that inserts the peg of a scenario's task."""
+    return InsertionPlanner(**planner_arguments(scenario))
 
 
 def planner_arguments(scenario: Scenario) -> dict[str, Any]:

@@ -36,6 +36,9 @@ BASES = {
     "small_table": "table",
     "small_table_recess": "table",
     "bench": "bench",
+    "hole_25": "block",
+    "hole_12": "block",
+    "hole_none": "block",
 }
 
 

@@ -37,7 +37,8 @@ from models.built_models import (
 ROBOTS = ("srg", "iiwa14", "gantry", "assistive_arm", "linkage_gripper")
 WORKPLACE = ("small_table", "small_table_recess", "bench", "bin")
 TABLES = ("table", "table_mat", "floor", "marker", "lid")
-MODELS = (*ROBOTS, *WORKPLACE, *TABLES, *HOUSEHOLD)
+HOLES = ("hole_25", "hole_12", "hole_none")
+MODELS = (*ROBOTS, *WORKPLACE, *TABLES, *HOLES, *HOUSEHOLD)
 MASSES = {"srg": 0.4, "iiwa14": 30.61, "lid": 0.3, "marker": 0.01, CAN: 0.349}
 MASSES |= {"011_banana": 0.066, "029_plate": 0.279, "048_hammer": 0.665}
 

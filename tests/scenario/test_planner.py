@@ -5,6 +5,7 @@ import dataclasses as dc
 import pytest
 
 from drake_srg.common.exceptions import ScenarioError
+from drake_srg.planning.insertion.config import Insert
 from drake_srg.planning.planner_machine import Clear, PickAndPlace, PlannerConfig
 from drake_srg.planning.servoing.config import Servoing
 from drake_srg.scenario import load_scenario, script_of, servo_of
@@ -20,6 +21,7 @@ from drake_srg.theses.taught import Taught
         ("kitchen", PickAndPlace),
         ("kitchen_varied", PickAndPlace),
         ("kitchen_servoing", Servoing),
+        ("insert", Insert),
         ("clear_table_tendon", Clear),
         ("row_table", Clear),
         ("assistive_arm_before", Taught),
@@ -92,6 +94,17 @@ def test_a_key_from_before_there_were_tags_is_told_with_its_new_form(
             r"localizer\.obstacles: must be false with taught waypoints",
         ),
         (
+            "insert",
+            "arm=!ArmPositionDriver {}",
+            r"arm: must be !ArmImpedanceDriver with cartesian",
+        ),
+        ("insert", "task.repeat=2", r"task\.repeat: must be 1 with planner: !Insert"),
+        (
+            "insert",
+            "planner.stiffness=500",
+            r"planner\.stiffness: must be that of arm\.cartesian \(2000\)",
+        ),
+        (
             "kitchen_servoing",
             "planner.servo.camera=belly",
             r"planner\.servo\.camera: unknown camera 'belly' \(allowed",
@@ -131,4 +144,4 @@ def test_a_planner_of_ones_own_is_loaded_by_its_tag(monkeypatch):
     accept_planner(Juggle)
     scenario = load_scenario("kitchen", overrides=["planner=!Juggle {balls: 5}"])
     assert scenario.planner == Juggle(balls=5)
-    assert {*module.PLANNERS} == {PickAndPlace, Clear, Servoing, Taught, Script}
+    assert {*module.PLANNERS} == {PickAndPlace, Clear, Servoing, Insert, Taught, Script}

@@ -48,11 +48,12 @@ class VolumeMesh:
 class Proximity:
     """Contact properties; None leaves Drake's default, and dissipates nothing."""
 
-    rigid: bool = True
+    rigid: bool | None = True  # None: no hydroelastic contact
     friction: float | None = None
     modulus: float | None = None  # Pa
     dissipation: float | None = None  # s/m
     resolution: float | None = None  # m
+    point_stiffness: float | None = None  # N/m
 
 
 @dc.dataclass(frozen=True)

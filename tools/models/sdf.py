@@ -181,12 +181,13 @@ def AddProximity(
     node = AddChild(collision, "drake:proximity_properties")
     if proximity.rigid:
         AddChild(node, "drake:rigid_hydroelastic")
-    else:
+    elif proximity.rigid is not None:
         AddChild(node, "drake:compliant_hydroelastic")
     d = proximity.dissipation
     for tag, value in (
         ("mesh_resolution_hint", resolution),
         ("hydroelastic_modulus", proximity.modulus),
+        ("point_contact_stiffness", proximity.point_stiffness),
         ("hunt_crossley_dissipation", d),
         ("relaxation_time", relaxation_time(d or 0.0)),
         ("mu_dynamic", proximity.friction),

@@ -93,6 +93,7 @@ class PickAndPlacePlanner(PlannerMachine[PlannerMemory, Senses]):
             those of `task_modes`.
         transition: Says which mode follows; with your own modes, `Transitions` of a
             table made from `TRANSITIONS`.
+        make_memory: Class of the memory, with what your own modes remember.
 
     Raises:
         ValueError: If `config.max_external_torque` lacks one entry per joint, or the
@@ -111,6 +112,7 @@ class PickAndPlacePlanner(PlannerMachine[PlannerMemory, Senses]):
         config: PlannerConfig | None = None,
         make_modes: MakeModes = task_modes,
         transition: Transition = transition,
+        make_memory: type[PlannerMemory] = PlannerMemory,
     ) -> None:
         config = config or PlannerConfig()
         hand, n = task_planner.hand, len(task_planner.q_home)
@@ -125,7 +127,7 @@ class PickAndPlacePlanner(PlannerMachine[PlannerMemory, Senses]):
         replanner = Replanner(task_planner, sightings, goal, tolerance, config)
         super().__init__(
             make_modes(config, replanner, repeat),
-            memory=PlannerMemory(Motion(q_rest=task_planner.q_home)),
+            memory=make_memory(Motion(q_rest=task_planner.q_home)),
             transition=transition,
             config=config,
         )

@@ -1,0 +1,1 @@
+"""Pegs into holes that are hardly wider, by an arm that yields."""

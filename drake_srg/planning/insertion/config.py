@@ -1,0 +1,94 @@
+"""Configuration and memory of the planner that inserts pegs into holes."""
+
+import dataclasses as dc
+import enum
+
+import numpy as np
+from pydrake.math import RigidTransform
+
+from drake_srg.config import positive
+from drake_srg.planning.pick_and_place.knowledge import PlannerMemory
+from drake_srg.planning.planner_machine import PlannerConfig
+from drake_srg.planning.state_machine import Memory
+from drake_srg.types import Failure, Vector
+
+
+@dc.dataclass(kw_only=True)
+class Insert(PlannerConfig):
+    """Picks the peg that `task.pick` names, and inserts it where its goal is.
+
+    The goal is the seated peg; how it is turned does not count. The arm must yield:
+    `arm: !ArmImpedanceDriver` with `cartesian`.
+    """
+
+    # Depth of the hole [m], and how much less of it counts as seated.
+    depth: float = dc.field(default=0.02, metadata=positive())
+    depth_tolerance: float = dc.field(default=0.002, metadata=positive())
+    # Height over the hole at which the insertion begins [m].
+    hover: float = dc.field(default=0.008, metadata=positive())
+    # Stiffness of the hand, as in `arm.cartesian` [N/m], [N m/rad].
+    stiffness: float = dc.field(default=2000.0, metadata=positive())
+    turning_stiffness: float = dc.field(default=200.0, metadata=positive())
+    # Forces by which the hand pulls the peg [N]: down in search of the hole, sideways
+    # against its wall, and down into it. No set-point pulls with more than
+    # `force_limit` and `torque_limit` [N m].
+    search_force: float = dc.field(default=5.0, metadata=positive())
+    side_force: float = dc.field(default=3.0, metadata=positive())
+    push_force: float = dc.field(default=12.0, metadata=positive())
+    force_limit: float = dc.field(default=15.0, metadata=positive())
+    torque_limit: float = dc.field(default=4.0, metadata=positive())
+    # Tilt of the peg [rad], and how fast it turns [rad/s].
+    tilt: float = dc.field(default=0.105, metadata=positive(le=0.3))
+    turning: float = dc.field(default=0.105, metadata=positive())
+    # How far inside the rim the lower edge is set down [m]: more than the goal's error,
+    # or another try from another side must make up for it.
+    inset: float = dc.field(default=0.0025, metadata=positive())
+    # Speed of the peg in search of contact, and in the hole [m/s].
+    tip_speed: float = dc.field(default=0.01, metadata=positive())
+    # Tries from alternating sides; from the third on, `search_step` aside [m].
+    tries: int = dc.field(default=4, metadata={"ge": 1})
+    search_step: float = dc.field(default=0.0015, metadata={"ge": 0.0})
+    # Share of the way from set-point to measurement that a set-point makes up for per
+    # second where the peg must find its own way.
+    drift: float = dc.field(default=8.0, metadata=positive())
+
+
+class InsertMode(enum.Enum):
+    """Modes between placing and releasing."""
+
+    TILT = "tilt"
+    SEARCH = "search"
+    SLIDE = "slide"
+    UPRIGHT = "upright"
+    PRESS = "press"
+    WITHDRAW = "withdraw"
+
+
+@dc.dataclass
+class Insertion(Memory):
+    """The tip T of the peg: its middle, z along the peg's axis, up into the hand."""
+
+    tries: int = 0
+    q: Vector = dc.field(default_factory=lambda: np.zeros(0))  # commanded (N,) [rad]
+    X_TG: RigidTransform | None = None  # the hand at the tip, by the grasp [m]
+    X_WU: RigidTransform | None = None  # the tip, upright on the goal's rim [m]
+    along: Vector = dc.field(default_factory=lambda: np.zeros(3))  # pinch axis, level
+    angle: float = 0.0  # commanded tilt: the side towards `along` is lower [rad]
+    X_WT: RigidTransform = dc.field(default_factory=RigidTransform)  # set-point [m]
+    X_WT_measured: RigidTransform = dc.field(default_factory=RigidTransform)
+    p: Vector = dc.field(default_factory=lambda: np.zeros(3))  # measured, smoothed [m]
+    began: Vector = dc.field(default_factory=lambda: np.zeros(3))  # p as a mode began
+    # Progress of the mode [m] when it last was worth the name, and when that was [s].
+    progress: float = 0.0
+    progress_at: float = 0.0
+    rim: float = 0.0  # height of the rim, as felt [m]
+    deepest: float = 0.0  # that a try which failed has come [m]
+    seated: bool = False
+    stops: tuple[Failure, ...] = ()  # what ended each try
+
+
+@dc.dataclass
+class InsertMemory(PlannerMemory):
+    """All that the planner remembers."""
+
+    insertion: Insertion = dc.field(default_factory=Insertion)

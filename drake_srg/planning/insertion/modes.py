@@ -1,0 +1,473 @@
+"""The modes of an insertion: where each pulls the tip of the peg, and when it ends.
+
+The hand yields like a spring, so a set-point beside the measured tip is a force. Where
+the peg must find its own way, the set-point follows the smoothed measurement, with that
+force ahead. A set-point never pulls with more than the limits of the configuration.
+"""
+
+from __future__ import annotations
+
+import abc
+import dataclasses as dc
+
+import numpy as np
+from pydrake.common.eigen_geometry import AngleAxis
+from pydrake.math import RigidTransform, RotationMatrix
+from pydrake.trajectories import PiecewisePolynomial
+
+from drake_srg.planning.grasps.grasps import pose_along
+from drake_srg.planning.insertion.config import Insert, Insertion, InsertMode
+from drake_srg.planning.motion.arm_motion import Motion
+from drake_srg.planning.pick_and_place.knowledge import PlannerMemory
+from drake_srg.planning.pick_and_place.modes import (
+    Carrying,
+    Entry,
+    Home,
+    Now,
+    Release,
+    TaskMode,
+)
+from drake_srg.planning.pick_and_place.replanning import Replanner
+from drake_srg.planning.planner_machine import Observation
+from drake_srg.planning.servoing.hand_motion import (
+    ServoArm,
+    hand_twist,
+    joint_step,
+    limited,
+    rotation_vector,
+)
+from drake_srg.types import AnyMode, Cylinder, Failure, Mode, Vector
+
+_UP = np.array([0.0, 0.0, 1.0])
+_LEAST = 0.02  # singular value of the arm's Jacobian below which it is damped
+_PROGRESS = 2e-4  # least motion that is progress [m]
+_WITHOUT = 0.4  # time without progress after which the peg rests [s]
+_LATE = 6.0  # longest duration of any of these modes [s]
+_DITHER, _FREQUENCY = 6e-4, 3.0  # across the way to the wall [m], [Hz]
+_PAST = -0.0087  # tilt at which the peg stops when it is put upright [rad]
+_SHALLOW = 0.003  # a peg that is no deeper has not entered [m]
+# The wall is at most this much farther than the inset and its like on the other side
+# [m]; a peg that slides on has met no hole.
+_STRAY = 0.002
+
+
+@dc.dataclass(frozen=True)
+class Task:
+    """All that the modes of an insertion know.
+
+    Attributes:
+        config: Forces, speeds and limits.
+        arm: The arm's kinematics.
+        peg: The peg's shape.
+        X_WO_goal: The seated peg [m].
+    """
+
+    config: Insert
+    arm: ServoArm
+    peg: Cylinder
+    X_WO_goal: RigidTransform
+
+
+def insertion_of(memory: PlannerMemory) -> Insertion:
+    """Return the part of an insertion planner's memory that the modes here use."""
+    insertion: Insertion = memory.insertion  # type: ignore[attr-defined]  # see planner
+    return insertion
+
+
+class Inserting(Carrying, abc.ABC):
+    """A mode in which the set-point of the tip moves with what the tip does.
+
+    Args:
+        task: All that is known.
+        replanner: Plans from what is seen.
+        repeat: How many cycles the task has.
+    """
+
+    turns_with: bool = False  # whether the set-point turns to the measured orientation
+
+    def __init__(self, task: Task, replanner: Replanner, repeat: int) -> None:
+        super().__init__(task.config, replanner, repeat)
+        self.task = task
+
+    def enter(self, memory: PlannerMemory, entry: Entry) -> PlannerMemory:
+        """Begin where the commands are."""
+        memory = super().enter(memory, entry)
+        tip = insertion_of(memory)
+        if entry.previous is Mode.PLACE:
+            self._begin(memory, tip)
+        self._measure(tip, entry.senses.q, share=1.0)
+        tip.began, tip.progress, tip.progress_at = tip.p, -np.inf, entry.time
+        return memory
+
+    def _begin(self, memory: PlannerMemory, tip: Insertion) -> None:
+        """Note how the hand holds the peg, and where the hole is believed to be."""
+        task, grasp = self.task, memory.attempt.planned.grasp
+        tip.q = memory.motion.destination
+        X_WG = task.arm.X_WG(tip.q)
+        up_G = np.copysign(1.0, (X_WG.rotation() @ grasp.axis_G)[2]) * grasp.axis_G
+        p_GT = grasp.p_GO - 0.5 * task.peg.length * up_G
+        X_GT = pose_along(p_GT, up_G)
+        tip.X_TG, tip.X_WT = X_GT.inverse(), X_WG @ X_GT
+        pinch = X_WG.rotation().matrix()[:, 1]  # the palm's y
+        tip.along = _unit(pinch - pinch[2] * _UP)
+        rim = task.X_WO_goal.translation().copy()
+        rim[2] += task.config.depth - 0.5 * task.peg.length
+        tip.X_WU = RigidTransform(_upright(tip.X_WT.rotation()), rim)
+        tip.rim, tip.angle = float(rim[2]), 0.0
+        tip.tries, tip.stops, tip.deepest, tip.seated = 0, (), 0.0, False
+
+    def _measure(self, tip: Insertion, q: Vector, share: float) -> None:
+        assert tip.X_TG is not None, "a mode before has noted how the hand holds it"
+        tip.X_WT_measured = self.task.arm.X_WG(q) @ tip.X_TG.inverse()
+        tip.p = tip.p + share * (tip.X_WT_measured.translation() - tip.p)
+
+    def update(self, memory: PlannerMemory, now: Now) -> PlannerMemory:
+        """Move the set-point, unless the hand has lost the peg."""
+        memory = super().update(memory, now)
+        config, tip = self.task.config, insertion_of(memory)
+        if memory.attempt.lost or memory.trouble.touched:
+            return memory
+        share = min(config.drift * config.period, 1.0)
+        self._measure(tip, now.senses.q, share)
+        progress = self.progress(tip)
+        if progress > tip.progress + _PROGRESS:
+            tip.progress, tip.progress_at = progress, now.time
+        step = self.turn_to(tip) - tip.angle
+        most = config.turning * config.period
+        tip.angle += float(np.clip(step, -most, most))
+        R_WT = _leaning(tip)
+        if self.turns_with:
+            R_WT, R_measured = tip.X_WT.rotation(), tip.X_WT_measured.rotation()
+            R_WT = _turned(R_WT, share * rotation_vector(R_measured @ R_WT.inverse()))
+        p, target = tip.X_WT.translation(), self.pull_to(tip, now.time)
+        p = p + limited(target - p, self.speed * config.period)
+        self._command(memory, tip, RigidTransform(R_WT, p), now.time)
+        return memory
+
+    @property
+    def speed(self) -> float:
+        """Largest speed of the set-point [m/s]."""
+        return self.task.config.tip_speed
+
+    def _command(
+        self, memory: PlannerMemory, tip: Insertion, X_WT: RigidTransform, time: float
+    ) -> None:
+        """Command a set-point of the tip, less what pulls beyond the limits."""
+        config, arm, X_WM = self.task.config, self.task.arm, tip.X_WT_measured
+        pull = X_WT.translation() - X_WM.translation()
+        turn = rotation_vector(X_WT.rotation() @ X_WM.rotation().inverse())
+        p = X_WM.translation() + limited(pull, config.force_limit / config.stiffness)
+        most = config.torque_limit / config.turning_stiffness
+        tip.X_WT = RigidTransform(_turned(X_WM.rotation(), limited(turn, most)), p)
+        assert tip.X_TG is not None
+        q_before = tip.q
+        twist = hand_twist(
+            arm.X_WG(tip.q),
+            tip.X_WT @ tip.X_TG,
+            gain=1.0 / config.period,
+            speed=0.25,
+            turning=1.0,
+        )
+        tip.q = joint_step(
+            tip.q,
+            arm.jacobian(tip.q),
+            twist,
+            config.period,
+            least=_LEAST,
+            speed=arm.speed,
+            lower=arm.lower,
+            upper=arm.upper,
+        ).q
+        # The driver takes speeds from how commands change, so they change evenly.
+        way = PiecewisePolynomial.FirstOrderHold(
+            [0.0, config.period], np.column_stack([q_before, tip.q])
+        )
+        memory.motion = Motion(tip.q, way, time, time + config.period)
+
+    def pull_to(self, tip: Insertion, time: float) -> Vector:
+        """Return where the set-point goes, shape (3,) [m]."""
+        return tip.p
+
+    def turn_to(self, tip: Insertion) -> float:
+        """Return the tilt to which the set-point turns [rad]."""
+        return tip.angle
+
+    def progress(self, tip: Insertion) -> float:
+        """Return how far the mode has come [m]; where it stays, the peg rests."""
+        return float(-tip.p[2])
+
+    def stalled(self, tip: Insertion, time: float) -> bool:
+        """Return whether the peg has come no farther for some time."""
+        return time - tip.progress_at > _WITHOUT
+
+    def observe_mode(self, memory: PlannerMemory, now: Now) -> Observation:
+        """Report that the hand has lost the peg, or how the mode ends."""
+        if memory.attempt.lost:
+            return Observation(arrived=True)
+        seen = self.observe_tip(insertion_of(memory), now.time)
+        return dc.replace(seen, holding=True)
+
+    @abc.abstractmethod
+    def observe_tip(self, tip: Insertion, time: float) -> Observation:
+        """Return what the mode's transitions depend on while the peg is held."""
+
+    def forward(self, tip: Insertion, down: float, along: float = 0.0) -> Vector:
+        """Return the set-point that pulls the tip down and along, (3,) [m].
+
+        Args:
+            tip: The tip.
+            down: Force [N].
+            along: Force towards the wall [N].
+        """
+        force = along * tip.along - down * _UP
+        return tip.p + force / self.task.config.stiffness
+
+
+class Tilt(Inserting):
+    """Tilts the peg over the hole, one edge of it lower and inside the rim."""
+
+    mode = InsertMode.TILT
+
+    @property
+    def speed(self) -> float:
+        """Largest speed of the set-point [m/s]: nothing is in its way."""
+        return 3.0 * self.task.config.tip_speed
+
+    def turn_to(self, tip: Insertion) -> float:
+        """See `Inserting`."""
+        return self.task.config.tilt
+
+    def pull_to(self, tip: Insertion, time: float) -> Vector:
+        """See `Inserting`."""
+        assert tip.X_WU is not None
+        config, r = self.task.config, self.task.peg.radius
+        aside = r - config.inset - r * np.cos(config.tilt)
+        up = r * np.sin(config.tilt) + 0.5 * config.hover
+        across = (tip.tries // 2) * config.search_step * np.cross(_UP, tip.along)
+        return tip.X_WU.translation() + aside * tip.along + up * _UP + across
+
+    def observe_tip(self, tip: Insertion, time: float) -> Observation:
+        """See `Inserting`."""
+        there = np.linalg.norm(self.pull_to(tip, time) - tip.X_WT.translation()) < 5e-4
+        turned = abs(self.turn_to(tip) - tip.angle) < 1e-3
+        late = time - tip.progress_at > _LATE
+        return Observation(arrived=bool(there and turned) or late)
+
+
+class Search(Inserting):
+    """Lowers the tip until it rests: on the rim, one edge of it in the hole."""
+
+    mode = InsertMode.SEARCH
+
+    def pull_to(self, tip: Insertion, time: float) -> Vector:
+        """See `Inserting`."""
+        lower = self.forward(tip, self.task.config.search_force)
+        return np.array([*tip.X_WT.translation()[:2], lower[2]])
+
+    def observe_tip(self, tip: Insertion, time: float) -> Observation:
+        """See `Inserting`."""
+        return Observation(arrived=self.stalled(tip, time))
+
+
+class Slide(Inserting):
+    """Slides the lower edge to the wall of the hole, wiggling across."""
+
+    mode = InsertMode.SLIDE
+
+    def enter(self, memory: PlannerMemory, entry: Entry) -> PlannerMemory:
+        """Note where the rim is, on which the side of the tip away from the wall rests.
+
+        The edge in the hole is lower by what the tilt makes of the chord between them.
+        """
+        memory = super().enter(memory, entry)
+        config, r, tip = self.task.config, self.task.peg.radius, insertion_of(memory)
+        edge = tip.p[2] - r * np.sin(config.tilt)
+        chord = 2.0 * r - config.inset
+        tip.rim = float(edge + chord * np.tan(config.tilt))
+        return memory
+
+    def pull_to(self, tip: Insertion, time: float) -> Vector:
+        """See `Inserting`."""
+        config = self.task.config
+        wiggle = _DITHER * np.sin(2.0 * np.pi * _FREQUENCY * time)
+        across = wiggle * np.cross(_UP, tip.along)
+        return self.forward(tip, config.search_force, config.side_force) + across
+
+    def progress(self, tip: Insertion) -> float:
+        """See `Inserting`."""
+        return float((tip.p - tip.began) @ tip.along)
+
+    def observe_tip(self, tip: Insertion, time: float) -> Observation:
+        """See `Inserting`."""
+        if self.progress(tip) > 2.0 * self.task.config.inset + _STRAY:
+            tip.stops = (*tip.stops, Failure.NO_HOLE)
+            return Observation(stuck=True)
+        return Observation(arrived=self.stalled(tip, time))
+
+
+class Upright(Inserting):
+    """Puts the peg upright while its edge stays at the wall."""
+
+    mode = InsertMode.UPRIGHT
+
+    def turn_to(self, tip: Insertion) -> float:
+        """See `Inserting`."""
+        return _PAST
+
+    def pull_to(self, tip: Insertion, time: float) -> Vector:
+        """See `Inserting`."""
+        config = self.task.config
+        return self.forward(tip, config.search_force, config.side_force)
+
+    def observe_tip(self, tip: Insertion, time: float) -> Observation:
+        """See `Inserting`."""
+        return Observation(arrived=abs(tip.angle - _PAST) < 1e-3)
+
+
+class Press(Inserting):
+    """Presses the peg down; sideways and in its angle it gives way."""
+
+    mode = InsertMode.PRESS
+    turns_with = True
+
+    def pull_to(self, tip: Insertion, time: float) -> Vector:
+        """See `Inserting`."""
+        return self.forward(tip, self.task.config.push_force)
+
+    def observe_tip(self, tip: Insertion, time: float) -> Observation:
+        """See `Inserting`."""
+        config, depth = self.task.config, tip.rim - float(tip.p[2])
+        # A hand that is deeper than the hole slips along a peg that rests.
+        slips = depth > config.depth + config.depth_tolerance
+        if not slips and not self.stalled(tip, time):
+            return Observation()
+        if depth >= config.depth - config.depth_tolerance:
+            tip.seated = True
+            return Observation(arrived=True, at_goal=True)
+        shallow = depth < _SHALLOW
+        why = Failure.TOO_TIGHT if shallow else Failure.HOLE_BLOCKED
+        tip.stops = (*tip.stops, why)
+        tip.deepest = max(tip.deepest, depth)
+        return Observation(arrived=True)
+
+
+class Withdraw(Inserting):
+    """Draws the peg out, for another try from another side, or to give up."""
+
+    mode = InsertMode.WITHDRAW
+
+    @property
+    def speed(self) -> float:
+        """Largest speed of the set-point [m/s]."""
+        return 3.0 * self.task.config.tip_speed
+
+    def enter(self, memory: PlannerMemory, entry: Entry) -> PlannerMemory:
+        """Count the try; the next one is from the other side."""
+        memory = super().enter(memory, entry)
+        tip = insertion_of(memory)
+        tip.tries, tip.along = tip.tries + 1, -tip.along
+        return memory
+
+    def turn_to(self, tip: Insertion) -> float:
+        """See `Inserting`."""
+        return 0.0
+
+    def pull_to(self, tip: Insertion, time: float) -> Vector:
+        """See `Inserting`."""
+        return np.array([*tip.p[:2], tip.rim + self.task.config.hover])
+
+    def progress(self, tip: Insertion) -> float:
+        """See `Inserting`."""
+        return float(tip.p[2])
+
+    def observe_mode(self, memory: PlannerMemory, now: Now) -> Observation:
+        """Report a peg that is out, and after the last try the reason to give up."""
+        tip = insertion_of(memory)
+        seen = super().observe_mode(memory, now)
+        if not seen.arrived or tip.tries < self.task.config.tries:
+            return seen
+        met = [stop for stop in tip.stops if stop is not Failure.NO_HOLE]
+        failure = met[-1] if met else Failure.NO_HOLE
+        deep = f"{1e3 * max(tip.deepest, 0.0):.1f} of {1e3 * self.task.config.depth:g}"
+        memory.trouble.message = {
+            Failure.NO_HOLE: "the peg's edge slides past where the hole's wall must be",
+            Failure.TOO_TIGHT: "the peg meets the hole, but does not go in",
+        }.get(failure, f"something in the hole stops the peg: it is {deep} mm deep")
+        return dc.replace(seen, failure=failure)
+
+    def observe_tip(self, tip: Insertion, time: float) -> Observation:
+        """See `Inserting`."""
+        high = tip.p[2] > tip.rim + 0.5 * self.task.config.hover
+        return Observation(arrived=bool(high) or self.stalled(tip, time))
+
+
+class ReleaseSeated(Release):
+    """Opens the fingers around the seated peg, and plans the way back from there."""
+
+    mode = Mode.RELEASE
+
+    def enter(self, memory: PlannerMemory, entry: Entry) -> PlannerMemory:
+        """Rest where the arm is, so that nothing pulls once the fingers open."""
+        memory.motion = Motion(entry.senses.q.copy())
+        if not insertion_of(memory).seated or memory.attempt.lost:
+            return super().enter(memory, entry)
+        memory.closure = memory.attempt.planned.grasp.closure_open
+        memory.attempt.escape = None
+        self.replanner.escape(memory, entry.time)
+        return memory
+
+
+class HomeInserted(Home):
+    """Moves the arm home; a peg that was felt to be seated is at its goal."""
+
+    def look(self, memory: PlannerMemory, now: Now) -> None:
+        """Judge by touch: sight errs by more than the peg may be off."""
+        super().look(memory, now)
+        memory.attempt.at_goal = insertion_of(memory).seated
+
+
+def insertion_modes(
+    task: Task, modes: dict[AnyMode, TaskMode], replanner: Replanner, repeat: int
+) -> dict[AnyMode, TaskMode]:
+    """Return what the planner does in each mode.
+
+    Args:
+        task: All that is known.
+        modes: Those of picking and placing.
+        replanner: Plans from what is seen.
+        repeat: How many cycles the task has.
+    """
+    kinds = (Tilt, Search, Slide, Upright, Press, Withdraw)
+    return {
+        **modes,
+        **{kind.mode: kind(task, replanner, repeat) for kind in kinds},
+        Mode.RELEASE: ReleaseSeated(task.config, replanner, repeat),
+        Mode.HOME: HomeInserted(task.config, replanner, repeat),
+    }
+
+
+def _unit(vector: Vector) -> Vector:
+    unit: Vector = vector / np.linalg.norm(vector)
+    return unit
+
+
+def _turned(R: RotationMatrix, turn: Vector) -> RotationMatrix:
+    """Return a rotation turned by a rotation vector in world [rad]."""
+    angle = float(np.linalg.norm(turn))
+    if angle < 1e-12:
+        return R
+    return RotationMatrix(AngleAxis(angle, turn / angle)) @ R
+
+
+def _upright(R_WT: RotationMatrix) -> RotationMatrix:
+    """Return the nearest rotation whose z is vertical."""
+    z = R_WT.col(2)
+    turn = np.cross(z, _UP)
+    sine = float(np.linalg.norm(turn))
+    return R_WT if sine < 1e-9 else _turned(R_WT, np.arctan2(sine, z[2]) / sine * turn)
+
+
+def _leaning(tip: Insertion) -> RotationMatrix:
+    """Return the orientation of the set-point [the side towards `along` is lower]."""
+    assert tip.X_WU is not None
+    return _turned(tip.X_WU.rotation(), tip.angle * np.cross(_UP, tip.along))

@@ -1,0 +1,209 @@
+"""Where the set-points of an insertion pull the peg, and when its modes end."""
+
+import types
+
+import numpy as np
+import pytest
+from pydrake.math import RigidTransform, RollPitchYaw
+
+from drake_srg.planning.insertion.config import Insert, Insertion, InsertMemory
+from drake_srg.planning.insertion.modes import (
+    Press,
+    Search,
+    Slide,
+    Task,
+    Tilt,
+    Withdraw,
+)
+from drake_srg.planning.motion.arm_motion import Motion
+from drake_srg.planning.state_machine import Entry, Moment
+from drake_srg.types import Cylinder, Failure
+
+CONFIG = Insert()
+PEG = Cylinder(0.0124, 0.1)
+RIM = np.array([0.5, -0.3, 0.03])
+GOAL = RigidTransform([0.5, -0.3, 0.06])
+UP = np.array([0.0, 0.0, 1.0])
+ALONG = np.array([0.0, 1.0, 0.0])
+X_TG = RigidTransform([0.0, 0.0, 0.1])
+
+
+class FreeHand:
+    """A hand with six joints: its position and its roll, pitch and yaw."""
+
+    speed, lower, upper = np.full(6, 10.0), np.full(6, -10.0), np.full(6, 10.0)
+
+    def X_WG(self, q):
+        return RigidTransform(RollPitchYaw(q[3:]), q[:3])
+
+    def jacobian(self, q):
+        return np.eye(6)  # as long as it only rolls
+
+
+TASK = Task(CONFIG, FreeHand(), PEG, GOAL)
+
+
+def joints(p_WT):
+    """The joints that hold an upright peg with its tip at a point; joints stay."""
+    if len(p_WT) == 6:
+        return p_WT
+    return np.concatenate([p_WT + 0.1 * UP, np.zeros(3)])
+
+
+def moment(time, q):
+    senses = types.SimpleNamespace(
+        q=q,
+        grasped=True,
+        fingers=np.zeros(4),
+        external_torque=None,
+        proximity=np.zeros(4),
+    )
+    return Moment(time, senses)
+
+
+def make_memory(p_WT):
+    """A memory in which the hand holds the peg with its tip at a point."""
+    memory = InsertMemory(Motion(joints(p_WT)))
+    memory.grip.angles = np.zeros(4)
+    grasp = types.SimpleNamespace(holds=lambda q, proximity: True)
+    memory.attempt.motions = types.SimpleNamespace(grasp=grasp, motions={})
+    memory.insertion = Insertion(
+        q=joints(p_WT),
+        X_TG=X_TG,
+        X_WU=RigidTransform(RIM),
+        X_WT=RigidTransform(p_WT),
+        along=ALONG,
+        rim=RIM[2],
+    )
+    return memory
+
+
+def run(mode, memory, tip_at, duration, start=0.0):
+    """Update a mode while the tip is at `tip_at(memory)`; return what it observes."""
+    q = joints(tip_at(memory))
+    entry = Entry(start, moment(start, q).senses, None, None)
+    memory = mode.enter(memory, entry)
+    for i in range(1, round(duration / CONFIG.period)):
+        time = start + i * CONFIG.period
+        now = moment(time, joints(tip_at(memory)))
+        memory = mode.update(memory, now)
+        seen = mode.observe_mode(memory, now)
+    return memory, seen
+
+
+def pull(memory):
+    """Force with which the set-point pulls the tip [N]."""
+    tip = memory.insertion
+    p = tip.X_WT.translation() - tip.X_WT_measured.translation()
+    return CONFIG.stiffness * p
+
+
+def test_the_tilted_edge_is_inside_the_rim():
+    mode = Tilt(TASK, None, 1)
+    high = RIM + 0.01 * UP
+    memory, seen = run(
+        mode,
+        make_memory(high),
+        lambda memory: memory.insertion.q,
+        3.0,
+    )
+    assert seen.arrived
+    X_WT = memory.insertion.X_WT
+    edge = X_WT @ [0.0, PEG.radius, 0.0]
+    assert edge[1] - RIM[1] == pytest.approx(PEG.radius - CONFIG.inset, abs=1e-3)
+    assert X_WT.rotation().col(2)[1] == pytest.approx(np.sin(CONFIG.tilt), abs=0.002)
+    assert edge[2] < (X_WT @ [0.0, -PEG.radius, 0.0])[2]  # it is the lower one
+    assert edge[2] > RIM[2]
+
+
+def test_a_tip_at_rest_is_pulled_with_the_search_force_and_found():
+    memory, seen = run(Search(TASK, None, 1), make_memory(RIM), lambda memory: RIM, 1.0)
+    assert pull(memory) == pytest.approx([0.0, 0.0, -CONFIG.search_force], abs=0.05)
+    assert seen.arrived
+
+
+def test_a_wall_ends_the_slide_and_its_absence_is_told():
+    mode = Slide(TASK, None, 1)
+    memory, seen = run(mode, make_memory(RIM), lambda memory: RIM, 1.0)
+    assert seen.arrived
+    assert not seen.stuck
+    assert pull(memory)[1] == pytest.approx(CONFIG.side_force, abs=0.1)
+
+    def yielding(memory):
+        return RIM + (memory.insertion.X_WT.translation()[1] - RIM[1]) * ALONG
+
+    memory, seen = run(mode, make_memory(RIM), yielding, 1.5)
+    assert seen.stuck
+    assert Failure.NO_HOLE in memory.insertion.stops
+
+
+@pytest.mark.parametrize(
+    ("depth", "seated", "stops"),
+    [
+        (0.0195, True, ()),
+        (0.012, False, (Failure.HOLE_BLOCKED,)),
+        (0.001, False, (Failure.TOO_TIGHT,)),
+    ],
+)
+def test_the_depth_at_which_the_peg_stops_tells_what_stops_it(depth, seated, stops):
+    bottom = RIM - depth * UP
+    mode = Press(TASK, None, 1)
+    memory = make_memory(bottom)
+    memory, seen = run(mode, memory, lambda memory: bottom, 0.43)
+    assert seen.arrived
+    assert seen.at_goal is seated
+    assert memory.insertion.seated is seated
+    assert memory.insertion.stops == stops
+
+
+def test_a_hand_that_slips_along_the_seated_peg_stops():
+    def sinking(memory):
+        return memory.insertion.p - 0.01 * UP  # always further
+
+    deep = RIM - 0.02 * UP
+    _, seen = run(Press(TASK, None, 1), make_memory(deep), sinking, 0.1)
+    assert seen.at_goal
+
+
+def test_no_set_point_pulls_with_more_than_the_limits():
+    memory = make_memory(RIM)
+    memory.insertion.X_WT = RigidTransform(
+        RollPitchYaw(0.3, 0.0, 0.0), RIM - [0.05, 0.0, 0.05]
+    )
+    memory, _ = run(Press(TASK, None, 1), memory, lambda memory: RIM, 0.03)
+    assert np.linalg.norm(pull(memory)) < CONFIG.force_limit + 1e-6
+    turn = memory.insertion.X_WT.rotation().ToAngleAxis().angle()
+    assert turn < CONFIG.torque_limit / CONFIG.turning_stiffness + 1e-6
+
+
+def test_the_next_try_comes_from_the_other_side_and_the_last_one_gives_up():
+    mode, memory = Withdraw(TASK, None, 1), make_memory(RIM)
+    high = RIM + 0.02 * UP
+    for tries in range(1, CONFIG.tries + 1):
+        memory.insertion.stops += (Failure.NO_HOLE,)
+        memory, seen = run(mode, memory, lambda memory: high, 0.1)
+        assert memory.insertion.tries == tries
+        assert memory.insertion.along == pytest.approx((-1.0) ** tries * ALONG)
+        last = tries == CONFIG.tries
+        assert seen.failure is (Failure.NO_HOLE if last else None)
+    assert "wall" in memory.trouble.message
+
+
+def test_what_was_met_counts_more_than_what_was_missed():
+    memory = make_memory(RIM)
+    memory.insertion.tries = CONFIG.tries - 1
+    memory.insertion.stops = (Failure.HOLE_BLOCKED, Failure.NO_HOLE)
+    memory.insertion.deepest = 0.0123
+    high = RIM + 0.02 * UP
+    mode = Withdraw(TASK, None, 1)
+    memory, seen = run(mode, memory, lambda memory: high, 0.1)
+    assert seen.failure is Failure.HOLE_BLOCKED
+    assert "12.3 of 20 mm" in memory.trouble.message
+
+
+def test_modes_change_only_their_draft_of_the_memory():
+    memory = make_memory(RIM)
+    before = memory.insertion.X_WT, memory.insertion.q.copy()
+    run(Press(TASK, None, 1), memory.__copy__(), lambda memory: RIM, 0.1)
+    assert memory.insertion.X_WT is before[0]
+    assert np.array_equal(memory.insertion.q, before[1])
