@@ -34,7 +34,7 @@ class Insert(PlannerConfig):
     # `force_limit` and `torque_limit` [N m].
     search_force: float = dc.field(default=5.0, metadata=positive())
     side_force: float = dc.field(default=3.0, metadata=positive())
-    push_force: float = dc.field(default=12.0, metadata=positive())
+    push_force: float = dc.field(default=6.0, metadata=positive())
     force_limit: float = dc.field(default=15.0, metadata=positive())
     torque_limit: float = dc.field(default=4.0, metadata=positive())
     # Tilt of the peg [rad], and how fast it turns [rad/s].
