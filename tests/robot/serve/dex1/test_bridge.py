@@ -5,6 +5,7 @@ import time
 
 import pytest
 from helpers import NEEDS_DDS
+
 from robot.serve.ros2.peers import free_domain
 
 pytestmark = NEEDS_DDS
@@ -112,8 +113,9 @@ def test_a_grasp_is_seen_on_every_topic(peer):
     assert (peer.last["state"].mode, peer.last["state"].tau_est) == (3, 1.5)
     telemetry = peer.last["telemetry"]
     assert (telemetry["state"], telemetry["contact"]) == ("grasping", True)
-    assert telemetry["hardware"] | {"temperature_c": 30, "error_code": 0} == (
-        telemetry["hardware"]
+    assert (
+        telemetry["hardware"] | {"temperature_c": 30, "error_code": 0}
+        == (telemetry["hardware"])
     )
     assert peer.last["state_direct"]["force_limit_pct"] == 15.0
 
