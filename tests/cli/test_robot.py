@@ -62,6 +62,17 @@ def test_bad_input_is_reported_on_one_line(arguments, words, capsys):
     assert words in error
 
 
+def test_missing_cyclonedds_is_one_line(monkeypatch, capsys):
+    monkeypatch.setitem(sys.modules, "cyclonedds", None)
+    for name in [name for name in sys.modules if "serve.dex1" in name]:
+        monkeypatch.delitem(sys.modules, name)
+    code = cli.main(["serve", "gripper_bench", "--dex1", "left", "--no-record"])
+    assert code == cli.BAD_INPUT
+    error = capsys.readouterr().err
+    assert error.count("\n") == 1
+    assert "need 'cyclonedds', which is not installed. Run: " in error
+
+
 @pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGINT, signal.SIGHUP])
 def test_a_signal_stops_it_with_a_complete_recording(tmp_path, number):
     process = subprocess.Popen(
