@@ -1,7 +1,5 @@
 """The bridges that a user asks for, and the keyboard's emergency stop."""
 
-from __future__ import annotations
-
 import contextlib
 import dataclasses as dc
 import os
@@ -166,7 +164,7 @@ class BridgeOptions:
     servo: str | None = None
     protocol: int | None = None
     dex1: str | None = None
-    participant: DomainParticipant | None = None
+    participant: "DomainParticipant | None" = None
     host: str = "127.0.0.1"
     name: str = "drake_srg"
     terminal: int | None = None

@@ -25,7 +25,11 @@ class Driver:
         assert (model, *result) == (311, sdk.COMM_SUCCESS, 0)
 
     def read(self, address, size=2):
-        data, *result = self.servo.readTxRx(self.port, 1, address, size)
+        result = None
+        for _ in range(10):  # the SDK waits 34 ms, which a busy machine may exceed
+            data, *result = self.servo.readTxRx(self.port, 1, address, size)
+            if result[0] != sdk.COMM_RX_TIMEOUT:
+                break
         assert result == [sdk.COMM_SUCCESS, 0], address
         return int.from_bytes(bytes(data), "little", signed=size == 4)
 
