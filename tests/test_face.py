@@ -21,9 +21,14 @@ STUBS = sorted([PACKAGE / "__init__.pyi", *PACKAGE.glob("*/__init__.pyi")])
 # Rooms without a face: of data, and of the command line.
 NO_FACE = {"cli", "importing", "models", "scenarios"}
 # Modules whose public names are all public, and what a page of docs imports besides:
-# a module that makes environments known, and a policy's own package.
+# a module that makes environments known, a policy's own package, and DDS types, which
+# need an optional package.
 WHOLE = {"drake_srg.types", "drake_srg.lifetime"}
-BESIDE_FACES = {"drake_srg.learning.envs", "drake_srg.learning.envs.lerobot_env"}
+BESIDE_FACES = {
+    "drake_srg.learning.envs",
+    "drake_srg.learning.envs.lerobot_env",
+    "drake_srg.robot.serve.dex1.messages",
+}
 
 
 def package_of(stub):

@@ -9,7 +9,9 @@ import functools
 import math
 import os
 import sys
-from collections.abc import Iterator
+import threading
+from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -41,6 +43,8 @@ from drake_srg.common.status_line import StatusLine
 if TYPE_CHECKING:
     from drake_srg.robot.calibrate.mounting import Board
     from drake_srg.robot.drive import HardwareConfig
+    from drake_srg.robot.serve.connecting import BridgeOptions
+    from drake_srg.robot.serve.loop import Served
 
 
 def _rate(text: str) -> float:
@@ -57,6 +61,16 @@ def _period(text: str) -> float:
     return period
 
 
+def _sides(text: str) -> list[str]:
+    sides = text.split(",")
+    allowed = ("left", "right", "center")
+    if len(set(sides)) < len(sides) or not set(sides) <= set(allowed):
+        raise argparse.ArgumentTypeError(
+            f"must be different ones of {', '.join(allowed)}, got {text}"
+        )
+    return sides
+
+
 def _number(text: str) -> float:
     try:
         return float(text)
@@ -65,7 +79,7 @@ def _number(text: str) -> float:
 
 
 @command(
-    "let clients command a station: ROS 1, ROS 2, servo drivers",
+    "let clients command a station: ROS 1, ROS 2, servo drivers, a humanoid's hands",
     "",
     SCENARIO,
     ros("run a ROS 1 node", "run a ROS 2 node", "clients"),
@@ -80,6 +94,13 @@ def _number(text: str) -> float:
         type=int,
         metavar="N",
         help="Dynamixel protocol of the servos: 1 or 2 (default: 1)",
+    ),
+    argument(
+        "--dex1",
+        type=_sides,
+        metavar="SIDES",
+        help="be the hands of a humanoid on SAKE's driver, as DDS topics in --domain: "
+        "left, right, center or left,right (one station each)",
     ),
     argument(
         "--name",
@@ -121,6 +142,11 @@ def serve(options: argparse.Namespace) -> int:
         from drake_srg.robot.serve.loop import Serve
 
         ros1, ros2 = speaks_ros(options)
+        sides = options.dex1 or []
+        if sides:
+            ros2 = options.ros2  # the domain is that of the hands
+        if sides and (ros2 or options.servo):
+            raise ScenarioError("serve: --dex1: cannot go with --ros2 or --servo")
         bridges = BridgeOptions(
             ros1=ros1,
             master=options.master,
@@ -132,38 +158,88 @@ def serve(options: argparse.Namespace) -> int:
             name=options.name,
             terminal=own_terminal(sys.stdin),
         )
-        if not (bridges.ros1 or bridges.ros2 or bridges.servo):
+        if not (bridges.ros1 or bridges.ros2 or bridges.servo or sides):
             raise ScenarioError(
-                "serve: needs at least one of --ros1, --ros2 and --servo"
+                "serve: needs at least one of --ros1, --ros2, --servo and --dex1"
             )
         scenario = load(options)
         name = name_of(options)
         default = Path("out") / "served" / name
+        shown: dict[str, str] = {}
+
+        def serve_one(bridges: BridgeOptions, out: Path | None) -> Served:
+            side = bridges.dex1 or ""
+
+            def report(text: str) -> None:
+                shown[side] = text
+                status.show(" | ".join(list(shown.values())))
+
+            return Serve(
+                scenario,
+                functools.partial(bridges.connect, scenario),
+                name=name,
+                rate=options.rate,
+                camera_period=options.camera_period,
+                out=out if out is None or len(sides) < 2 else out / side,
+                stop=stop,
+                tell=lambda text: status.interrupt(f"drake-srg: warning: {text}"),
+                report=report,
+            )
+
         try:
-            with _recordings(options, default) as out:
-                served = Serve(
-                    scenario,
-                    functools.partial(bridges.connect, scenario),
-                    name=name,
-                    rate=options.rate,
-                    camera_period=options.camera_period,
-                    out=out,
-                    stop=stop,
-                    tell=lambda text: status.interrupt(f"drake-srg: warning: {text}"),
-                    report=status.show,
-                )
+            with contextlib.ExitStack() as stack:
+                out = stack.enter_context(_recordings(options, default))
+                if sides:
+                    bridges = stack.enter_context(_joined(bridges))
+                hands = [dc.replace(bridges, dex1=side) for side in sides] or [bridges]
+                every = _serve_each(hands, functools.partial(serve_one, out=out), stop)
         except BrokenPipeError:  # nobody reads the status line any more
             raise
         except OSError as error:
             where = f"{error.filename}: " if error.filename else ""
             raise ScenarioError(f"serve: {where}{error.strerror or error}") from error
-    output.say(
-        f"served {served.sim_time:.2f} s in {served.wall_time:.2f} s, "
-        f"{served.commands} commands"
-    )
-    output.say(*filter(None, [served.recording, served.replay]))
-    output.answer(dc.asdict(served))
+    for served in every:
+        output.say(
+            f"served {served.sim_time:.2f} s in {served.wall_time:.2f} s, "
+            f"{served.commands} commands"
+        )
+        output.say(*filter(None, [served.recording, served.replay]))
+    answers = [dc.asdict(served) for served in every]
+    output.answer(dict(zip(sides, answers, strict=True)) if sides else answers[0])
     return 0
+
+
+@contextlib.contextmanager
+def _joined(bridges: BridgeOptions) -> Iterator[BridgeOptions]:
+    """Yield bridges whose hands share a participant of their DDS domain."""
+    from drake_srg.robot.serve.dex1 import messages  # noqa: F401 # tells what is missing
+    from drake_srg.robot.serve.ros2.bridge import domain_id, open_participant
+
+    try:
+        domain = domain_id(bridges.domain)
+        with open_participant(domain, bridges.host, bridges.name, 2**20) as participant:
+            yield dc.replace(bridges, participant=participant)
+    except ValueError as error:
+        raise ScenarioError(f"serve: --dex1: {error}") from error
+
+
+def _serve_each(
+    hands: Sequence[BridgeOptions],
+    serve_one: Callable[[BridgeOptions], Served],
+    stop: threading.Event,
+) -> list[Served]:
+    """Serve a station for each, at once; when one ends, all do."""
+    if len(hands) == 1:
+        return [serve_one(hands[0])]
+
+    def run(bridges: BridgeOptions) -> Served:
+        try:
+            return serve_one(bridges)
+        finally:
+            stop.set()
+
+    with ThreadPoolExecutor(len(hands)) as pool:
+        return list(pool.map(run, hands))
 
 
 @command(

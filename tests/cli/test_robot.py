@@ -22,7 +22,7 @@ COMMAND = (sys.executable, "-m", "drake_srg", "serve")
 @pytest.mark.parametrize(
     "arguments, words",
     [
-        (["kitchen"], "needs at least one of --ros1, --ros2 and --servo"),
+        (["kitchen"], "needs at least one of --ros1, --ros2, --servo and --dex1"),
         (["kitten", "--ros2"], "unknown scenario 'kitten'"),
         (["kitchen", "--ros2", "--rate", "-1"], "--rate: must be a number of at least"),
         (["kitchen", "--ros2", "--rate", "fast"], "at least 0, got fast"),
@@ -40,6 +40,15 @@ COMMAND = (sys.executable, "-m", "drake_srg", "serve")
         (["gripper_bench", "--servo", "pty", "--protocol", "3"], "1 or 2, got 3"),
         (["gripper_bench", "--servo", "pty", "--protocol", "2.0"], "'2.0'"),
         (["kitchen", "--ros2", "--protocol", "2"], "--protocol: needs --servo"),
+        (["kitchen", "--dex1", "middle"], "left, right, center, got middle"),
+        (["kitchen", "--dex1", "left,left"], "different ones of left"),
+        (["kitchen", "--dex1", "left", "--ros2"], "cannot go with --ros2 or --servo"),
+        pytest.param(["kitchen", "--dex1", "left"], "wire motor", marks=NEEDS_DDS),
+        pytest.param(
+            ["gripper_bench", "--dex1", "left", "--domain", "233"],
+            "must be 0 to 232, got 233",
+            marks=NEEDS_DDS,
+        ),
     ],
 )
 def test_bad_input_is_reported_on_one_line(arguments, words, capsys):
@@ -51,6 +60,17 @@ def test_bad_input_is_reported_on_one_line(arguments, words, capsys):
     error = capsys.readouterr().err
     assert error.startswith("drake-srg: ") and error.count("\n") == 1
     assert words in error
+
+
+def test_missing_cyclonedds_is_one_line(monkeypatch, capsys):
+    monkeypatch.setitem(sys.modules, "cyclonedds", None)
+    for name in [name for name in sys.modules if "serve.dex1" in name]:
+        monkeypatch.delitem(sys.modules, name)
+    code = cli.main(["serve", "gripper_bench", "--dex1", "left", "--no-record"])
+    assert code == cli.BAD_INPUT
+    error = capsys.readouterr().err
+    assert error.count("\n") == 1
+    assert "need 'cyclonedds', which is not installed. Run: " in error
 
 
 @pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGINT, signal.SIGHUP])

@@ -10,6 +10,7 @@ import termios
 import threading
 import tty
 from collections.abc import Sequence
+from typing import TYPE_CHECKING
 
 from drake_srg.common.exceptions import ScenarioError
 from drake_srg.config import Config
@@ -17,6 +18,9 @@ from drake_srg.recording.rosbag import Topic
 from drake_srg.robot.serve.bridge import Bridge
 from drake_srg.robot.serve.commands import CommandInbox
 from drake_srg.scenario import Scenario
+
+if TYPE_CHECKING:
+    from cyclonedds.domain import DomainParticipant
 
 # Topics and data by key.
 _KEYS = {
@@ -144,6 +148,9 @@ class BridgeOptions:
         servo: Where the bus of the servos is, tcp:PORT, tcp:HOST:PORT or pty; None for
             no servos.
         protocol: Dynamixel protocol of the servos, 1 or 2; None means 1.
+        dex1: Side of the humanoid whose hand the gripper is, such as "left"; None for
+            no such topics.
+        participant: Of the DDS domain of these topics.
         host: Address of this machine that peers reach.
         name: Name of the nodes.
         terminal: Descriptor of a terminal whose keys command a safety monitor, if the
@@ -156,6 +163,8 @@ class BridgeOptions:
     domain: int | None = None
     servo: str | None = None
     protocol: int | None = None
+    dex1: str | None = None
+    participant: "DomainParticipant | None" = None
     host: str = "127.0.0.1"
     name: str = "drake_srg"
     terminal: int | None = None
@@ -203,6 +212,19 @@ class BridgeOptions:
                     protocol = 1 if self.protocol is None else self.protocol
                     mechanisms = station_mechanisms(scenario)
                     add(ServoBridge(inbox, self.servo, mechanisms, protocol))
+                if self.dex1 is not None and self.participant is not None:
+                    from drake_srg.robot.serve.dex1.bridge import Dex1Bridge
+                    from drake_srg.robot.serve.dynamixel.bridge import WiredGripper
+
+                    gripper = scenario.gripper
+                    motor = None if gripper is None else gripper.wire_motor
+                    if motor is None:
+                        raise ValueError(
+                            "--dex1: needs a gripper with a wire motor "
+                            "(!SrgTendonDriver, as in gripper_bench)"
+                        )
+                    hand = WiredGripper(motor)
+                    add(Dex1Bridge(self.participant, inbox, hand, self.dex1))
             except ValueError as error:
                 raise ScenarioError(f"serve: {error}") from error
             stack.pop_all()

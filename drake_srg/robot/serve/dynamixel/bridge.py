@@ -297,11 +297,9 @@ class EmulatedBus:
         """Carry out packets from the line, and return a reply to each, or no bytes."""
         for drive in self._drives:
             drive.yield_motors(self._inbox)
-        written = self._writes
         replies = [b"".join(self._replies(packet)) for packet in packets]
         for drive in self._drives:
             drive.command(self._inbox.put)
-        self._inbox.count(self._writes - written)
         return replies
 
     def _replies(self, packet: Packet) -> Iterator[bytes]:
@@ -317,7 +315,8 @@ class EmulatedBus:
         )
 
     @property
-    def _writes(self) -> int:
+    def writes(self) -> int:
+        """Number of writes so far."""
         return sum(servo.writes for servo in self.servos.values())
 
 
@@ -442,7 +441,9 @@ class ServoBridge(Bridge):
         # Before the lock: the simulation waits for it, and noise takes time.
         packets = list(reader.feed(data, asyncio.get_running_loop().time()))
         with self._lock:
+            written = self.bus.writes
             replies = self.bus.answer(packets)
+            self._inbox.count(self.bus.writes - written)
         if reader.dropped > dropped:
             self._warn("noise", "ignored bytes that are not a complete packet")
         return replies

@@ -1,0 +1,1 @@
+"""The topics of SAKE's driver for the hands of a Unitree humanoid."""

@@ -1,0 +1,193 @@
+"""A hand on SAKE's driver: an emulated MX-64 and what commands it at 30 Hz."""
+
+from __future__ import annotations
+
+import dataclasses as dc
+import enum
+import math
+from collections.abc import Mapping
+
+from drake_srg.robot.serve.commands import CommandInbox
+from drake_srg.robot.serve.dex1.grasping import FORCES, Grasp, GraspState
+from drake_srg.robot.serve.dynamixel.bridge import EmulatedBus, WiredGripper
+from drake_srg.robot.serve.dynamixel.mx64 import Mx64P2
+from drake_srg.robot.serve.dynamixel.protocol import Fault, Instruction, Packet2
+from drake_srg.robot.serve.dynamixel.registers import Mode
+from drake_srg.types import Vector
+
+PERIOD = 1.0 / 30.0  # of the driver [s]
+TRAVEL = 2500  # counts from closed to open
+_ID = 1
+_CURRENT_LIMIT = 1600  # units of 3.36 mA, 100 % of force
+_SETUP = {
+    "operating_mode": Mode.CURRENT_BASED_POSITION,
+    "current_limit": _CURRENT_LIMIT,
+    "velocity_limit": 1023,
+    "return_delay_time": 2,
+    "torque_enable": 1,
+    "profile_velocity": 500,
+    "profile_acceleration": 800,
+}
+# Calibration: where to, with how much force, and how long the fingers must rest.
+_BEYOND, _EFFORT, _REST = -300.0, 30.0, 0.5  # %, %, s
+_STILL = 2  # counts that resting fingers may move
+_MIDDLE, _ACCEPTED = 50.0, 10.0  # %
+_SETTLING = 4.0  # The goal of the servo's profile comes back from beyond [s].
+_FAULT_EFFORT = 10.0  # with which a faulty hand goes to the middle [%]
+
+
+class Phase(enum.Enum):
+    """What the driver is doing."""
+
+    CLOSING = "closing"  # to find where the fingers meet
+    SETTLING = "settling"  # in the middle, after that
+    READY = "ready"
+    FAULTY = "faulty"  # until its errors are cleared
+
+
+@dc.dataclass(frozen=True)
+class Reading:
+    """What the driver read from the servo in a cycle.
+
+    Attributes:
+        position: 100 open, 0 closed [%].
+        current: As the servo estimates it, positive as it closes [A].
+        voltage: Of the supply [V].
+        temperature: [degrees Celsius].
+        error: Bits of the hardware error status.
+        moving: Whether the servo moves.
+    """
+
+    position: float = _MIDDLE
+    current: float = 0.0
+    voltage: float = 12.0
+    temperature: int = 25
+    error: int = 0
+    moving: bool = False
+
+
+class Hand:
+    """The driver of one hand, in step with simulated time.
+
+    At the start, it closes until the fingers rest, takes that for 0 % and opens half.
+    Then it obeys `command` through the grasp manager. A hardware error sends the hand
+    to the middle; it obeys nothing more until `clear_errors`.
+
+    Args:
+        inbox: Where the servo's commands go.
+        gripper: The gripper.
+
+    Attributes:
+        ports: Names of the station's output ports whose values `advance` needs.
+        phase: What it is doing.
+        grasp: The grasp manager's state.
+        commanded: The last commanded position [%]; None before the first.
+        force: With which the servo moves now [% of the current limit].
+        zero: Position at which the fingers meet [counts].
+        calibrated: Whether the last calibration succeeded.
+        reading: What it read last.
+    """
+
+    def __init__(self, inbox: CommandInbox, gripper: WiredGripper) -> None:
+        self._warn = inbox.warnings.warn
+        self._bus = EmulatedBus(inbox, [gripper], Mx64P2, self._warn)
+        self._table = self._bus.servos[_ID].table
+        self.ports = self._bus.ports
+        self.commanded: float | None = None
+        self.force, self.zero, self.calibrated = 0.0, 0, False
+        self.reading = Reading()
+        self._limit: float | None = None  # commanded limit of the force [%]
+        self._set_up()
+        self.calibrate()
+        self._due = 0.0  # time of the next cycle [s]
+
+    def command(self, position: float, limit: float | None = None) -> None:
+        """Command a position [%], and a limit of the force [%] in place of the rule."""
+        self.commanded, self._limit = position, limit
+
+    def calibrate(self) -> None:
+        """Find out where the fingers meet, then open half."""
+        self.phase, self.grasp, self.calibrated = Phase.CLOSING, Grasp(), False
+        self._still, self._last, self._left = 0.0, math.inf, _SETTLING
+
+    def clear_errors(self) -> None:
+        """Reboot the servo; the position at which the fingers meet is kept."""
+        self._bus.answer([Packet2(_ID, Instruction.REBOOT)])
+        self._set_up()
+        self.phase, self.grasp = Phase.READY, Grasp()
+
+    def advance(self, time: float, values: Mapping[str, Vector]) -> bool:
+        """Pass the motor's state on; return whether a cycle of the driver was due."""
+        self._bus.sense(time, values)
+        if time < self._due - 1e-9:
+            return False
+        # Cycles keep their phase, unless the clock has jumped.
+        self._due = max(self._due + PERIOD, time)
+        self._cycle()
+        return True
+
+    def _cycle(self) -> None:
+        table = self._table
+        counts = table["present_position"]
+        self.reading = Reading(
+            position=100.0 * (counts - self.zero) / TRAVEL,
+            current=-table["present_current"] * table.current_unit,
+            voltage=table["present_voltage"] / 10.0,
+            temperature=table["present_temperature"],
+            error=table["hardware_error_status"],
+            moving=bool(table["moving"]),
+        )
+        if self.reading.error and self.phase is not Phase.FAULTY:
+            self.phase = Phase.FAULTY
+            fault = Fault(self.reading.error)
+            self._warn("dex1 fault", f"hand: {fault}; it waits for action 3")
+        match self.phase:
+            case Phase.CLOSING:
+                self._close(counts)
+            case Phase.SETTLING:
+                self._settle()
+            case Phase.READY:
+                self._manage()
+            case Phase.FAULTY:
+                self._go(_MIDDLE, _FAULT_EFFORT)
+
+    def _close(self, counts: int) -> None:
+        still = abs(counts - self._last) < _STILL
+        self._still = self._still + PERIOD if still else 0.0
+        self._last = counts
+        self._go(_BEYOND, _EFFORT)
+        if self._still > _REST:
+            self.zero, self.phase = counts, Phase.SETTLING
+
+    def _settle(self) -> None:
+        self._go(_MIDDLE, FORCES[GraspState.MOVING])
+        self._left -= PERIOD
+        self.calibrated = abs(self.reading.position - _MIDDLE) <= _ACCEPTED
+        if self.calibrated or self._left < 0.0:
+            self.phase = Phase.READY
+        if not self.calibrated and self._left < 0.0:
+            self._warn("dex1 calibration", "hand: has not opened half; calibrate again")
+
+    def _manage(self) -> None:
+        position = self.reading.position
+        target = position if self.commanded is None else self.commanded
+        self.grasp = self.grasp.next(target, position)
+        force = FORCES[self.grasp.state]
+        self._go(self.grasp.goal, force if self._limit is None else self._limit)
+
+    def _go(self, position: float, force: float) -> None:
+        self.force = force
+        counts = round(self.zero + TRAVEL * position / 100.0)
+        self._write(goal_current=round(_CURRENT_LIMIT * force / 100.0))
+        self._write(goal_position=counts)
+
+    def _set_up(self) -> None:
+        for name, value in _SETUP.items():
+            self._write(**{name: value})
+
+    def _write(self, **values: int) -> None:
+        for name, value in values.items():
+            register = self._table.register(name)
+            address = register.address.to_bytes(2, "little")
+            data = value.to_bytes(register.size, "little", signed=value < 0)
+            self._bus.answer([Packet2(_ID, Instruction.WRITE, address + data)])

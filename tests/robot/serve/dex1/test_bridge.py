@@ -1,0 +1,210 @@
+"""The hand's topics between two participants on loopback."""
+
+import json
+import time
+
+import pytest
+from helpers import NEEDS_DDS
+
+from robot.serve.ros2.peers import free_domain
+
+pytestmark = NEEDS_DDS
+
+
+class Peer:
+    """What a humanoid's controller sees, and a hand whose time it drives."""
+
+    def __init__(self, inbox, gripper, side, participant):
+        from cyclonedds.pub import DataWriter
+        from cyclonedds.sub import DataReader
+        from cyclonedds.topic import Topic
+
+        from drake_srg.robot.serve.dex1 import messages
+        from drake_srg.robot.serve.dex1.bridge import Dex1Bridge
+        from robot.serve.dex1.fake_motor import FakeMotor
+
+        def topic(name, type):
+            return Topic(participant, name, type)
+
+        self._types = messages
+        self.bridge = Dex1Bridge(participant, inbox, gripper, side)
+        self.motor = FakeMotor(inbox, self.bridge.ports)
+        self.commands = DataWriter(
+            participant, topic(f"rt/dex1/{side}/cmd", messages.MotorCmds)
+        )
+        self.strings = {
+            name: DataWriter(participant, topic(name, messages.String))
+            for name in (f"rt/gripper/{side}/cmd_direct", f"rt/ezgripper/{side}/admin")
+        }
+        self.state = DataReader(
+            participant, topic(f"rt/dex1/{side}/state", messages.MotorStates)
+        )
+        self.reports = {
+            name: DataReader(participant, topic(name, messages.String))
+            for name in (
+                f"rt/gripper/{side}/state_direct",
+                f"rt/gripper/{side}/telemetry",
+                f"rt/ezgripper/{side}/state",
+            )
+        }
+        self.last = {}
+
+    def move(self, *angles):
+        rest = dict.fromkeys(("dq", "tau", "kp", "kd"), 0.0)
+        make = self._types.MotorCmd
+        cmds = [make(mode=0, q=q, reserve=[0, 0, 0], **rest) for q in angles]
+        self.commands.write(self._types.MotorCmds(cmds=cmds))
+
+    def say(self, topic, text):
+        (writer,) = (w for name, w in self.strings.items() if name.endswith(topic))
+        writer.write(self._types.String(data=text))
+
+    def run(self, duration):
+        """Return how many states and reports came."""
+        states, reports, end = 0, 0, self.motor.time + duration
+        while self.motor.time < end:
+            self.bridge.update(*self.motor.step())
+            for sample in self.state.take(10):
+                states, self.last["state"] = states + 1, sample.states[0]
+            for name, reader in self.reports.items():
+                for sample in reader.take(10):
+                    reports += "telemetry" in name
+                    self.last[name.rpartition("/")[2]] = json.loads(sample.data)
+        return states, reports
+
+
+@pytest.fixture
+def participant(monkeypatch):
+    from drake_srg.robot.serve.ros2.bridge import open_participant
+
+    monkeypatch.delenv("CYCLONEDDS_URI", raising=False)
+    with open_participant(free_domain(), "127.0.0.1", "hands", 2**20) as participant:
+        yield participant
+
+
+@pytest.fixture
+def peer(inbox, gripper, participant):
+    peer = Peer(inbox, gripper, "left", participant)
+    peer.run(8.0)
+    return peer
+
+
+def test_states_come_at_200_hz_and_telemetry_at_30(peer):
+    states, reports = peer.run(2.0)
+    assert states == pytest.approx(400, abs=2)
+    assert reports == pytest.approx(60, abs=1)
+
+
+def test_angles_go_from_closed_to_open(peer):
+    peer.move(5.4)
+    peer.run(3.0)
+    assert peer.last["state"].q == pytest.approx(5.4, abs=0.06)
+    assert peer.last["telemetry"]["position"]["commanded_pct"] == 100.0
+    peer.move(-1.0)
+    peer.run(3.0)
+    assert peer.last["state"].q == pytest.approx(0.0, abs=0.06)
+    assert peer.last["state"].temperature == 30
+
+
+def test_a_grasp_is_seen_on_every_topic(peer):
+    peer.motor.meets = 1.5
+    peer.move(0.0)
+    peer.run(3.0)
+    assert (peer.last["state"].mode, peer.last["state"].tau_est) == (3, 1.5)
+    telemetry = peer.last["telemetry"]
+    assert (telemetry["state"], telemetry["contact"]) == ("grasping", True)
+    assert (
+        telemetry["hardware"] | {"temperature_c": 30, "error_code": 0}
+        == (telemetry["hardware"])
+    )
+    assert peer.last["state_direct"]["force_limit_pct"] == 15.0
+
+
+def test_the_most_recent_of_both_commands_wins(peer):
+    peer.move(0.0)
+    peer.run(0.1)
+    peer.say("cmd_direct", '{"position_pct": 80, "force_limit_pct": 40}')
+    peer.run(3.0)
+    assert peer.last["state_direct"]["position_pct"] == pytest.approx(80, abs=1)
+    assert peer.last["state_direct"]["force_limit_pct"] == 40.0
+
+
+def test_faults_are_shown_until_they_are_cleared(peer):
+    peer.motor.temperature = 90.0
+    peer.run(0.2)
+    peer.motor.temperature = 30.0
+    peer.run(0.2)
+    state = peer.last["state"]
+    assert (state.mode, state.lost, state.q) == (255, 2**32 - 1, 0.0)
+    assert peer.last["telemetry"]["state"] == "error"
+    assert peer.last["telemetry"]["hardware"]["error_code"] == 4
+    peer.say("admin", '{"action": 3, "parameters": {}}')
+    peer.run(1.0)
+    assert peer.last["state"].mode != 255
+
+
+def test_it_calibrates_on_request(peer):
+    peer.motor.meets = 2.5
+    peer.say("admin", '{"action": 2}')
+    peer.run(8.0)
+    assert peer.last["telemetry"]["calibration"] == {
+        "is_calibrated": True,
+        "offset": peer.bridge.hand.zero,
+    }
+    assert peer.bridge.hand.zero == 1668
+
+
+@pytest.mark.parametrize(
+    ("topic", "text", "words"),
+    [
+        ("cmd_direct", "close", "must be an object of JSON, got 'close'"),
+        ("cmd_direct", "[1]", "must be an object of JSON"),
+        ("cmd_direct", '{"position_pct": 120}', "position_pct must be 0 to 100"),
+        (
+            "cmd_direct",
+            '{"position_pct": NaN, "force_limit_pct": 1}',
+            "position_pct must be 0 to 100, got nan",
+        ),
+        (
+            "cmd_direct",
+            '{"position_pct": 1, "force_limit_pct": true}',
+            "force_limit_pct must be 0 to 100, got True",
+        ),
+        ("admin", '{"action": 7}', "action must be 0 to 3, got 7"),
+    ],
+)
+def test_bad_messages_are_refused(peer, told, topic, text, words):
+    before = peer.bridge.hand.commanded
+    peer.say(topic, text)
+    peer.run(0.1)
+    assert len(told) == 1 and words in told[0]
+    assert peer.bridge.hand.commanded == before
+
+
+@pytest.mark.parametrize("angles", [(), (float("nan"),)])
+def test_bad_angles_are_refused(peer, told, angles):
+    peer.move(*angles)
+    peer.run(0.1)
+    assert len(told) == 1 and "rt/dex1/left/cmd: " in told[0]
+
+
+def test_two_hands_share_a_participant(peer, inbox, gripper, participant):
+    right = Peer(inbox, gripper, "right", participant)
+    right.motor.meets = 2.0
+    right.run(8.0)
+    right.move(5.4)
+    right.run(3.0)
+    assert right.last["state"].q == pytest.approx(5.4, abs=0.06)
+    assert peer.bridge.hand.commanded is None
+
+
+def test_messages_come_by_the_names_of_the_sdk(peer, participant):
+    from cyclonedds.builtin import BuiltinDataReader, BuiltinTopicDcpsPublication
+
+    reader = BuiltinDataReader(participant, BuiltinTopicDcpsPublication)
+    end, found = time.monotonic() + 10.0, {}
+    while len(found) < 7 and time.monotonic() < end:
+        found |= {s.topic_name: s.type_name for s in reader.take(20)}
+    assert found["rt/dex1/left/state"] == "unitree_go::msg::dds_::MotorStates_"
+    assert found["rt/dex1/left/cmd"] == "unitree_go::msg::dds_::MotorCmds_"
+    assert found["rt/gripper/left/telemetry"] == "std_msgs::msg::dds_::String_"
