@@ -15,21 +15,24 @@ GOAL_CURRENT, GOAL_POSITION = 102, 116
 CURRENT, POSITION, VOLTAGE, TEMPERATURE = 126, 132, 144, 146
 
 
+class PatientPort(sdk.PortHandler):
+    """Waits 5 s for a reply: the SDK's 34 ms are too few on a busy machine."""
+
+    def setPacketTimeout(self, packet_length):
+        self.setPacketTimeoutMillis(5000.0)
+
+
 class Driver:
     """Raises an AssertionError at the first reply with an error."""
 
     def __init__(self, device):
-        self.port, self.servo = sdk.PortHandler(device), sdk.PacketHandler(2.0)
+        self.port, self.servo = PatientPort(device), sdk.PacketHandler(2.0)
         assert self.port.openPort() and self.port.setBaudRate(1000000)
         model, *result = self.servo.ping(self.port, 1)
         assert (model, *result) == (311, sdk.COMM_SUCCESS, 0)
 
     def read(self, address, size=2):
-        result = None
-        for _ in range(10):  # the SDK waits 34 ms, which a busy machine may exceed
-            data, *result = self.servo.readTxRx(self.port, 1, address, size)
-            if result[0] != sdk.COMM_RX_TIMEOUT:
-                break
+        data, *result = self.servo.readTxRx(self.port, 1, address, size)
         assert result == [sdk.COMM_SUCCESS, 0], address
         return int.from_bytes(bytes(data), "little", signed=size == 4)
 
