@@ -13,5 +13,6 @@ apt_install() {
         return 1
     fi
     apt-get update
-    apt-get install -y --no-install-recommends "$@"
+    # Another program may be installing, too: wait for it.
+    apt-get -o DPkg::Lock::Timeout=600 install -y --no-install-recommends "$@"
 }
