@@ -61,7 +61,8 @@ def summary(own: ex.Trials) -> ex.Values:
             **ex.counts(failed, "runs", least=3.0),
         }
     for what, key in (("placement", "off"), ("localisation", "seen")):
-        for axis, largest in zip("xyz", np.nanmax(np.stack(own[key]), axis=0)):
+        for i, axis in enumerate("xyz"):
+            largest = np.nanmax(np.stack(own[key])[:, i])
             found[f"largest {what} error, {axis} [mm]"] = largest
     return found | {"longest cycle [s]": max(own.known("cycle"))}
 
