@@ -6,6 +6,7 @@ import dataclasses as dc
 from collections.abc import Iterator, Mapping
 from typing import TYPE_CHECKING, Any
 
+from pydrake.multibody.parsing import ModelDirective
 from pydrake.systems.sensors import CameraConfig
 
 from drake_srg.common.exceptions import ScenarioError, suggest
@@ -190,6 +191,8 @@ def _bin_problems(scenario: Scenario) -> Iterator[tuple[str, str]]:
                 yield f"objects.{thing}.known", "must be true for an object with a name"
 
 
+# Kinds of model directives, by the key of an entry.
+_DIRECTIVES = sorted(k for k in dir(ModelDirective()) if k.startswith("add_"))
 # Drake's name of the only integrator that takes stiff contact and PD actuators.
 _CENIC = "cenic"
 
@@ -245,6 +248,11 @@ def _config_problems(scenario: Scenario) -> Iterator[tuple[str, str]]:
     for i, pair in enumerate(scenario.ignored_contacts):
         if len(pair) != 2:
             yield f"ignored_contacts[{i}]", f"needs 2 names, got {len(pair)}"
+    for i, directive in enumerate(scenario.directives):
+        kinds = [k for k in _DIRECTIVES if getattr(directive, k) is not None]
+        if len(kinds) != 1:  # Drake takes only one of them
+            got = " and ".join(kinds) or "none"
+            yield f"directives[{i}]", f"needs one of {', '.join(_DIRECTIVES)}; got {got}"
 
 
 def _step_problems(scenario: Scenario) -> Iterator[tuple[str, str]]:

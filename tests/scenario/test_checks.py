@@ -277,6 +277,12 @@ def test_the_defaults_pass():
             "directives: entries are overridden by name, got '99' (allowed: table, ",
         ),
         (
+            "directives.table.add_weld={parent: world, child: 'table::table'}",
+            "directives[0]: needs one of add_collision_filter_group, add_directives, "
+            "add_frame, add_model, add_model_instance, add_weld; got add_model and "
+            "add_weld",
+        ),
+        (
             "directives.table.add_modl.file=x",
             "directives[0]: unknown key 'add_modl' (did you mean 'add_model'",
         ),
