@@ -1,6 +1,5 @@
-"""What work costs on this machine: cells, motions, recording, and sweeps.
+"""What work costs on this machine: motions, recording, and sweeps.
 
-`real_time`: each cell by itself, without recording, as `drake-srg bench` measures it.
 `time_parameterization`: motions of the kitchen's arm by both time parameterizations.
 `recording_cost`: processor time of all threads in a worker of a sweep, with one thread
 each for rendering and linear algebra, relative to an unrecorded trial; it varies by a
@@ -22,7 +21,6 @@ from drake_srg.planning.motion.time_parameterization import MakeTimeParameteriza
 from drake_srg.planning.motion.trajectories import grid_of, rounded_path
 from drake_srg.scenario import load_scenario
 from drake_srg.simulation import Simulate
-from drake_srg.simulation.benchmark import run_benchmark
 from drake_srg.station import MakeTaskPlanner
 from drake_srg.sweeps.engines import JoblibEngine
 from drake_srg.sweeps.sweep import run_sweep
@@ -225,32 +223,5 @@ sweep_throughput = ex.Experiment(
     sweep_trial,
     whole=sweep_rows,
     picture=[ex.Curves("trial", "memory of a worker [MB]", limit=_MEMORY)],
-    serial=True,
-)
-
-
-def bench_trial(scenario: str) -> ex.Measures:
-    """Measure a scenario as `drake-srg bench` does."""
-    found = run_benchmark(load_scenario(scenario, seed=0), scenario)
-    return {
-        "speed [times real time]": found.simulated / found.total,
-        "speed : that of the bare plant []": found.plant / found.total,
-    }
-
-
-real_time = ex.Experiment(
-    "Speed of the cells without recording, in simulated seconds a second.",
-    lambda: ex.grid(
-        scenario=("kitchen", "kitchen_fast", "assistive_arm", "assistive_arm_fast")
-    ),
-    bench_trial,
-    {
-        "speed": {
-            "kitchen": ex.at_least(1.0, clock="rate"),
-            "kitchen_fast": ex.at_least(10.0, clock="rate"),
-            "assistive_arm": ex.at_least(2.0, clock="rate"),
-            "assistive_arm_fast": ex.number(clock="rate"),
-        }
-    },
     serial=True,
 )
