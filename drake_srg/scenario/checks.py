@@ -252,7 +252,10 @@ def _config_problems(scenario: Scenario) -> Iterator[tuple[str, str]]:
         kinds = [k for k in _DIRECTIVES if getattr(directive, k) is not None]
         if len(kinds) != 1:  # Drake takes only one of them
             got = " and ".join(kinds) or "none"
-            yield f"directives[{i}]", f"needs one of {', '.join(_DIRECTIVES)}; got {got}"
+            yield (
+                f"directives[{i}]",
+                f"needs one of {', '.join(_DIRECTIVES)}; got {got}",
+            )
 
 
 def _step_problems(scenario: Scenario) -> Iterator[tuple[str, str]]:

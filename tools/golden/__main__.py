@@ -34,20 +34,27 @@ def processor() -> str:
 
 
 def compare(
-    results: dict[str, Golden], wanted: dict[str, Any], same_processor: bool
+    results: dict[str, Golden], committed: dict[str, Any], here: str
 ) -> list[str]:
-    """Return what differs from the committed results, one line each."""
+    """Return what differs from the committed results, one line each.
+
+    Args:
+        results: New results, by the case's name.
+        committed: The text of a file; a case may be of another processor than most.
+        here: This processor; empty to compare outcomes only.
+    """
     wrong = []
     for name, result in results.items():
-        if name not in wanted:
+        if name not in committed["results"]:
             wrong.append(f"{name}: not among the committed results")
             continue
-        golden = Golden(**wanted[name])
-        if result.outcome != golden.outcome:
-            wrong.append(f"{name}: {result.outcome} instead of {golden.outcome}")
-        if same_processor:
-            keys = sorted({*result.hashes, *golden.hashes})
-            other = [k for k in keys if result.hashes.get(k) != golden.hashes.get(k)]
+        golden = committed["results"][name]
+        outcome, hashes = golden["outcome"], golden["hashes"]
+        if result.outcome != outcome:
+            wrong.append(f"{name}: {result.outcome} instead of {outcome}")
+        if golden.get("processor", committed["processor"]) == here:
+            keys = sorted({*result.hashes, *hashes})
+            other = [k for k in keys if result.hashes.get(k) != hashes.get(k)]
             if other:
                 wrong.append(f"{name}: other bytes: {', '.join(other)}")
     return wrong
@@ -69,13 +76,18 @@ def run_all(cases: list[Case], jobs: int) -> tuple[dict[str, Golden], list[str]]
     return results, failed
 
 
-def _accept(file: Path, here: str, results: dict[str, Golden]) -> None:
-    """Write results, beside those of other cases from the same processor."""
-    known = json.loads(file.read_text("utf-8")) if file.exists() else {}
-    kept = known["results"] if known.get("processor") == here else {}
-    kept |= {name: vars(result) for name, result in results.items()}
-    written = {"processor": here, "results": dict(sorted(kept.items()))}
-    file.write_text(json.dumps(written, indent=1) + "\n", encoding="utf-8")
+def accept(
+    results: dict[str, Golden], committed: dict[str, Any], here: str
+) -> dict[str, Any]:
+    """Return the committed results with new ones from this processor."""
+    most = committed["processor"]
+    others = {} if here == most else {"processor": here}
+    kept = committed["results"] | {
+        name: vars(result) | others for name, result in results.items()
+    }
+    if results.keys() >= kept.keys():
+        most, kept = here, {name: vars(result) for name, result in results.items()}
+    return {"processor": most, "results": dict(sorted(kept.items()))}
 
 
 def main() -> int:
@@ -94,19 +106,19 @@ def main() -> int:
     ]
     results, failed = run_all(cases, arguments.jobs)
     version = importlib.metadata.version("drake")
-    file = FOLDER / f"drake-{version}.json"
-    here = processor()
+    file, here = FOLDER / f"drake-{version}.json", processor()
+    known = file if file.exists() else max(FOLDER.glob("drake-*.json"))
+    committed = json.loads(known.read_text("utf-8"))
     if arguments.accept:
-        _accept(file, here, results)
-    if not file.exists():
-        file = max(FOLDER.glob("drake-*.json"))
-    committed = json.loads(file.read_text("utf-8"))
-    same = file.stem == f"drake-{version}" and committed["processor"] == here
-    if not same:
-        print(f"golden: outcomes only: {file.stem} on {committed['processor']},")
+        if known != file:
+            committed = {"processor": here, "results": {}}
+        committed = accept(results, committed, here)
+        file.write_text(json.dumps(committed, indent=1) + "\n", encoding="utf-8")
+    elif known != file or committed["processor"] != here:
+        print(f"golden: outcomes only: {known.stem} on {committed['processor']},")
         print(f"        not drake-{version} on {here}")
-    wanted = committed["results"]
-    wrong = failed + compare(results, wanted, same)
+    same = here if known == file or arguments.accept else ""
+    wrong = failed + compare(results, committed, same)
     print("\n".join(wrong) or f"golden: {len(results)} cases, all as committed")
     return 1 if wrong else 0
 
