@@ -13,9 +13,11 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from pydrake.common.value import AbstractValue
+from pydrake.math import abs as abs_
 from pydrake.math import exp
 from pydrake.math import max as max_
 from pydrake.math import min as min_
+from pydrake.symbolic import Expression, if_then_else, logical_and
 from pydrake.systems.framework import (
     Context,
     DiscreteValues,
@@ -102,13 +104,16 @@ class DriveFrictionConfig(Config):
     # torque is that before this friction.
     gear: float = dc.field(default=0.0, metadata={"ge": 0.0})
     gear_load: float = dc.field(default=0.0, metadata={"ge": 0.0, "le": 1.0})
+    # What holds a resting spool over what slows a moving one: lubricated steel gears
+    # hold 1.2 to 1.5 times as hard.
+    stiction: float = dc.field(default=1.0, metadata={"ge": 1.0, "le": 3.0})
     # Capstan friction of a wire on its guides: coefficient times angle of wrap [rad].
     # The finger's end pulls with exp(-wire) of the spool's while the wire winds in,
     # and with exp(wire) while it pays out.
     wire: float = dc.field(default=0.0, metadata={"ge": 0.0, "le": 1.0})
 
     def of_gears(self, load: Any) -> Any:
-        """Return the most that the gears take or hold [N m], for a load [N m]."""
+        """Return what the moving gears take [N m], for a load [N m]."""
         return self.gear + self.gear_load * load
 
     def motor_torque(self, load: float) -> float:
@@ -128,6 +133,21 @@ def slowed(speed: Any, most: Any) -> Any:
         most: By which the friction can change it in this step [rad/s].
     """
     return max_(speed - most, 0.0) + min_(speed + most, 0.0)
+
+
+def held(before: Any, speed: Any, most: Any, after: Any) -> Any:
+    """Return the speed after friction, which is 0 while stiction holds the spool.
+
+    Args:
+        before: Speed before the step [rad/s].
+        speed: After the step, without friction [rad/s].
+        most: What stiction holds in this step [rad/s].
+        after: After the step, with the friction of a moving spool [rad/s].
+    """
+    if isinstance(after, Expression):
+        holds = logical_and(before == 0.0, abs_(speed) <= most)
+        return if_then_else(holds, 0.0, after)
+    return 0.0 * after if before == 0.0 and abs(speed) <= most else after
 
 
 def slid(state: Any, travel: Any, presliding: float) -> Any:
@@ -429,10 +449,14 @@ def TendonDrive_(T: Any) -> Any:  # noqa: D103 (the class below is the documenta
             torque = config.full_torque * config.useful_pwm(pwm)
             inertia, damping = config.reflected_inertia, config.motor_damping
             friction = config.friction
-            speed = (inertia * speed + dt * (torque - load)) / (inertia + dt * damping)
+            before, total = speed, inertia + dt * damping
+            speed = (inertia * before + dt * (torque - load)) / total
             if friction.gear or friction.gear_load:
-                most = dt * friction.of_gears(load) / (inertia + dt * damping)
-                speed = slowed(speed, most)
+                most = dt * friction.of_gears(load) / total
+                after = slowed(speed, most)
+                if friction.stiction > 1.0:
+                    after = held(before, speed, friction.stiction * most, after)
+                speed = after
             slid_on = self._slide(stuck, state)
             discrete_state.set_value([angle + dt * speed, speed, *slid_on])
 
@@ -482,6 +506,9 @@ class MotorTemperatureConfig(Config):
     # Heat of the electronics, at any load [W]. It is off by default: the
     # manual's standby current of 0.1 A would be 1.2 W.
     idle_power: float = dc.field(default=0.0, metadata={"ge": 0.0})
+    # Time in which the windings warm up, before their heat reaches the housing and its
+    # sensor [s]; 0 for at once. Makers of such motors state about 10 s.
+    winding_time: float = dc.field(default=0.0, metadata={"ge": 0.0})
     period: float = dc.field(default=0.1, metadata=positive())  # s
 
     @property
@@ -518,13 +545,15 @@ class MotorTemperature(LeafSystem):
 
     `pwm` (1) is a fraction of full scale, clipped to -1 .. 1, and `motor_state` (2) is
     [angle; speed] in rad, rad/s. `motor_temperature` (1) [degC] starts at that of the
-    air. The model is of first order, with the current I that gives the torque and the
+    air, with no heat on its way. With the current I that gives the torque and the
     resistance R of the windings:
 
-        C T' = P_idle + I² R + I U_0 - (T - T_air) / R_thermal
+        P = P_idle + I² R + I U_0
+        t_winding Q' = P - Q
+        C T' = Q - (T - T_air) / R_thermal
 
-    U_0 is the voltage lost to the drive's dead band, if any. It is solved exactly for
-    a current that is constant during `config.period`.
+    U_0 is the voltage lost to the drive's dead band, if any. The current is constant
+    during `config.period`, and so is, for T, the mean of the heat flow Q.
 
     Args:
         drive: The motor's torque and speed.
@@ -542,6 +571,8 @@ class MotorTemperature(LeafSystem):
         self._pwm = self.DeclareVectorInputPort(name="pwm", size=1)
         self._motor = self.DeclareVectorInputPort(name="motor_state", size=2)
         temperature = self.DeclareDiscreteState([self.config.ambient])
+        if self.config.winding_time:
+            self.DeclareDiscreteState([0.0])  # heat flow into the housing [W]
         self.DeclareStateOutputPort("motor_temperature", temperature)
         self.DeclarePeriodicDiscreteUpdateEvent(
             period_sec=self.config.period, offset_sec=0.0, update=self._update
@@ -552,12 +583,20 @@ class MotorTemperature(LeafSystem):
         before = context.get_discrete_state(0).value()[0]
         pwm = min(max(self._pwm.Eval(context)[0], -1.0), 1.0)
         speed = self._motor.Eval(context)[1]
-        load = motor_load(self._drive, pwm, speed)
+        flow = self.heat(motor_load(self._drive, pwm, speed))
+        if config.winding_time:
+            old = context.get_discrete_state(1).value()[0]
+            kept = math.exp(-config.period / config.winding_time)
+            discrete_state.set_value(1, [flow + (old - flow) * kept])
+            flow += (old - flow) * (1.0 - kept) * config.winding_time / config.period
+        final = config.ambient + flow * config.thermal_resistance
+        decay = math.exp(-config.period / config.time_constant)
+        discrete_state.set_value(0, [final + (before - final) * decay])
+
+    def heat(self, load: float) -> float:
+        """Return the heat of the motor [W] at a load, see `motor_load`."""
+        config, band = self.config, self._drive.dead_band
         # I² R + I U_0 with R = (U - U_0) / I_stall and I = load I_stall
-        band = self._drive.dead_band
         loss = load**2 * config.stall_current * config.supply_voltage * (1.0 - band)
         loss += abs(load) * config.stall_current * config.supply_voltage * band
-        loss += config.idle_power
-        final = config.ambient + loss * config.thermal_resistance
-        decay = math.exp(-config.period / config.time_constant)
-        discrete_state.set_value([final + (before - final) * decay])
+        return loss + config.idle_power

@@ -132,6 +132,34 @@ def test_the_gears_share_of_a_load_helps_to_hold_and_hinders_winding():
         assert 2.0 * radius * force == pytest.approx(ends, rel=0.02, abs=0.01)
 
 
+@pytest.mark.parametrize("share", [0.5, 0.9, 1.1, 1.5])
+@pytest.mark.parametrize("side", [-1.0, 1.0])
+def test_stiction_holds_a_resting_spool_beyond_the_friction_of_a_moving_one(
+    share, side
+):
+    """The motor's torque differs from the load by a share of the stiction."""
+    friction = DriveFrictionConfig(gear=0.1, gear_load=0.3, stiction=1.4)
+    drive, context = make(friction, angle=0.3)
+    load = 2 * drive.config.spool_radius * read(drive, context, "wire_force")[0]
+    torque = load + side * share * 1.4 * friction.of_gears(load)
+    fix(drive, context, pwm=torque / drive.config.full_torque)
+    update(drive, context)
+    _, speed = read(drive, context, "motor_state")
+    assert (speed == 0.0) == (share < 1.0)
+    assert speed * side >= 0.0
+
+
+def test_stiction_changes_nothing_in_a_moving_spool():
+    speeds = []
+    for stiction in (1.0, 2.0):
+        friction = DriveFrictionConfig(gear=0.1, gear_load=0.3, stiction=stiction)
+        drive, context = make(friction, pwm=0.1)
+        context.SetDiscreteState([0.3, 2.0])
+        update(drive, context)
+        speeds.append(read(drive, context, "motor_state")[1])
+    assert speeds[0] == speeds[1] > 0.0
+
+
 def test_the_fingers_get_less_while_the_wire_winds_in_and_more_while_it_pays_out():
     torques = []
     for speed in (1.0, 0.0, -1.0):
@@ -148,7 +176,7 @@ def test_the_fingers_get_less_while_the_wire_winds_in_and_more_while_it_pays_out
 
 @pytest.mark.parametrize("scalar", [AutoDiffXd, Expression])
 def test_a_drive_with_friction_converts_to_other_scalars(scalar):
-    friction = DriveFrictionConfig(gear=0.1, gear_load=0.5, wire=0.1)
+    friction = DriveFrictionConfig(gear=0.1, gear_load=0.5, stiction=1.3, wire=0.1)
     drive = TendonDrive(TendonDriveConfig(friction=friction, dead_band=0.1), PERIOD)
     other = drive.ToScalarType[scalar]()
     assert isinstance(other, TendonDrive_[scalar])

@@ -67,6 +67,24 @@ def test_the_motor_cools_with_its_time_constant():
     assert 10 * 60 < config.time_constant < 20 * 60
 
 
+def test_heat_comes_later_by_the_time_that_the_windings_take():
+    slow = MotorTemperatureConfig(winding_time=10.0)
+    # When most is in the housing, it lags by the mean of an exponential delay.
+    late = temperature(*make(pwm=1.0, config=slow), updates=600)
+    early = temperature(*make(pwm=1.0), updates=500)
+    assert late == pytest.approx(early, rel=5e-3)
+    settled = MotorTemperatureConfig(winding_time=10.0, period=2000.0)
+    same = temperature(*make(pwm=0.3, config=settled), updates=20)
+    assert same == pytest.approx(temperature(*make(0.3, config=QUICK), updates=20))
+
+
+def test_the_heat_of_the_windings_arrives_after_the_current_has_ended():
+    system, context = make(pwm=1.0, config=MotorTemperatureConfig(winding_time=10.0))
+    before = temperature(system, context, updates=50)
+    fix(system, context, pwm=0.0)
+    assert temperature(system, context, updates=50) > before + 0.5
+
+
 def test_without_load_no_current_flows():
     speed = DRIVE.full_scale * DRIVE.no_load_speed
     assert motor_load(DRIVE, 1.0, speed) == pytest.approx(0.0)

@@ -16,7 +16,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from drake_srg.robot.identify.least_squares import Fit, Parameter, fit
-from drake_srg.robot.identify.log import LogRow
+from drake_srg.robot.identify.log import RISE, LogRow
 from drake_srg.types import Vector
 
 COUNTS_PER_RAD = 4096 / math.tau
@@ -38,8 +38,12 @@ _STEP = 1e-3  # s
 PRESS_PARAMETERS = (
     Parameter("stiffness", "N m/rad", 30.0, 3.0),
     Parameter("slack", "counts", 60.0, 2.0),
-    Parameter("gear", "N m", 0.1, 3.0),
+    # Springs open released fingers against it and the share: they pull the spool with
+    # 0.05 N m when the hand is open, 0.09 N m when it is closed.
+    Parameter("gear", "N m", 0.015, 1.5),
     Parameter("gear_load", "", 0.4, 1.6),
+    # Of lubricated steel: 1.2 to 1.5.
+    Parameter("stiction", "", 1.3, 1.3),
     Parameter("torque_rise", "s", 0.1, 3.0),
     Parameter("inertia", "kg m²", 0.01, 1.5),
     Parameter("position_gain", "PWM units per count", 4.0, 3.0),
@@ -116,6 +120,7 @@ def predict_stops(
     stall = TORQUE_CONSTANT * motor.stall_current * (1.0 + share) + gear
     inertia, damping = values["inertia"], stall / NO_LOAD_SPEED
     gain = values["position_gain"] / FULL_LOAD
+    stiction = np.maximum(values["stiction"], 1.0)
     free = zero + values["slack"]
     reads = _APPROACH_TIME + _FIRST_READ + POLL * np.arange(_MOST_POLLS + 1)
     read_at = {round(t / _STEP) for t in reads}
@@ -137,9 +142,12 @@ def predict_stops(
         drive = stall * motor.current(pwm) / motor.stall_current
         load = values["stiffness"] * np.maximum(free - x, 0.0) / COUNTS_PER_RAD
         total = inertia + _STEP * damping
+        rests = w == 0.0
         w = (inertia * w + _STEP * (drive - load)) / total
         most = _STEP * (gear + share * load) / total
+        rests &= np.abs(w) <= stiction * most
         w = np.maximum(w - most, 0.0) + np.minimum(w + most, 0.0)
+        w = np.where(rests, 0.0, w)
         x = x - _STEP * w * COUNTS_PER_RAD
         if k in read_at:
             seen.append(x.copy())
@@ -149,11 +157,12 @@ def predict_stops(
     return result
 
 
-RISE = 5.0  # K
 SUPPLY, AIR = 12.0, 25.0  # V, degC; the vendor logged neither
 # Time to warm by RISE with no loss to the air at all stands for "never" where the loss
 # stops it [s].
 NEVER = 3600.0
+# In between, the temperature is nearly linear.
+_TIMES = np.arange(0.0, NEVER + 0.5)  # s
 
 # Priors: data sheet and geometry (see MotorTemperatureConfig), and the standby current
 # of 0.1 A of the manual.
@@ -161,6 +170,7 @@ HEAT_PARAMETERS = (
     Parameter("heat_capacity", "J/K", 113.0, 2.0),
     Parameter("thermal_resistance", "K/W", 7.6, 1.5),
     Parameter("idle_power", "W", 1.2, 2.0),
+    Parameter("winding_time", "s", 10.0, 1.5),
 )
 
 
@@ -183,16 +193,34 @@ def predict_seconds(
         values: Of `HEAT_PARAMETERS` by name; with p of each, shape (p, 1), the times
             are (p, K).
     """
-    current = np.array([row.current_ma for row in rows]) / 1e3
-    power = losses(current, motor) + values["idle_power"]
-    resistance = values["thermal_resistance"]
-    start = np.array([row.temperature_c for row in rows])
-    left = AIR + power * resistance - start  # K to where it settles
-    share = np.where(left > RISE, RISE / np.maximum(left, RISE), 1.0)
-    with np.errstate(divide="ignore"):  # infinite where it never gets there
-        times = -resistance * values["heat_capacity"] * np.log1p(-share)
-    result: Vector = np.minimum(times, NEVER)
-    return result
+    idle, resistance = values["idle_power"], values["thermal_resistance"]
+    winding = values["winding_time"]
+    times = []
+    for row in rows:
+        power, before = (
+            losses(np.nan_to_num(current) / 1e3, motor) + idle
+            for current in (row.current_ma, row.before_ma)
+        )
+        body = resistance * values["heat_capacity"]
+        decay = np.exp(-_TIMES / body)
+        # What is missing from the heat flow at first, see MotorTemperature.
+        lag = np.exp(-_TIMES / winding) - decay
+        lag = (before - power) * resistance * winding / (winding - body) * lag
+        start = row.temperature_c
+        rise = (AIR + power * resistance - start) * (1.0 - decay) + lag
+        times.append(_first(np.atleast_2d(rise)))
+    result: Vector = np.stack(times, axis=-1)
+    return result if np.ndim(resistance) else result[0]
+
+
+def _first(rise: Vector) -> Vector:
+    """Return when each row of temperatures at `_TIMES` first reaches `RISE` [s]."""
+    over = rise >= RISE
+    k = np.argmax(over, axis=1)
+    reached, row = over[np.arange(len(rise)), k], np.arange(len(rise))
+    before, after = rise[row, np.maximum(k - 1, 0)], rise[row, k]
+    part = (RISE - before) / np.where(reached, after - before, 1.0)
+    return np.where(reached, _TIMES[k] - 1.0 + part, NEVER)
 
 
 # Standard deviations of the measurements: what specimens and repeats differ by.

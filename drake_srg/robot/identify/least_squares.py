@@ -12,6 +12,7 @@ from drake_srg.types import Vector
 
 _STEP = 2e-3  # of the logarithm of a parameter, for derivatives
 _Z95 = 1.96
+_TRIED = 6  # starts from which a minimum is sought
 
 
 @dc.dataclass(frozen=True)
@@ -84,6 +85,7 @@ def fit(
         residuals: Returns the residuals in standard deviations, shape (p, m), finite,
             for p values of every parameter, by name, shape (p, 1).
         starts: Where to look for a minimum: values by name, priors where they lack one.
+            The search begins at the few that fit best.
     """
     prior = np.log([p.prior for p in parameters])
     spread = np.log([p.factor for p in parameters])
@@ -98,11 +100,18 @@ def fit(
         return np.concatenate([measured, (x - prior) / spread], axis=1)
 
     places = np.log([[s.get(p.name, p.prior) for p in parameters] for s in starts])
-    found = least_squares(
-        lambda x: both(x[None])[0],
-        places[np.argmin(np.sum(both(places) ** 2, axis=1))],
-        lambda x: _jacobian(both, x),
-        method="lm",
+    nearest = np.argsort(np.sum(both(places) ** 2, axis=1))[:_TRIED]
+    found = min(
+        (
+            least_squares(
+                lambda x: both(x[None])[0],
+                place,
+                lambda x: _jacobian(both, x),
+                method="lm",
+            )
+            for place in places[nearest]
+        ),
+        key=lambda found: found.cost,
     )
     x, r, jacobian = found.x, found.fun, found.jac
     covariance = np.linalg.inv(jacobian.T @ jacobian)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import dataclasses as dc
 import math
 from importlib import resources
+from itertools import pairwise
 from pathlib import Path
 
 from drake_srg.common.exceptions import ScenarioError
@@ -12,6 +13,8 @@ from drake_srg.common.tables import parse_table, read_table
 
 VENDOR = "ezgripper.csv"
 TESTS = ("position", "torque", "heating")
+RISE = 5.0  # of the temperature in a row of heating [K]
+_WHOLE_DEGREE = 1.0  # in which the temperature is read [K]
 COLUMNS = (
     *("test", "setpoint_pct", "load", "stop_counts"),
     *("current_ma", "seconds", "temperature_c"),
@@ -46,6 +49,8 @@ class LogRow:
         current_ma: The servo's estimate.
         seconds: Heating: time to warm by 5 degrees. Else: until the stop was noticed.
         temperature_c: At the start of heating.
+        before_ma: Heating: the current until its start, if the row goes on from the one
+            before; else NaN: the motor has rested.
     """
 
     test: str
@@ -55,6 +60,7 @@ class LogRow:
     current_ma: float = math.nan
     seconds: float = math.nan
     temperature_c: float = math.nan
+    before_ma: float = math.nan
 
     @property
     def label(self) -> str:
@@ -89,6 +95,7 @@ def parse_log(text: str, name: str) -> list[LogRow]:
 
 def _rows(table: list[tuple[str, dict[str, str]]], name: str) -> list[LogRow]:
     rows = [_row(entries, where) for where, entries in table]
+    rows = [_continued(row, before) for before, row in pairwise([None, *rows])]
     for test, (_, fewest) in _NEEDED.items():
         found = sum(row.test == test for row in rows)
         if found < fewest:
@@ -96,6 +103,15 @@ def _rows(table: list[tuple[str, dict[str, str]]], name: str) -> list[LogRow]:
                 f"{name}: test {test}: needs at least {fewest} rows, got {found}"
             )
     return rows
+
+
+def _continued(row: LogRow, before: LogRow | None) -> LogRow:
+    """Return a row with the current before it, if it starts where that one ended."""
+    if before is None or not row.test == before.test == "heating":
+        return row
+    if abs(row.temperature_c - before.temperature_c - RISE) > _WHOLE_DEGREE:
+        return row
+    return dc.replace(row, before_ma=before.current_ma)
 
 
 def _row(entries: dict[str, str], where: str) -> LogRow:

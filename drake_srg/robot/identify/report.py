@@ -15,7 +15,7 @@ _UNTELLABLE = (
     "The log cannot tell:",
     "  newtons: nothing in it measures a force. Torques are amperes of the servo's own",
     "  estimate times the data sheet's 1.46 N m/A; if the estimate is off, they are.",
-    "  the springs: their torque is far below the friction of the gears.",
+    "  the springs: their torque is far below the motor's.",
     "  the wires' friction on their guides: it changes the pads' force, not the spool.",
     "  the motor's speed: no row measures a motion.",
 )
@@ -113,6 +113,7 @@ def drive_values(result: Identification) -> dict[str, float]:
         "wire_damping": 2.0 * _DAMPING_RATIO * math.sqrt(wire * _FINGER_MASS),
         "gear": press["gear"],
         "gear_load": press["gear_load"],
+        "stiction": max(press["stiction"], 1.0),
     }
 
 
@@ -146,6 +147,7 @@ def overlay(result: Identification, base: str, source: str) -> str:
         "    friction:",
         f"      gear: {drive['gear']}{_note(told['gear'])}",
         f"      gear_load: {drive['gear_load']}{_note(told['gear_load'])}",
+        f"      stiction: {drive['stiction']}{_note(told['stiction'])}",
         "  temperature:",
     ]
     for name in ("stall_current", *_HEAT):
@@ -153,7 +155,7 @@ def overlay(result: Identification, base: str, source: str) -> str:
     return "\n".join(lines) + "\n"
 
 
-_HEAT = ("heat_capacity", "thermal_resistance", "idle_power")
+_HEAT = ("heat_capacity", "thermal_resistance", "idle_power", "winding_time")
 
 
 def _note(estimate: Estimate, start: str = "  #") -> str:

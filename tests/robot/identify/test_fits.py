@@ -118,6 +118,7 @@ def test_a_made_gripper_is_recovered():
         "slack": 45.0,
         "gear": 0.05,
         "gear_load": 0.45,
+        "stiction": 1.25,
         "torque_rise": 0.08,
         "inertia": 0.012,
         "position_gain": 8.0,
