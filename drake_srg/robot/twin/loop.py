@@ -98,7 +98,7 @@ class Listener:
                 hand.subscribe(topic, kind, receive)
 
     def take(self) -> Told | None:
-        """Return the robot's messages if the arm has a new state since the last call."""
+        """Return the messages if the arm's state is new since the last call."""
         with self._lock:
             told, self._told = self._told, None
             if told is None:
