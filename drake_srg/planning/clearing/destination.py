@@ -86,7 +86,7 @@ class Destination:
 
     @property
     def middle(self) -> Vector:
-        """Its middle, x, y in world, shape (2,) [m]."""
+        """The middle of the bin, x and y in world, shape (2,) [m]."""
         middle: Vector = 0.5 * (self.low + self.high)
         return middle
 

@@ -213,7 +213,7 @@ class HeldLoad:
 
     @property
     def level(self) -> HeldLoad:
-        """The same load if it does not turn in the hand, and the bin is not full."""
+        """This load if it does not turn in the hand, and the bin is not full."""
         return dc.replace(self, sag=0.0, piled=0.0)
 
     @classmethod
