@@ -23,7 +23,7 @@ from experiments.runner.claims import (
     Values,
     rows_of,
 )
-from experiments.runner.pictures import Panel, bars_of, draw_legends
+from experiments.runner.pictures import Bars, Panel, bars_of, draw_legends
 
 # What parameters are, unless the docstring of `cases` says it.
 _PARAMETERS = {
@@ -131,7 +131,8 @@ class Experiment:
             axes = figure.add_subplot(high, wide, i + 1)
             left = left if i % wide else axes
             panel.draw(axes, trials, rows, self.axes(trials))
-            if axes is not left and _labels(axes) == _labels(left):
+            named = isinstance(panel, Bars) and axes is not left
+            if named and _labels(axes) == _labels(left):
                 axes.tick_params(labelleft=False)
         draw_legends(figure)
         # The title of 10 points has at most 14 letters per inch.

@@ -49,6 +49,11 @@ def test_a_legend_covers_no_panel_and_is_within_the_figure(panels, count):
         assert figure.bbox.y0 <= legend.y0 <= legend.y1 <= figure.bbox.y1 + 1
 
 
+def test_numbers_stay_on_every_axis():
+    for axes in drawn(ex.Curves("x", "y"), ex.Curves("x", "y")).axes:
+        assert all(label.get_visible() for label in axes.get_yticklabels())
+
+
 def bars(quantity):
     return [
         Row(f"a rather long name of {name}", quantity, "a number", value, "", True, 0.1)
