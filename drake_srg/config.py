@@ -141,7 +141,7 @@ class Config:
 
 @functools.cache
 def _checks(config: type) -> Mapping[str, Callable[[Any], str | None]]:
-    """Return what tells the problem of a value, for the fields that can have one."""
+    """Return the check of each field that has one: it returns a value's problem."""
     kinds = typing.get_type_hints(config)
     checks = {
         field.name: _check(kinds[field.name], field) for field in dc.fields(config)
@@ -150,7 +150,7 @@ def _checks(config: type) -> Mapping[str, Callable[[Any], str | None]]:
 
 
 def _check(kind: Any, field: dc.Field[Any]) -> Callable[[Any], str | None] | None:
-    """Return what tells the problem of a field's value; None: it is not checked."""
+    """Return the check of a field, which returns a value's problem; None: no check."""
     optional = False
     if typing.get_origin(kind) in (typing.Union, types.UnionType):
         options = typing.get_args(kind)

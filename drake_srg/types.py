@@ -238,7 +238,7 @@ class HeightMap:
 
 @dc.dataclass(frozen=True, eq=False)
 class LabeledHeightMap(HeightMap):
-    """A height map that tells what its cells belong to."""
+    """A height map with a label of what each cell belongs to."""
 
     # Index into `names`, shape (ny, nx); negative where nothing of interest is.
     label: npt.NDArray[np.int8]

@@ -1,12 +1,13 @@
 """Make the pictures of README.md and docs that show cells.
 
-Run `python tools/make_picture.py [cells | varied | lessons]...`; without a name, it
-makes all of them: docs/cells.webp, docs/varied.jpg and docs/tutorial/*.webp.
+Run `python tools/make_picture.py [NAME]...`; without a name, it makes all pictures:
+cells (docs/cells.webp), varied (docs/varied.jpg), lessons (docs/tutorial/*.webp).
 """
 
+import argparse
 import contextlib
 import re
-import sys
+import shlex
 import tempfile
 from collections.abc import Sequence
 from pathlib import Path
@@ -27,8 +28,6 @@ from drake_srg.types import Mode
 DOCS = Path(__file__).parents[1] / "docs"
 CELLS = ("kitchen", "assistive_arm")
 SIZE, RATE, PAUSE = (448, 252), 8, 1500  # pixels, frames per second, ms at the end
-# More pixels than shown, against the traces of video compression.
-SHARP = ("cameras.overview.width=1280", "cameras.overview.height=720")
 VIEW, SEEDS = (320, 240), 4
 # What a lesson shows of a run: the moments at which these modes begin.
 MOMENTS = (Mode.CLOSE, Mode.LIFT, Mode.TRANSFER, Mode.RELEASE)
@@ -73,18 +72,8 @@ def make_lesson_pictures() -> None:
     with tempfile.TemporaryDirectory() as folder, contextlib.chdir(folder):
         _save_files("your_object", "your_cell")
         exec(Path("mallet.py").read_text("utf-8"), {})
-        drake_srg_main(
-            [
-                "import",
-                "mallet.stl",
-                "--scale",
-                "0.001",
-                "--mass",
-                "0.3",
-                "-o",
-                "mallet",
-            ]
-        )
+        command = "import mallet.stl --scale 0.001 --mass 0.3 -o mallet"
+        drake_srg_main(shlex.split(command))
         mallet, corner = _moments("mallet.yaml"), _moments("corner.yaml")
     pictures = {
         "first_run": _joined(kitchen, 2),
@@ -112,7 +101,7 @@ def _save_files(*lessons: str) -> None:
 def _video(scenario: str) -> tuple[list[Image.Image], float, dict[Mode, float]]:
     """Return the frames of a new run, their rate, and when each mode began [s]."""
     with tempfile.TemporaryDirectory() as folder:
-        loaded = load_scenario(scenario, overrides=SHARP)
+        loaded = load_scenario(scenario)
         log = Simulate(loaded, name="run", out=Path(folder)).log
         with av.open(str(Path(folder) / "video.mp4")) as container:
             frames = [frame.to_image() for frame in container.decode(video=0)]
@@ -170,6 +159,21 @@ MAKERS = {
     "lessons": make_lesson_pictures,
 }
 
+
+def maker(name: str) -> str:
+    """Return the name of a picture.
+
+    Raises:
+        argparse.ArgumentTypeError: If there is no such picture.
+    """
+    if name not in MAKERS:
+        allowed = ", ".join(MAKERS)
+        raise argparse.ArgumentTypeError(f"unknown {name!r} (allowed: {allowed})")
+    return name
+
+
 if __name__ == "__main__":
-    for name in sys.argv[1:] or MAKERS:
-        MAKERS[name]()
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("names", nargs="*", metavar="NAME", type=maker)
+    for chosen in parser.parse_args().names or MAKERS:
+        MAKERS[chosen]()

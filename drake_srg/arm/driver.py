@@ -244,7 +244,7 @@ class ArmDriver(Config, abc.ABC):
     errors: ArmErrorsConfig = dc.field(default_factory=ArmErrorsConfig)
 
     def prepare_plant(self, plant: MultibodyPlant, arm: ModelInstanceIndex) -> None:
-        """Change what the driver needs changed in a plant that is not yet finalized.
+        """Change the plant as the driver needs it, before the plant is finalized.
 
         The arm starts at `home`.
 

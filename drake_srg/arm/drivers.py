@@ -31,7 +31,10 @@ class ArmPositionDriver(ArmDriver):
     kd: list[float] | None = dc.field(default=None, metadata={"ge": 0.0})
 
     def prepare_plant(self, plant: MultibodyPlant, arm: ModelInstanceIndex) -> None:
-        """See `ArmDriver`; makes the arm's actuators PD controllers."""
+        """Change the plant as the driver needs it, before the plant is finalized.
+
+        Makes the arm's actuators PD controllers.
+        """
         super().prepare_plant(plant, arm)
         actuators = model_actuators(plant, arm)
         for key, gains in (("kp", self.kp), ("kd", self.kd)):
@@ -41,7 +44,7 @@ class ArmPositionDriver(ArmDriver):
             actuator.set_controller_gains(PdControllerGains(p=1.0, d=1.0))
 
     def SetGains(self, plant: MultibodyPlant, arm: ModelInstanceIndex) -> None:
-        """See `ArmDriver`."""
+        """Set the gains of an arm's actuators, if the driver uses them."""
         super().SetGains(plant, arm)
         check_prepared(plant, arm)
         kp, kd = self.gains(plant, arm)
@@ -65,7 +68,7 @@ class ArmPositionDriver(ArmDriver):
         arm: str,
         signals: ArmSignals,
     ) -> None:
-        """See `ArmDriver`."""
+        """Add the control, and export `desired_state`, `actuation` or both."""
         desired, torques = signals.desired, []
         if signals.continuous:
             model = control_plant.GetModelInstanceByName(arm)

@@ -69,7 +69,7 @@ class JointSpring(Spring):
         self._own = plant.GetVelocitiesFromArray(self._arm, every).astype(int)
 
     def pull(self, q: Vector, q_0: Vector) -> tuple[Vector, Vector, Vector]:
-        """See `Spring`."""
+        """Return the spring's torques, its stiffness and the arm's inertia."""
         torque = self.stiffness * (q_0 - q)
         return torque, np.diag(self.stiffness), self.inertia(q)
 
@@ -127,7 +127,7 @@ class CartesianSpring(Spring):
         self._stiffness = np.array([rotation, rotation, rotation, *translation])
 
     def pull(self, q: Vector, q_0: Vector) -> tuple[Vector, Vector, Vector]:
-        """See `Spring`."""
+        """Return the spring's torques, its stiffness and the arm's inertia."""
         p_0, R_0, _ = self._joints.forward(self._frame, self._p_FC, q_0)
         p, R, J = self._joints.forward(self._frame, self._p_FC, q)
         _, K_own, M = self._joints.pull(q, q_0)
@@ -252,7 +252,7 @@ class ArmImpedanceDriver(ArmDriver):
     max_torque: list[float] | None = dc.field(default=None, metadata=positive())
 
     def prepare_plant(self, plant: MultibodyPlant, arm: ModelInstanceIndex) -> None:
-        """See `ArmDriver`."""
+        """Change the plant as the driver needs it, before the plant is finalized."""
         super().prepare_plant(plant, arm)
         n = len(model_actuators(plant, arm))
         for key in ("joint_stiffness", "max_torque"):
@@ -266,7 +266,7 @@ class ArmImpedanceDriver(ArmDriver):
         arm: str,
         signals: ArmSignals,
     ) -> None:
-        """See `ArmDriver`."""
+        """Add the control, and export `desired_state`, `actuation` or both."""
         spring = self._spring(control_plant, arm)
         joints = _moving_joints(control_plant, arm)
         self._check_stability(spring, joints)

@@ -36,7 +36,7 @@ class OutputError(Exception):
     """Standard output cannot be written; the message says why."""
 
 
-# How soon to try again to interrupt an import [s].
+# Time after which to try again to interrupt an import [s].
 _AGAIN = 0.05
 
 
@@ -86,7 +86,7 @@ def writing(
     """
     try:
         yield
-    except BrokenPipeError:  # nobody reads the output any more; nothing to report
+    except BrokenPipeError:  # the reader is gone; nothing to report
         raise
     except OSError as error:
         # PyArrow's own messages are several sentences long.

@@ -225,21 +225,28 @@ def _open(page: Path) -> None:
 )
 def list_all(options: argparse.Namespace) -> int:
     """Print the name and the first sentence of every scenario, or the objects."""
-    from drake_srg import scenario
-
     if options.objects:
         return list_objects(options)
     if options.out is not None:
         raise ScenarioError("-o: needs --objects")
+    found = scenario_titles()
+    for name, title in found.items():
+        options.console.say(f"{name:27} {title}")
+    options.console.answer({"scenarios": found})
+    return SUCCESS
+
+
+def scenario_titles() -> dict[str, str]:
+    """Return the first sentence of each scenario's file, by the scenario's name."""
+    from drake_srg import scenario
+
     found = {}
     for name in scenario.list_scenarios():
         lines = (scenario.SCENARIOS / f"{name}.yaml").read_text().splitlines()
         comment = itertools.takewhile(lambda line: line.startswith("#"), lines)
         text = " ".join(line.removeprefix("#").strip() for line in comment)
         found[name] = re.split(r"(?<=\.) (?=[A-Z])", text)[0]
-        options.console.say(f"{name:27} {found[name]}")
-    options.console.answer({"scenarios": found})
-    return SUCCESS
+    return found
 
 
 @command(

@@ -193,7 +193,7 @@ def serve(options: argparse.Namespace) -> int:
                     bridges = stack.enter_context(_joined(bridges))
                 hands = [dc.replace(bridges, dex1=side) for side in sides] or [bridges]
                 every = _serve_each(hands, functools.partial(serve_one, out=out), stop)
-        except BrokenPipeError:  # nobody reads the status line any more
+        except BrokenPipeError:  # the reader of the status line is gone
             raise
         except OSError as error:
             where = f"{error.filename}: " if error.filename else ""
@@ -212,7 +212,7 @@ def serve(options: argparse.Namespace) -> int:
 @contextlib.contextmanager
 def _joined(bridges: BridgeOptions) -> Iterator[BridgeOptions]:
     """Yield bridges whose hands share a participant of their DDS domain."""
-    from drake_srg.robot.serve.dex1 import messages  # noqa: F401 # tells what is missing
+    from drake_srg.robot.serve.dex1 import messages  # noqa: F401 # names what is missing
     from drake_srg.robot.serve.ros2.bridge import domain_id, open_participant
 
     try:

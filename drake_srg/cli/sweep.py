@@ -31,7 +31,7 @@ from drake_srg.common.exceptions import ScenarioError
 if TYPE_CHECKING:
     from drake_srg.sweeps.engines import Engine
 
-# What `make_engine` reads.
+# Options that `make_engine` reads.
 ENGINE = all_of(
     argument(
         "--jobs",

@@ -29,7 +29,7 @@ _NAMES = [mode.value for mode in MODES]
 
 
 def mode_columns(modes: Sequence[AnyMode]) -> dict[str, npt.NDArray[Any]]:
-    """Return the columns of a log that tell a planner's modes, one row per sample.
+    """Return the columns of a log with a planner's modes, one row per sample.
 
     They are `mode`, the index into `MODES`, and, only if the planner has modes of its
     own, `mode_name`. In `mode`, these are numbered on in the order of their appearance.

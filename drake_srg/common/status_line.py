@@ -114,7 +114,7 @@ class StatusLine:
         try:
             self._stream.write(text)
             self._stream.flush()
-        except BrokenPipeError:  # nobody reads it any more
+        except BrokenPipeError:  # the reader is gone
             raise
         except OSError:  # a full disk: a status is no result
             pass

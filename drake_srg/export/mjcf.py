@@ -218,7 +218,7 @@ def moment_arm_error(wires: Wires) -> float:
 
 
 _KINDS = {"revolute": "hinge", "prismatic": "slide"}
-# What MuJoCo's documentation offers against slip, as far as it helps a grasp: elliptic
+# Options that MuJoCo's documentation recommends against slip, if they help: elliptic
 # cones, friction 100 times as stiff as contact, and passes that remove the slip that is
 # left. At their default tolerance, 1e-6, these passes end before creep does. At 1 ms,
 # some grasps of `experiments/engines.py` slip, and at 2 ms, thin objects are lost.
@@ -358,7 +358,7 @@ class _Writer:
         else:
             assert geometry.friction is not None
             soft = geometry.modulus < _SOFT
-            # Of what is not soft, torsion and rolling as by default.
+            # Shapes that are not soft keep the default torsion and rolling.
             torsion = geometry.friction * _ARM if soft else 0.005
             friction = [geometry.friction, torsion, 0.0001]
             values |= {"class_": "collision", "name": name, "friction": friction}

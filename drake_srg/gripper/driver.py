@@ -38,7 +38,7 @@ from drake_srg.types import Vector
 
 @dc.dataclass(kw_only=True)
 class GraspDetectorConfig(Config):
-    """When a grasp counts."""
+    """Thresholds above which a grasp counts."""
 
     # All fingers must fire for this long [s]: the arm thesis's post-contact delay.
     post_contact_delay: float = dc.field(default=0.1, metadata={"ge": 0.0})
@@ -123,8 +123,9 @@ class FingerSensingConfig(Config):
 
     layout: ClassVar[FingerLayout]
 
-    # Sensor that tells that a link is at something: the name of one of the fields that
-    # hold sensors. The thesis's V-REP model used proximity sensors in place of touch.
+    # Sensor that detects that a link is at something: the name of one of the fields
+    # that hold sensors. The thesis's V-REP model used proximity sensors in place of
+    # touch.
     trigger: str = "proximity"
     proximity: ProximityConfig = dc.field(default_factory=ProximityConfig)
     touch: TouchConfig = dc.field(default_factory=TouchConfig)
@@ -334,7 +335,7 @@ class GripperDriver(FingerSensingConfig, abc.ABC):
         )
 
     def prepare_plant(self, plant: MultibodyPlant, gripper: ModelInstanceIndex) -> None:
-        """Change what the driver needs changed in a plant that is not yet finalized."""
+        """Change the plant as the driver needs it, before the plant is finalized."""
 
     @abc.abstractmethod
     def AddControl(

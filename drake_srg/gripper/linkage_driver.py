@@ -200,12 +200,15 @@ class LinkageDriver(GripperDriver):
     motor_strength: float = dc.field(default=1.0, metadata=positive())
 
     def empty_hand(self, closure: float) -> tuple[float, Vector]:
-        """See `GripperDriver`."""
+        """Return how far one motor closes an empty hand, and its joints there [rad]."""
         angle = closure * self.master_slave.full_scale
         return angle, np.full(2, angle)
 
     def prepare_plant(self, plant: MultibodyPlant, gripper: ModelInstanceIndex) -> None:
-        """See `GripperDriver`; with the law `plant`, gives the joints their servos."""
+        """Change the plant as the driver needs it, before the plant is finalized.
+
+        With the law `plant`, gives the joints their servos.
+        """
         if self.servo.law == PLANT_LAW:
             SetPlantServos(
                 plant, gripper, self.joint_names, self.servo, self.motor_strength
@@ -218,7 +221,7 @@ class LinkageDriver(GripperDriver):
         gripper: ModelInstanceIndex,
         sensing: FingerSensing,
     ) -> GripperControl:
-        """See `GripperDriver`."""
+        """Add the systems from commands to the actuators, and return their ports."""
         reference = inner.AddNamedSystem(
             "master_slave_reference", MasterSlaveReference(self.master_slave)
         )

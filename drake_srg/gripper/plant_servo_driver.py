@@ -138,7 +138,7 @@ class PlantServoDriver(GripperDriver):
     motor_strength: float = dc.field(default=1.0, metadata=positive())
 
     def empty_hand(self, closure: float) -> tuple[float, Vector]:
-        """See `GripperDriver`."""
+        """Return how far one motor closes an empty hand, and its joints there [rad]."""
         config = self.underactuation
         return empty_hand(closure, config.full_scale, config.base_limit)
 
@@ -168,7 +168,7 @@ class PlantServoDriver(GripperDriver):
         gripper: ModelInstanceIndex,
         sensing: FingerSensing,
     ) -> GripperControl:
-        """See `GripperDriver`."""
+        """Add the systems from commands to the actuators, and return their ports."""
         kp, kd = np.array(self.servo.kp), np.array(self.servo.kd)
         logic = inner.AddNamedSystem(
             "plant_servo_logic",

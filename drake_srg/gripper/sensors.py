@@ -146,7 +146,7 @@ class ProximityConfig(FingerSensorConfig):
         gripper: ModelInstanceIndex,
         layout: FingerLayout,
     ) -> "ProximitySensors":
-        """See `FingerSensorConfig`."""
+        """Add the sensor to a driver, unconnected, and return it."""
         return AddProximitySensors(builder, plant, gripper, layout, self)
 
 
@@ -272,7 +272,7 @@ def AddProximitySensors(
 
 @dc.dataclass(kw_only=True)
 class TouchConfig(FingerSensorConfig):
-    """When a touch counts."""
+    """Thresholds above which a touch counts."""
 
     # A sensor fires at this force and above [N]. Thin-film force sensors begin to read
     # at 0.1 to 0.5 N.
@@ -285,7 +285,7 @@ class TouchConfig(FingerSensorConfig):
         gripper: ModelInstanceIndex,
         layout: FingerLayout,
     ) -> "ContactForceSensors":
-        """See `FingerSensorConfig`."""
+        """Add the sensor to a driver, unconnected, and return it."""
         return AddContactForceSensors(builder, plant, gripper, layout, self)
 
 

@@ -77,12 +77,15 @@ class SrgPositionDriver(GripperDriver):
     motor_strength: float = dc.field(default=1.0, metadata=positive())
 
     def empty_hand(self, closure: float) -> tuple[float, Vector]:
-        """See `GripperDriver`."""
+        """Return how far one motor closes an empty hand, and its joints there [rad]."""
         config = self.underactuation
         return empty_hand(closure, config.full_scale, config.base_limit)
 
     def prepare_plant(self, plant: MultibodyPlant, gripper: ModelInstanceIndex) -> None:
-        """See `GripperDriver`; with the law `plant`, gives the joints their servos."""
+        """Change the plant as the driver needs it, before the plant is finalized.
+
+        With the law `plant`, gives the joints their servos.
+        """
         if self.servo.law == PLANT_LAW:
             SetPlantServos(
                 plant, gripper, self.joint_names, self.servo, self.motor_strength
@@ -95,7 +98,7 @@ class SrgPositionDriver(GripperDriver):
         gripper: ModelInstanceIndex,
         sensing: FingerSensing,
     ) -> GripperControl:
-        """See `GripperDriver`."""
+        """Add the systems from commands to the actuators, and return their ports."""
         logic = inner.AddNamedSystem(
             "underactuation_logic", UnderactuationLogic(self.underactuation)
         )

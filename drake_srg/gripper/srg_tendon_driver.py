@@ -269,16 +269,16 @@ class SrgTendonDriver(GripperDriver):
 
     @property
     def wire_motor(self) -> WireMotor | None:
-        """That motor."""
+        """Return the motor that winds the wires."""
         return self
 
     def empty_hand(self, closure: float) -> tuple[float, Vector]:
-        """See `GripperDriver`."""
+        """Return how far one motor closes an empty hand, and its joints there [rad]."""
         config = self.spool
         return empty_hand(closure, config.full_scale, config.base_limit)
 
     def prepare_plant(self, plant: MultibodyPlant, gripper: ModelInstanceIndex) -> None:
-        """See `GripperDriver` and `SetTendonDynamics`."""
+        """Change the plant as the driver needs it; see `SetTendonDynamics`."""
         SetTendonDynamics(plant, gripper, self.drive)
 
     def AddControl(
@@ -288,7 +288,7 @@ class SrgTendonDriver(GripperDriver):
         gripper: ModelInstanceIndex,
         sensing: FingerSensing,
     ) -> GripperControl:
-        """See `GripperDriver`.
+        """Add the systems from commands to the actuators, and return their ports.
 
         Raises:
             ValueError: If `prepare_plant` was not called, or the plant is continuous.

@@ -50,7 +50,7 @@ _FAR = np.pi  # angles beyond this count against a home [rad]
 
 @dc.dataclass(frozen=True, eq=False)
 class Placement:
-    """Where an arm stands in the kitchen, and what it reaches.
+    """The place of an arm in the kitchen, and its reach.
 
     Attributes:
         base: x, y of the base in world [m], and its yaw [rad].
@@ -267,7 +267,7 @@ def _base(
         share = float(inside.mean() * inside[-1])  # the goal is needed every time
         return share, round(float(np.minimum(ends, MAP_STEP).min()), 3)
 
-    # Of equals, the nearest to where the kitchen's own arm stands.
+    # Of equal places, take the nearest to that of the kitchen's own arm.
     nearest = sorted(itertools.product(*grid), key=lambda xy: float(np.hypot(*xy)))
     best = max(nearest, key=score)
     x, y = places.mean(axis=0) - best

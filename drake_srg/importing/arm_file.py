@@ -47,9 +47,9 @@ from drake_srg.objects.meshes.sources import SUFFIXES
 from drake_srg.objects.sdf import DRAKE
 from drake_srg.types import Vector
 
-# Where a file tells no mass: links of cast aluminium, half of them hollow [kg/m³].
+# Density of links without a mass: cast aluminium, half of it hollow [kg/m³].
 DENSITY = 1000.0
-# Without a told acceleration, a joint reaches its top speed in this time [s]. The iiwa
+# Without a given acceleration, a joint reaches its top speed in this time [s]. The iiwa
 # takes 0.17 to 0.24 s.
 TIME_TO_SPEED = 0.25
 # Names of frames that carry tools, the best first.

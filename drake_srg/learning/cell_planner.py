@@ -34,7 +34,7 @@ from drake_srg.planning.planner_machine import AddPlannerOutputs
 from drake_srg.simulation.rig import shake
 from drake_srg.types import Blob, Cylinder, Failure, Mode, PlannerStatus, Shape, Vector
 
-# How long the localizer may take to find the object [s].
+# Time that the localizer has to find the object [s].
 _PATIENCE = 1.0
 # Greatest mean speed of the hand [m/s, rad/s]. The peak of a minimum-jerk motion is
 # 1.9 times as fast, which is the environments' limit.
@@ -271,14 +271,14 @@ class GraspPlanner(CellPlanner):
         self._act = act
 
     def begin(self, estimate: Vector) -> _GraspAttempt:
-        """See `CellPlanner`."""
+        """Return what is remembered of the attempt at an object."""
         action = checked(self._act(one_shot_state(self.shape)))
         return _GraspAttempt(grasp_of(action, estimate, self.table))
 
     def act(
         self, context: Context, attempt: _GraspAttempt
     ) -> tuple[_GraspAttempt, Command]:
-        """See `CellPlanner`."""
+        """Return the attempt one control period on, and what to do until then."""
         del context
         command = self._command(attempt.grasp, attempt.tick)
         return dc.replace(attempt, tick=attempt.tick + 1), command
@@ -394,13 +394,13 @@ class PolicyPlanner(CellPlanner):
         }
 
     def begin(self, estimate: Vector) -> _PolicyAttempt:
-        """See `CellPlanner`."""
+        """Return what is remembered of the attempt at an object."""
         return _PolicyAttempt(estimate, self._workspace.start)
 
     def act(
         self, context: Context, attempt: _PolicyAttempt
     ) -> tuple[_PolicyAttempt, Command]:
-        """See `CellPlanner`."""
+        """Return the attempt one control period on, and what to do until then."""
         attempt = dc.replace(attempt, tick=attempt.tick + 1)
         far = ticks_between(self.start, self._workspace.start)
         if attempt.tick <= far:

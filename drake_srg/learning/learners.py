@@ -135,7 +135,7 @@ class _Rounds:
         self._rng = default_rng(run)
 
     def advance(self, steps: int) -> list[bool]:
-        """See `Learner`."""
+        """Run at least so many steps; returns the success of each episode."""
         end, done = self.steps + steps, []
         while self.steps < end:
             seed = training_seed(self._run, self.episodes)
@@ -162,7 +162,7 @@ class _Rounds:
         raise NotImplementedError
 
     def save(self, folder: Path) -> None:
-        """See `Learner`."""
+        """Write all that `restore` needs."""
         counts = {"steps": self.steps, "episodes": self.episodes}
         draws = {"rng": json.dumps(self._rng.bit_generator.state)}
         file = io.BytesIO()
@@ -170,7 +170,7 @@ class _Rounds:
         write_file(folder / CHECKPOINT, file.getvalue())
 
     def restore(self, folder: Path) -> None:
-        """See `Learner`."""
+        """Go on from what `save` wrote."""
         path = folder / CHECKPOINT
         try:
             state = torch.load(path, weights_only=True)  # runs no code of the file
@@ -252,7 +252,7 @@ class QRounds(_Rounds):
             _descend(self._optimizer, (off**2).mean(dim=1).sum())
 
     def policy(self) -> tuple[Kind, Network]:
-        """See `Learner`."""
+        """Return the policy so far: its kind and its network."""
         return "q", self._perceptrons.network()
 
     def _state(self) -> dict[str, Any]:
@@ -289,7 +289,7 @@ class CloningRounds(_Rounds):
             self._done.extend(episode.actions)
 
     def policy(self) -> tuple[Kind, Network]:
-        """See `Learner`."""
+        """Return the policy so far: its kind and its network."""
         if not self._seen:
             raise ScenarioError("--algo bc: no demonstration succeeded; add --steps")
         return "actor", self._fit(CLONING)
@@ -356,7 +356,7 @@ class DaggerRounds(CloningRounds):
             self._done.append(self._rule(observation))
 
     def policy(self) -> tuple[Kind, Network]:
-        """See `Learner`."""
+        """Return the policy so far: its kind and its network."""
         self._network = self._fit(DAGGER)
         return "actor", self._network
 
@@ -401,7 +401,7 @@ class SacRounds:
         self.done: list[bool] = []
 
     def advance(self, steps: int) -> list[bool]:
-        """See `Learner`."""
+        """Run at least so many steps; returns the success of each episode."""
         self.done = []
         begun = self._model.num_timesteps == 0
         # Validation has used the environment since, so the last episode is over.
@@ -475,7 +475,7 @@ class _Seeded(gymnasium.Wrapper):
         return self.env.reset(seed=wanted, options=options)
 
     def step(self, action: Any) -> Any:
-        """Take a step, and tell the learner of episodes that end."""
+        """Take a step, and report ended episodes to the learner."""
         result = self.env.step(action)
         if result[2] or result[3]:
             self._learner.episodes += 1

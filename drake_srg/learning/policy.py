@@ -23,7 +23,7 @@ Array = npt.NDArray[np.floating]
 # The cross-entropy method (Rubinstein, 1999), as QT-Opt uses it for grasps (Kalashnikov
 # et al., CoRL 2018): rounds, actions in each, the best of which shape the next.
 _ROUNDS, _TRIED, _BEST = 3, 64, 6
-# How many standard deviations between the members count against an action.
+# Weight of the standard deviation between the members against an action.
 _CAUTION = 0.5
 
 
@@ -110,7 +110,7 @@ def best_action(
 
 
 FORMAT = 1  # of the file; a reader refuses others
-# How the network gives an action: directly, or as the one of greatest value.
+# Kinds of network: one gives the action, one the value of an action.
 Kind = Literal["actor", "q"]
 KINDS: tuple[Kind, ...] = ("actor", "q")
 _MOST_LAYERS = 16

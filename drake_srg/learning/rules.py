@@ -22,7 +22,7 @@ from drake_srg.learning.episodes import Act
 from drake_srg.learning.policy import Array
 from drake_srg.planning.grasps.srg_hand import straight_base_angle
 
-# How the environments scale lengths in their observations [m].
+# Scale of lengths in the observations of the environments [m].
 _SIZE, _NEAR = 0.15, 0.2
 _LOWEST, _HIGHEST = 0.025, 0.115  # heights of a one-shot grasp above the table [m]
 _STEP = np.array([0.02, 0.02, 0.02, 0.1])  # a full action of Pick [m, rad]
@@ -154,7 +154,7 @@ _BACK = 0.03  # off the object before the fingers open, which would drag it alon
 # The palm is 91 mm above the grasp centre, and must not touch the object [m].
 _PALM = 0.085
 # Steps at which the hand is beside the object, is down there, has swept, is off it
-# again, and has opened. Nothing else in an observation tells the phase.
+# again, and has opened. Nothing else in an observation reveals the phase.
 _ASIDE_AT, _BESIDE_AT, _SWEPT_AT, _BACK_AT, _OPENED_AT = 11, 21, 56, 58, 67
 # From this step on, fingers that are closed lift the cylinder: they rest by then.
 _LIFTED_AT = 86

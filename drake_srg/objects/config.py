@@ -123,7 +123,7 @@ class ObjectConfig(Config):
 
     @property
     def kind(self) -> str:
-        """What the object is, for people: `banana`, `cylinder`."""
+        """Name of the kind of object, for people: `banana`, `cylinder`."""
         if self.model is not None:
             return re.sub(r"^\d+_", "", PurePath(self.model).stem)
         return type(self.shape).__name__.lower()
@@ -142,7 +142,7 @@ class ClutterConfig(Config):
 
 @dc.dataclass(kw_only=True)
 class SleepingConfig(Config):
-    """When resting objects sleep: they keep their place and cost hardly any time."""
+    """Conditions for sleep, in which resting objects cost hardly any time."""
 
     # An object falls asleep after it has been at rest for this long [s].
     after: float = dc.field(default=0.5, metadata=positive())

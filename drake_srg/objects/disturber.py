@@ -53,7 +53,7 @@ class Push(Disturbance):
     Its force is at most three times the object's weight, so a firmly held object stays.
     """
 
-    # Of the object, in world [m].
+    # Displacement of the object, in world [m].
     displacement: list[float] = dc.field(
         default_factory=lambda: [0.03, 0.0, 0.0], metadata={"length": 3}
     )
@@ -102,7 +102,7 @@ _LARGEST_PUSH = 3.0
 # A toppling force grows by one weight in this time [s]. Beside the 0.1 s in which
 # objects of a hand's size fall, that is slow: the object is tipped, not hit.
 _TOPPLE_RAMP = 1.0
-# An object that has not fallen by then, because it slides, is left alone [s].
+# Time after which an object that slides instead of falling is left alone [s].
 _TOPPLE_PATIENCE = 2.0
 
 

@@ -26,7 +26,7 @@ class SlideConfig(Config):
     # When it begins to move [s], and how long it takes to get up to speed and to stop.
     start: float = dc.field(default=0.0, metadata={"ge": 0.0})
     ramp: float = dc.field(default=0.25, metadata=positive())
-    # How far it moves before it stops, either way [m or rad].
+    # Travel before it stops, in either direction [m or rad].
     travel: float = dc.field(default=0.4, metadata=positive())
 
 

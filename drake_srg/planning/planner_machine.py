@@ -64,7 +64,7 @@ class PlannerConfig(MotionConfig):
     max_attempts: int = dc.field(default=3, metadata={"ge": 1})
     # Longest duration of a cycle before giving up [s].
     time_budget: float = dc.field(default=40.0, metadata=positive())
-    # How long to look for an object [s].
+    # Time to look for an object [s].
     search_time: float = dc.field(default=0.5, metadata={"ge": 0.0})
     # Directions from which to take objects.
     approaches: list[str] = dc.field(
@@ -113,9 +113,9 @@ class PlannerConfig(MotionConfig):
     # than the delays of the gripper's bus and servo, or open fingers beside an object
     # count as closed.
     gripper_reaction: float = dc.field(default=0.2, metadata={"ge": 0.0})
-    # How long the fingers may take to close or open [s].
+    # Time that the fingers may take to close or open [s].
     gripper_timeout: float = dc.field(default=1.5, metadata=positive())
-    # How long to check the grasp before and after lifting [s].
+    # Time for which the grasp is checked, before and after lifting [s].
     verify_time: float = dc.field(default=0.1, metadata={"ge": 0.0})
     # A carried object is lost once nothing has been sensed between the fingers for this
     # long [s]. It must be longer than `grasp_detector.post_contact_delay`, so that one
@@ -180,9 +180,9 @@ class Observation:
     """The facts that decide the next mode; each mode fills in what its row needs."""
 
     ready: bool = False  # motions are planned, and the planning latency has passed
-    pushing: bool = False  # the same of a push
+    pushing: bool = False  # a push is planned, and the planning latency has passed
     finished: bool = False  # no grasp takes anything that is left
-    unseen: bool = False  # nor was the last load seen where it belongs
+    unseen: bool = False  # the last load was not seen where it belongs
     arrived: bool = False  # the mode's motion is over, and the arm has followed it
     stuck: bool = False  # the arm cannot go on as planned
     astray: bool = False  # the arm is where something has stopped it

@@ -133,7 +133,7 @@ class MachineState(Generic[ModeT, MemoryT]):
 
     def __deepcopy__(self, memo: dict[int, Any]) -> MachineState[ModeT, MemoryT]:
         memory = copy.deepcopy(self.memory, memo)
-        # Memories that copies may share are the rule, and a copy comes at every step.
+        # Copies usually share the memory, and a copy is made at every step.
         return self if memory is self.memory else dc.replace(self, memory=memory)
 
 

@@ -141,7 +141,7 @@ def close_late(owner: Callable[[], Any], close: Callable[[Any], str]) -> None:
     try:
         name = close(forgotten)
         what = f"{name}: completed only now" if name else ""
-    except Exception as error:  # nobody could catch it here
+    except Exception as error:  # no caller could catch it here
         what = f"a recording is lost: {error}"
     if what:
         warnings.warn(

@@ -65,7 +65,7 @@ def save_png(figure: Any, path: Path | str) -> Path:
 
 
 _BANDS = ("#eef2f6", "#dbe4ed")
-# Of the figure, its margins and a panel [inch].
+# Sizes of the figure, its margins and a panel [inch].
 _WIDTH, _PANEL = 11.0, 1.55
 _LEFT, _RIGHT, _TOP, _BOTTOM = 0.85, 1.15, 1.0, 0.55
 _LABEL = -0.045  # place of the labels on the left, as a share of a panel's width

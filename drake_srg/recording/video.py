@@ -31,7 +31,7 @@ Names = list[tuple[str, tuple[int, int]]]
 
 @dc.dataclass(frozen=True, eq=False)
 class View:
-    """Where a pinhole camera that stands still sees points.
+    """The projection of a pinhole camera that stands still.
 
     Args:
         core: Its intrinsics and the pose of its sensor X_BS.

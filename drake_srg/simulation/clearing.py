@@ -19,7 +19,7 @@ from drake_srg.simulation.measures import hand_poses
 from drake_srg.station.perception import ROW, bin_boxes, destinations, row_places
 from drake_srg.types import Failure, Mode, PlannerStatus, Remaining, Sphere, Vector
 
-# Where the fingers take things, in the palm [m].
+# Point between the fingers, in the palm [m].
 _p_GC = np.array([SRG.grasp_center_x, 0.0, 0.0])
 _LIFTED = (
     0.08  # least rise of the middle of a load that the hand carries over the bin [m]
@@ -104,7 +104,7 @@ def box_distance(row: Vector, facts: ObjectFacts, p_W: Vector) -> float:
 # How far above the rim the middle of an object may be that rests on others in the bin
 # [m]: a block that stands on a box, each 0.2 m long.
 _HEAPED = 0.2
-# How far below the bin its middle may be [m].
+# Largest depth of its middle below the bin [m].
 _BELOW = 0.01
 _UPRIGHT = np.cos(np.deg2rad(5.0))  # of the angle of what stands from the vertical
 # Distance between an object and the place that the planner names for it, at most [m].

@@ -286,7 +286,7 @@ def calc_metrics(
         to_placement = opened - status.localized_at
     success = placed and status.done
     cleared, others = None, measures.others_moved(log, pick)
-    # A robot's log tells neither where objects are nor what touches them.
+    # A robot's log has neither the objects' true places nor their contacts.
     if scenario.task.clear is not None and "contact_force" in log:
         cleared = clearing_outcome(scenario, log, status)
         peak = float(np.max(log["contact_force"])) or None

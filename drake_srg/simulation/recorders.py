@@ -197,7 +197,7 @@ def _gripper_names(scenario: Scenario) -> tuple[tuple[str, ...], tuple[str, ...]
 
 
 def run_labels(name: str, scenario: Scenario) -> Labels:
-    """Return what a run's log does not tell about its columns."""
+    """Return what a run's log does not say about its columns."""
     joints, sensors = _gripper_names(scenario)
     arm = _arm_joints(scenario)
     return Labels(

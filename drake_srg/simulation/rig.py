@@ -217,7 +217,7 @@ class Rig:
             force_limit: Fraction of full PWM, 0 .. 1.
 
         Raises:
-            ScenarioError: If Drake aborts the simulation; the message tells the time.
+            ScenarioError: If Drake aborts the simulation; the message has the time.
         """
         given = {
             "arm.position_commanded": arm,
@@ -248,7 +248,7 @@ class Rig:
         On the gantry, `q` is the hand's position relative to the middle of the bench.
 
         Raises:
-            ScenarioError: If Drake aborts the simulation; the message tells the time.
+            ScenarioError: If Drake aborts the simulation; the message has the time.
         """
         start, end = self.commanded("arm.position_commanded"), np.asarray(q, float)
         self.advance(

@@ -81,7 +81,7 @@ class RunLog(SignalLog):
         self._contacts = ports.get("contact_results_cheat")
         self._asleep = ports.get("objects_asleep_cheat")
         self._pick, clear = scenario.task.pick, scenario.task.clear
-        # Where many objects are picked, the gripper's own contacts are read.
+        # If many objects are picked, the gripper's own contacts are read.
         self._grasped = frozenset(() if clear is None else clear.objects)
         self._reader: ContactReader | None = None
         picked = scenario.objects.get(self._pick) if self._pick else None

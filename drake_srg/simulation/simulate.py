@@ -179,7 +179,7 @@ def Simulate(
 
 @contextlib.contextmanager
 def failure_time(name: str, simulator: Simulator) -> Iterator[None]:
-    """Turn Drake's exceptions during a step into ScenarioErrors that tell the time."""
+    """Turn Drake's exceptions during a step into ScenarioErrors with the time."""
     try:
         yield
     except (RuntimeError, SystemExit) as error:

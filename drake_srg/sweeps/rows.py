@@ -199,7 +199,7 @@ def read_file(path: Path, info: SweepInfo) -> Any:
     """
     pa, pq = require_sweep("pyarrow"), require_sweep("pyarrow.parquet")
     try:
-        # PyArrow's errors would not tell a broken content from an unreadable file.
+        # PyArrow's errors do not distinguish broken content from an unreadable file.
         content = pa.BufferReader(path.read_bytes())
     except OSError as error:
         raise _unreadable(path, error) from error

@@ -343,7 +343,7 @@ class End(TaughtMode):
 
 
 class Done(End):
-    """The arm is home; whether the object is on its goal, this planner cannot tell."""
+    """The arm is home. This planner cannot know whether the object is on its goal."""
 
     mode = Mode.DONE
 

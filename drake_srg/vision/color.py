@@ -19,7 +19,7 @@ Triple = tuple[float, float, float]
 # The channels' greatest values, in the units of `ColorRange`.
 _FULL_SCALE = {"hsv": (360.0, 1.0, 1.0), "rgb": (1.0, 1.0, 1.0)}
 
-# How far a light may change red over green and blue over green [natural logarithm].
+# Largest change of red and blue over green by a light [natural logarithm].
 # Lamps of 3000 to 8000 K differ from daylight by factors of up to 1.3 and 1.5 (black
 # bodies in sRGB's primaries).
 _LIGHT_CHANGE = np.array([0.26, 0.41])

@@ -27,8 +27,8 @@ Normal = tuple[Vector, Vector]  # gradient (k,) and Hessian (k, k) of a cost
 
 # Least standard deviation of depth [m]: a renderer's has none.
 _DEPTH_DEVIATION = 1e-4
-# Where Huber's cost turns linear [standard deviations]; 95 % efficient for normally
-# distributed noise.
+# Error at which Huber's cost turns linear [standard deviations]; 95 % efficient for
+# normally distributed noise.
 _HUBER = 1.345
 _SAMPLES = 400  # points, and pixels, that take part, at most: more add little
 _STEPS = 12  # of Newton's method at one softness, at most

@@ -203,7 +203,7 @@ class Outline:
             return self.pieces[0].ring(grow, count)
         points = np.concatenate([piece.ring(0.0, count) for piece in self.pieces])
         moved = np.concatenate([piece.ring(grow, count) for piece in self.pieces])
-        # On an outline, single precision may tell a little less than 0.
+        # On an outline, single precision may give a little less than 0.
         return np.asarray(moved[self.distance(points)[0] > -1e-4])
 
 
@@ -285,7 +285,7 @@ class PieceOutline:
             pixel is beside it, shape (n,) each.
         """
         sides, lengths, normals = self._sides
-        # Single precision tells which side it is in half of the time.
+        # Single precision is enough to find the side, and takes half of the time.
         offsets = (normals * self.corners).sum(axis=1).astype(np.float32)
         rough = pixels.astype(np.float32) @ normals.T.astype(np.float32) - offsets
         k = rough.argmax(axis=1)

@@ -41,8 +41,8 @@ class Surface:
         return inside
 
 
-# A calibration is not more wrong than this in height [m] and tilt [rad]. What differs
-# more is not the surface.
+# Largest errors of a calibration in height [m] and tilt [rad]. A surface that differs
+# more is another one.
 _MOST_OFFSET = 0.02
 _MOST_TILT = np.deg2rad(2.0)
 # Least and greatest number of points that take part. Fewer say too little about a tilt,

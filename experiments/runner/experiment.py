@@ -23,7 +23,7 @@ from experiments.runner.claims import (
     Values,
     rows_of,
 )
-from experiments.runner.pictures import Panel, bars_of
+from experiments.runner.pictures import Bars, Panel, bars_of, draw_legends
 
 # What parameters are, unless the docstring of `cases` says it.
 _PARAMETERS = {
@@ -126,9 +126,15 @@ class Experiment:
         high = -(-len(panels) // wide)
         height = max(panel.height(trials, rows) for panel in panels)
         figure.set_size_inches(max(6.0, 4.4 * wide), 0.6 + height * high)
+        left: Any = None  # the first axes of the line
         for i, panel in enumerate(panels):
             axes = figure.add_subplot(high, wide, i + 1)
+            left = left if i % wide else axes
             panel.draw(axes, trials, rows, self.axes(trials))
+            named = isinstance(panel, Bars) and axes is not left
+            if named and _labels(axes) == _labels(left):
+                axes.tick_params(labelleft=False)
+        draw_legends(figure)
         # The title of 10 points has at most 14 letters per inch.
         title = textwrap.fill(self.description, int(14 * figure.get_figwidth()))
         figure.suptitle(title, x=0.01, ha="left", weight="bold", fontsize=10)
@@ -174,6 +180,11 @@ class Experiment:
                 raise ScenarioError(f"experiment {name}: unknown key {key!r} {hint}")
             values[key] = _parse(text, hints[key], f"experiment {name}", key)
         return values
+
+
+def _labels(axes: Any) -> list[str]:
+    """Return the names of bars, if the panel has any."""
+    return [label.get_text() for label in axes.get_yticklabels()]
 
 
 def _parse(text: str, hint: Any, origin: str, key: str) -> Any:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses as dc
+import textwrap
 from collections.abc import Callable, Iterator, Sequence
 from typing import Any, Protocol
 
@@ -51,24 +52,32 @@ class Bars:
         names = list(dict.fromkeys(row.name for row in drawn))
         found = {(row.name, row.quantity): row.measured for row in rows}
         unit = next((f" [{row.unit}]" for row in drawn if row.unit), "")
-        style_axes(axes, xlabel=f"{' / '.join(self.quantities)[:60]}{unit}")
+        words = f"{' / '.join(self.quantities)}{unit}"
+        style_axes(axes, xlabel=textwrap.fill(words, 36))
         wide = 0.8 / len(self.quantities)
         for row in drawn:
             i = list(self.quantities).index(row.quantity)
+            what = row.quantity.removesuffix(", share")
             y = -names.index(row.name) + 0.4 - (i + 0.5) * wide
             axes.barh(y, row.measured, 0.9 * wide, color=COLORS[i % len(COLORS)])
+            if len(self.quantities) > 1:
+                axes.plot([], [], "s", color=COLORS[i % len(COLORS)], label=what)
             if row.judged:
                 words = row.expected.split()
                 limit = float(words[1] if words[0] in ("<=", ">=") else words[0])
                 axes.plot([limit] * 2, [y - wide / 2, y + wide / 2], "k-", lw=1.5)
-            what = row.quantity.removesuffix(", share")
             ends = [found.get((row.name, f"{what}, at {w}")) for w in ("least", "most")]
             if None not in ends:
-                axes.plot(ends, [y, y], "-", color="0.3", lw=1.0)
+                axes.plot(ends, [y, y], "-", color="k", lw=1.0)
         axes.set_yticks([-k for k in range(len(names))], names, fontsize=7)
         axes.grid(axis="x", color="#c8ced6", lw=0.5)
+        axes.set_axisbelow(True)
+        if all(row.quantity.endswith(", share") for row in drawn):
+            axes.set_xlim(0.0, 1.02)
         if self.log:
             axes.set_xscale("log")
+        else:
+            axes.locator_params(axis="x", nbins=6)
 
 
 def bars_of(rows: Sequence[Row]) -> list[Panel]:
@@ -108,9 +117,6 @@ class _Plot:
         if "y" in self.log:
             axes.set_yscale("log")
         axes.set_title(self.title, fontsize=9, loc="left")
-        handles = dict(zip(*reversed(axes.get_legend_handles_labels()), strict=True))
-        if 1 < len(handles) <= 12:
-            axes.legend(handles.values(), handles.keys(), fontsize=7, frameon=False)
 
 
 @dc.dataclass(frozen=True)
@@ -210,6 +216,33 @@ class Images:
             own.spines[:].set(color=COLORS[1 if name in failed else 2], lw=2.0)
             own.set_title(name.replace("_", " "), fontsize=6.5, loc="left", pad=3)
             own.set_xlabel(self.caption(entry), fontsize=6.5, loc="left")
+
+
+def draw_legends(figure: Any) -> None:
+    """Add legends beside the data: one below the figure if all panels agree.
+
+    A legend of one entry, or of more than twelve, is left out.
+    """
+    found = {}
+    for axes in figure.get_axes():
+        handles = dict(zip(*reversed(axes.get_legend_handles_labels()), strict=True))
+        if 1 < len(handles) <= 12:
+            found[axes] = handles
+    style: dict[str, Any] = {"fontsize": 7, "frameon": False}
+    if len({tuple(handles) for handles in found.values()}) == 1:
+        handles = next(iter(found.values()))
+        columns = _columns(list(handles), figure.get_figwidth())
+        place = {"loc": "outside lower center", "ncols": columns}
+        figure.legend(handles.values(), handles.keys(), **place, **style)
+        return
+    for axes, handles in found.items():
+        place = {"loc": "upper left", "bbox_to_anchor": (1.0, 1.0)}
+        axes.legend(handles.values(), handles.keys(), **place, **style)
+
+
+def _columns(names: Sequence[str], width: float) -> int:
+    """Return how many names of 7 points fit beside each other [inch]."""
+    return max(1, int(width / (0.5 + 0.06 * max(map(len, names)))))
 
 
 def _floats(value: Any) -> Any:

@@ -20,7 +20,7 @@ from drake_srg.station import MakeTaskPlanner
 ROOT = Path(__file__).parents[2]
 FOLDER = ROOT / "examples/own_diagram"
 PAGE = (ROOT / "docs/own_diagram.md").read_text("utf-8")
-PROGRAMS = ("hand", "wires", "systems", "camera", "planner", "two_hands")
+PROGRAMS = ("hand", "wires", "systems", "camera", "planner", "elbow", "two_hands")
 
 
 @pytest.fixture
@@ -121,21 +121,17 @@ def test_the_planner_places_a_box_without_a_scenario(program, tmp_path):
 
 
 @pytest.mark.slow
-def test_the_page_keeps_the_elbow_up():
-    (block,) = re.findall(r"```python\n(.*?)```", PAGE, re.DOTALL)
-    names: dict = {}
-    exec(block, names)
+def test_a_condition_keeps_the_elbow_up(program):
+    reach = program("elbow").reach
     scene = MakeTaskPlanner(load_scenario("kitchen")).scene
     target = HandTarget(np.array([0.5, 0.0, 0.3]))
     q_home = np.array([0.0, -0.3, 0.0, -1.9, 0.0, 1.5, 0.0])
-    q = names["reach"](scene, target, q_home).q
+    q = reach(scene, target, q_home).q
     context = scene.plant.CreateDefaultContext()
     scene.plant.SetPositions(context, scene.positions(q))
     elbow = scene.plant.GetFrameByName("link_4").CalcPoseInWorld(context)
     assert elbow.translation()[2] >= 0.6 - 1e-5
-    failure = names["reach"](
-        scene, target.shifted(np.array([0.35, 0.0, -0.25])), q_home
-    )
+    failure = reach(scene, target.shifted(np.array([0.35, 0.0, -0.25])), q_home)
     assert failure.message.startswith("elbow up (your own): cannot be met together")
 
 

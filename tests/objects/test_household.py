@@ -1,5 +1,3 @@
-from pathlib import Path
-
 import numpy as np
 import pytest
 from pydrake.common.schema import Transform
@@ -36,7 +34,6 @@ YCB = {
     "056_tennis_ball": ([65, 65, 65], 58),
     "061_foam_brick": ([75, 50, 50], 28),
 }
-PAGE = (Path(__file__).parents[2] / "docs/objects.md").read_text(encoding="utf-8")
 SIMPLE = {"003": Box, "004": Box, "005": Cylinder, "007": Cylinder, "008": Box}
 SIMPLE |= {"036": Box, "040": Cylinder, "056": Sphere, "061": Box}
 
@@ -78,14 +75,6 @@ def test_each_stands_on_its_origin_or_around_it(name):
 @pytest.mark.parametrize("name", [n for n in YCB if n[:3] not in SIMPLE])
 def test_pieces_are_few(name):
     assert object_facts(name, household_object(name)).pieces <= 21
-
-
-@pytest.mark.parametrize("name", HOUSEHOLD)
-def test_the_page_has_its_line(name):
-    facts = object_facts(name, household_object(name))
-    size = " x ".join(f"{1e3 * side:.0f}" for side in facts.size)
-    line = f"| `{name}` | {size} | {1e3 * facts.mass:.4g} | {facts.pieces} |"
-    assert line in PAGE.splitlines()
 
 
 @pytest.mark.parametrize("shape", [Box([0.1, 0.2, 0.3]), Cylinder(0.03, 0.1)])

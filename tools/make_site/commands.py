@@ -8,8 +8,7 @@ from collections.abc import Mapping
 
 from drake_srg.cli.command import COMMAND_PAGES
 from drake_srg.cli.main import make_parser
-from make_site.markdown import code, table
-from make_site.systems import ROOT
+from make_site.markdown import code, page_title, table
 
 
 def command_parsers() -> Mapping[str, argparse.ArgumentParser]:
@@ -35,16 +34,11 @@ def _section(name: str, parser: argparse.ArgumentParser) -> str:
         if action.help != argparse.SUPPRESS
     ]
     page = COMMAND_PAGES.get(name, "").removeprefix("docs/")
-    more = f"\nSee [{_title(page)}](../{page}).\n" if page else ""
+    more = f"\nSee [{page_title(page)}](../{page}).\n" if page else ""
     return (
         f"## {name}\n\n{parser.description}\n{more}\n"
         f"```text\n{usage}```\n\n{table(('argument', 'meaning'), rows)}"
     )
-
-
-def _title(page: str) -> str:
-    """Return the heading of a page of docs."""
-    return (ROOT / "docs" / page).read_text("utf-8").split("\n")[0].removeprefix("# ")
 
 
 def _spelled(action: argparse.Action) -> str:

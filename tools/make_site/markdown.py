@@ -3,6 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
+from pathlib import Path
+
+_DOCS = Path(__file__).parents[2] / "docs"
 
 
 def table(heads: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
@@ -19,3 +22,8 @@ def cell(text: str) -> str:
 def code(text: str) -> str:
     """Return text as code."""
     return f"`{text}`"
+
+
+def page_title(page: str) -> str:
+    """Return the heading of a page, by its path below docs."""
+    return (_DOCS / page).read_text("utf-8").split("\n")[0].removeprefix("# ")

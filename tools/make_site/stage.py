@@ -12,6 +12,7 @@ from make_site.commands import commands_page
 from make_site.files import log_table, metrics_table, topics_table
 from make_site.gallery import figures
 from make_site.keys import keys_index, keys_pages
+from make_site.lists import objects_table, scenarios_table
 from make_site.notebooks import notebook_page
 from make_site.python_pages import python_pages
 from make_site.rules import rules_page
@@ -31,8 +32,11 @@ GENERATED: Mapping[str, Callable[[], str]] = {
     "log": log_table,
     "metrics": metrics_table,
     "topics": topics_table,
+    "scenarios": scenarios_table,
+    "objects": objects_table,
 }
 _MARKER = re.compile(r"^<!-- generated: ([\w ]+) -->$", re.MULTILINE)
+_CONTENTS = "<!-- generated: contents -->"
 
 
 def stage(folder: Path) -> None:
@@ -56,8 +60,22 @@ def stage(folder: Path) -> None:
         page.write_text(notebook_page(path, page.parent / "images"), "utf-8")
     for page in sorted(folder.rglob("*.md")):
         depth = len(page.relative_to(folder).parts) - 1
-        text = _MARKER.sub(lambda m: GENERATED[m[1]](), page.read_text("utf-8"))
+        text = page.read_text("utf-8")
+        text = text.replace(_CONTENTS, contents(text))
+        text = _MARKER.sub(lambda m: GENERATED[m[1]](), text)
         page.write_text(relink(text, depth), "utf-8")
+
+
+def contents(text: str) -> str:
+    """Return the table of contents of an index: the pages that its lists link to.
+
+    Args:
+        text: Of the index. Lists, and first columns of tables, may link to pages.
+    """
+    lists = re.findall(r"^\* .*(?:\n +.*)*|^\| \[[^|]*", text, re.MULTILINE)
+    links = re.findall(r"\]\(([\w./]+)\.(?:md|ipynb)\)", "\n".join(lists))
+    entries = [link.replace("../../notebooks/", "../notebooks/") for link in links]
+    return "\n".join(("```{toctree}", ":hidden:", "", *entries, "```"))
 
 
 def update(folder: Path, staged: Path) -> None:

@@ -21,9 +21,9 @@ class WorkspaceConfig(Config):
 class BodyRegionLimits(Config):
     """Largest forces on one region of a person's body."""
 
-    # Of an impact [N].
+    # Limit of an impact [N].
     transient: float = dc.field(default=100.0, metadata=positive())
-    # Of a contact that lasts, such as clamping [N].
+    # Limit of a contact that lasts, such as clamping [N].
     quasi_static: float = dc.field(default=50.0, metadata=positive())
 
 
@@ -36,7 +36,7 @@ class ForceLimitConfig(Config):
     # Names in `profile` of what is within the arm's reach; the least of their limits
     # holds.
     regions: list[str] = dc.field(default_factory=list)
-    # How long a force above `quasi_static` counts as an impact [s].
+    # Time for which a force above `quasi_static` counts as an impact [s].
     transient_time: float = dc.field(default=0.5, metadata={"ge": 0.0})
 
 
@@ -72,12 +72,12 @@ class SafetyConfig(Config):
     # Largest deviation of the measured joints from the monitor's commands [rad or m];
     # null: no limit.
     following_error: float | None = dc.field(default=0.25, metadata=positive())
-    # Age of the newest message at which it is stale [s]. Only `safety.heartbeat` tells.
+    # Age of the newest message at which it is stale [s]; needs `safety.heartbeat`.
     watchdog: float = dc.field(default=0.05, metadata=positive())
     # Speed along the path, as a share of the commanded speed. With less than 1, motions
     # take longer than planned: raise `planner.arrival_timeout`.
     speed_override: float = dc.field(default=1.0, metadata={"ge": 0.0, "le": 1.0})
-    # How far the commands may run ahead of a slowed arm [s].
+    # Largest lead of the commands over a slowed arm [s].
     path_memory: float = dc.field(default=4.0, metadata=positive())
 
     @property

@@ -98,7 +98,7 @@ class EpisodeStation:
         self.plant_context.SetStateAndParametersFrom(self._new)
         self.context.SetTime(0.0)
         self._ticks = 0
-        # Without cameras, nobody sees the second one.
+        # Without cameras, the second one is not needed.
         for scene_graph in self._scene_graphs[: 2 if self.scenario.cameras else 1]:
             SetObject(self.plant, scene_graph, self.context, self._body, scene.object)
         height = self.scenario.table.height

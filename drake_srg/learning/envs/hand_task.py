@@ -86,11 +86,11 @@ class Gantry:
         self._origin = np.append(frame.CalcPoseInWorld(context).translation(), 0.0)
 
     def pose(self, q: Vector) -> Vector:
-        """See `Mover`."""
+        """Return the hand's pose, shape (4,), at joint positions (N)."""
         return self._origin + q
 
     def follow(self, q: Vector, pose: Vector) -> Vector:
-        """See `Mover`."""
+        """Return joint positions (N) near `q`, at or nearer to a pose (4)."""
         del q
         return pose - self._origin
 
@@ -119,14 +119,14 @@ class Wrist:
         self._limits = [plant.GetPositionsFromArray(self._arm, x) for x in limits]
 
     def pose(self, q: Vector) -> Vector:
-        """See `Mover`."""
+        """Return the hand's pose, shape (4,), at joint positions (N)."""
         self._plant.SetPositions(self._context, self._arm, q)
         X_WG = self._frame.CalcPoseInWorld(self._context)
         y = X_WG.rotation().matrix()[:, 1]
         return np.append(X_WG.translation(), np.arctan2(-y[0], y[1]))
 
     def follow(self, q: Vector, pose: Vector) -> Vector:
-        """See `Mover`."""
+        """Return joint positions (N) near `q`, at or nearer to a pose (4)."""
         plant, context = self._plant, self._context
         plant.SetPositions(context, self._arm, q)
         X_WG = self._frame.CalcPoseInWorld(context)

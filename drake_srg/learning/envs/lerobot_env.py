@@ -77,13 +77,16 @@ class LeRobotEnv(gymnasium.Wrapper[Any, Any, Any, Any]):
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
     ) -> tuple[Values, dict[str, Any]]:
-        """See `HandEnv`; other options than a scene are LeRobot's own."""
+        """Begin an episode; `options={"scene": info["scene"]}` replays one.
+
+        Other options than a scene are LeRobot's own.
+        """
         kept = {k: v for k, v in (options or {}).items() if k == "scene"}
         observation, info = self.env.reset(seed=seed, options=kept)
         return self._renamed(observation), _plain(info)
 
     def step(self, action: Any) -> tuple[Values, float, bool, bool, dict[str, Any]]:
-        """See `HandEnv`."""
+        """Act, and return the observation by LeRobot's names."""
         observation, reward, terminated, truncated, info = self.env.step(action)
         return (
             self._renamed(observation),

@@ -406,7 +406,7 @@ class Kind:
 
     @property
     def model(self) -> str:
-        """Its model; empty for a shape."""
+        """The file of the object's model; empty for a shape."""
         return str(self._config.model or "")
 
     def draw(self, seed: int) -> tuple[ObjectConfig, dict[str, Any]]:

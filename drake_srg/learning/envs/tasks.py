@@ -111,7 +111,7 @@ class GraspOneShotEnv(HandEnv):
     observation_names = ("size_x", "size_y", "size_z", "round")
 
     def state(self) -> State:
-        """See `one_shot_state`."""
+        """Return the observation; see `one_shot_state`."""
         return one_shot_state(self.scene.shape)
 
     def step(self, action: Any) -> Step:
@@ -137,7 +137,7 @@ class GraspOneShotEnv(HandEnv):
 
 # A full action moves the hand by this per control period: 0.43 m/s, 2.1 rad/s.
 STEP = np.array([0.02, 0.02, 0.02, 0.1])
-# What entries of the observation are 1 for.
+# Values at which entries of the observation are 1.
 _NEAR, _SIZE, _ANGLE, _SPEED, _FORCE = 0.2, 0.15, 2.0, 4.0, 20.0
 _TURN = np.pi
 MAX_STEPS = 100  # 4.7 s
@@ -203,7 +203,7 @@ class PickEnv(HandEnv):
     )
 
     def begin(self, scene: Scene, q: Vector) -> None:
-        """See `HandTask`."""
+        """Put object and arm at their start."""
         super().begin(scene, q)
         self.steps = 0
         self._truth = self.truth()
@@ -276,12 +276,15 @@ class PickPlaceEnv(PickEnv):
     observation_names = (*PickEnv.observation_names, "goal_x", "goal_y")
 
     def state(self) -> State:
-        """See `PickEnv`."""
+        """Return what the hand senses, and the object as it was estimated."""
         goal = clipped((self.goal - self.hand()[:2]) / _FAR)
         return np.concatenate([super().state(), goal])
 
     def truth(self) -> Truth:
-        """See `HandTask`; half of the progress is that towards the goal."""
+        """Return the present ground truth.
+
+        Half of the progress is that towards the goal.
+        """
         truth = super().truth()
         away = np.linalg.norm(truth.station.X_WO().translation()[:2] - self.goal)
         near = 1.0 - np.tanh(4.0 * away)
@@ -289,7 +292,7 @@ class PickPlaceEnv(PickEnv):
         return dc.replace(truth, progress=progress)
 
     def begin(self, scene: Scene, q: Vector) -> None:
-        """See `HandTask`."""
+        """Put object and arm at their start."""
         super().begin(scene, q)
         self._standing = 0  # control periods in a row
 

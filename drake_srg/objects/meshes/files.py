@@ -111,7 +111,7 @@ def require_trimesh() -> ModuleType:
     Raises:
         ImportError: If it is missing; the message says how to install it.
     """
-    # Errors and warnings tell what it would log.
+    # Errors and warnings report what it would log.
     logging.getLogger("trimesh").setLevel(logging.CRITICAL)
     return require("trimesh", "import", "Reading a mesh needs")
 

@@ -40,7 +40,7 @@ def read_xml(path: Path, warnings: list[str]) -> ET.Element:
     """
     text = re.sub(
         "<!--.*?-->",
-        lambda comment: "\n" * comment[0].count("\n"),  # errors tell the line
+        lambda comment: "\n" * comment[0].count("\n"),  # errors name the line
         decoded(read_bytes(path)),
         flags=re.DOTALL,
     )
@@ -144,7 +144,7 @@ def open_model(path: Path) -> SdfReader:
 
 
 _SHAPES = ("box", "cylinder", "sphere", "mesh")
-# Of Gazebo's and Bullet's extensions of URDF.
+# Elements of Gazebo's and Bullet's extensions of URDF.
 _OTHER_FRICTION = ("gazebo//mu1", "contact/lateral_friction", "contact_coefficients")
 
 
@@ -332,11 +332,11 @@ class UrdfReader(SdfReader):
     link, joint, mesh = "link", "joint", "filename"
 
     def text(self, node: ET.Element | None, key: str) -> str | None:
-        """See `SdfReader`."""
+        """Return the text of a value; None if it is missing."""
         return None if node is None else node.get(key)
 
     def pose(self, node: ET.Element) -> RigidTransform:
-        """See `SdfReader`."""
+        """Return the pose of an element in the link."""
         origin = node.find("origin")
         xyz, rpy = (
             self.numbers(key, self.text(origin, key) or "0 0 0", 3)
@@ -345,7 +345,7 @@ class UrdfReader(SdfReader):
         return RigidTransform(RollPitchYaw(rpy), xyz)
 
     def color(self, node: ET.Element) -> Color | None:
-        """See `SdfReader`."""
+        """Return the colour of a visual; None: the mesh's own."""
         material = node.find("material")
         if material is None:
             return None
@@ -360,14 +360,14 @@ class UrdfReader(SdfReader):
         return None
 
     def contact(self, node: ET.Element) -> ET.Element | None:
-        """See `SdfReader`."""
+        """Return Drake's contact properties; None without."""
         contact = copy.deepcopy(node.find(PROXIMITY))
         for child in () if contact is None else contact:
             child.text = child.attrib.pop("value", None)  # as in an SDF
         return contact
 
     def mass(self, inertial: ET.Element) -> str | None:
-        """See `SdfReader`."""
+        """Return the text of the mass; None if it is missing."""
         return self.text(inertial.find("mass"), "value")
 
 

@@ -214,7 +214,7 @@ def _named_files(path: Path, changed: int, size: int) -> list[Path]:
         if _taken(path, changed, size) is not None:
             return []  # Drake reads them each time
         return read_link(path).mesh_files()
-    except ScenarioError:  # told when it is read
+    except ScenarioError:  # reported when it is read
         return []
 
 
@@ -229,7 +229,7 @@ def _taken(path: Path, _changed: int, _size: int) -> ET.Element | None:
 
 @functools.lru_cache(maxsize=256)
 def _tree(path: Path, stamps: Stamps, scale: float, pieces: int) -> ET.Element:
-    """Return the tree of a file; `stamps` tell when its files were changed."""
+    """Return the tree of a file; `stamps` are the times of their last changes."""
     if scale == 1.0 and stamps and (root := _taken(*stamps[0])) is not None:
         return root
     folder = import_model(path, scale, pieces)

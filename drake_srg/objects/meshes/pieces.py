@@ -26,7 +26,7 @@ from drake_srg.types import Vector
 
 # Corners of a piece: hulls with 24 cost 2.4 times less in contact than untouched ones.
 MOST_CORNERS = 24
-# How far hulls may be from the mesh they stand for [m].
+# Largest distance of hulls from the mesh that they replace [m].
 TOLERANCE = 0.002
 # A corner that stands out less than this is left out [m].
 _FINE = 5e-5

@@ -79,8 +79,9 @@ class PickPlanner:
     def judge(self, memory: ClearingMemory, height_map: HeightMap) -> None:
         """Judge the pick under way by the map after it, and forget its plan.
 
-        What only the map or only the fingers tell of is looked for all the same: where
-        things touch, others move. The pick has failed unless it is seen.
+        The planner looks in the bin also for a load that only the map, or only the
+        fingers, have noticed: if things touch, others move. The pick has failed unless
+        the load is seen.
         """
         pick, attempts = memory.planned, memory.attempts
         gone = has_gone(pick.height_map, height_map, pick.grasp.p_WC)

@@ -34,7 +34,7 @@ from drake_srg.planning.planner_machine import (
 )
 from drake_srg.types import AnyMode, Failure, HeightMap, Mode
 
-# Things that never quite come to rest are picked all the same after this time [s].
+# Time after which things are picked although they have not come to rest [s].
 _PATIENCE = 3.0
 _NO_MAP = HeightMap(np.zeros(2), 1.0, np.zeros((0, 0)))
 

@@ -11,7 +11,7 @@ import numpy.typing as npt
 from drake_srg.planning.clearing.maps import parts
 from drake_srg.types import HeightMap, Vector
 
-# How far around a destination a load may be seen that has missed it [m].
+# Radius around a destination in which a load that missed it is looked for [m].
 BESIDE = 0.1
 # How far a load in the hand may reach beyond a bin, and how far around the bin the
 # planner looks in the end for loads that missed it [m]. The arm is farther off.
@@ -86,7 +86,7 @@ class Destination:
 
     @property
     def middle(self) -> Vector:
-        """Its middle, x, y in world, shape (2,) [m]."""
+        """The middle of the bin, x and y in world, shape (2,) [m]."""
         middle: Vector = 0.5 * (self.low + self.high)
         return middle
 

@@ -187,7 +187,7 @@ class Loads(Memory):
 
     def add(self, load: Load) -> None:
         """Add a load that the hand has let go, or may have."""
-        if self.seen is None:  # then to have taken it must do
+        if self.seen is None:  # then it suffices to have taken it
             counts = load.felt and not load.again
             verdict = Verdict.ARRIVED if counts else Verdict.NONE
             load = dc.replace(load, verdict=verdict)

@@ -23,7 +23,7 @@ _LEAST_VOLUME = 1.0e-6
 # that moves as its neighbour is taken casts other shadows: 0.26 was seen as a hammer
 # left a heap.
 _LEAST_SHARE = 0.2
-# A connected change of this much of the map says that something is still moving [m²].
+# A connected change of this area means that something is still moving [m²].
 # Edges of things flicker in noisy depth, here and there.
 _LEAST_AREA = 2.0e-4
 # An edge may be seen this far to either side of its place [m]: two cells of the
@@ -33,7 +33,7 @@ _LEAST_AREA = 2.0e-4
 _FLICKER = 0.004
 # Changes of single cells are noise; this many cells side by side are not.
 _KERNEL = np.ones((3, 3), np.uint8)
-# Cells this near to a place [m] tell whether the thing there has moved, or has gone.
+# Cells this near to a place [m] show whether the thing there has moved or gone.
 _MOVED, _GONE = 0.05, 0.015
 # A pick changes the map this near to the grasp, as far as the open fingers reach. The
 # change may be in parts this far from each other, because noise breaks it apart [m].
@@ -46,7 +46,7 @@ _LEFT, _HIDDEN = 0.01, 0.02
 _FORK = 0.02
 _TAKEN_RADIUS = 0.12  # things this near to a grasp are the load itself [m]
 _LEAST_HEIGHT = 0.005  # lower things are below every motion across [m]
-# How far the open hand reaches around its middle [m].
+# Reach of the open hand around its middle [m].
 HAND_RADIUS = 0.16
 # Noise breaks low things apart. Parts within this many cells of each other are one.
 _GAP = np.ones((5, 5), np.uint8)

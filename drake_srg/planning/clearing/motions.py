@@ -60,7 +60,7 @@ _ASIDE = 0.12
 # A stuck hand overlaps with the thing that it presses on: this much counts as free
 # [m].
 _PRESSED = -0.02
-# How far above the highest thing in a bin a hand leaves it [m].
+# Height above the highest thing in a bin at which the hand leaves [m].
 _ABOVE = 0.03
 # Margin of the hand while it is at a grasp, or between things that it has set down
 # [m]: grasps keep their own clearance.
@@ -180,7 +180,7 @@ def posture_aside(
 
 @dc.dataclass(frozen=True)
 class HeldLoad:
-    """A load in the hand, as far as the map before the lift tells."""
+    """A load in the hand, according to the map before the lift."""
 
     p_GC: Vector  # the grasp in the hand, shape (3,) [m]
     below: float  # how far it hangs below the grasp [m]
@@ -213,7 +213,7 @@ class HeldLoad:
 
     @property
     def level(self) -> HeldLoad:
-        """The same load if it does not turn in the hand, and the bin is not full."""
+        """This load if it does not turn in the hand, and the bin is not full."""
         return dc.replace(self, sag=0.0, piled=0.0)
 
     @classmethod
@@ -419,7 +419,7 @@ class ClearingMotions(abc.ABC):
         parts: Sequence[PathPart],
         limits: MotionLimits,
     ) -> tuple[Trajectory, ...]:
-        """See `Moves.without_rest`; the arm rests where `cut_corners` is not set."""
+        """Join motions; the arm rests where `cut_corners` is not set."""
         if not self._config.cut_corners:
             return apart
         return self._moves.without_rest(apart, parts, limits, self._config.period)

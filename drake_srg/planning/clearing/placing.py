@@ -83,7 +83,10 @@ class BinMotions(ClearingMotions):
     def _with_destination(
         self, load: HeldLoad, number: int, filled: float, spots: Spots
     ) -> HeldLoad:
-        """See `ClearingMotions`: the middle of the bin and either side take turns."""
+        """Return a load with what is known of where it goes; see `plan`.
+
+        The middle of the bin and either side take turns.
+        """
         size = self.destination.high - self.destination.low
         aside = _ASIDE * np.where(size == size.max(), size, 0.0)
         side = 0 if load.long else (number + 1) % 3 - 1
@@ -108,7 +111,10 @@ class BinMotions(ClearingMotions):
         least: float,
         height_map: HeightMap,
     ) -> dict[AnyMode, Trajectory]:
-        """See `ClearingMotions`; what cannot be lifted so high may hang level."""
+        """Return the motions with a load, which is lifted by `least` [m] or more.
+
+        What cannot be lifted so high may hang level.
+        """
         scene, moves = self.scene, self._moves
         for lifted in (load, load.level):
             rise = self._rim + lifted.piled + lifted.sag + _RIM - self._table
@@ -238,7 +244,10 @@ class RowMotions(ClearingMotions):
         least: float,
         height_map: HeightMap,
     ) -> dict[AnyMode, Trajectory]:
-        """See `ClearingMotions`; the way with the load ends where it is set down."""
+        """Return the motions with a load, which is lifted by `least` [m] or more.
+
+        The way with the load ends where it is set down.
+        """
         scene, moves = self.scene, self._moves
         scene.SetFingers(grasp.fingers_closed)
         with scene.reaching(TIPS):

@@ -134,7 +134,7 @@ class Fingers(abc.ABC):
 
     @abc.abstractmethod
     def detectable(self, width: float) -> bool:
-        """Return whether joint angles tell a held thing of a width [m] from none."""
+        """Return whether joint angles reveal a held thing of a width [m]."""
 
 
 def lowest(points: Vector, offsets: Vector, floor: float) -> Vector:

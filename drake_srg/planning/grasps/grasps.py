@@ -59,12 +59,12 @@ class Grasp(abc.ABC):
     # object, perpendicular to `axis_G` and the palm's y, shape (3,). None: the
     # object stands.
     down_G: Vector | None = None
-    # How far the axis may be turned from `axis_G` when the hand closes [rad].
+    # Largest turn of the axis from `axis_G` when the hand closes [rad].
     pick_angle: float = _EXACT
     # How the object moves, in the palm's axes, when it is set down and let go, shape
     # (3,) [m].
     release_shift_G: Vector = dc.field(default_factory=lambda: np.zeros(3))
-    cost: float = 0.0  # added to the score, of which less is better [rad²]
+    cost: float = 0.0  # added to the score; less is better [rad²]
 
     @property
     def X_GO(self) -> RigidTransform:
@@ -130,13 +130,13 @@ class Grasp(abc.ABC):
 
 @dc.dataclass(frozen=True, kw_only=True)
 class PinchGrasp(Grasp):
-    """A grasp between the pads of fingers whose angles tell what they hold."""
+    """A grasp between the pads of fingers whose angles reveal what they hold."""
 
     fingers: Fingers
     width: float  # between the pads [m]
 
     def holds(self, q: Vector, proximity: Vector) -> bool:
-        """See `Grasp`."""
+        """Return whether closed fingers that fire hold an object of the right size."""
         return self.fingers.holds(self.width, q, proximity)
 
 

@@ -28,7 +28,7 @@ _OPEN_ANGLE = float(np.arcsin((OPEN_HALF_GAP - _STRAIGHT_HALF_GAP) / CRANK))
 _CLEARANCE = 0.012  # of the open hand on each side of an object [m]
 # Half the gap between the middles of curved pads whose rims meet. (Flat pads touch.)
 _EMPTY_HALF_GAP = _STRAIGHT_HALF_GAP * (1.0 - np.cos(np.deg2rad(40.0)))
-# A thinner object could not be told from the other finger [m].
+# A thinner object looks like the other finger [m].
 _LEAST_RADIUS = _EMPTY_HALF_GAP + 0.002
 # Largest angle between the axis of a lying object and the horizontal [rad].
 _LYING = np.deg2rad(5.0)
@@ -87,11 +87,11 @@ class LinkageFingers(Fingers):
 
     @property
     def deepest(self) -> float:  # type: ignore[override]  # it depends on a field
-        """See `Fingers`: the cranks point straight ahead on the way."""
+        """Greatest palm x of the fingers' ends [m]: the cranks point straight ahead."""
         return self.tip_x + _END
 
     def silhouette(self, half_gap: float, offsets: Vector) -> Vector:
-        """See `Fingers`."""
+        """Return how far down the open hand reaches, seen along its pads."""
         middle = self.tip_x - CRANK + pads_ahead(half_gap)
         fingers = [
             filled_rectangle(
@@ -106,20 +106,23 @@ class LinkageFingers(Fingers):
         return np.fmax(reach, palm)
 
     def opened(self, half_gap: float) -> FingerState:
-        """See `Fingers`."""
+        """Return the open hand."""
         angle = crank_angle(min(half_gap, OPEN_HALF_GAP))
         return FingerState(angle / self.full_scale, crank_joints(angle))
 
     def closed(self, width: float) -> FingerState:
-        """See `Fingers`; they stop once both sense something."""
+        """Return the hand that presses on something.
+
+        They stop once both sense something.
+        """
         return FingerState(1.0, crank_joints(crank_angle(0.5 * width)))
 
     def holds(self, width: float, q: Vector, proximity: Vector) -> bool:
-        """See `Fingers`."""
+        """Return whether closed fingers that fire hold a thing of some width."""
         return bool(np.max(q) < 0.5 * (crank_angle(0.5 * width) + EMPTY_ANGLE))
 
     def detectable(self, width: float) -> bool:
-        """See `Fingers`."""
+        """Return whether joint angles reveal a held thing of a width [m]."""
         return EMPTY_ANGLE - crank_angle(0.5 * width) > _TELLABLE
 
 
@@ -147,7 +150,10 @@ class LinkageHand(Hand):
     def grasps(
         self, shape: Solid, X_WO: RigidTransform, firmness: float = 1.0
     ) -> list[Grasp]:
-        """See `Hand`; the driver, not the command, decides how firmly it closes."""
+        """Return the ways to take an object; empty if it does not fit the hand.
+
+        The driver, not the command, decides how firmly it closes.
+        """
         if not isinstance(shape, Cylinder):
             return []
         if not _LEAST_RADIUS <= shape.radius <= OPEN_HALF_GAP - 0.003:

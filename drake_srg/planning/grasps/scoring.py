@@ -69,7 +69,7 @@ _BACKS = 0.04
 _EDGE = 0.02
 # Steep sides look as wide as this on a map, at most [m].
 _BLURRED = 0.012
-# How far the thing's middle may be from the palm's, along the closing direction [m].
+# Largest distance of the thing's middle from the palm's, along the closing [m].
 _CENTERED = 0.008
 # Wraps are tried this far from the middle of a thing [m], in so many directions.
 _BESIDE, _YAWS = 0.03, 36
@@ -335,7 +335,10 @@ class PinchJudge(TopGraspJudge):
         self._silhouettes = [(g, fingers.silhouette(g, self._s)) for g in openings]
 
     def judge(self, segments: Segmentation, p_W: Vector, yaw: Vector) -> Candidates:
-        """See `TopGraspJudge`: the best over depths and openings."""
+        """Return the best candidate at each place, or nearby.
+
+        The best over depths and openings.
+        """
         n = len(p_W)
         strip = sample(segments, p_W, yaw, self._s, self._t).max(axis=1)
         middle = np.abs(self._s) < _MIDDLE
@@ -379,14 +382,17 @@ class PinchJudge(TopGraspJudge):
         return Candidates(p_W, yaw, tip, half_gap, low, high, top, lean, score)
 
     def _floor(self, segments: Segmentation, candidates: Candidates) -> Vector:
-        """See `TopGraspJudge`: just above the fingers' ends."""
+        """Return from which height above the table pads touch a thing, (n,) [m].
+
+        Just above the fingers' ends.
+        """
         return candidates.tip + _ENGAGED + segments.least / 4
 
 
 def _score(
     tip: Vector, top: Vector, width: Vector, lean: Vector, clear: Vector
 ) -> Vector:
-    """Return how good pinches are, as far as the strip below the pads tells.
+    """Return how good pinches are, judged by the strip below the pads.
 
     Args:
         tip: Height of the fingers' ends, shape (n,) [m].
@@ -452,7 +458,10 @@ class WrapJudge(TopGraspJudge):
         return np.repeat(p_W, _YAWS, axis=0), np.tile(yaws, len(p_W))
 
     def judge(self, segments: Segmentation, p_W: Vector, yaw: Vector) -> Candidates:
-        """See `TopGraspJudge`; each palm is first centred on the thing below it."""
+        """Return the best candidate at each place, or nearby.
+
+        Each palm is first centred on the thing below it.
+        """
         low, high = self._sides(segments, p_W, yaw)[2:4]
         direction = np.stack([np.cos(yaw), np.sin(yaw)], axis=-1)
         p_W = p_W + (0.5 * (low + high))[:, None] * direction
@@ -484,7 +493,10 @@ class WrapJudge(TopGraspJudge):
         return Candidates(p_W, yaw, tip, half_gap, low, high, top, lean, score)
 
     def _floor(self, segments: Segmentation, candidates: Candidates) -> Vector:
-        """See `TopGraspJudge`: the height above which the sides are judged."""
+        """Return from which height above the table pads touch a thing, (n,) [m].
+
+        The height above which the sides are judged.
+        """
         return candidates.top - _EDGE
 
     def _sides(

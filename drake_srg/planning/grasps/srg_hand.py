@@ -164,7 +164,7 @@ class SrgFingers(Fingers):
     squeeze: float = 0.6
     full_scale: float = SRG.full_scale
 
-    # Of the edges of the ends of straight fingers.
+    # Edges of the ends of straight fingers.
     deepest = SRG.hinge_x + float(np.hypot(SRG.finger_length, SRG.face_offset))
     # The pads of a wider opening would not be parallel.
     max_width = SRG.parallel_gap - 0.01
@@ -185,7 +185,7 @@ class SrgFingers(Fingers):
     )
 
     def silhouette(self, half_gap: float, offsets: Vector) -> Vector:
-        """See `Fingers`."""
+        """Return how far down the open hand reaches, seen along its pads."""
         base = straight_base_angle(half_gap)
         along = np.array([np.cos(base), np.sin(base)])  # in |y|, x
         inwards = np.array([-np.sin(base), np.cos(base)])
@@ -208,17 +208,17 @@ class SrgFingers(Fingers):
         return np.where(palm, np.fmax(reach, self.palm_x), reach)
 
     def opened(self, half_gap: float) -> FingerState:
-        """See `Fingers`."""
+        """Return the open hand."""
         base = max(straight_base_angle(half_gap), 0.0)
         return FingerState(base / self.full_scale, finger_joints(base, 0.0))
 
     def closed(self, width: float) -> FingerState:
-        """See `Fingers`."""
+        """Return the hand that presses on something."""
         base, tip = pinch_angles(0.5 * width)
         return self._pressing(base, tip, self.squeeze)
 
     def wrapped(self, width: float) -> FingerState:
-        """See `Fingers`."""
+        """Return the hand that presses on a thing that it wraps; needs `wrap`."""
         base, tip = wrap_angles(0.5 * width, self.wrap.gap)
         return self._pressing(base, tip, _WRAP_SQUEEZE)
 
@@ -227,20 +227,23 @@ class SrgFingers(Fingers):
         return FingerState(min(1.0, closure), finger_joints(base, tip))
 
     def holds(self, width: float, q: Vector, proximity: Vector) -> bool:
-        """See `Fingers`; the base links come first in `q`.
+        """Return whether closed fingers whose sensors fire hold a thing of some width.
 
-        The width says little, because a height map shows things wider or narrower than
-        they are. So there only has to be something between the ends of the pads. What
-        is enclosed above ends that meet is not told.
+        The base links come first in `q`. The width says little, because a height map
+        shows things wider or narrower than they are. So there only has to be something
+        between the ends of the pads. What is enclosed above ends that meet is not told.
         """
         return ends_gap(q) > _LEAST_GAP
 
     def straight(self, q: Vector) -> bool:
-        """See `Fingers`; the tips come last in `q`."""
+        """Return whether all fingers of an empty hand are straight.
+
+        The tips come last in `q`.
+        """
         return bool(np.max(q[2:]) < _STRAIGHT)
 
     def detectable(self, width: float) -> bool:
-        """See `Fingers`."""
+        """Return whether joint angles reveal a held thing of a width [m]."""
         return width - _BLUR > 2.0 * _LEAST_GAP
 
 
@@ -283,7 +286,10 @@ class SrgGrasp(Grasp):
     tip_angle: float  # expected when holding [rad]
 
     def holds(self, q: Vector, proximity: Vector) -> bool:
-        """See `Grasp`; the base links come first in `q` and `proximity`."""
+        """Return whether closed fingers that fire hold an object of the right size.
+
+        The base links come first in `q` and `proximity`.
+        """
         if self.approach is Approach.SIDE:
             # Wrapped fingers have the object beside their base links, which do not
             # sense each other.
@@ -322,13 +328,13 @@ class SrgHand(Hand):
 
     @property
     def pinch(self) -> SrgFingers:  # type: ignore[override]  # it depends on fields
-        """See `Hand`."""
+        """The hand's fingers, which pinch from above."""
         return SrgFingers(self.squeeze, self.full_scale)
 
     def grasps(
         self, shape: Solid, X_WO: RigidTransform, firmness: float = 1.0
     ) -> list[Grasp]:
-        """See `Hand`."""
+        """Return the ways to take an object; empty if it does not fit the hand."""
         squeeze = firmness * self.squeeze
         up_O = X_WO.rotation().matrix()[2]
         if isinstance(shape, ConvexPieces):
@@ -383,7 +389,7 @@ class SrgHand(Hand):
             tilt: Of the palm's x below the horizontal once the object stands [rad].
             squeeze: See the class [rad].
         """
-        # Of a box, the face that is nearly level; a cylinder has none.
+        # The nearly level face of a box; a cylinder has none.
         up_O = np.array([up_O[0], up_O[1], 0.0])
         if isinstance(shape, Box):
             up_O = np.sign(up_O) * (np.abs(up_O) == np.abs(up_O).max())
@@ -423,7 +429,7 @@ class SrgHand(Hand):
             lean: Of the palm's x from the vertical, as the object is taken [rad].
             squeeze: See the class [rad].
         """
-        # How much nearer than the middle the object is at the edges of the pads.
+        # Distance by which the object is nearer at the pads' edges than at the middle.
         slope = 0.5 * SRG.pad_width * np.tan(lean)
         half_height = half_height / np.cos(lean)
         # The pads lie flat on the sides, base + tip = 90 degrees. The object's top is

@@ -71,7 +71,7 @@ class TopGrasp:
 
     @property
     def detectable(self) -> bool:
-        """Whether joint angles tell a hand that holds the thing from an empty one."""
+        """Whether the joint angles of a hand reveal that it holds the thing."""
         return self.fingers.detectable(self.width)
 
     def target(self) -> HandTarget:
@@ -196,7 +196,7 @@ class Reach:
 
 
 class HeightMapGrasps:
-    """Finds grasps without knowing or telling apart the things on a table.
+    """Finds grasps without knowing or separating the things on a table.
 
     It tries points on things, times directions, and judges all depths and openings at
     once (see `PinchJudge`). The best are moved to where both pads touch at the same
@@ -269,7 +269,7 @@ class HeightMapGrasps:
     def plan(
         self, height_map: HeightMap, *, tried: Sequence[TopGrasp] = (), seed: int = 0
     ) -> GraspPlan:
-        """See `GraspPlanner`."""
+        """Return grasps of what a height map shows."""
         segments = self.segment(height_map)
         if not segments.things:
             return GraspPlan()

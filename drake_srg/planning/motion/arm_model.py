@@ -240,7 +240,7 @@ def _moving_joints(plant: MultibodyPlant, model: ModelInstanceIndex) -> list[Joi
 class _WithScene(Protocol):
     @property
     def scene(self) -> ArmModel:
-        """What it plans with."""
+        """The model that it plans with."""
 
 
 _P = ParamSpec("_P")

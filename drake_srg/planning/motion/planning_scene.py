@@ -225,7 +225,7 @@ class PlanningScene(ArmModel):
         """
         turns = np.abs(np.diff(path, axis=0)).sum(axis=1)
         parts = np.maximum(1, np.ceil(turns / _CLOSE)).astype(int)
-        # Where the ends of all parts are along the path, in waypoints.
+        # Waypoints at which the parts of the path end.
         ends = np.repeat(np.arange(len(parts)), parts) + np.concatenate(
             [np.arange(n) / n for n in parts]
         )

@@ -105,7 +105,7 @@ def cut(
 _STEP = 0.03
 _JOINT_STEP = 0.3
 _REFINEMENTS = 4  # how often steps are halved while the path is not free
-# How far the spline may break a margin that its waypoints keep [m]; see `trajectories`.
+# Allowed violation, by the spline, of a margin that its waypoints keep [m].
 _TIP_GRAZE = 1e-3
 # Least distance of a turn of the joints [m/rad]. It makes motions that leave the hand
 # where it is take time; the joints' limits determine how much.

@@ -37,7 +37,7 @@ from drake_srg.planning.planner_machine import PlannerConfig
 from drake_srg.types import AnyMode, Failure, Mode, Vector, mode_name
 
 _UP = np.array([0.0, 0.0, 1.0])
-# How much more a carried object may lean than where it was taken [rad].
+# Largest lean of a carried object, beyond its lean at the grasp [rad].
 _UPRIGHT = 0.004
 # The object may be carried this much higher over things in its way [m].
 _HIGHER = (0.0, 0.04, 0.08)

@@ -127,4 +127,4 @@ class ServoStatus(Shared):
     error: float = np.inf  # distance from the goal in the last image [m]
     # Velocity of the goal in world, shape (3,) [m/s].
     velocity: Vector = dc.field(default_factory=lambda: np.zeros(3))
-    images: int = 0  # that the servo has heeded
+    images: int = 0  # number of images that the servo has used

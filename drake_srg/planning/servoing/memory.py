@@ -185,7 +185,7 @@ class Memory(Shared):
         return memory._reporting(state=ServoState.FAILED, fault=ServoFault.SILENT)
 
     def missed_one(self, fault: ServoFault, config: ServoConfig) -> Memory:
-        """Return the memory after an image that does not tell the goal."""
+        """Return the memory after an image that does not determine the goal."""
         missed = self.missed + 1
         lost = max(missed, self.same) >= config.patience
         state = ServoState.FAILED if lost else ServoState.TRACKING

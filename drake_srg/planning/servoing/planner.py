@@ -55,7 +55,7 @@ COMMANDS: Mapping[AnyMode, ServoCommand] = {
     Mode.VERIFY: ServoCommand.FOLLOW,
     Mode.LIFT: ServoCommand.RAISE,  # until the motions from there are planned
 }
-# Those transitions that picking and placing does not have go first.
+# Transitions of the servo's own come before those of picking and placing.
 SERVO_TRANSITIONS: Table = {
     **TRANSITIONS,
     Mode.GRASP: [

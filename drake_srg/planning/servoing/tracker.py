@@ -27,7 +27,7 @@ from drake_srg.vision.solids import signed_distance
 
 @dc.dataclass(frozen=True, eq=False)
 class Taken:
-    """When an image was taken, and where the arm was then."""
+    """Time of an image, and the arm's positions at that time."""
 
     time: float = -np.inf  # by the servo's clock [s]
     q: Vector = dc.field(default_factory=lambda: np.zeros(0))  # shape (N,) [rad]

@@ -144,7 +144,7 @@ class VisualServo(LeafSystem):
             sighting: What the camera shows.
 
         Returns:
-            The pose, or why the image does not tell it.
+            The pose, or why the image does not determine it.
         """
         raise NotImplementedError
 

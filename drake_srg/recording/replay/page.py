@@ -180,7 +180,7 @@ def policy(scripts: Sequence[str], styles: Sequence[str]) -> str:
 
 
 def _result(path: Path) -> tuple[bool, str] | None:
-    """Return whether a run succeeded and a phrase about it, if metrics.json tells."""
+    """Return whether a run succeeded, and a phrase about it, from metrics.json."""
     try:
         metrics = json.loads(path.read_text(encoding="utf-8"))
         success, word = bool(metrics["success"]), verdict(metrics)

@@ -157,7 +157,7 @@ class Mounting:
 
     @property
     def hand_frame(self) -> str:
-        """Name of the frame H whose poses tell the views apart."""
+        """Name of the frame H whose poses distinguish the views."""
         return self.base_frame if self.in_hand else _PALM
 
     def X_PQ(self, X_WH: RigidTransform) -> RigidTransform:

@@ -199,7 +199,7 @@ def plan_visits(
     X_OB = RigidTransform([*mounting.board.center[:2], 0.5 * THICKNESS])
     paths: list[Vector] = []
     at = home
-    # Where the arm moves the camera, the board lies on the table, far from the hand.
+    # If the arm moves the camera, the board lies on the table, far from the hand.
     if mounting.in_hand:
         held = scene.standing(box, mounting.X_QO @ X_OB)
     else:
@@ -323,7 +323,7 @@ def take_shots(
     limits = MotionLimits.of_plant(scene).scaled(_SPEED, _SPEED)
     shots: list[Shot] = []
     shown = with_board(scenario, mounting)
-    # Nobody reads the log.
+    # The log is not read.
     with Rig(shown, name="calibrate", log_period=_NO_LOG, images=True) as rig:
         for path in paths:
             tell(len(shots))

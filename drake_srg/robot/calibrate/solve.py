@@ -278,7 +278,7 @@ def calibrate(views: Sequence[View], focal: Vector, center: Vector) -> Calibrati
 
 
 def _too_few(view: View) -> str:
-    """Return why a view's corners do not tell the board's pose; empty if they do."""
+    """Return why a view's corners do not determine the board's pose, or ""."""
     count = len(view.pixels)
     if count < MIN_CORNERS:
         return f"{count} corners"

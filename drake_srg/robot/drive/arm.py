@@ -167,7 +167,7 @@ class PositionStream(ArmStream):
         node.publish(self._topic)
 
     def send(self, q: Vector, stamp: float, *, stopped: bool) -> None:
-        """See `ArmStream`."""
+        """Send a command; called every control period."""
         self._node.send(self._topic, 0.0, q)
 
 
@@ -191,7 +191,7 @@ class TrajectoryStream(ArmStream):
         node.publish(self._topic)
 
     def send(self, q: Vector, stamp: float, *, stopped: bool) -> None:
-        """See `ArmStream`."""
+        """Send a command; called every control period."""
         if math.isfinite(stamp):
             times, positions = self._window.after(q, stamp)
             self._node.send(self._topic, 0.0, times, positions)
@@ -333,7 +333,7 @@ class GoalStream(ArmStream):
             node,
             action.cancel_goal,
             lambda make, id: {"goal_info": goal_info(make, id, 0.0)},
-            lambda goal, reply: None,  # its result tells
+            lambda goal, reply: None,  # its result says enough
         )
         # Commands come from the control loop, replies from the node's thread.
         self._lock = threading.RLock()
@@ -347,7 +347,7 @@ class GoalStream(ArmStream):
         self._found = False  # the server
 
     def send(self, q: Vector, stamp: float, *, stopped: bool) -> None:
-        """See `ArmStream`."""
+        """Send a command; called every control period."""
         with self._lock:
             if self.fails or not math.isfinite(stamp):
                 return
@@ -366,7 +366,7 @@ class GoalStream(ArmStream):
                 self._cancel_goals(before=stamp)
 
     def close(self) -> None:
-        """See `ArmStream`."""
+        """Leave the arm where it is; the node is still open."""
         with self._lock:
             if not self.fails:
                 self._cancel_goals()
@@ -465,11 +465,11 @@ class RosArm(RosDriver):
     # Topic of the torques that the joints feel from outside, as the arm's controller
     # estimates them: std_msgs/Float64MultiArray [N m], one number per joint, in the
     # order of `joints`, at least every `safety.watchdog`. Limits of them need it.
-    # Empty: the arm does not tell them.
+    # Empty: the arm does not publish them.
     external_torque: str = ""
 
     def connect(self, robot: Robot) -> Link:
-        """See `HardwareDriver`."""
+        """Return a link to the hardware."""
         node = robot.nodes.of(self.version)
         return _ArmLink(self, robot, node, self._stream(robot, node))
 
@@ -533,15 +533,21 @@ class _ArmLink(Link):
             node.subscribe(config.external_torque, ARRAY, self._receive_external)
 
     def take(self) -> PortValues:
-        """See `Link`; an arm that stops telling any of what it must tell is silent."""
+        """Return what has been measured since the last call, by output port.
+
+        An arm that stops publishing any required measurement counts as silent.
+        """
         return {} if self._stream.fails else self._mail.take(self._needed)
 
     def close(self) -> None:
-        """See `Link`; the node that it shares is closed elsewhere."""
+        """Disconnect, leaving the hardware where it is. A second call does nothing.
+
+        The node that it shares is closed elsewhere.
+        """
         self._stream.close()
 
     def send(self, commands: PortValues) -> None:
-        """See `Link`."""
+        """Command the hardware; a failure to do so must not raise."""
         self._stream.send(
             commands["arm.position_commanded"],
             self._joints.stamp,

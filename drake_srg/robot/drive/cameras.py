@@ -210,7 +210,7 @@ class RosCamera(Config):
     color: str = COLOR
     depth: str = DEPTH
     info: str = CAMERA_INFO
-    # How long to wait for a picture that is newer than a look [s].
+    # Time to wait for a picture that is newer than a look [s].
     patience: float = dc.field(default=10.0, metadata=positive())
 
     def connect(self, name: str, robot: Robot) -> Camera:
@@ -253,7 +253,7 @@ class _RosCamera(Camera):
             node.subscribe(config.info, _INFO, self._check_info)
 
     def picture(self, after: float, patience: float | None = None) -> Picture:
-        """See `Camera`."""
+        """Return a picture that is newer than a time; waits for it."""
         config = self._config
         patience = patience or config.patience
         found = self._album.wait(after, patience)
@@ -267,7 +267,7 @@ class _RosCamera(Camera):
         return found
 
     def newest(self) -> Picture | None:
-        """See `Camera`."""
+        """Return the newest picture, if there is one; does not wait."""
         self._check()
         return self._album.newest
 

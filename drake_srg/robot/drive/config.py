@@ -53,19 +53,19 @@ class FaultyLink(Link):
         self._sent: deque[PortValues | None] = deque([None] * late)
 
     def take(self) -> PortValues:
-        """See `Link`."""
+        """Return what has been measured since the last call, by output port."""
         self._taken.append(self._pass(self._link.take) or {})
         return self._taken.popleft()
 
     def send(self, commands: PortValues) -> None:
-        """See `Link`."""
+        """Command the hardware; a failure to do so must not raise."""
         self._sent.append(self._pass(lambda: commands))
         due = self._sent.popleft()
         if due is not None:
             self._link.send(due)
 
     def close(self) -> None:
-        """See `Link`."""
+        """Disconnect, leaving the hardware where it is. A second call does nothing."""
         self._link.close()
 
     def _pass(self, get: Callable[[], PortValues]) -> PortValues | None:
@@ -101,13 +101,13 @@ class HardwareConfig(Config):
     # The nodes of the drivers that speak ROS.
     ros1: Ros1Config = dc.field(default_factory=Ros1Config)
     ros2: Ros2Config = dc.field(default_factory=Ros2Config)
-    # How long to wait for the first measurements and pictures [s].
+    # Time to wait for the first measurements and pictures [s].
     patience: float = dc.field(default=30.0, metadata={"gt": 0.0})
-    # Seconds of ours per real second. Anything but 1 is for a served simulation that is
-    # as slow (`drake-srg serve --rate`), on a machine that is too busy for real time.
+    # Seconds of our clock per real second. A value other than 1 is for a simulation
+    # served at that rate (`drake-srg serve --rate`), on a machine too slow for 1.
     rate: float = dc.field(default=1.0, metadata={"gt": 0.0})
-    # How long a stopped arm waits for a release, after which the run goes on [s, real];
-    # 0: a stop ends the run.
+    # Time that a stopped arm waits for a release, after which the run goes on
+    # [s, real]; 0: a stop ends the run.
     release: float = dc.field(default=0.0, metadata={"ge": 0.0})
     # Faults that the wires do not have by themselves; null: none.
     faults: FaultsConfig | None = None

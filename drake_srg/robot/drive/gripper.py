@@ -41,7 +41,7 @@ class RosGripper(RosDriver):
     hold: str = "/startgrasp"
 
     def connect(self, robot: Robot) -> Link:
-        """See `HardwareDriver`."""
+        """Return a link to the hardware."""
         return _GripperLink(self, robot, robot.nodes.of(self.version))
 
 
@@ -88,14 +88,17 @@ class _GripperLink(Link):
             node.publish(self._obeys)
 
     def take(self) -> PortValues:
-        """See `Link`."""
+        """Return what has been measured since the last call, by output port."""
         return self._mail.take()
 
     def close(self) -> None:
-        """See `Link`; the node that it shares is closed elsewhere."""
+        """Disconnect, leaving the hardware where it is. A second call does nothing.
+
+        The node that it shares is closed elsewhere.
+        """
 
     def send(self, commands: PortValues) -> None:
-        """See `Link`."""
+        """Command the hardware; a failure to do so must not raise."""
         closure = float(commands["gripper.closure_commanded"][0])
         hold = float(commands["gripper.hold"][0])
         self._ticks += 1

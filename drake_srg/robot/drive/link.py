@@ -28,7 +28,7 @@ from drake_srg.types import Vector
 
 # The time by the robot's clock of the newest measurement, shape (1,) [s].
 STAMP = "hardware.stamp"
-# What the arm's joints feel from outside, shape (N,) [N m]; only some arms tell it.
+# External joint torques, shape (N,) [N m]; only some arms publish them.
 EXTERNAL_TORQUE = "arm.external_torque"
 JOINT_STATE = "sensor_msgs/msg/JointState"
 ARRAY = "std_msgs/msg/Float64MultiArray"
@@ -357,8 +357,8 @@ class JointStates:
                 "stamp",
                 f"needs a newer time than {self.stamp:.3f} s, got {stamp:.3f} s",
             )
-        # One wrong stamp far ahead must not make all that follow look old; a second
-        # one tells that the robot was silent.
+        # One wrong stamp far ahead must not make all that follow look old. A second one
+        # means that the robot was silent.
         jumps = math.isfinite(self.stamp) and stamp > self.stamp + _LONGEST_GAP
         if jumps and not 0.0 < stamp - self._jumped <= _LONGEST_GAP:
             self._jumped = stamp

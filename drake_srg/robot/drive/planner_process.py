@@ -80,14 +80,14 @@ class MirrorLink(Link):
         self.values: PortValues = {}
 
     def take(self) -> PortValues:
-        """See `Link`."""
+        """Return what has been measured since the last call, by output port."""
         return self.values
 
     def send(self, commands: PortValues) -> None:
-        """See `Link`."""
+        """Command the hardware; a failure to do so must not raise."""
 
     def close(self) -> None:
-        """See `Link`."""
+        """Disconnect, leaving the hardware where it is. A second call does nothing."""
 
 
 class PlannerCell:
@@ -228,13 +228,13 @@ class PlannerProcess(PlannerLink):
                 raise ScenarioError(message.reason)
 
     def post(self, tick: Tick) -> None:
-        """See `PlannerLink`."""
+        """Send a tick, or drop it while the planner is busy with earlier ones."""
         if self._under_way < _UNDER_WAY:
             self._under_way += 1
             self._process.send(tick)
 
     def take(self) -> Sequence[Answer | Ended]:
-        """See `PlannerLink`."""
+        """Return what has arrived since the last call, in order."""
         taken = []
         while self._answers:
             taken.append(self._answers.popleft())

@@ -155,7 +155,7 @@ class Pause:
             return self
         if self.since is not None:
             return self.stopped.resumed(time, self.since)
-        # Where the arm is by now.
+        # The arm's present positions.
         start = self.motion.destination
         if self.cut and self.held is not None:
             start = self.held

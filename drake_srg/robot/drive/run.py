@@ -259,7 +259,7 @@ class ControlLoop:
 
     @property
     def waits(self) -> str:
-        """What a resting arm's stop was for, while it waits for a release, or ""."""
+        """Reason of a resting arm's stop while it waits for a release, or ""."""
         state, reason = self.safety
         return reason.value if state in _STOPPED and self._end is None else ""
 
@@ -314,7 +314,7 @@ class ControlLoop:
         return self._end is None or self.time < self._end
 
 
-# How far from home the arm may be at the start [rad or m].
+# Largest distance of the arm from home at the start [rad or m].
 _HOME = 0.05
 # A lag of the control loop up to this is caught up with [s].
 _CATCH_UP = 0.02
@@ -508,7 +508,7 @@ def _metrics(
     times: RunTimes,
     written: Mapping[str, str],
 ) -> Metrics:
-    """Return the metrics, as far as they can be told without ground truth."""
+    """Return the metrics that need no ground truth."""
     status = loop.status
     metrics = calc_metrics(
         scenario,

@@ -10,7 +10,7 @@ import numpy as np
 from drake_srg.robot.identify.fits import TORQUE_CONSTANT, Identification
 from drake_srg.robot.identify.least_squares import Estimate
 
-_TIED = 0.7  # correlations from here on are worth telling
+_TIED = 0.7  # correlations from here on are reported
 _UNTELLABLE = (
     "The log cannot tell:",
     "  newtons: nothing in it measures a force. Torques are amperes of the servo's own",
@@ -22,7 +22,7 @@ _UNTELLABLE = (
 
 
 def report(result: Identification) -> Iterator[str]:
-    """Yield lines: parameters, correlations, errors, and what the log cannot tell."""
+    """Yield lines: parameters, correlations, errors, and what the log cannot show."""
     yield f"{'parameter':20} {'value':>10} {'95 % interval':>22}"
     for fit in result.fits.values():
         for e in fit.estimates:

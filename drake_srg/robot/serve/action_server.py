@@ -174,7 +174,7 @@ class FollowJointTrajectory:
 
     @property
     def status(self) -> str:
-        """The topic that tells the status of all goals."""
+        """The topic of the status of all goals."""
         return f"{self.name}/_action/status"
 
 

@@ -43,7 +43,7 @@ class Sighting:
 
 
 def read_blobs(text: str) -> tuple[Sighting, ...]:
-    """Return what a message of `serve`'s topic /blobs tells, but for uncertain poses.
+    """Return the certain poses in a message of `serve`'s topic /blobs.
 
     Args:
         text: JSON, as `drake_srg.robot.serve.pictures` describes it.
@@ -75,7 +75,7 @@ def _sighting(time: float, blob: Any) -> Sighting | None:
     return Sighting(str(blob["object_name"]), time, X_WO, clear=not flags)
 
 
-# What is compared, in the order of the ports.
+# Compared quantities, in the order of the ports.
 KINDS = ("joint", "torque", "finger", "object")
 # A difference is over once it is below this share of its limit.
 _OVER = 0.8

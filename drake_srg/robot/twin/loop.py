@@ -98,7 +98,7 @@ class Listener:
                 hand.subscribe(topic, kind, receive)
 
     def take(self) -> Told | None:
-        """Return what has been told, if the arm's state is new since the last call."""
+        """Return the messages if the arm's state is new since the last call."""
         with self._lock:
             told, self._told = self._told, None
             if told is None:
@@ -234,7 +234,7 @@ class Parting:
 
 
 class TwinLoop:
-    """Advances a twin to the times at which its robot has told something.
+    """Advances a twin to the times of its robot's messages.
 
     The twin's clock is the robot's, from 0 on: nothing depends on this machine's speed.
     Between two messages, the robot is taken to move evenly. Only `follow` touches the
@@ -298,7 +298,7 @@ class TwinLoop:
         return self._twin.GetOutputPort(port).Eval(self._own)
 
     def follow(self, told: Told) -> list[Parting]:
-        """Advance to the time of what the robot told; return the new reports.
+        """Advance to the time of the robot's messages; return the new reports.
 
         Raises:
             ScenarioError: If Drake fails.

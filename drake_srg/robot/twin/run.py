@@ -156,10 +156,10 @@ def twin_topics(scenario: Scenario) -> list[Topic]:
 
 
 def _first(listener: Listener, patience: float, stop: threading.Event) -> Told:
-    """Return what the robot tells first.
+    """Return the robot's first messages.
 
     Raises:
-        ScenarioError: If it does not.
+        ScenarioError: If none arrive in time.
     """
     end = wall.monotonic() + patience
     while (told := listener.take()) is None:

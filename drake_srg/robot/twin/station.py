@@ -32,7 +32,7 @@ from drake_srg.types import Vector
 # Over this time the lag is averaged [s].
 _MEMORY = 2.0
 # Mean square of the speed at which half of the lag is made up for [rad²/s² or m²/s²]:
-# a resting arm tells nothing about it.
+# a resting arm reveals nothing about it.
 _SLOW = 1e-3
 # A driver that lags by more is not made up for [s].
 _LARGEST = 0.3
@@ -189,7 +189,7 @@ def AddTwin(
         (station.GetOutputPort("arm.state_measured"), monitor, "arm_state"),
         (station.GetOutputPort("arm.state_measured"), following, "state"),
         (station.GetOutputPort("gripper.state_measured"), monitor, "gripper_state"),
-        # The robot may not tell its fingers, and the twin's weigh as much.
+        # The robot may not publish its fingers' angles; the twin's weigh as much.
         (station.GetOutputPort("gripper.state_measured"), observer, "gripper_state"),
         (torque.GetOutputPort("torque_residual"), monitor, "torque_residual"),
         (objects.get_output_port(), monitor, "object_error"),
@@ -236,7 +236,7 @@ def _followed(scenario: Scenario, n: int) -> Scenario:
     """Return the scenario of the twin's station."""
     assert scenario.arm is not None
     arm = dc.replace(scenario.arm, period=twin_period(scenario))
-    # Any limit makes the station tell the torques that its contacts cause.
+    # With any limit, the station reports the torques that its contacts cause.
     planner = dc.replace(scenario.planner, max_external_torque=[1e9] * n)
     return dc.replace(
         scenario, cameras={}, safety=None, disturbances=[], arm=arm, planner=planner

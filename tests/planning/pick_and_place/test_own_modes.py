@@ -1,7 +1,7 @@
 """Picking and placing with a mode of one's own, and machines of one's own."""
 
 import dataclasses as dc
-import re
+import runpy
 from pathlib import Path
 
 import numpy as np
@@ -44,13 +44,10 @@ from planning.planning_world import (
 BLOBS = AbstractValue.Make([])
 
 
-# The mode that docs/own_modes.md adds.
-PAGE = (Path(__file__).parents[3] / "docs/own_modes.md").read_text("utf-8")
-(BLOCK,) = re.findall(r"```python\n(import enum\n.*?)```", PAGE, re.DOTALL)
-DOCUMENTED: dict = {"__name__": "page"}
-exec(BLOCK, DOCUMENTED)
-Own, Wiggle, TABLE = (DOCUMENTED[n] for n in ("Own", "Wiggle", "OWN_TRANSITIONS"))
-modes_with_wiggle = DOCUMENTED["own_modes"]
+# The mode that docs/state_machine.md adds.
+SHOWN = runpy.run_path(Path(__file__).parents[3] / "examples/extending/wiggle.py")
+Own, Wiggle, TABLE = (SHOWN[n] for n in ("Own", "Wiggle", "OWN_TRANSITIONS"))
+modes_with_wiggle = SHOWN["own_modes"]
 
 
 def own_planner(**changes):
@@ -135,7 +132,7 @@ def test_a_mode_that_needs_a_plan_says_so():
 @pytest.mark.slow
 def test_a_run_with_an_own_mode_is_logged_recorded_and_judged(tmp_path):
     scenario = load_scenario("kitchen_fast")
-    result = Simulate(scenario, out=tmp_path, make_planner=DOCUMENTED["make_planner"])
+    result = Simulate(scenario, out=tmp_path, make_planner=SHOWN["make_planner"])
     assert result.metrics.success, result.metrics.table()
     assert set(result.log["mode"]) >= {float(len(MODES)), 0.0}
     modes = logged_modes(result.log)

@@ -3,6 +3,8 @@
 import nbformat
 import pytest
 
+from drake_srg.objects.household import HOUSEHOLD
+from drake_srg.scenario import list_scenarios
 from make_site import stage
 from make_site.notebooks import notebook_page
 
@@ -55,7 +57,44 @@ def test_every_marker_of_docs_is_known():
     docs = stage.ROOT / "docs"
     pages = [path.read_text("utf-8") for path in docs.rglob("*.md")]
     found = [name for page in pages for name in stage._MARKER.findall(page)]
-    assert sorted(found) == sorted(stage.GENERATED)
+    assert sorted(name for name in found if name != "contents") == sorted(
+        stage.GENERATED
+    )
+
+
+def test_contents_are_the_pages_that_lists_link_to():
+    index = """# Title
+
+A [page](elsewhere.md) in a paragraph.
+
+* [One](../one.md): a line, see [two](two.md#part).
+* [Notebook](../../notebooks/n.ipynb),
+  [three](sub/three.md).
+
+| [Four](four.md) | [five](five.md) |
+"""
+    tree = stage.contents(index).splitlines()
+    assert tree[3:-1] == ["../one", "../notebooks/n", "sub/three", "four"]
+
+
+def test_every_page_is_in_one_table_of_contents():
+    docs = stage.ROOT / "docs"
+    found = []
+    for index in docs.glob("*/index.md"):
+        tree = stage.contents(index.read_text("utf-8")).splitlines()[3:-1]
+        found += [(index.parent / entry).resolve() for entry in tree]
+    pages = [page.with_suffix("") for page in docs.rglob("*.md")]
+    listed = [page for page in pages if page.name not in ("index", "gallery")]
+    assert sorted(set(found) & set(listed)) == sorted(listed)
+    assert len(found) == len(set(found))
+
+
+def test_lists_are_complete():
+    for name in list_scenarios():
+        assert f"| `{name}` |" in stage.GENERATED["scenarios"]()
+    objects = stage.GENERATED["objects"]()
+    assert "| `005_tomato_soup_can` | 68 x 68 x 102 | 349 | 1 |" in objects
+    assert len(objects.splitlines()) == 2 + len(HOUSEHOLD)
 
 
 def test_a_notebook_becomes_a_page(tmp_path):

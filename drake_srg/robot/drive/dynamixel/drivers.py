@@ -28,7 +28,7 @@ class GroupConfig:
     ids: Sequence[int]
     # Largest torque, as a fraction of the stall torque.
     effort: float = 1.0
-    # How far a servo that has rebooted may be from its goal, to be driven on [counts].
+    # Largest distance from its goal at which a rebooted servo is driven on [counts].
     resume_within: float = math.inf
 
 
@@ -207,13 +207,16 @@ class BusThread(BusCycle):
         self._thread = threading.Thread(target=self._run, name="servo bus", daemon=True)
 
     def add(self, group: ServoGroup) -> None:
-        """See `BusCycle`."""
+        """Handle another group of servos from now on."""
         super().add(group)
         if self._thread.ident is None:
             self._thread.start()
 
     def end(self) -> None:
-        """See `BusCycle`; waits for the exchange that is under way."""
+        """Close the bus.
+
+        Waits for the exchange that is under way.
+        """
         self._done.set()
         if self._thread.ident is not None:
             self._thread.join()
@@ -243,7 +246,7 @@ class DynamixelConfig(Config, HardwareDriver):
     # Time between exchanges with all servos, and the longest silence in one [s].
     period: float = dc.field(default=0.01, metadata=positive())
     timeout: float = dc.field(default=0.01, metadata=positive())
-    # How often an instruction is repeated where no intact reply comes.
+    # Number of repetitions of an instruction that gets no intact reply.
     retries: int = dc.field(default=1, metadata={"ge": 0})
 
     def bus_of(self, robot: Robot) -> BusCycle:
@@ -303,18 +306,18 @@ class DynamixelArm(DynamixelConfig):
     # joint's angle or -1: one entry for all joints, or one per joint.
     zero: list[int] = dc.field(default_factory=lambda: [TURN // 2])
     direction: list[int] = dc.field(default_factory=lambda: [1])
-    # Torque of a joint at full load, one entry per joint [N m]; empty: not told.
+    # Torque of a joint at full load, one entry per joint [N m]; empty: unknown.
     full_torque: list[float] = dc.field(default_factory=list)
     # How late the joints follow a steady motion [s]: position servos trail by damping
     # over stiffness and by their ramps, and an exchange comes on top. The emulated
     # servos of the five-axis arm follow 0.11 s late. The safety monitor's
     # `following_error` is wider by what the fastest joint moves meanwhile.
     lag: float = dc.field(default=0.12, metadata={"ge": 0.0})
-    # How far a joint whose servo has rebooted may be from its target, to go on [rad].
+    # Largest distance from its target at which a rebooted joint goes on [rad].
     resume_within: float = dc.field(default=0.05, metadata=positive())
 
     def connect(self, robot: Robot) -> Link:
-        """See `HardwareDriver`."""
+        """Return a link to the hardware."""
         n = len(robot.arm_joints)
         for name, allowed in (
             ("ids", (0, n)),
@@ -349,11 +352,11 @@ class _ArmLink(Link):
         bus.add(self._group)
 
     def take(self) -> PortValues:
-        """See `Link`."""
+        """Return what has been measured since the last call, by output port."""
         return self._mail.take()
 
     def send(self, commands: PortValues) -> None:
-        """See `Link`."""
+        """Command the hardware; a failure to do so must not raise."""
         q = commands["arm.position_commanded"]
         if np.isfinite(q).all():
             counts = np.rint(self._zero + self._direction * q / _COUNT)
@@ -361,7 +364,7 @@ class _ArmLink(Link):
             self._group.goals = dict(zip(self._ids, goals, strict=True))
 
     def close(self) -> None:
-        """See `Link`."""
+        """Disconnect, leaving the hardware where it is. A second call does nothing."""
         self._bus.remove(self._group)
 
     def _receive(self, states: Sequence[ServoState]) -> None:
@@ -393,12 +396,12 @@ class DynamixelGripper(DynamixelConfig):
     # How far the servo goes on at full load while the fingers stand still, because
     # wires stretch [counts].
     stretch: float = dc.field(default=0.0, metadata={"ge": 0.0})
-    # Load that tells of contact, as a fraction of the stall torque. Friction and
+    # Load that means contact, as a fraction of the stall torque. Friction and
     # springs must stay below it, `effort` above.
     contact_load: float = dc.field(default=0.15, metadata=positive(le=1.0))
 
     def connect(self, robot: Robot) -> Link:
-        """See `HardwareDriver`."""
+        """Return a link to the hardware."""
         gripper = robot.scenario.gripper
         if gripper is None:
             raise ScenarioError("hardware: gripper: the scenario has none")
@@ -440,11 +443,11 @@ class _GripperLink(Link):
         bus.add(self._group)
 
     def take(self) -> PortValues:
-        """See `Link`."""
+        """Return what has been measured since the last call, by output port."""
         return self._mail.take()
 
     def send(self, commands: PortValues) -> None:
-        """See `Link`."""
+        """Command the hardware; a failure to do so must not raise."""
         (closure,) = commands["gripper.closure_commanded"]
         if commands["gripper.hold"][0] > 0.5:
             # Fingers that press on something keep their goal, and so their grip.
@@ -460,7 +463,7 @@ class _GripperLink(Link):
             self._group.goals = {self._config.id: goal}
 
     def close(self) -> None:
-        """See `Link`."""
+        """Disconnect, leaving the hardware where it is. A second call does nothing."""
         self._bus.remove(self._group)
 
     def _receive(self, states: Sequence[ServoState]) -> None:

@@ -97,7 +97,7 @@ class Dex1Bridge(Bridge):
         return f"{self._side} hand at rt/dex1/{self._side}, {self.hand.phase.value}"
 
     def update(self, time: float, values: Mapping[str, Vector]) -> None:
-        """See `Bridge`."""
+        """Receive the values of `ports` at a time [s]; called every control period."""
         try:
             for name, reader, obey in self._commands:
                 for sample in reader.take(_BATCH):

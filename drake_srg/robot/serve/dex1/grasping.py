@@ -15,11 +15,11 @@ _STALL_AT_ZERO = 0.04  # the same where the fingers meet: one count [%]
 _BLOCKED = 5.0  # this far from the goal, something blocks the fingers [%]
 _AT_ZERO = 1.0  # goals and positions up to here count as closed [%]
 _SAMPLES = 3  # positions that are compared, and how often they must be close
-_CHANGE = 1.0  # a smaller change of the position is none [%]
+_CHANGE = 1.0  # a smaller change of the position does not count [%]
 
 
 class GraspState(enum.IntEnum):
-    """Where a grasp stands; the numbers are those of the driver's messages."""
+    """State of a grasp, numbered as in the driver's messages."""
 
     IDLE = 0
     MOVING = 1
@@ -37,7 +37,7 @@ FORCES = {
 
 @dc.dataclass(frozen=True)
 class Grasp:
-    """What the manager remembers from cycle to cycle.
+    """The manager's memory from cycle to cycle.
 
     Attributes:
         state: The state.

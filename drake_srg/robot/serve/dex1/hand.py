@@ -37,7 +37,7 @@ _FAULT_EFFORT = 10.0  # with which a faulty hand goes to the middle [%]
 
 
 class Phase(enum.Enum):
-    """What the driver is doing."""
+    """Activities of the driver."""
 
     CLOSING = "closing"  # to find where the fingers meet
     SETTLING = "settling"  # in the middle, after that
@@ -47,7 +47,7 @@ class Phase(enum.Enum):
 
 @dc.dataclass(frozen=True)
 class Reading:
-    """What the driver read from the servo in a cycle.
+    """Values that the driver read from the servo in a cycle.
 
     Attributes:
         position: 100 open, 0 closed [%].

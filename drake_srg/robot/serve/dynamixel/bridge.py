@@ -86,12 +86,12 @@ class WiredGripper(Mechanism):
         self.motors = [SpoolMotor(motor)]
 
     def sense(self, values: Mapping[str, Vector]) -> Sequence[Sensed]:
-        """See `Mechanism`."""
+        """Return the state of each motor from the values of `ports`."""
         (angle, speed), (pwm,), (temperature,) = (values[name] for name in self.ports)
         return [(float(angle), float(speed), float(pwm), float(temperature))]
 
     def command(self, commands: Sequence[MotorCommand | None]) -> PortValues:
-        """See `Mechanism`."""
+        """Return values of the station's input ports for a command per motor."""
         (command,) = commands
         if command is None:
             return {}
@@ -123,7 +123,7 @@ class Arm(Mechanism):
         self._lower, self._upper, self._effort = lower, upper, effort
 
     def sense(self, values: Mapping[str, Vector]) -> Sequence[Sensed]:
-        """See `Mechanism`."""
+        """Return the state of each motor from the values of `ports`."""
         state, torque = (values[name] for name in self.ports)
         q, v = np.split(-state, 2)
         pwm = np.clip(-torque / self._effort, -1.0, 1.0)
@@ -131,7 +131,10 @@ class Arm(Mechanism):
         return [tuple(row) for row in np.c_[q, v, pwm, temperature].tolist()]
 
     def command(self, commands: Sequence[MotorCommand | None]) -> PortValues:
-        """See `Mechanism`; NaN leaves a joint where it is."""
+        """Return values of the station's input ports for a command per motor.
+
+        NaN leaves a joint where it is.
+        """
         q = np.array([math.nan if c is None else -c.position for c in commands])
         return {self.commanded: np.clip(q, self._lower, self._upper)}
 
@@ -154,13 +157,16 @@ class ServoGripper(Mechanism):
         self._travel, self._joints = travel, joints
 
     def sense(self, values: Mapping[str, Vector]) -> Sequence[Sensed]:
-        """See `Mechanism`."""
+        """Return the state of each motor from the values of `ports`."""
         state, pwm = (values[name] for name in self.ports)
         q, v = np.split(-state, 2)
         return [(float(q[0]), float(v[0]), float(-pwm[0]), _AMBIENT)]
 
     def command(self, commands: Sequence[MotorCommand | None]) -> PortValues:
-        """See `Mechanism`; without torque, the fingers are free."""
+        """Return values of the station's input ports for a command per motor.
+
+        Without torque, the fingers are free.
+        """
         (command,) = commands
         if command is None:
             return {}

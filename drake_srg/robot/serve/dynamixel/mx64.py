@@ -57,7 +57,7 @@ class Mx64(Servo):
         super().__init__(motor, warn, number)
 
     def reboot(self) -> None:
-        """See `Servo`."""
+        """Start anew, as after a loss of power: torque off, RAM at its defaults."""
         table = self.table
         table.reset(r.name for r in table.registers if r.address >= table.ram)
         self._registered = b""
@@ -68,7 +68,7 @@ class Mx64(Servo):
     # Motor.
 
     def command(self) -> MotorCommand | None:
-        """See `Servo`."""
+        """Return the command to the motor, or None if the servo has none."""
         if not self._engaged:
             return None
         table = self.table
@@ -148,7 +148,7 @@ _LEAD = 0.5
 _IN_POSITION = 10
 _ARRIVED, _ONGOING = 0x01, 0x02  # bits of the moving status
 _CLEAR_TURNS = b"\x01\x44\x58\x4c\x22"
-# What a factory reset keeps, by its parameter.
+# Registers that a factory reset keeps, by its parameter.
 _KEPT = {0xFF: (), 0x01: ("id",), 0x02: ("id", "baud_rate")}
 
 
@@ -176,7 +176,7 @@ class Mx64P2(Servo):
         self.reboot()
 
     def reboot(self) -> None:
-        """See `Servo`."""
+        """Start anew, as after a loss of power: torque off, RAM at its defaults."""
         table = self.table
         table.reset(r.name for r in table.registers if r.address >= table.ram)
         self._registered = b""
@@ -192,7 +192,7 @@ class Mx64P2(Servo):
     # Motor.
 
     def command(self) -> MotorCommand | None:
-        """See `Servo`."""
+        """Return the command to the motor, or None if the servo has none."""
         if not self._engaged:
             return None
         table, motor, speed = self.table, self._motor, self._state.speed
@@ -311,7 +311,7 @@ class Mx64P2(Servo):
     # Packets.
 
     def answer(self, packet: Packet) -> bytes:
-        """See `Servo`."""
+        """Carry out an instruction; return the status packet, or no bytes."""
         if packet.code == Instruction.STATUS:  # of another servo
             return b""
         self._heard = self._time

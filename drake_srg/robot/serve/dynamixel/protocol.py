@@ -125,7 +125,7 @@ class Packet(abc.ABC):
     def size(cls, data: bytearray) -> int | None:
         """Return the length of the packet that begins with `data`, a header first.
 
-        None if that takes more bytes to tell, and 0 if no packet begins like this.
+        None if that needs more bytes, and 0 if no packet begins like this.
         """
 
     @classmethod
@@ -148,7 +148,7 @@ class Packet(abc.ABC):
     @property
     @abc.abstractmethod
     def status(self) -> Status | None:
-        """A status packet's content; None if the packet is none, or broken."""
+        """Return a status packet's content; None if it is broken or no status."""
 
     @classmethod
     @abc.abstractmethod
@@ -158,7 +158,7 @@ class Packet(abc.ABC):
     @property
     @abc.abstractmethod
     def asked(self) -> list[tuple[int, int, int]]:
-        """What it asks several servos for: ID, address, length of each.
+        """Return the ID, address and length asked of each of several servos.
 
         In the order in which they reply. Empty if the packet is no group read.
         """
@@ -213,13 +213,13 @@ class Packet1(Packet):
     width: ClassVar[int] = 1
 
     def encode(self) -> bytes:
-        """See `Packet`."""
+        """Return the bytes that go over the wire."""
         body = bytes([self.id, len(self.parameters) + 2, self.code, *self.parameters])
         return self.header + body + bytes([_checksum(body)])
 
     @classmethod
     def size(cls, data: bytearray) -> int | None:
-        """See `Packet`."""
+        """Return the length of the packet that begins with `data`, a header first."""
         if len(data) < 4:
             return None
         number, length = data[2:4]
@@ -227,7 +227,7 @@ class Packet1(Packet):
 
     @classmethod
     def decode(cls, data: bytes) -> Self:
-        """See `Packet`."""
+        """Return the packet with exactly these bytes."""
         body, checksum = data[2:-1], data[-1]
         return cls(body[0], body[2], body[3:], _checksum(body) == checksum)
 
@@ -240,12 +240,12 @@ class Packet1(Packet):
         refused: Refusal | None,
         data: bytes,
     ) -> Packet1:
-        """See `Packet`."""
+        """Return the status packet of a servo's ID for an instruction code."""
         return cls(number, fault | (_ERRORS1[refused] if refused else 0), data)
 
     @property
     def status(self) -> Status | None:
-        """See `Packet`."""
+        """Return a status packet's content; None if it is broken or no status."""
         if not self.intact:
             return None
         fault = Fault(self.code & sum(Fault))
@@ -254,13 +254,13 @@ class Packet1(Packet):
 
     @classmethod
     def group_read(cls, numbers: Sequence[int], address: int, size: int) -> Packet1:
-        """See `Packet`."""
+        """Return the instruction that reads the same block of several servos."""
         blocks = [bytes([size, number, address]) for number in numbers]
         return cls(BROADCAST, Instruction.BULK_READ, b"\0" + b"".join(blocks))
 
     @property
     def asked(self) -> list[tuple[int, int, int]]:
-        """See `Packet`."""
+        """Return the ID, address and length asked of each of several servos."""
         if self.code != Instruction.BULK_READ:
             return []
         blocks = self.parameters[1:]
@@ -320,12 +320,12 @@ class Packet2(Packet):
     width: ClassVar[int] = 2
 
     def encode(self) -> bytes:
-        """See `Packet`."""
+        """Return the bytes that go over the wire."""
         return self._framed(_stuffed(bytes([self.code]) + self.parameters))
 
     @classmethod
     def size(cls, data: bytearray) -> int | None:
-        """See `Packet`."""
+        """Return the length of the packet that begins with `data`, a header first."""
         if len(data) < _BEFORE_LENGTH + 2:
             return None
         reserved, number = data[3:5]
@@ -335,7 +335,7 @@ class Packet2(Packet):
 
     @classmethod
     def decode(cls, data: bytes) -> Self:
-        """See `Packet`."""
+        """Return the packet with exactly these bytes."""
         body = data[7:-2].replace(b"\xff\xff\xfd\xfd", b"\xff\xff\xfd")
         intact = _crc(data[:-2]) == int.from_bytes(data[-2:], "little")
         return cls(data[4], body[0], body[1:], intact)
@@ -349,7 +349,7 @@ class Packet2(Packet):
         refused: Refusal | None,
         data: bytes,
     ) -> Packet2:
-        """See `Packet`."""
+        """Return the status packet of a servo's ID for an instruction code."""
         error = _ERRORS2[refused] if refused else 0
         if fault:
             error |= ALERT
@@ -360,7 +360,7 @@ class Packet2(Packet):
 
     @property
     def status(self) -> Status | None:
-        """See `Packet`."""
+        """Return a status packet's content; None if it is broken or no status."""
         if not self.intact or self.code != Instruction.STATUS or not self.parameters:
             return None
         error, data = self.parameters[0], self.parameters[1:]
@@ -373,13 +373,13 @@ class Packet2(Packet):
 
     @classmethod
     def group_read(cls, numbers: Sequence[int], address: int, size: int) -> Packet2:
-        """See `Packet`."""
+        """Return the instruction that reads the same block of several servos."""
         data = cls.to_bytes(address, size) + bytes(numbers)
         return cls(BROADCAST, Instruction.SYNC_READ, data)
 
     @property
     def asked(self) -> list[tuple[int, int, int]]:
-        """See `Packet`."""
+        """Return the ID, address and length asked of each of several servos."""
         parameters = self.parameters
         match self.code:
             case Instruction.SYNC_READ | Instruction.FAST_SYNC_READ:
@@ -406,7 +406,7 @@ class FastStatus(Packet2):
     """
 
     def encode(self) -> bytes:
-        """See `Packet`."""
+        """Return the bytes that go over the wire."""
         return self._framed(bytes([self.code]) + self.parameters)
 
 

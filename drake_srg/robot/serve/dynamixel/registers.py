@@ -302,7 +302,7 @@ class ControlTable1(ControlTable):
 
     @classmethod
     def state(cls, values: Mapping[str, int], fault: str) -> ServoState:
-        """See `ControlTable`."""
+        """Return the state that the registers `reads` hold, with a `Status`'s fault."""
         return ServoState(
             torque=bool(values["torque_enable"]),
             marked=bool(values["led"]),
@@ -319,7 +319,7 @@ class ControlTable1(ControlTable):
 
     @property
     def locked(self) -> bool:
-        """See `ControlTable`."""
+        """Whether the EEPROM is locked."""
         return bool(self["lock"])
 
     def _check_places(
@@ -478,7 +478,7 @@ class ControlTable2(ControlTable):
 
     @classmethod
     def state(cls, values: Mapping[str, int], fault: str) -> ServoState:
-        """See `ControlTable`."""
+        """Return the state that the registers `reads` hold, with a `Status`'s fault."""
         return ServoState(
             torque=bool(values["torque_enable"]),
             marked=bool(values["led"]),
@@ -502,7 +502,7 @@ class ControlTable2(ControlTable):
 
     @property
     def locked(self) -> bool:
-        """See `ControlTable`."""
+        """Whether the EEPROM is locked."""
         return bool(self["torque_enable"])
 
     @property

@@ -248,7 +248,7 @@ class SpoolMotor(Motor):
         self._drive, self._servo = motor.drive, motor.servo
 
     def torque_of_duty(self, duty: float, speed: float) -> float:
-        """See `Motor`.
+        """Return the torque command that gives a duty at a speed [rad/s].
 
         Torque control adds duty against the back-EMF, which is taken off here.
         """
@@ -256,7 +256,7 @@ class SpoolMotor(Motor):
         return useful - self._added(speed)
 
     def limit_of_current(self, current: float, speed: float) -> float:
-        """See `Motor`.
+        """Return the force limit of a current [A] at a speed [rad/s].
 
         Towards the goal (a positive speed) back-EMF takes none of the limit, as in
         torque control.
@@ -408,7 +408,7 @@ class Servo(abc.ABC):
 
     @property
     def _shown_faults(self) -> Fault:
-        """The faults that status packets tell."""
+        """The faults that status packets report."""
         return self._faults
 
     # Packets.

@@ -141,7 +141,7 @@ class Ros1Bridge(RosBridge):
 
     def publish(self, topic: Topic, time: float, values: Sequence[Any]) -> None:
         """Send the message that `topic.convert` makes of values at a time [s]."""
-        # Unlike DDS, nobody keeps a message for subscribers to come.
+        # Unlike in DDS, later subscribers do not get earlier messages.
         if self.has_subscribers(topic.name):
             super().publish(topic, time, values)
 

@@ -58,7 +58,7 @@ _DEFAULT = (
     Policy.History.KeepLast(10),
 )
 _SENSOR = (Policy.Reliability.BestEffort, Policy.History.KeepLast(5))
-# Of an action's status (rcl_action_qos_profile_status_default).
+# QoS of an action's status (rcl_action_qos_profile_status_default).
 _LATCHED = (
     Policy.Reliability.Reliable(max_blocking_time=0),
     Policy.Durability.TransientLocal,
@@ -73,7 +73,7 @@ _RELIABILITIES = {
 # 1 kHz. Beyond that the oldest are lost. Not more, because only the domain's limit
 # bounds their size.
 QUEUE_DEPTH = 100
-# The same for topics of larger messages, pictures, of which only the newest counts.
+# The same for pictures, whose messages are large: only the newest counts.
 _PICTURES_DEPTH = 2
 # Samples taken at once, all of which are then in memory.
 _BATCH = 10
@@ -374,7 +374,7 @@ class CommandReader:
         while found and len(samples) < QUEUE_DEPTH:
             found = list(self._waiting())
             samples = samples + found
-        # Where several topics command the same port, the last message wins.
+        # If several topics command the same port, the last message wins.
         for _, name, cdr in sorted(samples, key=itemgetter(0)):
             self._receive(self._inbox.topics[name], cdr)
 

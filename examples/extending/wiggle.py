@@ -1,13 +1,11 @@
-# A mode of your own in picking and placing
+"""A mode of your own in picking and placing: the hand wiggles before the lift."""
 
-Add steps of your own to the task of our planner, such as a wiggle before the lift.
-
-Modes may be members of an enum of your own, or strings. Add yours to the planner's modes and
-transitions. This one shakes the object a little before it is lifted:
-
-```python
 import enum
 
+import numpy as np
+from pydrake.trajectories import PiecewisePolynomial
+
+from drake_srg import Simulate, load_scenario
 from drake_srg.planning import (
     FATAL,
     TRANSITIONS,
@@ -17,7 +15,6 @@ from drake_srg.planning import (
 )
 from drake_srg.station import MakePlanner
 from drake_srg.types import Mode
-from pydrake.trajectories import PiecewisePolynomial
 
 
 class Own(enum.Enum):
@@ -32,11 +29,12 @@ class Wiggle(Carrying):
     mode = Own.WIGGLE
 
     def trajectory(self, memory):
+        """Return the motion of the arm's joints."""
         q = memory.motion.destination
         turned = q.copy()
         turned[-1] += 0.1
         return PiecewisePolynomial.CubicShapePreserving(
-            [0.0, 0.3, 0.6], list(zip(q, turned, q)), True
+            [0.0, 0.3, 0.6], np.vstack((q, turned, q)).T, True
         )
 
 
@@ -55,17 +53,17 @@ OWN_TRANSITIONS = {
 
 
 def own_modes(config, replanner, repeat):
+    """Return the actions of every mode."""
     wiggle = Wiggle(config, replanner, repeat)
     return {**task_modes(config, replanner, repeat), Own.WIGGLE: wiggle}
 
 
 def make_planner(scenario):
+    """Return the planner of a scenario, with the mode."""
     transition = Transitions(OWN_TRANSITIONS, FATAL)
     return MakePlanner(scenario, make_modes=own_modes, transition=transition)
-```
 
-Run it with `Simulate(scenario, make_planner=make_planner)`. Log, timeline, replay, rosbag and
-video show the mode by its name. In the log, `mode` numbers your modes on from the last of ours,
-and `mode_name` has all names. A run ends in a mode named `done` or `failed`, so a machine whose
-modes are all your own ends its runs, too. Where you override `enter` or `update`, call that of
-the base class. A mode without a row or without actions is refused when the planner is made.
+
+if __name__ == "__main__":
+    result = Simulate(load_scenario("kitchen_fast"), make_planner=make_planner)
+    print(result.metrics.table())
