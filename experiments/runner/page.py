@@ -1,4 +1,8 @@
-"""The pages of the experiments on the site, made from the committed results."""
+"""Pages made from the committed results: those of the experiments, and quoted figures.
+
+README.md and docs/figures.md quote results in text that is read in the repository, too.
+Their text between two markers is that of a template, with its values filled in.
+"""
 
 from __future__ import annotations
 
@@ -20,8 +24,12 @@ from experiments.runner.committed import (
     read_stamps,
     show_time,
 )
-from experiments.runner.sources import code_of
+from experiments.runner.sources import ROOT, code_of
 
+# Pages that quote results, by their templates in data/.
+QUOTING = {"readme.md": ROOT / "README.md", "figures.md": ROOT / "docs/figures.md"}
+_BLOCK = re.compile("(?<=<!-- figures -->\n).*(?=<!-- end of figures -->\n)", re.DOTALL)
+_OLD = "†"  # behind figures whose experiment runs other code since
 _VALUE = re.compile(r"\{(\w+)\|([^|}]+)\|([^|}]+)\|([^}]+)\}")
 
 
@@ -124,9 +132,40 @@ def fill(text: str, folder: Path = COMMITTED) -> str:
         ]
         if not values:
             raise KeyError(f"{experiment}: no row {name!r}, {quantity!r}")
-        return format(min(values) if name == "*" else values[0], form)
+        text = format(min(values) if name == "*" else values[0], form)
+        return text.replace("%", " %")
 
     return _VALUE.sub(value, text)
+
+
+def quoting_pages() -> dict[Path, str]:
+    """Return the text of each page that quotes results, as it must be.
+
+    Lines with figures of code that has changed since are marked.
+
+    Raises:
+        KeyError: If a row that is quoted does not exist.
+    """
+    stamps, texts = read_stamps(), {}
+    old = {name for name, stamp in stamps.items() if stale(name, stamp)}
+
+    def filled(line: str) -> str:
+        quoted = {match.group(1) for match in _VALUE.finditer(line)}
+        text, cell = fill(line), " |" * line.endswith(" |")
+        return f"{text.removesuffix(cell)} {_OLD}{cell}" if quoted & old else text
+
+    for template, page in QUOTING.items():
+        lines = (FOLDER / "data" / template).read_text(encoding="utf-8").splitlines()
+        block = "".join(f"{filled(line)}\n" for line in lines)
+        text = page.read_text(encoding="utf-8")
+        texts[page] = _BLOCK.sub(block.replace("\\", r"\\"), text)
+    return texts
+
+
+def write_quoting_pages() -> None:
+    """Fill the committed values into the pages that quote them."""
+    for page, text in quoting_pages().items():
+        page.write_text(text, encoding="utf-8")
 
 
 def claims_table() -> str:

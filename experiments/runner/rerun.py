@@ -44,6 +44,7 @@ from experiments.runner.committed import (
     write_stamp,
 )
 from experiments.runner.experiment import chosen
+from experiments.runner.page import write_quoting_pages
 from experiments.runner.run import RESULT, align
 from experiments.runner.sources import ROOT
 
@@ -124,6 +125,7 @@ def rerun(options: argparse.Namespace) -> int:
         say(f"{name}: {len(rows)} rows, {len(report.changes[name])} failed or changed")
     if options.accept:
         accept(made, OUT)
+        write_quoting_pages()
         report.accepted = True
     print(report.text())
     return SUCCESS if report.good else TASK_FAILED

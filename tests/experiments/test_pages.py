@@ -58,34 +58,18 @@ def test_the_index_fits_a_screen_and_has_every_experiment():
     assert not [name for name in find_experiments() if f"/{name}.md" not in index]
 
 
-CAN, HELD = "hold_drift|can, gripper_bench", "payload_wrap|wrap, side|largest mass held"
-README = [
-    ("singles", "of the {singles|all|counted|.0f} that fit the hand"),
-    ("free_closing", "{free_closing|tip|angle at equal force|.1f} %"),
-    ("payload_wrap", f"{{{HELD}|.1f}} kg"),
-    ("payload_wrap", "{specimen|specimen|wire force at 80 % effort|.0f} N"),
-    ("hold_drift", f"{{{CAN}_accurate|creep over 10 s|.1f}} um/s"),
-    ("hold_drift", f"{{{CAN}_fast|creep over 10 s|.0f}} um/s on the fast bench"),
-]
+@pytest.mark.parametrize("file", page.QUOTING.values(), ids=lambda file: file.name)
+def test_quoted_figures_are_those_of_the_results(file):
+    """`python -m experiments pages` writes them."""
+    assert file.read_text(encoding="utf-8") == page.quoting_pages()[file]
 
 
-def line_of_readme(name):
-    pattern = rf"^\|.*drake-srg experiment {name}`.*$"
-    (line,) = re.findall(pattern, (ROOT / "README.md").read_text(), re.MULTILINE)
-    return line
-
-
-@pytest.mark.parametrize(("name", "text"), README)
-def test_figures_of_the_readme_are_those_of_the_results(name, text):
-    assert page.fill(text) in line_of_readme(name)
-
-
-def test_first_grasps_of_the_readme_are_those_of_the_results():
-    share, counted = (
-        float(page.fill(f"{{singles|all|{quantity}|.9g}}"))
-        for quantity in ("in the bin, first grasp", "counted")
-    )
-    assert f"{share * counted:.0f} of the" in line_of_readme("singles")
+def test_a_line_is_marked_if_a_result_in_it_is_of_other_code(monkeypatch):
+    monkeypatch.setattr(page, "stale", lambda name, stamp: name == "singles")
+    text = page.quoting_pages()[page.QUOTING["readme.md"]]
+    marked = [line for line in text.splitlines() if line.endswith("† |")]
+    assert len(marked) == 1
+    assert "`drake-srg experiment singles`" in marked[0]
 
 
 @pytest.mark.slow
