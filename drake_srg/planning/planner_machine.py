@@ -142,6 +142,14 @@ class PlannerConfig(MotionConfig):
     # Time between evaluations of the state machine [s].
     period: float = dc.field(default=0.01, metadata=positive())
 
+    # Whether the planner moves several arms. Its ports then begin with their names.
+    several_arms: ClassVar[bool] = False
+
+    @property
+    def feels(self) -> bool:
+        """Whether the planner needs the external torques of its arms."""
+        return self.max_external_torque is not None
+
 
 @dc.dataclass(kw_only=True)
 class PickAndPlace(PlannerConfig):
