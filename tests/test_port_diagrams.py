@@ -218,6 +218,9 @@ def systems(tmp_path_factory):
             add("Interpolation", arm_driver.GetSubsystemByName("interpolator"))
         for system in subsystems(cell):
             add(type(system).__name__, system)
+    handed = MakeCell(load_scenario("handover"))
+    alive.append(handed)
+    add("HandoverPlanner", handed.GetSubsystemByName("planner"))
     for planner in servoed_planners():
         alive.append(planner)
         add("ServoedPlanner", planner)

@@ -15,7 +15,13 @@ from pydrake.trajectories import (
 )
 
 from drake_srg.common.geometry import Solid
-from drake_srg.planning.grasps.grasps import PALM_Y, Grasp, Hand
+from drake_srg.planning.grasps.grasps import (
+    PALM_Y,
+    Grasp,
+    Hand,
+    carrying,
+    place_target,
+)
 from drake_srg.planning.grasps.srg_hand import Approach, SrgGrasp
 from drake_srg.planning.handover.config import Handover, HandoverMode
 from drake_srg.planning.motion.arm_model import restores_fingers
@@ -199,6 +205,9 @@ class HandoverTaskPlanner(TaskPlanner):
             obstacles: Other objects and their poses [m].
             tried: Names of the giver's grasps that failed.
         """
+        out_of_reach = self._no_goal(shape, X_WO_goal, obstacles)
+        if out_of_reach is not None:
+            return out_of_reach
         failures: list[PlanningFailure] = []
         q_waiting = self.receiver.q_home
         for X_WO_met in self.meetings():
@@ -215,6 +224,32 @@ class HandoverTaskPlanner(TaskPlanner):
                 failures.append(error.failure)
         blocked = [f for f in failures if f.failure is Failure.BLOCKED]
         return (blocked or failures)[0]
+
+    def _no_goal(
+        self, shape: Solid, X_WO_goal: RigidTransform, obstacles: Obstacles
+    ) -> PlanningFailure | None:
+        """Return why the receiver cannot set the object down; None: it can."""
+        receiver, failures = self.receiver, list[IkFailure]()
+        for grasp in taking_grasps(receiver.hand, shape, self._handover.grip_height):
+            with (
+                self.receiver_beside(self.q_home, {}),
+                receiver.standing(obstacles),
+                carrying(receiver.scene, shape, grasp, supported=True),
+            ):
+                found = solve_inverse_kinematics(
+                    receiver.scene,
+                    place_target(grasp, X_WO_goal, self._handover.place_height),
+                    q_nominal=receiver.q_home,
+                )
+            if not isinstance(found, IkFailure):
+                return None
+            failures.append(found)
+        if not failures:
+            why = f"the receiver knows no grasp from the side of a {shape}"
+            return PlanningFailure(Failure.NO_GRASP, why)
+        nearest = min(failures, key=lambda failure: failure.violation)
+        message = f"the receiver cannot set it down: {nearest.message}"
+        return PlanningFailure(nearest.failure, message)
 
     def meetings(self) -> list[RigidTransform]:
         """Return upright poses of the object in which it may change hands [m]."""
@@ -260,9 +295,6 @@ class HandoverTaskPlanner(TaskPlanner):
         X_WO = RigidTransform(X_WO.translation())  # round: its turn has no meaning
         height = self._handover.grip_height
         grasps = taking_grasps(self.receiver.hand, shape, height)
-        if not grasps:
-            why = f"the receiver knows no grasp from the side of a {shape}"
-            raise NoPathError(PlanningFailure(Failure.NO_GRASP, why))
         failures: list[PlanningFailure] = []
         for turn in (None, *np.linspace(0.0, 2.0 * np.pi, _TURNS, endpoint=False)):
             for grasp in grasps:
