@@ -5,6 +5,7 @@ import dataclasses as dc
 import pytest
 
 from drake_srg.common.exceptions import ScenarioError
+from drake_srg.planning.handover.config import Handover
 from drake_srg.planning.insertion.config import Insert
 from drake_srg.planning.planner_machine import Clear, PickAndPlace, PlannerConfig
 from drake_srg.planning.servoing.config import Servoing

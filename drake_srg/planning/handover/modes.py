@@ -7,6 +7,7 @@ transfer on, the receiver does. These are the modes in between.
 from __future__ import annotations
 
 import dataclasses as dc
+from typing import Any
 
 import numpy as np
 from pydrake.trajectories import Trajectory
@@ -57,7 +58,7 @@ class HandoverReplanner(Replanner):
     """
 
     def __init__(
-        self, planner: HandoverTaskPlanner, own: tuple, *, receiver: bool
+        self, planner: HandoverTaskPlanner, own: tuple[Any, ...], *, receiver: bool
     ) -> None:
         super().__init__(planner.receiver if receiver else planner, *own)
         self._beside = planner.receiver_beside if receiver else planner.giver_beside

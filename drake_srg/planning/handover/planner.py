@@ -16,10 +16,19 @@ from drake_srg.planning.handover.config import (
     HandoverSenses,
     Side,
 )
-from drake_srg.planning.handover.modes import HandoverReplanner, handover_modes
+from drake_srg.planning.handover.modes import (
+    HandoverReplanner,
+    handover_modes,
+    memory_of,
+)
 from drake_srg.planning.handover.motions import HandoverTaskPlanner
 from drake_srg.planning.motion.arm_motion import Motion
-from drake_srg.planning.pick_and_place.knowledge import FATAL, TRANSITIONS, Senses
+from drake_srg.planning.pick_and_place.knowledge import (
+    FATAL,
+    TRANSITIONS,
+    PlannerMemory,
+    Senses,
+)
 from drake_srg.planning.pick_and_place.sightings import Sightings, View
 from drake_srg.planning.planner_machine import (
     Condition,
@@ -107,7 +116,7 @@ HANDOVER_TRANSITIONS: Table = {
 handover_transition = Transitions(HANDOVER_TRANSITIONS, FATAL)
 
 
-class HandoverPlanner(PlannerMachine[HandoverMemory, Senses]):
+class HandoverPlanner(PlannerMachine[PlannerMemory, Senses]):
     """Picks an object with one arm, hands it to another one, and places it with that.
 
     .. pydrake_system::
@@ -199,7 +208,7 @@ class HandoverPlanner(PlannerMachine[HandoverMemory, Senses]):
 
     def sense(self, context: Context) -> Senses:
         """Return the measurements of both arms, that whose turn it is first."""
-        receiving = self.state(context).memory.receiving
+        receiving = memory_of(self.state(context).memory).receiving
         first, second = (
             self._senses(context, self._names[receiver])
             for receiver in (receiving, not receiving)

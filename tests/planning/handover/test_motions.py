@@ -1,5 +1,7 @@
 """The motions of a handover: who reaches what, and that the arms keep clear."""
 
+import itertools
+
 import numpy as np
 import pytest
 from pydrake.math import RigidTransform
@@ -95,7 +97,7 @@ def test_motions_follow_one_another_without_a_jump(planner, plan):
     carrying += [receiver[m] for m in (Mode.RETREAT, Mode.HOME)]
     pull = receiver[HandoverMode.PULL]
     for row in (order, [*taking, pull], [*taking, *carrying]):
-        for first, second in zip(row[:-1], row[1:], strict=True):
+        for first, second in itertools.pairwise(row):
             end = first.value(first.end_time())
             np.testing.assert_allclose(end, second.value(0.0), atol=1e-6)
     for row, home in ((order, planner.q_home), (carrying, planner.receiver.q_home)):
