@@ -304,6 +304,7 @@ class Failure(enum.Enum):
     NO_HOLE = "no_hole"
     HOLE_BLOCKED = "hole_blocked"
     TOO_TIGHT = "too_tight"
+    NOT_TAKEN = "not_taken"
 
 
 @dc.dataclass(frozen=True, eq=False)

@@ -27,6 +27,7 @@ from drake_srg.scenario import Scenario, load_scenario
 from drake_srg.simulation.recorders import AddRecorders
 from drake_srg.station import MakeCell, MakeStation
 from drake_srg.station.cameras import MakeRemoteCameras
+from drake_srg.station.planners import MakeHandoverPlanner
 from drake_srg.station.servoing import MakeServoingPlanner
 from drake_srg.station.video_process import RemoteVideoRecorder
 from drake_srg.types import Box
@@ -247,6 +248,7 @@ def systems(tmp_path_factory):
     add("PolicyPlanner", PolicyPlanner(*hand, workspace=Workspace.of(kitchen)))
     add("GraspPlanner", GraspPlanner(*hand))
     for name, system in [
+        ("HandoverPlanner", MakeHandoverPlanner(load_scenario("handover"))),
         *served_systems(),
         *hardware_systems().items(),
         *servoed_hardware_systems(),

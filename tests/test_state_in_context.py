@@ -51,6 +51,7 @@ def own_systems(diagram):
         ("kitchen_tendon", ["gripper.drive.dead_band=0.1"]),
         ("kitchen_impedance", []),
         ("insert", []),
+        ("handover", []),
         ("assistive_arm", ["gripper.errors={latency: 0.01, encoder_noise: 1.0e-4}"]),
         ("clear_table", []),
         ("thesis_kitchen", []),

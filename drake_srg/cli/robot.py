@@ -455,6 +455,7 @@ def calibrate(options: argparse.Namespace) -> int:
         take_shots,
     )
     from drake_srg.robot.calibrate.solve import calibrate as solve
+    from drake_srg.scenario.schema import check_single_arm
     from drake_srg.station.planners import own_scene
     from drake_srg.sweeps.files import write_file, write_folder
 
@@ -462,6 +463,7 @@ def calibrate(options: argparse.Namespace) -> int:
     if count is not None and options.board != _BOARD:
         raise ScenarioError("--board: needs a folder of --images")
     scenario = load(options)
+    check_single_arm(scenario, "calibrate camera")
     if scenario.arm is None or scenario.gripper is None:
         raise ScenarioError(f"{options.scenario}: needs an arm and a gripper")
     camera = options.camera or next(iter(scenario.localizer.cameras), "")

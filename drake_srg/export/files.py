@@ -18,6 +18,7 @@ from drake_srg.export.model import FOLDER, Meshes, Model
 from drake_srg.export.sdf import to_sdf
 from drake_srg.export.urdf import to_urdf
 from drake_srg.scenario import Scenario
+from drake_srg.scenario.schema import check_single_arm
 from drake_srg.station.plant import AddPlant
 
 # Formats, and the suffixes of their files.
@@ -60,6 +61,7 @@ def export_scenario(scenario: Scenario, kind: str, out: Path) -> list[ExportedMo
     """
     if kind not in FORMATS:
         raise ScenarioError(f"format {kind!r}: unknown {suggest(kind, FORMATS)}")
+    check_single_arm(scenario, "export")
     driver = scenario.gripper
     if kind != "mjcf" and driver is not None and driver.wire_motor is not None:
         # Without tendons, the joints keep the model's own share of the motor.

@@ -25,6 +25,7 @@ from drake_srg.learning.policy import Policy, check_sizes, load_policy, policy_d
 from drake_srg.learning.rules import BUILT_IN, RANDOM, named_rule, random_policy
 from drake_srg.objects.models import known_shape, simple_shape
 from drake_srg.scenario import Scenario, draw_scenario, load_tree
+from drake_srg.scenario.schema import check_single_arm
 from drake_srg.simulation import Result, Simulate
 from drake_srg.station import MakeCell
 from drake_srg.station.plant import MakeModelsPlant
@@ -259,6 +260,7 @@ def evaluate_in_cell(
     # Mistakes show here, not in every trial.
     actor = cell_policy(policy, environment_id(environment), seed)
     drawn = draw_scenario(tree, scenario, seed).scenario
+    check_single_arm(drawn, "a policy")
     check_driver(policy, drawn, scenario)
     with scenario_errors(Path(scenario).stem):
         MakeCell(drawn, make_planner=functools.partial(make_planner, actor))

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 
 import numpy as np
 from pydrake.common.value import AbstractValue
@@ -81,9 +81,15 @@ class ContactReader:
     Args:
         plant: The finalized plant that computes the results.
         name: Model instance of the object.
+        robots: Model instances of arms and grippers.
     """
 
-    def __init__(self, plant: MultibodyPlant, name: str) -> None:
+    def __init__(
+        self,
+        plant: MultibodyPlant,
+        name: str,
+        robots: Collection[str] = ("arm", "gripper"),
+    ) -> None:
         own = plant.GetModelInstanceByName(name)
         self._name = name
         self._keys: dict[int, str] = {}  # by the geometry's number
@@ -92,7 +98,7 @@ class ContactReader:
             key = plant.GetModelInstanceName(model)
             for body in map(plant.get_body, plant.GetBodyIndices(model)):
                 free = body.is_floating_base_body()
-                named = model == own or free or key in ("arm", "gripper")
+                named = model == own or free or key in robots
                 for geometry in plant.GetCollisionGeometriesForBody(body):
                     self._keys[geometry.get_value()] = key if named else "support"
             for body_id in deformables.GetBodyIds(model):
@@ -105,7 +111,7 @@ class ContactReader:
             contacts: Value of the plant's output port `contact_results`.
 
         Returns:
-            Forces by `gripper`, `arm`, the names of other objects, and `support` for
+            Forces by the names of grippers, arms and other objects, and `support` for
             everything else. Only bodies that touch the object appear.
         """
         forces: dict[str, float] = {}

@@ -7,6 +7,7 @@ A planner consists of what is known (a `MotionMemory`), where each mode leads
 import abc
 import contextlib
 import dataclasses as dc
+import functools
 import time as wall
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from typing import ClassVar, Generic, TypeAlias, TypeVar
@@ -17,7 +18,7 @@ from pydrake.systems.framework import BasicVector, Context, DependencyTicket
 from pydrake.trajectories import Trajectory
 
 from drake_srg.config import positive
-from drake_srg.lifetime import LeafSystem
+from drake_srg.lifetime import LeafSystem, weak
 from drake_srg.planning.motion.arm_motion import Motion
 from drake_srg.planning.motion.limits import MotionConfig
 from drake_srg.planning.state_machine import (
@@ -141,6 +142,14 @@ class PlannerConfig(MotionConfig):
     cut_corners: bool = False
     # Time between evaluations of the state machine [s].
     period: float = dc.field(default=0.01, metadata=positive())
+
+    # Whether the planner moves several arms. Its ports then begin with their names.
+    several_arms: ClassVar[bool] = False
+
+    @property
+    def feels(self) -> bool:
+        """Whether the planner needs the external torques of its arms."""
+        return self.max_external_torque is not None
 
 
 @dc.dataclass(kw_only=True)
@@ -268,6 +277,14 @@ class MotionMemory(Memory, abc.ABC):
     motion: Motion  # the arm's; at first, it rests at home
     closure: float = 0.0  # commanded, 0 open .. 1 closed
 
+    def commands(self, arm: str) -> tuple[Motion, float]:
+        """Return the motion and the commanded closure of an arm.
+
+        Args:
+            arm: Its name; empty: the only arm. Override this for several.
+        """
+        return self.motion, self.closure
+
     @abc.abstractmethod
     def status(self, mode: AnyMode) -> PlannerStatus:
         """Return the planner's report on its task in a mode."""
@@ -336,6 +353,8 @@ class PlannerMachine(
         transition: Returns the mode that follows from (mode, observation, time in the
             mode [s], config).
         config: Its period is the time between updates.
+        arms: Names of the arms, of as many joints each. The ports of one that has a
+            name begin with `NAME.`.
 
     Raises:
         ValueError: If `transition` is a `Transitions` that leads to a mode without
@@ -351,6 +370,7 @@ class PlannerMachine(
         memory: MotionMemoryT,
         transition: Callable[[AnyMode, Observation, float, PlannerConfig], AnyMode],
         config: PlannerConfig,
+        arms: Sequence[str] = ("",),
     ) -> None:
         if isinstance(transition, Transitions):
             transition.check_actions(modes)
@@ -362,20 +382,24 @@ class PlannerMachine(
             period=config.period,
         )
         self._n, self._n_fingers = len(memory.motion.q_rest), 0
-        AddPlannerOutputs(
-            self,
-            self._n,
-            position=self._calc_position,
-            closure=self._calc_closure,
-            status=self._calc_status,
-            prerequisites={self.state_ticket},
-        )
+        for arm in arms:
+            AddCommandOutputs(
+                self,
+                self._n,
+                f"{arm}." if arm else "",
+                position=functools.partial(weak(self._calc_position), arm),
+                closure=functools.partial(weak(self._calc_closure), arm),
+                prerequisites={self.state_ticket},
+            )
+        AddStatusOutput(self, self._calc_status, {self.state_ticket})
 
     def motion(self, context: Context) -> Motion:
         """Return the arm's motion under way, which `position_commanded` follows."""
         return self.state(context).memory.motion
 
-    def declare_hand_inputs(self, num_fingers: int, num_sensors: int) -> None:
+    def declare_hand_inputs(
+        self, num_fingers: int, num_sensors: int, prefix: str = ""
+    ) -> None:
         """Declare the inputs that `hand_senses` reads.
 
         They are `arm_state` (2N) and `gripper_state` (2n), [q; v] in rad and rad/s;
@@ -385,6 +409,7 @@ class PlannerMachine(
         Args:
             num_fingers: Number n of the gripper's measured joints.
             num_sensors: Number m of its proximity readings.
+            prefix: What the ports' names begin with.
         """
         self._n_fingers = num_fingers
         for name, size in (
@@ -393,33 +418,39 @@ class PlannerMachine(
             ("grasped", 1),
             ("proximity", num_sensors),
         ):
-            self.DeclareVectorInputPort(name=name, size=size)
+            self.DeclareVectorInputPort(name=f"{prefix}{name}", size=size)
 
     def hand_senses(
-        self, context: Context, see: Callable[[], SeenT]
+        self, context: Context, see: Callable[[], SeenT], prefix: str = ""
     ) -> HandSenses[SeenT]:
         """Return the measurements at the inputs of `declare_hand_inputs`.
 
         Args:
             context: The planner's.
             see: Looks through the cameras; called only when a mode looks.
+            prefix: What the ports' names begin with.
         """
-        gripper = self.GetInputPort("gripper_state").Eval(context)
+
+        def read(name: str) -> Vector:
+            value: Vector = self.GetInputPort(f"{prefix}{name}").Eval(context)
+            return value
+
+        gripper = read("gripper_state")
         return HandSenses(
-            q=self.GetInputPort("arm_state").Eval(context)[: self._n],
+            q=read("arm_state")[: self._n],
             fingers=gripper[: self._n_fingers],
             finger_speeds=gripper[self._n_fingers :],
-            grasped=bool(self.GetInputPort("grasped").Eval(context)[0]),
-            proximity=self.GetInputPort("proximity").Eval(context),
+            grasped=bool(read("grasped")[0]),
+            proximity=read("proximity"),
             see=see,
         )
 
-    def _calc_position(self, context: Context, output: BasicVector) -> None:
-        position = self.motion(context).position(context.get_time())
-        output.SetFromVector(position)
+    def _calc_position(self, arm: str, context: Context, output: BasicVector) -> None:
+        motion, _ = self.state(context).memory.commands(arm)
+        output.SetFromVector(motion.position(context.get_time()))
 
-    def _calc_closure(self, context: Context, output: BasicVector) -> None:
-        output[0] = self.state(context).memory.closure
+    def _calc_closure(self, arm: str, context: Context, output: BasicVector) -> None:
+        _, output[0] = self.state(context).memory.commands(arm)
 
     def _calc_status(self, context: Context, output: AbstractValue) -> None:
         state = self.state(context)
@@ -446,16 +477,59 @@ def AddPlannerOutputs(
         status: Calculates the `PlannerStatus`.
         prerequisites: What all three depend on.
     """
+    AddCommandOutputs(
+        planner,
+        num_joints,
+        position=position,
+        closure=closure,
+        prerequisites=prerequisites,
+    )
+    AddStatusOutput(planner, status, prerequisites)
+
+
+def AddCommandOutputs(
+    planner: LeafSystem,
+    num_joints: int,
+    prefix: str = "",
+    *,
+    position: Callable[[Context, BasicVector], None],
+    closure: Callable[[Context, BasicVector], None],
+    prerequisites: set[DependencyTicket],
+) -> None:
+    """Add the outputs `position_commanded` and `closure_commanded` of one arm.
+
+    Args:
+        planner: See `AddPlannerOutputs`, as for the other arguments.
+        num_joints: Of the arm.
+        prefix: What the ports' names begin with.
+        position: Calculates the joint positions.
+        closure: Calculates the closure.
+        prerequisites: What both depend on.
+    """
     for name, size, calc, tickets in (
         ("position_commanded", num_joints, position, {planner.time_ticket()}),
         ("closure_commanded", 1, closure, set()),
     ):
         planner.DeclareVectorOutputPort(
-            name=name,
+            name=f"{prefix}{name}",
             size=size,
             calc=calc,
             prerequisites_of_calc=prerequisites | tickets,
         )
+
+
+def AddStatusOutput(
+    planner: LeafSystem,
+    status: Callable[[Context, AbstractValue], None],
+    prerequisites: set[DependencyTicket],
+) -> None:
+    """Add the output `status`.
+
+    Args:
+        planner: The planner.
+        status: Calculates the `PlannerStatus`.
+        prerequisites: What it depends on.
+    """
     planner.DeclareAbstractOutputPort(
         name="status",
         alloc=lambda: AbstractValue.Make(PlannerStatus()),

@@ -111,19 +111,23 @@ def string(name: str, port: str, model: AbstractValue | None = None) -> Topic:
     return Topic(name, kind, {port: model or AbstractValue.Make(object())}, convert)
 
 
-def _safety_topics() -> tuple[Topic, Topic]:
+def _safety_topics(safety: str) -> tuple[Topic, Topic]:
     """Return the topics of a safety monitor: state with reason, and speed.
 
     The state is text: "running", or such as "protective_stop: stale".
+
+    Args:
+        safety: What the monitor's ports begin with.
     """
+    topic = _topic(safety)
     kind = "std_msgs/msg/String"
 
     def convert(make: MakeMessage, time: float, value: Any) -> Any:
         return make(kind, data=describe_safety(value))
 
     return (
-        Topic("/safety/state", kind, {"safety.state": 2}, convert),
-        float64("/safety/speed_scale", "safety.speed_scale"),
+        Topic(f"{topic}/state", kind, {f"{safety}.state": 2}, convert),
+        float64(f"{topic}/speed_scale", f"{safety}.speed_scale"),
     )
 
 
@@ -234,44 +238,86 @@ def joint_states(joints: Mapping[str, Sequence[str]]) -> Topic:
     return Topic("/joint_states", kind, ports, convert, optional=optional)
 
 
+@dc.dataclass(frozen=True)
+class ArmNames:
+    """The names of an arm with its gripper, for its topics.
+
+    Attributes:
+        arm_joints: Of the arm's joints; empty: no arm.
+        gripper_joints: Of the gripper's actuated joints; empty: no gripper.
+        sensors: Number of finger sensors.
+        arm: What the arm's ports begin with.
+        gripper: The same of the gripper.
+        safety: The same of the safety monitor; empty: there is none.
+        felt: Whether the station tells the arm's external torques.
+    """
+
+    arm_joints: Sequence[str] = ()
+    gripper_joints: Sequence[str] = ()
+    sensors: int = 0
+    arm: str = "arm"
+    gripper: str = "gripper"
+    safety: str = ""
+    felt: bool = False
+
+    def topics(self) -> list[Topic]:
+        """Return the topics of commands and of what the fingers sense."""
+        arm, gripper, size = self.arm, self.gripper, len(self.arm_joints)
+        return [
+            _array(arm, "position_commanded", size),
+            float64(
+                f"{_topic(gripper)}/closure_commanded", f"{gripper}.closure_commanded"
+            ),
+            _array(gripper, "proximity", self.sensors),
+            _array(gripper, "contact_force", self.sensors),
+        ]
+
+    def monitored(self) -> list[Topic]:
+        """Return the topics of the safety monitor and of external torques."""
+        torque = _array(self.arm, "external_torque", len(self.arm_joints))
+        return [
+            *(_safety_topics(self.safety) if self.safety else ()),
+            *([torque] if self.felt else []),
+        ]
+
+
+def _topic(ports: str) -> str:
+    """Return the topic of what ports begin with: `left.gripper` is /left/gripper."""
+    return "/" + ports.replace(".", "/")
+
+
+def _array(ports: str, name: str, size: int) -> Topic:
+    return float64_array(f"{_topic(ports)}/{name}", f"{ports}.{name}", size)
+
+
 def cell_topics(
-    arm_joints: Sequence[str],
-    gripper_joints: Sequence[str],
-    sensors: int,
+    arms: Sequence[ArmNames],
     cameras: Mapping[str, float] | None = None,
     *,
     located: bool = False,
-    watched: bool = False,
-    felt: bool = False,
 ) -> list[Topic]:
     """Return the topics of a cell.
 
     Args:
-        arm_joints: Names of the arm's joints; empty: no arm.
-        gripper_joints: Names of the gripper's actuated joints; empty: no gripper.
-        sensors: Number of finger sensors.
+        arms: Names of its arms.
         cameras: Camera name to the time between its images [s].
         located: Whether the planner locates one object to pick.
-        watched: Whether the station has a safety monitor.
-        felt: Whether the station tells the arm's external torques.
     """
-    size = len(arm_joints)
-    joints = {"arm": arm_joints, "gripper": gripper_joints}
-    joints = {instance: names for instance, names in joints.items() if names}
+    joints = {
+        instance: names
+        for arm in arms
+        for instance, names in (
+            (arm.arm, arm.arm_joints),
+            (arm.gripper, arm.gripper_joints),
+        )
+        if names
+    }
     return [
         clock(),
         *([joint_states(joints)] if joints else []),
-        float64_array("/arm/position_commanded", "arm.position_commanded", size),
-        float64("/gripper/closure_commanded", "gripper.closure_commanded"),
-        float64_array("/gripper/proximity", "gripper.proximity", sensors),
-        float64_array("/gripper/contact_force", "gripper.contact_force", sensors),
+        *(topic for arm in arms for topic in arm.topics()),
         string("/planner/mode", "planner.mode"),
-        *(_safety_topics() if watched else ()),
-        *(
-            [float64_array("/arm/external_torque", "arm.external_torque", size)]
-            if felt
-            else []
-        ),
+        *(topic for arm in arms for topic in arm.monitored()),
         *([object_pose(OBJECT_POSE, "planner.status")] if located else []),
         *(
             image(

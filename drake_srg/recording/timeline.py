@@ -160,6 +160,18 @@ def timeline_panels(timeline: Timeline) -> list[Panel]:
     Raises:
         ValueError: If a series and `time` differ in length, or there are no series.
     """
+    panels = _panels(timeline)
+    count = len(timeline.time)
+    if timeline.mode and len(timeline.mode) != count:
+        raise ValueError(
+            f"Timeline: mode needs {count} samples like time, got {len(timeline.mode)}"
+        )
+    if not panels:
+        raise ValueError("Timeline: needs at least one series besides time and mode")
+    return panels
+
+
+def _panels(timeline: Timeline) -> list[Panel]:
     arm = (timeline.arm_velocity, timeline.arm_torque)
     joints = max(0 if one is None else np.shape(one)[1] for one in arm)
     arm_names = [f"joint {i + 1}" for i in range(joints)]
@@ -195,12 +207,6 @@ def timeline_panels(timeline: Timeline) -> list[Panel]:
                 f"Timeline: {field} needs {count} samples like time, got {len(values)}"
             )
         panels.append((label, values, names))
-    if timeline.mode and len(timeline.mode) != count:
-        raise ValueError(
-            f"Timeline: mode needs {count} samples like time, got {len(timeline.mode)}"
-        )
-    if not panels:
-        raise ValueError("Timeline: needs at least one series besides time and mode")
     return panels
 
 
@@ -286,6 +292,23 @@ def _draw_modes(all_axes: npt.NDArray[Any], time: Vector, mode: Sequence[str]) -
 
 
 @dc.dataclass(frozen=True)
+class ArmLabels:
+    """Labels of the columns of one of several arms.
+
+    Attributes:
+        name: The arm's.
+        gripper_joints: Names of the gripper's measured joints.
+        sensors: Names of the finger sensors.
+        arm_slides: Whether the arm's joints are prismatic.
+    """
+
+    name: str
+    gripper_joints: tuple[str, ...] = ()
+    sensors: tuple[str, ...] = ()
+    arm_slides: bool = False
+
+
+@dc.dataclass(frozen=True)
 class Labels:
     """Labels of a log's columns.
 
@@ -296,6 +319,7 @@ class Labels:
         gripper_joints: Names of the gripper's measured joints.
         sensors: Names of the finger sensors.
         arm_slides: Whether the arm's joints are prismatic.
+        arms: Those of several arms, in place of the three before.
     """
 
     title: str
@@ -304,33 +328,73 @@ class Labels:
     sensors: tuple[str, ...] = ()
     arm_slides: bool = False
     signals: tuple[str, ...] = ()
+    arms: tuple[ArmLabels, ...] = ()
+
+    def tree(self) -> dict[str, Any]:
+        """Return what `of_tree` takes, for JSON."""
+        tree = dc.asdict(self)
+        if not self.arms:
+            del tree["arms"]
+        return tree
+
+    @classmethod
+    def of_tree(cls, tree: Mapping[str, Any]) -> Labels:
+        """Return the labels of a tree.
+
+        Raises:
+            TypeError: If it has other entries than labels.
+        """
+        arms = tuple(ArmLabels(**arm) for arm in tree.get("arms", ()))
+        return cls(**{**tree, "arms": arms})
 
 
 def run_timeline(log: Mapping[str, npt.NDArray[Any]], labels: Labels) -> Timeline:
     """Return the timeline of a log that `Simulate` or `AddRecording` wrote."""
     if labels.signals:
         return _signal_timeline(log, labels)
-    arm = log.get("arm.state_measured")
-    gripper = log.get("gripper.state_measured")
     poses = log.get(pose_key(labels.pick))
-    return Timeline(
+    whole = Timeline(
         time=log["time"],
         mode=logged_modes(log),
+        grip_force=log.get("contact_force"),
+        object_height=None if poses is None else poses[:, 2],
+        title=labels.title,
+    )
+    if not labels.arms:
+        return _with_arm(whole, log, labels, "arm", "gripper")
+    panels: list[Panel] = []
+    for arm in labels.arms:
+        own = Timeline(time=log["time"])
+        own = _with_arm(own, log, arm, arm.name, f"{arm.name}.gripper")
+        for label, values, names in _panels(own):
+            panels.append((f"{arm.name} {label}", values, names))
+    return dc.replace(whole, signals=panels)
+
+
+def _with_arm(
+    timeline: Timeline,
+    log: Mapping[str, npt.NDArray[Any]],
+    labels: Labels | ArmLabels,
+    arm_ports: str,
+    gripper_ports: str,
+) -> Timeline:
+    """Return a timeline with the series of an arm and its gripper."""
+    arm = log.get(f"{arm_ports}.state_measured")
+    gripper = log.get(f"{gripper_ports}.state_measured")
+    return dc.replace(
+        timeline,
         gripper_position=(
             None if gripper is None else gripper[:, : len(labels.gripper_joints)]
         ),
         gripper_joints=[
             _words(n.removesuffix("_joint")) for n in labels.gripper_joints
         ],
-        closure=log.get("gripper.closure_commanded"),
-        proximity=log.get("gripper.proximity"),
+        closure=log.get(f"{gripper_ports}.closure_commanded"),
+        proximity=log.get(f"{gripper_ports}.proximity"),
         sensors=[_words(name) for name in labels.sensors],
-        grip_force=log.get("contact_force"),
         arm_velocity=None if arm is None else arm[:, arm.shape[1] // 2 :],
-        arm_torque=log.get("arm.torque_measured"),
+        arm_torque=log.get(f"{arm_ports}.torque_measured"),
         arm_slides=labels.arm_slides,
-        object_height=None if poses is None else poses[:, 2],
-        title=labels.title,
     )
 
 

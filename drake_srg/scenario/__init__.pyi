@@ -4,14 +4,17 @@ from drake_srg.scenario.load import draw_scenario as draw_scenario
 from drake_srg.scenario.load import list_scenarios as list_scenarios
 from drake_srg.scenario.load import load_scenario as load_scenario
 from drake_srg.scenario.load import load_tree as load_tree
+from drake_srg.scenario.schema import ArmConfig as ArmConfig
 from drake_srg.scenario.schema import LocalizerConfig as LocalizerConfig
 from drake_srg.scenario.schema import PlaceConfig as PlaceConfig
 from drake_srg.scenario.schema import RecordingConfig as RecordingConfig
 from drake_srg.scenario.schema import RegionConfig as RegionConfig
+from drake_srg.scenario.schema import RobotArm as RobotArm
 from drake_srg.scenario.schema import Scenario as Scenario
 from drake_srg.scenario.schema import TableConfig as TableConfig
 from drake_srg.scenario.schema import TaskConfig as TaskConfig
 from drake_srg.scenario.schema import is_continuous as is_continuous
 from drake_srg.scenario.schema import perception_cameras as perception_cameras
+from drake_srg.scenario.schema import robot_arms as robot_arms
 from drake_srg.scenario.schema import script_of as script_of
 from drake_srg.scenario.schema import servo_of as servo_of

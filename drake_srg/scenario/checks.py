@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import dataclasses as dc
+import re
 from collections.abc import Iterator, Mapping
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from pydrake.multibody.parsing import ModelDirective
 from pydrake.systems.sensors import CameraConfig
@@ -14,13 +15,11 @@ from drake_srg.common.systems import contact_approximations
 from drake_srg.objects.config import ObjectConfig
 from drake_srg.objects.disturber import Topple
 from drake_srg.scenario.planner import planner_problems
+from drake_srg.scenario.schema import RobotArm, Scenario, robot_arms
 from drake_srg.scenario.typed_yaml import describe, fail
 from drake_srg.theses.script import Script
 from drake_srg.types import Box
 from drake_srg.vision.color import COLORS
-
-if TYPE_CHECKING:
-    from drake_srg.scenario.schema import Scenario
 
 _ALL, _ROW = "all", "row"
 _ALLOWED = "all, a list of names, {colour: COLOUR}"
@@ -173,7 +172,9 @@ def clear_problems(scenario: Scenario) -> Iterator[tuple[str, str]]:
 def _bin_problems(scenario: Scenario) -> Iterator[tuple[str, str]]:
     """Yield bins that are not there, and what the cameras cannot tell."""
     added = [d.add_model.name for d in scenario.directives if d.add_model is not None]
-    models = [name for name in added if name not in ("arm", "gripper")]
+    arms = robot_arms(scenario)
+    moving = {*(a.arm_model for a in arms), *(a.gripper_model for a in arms)}
+    models = [name for name in added if name not in moving]
     place = scenario.task.place
     taken: dict[str, str] = {}  # what has a bin already: the bin
     for name, selection in place.bins.items():
@@ -215,7 +216,9 @@ def _problems(scenario: Scenario) -> Iterator[tuple[str, str]]:
     """Yield the key and the description of each problem."""
     yield from _config_problems(scenario)
     yield from _step_problems(scenario)
-    yield from _gripper_problems(scenario)
+    yield from _arms_problems(scenario)
+    for robot in robot_arms(scenario):
+        yield from _gripper_problems(robot)
     yield from _pick_problems(scenario)
     for name, config in scenario.objects.items():
         yield from _object_problems(scenario, f"objects.{name}", config)
@@ -276,10 +279,12 @@ def _step_problems(scenario: Scenario) -> Iterator[tuple[str, str]]:
         return
     # A tendon driver would update as often as the plant, and a held object would
     # creep (docs/speed.md).
-    driver = scenario.gripper
-    if driver is not None and driver.needs_discrete_plant:
-        tag = f"!{type(driver).__name__}"
-        yield "gripper", f"{tag} cannot be used with integrator {_CENIC}"
+    for robot in robot_arms(scenario):
+        driver = robot.gripper
+        if driver is not None and driver.needs_discrete_plant:
+            tag = f"!{type(driver).__name__}"
+            problem = f"{tag} cannot be used with integrator {_CENIC}"
+            yield f"{robot.key}gripper", problem
     for key, period in _periods(scenario):
         # These are exact in binary. 1024 periods of 10 ms miss 10.24 s by a rounding
         # error, and in a step that short, contact goes astray (docs/speed.md). Drake
@@ -300,7 +305,10 @@ def _periods(scenario: Scenario) -> Iterator[tuple[str, float]]:
     if scenario.twin.period is not None:
         yield "twin.period", scenario.twin.period
     planner = () if isinstance(scenario.planner, Script) else ("planner", "localizer")
-    for key in ("arm", "gripper", *planner):
+    for robot in robot_arms(scenario):
+        yield from _periods_of(f"{robot.key}arm", robot.arm)
+        yield from _periods_of(f"{robot.key}gripper", robot.gripper)
+    for key in planner:
         yield from _periods_of(key, getattr(scenario, key))
 
 
@@ -314,13 +322,33 @@ def _periods_of(key: str, config: object) -> Iterator[tuple[str, float]]:
                 yield from _periods_of(f"{key}.{field.name}", value)
 
 
-def _gripper_problems(scenario: Scenario) -> Iterator[tuple[str, str]]:
-    driver = scenario.gripper
+# What an arm may not be called: ports and models have these names.
+_TAKEN = ("arm", "gripper", "safety", "planner", "localizer", "station", "object")
+
+
+def _arms_problems(scenario: Scenario) -> Iterator[tuple[str, str]]:
+    """Yield the problems of several arms: their names, and a short form besides."""
+    if not scenario.arms:
+        return
+    for key in ("arm", "gripper", "safety"):
+        if getattr(scenario, key) is not None:
+            problem = f"must be null with arms ({', '.join(scenario.arms)})"
+            yield key, f"{problem}: write arms.NAME.{key}"
+    for name, each in scenario.arms.items():
+        if not re.fullmatch("[a-z][a-z0-9_]*", name) or name in _TAKEN:
+            allowed = f"lower case letters, digits and _; not {', '.join(_TAKEN)}"
+            yield f"arms.{name}", f"must have another name (allowed: {allowed})"
+        if each.arm is None:
+            yield f"arms.{name}.arm", "must be given"
+
+
+def _gripper_problems(robot: RobotArm) -> Iterator[tuple[str, str]]:
+    driver, key = robot.gripper, f"{robot.key}gripper"
     if driver is None:
         return
     if driver.trigger not in driver.sensors():
         yield (
-            "gripper.trigger",
+            f"{key}.trigger",
             f"must name a sensor, got {driver.trigger!r} "
             f"(allowed: {', '.join(driver.sensors())})",
         )
@@ -328,7 +356,7 @@ def _gripper_problems(scenario: Scenario) -> Iterator[tuple[str, str]]:
         count = len(getattr(driver.servo, gain))
         if count != driver.num_motors:
             problem = f"needs one entry per motor ({driver.num_motors}), got {count}"
-            yield f"gripper.servo.{gain}", problem
+            yield f"{key}.servo.{gain}", problem
 
 
 def _pick_problems(scenario: Scenario) -> Iterator[tuple[str, str]]:

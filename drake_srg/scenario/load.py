@@ -104,8 +104,14 @@ def _entry(path: Sequence[str], tree: Any) -> Any:
 
 
 def _with_arm_driver(tree: Mapping[str, Any]) -> Mapping[str, Any]:
-    """Return the tree with an arm that is position-controlled, unless it has a tag."""
-    arm = tree.get("arm")
+    """Return the tree with arms that are position-controlled, unless they have tags."""
+    arm, arms = tree.get("arm"), tree.get("arms")
+    if isinstance(arms, Mapping):
+        named = {
+            name: _with_arm_driver(each) if isinstance(each, Mapping) else each
+            for name, each in arms.items()
+        }
+        tree = {**tree, "arms": named}
     if not isinstance(arm, Mapping) or "_tag" in arm:
         return tree
     return {**tree, "arm": {**arm, "_tag": f"!{ArmPositionDriver.__name__}"}}

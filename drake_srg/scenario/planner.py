@@ -6,6 +6,7 @@ from collections.abc import Iterator, Mapping
 from typing import TYPE_CHECKING, Any
 
 from drake_srg.arm.impedance import ArmImpedanceDriver
+from drake_srg.planning.handover.config import Handover
 from drake_srg.planning.insertion.config import Insert
 from drake_srg.planning.planner_machine import Clear, PickAndPlace
 from drake_srg.planning.servoing.config import Servoing
@@ -57,11 +58,13 @@ def planner_problems(scenario: Scenario) -> Iterator[tuple[str, str]]:
         yield from _servo_problems(scenario, planner)
     if isinstance(planner, Insert):
         yield from _insertion_problems(scenario, planner)
+    if isinstance(planner, Handover):
+        yield from _handover_problems(scenario, planner)
 
 
 def _task_problems(scenario: Scenario) -> Iterator[tuple[str, str]]:
     kind, clears = type(scenario.planner), scenario.task.clear is not None
-    if clears and kind in (PickAndPlace, Servoing, Insert, Taught):
+    if clears and kind in (PickAndPlace, Servoing, Insert, Handover, Taught):
         problem = (
             f"must have the tag !{Clear.__name__} with this task.pick, got "
             f"!{kind.__name__}: write planner: !{Clear.__name__} {{...}}"
@@ -106,6 +109,24 @@ def _insertion_problems(
         if (believed := getattr(planner, key)) != is_so:
             problem = f"must be that of arm.cartesian ({is_so:g}), got {believed:g}"
             yield f"planner.{key}", problem
+
+
+def _handover_problems(
+    scenario: Scenario, planner: Handover
+) -> Iterator[tuple[str, str]]:
+    if scenario.task.repeat > 1:
+        problem = "must be 1 with planner: !Handover, which gives one way only"
+        yield "task.repeat", f"{problem}, got {scenario.task.repeat}"
+    allowed = ", ".join(scenario.arms) or "none"
+    for key in ("giver", "receiver"):
+        if (name := getattr(planner, key)) not in scenario.arms:
+            yield f"planner.{key}", f"unknown arm {name!r} (allowed: {allowed})"
+    if planner.giver == planner.receiver:
+        yield "planner.receiver", f"must not be the giver, {planner.giver!r}"
+    sizes = {len(each.arm.home) for each in scenario.arms.values() if each.arm}
+    if len(sizes) > 1:
+        problem = "must have as many joints each with planner: !Handover"
+        yield "arms", f"{problem}, got {', '.join(map(str, sorted(sizes)))}"
 
 
 def _servo_problems(scenario: Scenario, planner: Servoing) -> Iterator[tuple[str, str]]:

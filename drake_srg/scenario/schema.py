@@ -5,10 +5,13 @@ Drake's own schema. `base: NAME` lays a file over another. Any numeric field may
 of Drake's distributions, drawn from `random_seed`.
 """
 
+import contextlib
 import dataclasses as dc
 import functools
 import operator
 import typing
+import zlib
+from collections.abc import Iterator
 
 from pydrake.geometry import SceneGraphConfig
 from pydrake.multibody.parsing import ModelDirective
@@ -19,12 +22,14 @@ from pydrake.systems.sensors import CameraConfig
 from drake_srg.arm.driver import ArmDriver
 from drake_srg.arm.drivers import DRIVERS as ARM_DRIVERS
 from drake_srg.arm.safety.config import SafetyConfig
+from drake_srg.common.exceptions import ScenarioError
 from drake_srg.config import Config, positive
 from drake_srg.gripper.driver import GripperDriver
 from drake_srg.gripper.drivers import DRIVERS
 from drake_srg.objects.config import ClutterConfig, ObjectConfig, SleepingConfig
 from drake_srg.objects.disturber import Force, Push, Topple
 from drake_srg.objects.slides import SlideConfig
+from drake_srg.planning.handover.config import Handover
 from drake_srg.planning.insertion.config import Insert
 from drake_srg.planning.planner_machine import Clear, PickAndPlace, PlannerConfig
 from drake_srg.planning.servoing.config import Servoing, ServoingConfig
@@ -86,6 +91,7 @@ PLANNERS: tuple[type[PlannerConfig], ...] = (
     Clear,
     Servoing,
     Insert,
+    Handover,
     Taught,
     Script,
 )
@@ -246,6 +252,22 @@ class RecordingConfig(Config):
 
 
 @dc.dataclass(kw_only=True)
+class ArmConfig(Config):
+    """One of several arms, by name: its driver, its gripper's, and its limits.
+
+    The arm's model among `directives` has the arm's name, its gripper's model that name
+    with `.gripper` after it.
+    """
+
+    # Driver of the arm, chosen by its tag. It must be given.
+    arm: _ArmDriver | None = None
+    # Driver of the arm's gripper, chosen by its tag; null: there is no gripper.
+    gripper: _Driver | None = None
+    # Limits of the arm's motion that hold whatever commands it; null: none.
+    safety: SafetyConfig | None = None
+
+
+@dc.dataclass(kw_only=True)
 class Scenario(Config):
     """A robot cell, its objects and its task, as a scenario file states them."""
 
@@ -259,7 +281,8 @@ class Scenario(Config):
     # the simulation they pass through each other, which saves time. The planner still
     # keeps them apart.
     ignored_contacts: list[list[str]] = dc.field(default_factory=list)
-    # All models except `objects`. The actuated ones are named `arm` and `gripper`.
+    # All models except `objects`. The actuated ones are named `arm` and `gripper`; with
+    # `arms`, NAME and NAME.gripper.
     directives: list[ModelDirective] = dc.field(default_factory=list)
     # Driver of the model `arm`, chosen by its tag; null: there is no arm.
     arm: _ArmDriver | None = None
@@ -267,6 +290,9 @@ class Scenario(Config):
     gripper: _Driver | None = None
     # Limits of the arm's motion that hold whatever commands it; null: none.
     safety: SafetyConfig | None = None
+    # Several arms, by name, in place of `arm`, `gripper` and `safety`; see
+    # docs/two_arms.md.
+    arms: dict[str, ArmConfig] = dc.field(default_factory=dict)
     # Drake's cameras, by name.
     cameras: dict[str, CameraConfig] = dc.field(default_factory=dict)
     # Imperfections of cameras by name; a camera without an entry is ideal.
@@ -316,7 +342,15 @@ def accept_planner(planner: type[PlannerConfig]) -> None:
 
 
 def _accept(key: str, accepted: type[object]) -> None:
-    (field,) = (field for field in dc.fields(Scenario) if field.name == key)
+    for owner in (Scenario, ArmConfig):
+        for field in dc.fields(owner):
+            if field.name == key:
+                _widen(owner, field, accepted)
+
+
+def _widen(
+    owner: type[object], field: dc.Field[typing.Any], accepted: type[object]
+) -> None:
     # `None`, which only some keys take, stays last.
     known = [kind for kind in typing.get_args(field.type) if kind is not type(None)]
     optional = [None] if len(known) < len(typing.get_args(field.type)) else []
@@ -329,7 +363,87 @@ def _accept(key: str, accepted: type[object]) -> None:
     # Scenario class would be another type than the one that all functions take. So the
     # type is widened here, in the field for Drake and in the annotation for
     # `check_tree`, until Drake takes tags from elsewhere.
-    field.type = Scenario.__annotations__[key] = choice
+    field.type = owner.__annotations__[field.name] = choice
+
+
+@dc.dataclass(frozen=True)
+class RobotArm:
+    """An arm with its gripper, as all of the package tells it from others.
+
+    The only arm of a scenario, in `arm` and `gripper`, has no name. So whatever serves
+    several arms serves one.
+    """
+
+    name: str = ""  # empty: the scenario's only arm
+    arm: ArmDriver | None = None
+    gripper: GripperDriver | None = None
+    safety: SafetyConfig | None = None
+
+    @property
+    def prefix(self) -> str:
+        """What precedes the names of ports that the name alone does not tell apart."""
+        return f"{self.name}." if self.name else ""
+
+    @property
+    def arm_model(self) -> str:
+        """The arm's model instance, and what its ports begin with: `arm` or NAME."""
+        return self.name or "arm"
+
+    @property
+    def gripper_model(self) -> str:
+        """The same of the gripper: `gripper` or `NAME.gripper`."""
+        return f"{self.prefix}gripper"
+
+    @property
+    def key(self) -> str:
+        """What precedes `arm`, `gripper` and `safety` among the scenario's keys."""
+        return f"arms.{self.name}." if self.name else ""
+
+    @contextlib.contextmanager
+    def named_errors(self) -> Iterator[None]:
+        """Have errors about a driver's key name the arm that it belongs to."""
+        try:
+            yield
+        except (ScenarioError, ValueError) as error:
+            words = str(error)
+            if self.name and words.startswith(("arm", "gripper", "safety")):
+                raise ScenarioError(f"{self.key}{words}") from None
+            raise
+
+    def system(self, name: str) -> str:
+        """Return the name of the arm's own system in a diagram."""
+        return f"{self.name}_{name}" if self.name else name
+
+    def seed(self, seed: int) -> int:
+        """Return the seed of the arm's noise: no two arms have the same."""
+        return zlib.crc32(f"{seed}/{self.name}".encode()) if self.name else seed
+
+
+def robot_arms(scenario: Scenario) -> list[RobotArm]:
+    """Return a scenario's arms; without `arms`, one that may lack arm and gripper."""
+    if not scenario.arms:
+        return [RobotArm("", scenario.arm, scenario.gripper, scenario.safety)]
+    return [
+        RobotArm(name, each.arm, each.gripper, each.safety)
+        for name, each in scenario.arms.items()
+    ]
+
+
+def check_single_arm(scenario: Scenario, what: str) -> None:
+    """Check that a scenario has no more than one arm.
+
+    Args:
+        scenario: The scenario.
+        what: What takes one arm only, for the message.
+
+    Raises:
+        ScenarioError: If it has several.
+    """
+    if scenario.arms:
+        raise ScenarioError(
+            f"arms: {what} takes one arm, got {', '.join(scenario.arms)} (allowed: a "
+            "scenario with arm and gripper)"
+        )
 
 
 def script_of(scenario: Scenario) -> list[ScriptStep]:

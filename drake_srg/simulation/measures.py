@@ -6,7 +6,7 @@ Unless stated otherwise, arrays have one row per sample: `time` [s], `mode` (ind
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 import numpy.typing as npt
@@ -14,7 +14,7 @@ from pydrake.math import RigidTransform
 
 from drake_srg.common.log_format import MODES, is_pose, pose_key
 from drake_srg.common.safety_states import SafetyState, safety_state
-from drake_srg.scenario import Scenario
+from drake_srg.scenario import RobotArm, Scenario, robot_arms
 from drake_srg.station.plant import MakeModelsPlant
 from drake_srg.types import Mode, Vector
 
@@ -68,26 +68,51 @@ AT_REST = 0.005
 _NO_JERK = 1e-6
 
 
-def arm_states(log: Mapping[str, Vector]) -> Vector | None:
-    """Return the arm's true states [q; v], or the measured ones if there are none."""
-    return log.get("arm.state_cheat", log.get("arm.state_measured"))
+def arm_states(
+    log: Mapping[str, Vector], arms: Sequence[RobotArm] = (RobotArm(),)
+) -> Vector | None:
+    """Return the arms' true states [q; v], or the measured ones if there are none.
+
+    Args:
+        log: Arrays of log.npz.
+        arms: The arms. Of several, q has the joints of all, one arm after the other.
+    """
+    states = [
+        log.get(
+            f"{arm.arm_model}.state_cheat", log.get(f"{arm.arm_model}.state_measured")
+        )
+        for arm in arms
+    ]
+    found = [state for state in states if state is not None]
+    if len(found) < 2:
+        return found[0] if found else None
+    halves = [np.split(state, 2, axis=1) for state in found]
+    return np.hstack([*(q for q, _ in halves), *(v for _, v in halves)])
 
 
-def safety_stops(log: Mapping[str, Vector]) -> list[dict[str, float | str]] | None:
-    """Return when a safety monitor stopped the arm, and why; None without a monitor.
+def safety_stops(
+    log: Mapping[str, Vector], arms: Sequence[RobotArm] = (RobotArm(),)
+) -> list[dict[str, float | str]] | None:
+    """Return when safety monitors stopped arms, and why; None without a monitor.
 
     Each stop has a `time_s`, that of the first sample in which the arm is stopped, and
-    a `reason`, the value of a `StopReason`.
+    a `reason`, the value of a `StopReason`. Of several arms, it names the `arm`, too.
     """
-    if "safety.state" not in log:
-        return None
-    states = [safety_state(row) for row in log["safety.state"]]
-    running = [state is SafetyState.RUNNING for state, _ in states]
-    return [
-        {"time_s": float(log["time"][i]), "reason": states[i][1].value}
-        for i in range(len(states))
-        if not running[i] and (i == 0 or running[i - 1])
-    ]
+    stops: list[dict[str, float | str]] = []
+    monitored = [arm for arm in arms if f"{arm.prefix}safety.state" in log]
+    for arm in monitored:
+        states = [safety_state(row) for row in log[f"{arm.prefix}safety.state"]]
+        running = [state is SafetyState.RUNNING for state, _ in states]
+        stops += [
+            {
+                "time_s": float(log["time"][i]),
+                "reason": states[i][1].value,
+                **({"arm": arm.name} if arm.name else {}),
+            }
+            for i in range(len(states))
+            if not running[i] and (i == 0 or running[i - 1])
+        ]
+    return sorted(stops, key=lambda stop: stop["time_s"]) if monitored else None
 
 
 def final_speed(time: Vector, poses: Vector) -> float:
@@ -100,13 +125,14 @@ def final_speed(time: Vector, poses: Vector) -> float:
 
 
 def is_home(scenario: Scenario, log: Mapping[str, Vector]) -> bool:
-    """Return whether the arm is at home at the end."""
-    if scenario.arm is None:
+    """Return whether all arms are at home at the end."""
+    arms = robot_arms(scenario)
+    homes = [arm.arm.home for arm in arms if arm.arm is not None]
+    if not homes:
         return True
-    states = arm_states(log)
+    states, home = arm_states(log, arms), np.concatenate(homes)
     assert states is not None
-    q = states[-1, : len(scenario.arm.home)]
-    return bool(np.max(np.abs(q - scenario.arm.home)) <= _MAX_HOME_ERROR)
+    return bool(np.max(np.abs(states[-1, : len(home)] - home)) <= _MAX_HOME_ERROR)
 
 
 def grasp_shift(mode: Vector, poses: Vector) -> float | None:
@@ -152,7 +178,12 @@ def hold_drift(
     log: Mapping[str, Vector],
     poses: Vector,
 ) -> float | None:
-    """Return the object's speed in the hand while the lifted arm dwells [m/s]."""
+    """Return the object's speed in the hand while the lifted arm dwells [m/s].
+
+    None also with several arms: no mode tells whose hand holds the object.
+    """
+    if scenario.arms:
+        return None
     rows = _last_rows(mode, Mode.LIFT)
     if len(rows) == 0 or not np.any(mode == MODES.index(Mode.TRANSFER)):
         return None

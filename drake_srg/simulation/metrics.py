@@ -12,8 +12,9 @@ import numpy as np
 from drake_srg.common.log_format import MODES, pose_key, row_to_pose
 from drake_srg.objects.models import simple_shape
 from drake_srg.recording.output import OutputFile, counted, verdict
-from drake_srg.scenario import Scenario
+from drake_srg.scenario import Scenario, robot_arms
 from drake_srg.simulation import measures
+from drake_srg.simulation.between_arms import count_arm_contacts, min_arm_distance
 from drake_srg.simulation.clearing import clearing_outcome
 from drake_srg.station.planners import final_pose, final_tilt
 from drake_srg.types import Failure, Mode, PlannerStatus, Vector
@@ -26,6 +27,12 @@ OF_SEVERAL = (
     *("objects_sorted", "objects_in_wrong_bin"),
     *("picks", "picks_held", "picks_delivered", "picks_per_hour"),
     *("multi_object_picks", "multi_object_picks_seen"),
+)
+
+# Entries that are left out where they are null.
+OF_SOME = (
+    *("safety_stops", "claimed", "off_table", "kinds"),
+    *("min_arm_distance_m", "arm_contacts"),
 )
 
 # Limits for an object that rests upright.
@@ -109,6 +116,10 @@ class Metrics:
     off_table: list[str] | None = None
     # Only with clutter: the kind of each object that a seed has drawn.
     kinds: dict[str, str] | None = None
+    # Only with several arms: the least distance between two of them in any sample of
+    # the log, and how often they touched each other.
+    min_arm_distance_m: float | None = None
+    arm_contacts: int | None = None
 
     def table(self) -> str:
         """Return the most important metrics as text."""
@@ -140,6 +151,7 @@ class Metrics:
             ("largest grip force", show(self.peak_contact_force_n, 1.0, "N")),
             ("other objects moved", show(self.others_moved_m, 1e3, "mm")),
             *self._off_table_rows(),
+            *self._arms_rows(),
             *(
                 ("safety stop", f"{stop['reason']} at {stop['time_s']:.2f} s")
                 for stop in self.safety_stops or ()
@@ -180,6 +192,13 @@ class Metrics:
         names = ", ".join(map(self._called, self.off_table or ()))
         return [("off the table", names)] if names else []
 
+    def _arms_rows(self) -> list[tuple[str, str]]:
+        if self.min_arm_distance_m is None:
+            return []
+        near = f"{rounded(1e3 * self.min_arm_distance_m)} mm"
+        contacts = counted(self.arm_contacts or 0, "contact")
+        return [("between the arms", f"{near} at least, {contacts}")]
+
     def _multi_object_rows(self) -> list[tuple[str, str]]:
         if not self.multi_object_picks and not self.multi_object_picks_seen:
             return []
@@ -204,7 +223,7 @@ class Metrics:
             fields = {k: v for k, v in fields.items() if k not in OF_SEVERAL}
         if self.claimed is not None:
             fields["success"] = None
-        for name in ("safety_stops", "claimed", "off_table", "kinds"):
+        for name in OF_SOME:
             if fields[name] is None:
                 del fields[name]
         text = json.dumps(fields)
@@ -244,7 +263,7 @@ def calc_metrics(
         times: Duration of the run.
         artifacts: Paths of the files that the run wrote, by kind.
     """
-    pick = scenario.task.pick
+    pick, arms = scenario.task.pick, robot_arms(scenario)
     time, mode = log["time"], log["mode"].astype(int)
     poses = log.get(pose_key(pick))
     placed, error, tilt, turn = False, None, None, None
@@ -314,7 +333,7 @@ def calc_metrics(
         placement_tilt_rad=tilt,
         grasp_lifted=lifted,
         grasp_shift_m=shift,
-        smoothness=measures.smoothness(time, mode, measures.arm_states(log)),
+        smoothness=measures.smoothness(time, mode, measures.arm_states(log, arms)),
         hold_drift_m_per_s=drift,
         peak_contact_force_n=peak,
         others_moved_m=others,
@@ -322,9 +341,11 @@ def calc_metrics(
         wall_time_s=times.wall,
         real_time_factor=times.simulated / times.wall,
         artifacts=artifacts,
-        safety_stops=measures.safety_stops(log),
+        safety_stops=measures.safety_stops(log, arms),
         off_table=off_table or None,
         kinds=kinds_of(scenario) or None,
+        min_arm_distance_m=min_arm_distance(scenario, log),
+        arm_contacts=count_arm_contacts(log),
         **({} if cleared is None else cleared.metrics()),
     )
 

@@ -16,12 +16,12 @@ from pydrake.systems.framework import Diagram, DiagramBuilder
 from drake_srg.common.systems import output_ports
 from drake_srg.recording.output import Recorder
 from drake_srg.recording.recording import FILES
-from drake_srg.recording.rosbag import RosbagRecorder, Topic, cell_topics
+from drake_srg.recording.rosbag import ArmNames, RosbagRecorder, Topic, cell_topics
 from drake_srg.recording.scene_topics import scene_topics as topics_of_scene
-from drake_srg.recording.timeline import Labels
+from drake_srg.recording.timeline import ArmLabels, Labels
 from drake_srg.recording.video import VideoRecorder, View
 from drake_srg.scenario import Scenario
-from drake_srg.scenario.schema import script_of
+from drake_srg.scenario.schema import RobotArm, robot_arms, script_of
 from drake_srg.simulation.metrics import kinds_of
 from drake_srg.station.plant import AddDirectives, AddObjects, MakeModelsPlant
 from drake_srg.station.video_process import RemoteVideoRecorder, VideoProcess
@@ -166,44 +166,59 @@ def AddRosbagRecorder(
 def recorded_topics(cell: Diagram, scenario: Scenario) -> list[Topic]:
     """Return the topics for which a cell or a station has ports."""
     config, ports = scenario.recording, output_ports(cell)
-    gripper_joints, sensors = _gripper_names(scenario)
+    arms = []
+    for robot in robot_arms(scenario):
+        gripper_joints, sensors = _gripper_names(robot)
+        watched = robot.safety is not None and robot.arm is not None
+        joints = [joint.name() for joint in _arm_joints(scenario, robot)]
+        arms.append(
+            ArmNames(
+                [robot.system(name) for name in joints],
+                [robot.system(name) for name in gripper_joints],
+                len(sensors),
+                robot.arm_model,
+                robot.gripper_model,
+                f"{robot.prefix}safety" if watched else "",
+                felt=f"{robot.arm_model}.external_torque" in ports,
+            )
+        )
     topics = cell_topics(
-        [joint.name() for joint in _arm_joints(scenario)],
-        gripper_joints,
-        len(sensors),
+        arms,
         dict.fromkeys(config.bag_cameras, config.bag_camera_period),
         located=scenario.task.clear is None and not script_of(scenario),
-        watched=scenario.safety is not None and scenario.arm is not None,
-        felt="arm.external_torque" in ports,
     )
     return [t for t in topics if t.ports.keys() - t.optional <= ports.keys()]
 
 
-def _arm_joints(scenario: Scenario) -> list[Joint]:
-    """Return the arm's joints in the order of its state; none without an arm."""
-    if scenario.arm is None:
+def _arm_joints(scenario: Scenario, robot: RobotArm) -> list[Joint]:
+    """Return an arm's joints in the order of its state; none without an arm."""
+    if robot.arm is None:
         return []
     plant = MakeModelsPlant(scenario)
-    arm = plant.GetModelInstanceByName("arm")
+    arm = plant.GetModelInstanceByName(robot.arm_model)
     joints = [plant.get_joint(index) for index in plant.GetJointIndices(arm)]
     joints = [joint for joint in joints if joint.num_positions() == 1]
     return sorted(joints, key=lambda joint: joint.position_start())
 
 
-def _gripper_names(scenario: Scenario) -> tuple[tuple[str, ...], tuple[str, ...]]:
+def _gripper_names(robot: RobotArm) -> tuple[tuple[str, ...], tuple[str, ...]]:
     """Return the names of the gripper's measured joints and of its finger sensors."""
-    driver = scenario.gripper
+    driver = robot.gripper
     return ((), ()) if driver is None else (driver.joint_names, driver.sensor_names)
 
 
 def run_labels(name: str, scenario: Scenario) -> Labels:
     """Return what a run's log does not say about its columns."""
-    joints, sensors = _gripper_names(scenario)
-    arm = _arm_joints(scenario)
-    return Labels(
-        title=f"{name}, seed {scenario.random_seed}",
-        pick=scenario.task.pick,
-        gripper_joints=joints,
-        sensors=sensors,
-        arm_slides=bool(arm) and arm[0].type_name() == PrismaticJoint.kTypeName,
-    )
+    arms = [_arm_labels(scenario, robot) for robot in robot_arms(scenario)]
+    title, pick = f"{name}, seed {scenario.random_seed}", scenario.task.pick
+    if scenario.arms:
+        return Labels(title, pick, arms=tuple(arms))
+    (only,) = arms
+    return Labels(title, pick, only.gripper_joints, only.sensors, only.arm_slides)
+
+
+def _arm_labels(scenario: Scenario, robot: RobotArm) -> ArmLabels:
+    joints, sensors = _gripper_names(robot)
+    arm = _arm_joints(scenario, robot)
+    slides = bool(arm) and arm[0].type_name() == PrismaticJoint.kTypeName
+    return ArmLabels(robot.name, joints, sensors, slides)

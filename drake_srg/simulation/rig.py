@@ -38,6 +38,7 @@ from drake_srg.objects.poses import ContactReader
 from drake_srg.planning.planner_machine import PickAndPlace
 from drake_srg.recording.video import VideoRecorder
 from drake_srg.scenario import LocalizerConfig, Scenario, is_continuous, load_scenario
+from drake_srg.scenario.schema import check_single_arm, robot_arms
 from drake_srg.scenario.typed_yaml import load_typed, parse_yaml
 from drake_srg.simulation import failure_time
 from drake_srg.station import MakeStation
@@ -99,6 +100,7 @@ def bench_scenario(
         ScenarioError: If the scenario or an override is invalid.
     """
     bench = load_scenario(scenario, seed=seed, overrides=overrides)
+    check_single_arm(bench, "a bench")
     if thing is not None:
         thing = copy.deepcopy(thing)
         if thing.position is None and thing.pose is None:
@@ -129,7 +131,8 @@ class Rig:
 
     At first, the arm is commanded to its home and the gripper to be open, with its
     driver's force limit. With the same Drake, the same calls give the same log, bit
-    for bit.
+    for bit. Several arms are commanded by `fix`, each by its ports; the arguments of
+    `advance` are for the only one.
 
     Args:
         scenario: The scenario to simulate. Its task, planner and script do not matter.
@@ -160,7 +163,9 @@ class Rig:
             raise ScenarioError(f"{name}: needs plant_config.time_step above 0")
         self.scenario = scenario
         self._name = name
-        self._period = period or (scenario.arm.period if scenario.arm else 0.005)
+        robots = robot_arms(scenario)
+        arm_periods = [robot.arm.period for robot in robots if robot.arm is not None]
+        self._period = period or min(arm_periods, default=0.005)
         self._rows_every = round(log_period / self._period)
         off = abs(self._rows_every * self._period - log_period)
         if self._rows_every < 1 or off > 1e-9:
@@ -190,10 +195,13 @@ class Rig:
         self._station_context = self.station.GetMyContextFromRoot(self.context)
         self._ports = output_ports(self.station)
         self._commanded: dict[str, Vector] = {}
-        if scenario.arm is not None:
-            self.fix("arm.position_commanded", scenario.arm.home)
-        if scenario.gripper is not None:
-            self.fix("gripper.closure_commanded", 0.0)
+        for robot in robots:
+            if robot.arm is not None:
+                self.fix(f"{robot.arm_model}.position_commanded", robot.arm.home)
+            if robot.gripper is not None:
+                self.fix(f"{robot.gripper_model}.closure_commanded", 0.0)
+        self._robots = [*(robot.arm_model for robot in robots)]
+        self._robots += [robot.gripper_model for robot in robots]
         self._readers: dict[str, ContactReader] = {}
         self._tick = 0
         self._rows: list[dict[str, Vector | float]] = []
@@ -300,9 +308,9 @@ class Rig:
         X_WO: RigidTransform = poses[name or self.scenario.task.pick]
         return X_WO
 
-    def X_WG(self) -> RigidTransform:
-        """Return the pose of the palm frame in world."""
-        gripper = self.plant.GetModelInstanceByName("gripper")
+    def X_WG(self, gripper_model: str = "gripper") -> RigidTransform:
+        """Return the pose of the palm frame of a gripper in world."""
+        gripper = self.plant.GetModelInstanceByName(gripper_model)
         palm = self.plant.GetFrameByName("palm", gripper)
         return palm.CalcPoseInWorld(self.plant_context)
 
@@ -314,7 +322,7 @@ class Rig:
         """Return the contact forces on an object; see `ContactReader.forces`."""
         name = name or self.scenario.task.pick
         if name not in self._readers:
-            self._readers[name] = ContactReader(self.plant, name)
+            self._readers[name] = ContactReader(self.plant, name, self._robots)
         results = self._ports["contact_results_cheat"].Eval(self._station_context)
         return self._readers[name].forces(results)
 

@@ -1,6 +1,7 @@
 """A run's log: its signals, and its samples with the replay."""
 
 import functools
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -14,24 +15,19 @@ from drake_srg.lifetime import my_context
 from drake_srg.objects.poses import ContactReader
 from drake_srg.recording.recording import SignalLog, write_samples
 from drake_srg.recording.replay import ReplayRecorder
-from drake_srg.scenario import Scenario
+from drake_srg.scenario import RobotArm, Scenario, robot_arms
+from drake_srg.simulation.between_arms import ARM_CONTACT, ArmContacts
 from drake_srg.simulation.measures import AT_REST, final_speed
 from drake_srg.simulation.recorders import run_labels
 from drake_srg.types import Mode
 
-_LOGGED = (
-    "arm.state_measured",
-    "arm.state_cheat",
-    "arm.torque_measured",
-    "arm.external_torque",
-    "arm.position_commanded",
-    "gripper.state_measured",
-    "gripper.closure_commanded",
-    "gripper.pwm",
-    "gripper.proximity",
-    "gripper.grasped",
-    "safety.state",
-    "safety.speed_scale",
+_ARM = (
+    *("state_measured", "state_cheat", "torque_measured"),
+    *("external_torque", "position_commanded"),
+)
+_GRIPPER = ("state_measured", "closure_commanded", "pwm", "proximity", "grasped")
+_SAFETY = ("state", "speed_scale")
+_TWIN = (
     "twin.difference",
     "twin.parted",
     "twin.joint_error",
@@ -43,12 +39,27 @@ _LOGGED = (
 # Other vector ports of a gripper, such as those of your own finger sensors, are logged
 # too, except these, which only a rig logs.
 _NOT_LOGGED = (
-    "gripper.contact_force",
-    "gripper.contact_wrench",
-    "gripper.motor_state",
-    "gripper.wire_force",
-    "gripper.motor_temperature",
+    *("contact_force", "contact_wrench"),
+    *("motor_state", "wire_force", "motor_temperature"),
 )
+
+
+def _logged(robots: Sequence[RobotArm], ports: Mapping[str, OutputPort]) -> list[str]:
+    """Return the names of the ports of arms and twins to log."""
+    named, others = [], []
+    for robot in robots:
+        gripper = f"{robot.gripper_model}."
+        named += [f"{robot.arm_model}.{name}" for name in _ARM]
+        named += [f"{gripper}{name}" for name in _GRIPPER]
+        named += [f"{robot.prefix}safety.{name}" for name in _SAFETY]
+        others += [
+            name
+            for name, port in ports.items()
+            if name.startswith(gripper)
+            and name.removeprefix(gripper) not in (*_GRIPPER, *_NOT_LOGGED)
+            and port.get_data_type() == PortDataType.kVectorValued
+        ]
+    return [name for name in (*named, *_TWIN) if name in ports] + others
 
 
 class RunLog(SignalLog):
@@ -67,15 +78,10 @@ class RunLog(SignalLog):
 
     def __init__(self, scenario: Scenario, cell: Diagram) -> None:
         ports = output_ports(cell)
-        others = [
-            name
-            for name, port in ports.items()
-            if name.startswith("gripper.")
-            and name not in (*_LOGGED, *_NOT_LOGGED)
-            and port.get_data_type() == PortDataType.kVectorValued
-        ]
-        names = [name for name in _LOGGED if name in ports] + others
-        super().__init__({name: ports[name] for name in names})
+        self._robots = robots = robot_arms(scenario)
+        super().__init__({name: ports[name] for name in _logged(robots, ports)})
+        self._arms = [robot.arm_model for robot in robots]
+        self._grippers = [robot.gripper_model for robot in robots]
         self._mode = ports.get("planner.mode")
         self._poses = ports.get("object_poses_cheat")
         self._contacts = ports.get("contact_results_cheat")
@@ -84,6 +90,7 @@ class RunLog(SignalLog):
         # If many objects are picked, the gripper's own contacts are read.
         self._grasped = frozenset(() if clear is None else clear.objects)
         self._reader: ContactReader | None = None
+        self._between: ArmContacts | None = None
         picked = scenario.objects.get(self._pick) if self._pick else None
         self._present = picked is not None and picked.present
         self.touching: set[str] = set()
@@ -106,12 +113,18 @@ class RunLog(SignalLog):
         if self._present or self._grasped:
             contacts = port.Eval(context)
             if self._reader is None:
-                whose = "gripper" if self._grasped else self._pick
-                self._reader = ContactReader(contacts.plant(), whose)
+                (whose,) = self._grippers if self._grasped else [self._pick]
+                robots = (*self._arms, *self._grippers)
+                self._reader = ContactReader(contacts.plant(), whose, robots)
             forces = self._reader.forces(contacts)
+        if len(self._arms) > 1:
+            contacts = port.Eval(context)
+            if self._between is None:
+                self._between = ArmContacts(contacts.plant(), self._robots)
+            row[ARM_CONTACT] = self._between.force(contacts)
+        pressing = self._grasped if self._grasped else self._grippers
         row["contact_force"] = max(
-            (forces[name] for name in self._grasped & forces.keys()),
-            default=forces.get("gripper", 0.0) if self._present else 0.0,
+            (forces[name] for name in forces if name in pressing), default=0.0
         )
         if self._asleep is None or self._pick not in self._asleep.Eval(context):
             self.touching = set(forces)

@@ -4,7 +4,7 @@ import copy
 import functools
 import importlib
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import TypeAlias
 
@@ -14,10 +14,18 @@ from drake_srg.common.exceptions import ScenarioError, one_line, scenario_errors
 from drake_srg.common.systems import export_outputs, input_ports
 from drake_srg.objects.disturber import Disturber, Target
 from drake_srg.objects.models import object_body, simple_shape
+from drake_srg.planning.handover.config import Handover
 from drake_srg.planning.insertion.config import Insert
 from drake_srg.planning.planner_machine import Clear, PickAndPlace, PlannerConfig
 from drake_srg.planning.servoing.config import Servoing
-from drake_srg.scenario.schema import Scenario, accept_planner, script_of
+from drake_srg.scenario.schema import (
+    RobotArm,
+    Scenario,
+    accept_planner,
+    check_single_arm,
+    robot_arms,
+    script_of,
+)
 from drake_srg.station.clearing import MakeClearingPlanner
 from drake_srg.station.perception import (
     AddDestinationMapper,
@@ -28,6 +36,7 @@ from drake_srg.station.perception import (
     chooses,
 )
 from drake_srg.station.planners import (
+    MakeHandoverPlanner,
     MakeInsertionPlanner,
     MakePlanner,
     MakeScriptedPlanner,
@@ -38,11 +47,26 @@ from drake_srg.station.station import MakeStation
 from drake_srg.theses.script import Script
 from drake_srg.theses.taught import Taught
 
-# The planner's commands: its output port, and the station's input port.
-_COMMANDS = (
-    ("position_commanded", "arm.position_commanded"),
-    ("closure_commanded", "gripper.closure_commanded"),
-)
+# Planners that look through the localizer's cameras.
+_LOOKING = (PickAndPlace, Clear, Servoing, Insert, Handover, Taught)
+_ONE_ARM = (RobotArm(),)
+
+
+def _commands(arms: Sequence[RobotArm]) -> list[tuple[str, str]]:
+    """Return the planner's output ports of commands, and the station's input ports."""
+    return [
+        pair
+        for arm in arms
+        for pair in (
+            (f"{arm.prefix}position_commanded", f"{arm.arm_model}.position_commanded"),
+            (
+                f"{arm.prefix}closure_commanded",
+                f"{arm.gripper_model}.closure_commanded",
+            ),
+        )
+    ]
+
+
 # The planner's output port that counts messages; the station's is the gripper's.
 _MESSAGES = "closure_messages"
 
@@ -109,15 +133,18 @@ def AddCell(
     Raises:
         ScenarioError: If the models do not fit the scenario.
     """
+    arms = robot_arms(scenario)
+    if scenario.arms and make_planner is None and not scenario.planner.several_arms:
+        check_single_arm(scenario, f"planner: !{type(scenario.planner).__name__}")
     needed: dict[str, object] = {
-        "arm": scenario.arm,
-        "gripper": scenario.gripper,
+        **{f"{arm.key}arm": arm.arm for arm in arms},
+        **{f"{arm.key}gripper": arm.gripper for arm in arms},
         "task.pick": scenario.task.pick or scenario.task.clear,
     }
     if make_planner is not None:
         needed["task.pick"] = scenario.task.pick
         needed["localizer.cameras"] = scenario.localizer.cameras
-    elif isinstance(scenario.planner, (PickAndPlace, Clear, Servoing, Insert, Taught)):
+    elif isinstance(scenario.planner, _LOOKING):
         key = "localizer.cameras (or planner: !Script)"
         needed[key] = scenario.localizer.cameras
     missing = [key for key, value in needed.items() if not value]
@@ -126,7 +153,7 @@ def AddCell(
     station = builder.AddNamedSystem("station", make_station(scenario))
     export_outputs(builder, station)
     for name, port in input_ports(station).items():
-        if name.startswith("safety."):
+        if name.startswith(tuple(f"{arm.prefix}safety." for arm in arms)):
             builder.ExportInput(port, name)
     if make_planner is not None:
         planner = AddLocalizingPlanner(builder, scenario, station, make_planner)
@@ -136,7 +163,7 @@ def AddCell(
     for name, exported in (
         ("mode", "planner.mode"),
         ("status", "planner.status"),
-        *_COMMANDS,
+        *_commands(arms),
     ):
         builder.ExportOutput(planner.GetOutputPort(name), exported)
 
@@ -182,7 +209,7 @@ def AddLocalizingPlanner(
     """
     localizer = AddLocalizer(builder, scenario, station)
     planner = builder.AddNamedSystem("planner", make_planner(scenario))
-    ConnectPlanner(builder, station, localizer, planner)
+    ConnectPlanner(builder, station, localizer, planner, robot_arms(scenario))
     ConnectHandCamera(builder, station, planner)
     if scenario.localizer.obstacles and planner.HasInputPort("obstacles"):
         finder = AddObstacleFinder(builder, scenario, station, localizer)
@@ -246,6 +273,7 @@ _PLANNERS: dict[type[PlannerConfig], AddPlanner] = {
     Servoing: functools.partial(AddLocalizingPlanner, make_planner=MakeServoingPlanner),
     Taught: functools.partial(AddLocalizingPlanner, make_planner=MakeTaughtPlanner),
     Insert: functools.partial(AddLocalizingPlanner, make_planner=MakeInsertionPlanner),
+    Handover: functools.partial(AddLocalizingPlanner, make_planner=MakeHandoverPlanner),
     Clear: AddClearingPlanner,
     Script: AddScriptedPlanner,
 }
@@ -317,7 +345,11 @@ def AddDisturber(
 
 
 def ConnectPlanner(
-    builder: DiagramBuilder, station: Diagram, localizer: System, planner: System
+    builder: DiagramBuilder,
+    station: Diagram,
+    localizer: System,
+    planner: System,
+    arms: Sequence[RobotArm] = _ONE_ARM,
 ) -> None:
     """Connect a planner with ports of `PickAndPlacePlanner` to the other systems.
 
@@ -328,10 +360,12 @@ def ConnectPlanner(
         station: A station with the ports of `MakeStation`'s.
         localizer: A system with the output port `blobs`.
         planner: The planner.
+        arms: The arms that it moves. The planner's ports of one that has a name begin
+            with `NAME.`.
     """
     builder.Connect(localizer.GetOutputPort("blobs"), planner.GetInputPort("blobs"))
-    ConnectSensors(builder, station, planner)
-    ConnectCommands(builder, station, planner)
+    ConnectSensors(builder, station, planner, arms)
+    ConnectCommands(builder, station, planner, arms)
 
 
 def ConnectClearingPlanner(
@@ -358,39 +392,55 @@ def ConnectClearingPlanner(
     ConnectCommands(builder, station, planner)
 
 
-def ConnectSensors(builder: DiagramBuilder, station: Diagram, planner: System) -> None:
+def ConnectSensors(
+    builder: DiagramBuilder,
+    station: Diagram,
+    planner: System,
+    arms: Sequence[RobotArm] = _ONE_ARM,
+) -> None:
     """Connect a station's measurements to those inputs that a planner has for them.
 
     Args:
         builder: The cell's.
         station: A station.
         planner: The planner.
+        arms: The arms that it moves.
     """
-    for source, target in (
-        ("arm.state_measured", "arm_state"),
-        ("gripper.state_measured", "gripper_state"),
-        ("gripper.grasped", "grasped"),
-        ("gripper.contact_force", "contact_force"),
-        ("gripper.proximity", "proximity"),
-        ("arm.external_torque", "external_torque"),
-    ):
-        if station.HasOutputPort(source) and planner.HasInputPort(target):
-            builder.Connect(station.GetOutputPort(source), planner.GetInputPort(target))
+    for arm in arms:
+        for source, target in (
+            (f"{arm.arm_model}.state_measured", "arm_state"),
+            (f"{arm.gripper_model}.state_measured", "gripper_state"),
+            (f"{arm.gripper_model}.grasped", "grasped"),
+            (f"{arm.gripper_model}.contact_force", "contact_force"),
+            (f"{arm.gripper_model}.proximity", "proximity"),
+            (f"{arm.arm_model}.external_torque", "external_torque"),
+        ):
+            name = f"{arm.prefix}{target}"
+            if station.HasOutputPort(source) and planner.HasInputPort(name):
+                port = planner.GetInputPort(name)
+                builder.Connect(station.GetOutputPort(source), port)
 
 
-def ConnectCommands(builder: DiagramBuilder, station: Diagram, planner: System) -> None:
+def ConnectCommands(
+    builder: DiagramBuilder,
+    station: Diagram,
+    planner: System,
+    arms: Sequence[RobotArm] = _ONE_ARM,
+) -> None:
     """Connect a planner's commands to a station.
 
     Raises:
-        ScenarioError: If the gripper waits for messages, and the planner sends none.
+        ScenarioError: If a gripper waits for messages, and the planner sends none.
     """
-    for source, target in _COMMANDS:
+    for source, target in _commands(arms):
         builder.Connect(planner.GetOutputPort(source), station.GetInputPort(target))
-    counted = f"gripper.{_MESSAGES}"
-    if station.HasInputPort(counted):
+    for arm in arms:
+        counted = f"{arm.gripper_model}.{_MESSAGES}"
+        if not station.HasInputPort(counted):
+            continue
         if not planner.HasOutputPort(_MESSAGES):
             raise ScenarioError(
-                "gripper.underactuation.evaluate: per_message needs planner: "
+                f"{arm.key}gripper.underactuation.evaluate: per_message needs planner: "
                 "!Script (allowed without: periodic)"
             )
         builder.Connect(planner.GetOutputPort(_MESSAGES), station.GetInputPort(counted))

@@ -31,6 +31,13 @@ from drake_srg.objects.solids import planned_solid
 from drake_srg.planning.grasps.grasps import Hand
 from drake_srg.planning.grasps.linkage_hand import LinkageFingers, LinkageHand
 from drake_srg.planning.grasps.srg_hand import SrgHand
+from drake_srg.planning.handover.config import Handover
+from drake_srg.planning.handover.motions import (
+    ArmName,
+    GivingHand,
+    HandoverTaskPlanner,
+)
+from drake_srg.planning.handover.planner import HandoverPlanner
 from drake_srg.planning.insertion.planner import InsertionPlanner
 from drake_srg.planning.motion.moves import Moves
 from drake_srg.planning.motion.planning_scene import PlanningScene
@@ -38,11 +45,17 @@ from drake_srg.planning.pick_and_place.planner import PickAndPlacePlanner
 from drake_srg.planning.pick_and_place.sightings import lean, set_down_at, standing_at
 from drake_srg.planning.pick_and_place.task_motions import TaskPlanner
 from drake_srg.planning.planner_machine import PlannerConfig
-from drake_srg.scenario.schema import Scenario, accept_driver, script_of
+from drake_srg.scenario.schema import (
+    RobotArm,
+    Scenario,
+    accept_driver,
+    robot_arms,
+    script_of,
+)
 from drake_srg.station.plant import Models
 from drake_srg.theses.script import Script, ScriptedPlanner
 from drake_srg.theses.taught import Taught, TaughtMotions, TaughtPlanner
-from drake_srg.types import Sphere, Vector
+from drake_srg.types import Cylinder, Sphere, Vector
 
 
 def goal_pose(scenario: Scenario, shape: Solid) -> RigidTransform:
@@ -130,23 +143,27 @@ def register_gripper(
         _HANDS[driver] = make_hand
 
 
-def MakeHand(scenario: Scenario, plant: MultibodyPlant) -> Hand:
+def MakeHand(
+    scenario: Scenario, plant: MultibodyPlant, arm: RobotArm | None = None
+) -> Hand:
     """Make what the planner knows of a scenario's gripper.
 
     Args:
         scenario: With a gripper.
         plant: A finalized plant of the scenario's models. The Hand does not keep it.
+        arm: The arm whose gripper it is; None: the first.
 
     Raises:
         ScenarioError: If there is no Hand for the gripper's driver.
     """
-    for kind in type(scenario.gripper).__mro__:
+    arm = arm or robot_arms(scenario)[0]
+    for kind in type(arm.gripper).__mro__:
         if kind in _HANDS:
-            return _HANDS[kind](scenario.gripper, scenario.planner, plant)
+            return _HANDS[kind](arm.gripper, scenario.planner, plant)
     known = ", ".join(f"!{driver.__name__}" for driver in _HANDS)
     raise ScenarioError(
-        f"gripper: the planner needs a Hand for !{type(scenario.gripper).__name__}: "
-        f"give one to register_gripper (allowed: {known})"
+        f"{arm.key}gripper: the planner needs a Hand for !{type(arm.gripper).__name__}:"
+        f" give one to register_gripper (allowed: {known})"
     )
 
 
@@ -288,29 +305,81 @@ def MakeTaughtMotions(scenario: Scenario) -> TaughtMotions:
     return TaughtMotions(scene, moves, np.array(scenario.arm.home), scenario.planner)
 
 
-def MakeTaskPlanner(scenario: Scenario) -> TaskPlanner:
-    """Make the planner of motions, with its own model of arm and furniture."""
-    scene = own_scene(scenario)
-    assert scenario.arm is not None
-    hand = MakeHand(scenario, scene.plant)
-    return TaskPlanner(scene, hand, np.array(scenario.arm.home), scenario.planner)
+def MakeTaskPlanner(scenario: Scenario, arm: RobotArm | None = None) -> TaskPlanner:
+    """Make the planner of motions, with its own model of arm and furniture.
+
+    Args:
+        scenario: The scenario.
+        arm: The arm that moves; None: the first. Others are obstacles to it.
+    """
+    arm = arm or robot_arms(scenario)[0]
+    scene = own_scene(scenario, arm)
+    assert arm.arm is not None
+    hand = MakeHand(scenario, scene.plant, arm)
+    return TaskPlanner(scene, hand, np.array(arm.arm.home), scenario.planner)
 
 
-def own_scene(scenario: Scenario) -> PlanningScene:
-    """Return a planner's own model of arm and furniture."""
-    config = scenario.planner
-    return _planning_scene(
-        Models.of(scenario), config.clearance, config.hand_clearance, config.payload
-    ).copy()
+def own_scene(scenario: Scenario, arm: RobotArm | None = None) -> PlanningScene:
+    """Return a planner's own model of arm and furniture.
+
+    Args:
+        scenario: The scenario.
+        arm: The arm that moves; None: the first. Others are obstacles to it.
+    """
+    arm, config = arm or robot_arms(scenario)[0], scenario.planner
+    margins = config.clearance, config.hand_clearance, config.payload
+    names = arm.arm_model, arm.gripper_model
+    return _planning_scene(Models.of(scenario), names, *margins).copy()
 
 
 @functools.lru_cache(maxsize=2)
 def _planning_scene(
-    models: Models, margin: float, hand_margin: float, payload: float
+    models: Models,
+    names: tuple[str, str],
+    margin: float,
+    hand_margin: float,
+    payload: float,
 ) -> PlanningScene:
     """Return the planner's model. Use copies of it only: it is cached."""
     builder = RobotDiagramBuilder(time_step=0.0)
     models.add_to(builder.plant())
+    arm, gripper = names
     return PlanningScene(
-        builder, margin=margin, hand_margin=hand_margin, payload=payload
+        builder,
+        arm=arm,
+        gripper=gripper,
+        margin=margin,
+        hand_margin=hand_margin,
+        payload=payload,
     )
+
+
+def MakeHandoverPlanner(scenario: Scenario) -> HandoverPlanner:
+    """Make the planner that hands the object of a scenario's task over.
+
+    Raises:
+        ScenarioError: If the object is no cylinder.
+    """
+    config = scenario.planner
+    assert isinstance(config, Handover)
+    arms = {arm.name: arm for arm in robot_arms(scenario)}
+    giver, receiver = arms[config.giver], arms[config.receiver]
+    plans = MakeTaskPlanner(scenario, giver)
+    arguments = planner_arguments(scenario)
+    if not isinstance(arguments["shape"], Cylinder):
+        raise ScenarioError(
+            f"objects.{scenario.task.pick}: must be a cylinder to be handed over, got "
+            f"{arguments['shape']}"
+        )
+    arguments["task_planner"] = HandoverTaskPlanner(
+        plans.scene,
+        GivingHand(plans.hand),
+        plans.q_home,
+        config,
+        MakeTaskPlanner(scenario, receiver),
+        (
+            ArmName(giver.arm_model, giver.gripper_model),
+            ArmName(receiver.arm_model, receiver.gripper_model),
+        ),
+    )
+    return HandoverPlanner(**arguments)

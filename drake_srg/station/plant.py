@@ -55,7 +55,12 @@ from drake_srg.objects.models import (
 )
 from drake_srg.objects.slides import SetSlideGains
 from drake_srg.parsing import configure_parser
-from drake_srg.scenario.schema import Scenario, is_continuous
+from drake_srg.scenario.schema import (
+    RobotArm,
+    Scenario,
+    is_continuous,
+    robot_arms,
+)
 from drake_srg.types import Vector
 
 
@@ -326,19 +331,42 @@ def AddPlant(
     AddObjects(plant, scenario)
     if catch:
         AddCatch(plant, scenario)
-    if scenario.arm is not None:
-        arm = plant.GetModelInstanceByName("arm")
-        scenario.arm.prepare_plant(plant, arm)
-    if scenario.gripper is not None:
-        gripper = plant.GetModelInstanceByName("gripper")
-        scenario.gripper.prepare_plant(plant, gripper)
+    robots = robot_arms(scenario)
+    for robot in robots:
+        _check_models(plant, robot)
+        with robot.named_errors():
+            if robot.arm is not None:
+                arm = plant.GetModelInstanceByName(robot.arm_model)
+                robot.arm.prepare_plant(plant, arm)
+            if robot.gripper is not None:
+                gripper = plant.GetModelInstanceByName(robot.gripper_model)
+                robot.gripper.prepare_plant(plant, gripper)
     for name in scenario.slides:
         SetSlideGains(plant, name)
     plant.Finalize()
-    if scenario.arm is not None:
-        scenario.arm.SetGains(plant, arm)
+    for robot in robots:
+        if robot.arm is not None:
+            with robot.named_errors():
+                arm = plant.GetModelInstanceByName(robot.arm_model)
+                robot.arm.SetGains(plant, arm)
     filter_contacts(scene_graph, scenario.ignored_contacts)
     return plant, scene_graph
+
+
+def _check_models(plant: MultibodyPlant, robot: RobotArm) -> None:
+    """Check that one of several arms has its models.
+
+    Raises:
+        ScenarioError: If it lacks one.
+    """
+    for key, model, config in (
+        ("arm", robot.arm_model, robot.arm),
+        ("gripper", robot.gripper_model, robot.gripper),
+    ):
+        if robot.name and config and not plant.HasModelInstanceNamed(model):
+            raise ScenarioError(
+                f"{robot.key}{key}: needs a model named {model} in directives"
+            )
 
 
 def check_driven(plant: MultibodyPlant, scenario: Scenario) -> None:
@@ -347,14 +375,17 @@ def check_driven(plant: MultibodyPlant, scenario: Scenario) -> None:
     Raises:
         ScenarioError: If nothing does.
     """
-    keys = {"arm": scenario.arm, "gripper": scenario.gripper}
-    driven = {*scenario.slides, *(key for key, config in keys.items() if config)}
+    driven = set(scenario.slides)
+    for robot in robot_arms(scenario):
+        driven |= {robot.arm_model} if robot.arm else set()
+        driven |= {robot.gripper_model} if robot.gripper else set()
     motors = map(plant.get_joint_actuator, plant.GetJointActuatorIndices())
     for name in (plant.GetModelInstanceName(m.model_instance()) for m in motors):
         if name not in driven:
             raise ScenarioError(
                 f"directives: {name}: has motors that nothing drives (allowed: a model "
-                "named arm or gripper with the key of that name, or one in slides)"
+                "named arm or gripper with the key of that name, NAME or NAME.gripper "
+                "of arms, or one in slides)"
             )
 
 
@@ -485,9 +516,10 @@ def _X_WF_start(scenario: Scenario, name: str, frame: str) -> RigidTransform:
     """Return the pose in world, at the start, of a frame of the directives' models."""
     plant = MakeModelsPlant(scenario)
     context = plant.CreateDefaultContext()
-    if scenario.arm is not None:
-        arm = plant.GetModelInstanceByName("arm")
-        plant.SetPositions(context, arm, scenario.arm.home)
+    for robot in robot_arms(scenario):
+        if robot.arm is not None:
+            arm = plant.GetModelInstanceByName(robot.arm_model)
+            plant.SetPositions(context, arm, robot.arm.home)
     try:
         return GetScopedFrameByName(plant, frame).CalcPoseInWorld(context)
     except RuntimeError as error:

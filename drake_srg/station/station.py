@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+from pydrake.geometry import SceneGraph
 from pydrake.multibody.plant import MultibodyPlant
 from pydrake.multibody.tree import ModelInstanceIndex
 from pydrake.systems.framework import Diagram, DiagramBuilder, LeafSystem
 
-from drake_srg.arm.driver import AddArmDriver, ArmDriver
+from drake_srg.arm.driver import AddArmDriver
 from drake_srg.arm.external_torque import AddExternalTorque
 from drake_srg.arm.safety.config import SafetyConfig
 from drake_srg.arm.safety.monitor import AddSafetyMonitor, SafetyMonitor
@@ -17,7 +18,7 @@ from drake_srg.gripper.drivers import AddGripperDriver
 from drake_srg.objects.models import object_body
 from drake_srg.objects.poses import ObjectPoses
 from drake_srg.objects.slides import AddSlide
-from drake_srg.scenario.schema import Scenario
+from drake_srg.scenario.schema import RobotArm, Scenario, robot_arms
 from drake_srg.station.cameras import AddCameras
 from drake_srg.station.plant import AddPlant, MakeModelsPlant, check_driven
 from drake_srg.station.sleeping import AddSleepMonitor
@@ -77,16 +78,18 @@ def MakeStation(scenario: Scenario) -> Diagram:
         - objects_asleep_cheat (with sleeping)
 
     The ports of the arm, the gripper and the cameras exist where the scenario has them.
+    With `arms`, those of the arm NAME are called `NAME.` in place of `arm.`,
+    `NAME.gripper.` in place of `gripper.`, and `NAME.safety.` in place of `safety.`.
     `AddArmDriver`, `AddSrgPositionDriver`, `AddSrgTendonDriver`,
     `AddLinkageDriver` and Drake's RgbdSensor describe what they carry. A gripper driver
     or finger sensor of your own adds its ports as `gripper.NAME`. Disturbances enter
     through `object_forces_cheat` (list[ExternallyAppliedSpatialForce]). With `safety`,
     a `SafetyMonitor` stands between `arm.position_commanded` and the arm's driver,
     which gets `arm.position_allowed`. The subsystems
-    are named `plant`, `scene_graph`, `arm_driver`, `gripper_driver`,
-    `rgbd_sensor_NAME`, `object_poses`, with slides `slide_NAME`, with safety
-    `safety_monitor` and, with sleeping, `sleep_monitor`. Objects
-    sleep where the caller advances with `station.sleeping.MakeAdvance`, as
+    are named `plant`, `scene_graph`, `arm_driver`, `gripper_driver` (with `arms`,
+    `NAME_arm_driver` and so on), `rgbd_sensor_NAME`, `object_poses`, with slides
+    `slide_NAME`, with safety `safety_monitor` and, with sleeping, `sleep_monitor`.
+    Objects sleep where the caller advances with `station.sleeping.MakeAdvance`, as
     `Simulate`, `Rig` and `Serve` do.
 
     Raises:
@@ -109,25 +112,14 @@ def AddStation(builder: DiagramBuilder, scenario: Scenario) -> None:
     check_driven(plant, scenario)
     for name, slide in scenario.slides.items():
         AddSlide(builder, plant, name, slide)
-    gripper = None
-    if scenario.gripper is not None:
-        gripper = plant.GetModelInstanceByName("gripper")
-        driver = AddGripperDriver(
-            builder,
-            plant,
-            gripper,
-            scenario.gripper,
-            scenario.random_seed,
-            scene_graph=scene_graph,
-        )
-        for name, port in input_ports(driver).items():
-            if name not in _INTERNAL:
-                builder.ExportInput(port, f"gripper.{name}")
-        for name, output in output_ports(driver).items():
-            if name not in _INTERNAL:
-                builder.ExportOutput(output, f"gripper.{name}")
-    if scenario.arm is not None:
-        _AddArm(builder, plant, gripper, scenario, scenario.arm)
+    robots = robot_arms(scenario)
+    for robot in robots:
+        with robot.named_errors():
+            gripper = None
+            if robot.gripper is not None:
+                gripper = _AddGripper(builder, plant, scene_graph, scenario, robot)
+            if robot.arm is not None:
+                _AddArm(builder, plant, gripper, scenario, robot)
     for name, output in AddCameras(builder, plant, scene_graph, scenario).items():
         builder.ExportOutput(output, name)
     poses = _AddObjectPoses(builder, plant, scenario)
@@ -140,12 +132,42 @@ def AddStation(builder: DiagramBuilder, scenario: Scenario) -> None:
     builder.ExportInput(forces, "object_forces_cheat")
     if scenario.sleeping is not None:
         AddSleepMonitor(builder, plant, scene_graph, scenario, scenario.sleeping)
-    if builder.HasSubsystemNamed("contact_torques"):
-        # The arm also feels forces on the object that it holds.
-        contact_torques = builder.GetSubsystemByName("contact_torques")
-        builder.ConnectInput(
-            "object_forces_cheat", contact_torques.GetInputPort("applied_forces")
-        )
+    for robot in robots:
+        name = robot.system("contact_torques")
+        if builder.HasSubsystemNamed(name):
+            # The arm also feels forces on the object that it holds.
+            contact_torques = builder.GetSubsystemByName(name)
+            builder.ConnectInput(
+                "object_forces_cheat", contact_torques.GetInputPort("applied_forces")
+            )
+
+
+def _AddGripper(
+    builder: DiagramBuilder,
+    plant: MultibodyPlant,
+    scene_graph: SceneGraph,
+    scenario: Scenario,
+    robot: RobotArm,
+) -> ModelInstanceIndex:
+    """Add the driver of an arm's gripper, and return the gripper's model instance."""
+    assert robot.gripper is not None
+    gripper = plant.GetModelInstanceByName(robot.gripper_model)
+    driver = AddGripperDriver(
+        builder,
+        plant,
+        gripper,
+        robot.gripper,
+        robot.seed(scenario.random_seed),
+        name=robot.system("gripper_driver"),
+        scene_graph=scene_graph,
+    )
+    for name, port in input_ports(driver).items():
+        if name not in _INTERNAL:
+            builder.ExportInput(port, f"{robot.gripper_model}.{name}")
+    for name, output in output_ports(driver).items():
+        if name not in _INTERNAL:
+            builder.ExportOutput(output, f"{robot.gripper_model}.{name}")
+    return gripper
 
 
 def _AddArm(
@@ -153,29 +175,39 @@ def _AddArm(
     plant: MultibodyPlant,
     gripper: ModelInstanceIndex | None,
     scenario: Scenario,
-    config: ArmDriver,
+    robot: RobotArm,
 ) -> None:
-    """Add the arm's driver and, if the planner needs it, the torque estimator."""
-    arm = plant.GetModelInstanceByName("arm")
+    """Add an arm's driver and, if the planner needs it, the torque estimator."""
+    assert robot.arm is not None
+    config, prefix = robot.arm, robot.arm_model
+    arm = plant.GetModelInstanceByName(prefix)
     models_plant = MakeModelsPlant(scenario)
+    seed = robot.seed(scenario.random_seed)
     driver = AddArmDriver(
-        builder, plant, arm, gripper, models_plant, config, scenario.random_seed
+        builder,
+        plant,
+        arm,
+        gripper,
+        models_plant,
+        config,
+        seed,
+        name=robot.system("arm_driver"),
     )
     monitor = None
-    if scenario.safety is None:
+    if robot.safety is None:
         builder.ExportInput(
-            driver.GetInputPort("position_commanded"), "arm.position_commanded"
+            driver.GetInputPort("position_commanded"), f"{prefix}.position_commanded"
         )
     else:
-        monitor = _AddSafety(builder, driver, models_plant, config, scenario.safety)
+        monitor = _AddSafety(builder, driver, models_plant, robot, robot.safety)
     for name, output in (
-        ("arm.state_measured", driver.GetOutputPort("state_measured")),
-        ("arm.state_cheat", plant.get_state_output_port(arm)),
-        ("arm.torque_measured", plant.get_net_actuation_output_port(arm)),
+        ("state_measured", driver.GetOutputPort("state_measured")),
+        ("state_cheat", plant.get_state_output_port(arm)),
+        ("torque_measured", plant.get_net_actuation_output_port(arm)),
     ):
-        builder.ExportOutput(output, name)
-    safety_feels = scenario.safety is not None and scenario.safety.feels
-    if scenario.planner.max_external_torque is None and not safety_feels:
+        builder.ExportOutput(output, f"{prefix}.{name}")
+    safety_feels = robot.safety is not None and robot.safety.feels
+    if not scenario.planner.feels and not safety_feels:
         return
     # A continuous plant computes its contacts anew for every sample. It does so anyway
     # whenever the planner or a touch sensor reads its input.
@@ -188,9 +220,10 @@ def _AddArm(
         models_plant,
         period,
         config.errors,
-        scenario.random_seed,
+        seed,
+        prefix=robot.system(""),
     )
-    builder.ExportOutput(torque, "arm.external_torque")
+    builder.ExportOutput(torque, f"{prefix}.external_torque")
     if monitor is not None:
         builder.Connect(torque, monitor.GetInputPort("external_torque"))
 
@@ -199,12 +232,20 @@ def _AddSafety(
     builder: DiagramBuilder,
     driver: Diagram,
     models_plant: MultibodyPlant,
-    config: ArmDriver,
+    robot: RobotArm,
     safety: SafetyConfig,
 ) -> SafetyMonitor:
     """Add the system that stands between the commands and the arm's driver."""
+    config, prefix = robot.arm, robot.arm_model
+    assert config is not None
     monitor = AddSafetyMonitor(
-        builder, models_plant, config.home, safety, config.period
+        builder,
+        models_plant,
+        config.home,
+        safety,
+        config.period,
+        arm=prefix,
+        name=robot.system("safety_monitor"),
     )
     allowed = monitor.GetOutputPort("position_allowed")
     builder.Connect(allowed, driver.GetInputPort("position_commanded"))
@@ -212,15 +253,17 @@ def _AddSafety(
         driver.GetOutputPort("state_measured"), monitor.GetInputPort("state_measured")
     )
     builder.ExportInput(
-        monitor.GetInputPort("position_commanded"), "arm.position_commanded"
+        monitor.GetInputPort("position_commanded"), f"{prefix}.position_commanded"
     )
-    builder.ExportOutput(allowed, "arm.position_allowed")
+    builder.ExportOutput(allowed, f"{prefix}.position_allowed")
     for name in _SAFETY_INPUTS:
-        builder.ExportInput(monitor.GetInputPort(name), f"safety.{name}")
+        port = monitor.GetInputPort(name)
+        builder.ExportInput(port, f"{robot.prefix}safety.{name}")
     held = monitor.GetOutputPort("position_held")
-    builder.ExportOutput(held, "arm.position_held")
+    builder.ExportOutput(held, f"{prefix}.position_held")
     for name in ("state", "speed_scale"):
-        builder.ExportOutput(monitor.GetOutputPort(name), f"safety.{name}")
+        output = monitor.GetOutputPort(name)
+        builder.ExportOutput(output, f"{robot.prefix}safety.{name}")
     return monitor
 
 

@@ -99,6 +99,7 @@ class VideoProcess:
         seen = dc.replace(
             scenario,
             gripper=None,
+            arms={n: dc.replace(a, gripper=None) for n, a in scenario.arms.items()},
             localizer=LocalizerConfig(cameras=hidden_from),
             cameras={name: scenario.cameras[name] for name in sorted(names)},
             recording=dc.replace(scenario.recording, bag_cameras=[]),

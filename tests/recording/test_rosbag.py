@@ -16,12 +16,12 @@ from rosbags.typesys import Stores, get_typestore
 
 from drake_srg.common.safety_states import SafetyState, StopReason, state_indices
 from drake_srg.recording import rosbag
-from drake_srg.recording.rosbag import RosbagRecorder, Topic, cell_topics
+from drake_srg.recording.rosbag import ArmNames, RosbagRecorder, Topic, cell_topics
 from drake_srg.types import Mode
 from recording.recording_sources import RED, Sweep, is_freed
 
 ARM, GRIPPER = ["a1", "a2"], ["left_base", "right_base"]
-TOPICS = cell_topics(ARM, GRIPPER, 2, {"top": 0.25})
+TOPICS = cell_topics([ArmNames(ARM, GRIPPER, 2)], {"top": 0.25})
 
 
 def make(path, torque=True):
@@ -68,8 +68,9 @@ def read(path):
 
 
 def test_a_monitored_station_has_topics_of_its_stops():
-    topics = {t.name: t for t in cell_topics(ARM, GRIPPER, 2, watched=True)}
-    assert topics.keys() - {t.name for t in cell_topics(ARM, GRIPPER, 2)} == {
+    names = ArmNames(ARM, GRIPPER, 2, safety="safety")
+    topics = {t.name: t for t in cell_topics([names])}
+    assert topics.keys() - {t.name for t in TOPICS} == {
         "/safety/state",
         "/safety/speed_scale",
     }

@@ -5,6 +5,7 @@ import dataclasses as dc
 import pytest
 
 from drake_srg.common.exceptions import ScenarioError
+from drake_srg.planning.handover.config import Handover
 from drake_srg.planning.insertion.config import Insert
 from drake_srg.planning.planner_machine import Clear, PickAndPlace, PlannerConfig
 from drake_srg.planning.servoing.config import Servoing
@@ -104,6 +105,14 @@ def test_a_key_from_before_there_were_tags_is_told_with_its_new_form(
             "planner.stiffness=500",
             r"planner\.stiffness: must be that of arm\.cartesian \(2000\)",
         ),
+        ("handover", "planner.giver=up", r"planner\.giver: unknown arm 'up' \(allowed"),
+        ("handover", "planner.receiver=left", r"planner\.receiver: must not be the"),
+        ("handover", "task.repeat=2", r"task\.repeat: must be 1 with planner: !Hand"),
+        (
+            "kitchen_fast",
+            "planner=!Handover {}",
+            r"planner\.giver: unknown arm 'left' \(allowed: none\)",
+        ),
         (
             "kitchen_servoing",
             "planner.servo.camera=belly",
@@ -144,4 +153,6 @@ def test_a_planner_of_ones_own_is_loaded_by_its_tag(monkeypatch):
     accept_planner(Juggle)
     scenario = load_scenario("kitchen", overrides=["planner=!Juggle {balls: 5}"])
     assert scenario.planner == Juggle(balls=5)
-    assert {*module.PLANNERS} == {PickAndPlace, Clear, Servoing, Insert, Taught, Script}
+    assert {*module.PLANNERS} == {
+        *(PickAndPlace, Clear, Servoing, Insert, Handover, Taught, Script)
+    }

@@ -24,6 +24,7 @@ from drake_srg.learning.envs.rewards import LIFTED, Truth, pick_progress
 from drake_srg.learning.envs.scenes import CONTROL_PERIOD, Scene, SceneSource, Workspace
 from drake_srg.scenario import LocalizerConfig, Scenario
 from drake_srg.scenario.load import draw_scenario
+from drake_srg.scenario.schema import check_single_arm
 from drake_srg.simulation.rig import shake
 from drake_srg.station.held_grasp import HeldGrasp
 from drake_srg.station.plant import MakeModelsPlant
@@ -200,6 +201,7 @@ class HandTask:
     ) -> None:
         self.scenes = SceneSource(tree, origin, noise)
         scenario = draw_scenario(tree, origin, 0).scenario
+        check_single_arm(scenario, "an environment")
         assert scenario.arm is not None
         with scenario_errors(origin):
             self.station = EpisodeStation(_for_episodes(scenario, cameras))

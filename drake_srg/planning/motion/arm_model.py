@@ -10,7 +10,13 @@ from typing import Concatenate, ParamSpec, Protocol, TypeVar
 import numpy as np
 from pydrake.math import RigidTransform
 from pydrake.multibody.plant import MultibodyPlant
-from pydrake.multibody.tree import Frame, Joint, ModelInstanceIndex, RevoluteJoint
+from pydrake.multibody.tree import (
+    Frame,
+    JacobianWrtVariable,
+    Joint,
+    ModelInstanceIndex,
+    RevoluteJoint,
+)
 from pydrake.systems.framework import Context
 
 from drake_srg.common.geometry import cross
@@ -224,6 +230,20 @@ class ArmModel:
         turns = np.abs(np.diff(path, axis=0))
         change = 0.5 * turns.sum(axis=1) * (turns @ self.levers)
         return np.asarray(self._chain.speeds(path).max(axis=0) + change)
+
+    def jacobian(self, q: Vector) -> Vector:
+        """Return the matrix from joint velocities to the hand's [w; v] in W, (6, N)."""
+        self.plant.SetPositions(self.context, self.positions(q))
+        world = self.plant.world_frame()
+        J_W: Vector = self.plant.CalcJacobianSpatialVelocity(
+            self.context,
+            JacobianWrtVariable.kQDot,
+            self.hand_frame,
+            np.zeros(3),
+            world,
+            world,
+        )[:, self.arm_indices]
+        return J_W
 
     def X_WG(self, q: Vector) -> RigidTransform:
         """Return the hand's pose in the world [m] with the arm at `q`."""

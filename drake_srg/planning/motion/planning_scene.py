@@ -4,7 +4,7 @@ import contextlib
 import copy
 import dataclasses as dc
 import logging
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Mapping
 
 import numpy as np
 from pydrake.common import Parallelism
@@ -317,6 +317,28 @@ class PlanningScene(ArmModel):
         finally:
             for body in hand:
                 self._SetMargin(body, self._hand_margin)
+
+    @contextlib.contextmanager
+    def beside(self, positions: Mapping[str, Vector]) -> Iterator[None]:
+        """Let other models, such as another arm, stand elsewhere within the context.
+
+        Arm and gripper keep the same distances from them as from furniture.
+
+        Args:
+            positions: Of all joints of model instances, by the instance's name, in the
+                order of the plant's positions, shape (n,) [rad or m].
+
+        Raises:
+            RuntimeError: (Drake's) If a name is unknown.
+        """
+        before = self._positions.copy()
+        for name, values in positions.items():
+            model = self.plant.GetModelInstanceByName(name)
+            self.plant.SetPositionsInArray(model, values, self._positions)
+        try:
+            yield
+        finally:
+            self._positions = before
 
     @contextlib.contextmanager
     def standing(

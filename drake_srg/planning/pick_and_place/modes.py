@@ -6,7 +6,7 @@ the planner's memory.
 
 from __future__ import annotations
 
-from typing import TypeAlias
+from typing import ClassVar, TypeAlias
 
 import numpy as np
 from pydrake.trajectories import Trajectory
@@ -221,7 +221,7 @@ class Grasp(Moving):
 class Close(TaskMode):
     """Closes the fingers on the object."""
 
-    mode = Mode.CLOSE
+    mode: ClassVar[AnyMode] = Mode.CLOSE
 
     def enter(self, memory: PlannerMemory, entry: Entry) -> PlannerMemory:
         """Close the fingers; how they hold the object is not known yet."""
@@ -299,7 +299,7 @@ class Place(Carrying):
 class Release(TaskMode):
     """Opens the fingers, and plans an escape if the object was lost."""
 
-    mode = Mode.RELEASE
+    mode: ClassVar[AnyMode] = Mode.RELEASE
 
     def enter(self, memory: PlannerMemory, entry: Entry) -> PlannerMemory:
         """Open the fingers."""
@@ -329,7 +329,7 @@ class Release(TaskMode):
 class Retreat(Moving):
     """Draws the hand back from the object."""
 
-    mode = Mode.RETREAT
+    mode: ClassVar[AnyMode] = Mode.RETREAT
 
     def trajectory(self, memory: PlannerMemory) -> Trajectory | None:
         """Return the escape, if there is one, or the planned motion."""
@@ -340,7 +340,7 @@ class Retreat(Moving):
 class Home(Moving):
     """Moves the arm home, and looks from there whether the object is on its goal."""
 
-    mode = Mode.HOME
+    mode: ClassVar[AnyMode] = Mode.HOME
 
     @property
     def wait(self) -> float:

@@ -304,7 +304,7 @@ class TaskPlanner:
             obstacles: Other objects and their poses [m].
             tried: Names of grasps that failed.
         """
-        with self._standing(obstacles):
+        with self.standing(obstacles):
             return self._plan(q_start, X_WO, shape, X_WO_goal, tried)
 
     @restores_fingers
@@ -326,7 +326,7 @@ class TaskPlanner:
             obstacles: Other objects and their poses [m].
         """
         try:
-            with self._standing(obstacles):
+            with self.standing(obstacles):
                 candidate = self._search.grasped(q_grasp, grasp, shape, X_WO_goal)
                 motions = self._grasp_motions.carry(shape, X_WO_goal, candidate)
         except NoPathError as error:
@@ -352,7 +352,7 @@ class TaskPlanner:
             obstacles: Other objects and their poses [m].
         """
         try:
-            with self._standing(obstacles):
+            with self.standing(obstacles):
                 motions = self._grasp_motions.place(q_start, grasp, shape, X_WO_goal)
         except NoPathError as error:
             return error.failure
@@ -451,7 +451,7 @@ class TaskPlanner:
             obstacles: Other objects and their poses [m].
         """
         slack = 0.5 * min(self.config.clearance, self.config.hand_clearance)
-        with self._standing(obstacles):
+        with self.standing(obstacles):
             for mode, motion in task.motions.items():
                 with contextlib.ExitStack() as stack:
                     if mode in (Mode.LIFT, Mode.TRANSFER, Mode.PLACE):
@@ -481,7 +481,7 @@ class TaskPlanner:
         """
         self.scene.SetFingers(fingers)
         try:
-            with self._standing(obstacles):
+            with self.standing(obstacles):
                 path = plan_cartesian_path(self.scene, q, self._moves.behind(q))
                 if isinstance(path, PlanningFailure):
                     path = q[np.newaxis]
@@ -495,7 +495,8 @@ class TaskPlanner:
             return error.failure
 
     @contextlib.contextmanager
-    def _standing(self, obstacles: Obstacles) -> Iterator[None]:
+    def standing(self, obstacles: Obstacles) -> Iterator[None]:
+        """Let obstacles stand in the scene within the context."""
         with contextlib.ExitStack() as stack:
             for shape, X_WO in obstacles:
                 stack.enter_context(self.scene.standing(shape, X_WO))

@@ -66,7 +66,7 @@ def read_run(folder: Path) -> RecordedRun:
     try:
         document, binary = read_glb(glb)
         extras = document["scenes"][0]["extras"][EXTRAS]
-        labels = Labels(**extras["labels"])
+        labels = Labels.of_tree(extras["labels"])
         images = _images(document, binary)
         sights = list(extras["sights"])
         for sight in sights:

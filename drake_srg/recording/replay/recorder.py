@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import dataclasses as dc
 from collections.abc import Collection, Iterator, Sequence
 from pathlib import Path
 from typing import Any
@@ -204,7 +203,7 @@ def write_replay(
         OSError: If the file cannot be written.
     """
     extras = {
-        "labels": dc.asdict(labels),
+        "labels": labels.tree(),
         "video_camera": video_camera,
         "video_start": video_start,
         "sights": list(sights),

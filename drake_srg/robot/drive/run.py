@@ -41,6 +41,7 @@ from drake_srg.robot.serve.commands import (
 from drake_srg.robot.serve.connecting import KeyboardBridge
 from drake_srg.robot.serve.loop import Pacer
 from drake_srg.scenario import Scenario, servo_of
+from drake_srg.scenario.schema import check_single_arm
 from drake_srg.simulation.metrics import Metrics, RunTimes, calc_metrics
 from drake_srg.simulation.recorders import FILES, AddRosbagRecorder, run_labels
 from drake_srg.simulation.run_log import RunLog
@@ -364,6 +365,7 @@ def run_on_hardware(
         OSError: If `out` cannot be written, or an address is in use.
         ImportError: If a driver's packages are missing.
     """
+    check_single_arm(scenario, "hardware")
     stop = stop or threading.Event()
     warnings = Warnings(tell)
     scenario = dc.replace(scenario, disturbances=[])

@@ -45,6 +45,7 @@ from drake_srg.robot.serve.commands import (
 )
 from drake_srg.robot.serve.pictures import PERIOD, Pictures
 from drake_srg.scenario import Scenario
+from drake_srg.scenario.schema import check_single_arm
 from drake_srg.simulation import failure_time
 from drake_srg.simulation.flat import MakeRoot
 from drake_srg.simulation.recorders import AddRosbagRecorder, recorded_topics
@@ -164,6 +165,7 @@ def AddServedStation(
     Raises:
         ScenarioError: If the models do not fit the scenario.
     """
+    check_single_arm(scenario, "serve")
     without_cameras = dc.replace(scenario, cameras={})
     station = builder.AddNamedSystem("station", make_station(without_cameras))
     export_outputs(builder, station)

@@ -22,6 +22,7 @@ from drake_srg.robot.twin.comparison import KINDS
 from drake_srg.robot.twin.loop import Listener, Parting, Told, TwinLoop
 from drake_srg.robot.twin.station import AddTwin, MakeTwin
 from drake_srg.scenario import Scenario
+from drake_srg.scenario.schema import check_single_arm
 from drake_srg.simulation.flat import MakeRoot
 from drake_srg.simulation.recorders import FILES, AddRosbagRecorder
 
@@ -94,6 +95,7 @@ def run_twin(
         OSError: If `out` cannot be written, or an address is in use.
         ImportError: If a package is missing.
     """
+    check_single_arm(scenario, "a twin")
     stop = stop or threading.Event()
     warnings = Warnings(tell)
     artifacts: dict[str, str] = {}

@@ -25,6 +25,7 @@ from drake_srg.robot.twin.comparison import (
     TwinMonitor,
 )
 from drake_srg.scenario import Scenario
+from drake_srg.scenario.schema import check_single_arm
 from drake_srg.station import MakeStation
 from drake_srg.station.plant import MakeModelsPlant
 from drake_srg.types import Vector
@@ -150,6 +151,7 @@ def AddTwin(
     Raises:
         ScenarioError: If the models do not fit the scenario.
     """
+    check_single_arm(scenario, "a twin")
     arm, gripper = scenario.arm, scenario.gripper
     if arm is None or gripper is None:
         raise ScenarioError("twin: the scenario needs an arm and a gripper")

@@ -11,7 +11,7 @@ from pydrake.systems.primitives import ConstantValueSource, ConstantVectorSource
 from pydrake.systems.sensors import ImageRgba8U
 
 from drake_srg.lifetime import LeafSystem
-from drake_srg.recording.rosbag import RosbagRecorder, cell_topics
+from drake_srg.recording.rosbag import ArmNames, RosbagRecorder, cell_topics
 from drake_srg.sweeps.rows import row_path, write_row
 from drake_srg.sweeps.trial import empty_row
 from drake_srg.types import Blob, Mode, PlannerStatus
@@ -98,7 +98,7 @@ def record(
 ):
     """Record a trial of `until` seconds; `cameras` maps names to (width, height)."""
     periods = dict.fromkeys(cameras, image_period)
-    topics = cell_topics(ARM, GRIPPER, 2, periods, located=located)
+    topics = cell_topics([ArmNames(ARM, GRIPPER, 2)], periods, located=located)
     q = joint_positions
     sources = {
         "arm.state_measured": Signal(lambda t: np.r_[q(t)[:2], 0.0, 0.0]),

@@ -1,0 +1,439 @@
+"""The modes of a handover: what each arm moves, feels and notices.
+
+Up to the lift, the giver goes through the modes of picking and placing. From the
+transfer on, the receiver does. These are the modes in between.
+"""
+
+from __future__ import annotations
+
+import dataclasses as dc
+from typing import Any
+
+import numpy as np
+from pydrake.trajectories import Trajectory
+
+from drake_srg.planning.handover.config import (
+    Handover,
+    HandoverMemory,
+    HandoverMode,
+    HandoverSenses,
+    Side,
+)
+from drake_srg.planning.handover.motions import HandoverMotions, HandoverTaskPlanner
+from drake_srg.planning.motion.planning_scene import PlanningFailure
+from drake_srg.planning.pick_and_place.knowledge import (
+    Attempt,
+    PlannerMemory,
+    Senses,
+)
+from drake_srg.planning.pick_and_place.modes import (
+    Carrying,
+    Close,
+    Entry,
+    Home,
+    Idle,
+    Moving,
+    Now,
+    Release,
+    Retreat,
+    TaskMode,
+    task_modes,
+)
+from drake_srg.planning.pick_and_place.replanning import Replanner
+from drake_srg.planning.pick_and_place.sightings import View
+from drake_srg.planning.planner_machine import Observation
+from drake_srg.types import AnyMode, Failure, Mode, Vector
+
+_UP = np.array([0.0, 0.0, 1.0])
+_AT_HOME = 1e-3  # joint error of an arm that was sent home [rad]
+
+
+class HandoverReplanner(Replanner):
+    """Plans for the arm whose turn it is, beside the other one where that is now.
+
+    Args:
+        planner: Plans the motions of both.
+        receiver: Whether it plans the receiver's.
+        own: The arguments of `Replanner` that follow.
+    """
+
+    def __init__(
+        self, planner: HandoverTaskPlanner, own: tuple[Any, ...], *, receiver: bool
+    ) -> None:
+        super().__init__(planner.receiver if receiver else planner, *own)
+        self._beside = planner.receiver_beside if receiver else planner.giver_beside
+
+    def correct(self, view: View, memory: PlannerMemory, time: float) -> None:
+        """See `Replanner`."""
+        q, fingers = _stance(memory_of(memory).other)
+        with self._beside(q, fingers):
+            super().correct(view, memory, time)
+
+    def escape(self, memory: PlannerMemory, time: float) -> None:
+        """See `Replanner`."""
+        q, fingers = _stance(memory_of(memory).other)
+        with self._beside(q, fingers):
+            super().escape(memory, time)
+
+
+def memory_of(memory: PlannerMemory) -> HandoverMemory:
+    """Return the memory as that of a handover."""
+    assert isinstance(memory, HandoverMemory)
+    return memory
+
+
+def _stance(side: Side) -> tuple[Vector, dict[str, float]]:
+    """Return where an arm ends its motion, and how its fingers are."""
+    if side.attempt.motions is None:
+        return side.motion.destination, dict(side.grip.fingers_open)
+    grasp = side.attempt.motions.grasp
+    closed = side.closure >= grasp.closure_closed
+    fingers = grasp.fingers_closed if closed else grasp.fingers_open
+    return side.motion.destination, dict(fingers)
+
+
+def _senses_of_other(senses: Senses) -> Senses:
+    assert isinstance(senses, HandoverSenses)
+    assert senses.other is not None
+    return senses.other
+
+
+def other_holds(memory: HandoverMemory, senses: Senses) -> bool:
+    """Return whether the arm whose turn it is not holds the object."""
+    motions = memory.other.attempt.motions
+    others = _senses_of_other(senses)
+    if motions is None or not others.grasped:
+        return False
+    return motions.grasp.holds(others.fingers, others.proximity)
+
+
+class _Turn(TaskMode):
+    """A mode of one of the arms; as it begins, it is that arm's turn."""
+
+    receiver: bool = False
+
+    def enter(self, memory: PlannerMemory, entry: Entry) -> PlannerMemory:
+        """Make it the arm's turn, and begin."""
+        mine = memory_of(memory)
+        if mine.receiving != self.receiver:
+            before = entry.senses
+            mine.turn_to(receiver=self.receiver)
+            swapped = HandoverSenses(
+                **{**vars(_senses_of_other(before)), "other": before}
+            )
+            entry = dc.replace(entry, senses=swapped)
+        return super().enter(mine, entry)
+
+
+class _ReceiversTurn(_Turn):
+    receiver = True
+
+
+class Begin(Idle):
+    """Looks for the object, and plans the whole handover; it is the giver's turn."""
+
+    def enter(self, memory: PlannerMemory, entry: Entry) -> PlannerMemory:
+        """Judge the attempt of the arm whose turn it was; then all begins anew."""
+        mine = memory_of(super().enter(memory, entry))
+        mine.turn_to(receiver=False)
+        mine.motion = mine.motion.ended(entry.time)
+        mine.attempt = Attempt(began=entry.time, next_look=entry.time)
+        mine.other.attempt = Attempt()
+        mine.takes, mine.taken = 0, False
+        return mine
+
+
+class Carry(_Turn, Carrying):
+    """Carries the object near where it changes hands."""
+
+    mode = HandoverMode.CARRY
+
+    @property
+    def wait(self) -> float:
+        """Time to verify the grasp at rest [s]."""
+        return self.config.verify_time
+
+    def trajectory(self, memory: PlannerMemory) -> Trajectory | None:
+        """Return the way there."""
+        return memory.attempt.planned.motions[Mode.TRANSFER]
+
+
+class Present(_Turn, Carrying):
+    """Presents the object where the receiver can take it."""
+
+    mode = HandoverMode.PRESENT
+
+    def trajectory(self, memory: PlannerMemory) -> Trajectory | None:
+        """Return the way there."""
+        return memory.attempt.planned.motions[Mode.PLACE]
+
+
+class Approach(_ReceiversTurn, Moving):
+    """Moves the receiver's open hand in front of the object."""
+
+    mode = HandoverMode.APPROACH
+
+    def enter(self, memory: PlannerMemory, entry: Entry) -> PlannerMemory:
+        """Take up the receiver's motions, and open its fingers."""
+        mine = memory_of(memory)
+        mine.turn_to(receiver=True)
+        plan = mine.other.attempt.planned
+        assert isinstance(plan, HandoverMotions)
+        mine.takes += 1
+        mine.attempt = Attempt(began=entry.time, motions=plan.receiver, X_WO=plan.X_WO)
+        grasp = plan.receiver.grasp
+        mine.closure, mine.grip.fingers_open = grasp.closure_open, grasp.fingers_open
+        return super().enter(mine, entry)
+
+    def observe_arrived(self, memory: PlannerMemory, now: Now) -> Observation:
+        """Report whether the giver still holds the object."""
+        return Observation(
+            arrived=True, holding=other_holds(memory_of(memory), now.senses)
+        )
+
+
+class Reach(Approach):
+    """Moves the receiver's open hand around the object."""
+
+    mode = HandoverMode.REACH
+
+    def enter(self, memory: PlannerMemory, entry: Entry) -> PlannerMemory:
+        """Go."""
+        return super(Approach, self).enter(memory, entry)
+
+
+class Take(_ReceiversTurn, Close):
+    """Closes the receiver's fingers on the object that the giver holds."""
+
+    mode = HandoverMode.TAKE
+
+
+class Pull(_ReceiversTurn, Carrying):
+    """Pulls the object gently out of the giver's hand, until the giver feels it."""
+
+    mode = HandoverMode.PULL
+
+    def __init__(
+        self,
+        config: Handover,
+        replanner: Replanner,
+        repeat: int,
+        planner: HandoverTaskPlanner,
+    ) -> None:
+        super().__init__(config, replanner, repeat)
+        self._handover, self._planner = config, planner
+
+    @property
+    def wait(self) -> float:
+        """Time for the last of the pull to be felt [s]."""
+        return 3.0 * self._handover.pull_time
+
+    def enter(self, memory: PlannerMemory, entry: Entry) -> PlannerMemory:
+        """Note what the giver feels before the pull."""
+        memory = super().enter(memory, entry)
+        mine = memory_of(memory)
+        torque = _senses_of_other(entry.senses).external_torque
+        assert torque is not None, "the planner's `feels` asks for it"
+        mine.torque_before = mine.torque = torque.copy()
+        return memory
+
+    def update(self, memory: PlannerMemory, now: Now) -> PlannerMemory:
+        """Average what the giver feels, and stop once it feels the pull."""
+        memory = super().update(memory, now)
+        mine, giver = memory_of(memory), _senses_of_other(now.senses)
+        assert giver.external_torque is not None
+        share = min(self.config.period / self._handover.pull_time, 1.0)
+        mine.torque = mine.torque + share * (giver.external_torque - mine.torque)
+        if not mine.taken and self.felt(mine, giver.q) >= self._handover.pull_force:
+            mine.taken = True
+            mine.motion = mine.motion.stopped(now.time)
+        return mine
+
+    def felt(self, memory: HandoverMemory, q: Vector) -> float:
+        """Return the force at the giver's hand along the pull, since it began [N].
+
+        Args:
+            memory: With the torques.
+            q: Where the giver is, shape (N,) [rad].
+        """
+        torque = memory.torque - memory.torque_before
+        jacobian = self._planner.scene.jacobian(q)
+        # Torques of a wrench at the hand: tau = J' F.
+        wrench, *_ = np.linalg.lstsq(jacobian.T, torque, rcond=None)
+        return float(wrench[3:] @ -_UP)
+
+    def observe_mode(self, memory: PlannerMemory, now: Now) -> Observation:
+        """Report that the giver has felt the pull, or that it is over."""
+        if memory.attempt.lost:
+            return Observation(arrived=True)
+        return super().observe_mode(memory, now)
+
+    def observe_arrived(self, memory: PlannerMemory, now: Now) -> Observation:
+        """Report whether the object has been taken."""
+        return Observation(arrived=True, ready=memory_of(memory).taken)
+
+
+class LetGo(_Turn, Release):
+    """Opens the giver's fingers: the receiver has the object, or nobody has."""
+
+    mode = HandoverMode.LET_GO
+
+    def enter(self, memory: PlannerMemory, entry: Entry) -> PlannerMemory:
+        """Open the fingers; without a receiver, plan a way out."""
+        mine = memory_of(memory)
+        if not mine.taken:
+            return super().enter(mine, entry)
+        mine.turn_to(receiver=False)
+        mine.closure = mine.attempt.planned.grasp.closure_open
+        mine.attempt.escape, mine.attempt.ready_at = None, entry.time
+        return TaskMode.enter(self, mine, entry)
+
+
+class Withdraw(_Turn, Retreat):
+    """Draws the giver's hand back."""
+
+    mode = HandoverMode.WITHDRAW
+
+
+class Clear(_Turn, Home):
+    """Moves the giver home."""
+
+    mode = HandoverMode.CLEAR
+
+    def look(self, memory: PlannerMemory, now: Now) -> None:
+        """Look only for an object that nobody holds."""
+        if not memory_of(memory).taken:
+            super().look(memory, now)
+
+    def observe_arrived(self, memory: PlannerMemory, now: Now) -> Observation:
+        """Report whether the receiver has the object, or whether to give up."""
+        if memory_of(memory).taken:
+            return Observation(arrived=True, ready=True)
+        return super().observe_arrived(memory, now)
+
+
+class Secure(_ReceiversTurn, Carrying):
+    """Takes the object back to where the pull began, alone in the receiver's hand."""
+
+    mode = HandoverMode.SECURE
+
+    def __init__(
+        self,
+        config: Handover,
+        replanner: Replanner,
+        repeat: int,
+        planner: HandoverTaskPlanner,
+    ) -> None:
+        super().__init__(config, replanner, repeat)
+        self._planner = planner
+
+    @property
+    def wait(self) -> float:
+        """Time to verify the grasp at rest [s]."""
+        return self.config.verify_time
+
+    def enter(self, memory: PlannerMemory, entry: Entry) -> PlannerMemory:
+        """Plan the way back, the few millimetres of the pull."""
+        memory = super().enter(memory, entry)
+        mine = memory_of(memory)
+        plan, rest = mine.other.attempt.planned, mine.motion.ended(entry.time)
+        assert isinstance(plan, HandoverMotions)
+        back = self._planner.back(rest.destination, plan)
+        if isinstance(back, PlanningFailure):
+            mine.attempt.trapped = True
+            mine.trouble.failure, mine.trouble.message = back.failure, back.message
+        else:
+            mine.motion = rest.followed_by(back, entry.time, self.wait)
+        return mine
+
+
+class Raise(_ReceiversTurn, Carrying):
+    """Lifts the object in the receiver's hand."""
+
+    mode = HandoverMode.RAISE
+
+    def trajectory(self, memory: PlannerMemory) -> Trajectory | None:
+        """Return the lift."""
+        return memory.attempt.planned.motions[Mode.LIFT]
+
+
+class ReleaseReceived(Release):
+    """Opens the receiver's fingers, on the goal or around nothing."""
+
+    mode = Mode.RELEASE
+
+    def enter(self, memory: PlannerMemory, entry: Entry) -> PlannerMemory:
+        """Open the fingers; if the receiver never had the object, say so."""
+        mine = memory_of(memory)
+        giver = mine.other.attempt.planned.grasp if not mine.taken else None
+        memory = super().enter(mine, entry)
+        if giver is None:
+            return memory
+        lost = not other_holds(mine, entry.senses)
+        mine.trouble.failure = Failure.DROPPED if lost else Failure.NOT_TAKEN
+        mine.trouble.message = _WORDS[mine.trouble.failure]
+        mine.cycle.tried = mine.cycle.tried[:-1]  # it says nothing of the giver's grasp
+        return memory
+
+
+_WORDS = {
+    Failure.DROPPED: "the giver has lost the object that it presented",
+    Failure.NOT_TAKEN: "the receiver's hand has closed, but the giver feels no pull",
+}
+
+
+class HomeReceived(Home):
+    """Moves the receiver home, and looks whether the object is on its goal."""
+
+    mode = Mode.HOME
+
+    def __init__(self, config: Handover, replanner: Replanner, repeat: int) -> None:
+        super().__init__(config, replanner, repeat)
+        self._max_takes = config.max_takes
+
+    def look(self, memory: PlannerMemory, now: Now) -> None:
+        """Look only if the object has been taken: the giver may still hold it."""
+        if memory_of(memory).taken:
+            super().look(memory, now)
+
+    def observe_arrived(self, memory: PlannerMemory, now: Now) -> Observation:
+        """Report how the task ends, or that the giver still presents the object."""
+        mine = memory_of(memory)
+        if mine.taken:
+            return super().observe_arrived(mine, now)
+        if not other_holds(mine, now.senses):
+            return Observation(arrived=True, stuck=True)
+        if mine.takes < self._max_takes:
+            return Observation(arrived=True, moved=True)
+        return Observation(arrived=True, failure=Failure.NOT_TAKEN)
+
+
+def handover_modes(
+    config: Handover,
+    planner: HandoverTaskPlanner,
+    giver: Replanner,
+    receiver: Replanner,
+    repeat: int,
+) -> dict[AnyMode, TaskMode]:
+    """Return what the planner does in each mode.
+
+    Args:
+        config: Times, forces and limits.
+        planner: Plans the motions of both.
+        giver: Plans the giver's motions from what is seen.
+        receiver: Plans the receiver's.
+        repeat: How many cycles the task has.
+    """
+    givers = (Begin, Carry, Present, LetGo, Withdraw, Clear)
+    receivers = (Approach, Reach, Take, Raise, ReleaseReceived)
+    late = task_modes(config, receiver, repeat)
+    later = (Mode.TRANSFER, Mode.PLACE, Mode.RETREAT)
+    return {
+        **task_modes(config, giver, repeat),
+        **{mode: late[mode] for mode in later},
+        **{kind.mode: kind(config, giver, repeat) for kind in givers},
+        **{kind.mode: kind(config, receiver, repeat) for kind in receivers},
+        HandoverMode.PULL: Pull(config, receiver, repeat, planner),
+        HandoverMode.SECURE: Secure(config, receiver, repeat, planner),
+        Mode.HOME: HomeReceived(config, receiver, repeat),
+    }

@@ -1,0 +1,456 @@
+"""The motions of a handover: where the hands meet, and the ways there and away."""
+
+from __future__ import annotations
+
+import contextlib
+import dataclasses as dc
+from collections.abc import Iterator, Mapping, Sequence
+
+import numpy as np
+from pydrake.math import RigidTransform, RotationMatrix
+from pydrake.trajectories import (
+    PathParameterizedTrajectory,
+    PiecewisePolynomial,
+    Trajectory,
+)
+
+from drake_srg.common.geometry import Solid
+from drake_srg.planning.grasps.grasps import (
+    PALM_Y,
+    Grasp,
+    Hand,
+    carrying,
+    place_target,
+)
+from drake_srg.planning.grasps.srg_hand import Approach, SrgGrasp
+from drake_srg.planning.handover.config import Handover, HandoverMode
+from drake_srg.planning.motion.arm_model import restores_fingers
+from drake_srg.planning.motion.inverse_kinematics import (
+    AxisTarget,
+    HandTarget,
+    IkFailure,
+    solve_inverse_kinematics,
+)
+from drake_srg.planning.motion.moves import Moves
+from drake_srg.planning.motion.planning_scene import (
+    NoPathError,
+    PlanningFailure,
+    PlanningScene,
+)
+from drake_srg.planning.pick_and_place.task_motions import (
+    Obstacles,
+    TaskMotions,
+    TaskPlanner,
+)
+from drake_srg.types import AnyMode, Failure, Mode, Vector
+
+# Where the object's centre may change hands: towards the receiver, aside of and above
+# the middle between the arms' first joints [m].
+_MEETINGS = tuple(
+    (along, aside, up)
+    for up in (0.18, 0.24)
+    for along, aside in ((0.0, 0.0), (0.05, 0.0), (0.0, 0.1), (0.0, -0.1))
+)
+# The giver takes an object by this much less of its pads than it could [m]. So more of
+# it is free for the receiver, and the base links, whose sensors reach 10 mm, see
+# nothing: where they did, one finger stopped before the other, and the object leaned.
+_LESS = 0.01
+_TURNS = 8  # sectors around the object from which the receiver may come
+_UP = np.array([0.0, 0.0, 1.0])
+
+
+@dc.dataclass(frozen=True)
+class ArmName:
+    """The model instances of an arm and its gripper."""
+
+    arm: str
+    gripper: str
+
+
+@dc.dataclass(frozen=True)
+class HandoverMotions(TaskMotions):
+    """The giver's grasp and motions, and the receiver's."""
+
+    receiver: TaskMotions
+    X_WO: RigidTransform  # of the object that is presented [m]
+
+
+def fingers_of(scene: PlanningScene, angles: Mapping[str, float]) -> Vector:
+    """Return finger angles by name as positions of the gripper [rad]."""
+    return np.array([angles.get(name, 0.0) for name in scene.finger_names])
+
+
+class GivingHand(Hand):
+    """A hand that takes standing objects from above, and only by their upper ends.
+
+    Args:
+        hand: The hand.
+    """
+
+    def __init__(self, hand: Hand) -> None:
+        self._hand = hand
+        self.num_joints, self.num_sensors = hand.num_joints, hand.num_sensors
+        self.p_GT, self.upright_within = hand.p_GT, hand.upright_within
+        self.pinch = hand.pinch
+
+    def grasps(
+        self, shape: Solid, X_WO: RigidTransform, firmness: float = 1.0
+    ) -> list[Grasp]:
+        """See `Hand`."""
+        found = self._hand.grasps(shape, X_WO, firmness)
+        farther = np.array([_LESS, 0.0, 0.0])
+        return [
+            dc.replace(grasp, p_GO=grasp.p_GO + farther)
+            for grasp in found
+            if isinstance(grasp, SrgGrasp)
+            and grasp.approach is Approach.ABOVE
+            and not grasp.lean
+        ]
+
+
+# A pose in which an object lies; the hand then takes it across its axis.
+_LYING = RigidTransform(RotationMatrix.MakeXRotation(0.5 * np.pi), [0.0, 0.0, 0.0])
+
+
+def taking_grasps(hand: Hand, shape: Solid, height: float) -> list[SrgGrasp]:
+    """Return pinches from the side at a height above the object's lower end.
+
+    They are those of an object that lies, but the object stands in the air. A wrap
+    around a slim object presses with the ends of the fingers only, and slips.
+
+    Args:
+        hand: The receiver's.
+        shape: The object's shape.
+        height: Where the palm's x meets the object's axis [m].
+    """
+    from_origin = height - shape.half_extent(-_UP)
+    return [
+        dc.replace(
+            grasp,
+            name=f"from the side, {np.rad2deg(grasp.tilt):.0f} degrees down",
+            p_GO=grasp.p_GO - from_origin * grasp.axis_G,
+            down_G=None,
+        )
+        for grasp in hand.grasps(shape, _LYING)
+        if isinstance(grasp, SrgGrasp) and grasp.across_O is None
+    ]
+
+
+class HandoverTaskPlanner(TaskPlanner):
+    """Plans all motions of a handover; holds nothing between calls.
+
+    To the machine of picking and placing, it is the giver's planner.
+
+    Args:
+        scene: The giver, and what it may hit: the receiver, too.
+        hand: How the giver takes objects.
+        q_home: Where the giver rests, shape (N,) [rad].
+        config: Distances and speeds.
+        receiver: Plans the receiver's motions, in a scene with the giver.
+        names: The models of the giver, and of the receiver.
+    """
+
+    def __init__(
+        self,
+        scene: PlanningScene,
+        hand: Hand,
+        q_home: Vector,
+        config: Handover,
+        receiver: TaskPlanner,
+        names: tuple[ArmName, ArmName],
+    ) -> None:
+        super().__init__(scene, hand, q_home, config)
+        self.receiver = receiver
+        self.names = names
+        self._handover = config
+        self._giver_moves = Moves(scene, hand.p_GT, config)
+        self._receiver_moves = Moves(receiver.scene, receiver.hand.p_GT, config)
+
+    @contextlib.contextmanager
+    def giver_beside(self, q: Vector, fingers: Mapping[str, float]) -> Iterator[None]:
+        """Let the giver plan beside a receiver at `q` within the context."""
+        other = fingers_of(self.receiver.scene, fingers)
+        with self.scene.beside(self._places(1, q, other)):
+            yield
+
+    @contextlib.contextmanager
+    def receiver_beside(
+        self, q: Vector, fingers: Mapping[str, float]
+    ) -> Iterator[None]:
+        """Let the receiver plan beside a giver at `q` within the context."""
+        other = fingers_of(self.scene, fingers)
+        with self.receiver.scene.beside(self._places(0, q, other)):
+            yield
+
+    def _places(self, index: int, q: Vector, fingers: Vector) -> dict[str, Vector]:
+        name = self.names[index]
+        return {name.arm: q, name.gripper: fingers}
+
+    def plan(
+        self,
+        q_start: Vector,
+        X_WO: RigidTransform,
+        shape: Solid,
+        X_WO_goal: RigidTransform,
+        obstacles: Obstacles = (),
+        tried: Sequence[str] = (),
+    ) -> TaskMotions | PlanningFailure:
+        """Plan the whole handover, both arms at home at first and in the end.
+
+        Args:
+            q_start: Where the giver is, at rest, shape (N,) [rad].
+            X_WO: The object's pose [m]; the turn of a round one does not count.
+            shape: The object's shape.
+            X_WO_goal: Where the receiver must set the object down [m].
+            obstacles: Other objects and their poses [m].
+            tried: Names of the giver's grasps that failed.
+        """
+        out_of_reach = self._no_goal(shape, X_WO_goal, obstacles)
+        if out_of_reach is not None:
+            return out_of_reach
+        failures: list[PlanningFailure] = []
+        q_waiting = self.receiver.q_home
+        for X_WO_met in self.meetings():
+            with self.giver_beside(q_waiting, {}):
+                given = super().plan(q_start, X_WO, shape, X_WO_met, obstacles, tried)
+            if isinstance(given, PlanningFailure):
+                failures.append(given)
+                if given.message.startswith("pick"):
+                    break  # the giver does not reach the object, wherever they meet
+                continue
+            try:
+                return self._received(given, shape, X_WO_goal, obstacles)
+            except NoPathError as error:
+                failures.append(error.failure)
+        blocked = [f for f in failures if f.failure is Failure.BLOCKED]
+        return (blocked or failures)[0]
+
+    def _no_goal(
+        self, shape: Solid, X_WO_goal: RigidTransform, obstacles: Obstacles
+    ) -> PlanningFailure | None:
+        """Return why the receiver cannot set the object down; None: it can."""
+        receiver, failures = self.receiver, list[IkFailure]()
+        for grasp in taking_grasps(receiver.hand, shape, self._handover.grip_height):
+            with (
+                self.receiver_beside(self.q_home, {}),
+                receiver.standing(obstacles),
+                carrying(receiver.scene, shape, grasp, supported=True),
+            ):
+                found = solve_inverse_kinematics(
+                    receiver.scene,
+                    place_target(grasp, X_WO_goal, self._handover.place_height),
+                    q_nominal=receiver.q_home,
+                )
+            if not isinstance(found, IkFailure):
+                return None
+            failures.append(found)
+        if not failures:
+            why = f"the receiver knows no grasp from the side of a {shape}"
+            return PlanningFailure(Failure.NO_GRASP, why)
+        nearest = min(failures, key=lambda failure: failure.violation)
+        message = f"the receiver cannot set it down: {nearest.message}"
+        return PlanningFailure(nearest.failure, message)
+
+    def meetings(self) -> list[RigidTransform]:
+        """Return upright poses of the object in which it may change hands [m]."""
+        p_WG, p_WR = self.scene.p_WA, self.receiver.scene.p_WA
+        across = p_WR - p_WG
+        along = across / np.linalg.norm(across)
+        aside = np.cross(_UP, along)
+        middle = 0.5 * (p_WG + p_WR)
+        return [
+            RigidTransform(middle + a * along + b * aside + c * _UP)
+            for a, b, c in _MEETINGS
+        ]
+
+    @restores_fingers
+    def back(self, q: Vector, plan: HandoverMotions) -> Trajectory | PlanningFailure:
+        """Plan from where the receiver's pull has ended to where it began.
+
+        Args:
+            q: Where the receiver is, shape (N,) [rad].
+            plan: Its motions.
+        """
+        start = plan.receiver.motions[HandoverMode.PULL].value(0.0)[:, 0]
+        moves = self._receiver_moves
+        try:
+            return moves.timed(np.array([q, start]), moves.holding, straight=True)
+        except NoPathError as error:
+            return error.failure
+
+    def _received(
+        self,
+        given: TaskMotions,
+        shape: Solid,
+        X_WO_goal: RigidTransform,
+        obstacles: Obstacles,
+    ) -> HandoverMotions:
+        """Return the motions of both, from those of the giver up to the meeting.
+
+        Raises:
+            NoPathError: If the receiver does not get there, or one of them not away.
+        """
+        q_met = _end(given.motions[Mode.PLACE])
+        X_WO = self.scene.X_WG(q_met) @ given.grasp.X_GO
+        X_WO = RigidTransform(X_WO.translation())  # round: its turn has no meaning
+        height = self._handover.grip_height
+        grasps = taking_grasps(self.receiver.hand, shape, height)
+        failures: list[PlanningFailure] = []
+        for turn in (None, *np.linspace(0.0, 2.0 * np.pi, _TURNS, endpoint=False)):
+            for grasp in grasps:
+                try:
+                    return self._taken(
+                        given, grasp, turn, shape, X_WO, X_WO_goal, obstacles
+                    )
+                except NoPathError as error:
+                    failures.append(error.failure)
+            # From another side there may be a way past the giver, but no more reach.
+            if all(f.failure is not Failure.BLOCKED for f in failures):
+                break
+        blocked = [f for f in failures if f.failure is Failure.BLOCKED]
+        raise NoPathError((blocked or failures)[0])
+
+    def _taken(
+        self,
+        given: TaskMotions,
+        grasp: SrgGrasp,
+        turn: float | None,
+        shape: Solid,
+        X_WO: RigidTransform,
+        X_WO_goal: RigidTransform,
+        obstacles: Obstacles,
+    ) -> HandoverMotions:
+        """Return the motions with a grasp of the receiver from a side.
+
+        Args:
+            given: The giver's grasp and motions up to the meeting.
+            grasp: The receiver's.
+            turn: Direction of the palm's y about the vertical [rad]; None: any.
+            shape: The object's shape.
+            X_WO: The object that is presented [m].
+            X_WO_goal: Where the receiver must set it down [m].
+            obstacles: Other objects and their poses [m].
+
+        Raises:
+            NoPathError: If a motion does not exist.
+        """
+        q_met = _end(given.motions[Mode.PLACE])
+        with self.receiver_beside(q_met, given.grasp.fingers_closed):
+            motions, q_take = self._reach(grasp, turn, shape, X_WO, obstacles)
+        with self.giver_beside(q_take, grasp.fingers_closed):
+            leave = self._leave(q_met, given.grasp, shape, X_WO, obstacles)
+        with self.receiver_beside(self.q_home, given.grasp.fingers_open):
+            carry = self.receiver.plan_carry(q_take, grasp, shape, X_WO_goal, obstacles)
+        if isinstance(carry, PlanningFailure):
+            raise NoPathError(carry)
+        received = TaskMotions(grasp, {**carry.motions, **motions})
+        return HandoverMotions(given.grasp, {**given.motions, **leave}, received, X_WO)
+
+    def _reach(
+        self,
+        grasp: Grasp,
+        turn: float | None,
+        shape: Solid,
+        X_WO: RigidTransform,
+        obstacles: Obstacles,
+    ) -> tuple[dict[AnyMode, Trajectory], Vector]:
+        """Return the receiver's motions up to its pull, and where it takes the object.
+
+        Raises:
+            NoPathError: If a motion does not exist.
+        """
+        scene, moves, home = (
+            self.receiver.scene, self._receiver_moves, self.receiver.q_home
+        )  # fmt: skip
+        before = scene.fingers
+        scene.SetFingers(grasp.fingers_open)
+        try:
+            with contextlib.ExitStack() as stack:
+                for other, X_WOther in obstacles:
+                    stack.enter_context(scene.standing(other, X_WOther))
+                with scene.standing(shape, X_WO, touchable=True):
+                    q_take = self._posture(grasp.target(X_WO), turn)
+                    back = moves.straight(q_take, moves.behind(q_take))
+                    down = -self._handover.pull_distance * _UP
+                    pulled = HandTarget.from_pose(scene.X_WG(q_take)).shifted(down)
+                    pull = moves.straight(q_take, pulled)
+                with scene.standing(shape, X_WO):
+                    approach = moves.joint_path(home, back[-1])
+                slow = moves.holding
+                motions: dict[AnyMode, Trajectory] = {
+                    HandoverMode.APPROACH: moves.timed(approach, moves.free),
+                    HandoverMode.REACH: moves.timed(
+                        back[::-1], moves.free, straight=True
+                    ),
+                    HandoverMode.PULL: stretched(
+                        moves.timed(pull, slow, straight=True),
+                        self._handover.pull_distance / self._handover.pull_speed,
+                    ),
+                }
+        finally:
+            scene.fingers = before
+        return motions, q_take
+
+    def _posture(self, target: HandTarget, turn: float | None) -> Vector:
+        """Return a free posture of the receiver.
+
+        Raises:
+            NoPathError: If there is none.
+        """
+        if turn is not None:
+            y_W = np.array([np.cos(turn), np.sin(turn), 0.0])
+            side = AxisTarget(PALM_Y, y_W, np.pi / _TURNS)
+            target = dc.replace(target, axes=(*target.axes, side))
+        q = solve_inverse_kinematics(
+            self.receiver.scene, target, q_nominal=self.receiver.q_home
+        )
+        if isinstance(q, IkFailure):
+            message = f"the receiver cannot take it: {q.message}"
+            raise NoPathError(PlanningFailure(q.failure, message))
+        return q.q
+
+    def _leave(
+        self,
+        q_met: Vector,
+        grasp: Grasp,
+        shape: Solid,
+        X_WO: RigidTransform,
+        obstacles: Obstacles,
+    ) -> dict[AnyMode, Trajectory]:
+        """Return the giver's motions away from the object, and home.
+
+        Raises:
+            NoPathError: If a motion does not exist.
+        """
+        scene, moves = self.scene, self._giver_moves
+        before = scene.fingers
+        scene.SetFingers(grasp.fingers_open)
+        try:
+            with contextlib.ExitStack() as stack:
+                for other, X_WOther in obstacles:
+                    stack.enter_context(scene.standing(other, X_WOther))
+                with scene.standing(shape, X_WO, touchable=True):
+                    away = moves.straight(q_met, moves.behind(q_met))
+                with scene.standing(shape, X_WO):
+                    home = moves.joint_path(away[-1], self.q_home)
+        finally:
+            scene.fingers = before
+        return {
+            HandoverMode.WITHDRAW: moves.timed(away, moves.free, straight=True),
+            HandoverMode.CLEAR: moves.timed(home, moves.free),
+        }
+
+
+def stretched(trajectory: Trajectory, duration: float) -> Trajectory:
+    """Return a motion that takes at least a duration [s], along the same path."""
+    if trajectory.end_time() >= duration:
+        return trajectory
+    share = PiecewisePolynomial.FirstOrderHold(
+        [0.0, duration], [[0.0, trajectory.end_time()]]
+    )
+    return PathParameterizedTrajectory(trajectory, share)
+
+
+def _end(trajectory: Trajectory) -> Vector:
+    q: Vector = trajectory.value(trajectory.end_time())[:, 0]
+    return q

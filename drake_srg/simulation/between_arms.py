@@ -1,0 +1,153 @@
+"""What happens between several arms of a run: contacts, and how near they came."""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+from pydrake.geometry import CollisionFilterDeclaration, GeometrySet, QueryObject
+from pydrake.multibody.plant import ContactResults, MultibodyPlant
+from pydrake.multibody.tree import BodyIndex, RigidBody
+from pydrake.planning import RobotDiagramBuilder
+
+from drake_srg.common.contacts import each_contact
+from drake_srg.scenario import RobotArm, Scenario, robot_arms
+from drake_srg.station.plant import Models
+from drake_srg.types import Vector
+
+# Distances within which pairs of geometries are looked for, the nearest first [m]; arms
+# that are farther apart count as being this far apart.
+_REACHES = (0.1, 0.4, 1.6)
+# Column of a log with several arms: the largest contact force between two of them [N].
+ARM_CONTACT = "arm_contact_force"
+
+
+class ArmContacts:
+    """Reads the contact forces between different arms from a plant's contact results.
+
+    A gripper counts as part of its arm.
+
+    Args:
+        plant: The finalized plant that computes the results.
+        arms: The arms.
+    """
+
+    def __init__(self, plant: MultibodyPlant, arms: Sequence[RobotArm]) -> None:
+        self._arm_of: dict[int, str] = {}  # by the geometry's number
+        for arm in arms:
+            for body in _bodies(plant, arm):
+                for geometry in plant.GetCollisionGeometriesForBody(body):
+                    self._arm_of[geometry.get_value()] = arm.name
+
+    def force(self, contacts: ContactResults) -> float:
+        """Return the largest contact force between two arms [N]; 0 without contact.
+
+        Args:
+            contacts: Value of the plant's output port `contact_results`.
+        """
+        forces = [0.0]
+        for contact in each_contact(contacts):
+            pair = (self._arm_of.get(contact.id_A), self._arm_of.get(contact.id_B))
+            if None not in pair and pair[0] != pair[1]:
+                forces.append(float(np.linalg.norm(contact.F_Ac_W().translational())))
+        return max(forces)
+
+
+def min_arm_distance(scenario: Scenario, log: Mapping[str, Vector]) -> float | None:
+    """Return the least distance between two arms in a run [m]; None for a single arm.
+
+    Grippers count as parts of their arms. Each sample of the log counts, nothing in
+    between. Distances beyond 1.6 m count as 1.6 m.
+
+    Args:
+        scenario: The scenario of the run.
+        log: Arrays of log.npz.
+    """
+    arms = robot_arms(scenario)
+    if len(arms) < 2:
+        return None
+    builder = RobotDiagramBuilder(time_step=0.0)
+    plant = builder.plant()
+    Models.of(scenario).add_to(plant)
+    plant.Finalize()
+    filters = builder.scene_graph().collision_filter_manager()
+    filters.Apply(CollisionFilterDeclaration().ExcludeWithin(_all_geometries(plant)))
+    for first, second in itertools.combinations(arms, 2):
+        pair = (_geometries(plant, arm) for arm in (first, second))
+        filters.Apply(CollisionFilterDeclaration().AllowBetween(*pair))
+    diagram = builder.Build()
+    root = diagram.CreateDefaultContext()
+    context = plant.GetMyMutableContextFromRoot(root)
+    graph = diagram.scene_graph()
+    query_port = graph.get_query_output_port()
+    query_context = graph.GetMyContextFromRoot(root)
+    columns = [column for arm in arms for column in _columns(plant, arm, log)]
+    q, nearest = plant.GetPositions(context), _REACHES[-1]
+    for row in range(len(log["time"])):
+        for index, values in columns:
+            q[index] = values[row]
+        plant.SetPositions(context, q)
+        nearest = _distance(query_port.Eval(query_context), nearest)
+    return nearest
+
+
+def count_arm_contacts(log: Mapping[str, Vector]) -> int | None:
+    """Return how many times arms touched each other; None for a single arm.
+
+    Args:
+        log: Arrays of log.npz.
+    """
+    if ARM_CONTACT not in log:
+        return None
+    touching = np.concatenate([[False], log[ARM_CONTACT] > 0.0])
+    return int(np.count_nonzero(touching[1:] & ~touching[:-1]))
+
+
+def _distance(query: QueryObject, most: float) -> float:
+    """Return the least distance between geometries, but no more than `most` [m]."""
+    for reach in (*(r for r in _REACHES if r < most), most):
+        pairs = query.ComputeSignedDistancePairwiseClosestPoints(reach)
+        if pairs:
+            return min(float(pair.distance) for pair in pairs)
+    return most
+
+
+def _columns(
+    plant: MultibodyPlant, arm: RobotArm, log: Mapping[str, Vector]
+) -> list[tuple[int, Vector]]:
+    """Return the index of each of an arm's joints in the positions, and its values."""
+    model = plant.GetModelInstanceByName(arm.arm_model)
+    numbers = np.arange(plant.num_positions(), dtype=float)
+    own = plant.GetPositionsFromArray(model, numbers).astype(int)
+    found = list(zip(own, log[f"{arm.arm_model}.state_cheat"].T, strict=False))
+    if arm.gripper is not None:
+        model = plant.GetModelInstanceByName(arm.gripper_model)
+        names = arm.gripper.joint_names
+        joints = [plant.GetJointByName(name, model) for name in names]
+        fingers = log[f"{arm.gripper_model}.state_measured"].T
+        indices = [joint.position_start() for joint in joints]
+        found += zip(indices, fingers, strict=False)  # speeds follow the positions
+    return found
+
+
+def _bodies(plant: MultibodyPlant, arm: RobotArm) -> list[RigidBody]:
+    """Return the bodies of an arm and its gripper."""
+    models = [arm.arm_model, *([arm.gripper_model] if arm.gripper else [])]
+    instances = map(plant.GetModelInstanceByName, models)
+    return [
+        plant.get_body(index)
+        for instance in instances
+        for index in plant.GetBodyIndices(instance)
+    ]
+
+
+def _geometries(plant: MultibodyPlant, arm: RobotArm) -> GeometrySet:
+    found = map(plant.GetCollisionGeometriesForBody, _bodies(plant, arm))
+    return GeometrySet([geometry for those in found for geometry in those])
+
+
+def _all_geometries(plant: MultibodyPlant) -> GeometrySet:
+    bodies = (plant.get_body(BodyIndex(i)) for i in range(plant.num_bodies()))
+    found = map(plant.GetCollisionGeometriesForBody, bodies)
+    return GeometrySet([geometry for those in found for geometry in those])

@@ -1,0 +1,169 @@
+"""The motions of a handover: who reaches what, and that the arms keep clear."""
+
+import itertools
+
+import numpy as np
+import pytest
+from pydrake.math import RigidTransform
+
+from drake_srg.planning.handover.config import HandoverMode
+from drake_srg.planning.handover.modes import Pull
+from drake_srg.planning.handover.motions import fingers_of, taking_grasps
+from drake_srg.planning.motion.planning_scene import PlanningFailure
+from drake_srg.planning.motion.trajectories import motion_samples
+from drake_srg.scenario import load_scenario, robot_arms
+from drake_srg.station.planners import MakeHandoverPlanner, MakeTaskPlanner, goal_pose
+from drake_srg.types import Cylinder, Failure, Mode
+
+BOTTLE = Cylinder(0.025, 0.21)
+START = RigidTransform([0.0, -0.48, 0.105])
+
+
+@pytest.fixture(scope="module")
+def scenario():
+    return load_scenario("handover")
+
+
+@pytest.fixture(scope="module")
+def planner(scenario):
+    from drake_srg.planning.handover.motions import HandoverTaskPlanner
+
+    system = MakeHandoverPlanner(scenario)
+    found = system._modes[HandoverMode.PULL]._planner
+    assert isinstance(found, HandoverTaskPlanner)
+    return found
+
+
+@pytest.fixture(scope="module")
+def plan(scenario, planner):
+    goal = goal_pose(scenario, BOTTLE)
+    found = planner.plan(planner.q_home, START, BOTTLE, goal)
+    assert not isinstance(found, PlanningFailure), found.message
+    return found
+
+
+def test_only_the_giver_reaches_the_object_and_only_the_receiver_the_goal(scenario):
+    goal = goal_pose(scenario, BOTTLE)
+    near = {
+        "left": RigidTransform([0.0, 0.48, 0.105]),
+        "right": RigidTransform([1.1, 0.48, 0.105]),
+    }
+    for arm, there, elsewhere in zip(
+        robot_arms(scenario), (START, goal), (goal, START), strict=True
+    ):
+        alone = MakeTaskPlanner(scenario, arm)
+        reached = alone.plan(alone.q_home, there, BOTTLE, near[arm.name])
+        assert not isinstance(reached, PlanningFailure), (arm.name, reached.message)
+        failed = alone.plan(alone.q_home, elsewhere, BOTTLE, near[arm.name])
+        assert isinstance(failed, PlanningFailure)
+        assert failed.failure is Failure.OUT_OF_REACH
+
+
+def test_motions_keep_clear_of_the_other_arm_where_that_is(planner, plan):
+    giver, receiver = planner, planner.receiver
+    q_met = plan.motions[Mode.PLACE].value(100.0)[:, 0]
+    q_take = plan.receiver.motions[HandoverMode.PULL].value(0.0)[:, 0]
+    took, gave = plan.receiver.grasp, plan.grasp
+    for context, scene, fingers, motions, modes in (
+        (
+            planner.receiver_beside(q_met, gave.fingers_closed),
+            receiver.scene,
+            took.fingers_open,
+            plan.receiver.motions,
+            (HandoverMode.APPROACH, HandoverMode.REACH),
+        ),
+        (
+            planner.giver_beside(q_take, took.fingers_closed),
+            giver.scene,
+            gave.fingers_open,
+            plan.motions,
+            (HandoverMode.WITHDRAW, HandoverMode.CLEAR),
+        ),
+    ):
+        with context:
+            scene.SetFingers(fingers)
+            for mode in modes:
+                samples = motion_samples(scene, motions[mode])
+                assert scene.first_hit(samples, 1e-3) is None, mode
+
+
+def test_motions_follow_one_another_without_a_jump(planner, plan):
+    receiver = plan.receiver.motions
+    order = [plan.motions[m] for m in (Mode.PRE_GRASP, Mode.GRASP, Mode.LIFT)]
+    order += [plan.motions[m] for m in (Mode.TRANSFER, Mode.PLACE)]
+    order += [plan.motions[m] for m in (HandoverMode.WITHDRAW, HandoverMode.CLEAR)]
+    taking = [receiver[m] for m in (HandoverMode.APPROACH, HandoverMode.REACH)]
+    carrying = [receiver[m] for m in (Mode.LIFT, Mode.TRANSFER, Mode.PLACE)]
+    carrying += [receiver[m] for m in (Mode.RETREAT, Mode.HOME)]
+    pull = receiver[HandoverMode.PULL]
+    for row in (order, [*taking, pull], [*taking, *carrying]):
+        for first, second in itertools.pairwise(row):
+            end = first.value(first.end_time())
+            np.testing.assert_allclose(end, second.value(0.0), atol=1e-6)
+    for row, home in ((order, planner.q_home), (carrying, planner.receiver.q_home)):
+        end = row[-1].value(row[-1].end_time())[:, 0]
+        np.testing.assert_allclose(end, home, atol=1e-6)
+
+
+def test_the_pull_is_straight_down_and_slow(planner, plan):
+    pull, config = plan.receiver.motions[HandoverMode.PULL], planner.config
+    scene, end = planner.receiver.scene, pull.end_time()
+    start, over = (scene.X_WG(pull.value(t)[:, 0]) for t in (0.0, end))
+    moved = over.translation() - start.translation()
+    np.testing.assert_allclose(moved, [0.0, 0.0, -config.pull_distance], atol=1e-4)
+    assert end >= config.pull_distance / config.pull_speed
+
+
+def test_hands_take_different_ends(planner, plan):
+    height = BOTTLE.length / 2
+    for grasp in taking_grasps(planner.receiver.hand, BOTTLE, 0.1):
+        # Where the palm's x meets the axis: 0.1 m above the lower end.
+        along = -grasp.p_GO[2] / grasp.axis_G[2]
+        assert along == pytest.approx(0.1 - height)
+        assert grasp.p_GO[1] == 0.0
+    assert plan.grasp.axis_G @ [1.0, 0.0, 0.0] == pytest.approx(-1.0)
+
+
+def test_what_the_giver_does_not_reach_is_told_at_once(scenario, planner):
+    far = RigidTransform([1.1, -0.5, 0.105])
+    failed = planner.plan(planner.q_home, far, BOTTLE, goal_pose(scenario, BOTTLE))
+    assert isinstance(failed, PlanningFailure)
+    assert failed.failure is Failure.OUT_OF_REACH
+    assert failed.message.startswith("pick")
+
+
+def test_what_the_receiver_does_not_reach_is_told(planner):
+    far = RigidTransform([0.0, 0.6, 0.105])
+    failed = planner.plan(planner.q_home, START, BOTTLE, far)
+    assert isinstance(failed, PlanningFailure)
+    assert failed.failure is Failure.OUT_OF_REACH
+
+
+@pytest.mark.parametrize("force", [0.0, 3.0, 8.0])
+def test_a_pull_is_felt_as_the_force_that_it_is(scenario, planner, force):
+    pull = MakeHandoverPlanner(scenario)._modes[HandoverMode.PULL]
+    assert isinstance(pull, Pull)
+    q = planner.q_home + 0.1
+    jacobian = planner.scene.jacobian(q)
+    memory = (
+        MakeHandoverPlanner(scenario)
+        .state(MakeHandoverPlanner(scenario).CreateDefaultContext())
+        .memory
+    )
+    memory.torque_before = np.arange(7.0)
+    memory.torque = memory.torque_before + jacobian.T @ [0, 0, 0, 0, 0, -force]
+    assert pull.felt(memory, q) == pytest.approx(force, abs=1e-9)
+
+
+def test_another_arm_is_an_obstacle_only_while_it_is_there(planner):
+    scene, q = planner.receiver.scene, planner.receiver.q_home
+
+    assert scene.is_free(q)
+    names = planner.names[0]
+    # The giver's hand in the receiver's: the receiver's home, seen from its own base.
+    reaching = np.array([0.0, 0.9, 0.0, -0.4, 0.0, 0.4, 0.0])
+    before = scene.positions(q)
+    with scene.beside({names.arm: reaching, names.gripper: fingers_of(scene, {})}):
+        assert np.any(scene.positions(q) != before)
+        assert scene.clearance(q, 1.0).spare < 1.0
+    np.testing.assert_array_equal(scene.positions(q), before)

@@ -1,0 +1,29 @@
+"""The bottle changes hands, and what goes wrong is told by name."""
+
+import pytest
+
+from drake_srg.scenario import load_scenario
+from drake_srg.simulation import Simulate
+
+pytestmark = pytest.mark.slow
+
+
+def test_the_bottle_stands_on_its_mark_and_the_arms_never_touch():
+    metrics = Simulate(load_scenario("handover")).metrics
+    assert metrics.success, metrics.failure
+    assert metrics.attempts == 1
+    assert metrics.arm_contacts == 0
+    # The planner keeps hands 10 mm apart; arms follow their paths within millimetres.
+    assert metrics.min_arm_distance_m > 0.005
+
+
+def test_without_friction_nothing_is_taken():
+    slippery = load_scenario("handover", overrides=["object.friction=0"])
+    assert Simulate(slippery).metrics.failure == "no_grasp"
+
+
+def test_a_receiver_too_weak_to_hold_the_bottle_drops_it():
+    weak = ["arms.right.gripper.motor_strength=0.02", "planner.max_attempts=1"]
+    metrics = Simulate(load_scenario("handover", overrides=weak)).metrics
+    assert metrics.failure == "dropped"
+    assert not metrics.success
