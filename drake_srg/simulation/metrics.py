@@ -11,6 +11,7 @@ import numpy as np
 
 from drake_srg.common.log_format import MODES, pose_key, row_to_pose
 from drake_srg.objects.models import simple_shape
+from drake_srg.planning.insertion.config import Insert
 from drake_srg.recording.output import OutputFile, counted, verdict
 from drake_srg.scenario import Scenario
 from drake_srg.simulation import measures
@@ -27,6 +28,7 @@ OF_SEVERAL = (
     *("picks", "picks_held", "picks_delivered", "picks_per_hour"),
     *("multi_object_picks", "multi_object_picks_seen"),
 )
+OF_INSERTION = ("floor_gap_m", "hole_force_n")
 
 # Limits for an object that rests upright.
 _MAX_SPEED = 1e-3  # m/s
@@ -104,6 +106,11 @@ class Metrics:
     # Only on hardware: whether the planner says that it has done the task. Nobody knows
     # whether it has: `success` is False here, and null in metrics.json.
     claimed: bool | None = None
+    # Only with `!Insert`, by ground truth: height of the peg's end over the hole's floor,
+    # and the greatest force between peg and hole, see `PeakForce`. In place of the
+    # error and the tilt, the gap decides whether the peg counts as placed.
+    floor_gap_m: float | None = None
+    hole_force_n: float | None = None
     # Only if objects fell off the table: their names. If the picked one did, it has no
     # placement error.
     off_table: list[str] | None = None
@@ -139,6 +146,14 @@ class Metrics:
             ("drift in the hand", show(self.hold_drift_m_per_s, 1e6, "um/s")),
             ("largest grip force", show(self.peak_contact_force_n, 1.0, "N")),
             ("other objects moved", show(self.others_moved_m, 1e3, "mm")),
+            *(
+                [
+                    ("above the floor", show(self.floor_gap_m, 1e3, "mm")),
+                    ("force on the hole", show(self.hole_force_n, 1.0, "N")),
+                ]
+                if self.floor_gap_m is not None
+                else []
+            ),
             *self._off_table_rows(),
             *(
                 ("safety stop", f"{stop['reason']} at {stop['time_s']:.2f} s")
@@ -204,7 +219,7 @@ class Metrics:
             fields = {k: v for k, v in fields.items() if k not in OF_SEVERAL}
         if self.claimed is not None:
             fields["success"] = None
-        for name in ("safety_stops", "claimed", "off_table", "kinds"):
+        for name in ("safety_stops", "claimed", *OF_INSERTION, "off_table", "kinds"):
             if fields[name] is None:
                 del fields[name]
         text = json.dumps(fields)
@@ -249,7 +264,7 @@ def calc_metrics(
     poses = log.get(pose_key(pick))
     placed, error, tilt, turn = False, None, None, None
     off_table = measures.off_table(scenario, log)
-    localization = shift = drift = peak = cycle = lifted = to_placement = None
+    localization = shift = drift = peak = cycle = lifted = to_placement = gap = None
     if poses is not None:
         final = row_to_pose(poses[-1])
         first = 0  # row at which the object was first found
@@ -265,10 +280,15 @@ def calc_metrics(
         if pick not in off_table:
             error = final.translation() - goal.translation()
             tilt = final_tilt(scenario, start, final)
+        gap = measures.floor_gap(scenario, final)
+        if gap is not None:
+            assert isinstance(scenario.planner, Insert)
+            there = abs(gap) <= scenario.planner.depth_tolerance
+        else:
+            there = error is not None and np.linalg.norm(error) <= place.tolerance
+            there &= tilt is None or tilt <= _MAX_TILT
         placed = bool(
-            error is not None
-            and np.linalg.norm(error) <= place.tolerance
-            and (tilt is None or tilt <= _MAX_TILT)
+            there
             and measures.final_speed(time, poses) <= _MAX_SPEED
             and not touching - {"support"}
             and "support" in touching
@@ -293,6 +313,7 @@ def calc_metrics(
         home = measures.is_home(scenario, log)
         others = cleared.others_moved
         success = status.done and home and cleared.honest
+    force = log.get("hole_force_cheat")
     failure = status.failure
     if status.done and not success:
         failure = Failure.MISPLACED
@@ -323,6 +344,8 @@ def calc_metrics(
         real_time_factor=times.simulated / times.wall,
         artifacts=artifacts,
         safety_stops=measures.safety_stops(log),
+        floor_gap_m=gap,
+        hole_force_n=None if force is None else float(force[-1, 0]),
         off_table=off_table or None,
         kinds=kinds_of(scenario) or None,
         **({} if cleared is None else cleared.metrics()),

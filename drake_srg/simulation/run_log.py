@@ -30,6 +30,7 @@ _LOGGED = (
     "gripper.pwm",
     "gripper.proximity",
     "gripper.grasped",
+    "hole_force_cheat",
     "safety.state",
     "safety.speed_scale",
     "twin.difference",

@@ -31,6 +31,7 @@ from drake_srg.objects.solids import planned_solid
 from drake_srg.planning.grasps.grasps import Hand
 from drake_srg.planning.grasps.linkage_hand import LinkageFingers, LinkageHand
 from drake_srg.planning.grasps.srg_hand import SrgHand
+from drake_srg.planning.insertion.config import Insert
 from drake_srg.planning.insertion.planner import InsertionPlanner
 from drake_srg.planning.motion.moves import Moves
 from drake_srg.planning.motion.planning_scene import PlanningScene
@@ -171,6 +172,7 @@ def _srg_hand(config: PlannerConfig, full_scale: float) -> SrgHand:
         config.squeeze,
         full_scale,
         clearance=config.hand_clearance,
+        turn_counts=isinstance(config, Insert),
     )
 
 

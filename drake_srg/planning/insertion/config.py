@@ -21,9 +21,19 @@ class Insert(PlannerConfig):
     `arm: !ArmImpedanceDriver` with `cartesian`.
     """
 
+    # Name of the hole's model among `directives`; metrics alone look at it. Its origin
+    # is the middle of the rim, z up.
+    hole: str = "hole"
     # Depth of the hole [m], and how much less of it counts as seated.
     depth: float = dc.field(default=0.02, metadata=positive())
     depth_tolerance: float = dc.field(default=0.002, metadata=positive())
+    # Half the width of the peg's end [m]; null: of its shape. Of a cap, half the bore.
+    tip: float | None = dc.field(default=None, metadata=positive())
+    # Whether the peg is a cap that goes over a pin.
+    over: bool = False
+    # How far the peg is turned back and forth about its axis while it goes no deeper
+    # [rad]: a key must find its way. 0: not at all.
+    twist: float = dc.field(default=0.0, metadata={"ge": 0.0, "le": 0.2})
     # Height over the hole at which the insertion begins [m].
     hover: float = dc.field(default=0.008, metadata=positive())
     # Stiffness of the hand, as in `arm.cartesian` [N/m], [N m/rad].
@@ -69,6 +79,7 @@ class Insertion(Memory):
     """The tip T of the peg: its middle, z along the peg's axis, up into the hand."""
 
     tries: int = 0
+    twist: float = 0.0  # commanded turn about the vertical [rad]
     q: Vector = dc.field(default_factory=lambda: np.zeros(0))  # commanded (N,) [rad]
     X_TG: RigidTransform | None = None  # the hand at the tip, by the grasp [m]
     X_WU: RigidTransform | None = None  # the tip, upright on the goal's rim [m]

@@ -36,15 +36,19 @@ from drake_srg.planning.servoing.hand_motion import (
     limited,
     rotation_vector,
 )
-from drake_srg.types import AnyMode, Cylinder, Failure, Mode, Vector
+from drake_srg.types import AnyMode, Box, Cylinder, Failure, Mode, Vector
 
 _UP = np.array([0.0, 0.0, 1.0])
 _LEAST = 0.02  # singular value of the arm's Jacobian below which it is damped
 _PROGRESS = 2e-4  # least motion that is progress [m]
 _WITHOUT = 0.4  # time without progress after which the peg rests [s]
+_PATIENCE = (
+    1.0  # the same in the hole, where a tight peg creeps until it is upright [s]
+)
 _LATE = 6.0  # longest duration of any of these modes [s]
 _DITHER, _FREQUENCY = 6e-4, 3.0  # across the way to the wall [m], [Hz]
 _PAST = -0.0087  # tilt at which the peg stops when it is put upright [rad]
+_TWISTING = 2.0  # how long a turn back and forth takes [s]
 _SHALLOW = 0.003  # a peg that is no deeper has not entered [m]
 # The wall is at most this much farther than the inset and its like on the other side
 # [m]; a peg that slides on has met no hole.
@@ -64,8 +68,25 @@ class Task:
 
     config: Insert
     arm: ServoArm
-    peg: Cylinder
+    peg: Cylinder | Box
     X_WO_goal: RigidTransform
+
+    @property
+    def radius(self) -> float:
+        """Half the width of the peg's end, or of the bore that goes over a pin [m]."""
+        return self.config.tip or 0.5 * float(self.peg.bounding_size[0])
+
+    @property
+    def inset(self) -> float:
+        """How far the lower edge is inside the hole's outline [m].
+
+        That of a bore is outside the pin's.
+        """
+        return -self.config.inset if self.config.over else self.config.inset
+
+    def wall(self, tip: Insertion) -> Vector:
+        """Return the direction in which the lower edge meets the wall, shape (3,)."""
+        return -tip.along if self.config.over else tip.along
 
 
 def insertion_of(memory: PlannerMemory) -> Insertion:
@@ -97,6 +118,7 @@ class Inserting(Carrying, abc.ABC):
             self._begin(memory, tip)
         self._measure(tip, entry.senses.q, share=1.0)
         tip.began, tip.progress, tip.progress_at = tip.p, -np.inf, entry.time
+        tip.twist = 0.0
         return memory
 
     def _begin(self, memory: PlannerMemory, tip: Insertion) -> None:
@@ -105,13 +127,13 @@ class Inserting(Carrying, abc.ABC):
         tip.q = memory.motion.destination
         X_WG = task.arm.X_WG(tip.q)
         up_G = np.copysign(1.0, (X_WG.rotation() @ grasp.axis_G)[2]) * grasp.axis_G
-        p_GT = grasp.p_GO - 0.5 * task.peg.length * up_G
+        p_GT = grasp.p_GO - 0.5 * task.peg.height * up_G
         X_GT = pose_along(p_GT, up_G)
         tip.X_TG, tip.X_WT = X_GT.inverse(), X_WG @ X_GT
         pinch = X_WG.rotation().matrix()[:, 1]  # the palm's y
         tip.along = _unit(pinch - pinch[2] * _UP)
         rim = task.X_WO_goal.translation().copy()
-        rim[2] += task.config.depth - 0.5 * task.peg.length
+        rim[2] += task.config.depth - 0.5 * task.peg.height
         tip.X_WU = RigidTransform(_upright(tip.X_WT.rotation()), rim)
         tip.rim, tip.angle = float(rim[2]), 0.0
         tip.tries, tip.stops, tip.deepest, tip.seated = 0, (), 0.0, False
@@ -123,7 +145,9 @@ class Inserting(Carrying, abc.ABC):
 
     def update(self, memory: PlannerMemory, now: Now) -> PlannerMemory:
         """Move the set-point, unless the hand has lost the peg."""
-        memory = super().update(memory, now)
+        # A hand that the hole holds aside closes one finger more, the other less.
+        seen = dc.replace(now.senses, fingers=_centred(now.senses.fingers))
+        memory = super().update(memory, dc.replace(now, senses=seen))
         config, tip = self.task.config, insertion_of(memory)
         if memory.attempt.lost or memory.trouble.touched:
             return memory
@@ -139,6 +163,9 @@ class Inserting(Carrying, abc.ABC):
         if self.turns_with:
             R_WT, R_measured = tip.X_WT.rotation(), tip.X_WT_measured.rotation()
             R_WT = _turned(R_WT, share * rotation_vector(R_measured @ R_WT.inverse()))
+            twist = self.twist_to(tip, now.time)
+            R_WT = _turned(R_WT, (twist - tip.twist) * _UP)
+            tip.twist = twist
         p, target = tip.X_WT.translation(), self.pull_to(tip, now.time)
         p = p + limited(target - p, self.speed * config.period)
         self._command(memory, tip, RigidTransform(R_WT, p), now.time)
@@ -192,6 +219,10 @@ class Inserting(Carrying, abc.ABC):
         """Return the tilt to which the set-point turns [rad]."""
         return tip.angle
 
+    def twist_to(self, tip: Insertion, time: float) -> float:
+        """Return how far the set-point is turned about the vertical [rad]."""
+        return 0.0
+
     def progress(self, tip: Insertion) -> float:
         """Return how far the mode has come [m]; where it stays, the peg rests."""
         return float(-tip.p[2])
@@ -211,16 +242,24 @@ class Inserting(Carrying, abc.ABC):
     def observe_tip(self, tip: Insertion, time: float) -> Observation:
         """Return what the mode's transitions depend on while the peg is held."""
 
-    def forward(self, tip: Insertion, down: float, along: float = 0.0) -> Vector:
+    def forward(
+        self, tip: Insertion, down: float, along: float = 0.0, *, held: bool = False
+    ) -> Vector:
         """Return the set-point that pulls the tip down and along, (3,) [m].
 
         Args:
             tip: The tip.
             down: Force [N].
             along: Force towards the wall [N].
+            held: Whether the tip is held across the pinch axis where the mode began. A
+                peg that swivels between the pads looks like a tip that moves: if the
+                set-point followed, the hand would fall to the side.
         """
-        force = along * tip.along - down * _UP
-        return tip.p + force / self.task.config.stiffness
+        force = along * self.task.wall(tip) - down * _UP
+        p, across = tip.p, np.cross(_UP, tip.along)
+        if held:
+            p = p + (tip.began - p) @ across * across
+        return p + force / self.task.config.stiffness
 
 
 class Tilt(Inserting):
@@ -240,8 +279,8 @@ class Tilt(Inserting):
     def pull_to(self, tip: Insertion, time: float) -> Vector:
         """See `Inserting`."""
         assert tip.X_WU is not None
-        config, r = self.task.config, self.task.peg.radius
-        aside = r - config.inset - r * np.cos(config.tilt)
+        config, r = self.task.config, self.task.radius
+        aside = r - self.task.inset - r * np.cos(config.tilt)
         up = r * np.sin(config.tilt) + 0.5 * config.hover
         across = (tip.tries // 2) * config.search_step * np.cross(_UP, tip.along)
         return tip.X_WU.translation() + aside * tip.along + up * _UP + across
@@ -280,9 +319,9 @@ class Slide(Inserting):
         The edge in the hole is lower by what the tilt makes of the chord between them.
         """
         memory = super().enter(memory, entry)
-        config, r, tip = self.task.config, self.task.peg.radius, insertion_of(memory)
+        config, r, tip = self.task.config, self.task.radius, insertion_of(memory)
         edge = tip.p[2] - r * np.sin(config.tilt)
-        chord = 2.0 * r - config.inset
+        chord = 2.0 * r - max(self.task.inset, 0.0)
         tip.rim = float(edge + chord * np.tan(config.tilt))
         return memory
 
@@ -295,7 +334,7 @@ class Slide(Inserting):
 
     def progress(self, tip: Insertion) -> float:
         """See `Inserting`."""
-        return float((tip.p - tip.began) @ tip.along)
+        return float((tip.p - tip.began) @ self.task.wall(tip))
 
     def observe_tip(self, tip: Insertion, time: float) -> Observation:
         """See `Inserting`."""
@@ -317,7 +356,7 @@ class Upright(Inserting):
     def pull_to(self, tip: Insertion, time: float) -> Vector:
         """See `Inserting`."""
         config = self.task.config
-        return self.forward(tip, config.search_force, config.side_force)
+        return self.forward(tip, config.search_force, config.side_force, held=True)
 
     def observe_tip(self, tip: Insertion, time: float) -> Observation:
         """See `Inserting`."""
@@ -332,7 +371,24 @@ class Press(Inserting):
 
     def pull_to(self, tip: Insertion, time: float) -> Vector:
         """See `Inserting`."""
-        return self.forward(tip, self.task.config.push_force)
+        return self.forward(tip, self.task.config.push_force, held=True)
+
+    def twist_to(self, tip: Insertion, time: float) -> float:
+        """Turn a peg back and forth that goes no deeper."""
+        since = time - tip.progress_at - 0.5 * _WITHOUT
+        if since <= 0.0 or self._deep(tip) or not self.task.config.twist:
+            return tip.twist  # where it is: a key that found its way stays there
+        phase = 2.0 * np.pi * since / _TWISTING
+        return float(self.task.config.twist * np.sin(phase))
+
+    def stalled(self, tip: Insertion, time: float) -> bool:
+        """See `Inserting`; a peg with a key is turned once to both sides first."""
+        twists = self.task.config.twist and not self._deep(tip)
+        return time - tip.progress_at > _PATIENCE + (_TWISTING if twists else 0.0)
+
+    def _deep(self, tip: Insertion) -> bool:
+        config = self.task.config
+        return tip.rim - float(tip.p[2]) >= config.depth - config.depth_tolerance
 
     def observe_tip(self, tip: Insertion, time: float) -> Observation:
         """See `Inserting`."""
@@ -444,6 +500,17 @@ def insertion_modes(
         Mode.RELEASE: ReleaseSeated(task.config, replanner, repeat),
         Mode.HOME: HomeInserted(task.config, replanner, repeat),
     }
+
+
+def _centred(q: Vector) -> Vector:
+    """Return the angles of two fingers, left and right in turn, as if both were alike.
+
+    Args:
+        q: Shape (n,) [rad]; those of another hand come back as they are.
+    """
+    if len(q) % 2:
+        return q
+    return np.repeat(0.5 * (q[0::2] + q[1::2]), 2)
 
 
 def _unit(vector: Vector) -> Vector:

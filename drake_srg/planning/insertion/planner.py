@@ -22,7 +22,7 @@ from drake_srg.planning.planner_machine import (
     Transitions,
 )
 from drake_srg.planning.servoing.hand_motion import ServoArm
-from drake_srg.types import AnyMode, Cylinder, Failure, Mode
+from drake_srg.types import AnyMode, Box, Cylinder, Failure, Mode
 
 NOT_INSERTED = (Failure.NO_HOLE, Failure.HOLE_BLOCKED, Failure.TOO_TIGHT)
 
@@ -73,7 +73,7 @@ class InsertionPlanner(PickAndPlacePlanner):
         repeat: How many cycles.
 
     Raises:
-        ValueError: If the peg is no cylinder.
+        ValueError: If the peg is neither cylinder nor box.
     """
 
     def __init__(
@@ -87,9 +87,10 @@ class InsertionPlanner(PickAndPlacePlanner):
         obstacles: Mapping[str, Solid] | None = None,
         repeat: int = 1,
     ) -> None:
-        if not isinstance(shape, Cylinder):
+        if not isinstance(shape, Cylinder | Box):
             raise ValueError(
-                f"objects.{object_name}: must be a cylinder to be inserted, got {shape}"
+                f"objects.{object_name}: must be a cylinder or a box to be inserted, "
+                f"or have such a proxy, got {shape}"
             )
         task = Task(config, ServoArm(task_planner.scene.plant), shape, goal)
 

@@ -1,5 +1,6 @@
 """Where the set-points of an insertion pull the peg, and when its modes end."""
 
+import dataclasses as dc
 import types
 
 import numpy as np
@@ -28,6 +29,17 @@ ALONG = np.array([0.0, 1.0, 0.0])
 X_TG = RigidTransform([0.0, 0.0, 0.1])
 
 
+@dc.dataclass(frozen=True)
+class Measured:
+    """What the modes read of the senses."""
+
+    q: np.ndarray
+    grasped: bool = True
+    fingers: np.ndarray = dc.field(default_factory=lambda: np.zeros(4))
+    external_torque: None = None
+    proximity: np.ndarray = dc.field(default_factory=lambda: np.zeros(4))
+
+
 class FreeHand:
     """A hand with six joints: its position and its roll, pitch and yaw."""
 
@@ -51,14 +63,7 @@ def joints(p_WT):
 
 
 def moment(time, q):
-    senses = types.SimpleNamespace(
-        q=q,
-        grasped=True,
-        fingers=np.zeros(4),
-        external_torque=None,
-        proximity=np.zeros(4),
-    )
-    return Moment(time, senses)
+    return Moment(time, Measured(q))
 
 
 def make_memory(p_WT):
@@ -149,7 +154,7 @@ def test_the_depth_at_which_the_peg_stops_tells_what_stops_it(depth, seated, sto
     bottom = RIM - depth * UP
     mode = Press(TASK, None, 1)
     memory = make_memory(bottom)
-    memory, seen = run(mode, memory, lambda memory: bottom, 0.43)
+    memory, seen = run(mode, memory, lambda memory: bottom, 1.03)
     assert seen.arrived
     assert seen.at_goal is seated
     assert memory.insertion.seated is seated

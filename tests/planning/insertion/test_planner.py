@@ -14,7 +14,7 @@ from drake_srg.planning.insertion.planner import (
     insert_transition,
 )
 from drake_srg.planning.planner_machine import Observation
-from drake_srg.types import Box, Failure, Mode
+from drake_srg.types import Failure, Mode, Sphere
 
 CONFIG = Insert()
 HELD = Observation(arrived=True, holding=True)
@@ -60,8 +60,6 @@ def test_reasons_to_give_up_end_every_mode(failure):
         assert following(mode, Observation(failure=failure)) is expected
 
 
-def test_only_cylinders_are_inserted():
-    with pytest.raises(ValueError, match=r"objects\.peg: must be a cylinder"):
-        InsertionPlanner(
-            None, "peg", Box((0.01, 0.01, 0.1)), RigidTransform(), config=CONFIG
-        )
+def test_only_cylinders_and_boxes_are_inserted():
+    with pytest.raises(ValueError, match=r"objects\.peg: must be a cylinder or a box"):
+        InsertionPlanner(None, "peg", Sphere(0.01), RigidTransform(), config=CONFIG)
