@@ -162,9 +162,9 @@ def draw_choices(
     while groups := tree.pop("choices", None):
         if not _is_mapping(groups):
             fail(origin, "choices", "must be a mapping of groups of choices")
-        for group, choices in groups.items():
+        for group, given in groups.items():
             key = f"choices.{group}"
-            choices = _without_nulls(choices) if _is_mapping(choices) else choices
+            choices = _without_nulls(given) if _is_mapping(given) else given
             if not (_is_mapping(choices) and choices):
                 fail(origin, key, "must be a mapping of at least one choice")
             names, name = sorted(choices), chosen.get(group)

@@ -64,6 +64,12 @@ def floor_gap(scenario: Scenario, X_WO: RigidTransform) -> float | None:
     return float(p_HE[2] + planner.depth)
 
 
+def hole_force(log: Mapping[str, Vector]) -> float | None:
+    """Return the greatest force between a peg and its hole [N]; None without a hole."""
+    force = log.get("hole_force_cheat")
+    return None if force is None else float(force[-1, 0])
+
+
 # This far below its start and the table, an object has left the table [m].
 _OFF_TABLE = 0.2
 

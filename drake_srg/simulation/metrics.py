@@ -106,9 +106,9 @@ class Metrics:
     # Only on hardware: whether the planner says that it has done the task. Nobody knows
     # whether it has: `success` is False here, and null in metrics.json.
     claimed: bool | None = None
-    # Only with `!Insert`, by ground truth: height of the peg's end over the hole's floor,
-    # and the greatest force between peg and hole, see `PeakForce`. In place of the
-    # error and the tilt, the gap decides whether the peg counts as placed.
+    # Only with `!Insert`, by ground truth: height of the peg's end over the hole's
+    # floor, and the greatest force between peg and hole, see `PeakForce`. In place of
+    # the error and the tilt, the gap decides whether the peg counts as placed.
     floor_gap_m: float | None = None
     hole_force_n: float | None = None
     # Only if objects fell off the table: their names. If the picked one did, it has no
@@ -275,20 +275,14 @@ def calc_metrics(
             if shape is not None:
                 found = status.localization.X_WO.rotation()
                 turn = turn_between(shape, found, row_to_pose(poses[first]).rotation())
-        start, place = row_to_pose(poses[first]), scenario.task.place
+        start = row_to_pose(poses[first])
         goal = final_pose(scenario, start)
         if pick not in off_table:
             error = final.translation() - goal.translation()
             tilt = final_tilt(scenario, start, final)
         gap = measures.floor_gap(scenario, final)
-        if gap is not None:
-            assert isinstance(scenario.planner, Insert)
-            there = abs(gap) <= scenario.planner.depth_tolerance
-        else:
-            there = error is not None and np.linalg.norm(error) <= place.tolerance
-            there &= tilt is None or tilt <= _MAX_TILT
         placed = bool(
-            there
+            _at_goal(scenario, error, tilt, gap)
             and measures.final_speed(time, poses) <= _MAX_SPEED
             and not touching - {"support"}
             and "support" in touching
@@ -313,7 +307,6 @@ def calc_metrics(
         home = measures.is_home(scenario, log)
         others = cleared.others_moved
         success = status.done and home and cleared.honest
-    force = log.get("hole_force_cheat")
     failure = status.failure
     if status.done and not success:
         failure = Failure.MISPLACED
@@ -345,11 +338,29 @@ def calc_metrics(
         artifacts=artifacts,
         safety_stops=measures.safety_stops(log),
         floor_gap_m=gap,
-        hole_force_n=None if force is None else float(force[-1, 0]),
+        hole_force_n=measures.hole_force(log),
         off_table=off_table or None,
         kinds=kinds_of(scenario) or None,
         **({} if cleared is None else cleared.metrics()),
     )
+
+
+def _at_goal(
+    scenario: Scenario, error: Vector | None, tilt: float | None, gap: float | None
+) -> bool:
+    """Return whether an object is where it belongs.
+
+    Args:
+        scenario: The scenario.
+        error: Of its position, shape (3,) [m]; None: it fell off the table.
+        tilt: From its goal [rad]; None: it has none.
+        gap: Of an inserted peg, see `measures.floor_gap` [m]; None: it is none.
+    """
+    if gap is not None and isinstance(scenario.planner, Insert):
+        return abs(gap) <= scenario.planner.depth_tolerance
+    tolerance = scenario.task.place.tolerance
+    near = error is not None and bool(np.linalg.norm(error) <= tolerance)
+    return near and (tilt is None or tilt <= _MAX_TILT)
 
 
 def kinds_of(scenario: Scenario) -> dict[str, str]:

@@ -27,6 +27,14 @@ class Insert(PlannerConfig):
     # Depth of the hole [m], and how much less of it counts as seated.
     depth: float = dc.field(default=0.02, metadata=positive())
     depth_tolerance: float = dc.field(default=0.002, metadata=positive())
+    # How the peg finds the hole: it leans against the wall and is put upright (`tilt`),
+    # it goes straight down (`push`), or its end searches the rim (`spiral`).
+    strategy: str = dc.field(
+        default="tilt", metadata={"among": ("tilt", "push", "spiral")}
+    )
+    # Distance between turns of the spiral [m], less than 2 clearances, and its radius.
+    spiral_pitch: float = dc.field(default=1.5e-4, metadata=positive())
+    spiral_radius: float = dc.field(default=0.002, metadata=positive())
     # Half the width of the peg's end [m]; null: of its shape. Of a cap, half the bore.
     tip: float | None = dc.field(default=None, metadata=positive())
     # Whether the peg is a cap that goes over a pin.
@@ -69,6 +77,7 @@ class InsertMode(enum.Enum):
     TILT = "tilt"
     SEARCH = "search"
     SLIDE = "slide"
+    SPIRAL = "spiral"
     UPRIGHT = "upright"
     PRESS = "press"
     WITHDRAW = "withdraw"
@@ -80,6 +89,7 @@ class Insertion(Memory):
 
     tries: int = 0
     twist: float = 0.0  # commanded turn about the vertical [rad]
+    spiral_at: float = 0.0  # when the spiral began [s]
     q: Vector = dc.field(default_factory=lambda: np.zeros(0))  # commanded (N,) [rad]
     X_TG: RigidTransform | None = None  # the hand at the tip, by the grasp [m]
     X_WU: RigidTransform | None = None  # the tip, upright on the goal's rim [m]

@@ -49,6 +49,7 @@ _LATE = 6.0  # longest duration of any of these modes [s]
 _DITHER, _FREQUENCY = 6e-4, 3.0  # across the way to the wall [m], [Hz]
 _PAST = -0.0087  # tilt at which the peg stops when it is put upright [rad]
 _TWISTING = 2.0  # how long a turn back and forth takes [s]
+_FALLEN = 0.0005  # a peg that is deeper than the rim was has found the hole [m]
 _SHALLOW = 0.003  # a peg that is no deeper has not entered [m]
 # The wall is at most this much farther than the inset and its like on the other side
 # [m]; a peg that slides on has met no hole.
@@ -82,7 +83,13 @@ class Task:
 
         That of a bore is outside the pin's.
         """
-        return -self.config.inset if self.config.over else self.config.inset
+        inset = self.config.inset if self.config.strategy == "tilt" else 0.0
+        return -inset if self.config.over else inset
+
+    @property
+    def tilt(self) -> float:
+        """How far the peg leans when it is set down on the rim [rad]."""
+        return self.config.tilt if self.config.strategy == "tilt" else 0.0
 
     def wall(self, tip: Insertion) -> Vector:
         """Return the direction in which the lower edge meets the wall, shape (3,)."""
@@ -274,14 +281,14 @@ class Tilt(Inserting):
 
     def turn_to(self, tip: Insertion) -> float:
         """See `Inserting`."""
-        return self.task.config.tilt
+        return self.task.tilt
 
     def pull_to(self, tip: Insertion, time: float) -> Vector:
         """See `Inserting`."""
         assert tip.X_WU is not None
         config, r = self.task.config, self.task.radius
-        aside = r - self.task.inset - r * np.cos(config.tilt)
-        up = r * np.sin(config.tilt) + 0.5 * config.hover
+        aside = r - self.task.inset - r * np.cos(self.task.tilt)
+        up = r * np.sin(self.task.tilt) + 0.5 * config.hover
         across = (tip.tries // 2) * config.search_step * np.cross(_UP, tip.along)
         return tip.X_WU.translation() + aside * tip.along + up * _UP + across
 
@@ -342,6 +349,45 @@ class Slide(Inserting):
             tip.stops = (*tip.stops, Failure.NO_HOLE)
             return Observation(stuck=True)
         return Observation(arrived=self.stalled(tip, time))
+
+
+class Spiral(Inserting):
+    """Moves the upright peg in a spiral over the rim until it falls into the hole."""
+
+    mode = InsertMode.SPIRAL
+
+    def enter(self, memory: PlannerMemory, entry: Entry) -> PlannerMemory:
+        """Note where the rim is, on which the peg rests, and when the spiral begins."""
+        memory = super().enter(memory, entry)
+        tip = insertion_of(memory)
+        tip.rim, tip.spiral_at = float(tip.p[2]), entry.time
+        return memory
+
+    def radius(self, tip: Insertion, time: float) -> float:
+        """Return how far the spiral is from its middle [m].
+
+        At a constant speed v, the length v t of a spiral of pitch p is about pi r^2 /
+        p.
+        """
+        length = self.task.config.tip_speed * (time - tip.spiral_at)
+        return float(np.sqrt(length * self.task.config.spiral_pitch / np.pi))
+
+    def pull_to(self, tip: Insertion, time: float) -> Vector:
+        """See `Inserting`."""
+        config, r = self.task.config, self.radius(tip, time)
+        angle = 2.0 * np.pi * r / config.spiral_pitch
+        down = self.forward(tip, config.side_force)[2]
+        middle = tip.began[:2] + r * np.array([np.cos(angle), np.sin(angle)])
+        return np.array([*middle, down])
+
+    def observe_tip(self, tip: Insertion, time: float) -> Observation:
+        """See `Inserting`."""
+        if tip.rim - tip.p[2] > _FALLEN:
+            return Observation(arrived=True)
+        if self.radius(tip, time) < self.task.config.spiral_radius:
+            return Observation()
+        tip.stops = (*tip.stops, Failure.NO_HOLE)
+        return Observation(stuck=True)
 
 
 class Upright(Inserting):
@@ -446,7 +492,7 @@ class Withdraw(Inserting):
         failure = met[-1] if met else Failure.NO_HOLE
         deep = f"{1e3 * max(tip.deepest, 0.0):.1f} of {1e3 * self.task.config.depth:g}"
         memory.trouble.message = {
-            Failure.NO_HOLE: "the peg's edge slides past where the hole's wall must be",
+            Failure.NO_HOLE: "the peg slides past where the hole must be",
             Failure.TOO_TIGHT: "the peg meets the hole, but does not go in",
         }.get(failure, f"something in the hole stops the peg: it is {deep} mm deep")
         return dc.replace(seen, failure=failure)
@@ -493,7 +539,7 @@ def insertion_modes(
         replanner: Plans from what is seen.
         repeat: How many cycles the task has.
     """
-    kinds = (Tilt, Search, Slide, Upright, Press, Withdraw)
+    kinds = (Tilt, Search, Slide, Spiral, Upright, Press, Withdraw)
     return {
         **modes,
         **{kind.mode: kind(task, replanner, repeat) for kind in kinds},

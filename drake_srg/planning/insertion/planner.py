@@ -31,6 +31,11 @@ def _lost(o: Observation, t: float, c: PlannerConfig) -> bool:
     return o.arrived and not o.holding
 
 
+def _then(strategy: str) -> Condition:
+    """Return whether a mode has ended that this strategy goes on from."""
+    return lambda o, t, c: o.arrived and getattr(c, "strategy", "") == strategy
+
+
 def _ended(mode: AnyMode) -> list[tuple[Condition, AnyMode]]:
     """Return the row of a mode that another follows unless the peg is lost."""
     return [(_lost, Mode.RELEASE), (lambda o, t, c: o.arrived, mode)]
@@ -40,7 +45,16 @@ INSERT_TRANSITIONS: Table = {
     **TRANSITIONS,
     Mode.PLACE: _ended(InsertMode.TILT),
     InsertMode.TILT: _ended(InsertMode.SEARCH),
-    InsertMode.SEARCH: _ended(InsertMode.SLIDE),
+    InsertMode.SEARCH: [
+        (_lost, Mode.RELEASE),
+        (_then("push"), InsertMode.PRESS),
+        (_then("spiral"), InsertMode.SPIRAL),
+        (_then("tilt"), InsertMode.SLIDE),
+    ],
+    InsertMode.SPIRAL: [
+        (lambda o, t, c: o.stuck, InsertMode.WITHDRAW),
+        *_ended(InsertMode.PRESS),
+    ],
     InsertMode.SLIDE: [
         (lambda o, t, c: o.stuck, InsertMode.WITHDRAW),
         *_ended(InsertMode.UPRIGHT),

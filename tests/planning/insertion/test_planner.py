@@ -40,6 +40,17 @@ def test_modes_follow_one_another_until_the_peg_is_seated():
     assert following(InsertMode.PRESS, seated) is Mode.RELEASE
 
 
+@pytest.mark.parametrize(
+    ("strategy", "mode"),
+    [("push", InsertMode.PRESS), ("spiral", InsertMode.SPIRAL)],
+)
+def test_other_strategies_skip_the_wall(strategy, mode):
+    config = Insert(strategy=strategy)
+    assert insert_transition(InsertMode.SEARCH, HELD, 1.0, config) is mode
+    assert following(InsertMode.SPIRAL, HELD) is InsertMode.PRESS
+    assert following(InsertMode.SPIRAL, Observation(stuck=True)) is InsertMode.WITHDRAW
+
+
 def test_a_try_that_fails_is_repeated():
     assert following(InsertMode.PRESS, HELD) is InsertMode.WITHDRAW
     stuck = Observation(stuck=True, holding=True)
