@@ -90,6 +90,8 @@ class Insertion(Memory):
     tries: int = 0
     twist: float = 0.0  # commanded turn about the vertical [rad]
     spiral_at: float = 0.0  # when the spiral began [s]
+    fallen_at: float = 0.0  # until when the edge was no deeper than at first [s]
+    pressed_at: float = 0.0  # since when the peg is pressed [s]
     q: Vector = dc.field(default_factory=lambda: np.zeros(0))  # commanded (N,) [rad]
     X_TG: RigidTransform | None = None  # the hand at the tip, by the grasp [m]
     X_WU: RigidTransform | None = None  # the tip, upright on the goal's rim [m]

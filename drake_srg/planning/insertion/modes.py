@@ -50,6 +50,9 @@ _DITHER, _FREQUENCY = 6e-4, 3.0  # across the way to the wall [m], [Hz]
 _PAST = -0.0087  # tilt at which the peg stops when it is put upright [rad]
 _TWISTING = 2.0  # how long a turn back and forth takes [s]
 _FALLEN = 0.0005  # a peg that is deeper than the rim was has found the hole [m]
+_SINKING = 0.6  # time that the edge takes from there to the wall, and to sink [s]
+# Pegs that go in take up to 6 s. After this time, the hand slips along the peg [s].
+_PRESSING = 10.0
 _SHALLOW = 0.003  # a peg that is no deeper has not entered [m]
 # The wall is at most this much farther than the inset and its like on the other side
 # [m]; a peg that slides on has met no hole.
@@ -329,6 +332,7 @@ class Slide(Inserting):
         config, r, tip = self.task.config, self.task.radius, insertion_of(memory)
         edge = tip.p[2] - r * np.sin(config.tilt)
         chord = 2.0 * r - max(self.task.inset, 0.0)
+        tip.fallen_at = entry.time
         tip.rim = float(edge + chord * np.tan(config.tilt))
         return memory
 
@@ -344,11 +348,19 @@ class Slide(Inserting):
         return float((tip.p - tip.began) @ self.task.wall(tip))
 
     def observe_tip(self, tip: Insertion, time: float) -> Observation:
-        """See `Inserting`."""
+        """See `Inserting`.
+
+        At the wall, the edge sinks into the hole. The hand may creep on: the peg turns
+        between the pads.
+        """
+        if tip.began[2] - tip.p[2] < _FALLEN:
+            tip.fallen_at = time
+        if time - tip.fallen_at > _SINKING or self.stalled(tip, time):
+            return Observation(arrived=True)
         if self.progress(tip) > 2.0 * self.task.config.inset + _STRAY:
             tip.stops = (*tip.stops, Failure.NO_HOLE)
             return Observation(stuck=True)
-        return Observation(arrived=self.stalled(tip, time))
+        return Observation()
 
 
 class Spiral(Inserting):
@@ -415,6 +427,12 @@ class Press(Inserting):
     mode = InsertMode.PRESS
     turns_with = True
 
+    def enter(self, memory: PlannerMemory, entry: Entry) -> PlannerMemory:
+        """Note when the peg is pressed."""
+        memory = super().enter(memory, entry)
+        insertion_of(memory).pressed_at = entry.time
+        return memory
+
     def pull_to(self, tip: Insertion, time: float) -> Vector:
         """See `Inserting`."""
         return self.forward(tip, self.task.config.push_force, held=True)
@@ -441,9 +459,10 @@ class Press(Inserting):
         config, depth = self.task.config, tip.rim - float(tip.p[2])
         # A hand that is deeper than the hole slips along a peg that rests.
         slips = depth > config.depth + config.depth_tolerance
-        if not slips and not self.stalled(tip, time):
+        late = time - tip.pressed_at > _PRESSING
+        if not (slips or late or self.stalled(tip, time)):
             return Observation()
-        if depth >= config.depth - config.depth_tolerance:
+        if not late and depth >= config.depth - config.depth_tolerance:
             tip.seated = True
             return Observation(arrived=True, at_goal=True)
         shallow = depth < _SHALLOW

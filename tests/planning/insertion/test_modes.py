@@ -143,6 +143,36 @@ def test_a_wall_ends_the_slide_and_its_absence_is_told():
     assert Failure.NO_HOLE in memory.insertion.stops
 
 
+def test_an_edge_that_sinks_is_at_the_wall_although_the_hand_creeps_on():
+    mode, memory = Slide(TASK, None, 1), make_memory(RIM)
+    memory, seen = run(mode, memory, lambda memory: RIM, 0.1)
+    q = joints(RIM - 0.001 * UP)
+    for i in range(100):
+        start = 0.1 + i * CONFIG.period
+        q = q + np.array([0.0, 2e-5, 0.0, 0.0, 0.0, 0.0])
+        memory = mode.update(memory, moment(start, q))
+        if (seen := mode.observe_mode(memory, moment(start, q))).arrived:
+            break
+    assert seen.arrived
+    assert not seen.stuck
+    assert start == pytest.approx(0.75, abs=0.15)
+
+
+def test_a_hand_that_creeps_down_for_long_has_inserted_nothing():
+    mode, memory = Press(TASK, None, 1), make_memory(RIM - 0.001 * UP)
+    entry = Entry(0.0, moment(0.0, joints(RIM - 0.001 * UP)).senses, None, None)
+    memory, time = mode.enter(memory, entry), 0.0
+    while not (
+        seen := mode.observe_mode(memory, moment(time, memory.insertion.q))
+    ).arrived:
+        time += CONFIG.period
+        creep = RIM - (0.001 + 0.0018 * time) * UP
+        memory = mode.update(memory, moment(time, joints(creep)))
+    assert 9.9 < time < 10.2
+    assert not memory.insertion.seated
+    assert memory.insertion.stops == (Failure.HOLE_BLOCKED,)
+
+
 def test_a_spiral_passes_every_place_within_its_radius():
     config = dc.replace(CONFIG, strategy="spiral", spiral_radius=0.001)
     mode = Spiral(dc.replace(TASK, config=config), None, 1)
