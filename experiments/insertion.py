@@ -146,10 +146,10 @@ insertion_confirmed = ex.Experiment(
 
 def turn_cases() -> list[ex.Case]:
     """Press on the end of pegs of two sizes, along the pinch axis and across it."""
-    return ex.grid(radius=(0.0124, 0.0059), direction=("along", "across"))
+    return ex.grid(direction=("along", "across"), radius=(0.0124, 0.0059))
 
 
-def turn_trial(radius: float, direction: str) -> ex.Measures:
+def turn_trial(direction: str, radius: float) -> ex.Measures:
     """Return how far a peg has turned in the hand under each force [degrees]."""
     peg = ObjectConfig(shape=Cylinder(radius, 0.1), mass=0.1, friction=0.35)
     peg.modulus = 1e7  # as in `insert`
@@ -187,5 +187,5 @@ insertion_turn = ex.Experiment(
     "How far a peg turns between the pads when a force presses on its end.",
     turn_cases,
     turn_trial,
-    by=("radius", "direction"),
+    by=("direction", "radius"),
 )

@@ -162,12 +162,12 @@ def test_a_hand_that_creeps_down_for_long_has_inserted_nothing():
     mode, memory = Press(TASK, None, 1), make_memory(RIM - 0.001 * UP)
     entry = Entry(0.0, moment(0.0, joints(RIM - 0.001 * UP)).senses, None, None)
     memory, time = mode.enter(memory, entry), 0.0
-    while not (
-        seen := mode.observe_mode(memory, moment(time, memory.insertion.q))
-    ).arrived:
+    now = moment(time, joints(RIM - 0.001 * UP))
+    while not mode.observe_mode(memory, now).arrived:
         time += CONFIG.period
         creep = RIM - (0.001 + 0.0018 * time) * UP
-        memory = mode.update(memory, moment(time, joints(creep)))
+        now = moment(time, joints(creep))
+        memory = mode.update(memory, now)
     assert 9.9 < time < 10.2
     assert not memory.insertion.seated
     assert memory.insertion.stops == (Failure.HOLE_BLOCKED,)
