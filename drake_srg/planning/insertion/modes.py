@@ -53,6 +53,7 @@ _FALLEN = 0.0005  # a peg that is deeper than the rim was has found the hole [m]
 _SINKING = 0.6  # time that the edge takes from there to the wall, and to sink [s]
 # Pegs that go in take up to 6 s. After this time, the hand slips along the peg [s].
 _PRESSING = 10.0
+_ENTERED = 0.004  # a peg that is deeper is led by the hole, even if it leans [m]
 _SHALLOW = 0.003  # a peg that is no deeper has not entered [m]
 # The wall is at most this much farther than the inset and its like on the other side
 # [m]; a peg that slides on has met no hole.
@@ -261,14 +262,16 @@ class Inserting(Carrying, abc.ABC):
             tip: The tip.
             down: Force [N].
             along: Force towards the wall [N].
-            held: Whether the tip is held across the pinch axis where the mode began. A
-                peg that swivels between the pads looks like a tip that moves: if the
-                set-point followed, the hand would fall to the side.
+            held: Whether the tip is held sideways where the mode began; with a force
+                along, only across the pinch axis. A peg that turns between the pads
+                looks like a tip that moves: if the set-point followed, the hand would
+                fall to the side.
         """
         force = along * self.task.wall(tip) - down * _UP
-        p, across = tip.p, np.cross(_UP, tip.along)
+        p, held_along = tip.p.copy(), tip.along * (along == 0.0)
         if held:
-            p = p + (tip.began - p) @ across * across
+            for axis in (np.cross(_UP, tip.along), held_along):
+                p += (tip.began - tip.p) @ axis * axis
         return p + force / self.task.config.stiffness
 
 
@@ -418,7 +421,8 @@ class Upright(Inserting):
 
     def observe_tip(self, tip: Insertion, time: float) -> Observation:
         """See `Inserting`."""
-        return Observation(arrived=abs(tip.angle - _PAST) < 1e-3)
+        entered = tip.rim - tip.p[2] > _ENTERED
+        return Observation(arrived=bool(entered or abs(tip.angle - _PAST) < 1e-3))
 
 
 class Press(Inserting):
