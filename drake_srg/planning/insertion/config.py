@@ -88,7 +88,8 @@ class Insertion(Memory):
     """The tip T of the peg: its middle, z along the peg's axis, up into the hand."""
 
     tries: int = 0
-    twist: float = 0.0  # commanded turn about the vertical [rad]
+    # Commanded turn beside the one that is followed, shape (3,) [rad].
+    twist: Vector = dc.field(default_factory=lambda: np.zeros(3))
     spiral_at: float = 0.0  # when the spiral began [s]
     fallen_at: float = 0.0  # until when the edge was no deeper than at first [s]
     pressed_at: float = 0.0  # since when the peg is pressed [s]

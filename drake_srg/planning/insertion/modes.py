@@ -49,11 +49,13 @@ _LATE = 6.0  # longest duration of any of these modes [s]
 _DITHER, _FREQUENCY = 6e-4, 3.0  # across the way to the wall [m], [Hz]
 _PAST = -0.0087  # tilt at which the peg stops when it is put upright [rad]
 _TWISTING = 2.0  # how long a turn back and forth takes [s]
+_WOBBLE, _WOBBLING = 0.015, 1.5  # in a circle, of a peg that is pressed [rad], [Hz]
 _FALLEN = 0.0005  # a peg that is deeper than the rim was has found the hole [m]
 _SINKING = 0.6  # time that the edge takes from there to the wall, and to sink [s]
 # Pegs that go in take up to 6 s. After this time, the hand slips along the peg [s].
 _PRESSING = 10.0
-_ENTERED = 0.004  # a peg that is deeper is led by the hole, even if it leans [m]
+# A peg that is deeper than this, and leans less, is led by the hole [m], [rad].
+_ENTERED, _NEARLY = 0.004, 0.03
 _SHALLOW = 0.003  # a peg that is no deeper has not entered [m]
 # The wall is at most this much farther than the inset and its like on the other side
 # [m]; a peg that slides on has met no hole.
@@ -129,7 +131,7 @@ class Inserting(Carrying, abc.ABC):
             self._begin(memory, tip)
         self._measure(tip, entry.senses.q, share=1.0)
         tip.began, tip.progress, tip.progress_at = tip.p, -np.inf, entry.time
-        tip.twist = 0.0
+        tip.twist = np.zeros(3)
         return memory
 
     def _begin(self, memory: PlannerMemory, tip: Insertion) -> None:
@@ -175,7 +177,7 @@ class Inserting(Carrying, abc.ABC):
             R_WT, R_measured = tip.X_WT.rotation(), tip.X_WT_measured.rotation()
             R_WT = _turned(R_WT, share * rotation_vector(R_measured @ R_WT.inverse()))
             twist = self.twist_to(tip, now.time)
-            R_WT = _turned(R_WT, (twist - tip.twist) * _UP)
+            R_WT = _turned(R_WT, twist - tip.twist)
             tip.twist = twist
         p, target = tip.X_WT.translation(), self.pull_to(tip, now.time)
         p = p + limited(target - p, self.speed * config.period)
@@ -230,9 +232,9 @@ class Inserting(Carrying, abc.ABC):
         """Return the tilt to which the set-point turns [rad]."""
         return tip.angle
 
-    def twist_to(self, tip: Insertion, time: float) -> float:
-        """Return how far the set-point is turned about the vertical [rad]."""
-        return 0.0
+    def twist_to(self, tip: Insertion, time: float) -> Vector:
+        """Return how far the set-point is turned from where it drifts, (3,) [rad]."""
+        return np.zeros(3)
 
     def progress(self, tip: Insertion) -> float:
         """Return how far the mode has come [m]; where it stays, the peg rests."""
@@ -421,7 +423,7 @@ class Upright(Inserting):
 
     def observe_tip(self, tip: Insertion, time: float) -> Observation:
         """See `Inserting`."""
-        entered = tip.rim - tip.p[2] > _ENTERED
+        entered = tip.rim - tip.p[2] > _ENTERED and tip.angle < _NEARLY
         return Observation(arrived=bool(entered or abs(tip.angle - _PAST) < 1e-3))
 
 
@@ -441,13 +443,17 @@ class Press(Inserting):
         """See `Inserting`."""
         return self.forward(tip, self.task.config.push_force, held=True)
 
-    def twist_to(self, tip: Insertion, time: float) -> float:
-        """Turn a peg back and forth that goes no deeper."""
-        since = time - tip.progress_at - 0.5 * _WITHOUT
-        if since <= 0.0 or self._deep(tip) or not self.task.config.twist:
-            return tip.twist  # where it is: a key that found its way stays there
-        phase = 2.0 * np.pi * since / _TWISTING
-        return float(self.task.config.twist * np.sin(phase))
+    def twist_to(self, tip: Insertion, time: float) -> Vector:
+        """Let the peg wobble, so that it does not wedge, and turn to find its way."""
+        if self._deep(tip):
+            return tip.twist
+        phase = 2.0 * np.pi * _WOBBLING * (time - tip.pressed_at)
+        growth = min((time - tip.pressed_at) * _WOBBLING, 1.0)
+        wobble = growth * _WOBBLE * np.array([np.cos(phase), np.sin(phase)])
+        since, turn = time - tip.progress_at - 0.5 * _WITHOUT, tip.twist[2]
+        if since > 0.0:  # else a key that found its way stays there
+            turn = self.task.config.twist * np.sin(2.0 * np.pi * since / _TWISTING)
+        return np.array([*wobble, turn])
 
     def stalled(self, tip: Insertion, time: float) -> bool:
         """See `Inserting`; a peg with a key is turned once to both sides first."""
