@@ -33,9 +33,10 @@ KEY, KEYWAY, KEY_REACH = 0.006, 0.014, 0.0135
 STEP_LENGTH = 0.0195  # of the stepped shaft's end: its shoulder meets the rim [m]
 LEAD = 0.006  # of the keyed plug's end, where it has no key yet [m]
 
-# In contact, the rim gives way by force / (half of this): 0.4 um at 20 N. A corner is
-# rounded off by as much.
-CONTACT = Proximity(rigid=None, friction=0.35, dissipation=10.0, point_stiffness=1e8)
+# The stiffness is the scenario's, one for pegs and holes: 1e8 N/m in `insert`. There, a
+# rim gives way by force / (half of this): 0.4 um at 20 N. A corner is rounded off by as
+# much.
+CONTACT = Proximity(rigid=None, friction=0.35, dissipation=10.0)
 # Pads press on a peg as on any object; the rest is as for holes.
 PEG = dc.replace(CONTACT, rigid=False, modulus=1e7, resolution=0.004)
 MASS = 0.1  # of a peg [kg]
