@@ -47,7 +47,9 @@ _PATIENCE = (
 )
 _LATE = 6.0  # longest duration of any of these modes [s]
 _DITHER, _FREQUENCY = 6e-4, 3.0  # across the way to the wall [m], [Hz]
-_PAST = -0.0087  # tilt at which the peg stops when it is put upright [rad]
+# Tilt at which the hand stops when it puts the peg upright [rad]: the peg lags behind,
+# 3 to 7 degrees between the pads.
+_PAST = -0.035
 _TWISTING = 2.0  # how long a turn back and forth takes [s]
 _WOBBLE, _WOBBLING = 0.015, 1.5  # in a circle, of a peg that is pressed [rad], [Hz]
 _FALLEN = 0.0005  # a peg that is deeper than the rim was has found the hole [m]
