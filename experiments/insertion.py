@@ -1,7 +1,7 @@
 """Pegs into tight holes: which strategy, how stiff an arm, and what confirms a success.
 
 `insertion` compares ways to find the hole at several clearances, with an arm that
-yields and with one that does not; there, only fingers and pads yield. `insertion_turn`
+yields and with one that yields less than half as much. `insertion_turn`
 asks how far a peg turns between these when 15 N press on its end. A success may owe to
 the simulation: contact that is too soft rounds off a rim, and long steps jump over it.
 `insertion_confirmed` repeats trials with half the step and with ten times the
@@ -26,16 +26,15 @@ from drake_srg.types import Cylinder, Failure
 
 SCENARIO = "insert_varied"
 CLEARANCES = {"1.0 mm": 0.0115, "0.3 mm": 0.0122, "0.1 mm": 0.0124, "0.05 mm": 0.01245}
-# The arm of `kitchen` moves by less than 1 mm under 10 N, which is 1e4 N/m. Set-points
-# lead the tip by as much as this stiffness makes a force of.
+# The planner refuses an arm whose spring it does not know, such as one with position
+# control. The stiffest spring that Sunrise.OS offers comes nearest to that.
 CONTROLS = {
     "impedance": [],
-    "position": [
-        "arm=!ArmPositionDriver {home: [0.0, -0.3, 0.0, -1.9, 0.0, 1.5, 0.0],"
-        " kp: [9600.0, 9600.0, 7200.0, 7200.0, 2400.0, 2000.0, 1900.0],"
-        " kd: [480.0, 480.0, 360.0, 360.0, 120.0, 100.0, 95.0]}",
-        "planner.stiffness=1e4",
-        "planner.turning_stiffness=1e3",
+    "stiff": [
+        "arm.cartesian.translation=[5000.0, 5000.0, 5000.0]",
+        "arm.cartesian.rotation=300.0",
+        "planner.stiffness=5000.0",
+        "planner.turning_stiffness=300.0",
     ],
 }
 STRATEGIES = ("push", "spiral", "tilt")
@@ -94,7 +93,7 @@ def rates(own: ex.Trials) -> ex.Values:
 
 
 insertion = ex.Experiment(
-    "Strategies of insertion at several clearances, with a stiff and a yielding arm.",
+    "Strategies of insertion at several clearances, with a stiff and a soft arm.",
     cases,
     trial,
     {"wrong claims": ex.at_most(0.0)},

@@ -42,9 +42,8 @@ _UP = np.array([0.0, 0.0, 1.0])
 _LEAST = 0.02  # singular value of the arm's Jacobian below which it is damped
 _PROGRESS = 2e-4  # least motion that is progress [m]
 _WITHOUT = 0.4  # time without progress after which the peg rests [s]
-_PATIENCE = (
-    1.0  # the same in the hole, where a tight peg creeps until it is upright [s]
-)
+# The same in the hole, where a tight peg creeps until it is upright [s].
+_PATIENCE = 1.5
 _LATE = 6.0  # longest duration of any of these modes [s]
 _DITHER, _FREQUENCY = 6e-4, 3.0  # across the way to the wall [m], [Hz]
 # Tilt at which the hand stops when it puts the peg upright [rad]: the peg lags behind,

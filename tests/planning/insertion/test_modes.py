@@ -231,15 +231,15 @@ def test_a_key_is_turned_to_both_sides_before_the_peg_counts_as_blocked():
     def deep(memory):
         return RIM - 0.006 * UP
 
-    memory, seen = run(mode, memory, deep, 1.2)
+    memory, seen = run(mode, memory, deep, 1.7)
     assert not seen.arrived
     twists = []
     for i in range(200):
-        now = moment(1.2 + i * CONFIG.period, joints(deep(memory)))
+        now = moment(1.7 + i * CONFIG.period, joints(deep(memory)))
         memory = mode.update(memory, now)
         twists.append(memory.insertion.twist[2])
     assert min(twists) == pytest.approx(-0.03, abs=1e-3)
-    assert mode.observe_tip(memory.insertion, 3.2).arrived
+    assert mode.observe_tip(memory.insertion, 3.7).arrived
 
 
 @pytest.mark.parametrize(
@@ -254,7 +254,7 @@ def test_the_depth_at_which_the_peg_stops_tells_what_stops_it(depth, seated, sto
     bottom = RIM - depth * UP
     mode = Press(TASK, None, 1)
     memory = make_memory(bottom)
-    memory, seen = run(mode, memory, lambda memory: bottom, 1.03)
+    memory, seen = run(mode, memory, lambda memory: bottom, 1.53)
     assert seen.arrived
     assert seen.at_goal is seated
     assert memory.insertion.seated is seated
