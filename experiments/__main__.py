@@ -2,7 +2,7 @@
 
 `python -m experiments NAME ...` is `drake-srg experiment NAME ...`;
 `python -m experiments all ...` reruns many and compares them with the committed rows;
-`python -m experiments pages` fills the committed values into README and docs/figures.md.
+`python -m experiments pages` fills the values into README.md and docs/figures.md.
 """
 
 import sys

@@ -1,7 +1,8 @@
 """Make the pictures of README.md and docs that show cells.
 
 Run `python tools/make_picture.py [NAME]...`; without a name, it makes all pictures:
-cells (docs/cells.webp), varied (docs/varied.jpg), lessons (docs/tutorial/*.webp).
+cells (docs/cells.webp), varied (docs/varied.jpg), insertion (docs/insertion.webp),
+lessons (docs/tutorial/*.webp).
 """
 
 import argparse
@@ -18,7 +19,7 @@ import numpy as np
 from PIL import Image
 
 from drake_srg.cli.main import main as drake_srg_main
-from drake_srg.common.log_format import MODES
+from drake_srg.common.log_format import logged_modes
 from drake_srg.learning.rules import grasp_one_shot
 from drake_srg.scenario import load_scenario
 from drake_srg.simulation import Simulate
@@ -28,6 +29,13 @@ from drake_srg.types import Mode
 DOCS = Path(__file__).parents[1] / "docs"
 CELLS = ("kitchen", "assistive_arm")
 SIZE, RATE, PAUSE = (448, 252), 8, 1500  # pixels, frames per second, ms at the end
+# Near the hole, in the direction in which the kitchen's camera looks; no caption.
+INSERTION = (
+    "cameras.overview.X_PB.translation=[0.80, -0.494, 0.22]",
+    "recording.video_fps=4",
+    "recording.inset_camera=''",
+    "recording.bag_cameras=[]",
+)
 VIEW, SEEDS = (320, 240), 4
 # What a lesson shows of a run: the moments at which these modes begin.
 MOMENTS = (Mode.CLOSE, Mode.LIFT, Mode.TRANSFER, Mode.RELEASE)
@@ -66,6 +74,18 @@ def make_varied_picture() -> None:
     _joined(views, SEEDS).save(DOCS / "varied.jpg", quality=88)
 
 
+def make_insertion_picture() -> None:
+    """Show the peg at the rim, at the wall and in the hole."""
+    frames, rate, began = _video("insert", INSERTION)
+    moments = (began["slide"], began["upright"], began["release"])
+    views = [frames[round(rate * moment)] for moment in moments]
+    side = views[0].height * 9 // 10  # above the bar of the caption
+    left = (views[0].width - side) // 2
+    squares = [view.crop((left, 0, left + side, side)) for view in views]
+    picture = _joined([_scaled(square, (300, 300)) for square in squares], 3)
+    picture.save(DOCS / "insertion.webp", quality=75, method=6)
+
+
 def make_lesson_pictures() -> None:
     """Make the picture of each lesson from what the lesson runs."""
     kitchen = _moments("kitchen")
@@ -98,24 +118,26 @@ def _save_files(*lessons: str) -> None:
             Path(name).write_text(text, "utf-8")
 
 
-def _video(scenario: str) -> tuple[list[Image.Image], float, dict[Mode, float]]:
+def _video(
+    scenario: str, overrides: Sequence[str] = ()
+) -> tuple[list[Image.Image], float, dict[str, float]]:
     """Return the frames of a new run, their rate, and when each mode began [s]."""
     with tempfile.TemporaryDirectory() as folder:
-        loaded = load_scenario(scenario)
+        loaded = load_scenario(scenario, overrides=overrides)
         log = Simulate(loaded, name="run", out=Path(folder)).log
         with av.open(str(Path(folder) / "video.mp4")) as container:
             frames = [frame.to_image() for frame in container.decode(video=0)]
             rate = float(container.streams.video[0].average_rate)
-    modes, first = np.unique(log["mode"], return_index=True)
-    times = log["time"][first]
-    began = {MODES[int(m)]: float(t) for m, t in zip(modes, times, strict=True)}
+    modes, first = np.unique(logged_modes(log), return_index=True)
+    began = dict(zip(modes.tolist(), log["time"][first].tolist(), strict=True))
     return frames, rate, began
 
 
 def _moments(scenario: str) -> list[Image.Image]:
     """Return what the video shows as the modes of `MOMENTS` begin."""
     frames, rate, began = _video(scenario)
-    rows = [min(round(rate * began[mode]), len(frames) - 1) for mode in MOMENTS]
+    last = len(frames) - 1
+    rows = [min(round(rate * began[mode.value]), last) for mode in MOMENTS]
     return [_scaled(frames[row], SMALL) for row in rows]
 
 
@@ -156,6 +178,7 @@ def _joined(images: Sequence[Image.Image], columns: int) -> Image.Image:
 MAKERS = {
     "cells": make_moving_picture,
     "varied": make_varied_picture,
+    "insertion": make_insertion_picture,
     "lessons": make_lesson_pictures,
 }
 

@@ -71,6 +71,9 @@ class ObjectConfig(Config):
     # Greatest number of convex pieces that stand for a mesh of `model`.
     pieces: int = dc.field(default=32, metadata={"ge": 1, "le": 256})
     shape: Cylinder | Box | Sphere | None = None
+    # Shape that localizer and planner assume for a `model` of several pieces. The
+    # model's origin must be its middle.
+    proxy: Cylinder | Box | Sphere | None = None
     # Makes a `shape`, which must be a box, deformable. A script can pick it, the
     # planner cannot. Needs the contact approximation `sap` and steps of up to 5 ms.
     soft: SoftConfig | None = None

@@ -86,13 +86,13 @@ def known_shape(name: str, config: ObjectConfig) -> Shape | None:
 
 
 def simple_shape(name: str, config: ObjectConfig) -> Shape | None:
-    """Return the true shape of an object; None unless it is a single simple one.
+    """Return the shape of an object, or its proxy; None unless it is a simple one.
 
     Raises:
         ScenarioError: If the model cannot be read.
     """
-    if config.shape is not None:
-        return config.shape
+    if (given := config.shape or config.proxy) is not None:
+        return given
     collisions = model_tree(name, config).findall(".//collision")
     geometries = [g for c in collisions for g in c.findall("geometry/*")]
     if len(geometries) != 1 or any(map(is_placed, collisions)):

@@ -1,4 +1,4 @@
-"""Ground truth about objects: poses and contact forces."""
+"""Ground truth about objects: poses and contact forces, for metrics alone."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from pydrake.geometry import GeometryConfigurationVector, GeometryId
 from pydrake.math import RigidTransform
 from pydrake.multibody.plant import ContactResults, MultibodyPlant
 from pydrake.multibody.tree import BodyIndex, DeformableBody, ModelInstanceIndex
-from pydrake.systems.framework import Context
+from pydrake.systems.framework import Context, DiscreteValues
 
 from drake_srg.common.contacts import each_contact
 from drake_srg.lifetime import LeafSystem
@@ -125,3 +125,64 @@ class ContactReader:
                     force = np.linalg.norm(contact.F_Ac_W().translational())
                     forces[key] = max(forces.get(key, 0.0), float(force))
         return forces
+
+
+class PeakForce(LeafSystem):
+    """Remembers the greatest contact force between two models.
+
+    .. pydrake_system::
+
+        name: PeakForce
+        input_ports:
+        - contact_results
+        output_ports:
+        - peak_force
+
+    The input is the plant's. `peak_force` is the greatest force so far, shape (1,) [N]:
+    the resultant of all contacts at one time, as a force sensor under one of the models
+    would measure it. Every step of a discrete plant counts.
+
+    Args:
+        plant: The finalized plant.
+        names: Two model instances.
+        period: Time between two readings, the plant's step [s].
+
+    Raises:
+        RuntimeError: If the plant has no such model.
+    """
+
+    def __init__(
+        self, plant: MultibodyPlant, names: tuple[str, str], period: float
+    ) -> None:
+        super().__init__()
+        self._ids = [
+            {
+                geometry.get_value()
+                for body in plant.GetBodyIndices(plant.GetModelInstanceByName(name))
+                for geometry in plant.GetCollisionGeometriesForBody(
+                    plant.get_body(body)
+                )
+            }
+            for name in names
+        ]
+        self._contacts = self.DeclareAbstractInputPort(
+            name="contact_results", model_value=AbstractValue.Make(ContactResults())
+        )
+        state = self.DeclareDiscreteState(1)
+        self.DeclarePeriodicDiscreteUpdateEvent(period, 0.0, self._update)
+        self.DeclareStateOutputPort("peak_force", state)
+
+    def _update(self, context: Context, values: DiscreteValues) -> None:
+        peak = context.get_discrete_state_vector().value()[0]
+        force = self._force(self._contacts.Eval(context))
+        values.set_value([max(peak, force)])
+
+    def _force(self, contacts: ContactResults) -> float:
+        one, other = self._ids
+        total = np.zeros(3)
+        for contact in each_contact(contacts):
+            if contact.id_A in one and contact.id_B in other:
+                total += contact.F_Ac_W().translational()
+            elif contact.id_A in other and contact.id_B in one:
+                total -= contact.F_Ac_W().translational()
+        return float(np.linalg.norm(total))

@@ -20,7 +20,7 @@ from pydrake.common.schema import (
 )
 
 from drake_srg.config import names
-from drake_srg.scenario.typed_yaml import check_tree, fail, join
+from drake_srg.scenario.typed_yaml import check_tree, fail, join, merge
 
 _MOST_CLUTTER = 100
 
@@ -136,6 +136,49 @@ def load_distribution(node: Mapping[str, Any], origin: str, key: str) -> Any:
             + (", with min not above max" if "min" in fields else "")
             + (", with stddev at least 0" if "stddev" in fields else ""),
         )
+
+
+def draw_choices(
+    tree: Mapping[str, Any], seed: int, origin: str, values: dict[str, Any]
+) -> dict[str, Any]:
+    """Return a scenario's tree with one of each group of its `choices` laid over it.
+
+    A choice may have choices of its own; they are drawn next. What `chosen` names by
+    group is not drawn.
+
+    Args:
+        tree: Tree of the whole scenario; not changed.
+        seed: Seed of the draws.
+        origin: File or name at the start of error messages.
+        values: Receives the names of what is chosen by `choices.GROUP`.
+
+    Raises:
+        ScenarioError: If a group has no choices, or one of these does not fit the tree.
+    """
+    tree = dict(tree)
+    chosen = tree.get("chosen") or {}
+    if not _is_mapping(chosen):
+        return tree
+    while groups := tree.pop("choices", None):
+        if not _is_mapping(groups):
+            fail(origin, "choices", "must be a mapping of groups of choices")
+        for group, given in groups.items():
+            key = f"choices.{group}"
+            choices = _without_nulls(given) if _is_mapping(given) else given
+            if not (_is_mapping(choices) and choices):
+                fail(origin, key, "must be a mapping of at least one choice")
+            names, name = sorted(choices), chosen.get(group)
+            if name is None:
+                indices = UniformDiscrete(list(range(len(names))))
+                name = names[int(indices.Sample(key_generator(seed, key)))]
+                values[key] = name
+            elif name not in names:
+                allowed = ", ".join(names)
+                fail(origin, f"chosen.{group}", f"got {name!r} (allowed: {allowed})")
+            if not _is_mapping(choices[name]):
+                fail(origin, f"{key}.{name}", "must be a mapping of a scenario's keys")
+            tree = dict(merge(tree, choices[name], origin))
+    return tree
 
 
 def add_clutter(

@@ -14,7 +14,12 @@ from pydrake.common.schema import UniformVectorX
 from drake_srg.arm.drivers import ArmPositionDriver
 from drake_srg.common.exceptions import ScenarioError, scenario_errors, suggest
 from drake_srg.scenario.checks import check_scenario, resolve_pick
-from drake_srg.scenario.draws import add_clutter, draw_distributions, key_generator
+from drake_srg.scenario.draws import (
+    add_clutter,
+    draw_choices,
+    draw_distributions,
+    key_generator,
+)
 from drake_srg.scenario.planner import with_planner_tag
 from drake_srg.scenario.schema import Scenario
 from drake_srg.scenario.typed_yaml import load_typed, merge, parse_yaml, set_key
@@ -60,6 +65,7 @@ def _drawn(tree: dict[str, Any], origin: str, seed: int | None) -> Drawn:
         Scenario, {"random_seed": tree.get("random_seed", 0)}, origin
     ).random_seed
     values: dict[str, Any] = {}
+    tree = draw_choices(tree, int(seed or 0), origin, values)
     tree = add_clutter(tree, int(seed or 0), origin, values)
     planned = with_planner_tag(_with_arm_driver(resolve_pick(tree, origin)), origin)
     drawn = draw_distributions(planned, int(seed or 0), origin, values)

@@ -306,6 +306,11 @@ class Scenario(Config):
     table: TableConfig = dc.field(default_factory=TableConfig)
     # The objects, by name.
     objects: dict[str, ObjectConfig] = dc.field(default_factory=dict)
+    # Alternatives by group and by name, each a mapping of a scenario's keys: one of
+    # each group is drawn and laid over the scenario. Once loaded, there are none left.
+    choices: dict[str, dict[str, dict[str, str]]] = dc.field(default_factory=dict)
+    # Names of choices by group, in place of drawn ones.
+    chosen: dict[str, str] = dc.field(default_factory=dict)
     # A random number of more objects; once loaded, they are among `objects`.
     clutter: ClutterConfig = dc.field(default_factory=ClutterConfig)
     # Null: objects never sleep. Needs `plant_config.time_step` above 0 and no soft

@@ -14,6 +14,8 @@ from pydrake.math import RigidTransform
 
 from drake_srg.common.log_format import MODES, is_pose, pose_key
 from drake_srg.common.safety_states import SafetyState, safety_state
+from drake_srg.objects.models import simple_shape
+from drake_srg.planning.insertion.config import Insert
 from drake_srg.scenario import RobotArm, Scenario, robot_arms
 from drake_srg.station.plant import MakeModelsPlant
 from drake_srg.types import Mode, Vector
@@ -35,6 +37,37 @@ def hand_poses(scenario: Scenario, arm_states: Vector) -> list[RigidTransform]:
         plant.SetPositions(context, arm, state[: plant.num_positions(arm)])
         poses.append(palm.CalcPoseInWorld(context))
     return poses
+
+
+def floor_gap(scenario: Scenario, X_WO: RigidTransform) -> float | None:
+    """Return how far the end of an inserted peg is above the floor of its hole [m].
+
+    Args:
+        scenario: The scenario; its models tell where the hole truly is.
+        X_WO: The peg's pose [m].
+
+    Returns:
+        None unless the planner is `!Insert` and there is a hole.
+    """
+    planner, name = scenario.planner, scenario.task.pick
+    shape = simple_shape(name, scenario.objects[name])
+    plant = MakeModelsPlant(scenario)
+    if not isinstance(planner, Insert) or shape is None:
+        return None
+    if not plant.HasModelInstanceNamed(planner.hole):
+        return None
+    hole = plant.GetBodyIndices(plant.GetModelInstanceByName(planner.hole))[0]
+    X_WH = (
+        plant.get_body(hole).body_frame().CalcPoseInWorld(plant.CreateDefaultContext())
+    )
+    p_HE = X_WH.inverse() @ X_WO @ [0.0, 0.0, -0.5 * shape.height]
+    return float(p_HE[2] + planner.depth)
+
+
+def hole_force(log: Mapping[str, Vector]) -> float | None:
+    """Return the greatest force between a peg and its hole [N]; None without a hole."""
+    force = log.get("hole_force_cheat")
+    return None if force is None else float(force[-1, 0])
 
 
 # This far below its start and the table, an object has left the table [m].

@@ -11,6 +11,7 @@ import numpy as np
 
 from drake_srg.common.log_format import MODES, pose_key, row_to_pose
 from drake_srg.objects.models import simple_shape
+from drake_srg.planning.insertion.config import Insert
 from drake_srg.recording.output import OutputFile, counted, verdict
 from drake_srg.scenario import Scenario, robot_arms
 from drake_srg.simulation import measures
@@ -28,6 +29,7 @@ OF_SEVERAL = (
     *("picks", "picks_held", "picks_delivered", "picks_per_hour"),
     *("multi_object_picks", "multi_object_picks_seen"),
 )
+OF_INSERTION = ("floor_gap_m", "hole_force_n")
 
 # Entries that are left out where they are null.
 OF_SOME = (
@@ -111,6 +113,11 @@ class Metrics:
     # Only on hardware: whether the planner says that it has done the task. Nobody knows
     # whether it has: `success` is False here, and null in metrics.json.
     claimed: bool | None = None
+    # Only with `!Insert`, by ground truth: height of the peg's end over the hole's
+    # floor, and the greatest force between peg and hole, see `PeakForce`. In place of
+    # the error and the tilt, the gap decides whether the peg counts as placed.
+    floor_gap_m: float | None = None
+    hole_force_n: float | None = None
     # Only if objects fell off the table: their names. If the picked one did, it has no
     # placement error.
     off_table: list[str] | None = None
@@ -150,6 +157,14 @@ class Metrics:
             ("drift in the hand", show(self.hold_drift_m_per_s, 1e6, "um/s")),
             ("largest grip force", show(self.peak_contact_force_n, 1.0, "N")),
             ("other objects moved", show(self.others_moved_m, 1e3, "mm")),
+            *(
+                [
+                    ("above the floor", show(self.floor_gap_m, 1e3, "mm")),
+                    ("force on the hole", show(self.hole_force_n, 1.0, "N")),
+                ]
+                if self.floor_gap_m is not None
+                else []
+            ),
             *self._off_table_rows(),
             *self._arms_rows(),
             *(
@@ -223,7 +238,7 @@ class Metrics:
             fields = {k: v for k, v in fields.items() if k not in OF_SEVERAL}
         if self.claimed is not None:
             fields["success"] = None
-        for name in OF_SOME:
+        for name in (*OF_SOME, *OF_INSERTION):
             if fields[name] is None:
                 del fields[name]
         text = json.dumps(fields)
@@ -268,7 +283,7 @@ def calc_metrics(
     poses = log.get(pose_key(pick))
     placed, error, tilt, turn = False, None, None, None
     off_table = measures.off_table(scenario, log)
-    localization = shift = drift = peak = cycle = lifted = to_placement = None
+    localization = shift = drift = peak = cycle = lifted = to_placement = gap = None
     if poses is not None:
         final = row_to_pose(poses[-1])
         first = 0  # row at which the object was first found
@@ -279,15 +294,14 @@ def calc_metrics(
             if shape is not None:
                 found = status.localization.X_WO.rotation()
                 turn = turn_between(shape, found, row_to_pose(poses[first]).rotation())
-        start, place = row_to_pose(poses[first]), scenario.task.place
+        start = row_to_pose(poses[first])
         goal = final_pose(scenario, start)
         if pick not in off_table:
             error = final.translation() - goal.translation()
             tilt = final_tilt(scenario, start, final)
+        gap = measures.floor_gap(scenario, final)
         placed = bool(
-            error is not None
-            and np.linalg.norm(error) <= place.tolerance
-            and (tilt is None or tilt <= _MAX_TILT)
+            _at_goal(scenario, error, tilt, gap)
             and measures.final_speed(time, poses) <= _MAX_SPEED
             and not touching - {"support"}
             and "support" in touching
@@ -342,12 +356,32 @@ def calc_metrics(
         real_time_factor=times.simulated / times.wall,
         artifacts=artifacts,
         safety_stops=measures.safety_stops(log, arms),
+        floor_gap_m=gap,
+        hole_force_n=measures.hole_force(log),
         off_table=off_table or None,
         kinds=kinds_of(scenario) or None,
         min_arm_distance_m=min_arm_distance(scenario, log),
         arm_contacts=count_arm_contacts(log),
         **({} if cleared is None else cleared.metrics()),
     )
+
+
+def _at_goal(
+    scenario: Scenario, error: Vector | None, tilt: float | None, gap: float | None
+) -> bool:
+    """Return whether an object is where it belongs.
+
+    Args:
+        scenario: The scenario.
+        error: Of its position, shape (3,) [m]; None: it fell off the table.
+        tilt: From its goal [rad]; None: it has none.
+        gap: Of an inserted peg, see `measures.floor_gap` [m]; None: it is none.
+    """
+    if gap is not None and isinstance(scenario.planner, Insert):
+        return abs(gap) <= scenario.planner.depth_tolerance
+    tolerance = scenario.task.place.tolerance
+    near = error is not None and bool(np.linalg.norm(error) <= tolerance)
+    return near and (tilt is None or tilt <= _MAX_TILT)
 
 
 def kinds_of(scenario: Scenario) -> dict[str, str]:

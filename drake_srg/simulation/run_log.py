@@ -59,7 +59,8 @@ def _logged(robots: Sequence[RobotArm], ports: Mapping[str, OutputPort]) -> list
             and name.removeprefix(gripper) not in (*_GRIPPER, *_NOT_LOGGED)
             and port.get_data_type() == PortDataType.kVectorValued
         ]
-    return [name for name in (*named, *_TWIN) if name in ports] + others
+    named += ["hole_force_cheat", *_TWIN]
+    return [name for name in named if name in ports] + others
 
 
 class RunLog(SignalLog):

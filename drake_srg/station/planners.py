@@ -38,6 +38,7 @@ from drake_srg.planning.handover.motions import (
     HandoverTaskPlanner,
 )
 from drake_srg.planning.handover.planner import HandoverPlanner
+from drake_srg.planning.insertion.config import Insert
 from drake_srg.planning.insertion.planner import InsertionPlanner
 from drake_srg.planning.motion.moves import Moves
 from drake_srg.planning.motion.planning_scene import PlanningScene
@@ -188,6 +189,7 @@ def _srg_hand(config: PlannerConfig, full_scale: float) -> SrgHand:
         config.squeeze,
         full_scale,
         clearance=config.hand_clearance,
+        turn_counts=isinstance(config, Insert),
     )
 
 

@@ -16,8 +16,9 @@ from drake_srg.common.systems import input_ports, output_ports
 from drake_srg.gripper.driver import PLANT_INPUTS
 from drake_srg.gripper.drivers import AddGripperDriver
 from drake_srg.objects.models import object_body
-from drake_srg.objects.poses import ObjectPoses
+from drake_srg.objects.poses import ObjectPoses, PeakForce
 from drake_srg.objects.slides import AddSlide
+from drake_srg.planning.insertion.config import Insert
 from drake_srg.scenario.schema import RobotArm, Scenario, robot_arms
 from drake_srg.station.cameras import AddCameras
 from drake_srg.station.plant import AddPlant, MakeModelsPlant, check_driven
@@ -75,6 +76,7 @@ def MakeStation(scenario: Scenario) -> Diagram:
         - object_poses_cheat
         - contact_results_cheat
         - plant_state_cheat
+        - hole_force_cheat (with the planner !Insert)
         - objects_asleep_cheat (with sleeping)
 
     The ports of the arm, the gripper and the cameras exist where the scenario has them.
@@ -128,6 +130,8 @@ def AddStation(builder: DiagramBuilder, scenario: Scenario) -> None:
         plant.get_contact_results_output_port(), "contact_results_cheat"
     )
     builder.ExportOutput(plant.get_state_output_port(), "plant_state_cheat")
+    if isinstance(scenario.planner, Insert):
+        _AddHoleForce(builder, plant, scenario, scenario.planner)
     forces = plant.get_applied_spatial_force_input_port()
     builder.ExportInput(forces, "object_forces_cheat")
     if scenario.sleeping is not None:
@@ -168,6 +172,20 @@ def _AddGripper(
         if name not in _INTERNAL:
             builder.ExportOutput(output, f"{robot.gripper_model}.{name}")
     return gripper
+
+
+def _AddHoleForce(
+    builder: DiagramBuilder, plant: MultibodyPlant, scenario: Scenario, config: Insert
+) -> None:
+    """Add the system that measures the force between peg and hole, for metrics."""
+    names = scenario.task.pick, config.hole
+    if not all(map(plant.HasModelInstanceNamed, names)):
+        return
+    # With CENIC, a power of two; see `drake_srg.scenario.checks`.
+    period = plant.time_step() or 1.0 / 256.0
+    force = builder.AddNamedSystem("hole_force", PeakForce(plant, names, period))
+    builder.Connect(plant.get_contact_results_output_port(), force.get_input_port())
+    builder.ExportOutput(force.get_output_port(), "hole_force_cheat")
 
 
 def _AddArm(

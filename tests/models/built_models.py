@@ -22,6 +22,11 @@ from pydrake.systems.framework import DiagramBuilder
 from drake_srg.objects.household import HOUSEHOLD
 from drake_srg.parsing import configure_parser
 
+HOLES = (
+    *("hole_none", "pin_20", "hole_25", "hole_12", "hole_square", "hole_keyed"),
+    *("hole_25_chamfer", "hole_12_chamfer"),
+    *("hole_square_chamfer", "hole_keyed_chamfer"),
+)
 BASES = {
     "srg": "palm",
     "srg_fast": "palm",
@@ -36,9 +41,7 @@ BASES = {
     "small_table": "table",
     "small_table_recess": "table",
     "bench": "bench",
-    "hole_25": "block",
-    "hole_12": "block",
-    "hole_none": "block",
+    **dict.fromkeys(HOLES, "block"),
 }
 
 

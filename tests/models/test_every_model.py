@@ -24,6 +24,7 @@ from drake_srg.objects.household import HOUSEHOLD
 from drake_srg.parsing import models_path
 from models.built_models import (
     CAN,
+    HOLES,
     NOT_CONVEX,
     PACKAGES,
     SEED,
@@ -37,8 +38,9 @@ from models.built_models import (
 ROBOTS = ("srg", "iiwa14", "gantry", "assistive_arm", "linkage_gripper")
 WORKPLACE = ("small_table", "small_table_recess", "bench", "bin")
 TABLES = ("table", "table_mat", "floor", "marker", "lid")
-HOLES = ("hole_25", "hole_12", "hole_none")
-MODELS = (*ROBOTS, *WORKPLACE, *TABLES, *HOLES, *HOUSEHOLD)
+KINDS = ("square", "stepped", "keyed", "bushing", "bushing_chamfer")
+PEGS = tuple(f"peg_{kind}_0100" for kind in KINDS)
+MODELS = (*ROBOTS, *WORKPLACE, *TABLES, *HOLES, *PEGS, *HOUSEHOLD)
 MASSES = {"srg": 0.4, "iiwa14": 30.61, "lid": 0.3, "marker": 0.01, CAN: 0.349}
 MASSES |= {"011_banana": 0.066, "029_plate": 0.279, "048_hammer": 0.665}
 

@@ -6,7 +6,12 @@ from pydrake.systems.framework import DiagramBuilder
 from drake_srg.common.contacts import relaxation_time
 from drake_srg.common.exceptions import ScenarioError
 from drake_srg.objects.config import ObjectConfig
-from drake_srg.objects.models import AddObject, known_shape, object_shape
+from drake_srg.objects.models import (
+    AddObject,
+    known_shape,
+    object_shape,
+    simple_shape,
+)
 from drake_srg.types import Box, Cylinder, Sphere
 
 CAN = "package://drake_srg/sdf/005_tomato_soup_can.sdf"
@@ -213,3 +218,11 @@ def test_an_object_has_one_link(tmp_path):
     path.write_text("<sdf version='1.9'><model name='m'/></sdf>")
     with pytest.raises(ScenarioError, match=r"^objects\.thing.* one link, got 0"):
         add(ObjectConfig(model=path.as_uri()))
+
+
+def test_a_proxy_stands_for_a_model_of_several_pieces():
+    url, box = "package://drake_srg/sdf/peg_square_0100.sdf", Box([0.02, 0.02, 0.1])
+    assert simple_shape("peg", ObjectConfig(model=url)) is None
+    config = ObjectConfig(model=url, proxy=box, known_scale=0.5)
+    assert simple_shape("peg", config) == box
+    assert known_shape("peg", config) == box.scaled(0.5)

@@ -2,11 +2,14 @@ import numpy as np
 import pytest
 from helpers import fix
 from pydrake.common.value import AbstractValue
+from pydrake.geometry import Box, Sphere
 from pydrake.math import RigidTransform
-from pydrake.multibody.tree import BodyIndex
+from pydrake.multibody.plant import AddMultibodyPlantSceneGraph, CoulombFriction
+from pydrake.multibody.tree import BodyIndex, SpatialInertia
 from pydrake.systems.analysis import Simulator
+from pydrake.systems.framework import DiagramBuilder
 
-from drake_srg.objects.poses import ContactReader, ObjectPoses
+from drake_srg.objects.poses import ContactReader, ObjectPoses, PeakForce
 from drake_srg.scenario import load_scenario
 from drake_srg.station import MakeStation
 
@@ -74,3 +77,44 @@ def test_the_object_must_be_in_the_plant():
     station = MakeStation(load_scenario("kitchen"))
     with pytest.raises(RuntimeError, match="cup"):
         ContactReader(station.GetSubsystemByName("plant"), "cup")
+
+
+def peak_force(height, names=("ball", "floor"), duration=0.5):
+    """Return the peak force between a ball of 1 kg and a floor it is dropped on [N]."""
+    builder = DiagramBuilder()
+    plant, _ = AddMultibodyPlantSceneGraph(builder, 0.001)
+    shapes = {"ball": Sphere(0.05), "floor": Box(1.0, 1.0, 0.1)}
+    for name, shape in shapes.items():
+        body = plant.AddRigidBody(
+            name,
+            plant.AddModelInstance(name),
+            SpatialInertia.SolidSphereWithMass(1.0, 0.05),
+        )
+        friction = CoulombFriction(0.5, 0.5)
+        X_BG = RigidTransform()
+        plant.RegisterCollisionGeometry(body, X_BG, shape, name, friction)
+    X_WF = RigidTransform([0.0, 0.0, -0.05])
+    floor = plant.GetFrameByName("floor")
+    plant.WeldFrames(plant.world_frame(), floor, X_WF)
+    plant.Finalize()
+    X_WB = RigidTransform([0.0, 0.0, 0.05 + height])
+    plant.SetDefaultFloatingBaseBodyPose(plant.GetBodyByName("ball"), X_WB)
+    force = builder.AddSystem(PeakForce(plant, names, 0.001))
+    builder.Connect(plant.get_contact_results_output_port(), force.get_input_port())
+    diagram = builder.Build()
+    simulator = Simulator(diagram)
+    simulator.AdvanceTo(duration)
+    context = force.GetMyContextFromRoot(simulator.get_context())
+    return force.get_output_port().Eval(context)[0]
+
+
+def test_the_peak_force_outlasts_the_impact():
+    at_rest, dropped = peak_force(0.0), peak_force(0.05)
+    assert 9.8 < at_rest < 2.2 * 9.81  # it sinks in by itself, and may swing
+    assert dropped > 3.0 * at_rest
+    assert peak_force(0.05, duration=1.0) == dropped
+    assert peak_force(0.05, ("floor", "ball")) == dropped
+
+
+def test_there_is_no_force_without_contact():
+    assert peak_force(1.0, duration=0.1) == 0.0

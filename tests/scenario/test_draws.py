@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from drake_srg.common.exceptions import ScenarioError
-from drake_srg.scenario.draws import draw_distributions, key_generator
+from drake_srg.scenario.draws import draw_choices, draw_distributions, key_generator
 from drake_srg.scenario.typed_yaml import parse_yaml
 
 
@@ -69,3 +69,51 @@ def test_huge_seeds_have_generators_of_their_own():
 def test_invalid_distributions_are_refused(text):
     with pytest.raises(ScenarioError, match=rf"^f: k: {text.split()[0]} needs finite"):
         draw(text)
+
+
+CHOICES = """
+size: 0
+choices:
+  fruit:
+    apple: {size: 1, choices: {colour: {red: {hue: 0}, green: {hue: 120}}}}
+    plum: {size: 2}
+"""
+
+
+def chosen(seed=0, **keys):
+    values = {}
+    tree = {**parse_yaml(CHOICES, "f"), **keys}
+    return draw_choices(tree, seed, "f", values), values
+
+
+def test_a_choice_is_laid_over_the_scenario():
+    for seed in range(20):
+        tree, values = chosen(seed)
+        assert tree["size"] == {"apple": 1, "plum": 2}[values["choices.fruit"]]
+        assert ("hue" in tree) == (values["choices.fruit"] == "apple")
+        assert "choices" not in tree
+
+
+def test_every_choice_comes_up():
+    drawn = {tuple(chosen(seed)[1].values()) for seed in range(40)}
+    assert drawn == {("apple", "red"), ("apple", "green"), ("plum",)}
+
+
+def test_what_is_chosen_is_not_drawn():
+    for seed in range(10):
+        tree, values = chosen(seed, chosen={"fruit": "apple", "colour": "green"})
+        assert (tree["size"], tree["hue"], values) == (1, 120, {})
+
+
+@pytest.mark.parametrize(
+    ("keys", "message"),
+    [
+        ({"chosen": {"fruit": "pear"}}, r"f: chosen\.fruit: got 'pear' .*apple, plum"),
+        ({"choices": 3}, "f: choices: must be a mapping"),
+        ({"choices": {"fruit": {}}}, r"f: choices\.fruit: must be a mapping"),
+        ({"choices": {"fruit": {"plum": 1}}}, r"f: choices\.fruit\.plum: must be"),
+    ],
+)
+def test_choices_that_are_none_are_refused(keys, message):
+    with pytest.raises(ScenarioError, match=message):
+        chosen(**keys)

@@ -7,6 +7,7 @@ from pydrake.multibody.plant import MultibodyPlant
 
 from drake_srg.common.log_format import MODES, pose_to_row
 from drake_srg.common.safety_states import SafetyState, StopReason, state_indices
+from drake_srg.scenario import load_scenario
 from drake_srg.simulation import measures
 from drake_srg.simulation.measures import hand_poses
 from drake_srg.simulation.rig import Rig, bench_scenario
@@ -179,3 +180,19 @@ def test_each_safety_stop_is_told_once():
         {"time_s": 5.0, "reason": "stale"},
     ]
     assert measures.safety_stops({"time": np.arange(6.0)}) is None
+
+
+def test_the_gap_is_above_the_floor_of_the_true_hole():
+    scenario = load_scenario("insert_varied", seed=1, overrides=["chosen.part=keyed"])
+    welds = [d.add_weld for d in scenario.directives if d.add_weld is not None]
+    (weld,) = [weld for weld in welds if weld.child == "hole::block"]
+    X_WH = weld.X_PC.GetDeterministicValue()
+    for gap in (0.0, 0.005, 0.03):
+        X_WO = X_WH @ RigidTransform([0.0, 0.0, 0.05 - 0.02 + gap])
+        assert measures.floor_gap(scenario, X_WO) == pytest.approx(gap, abs=1e-9)
+    assert measures.floor_gap(SCENARIO, RigidTransform()) is None
+
+
+def test_the_force_on_the_hole_is_the_peak_so_far():
+    assert measures.hole_force({"hole_force_cheat": np.array([[1.0], [7.0]])}) == 7.0
+    assert measures.hole_force({}) is None

@@ -55,6 +55,8 @@ class Grasp(abc.ABC):
     # Direction of the palm's y in the object, perpendicular to its axis, shape
     # (3,): the normal of a box's face. None: the object is round.
     across_O: Vector | None = None
+    # Whether the goal's turn about the axis counts, too.
+    turn_counts: bool = False
     # Direction in the palm that must point down when the hand takes a lying
     # object, perpendicular to `axis_G` and the palm's y, shape (3,). None: the
     # object stands.
@@ -82,12 +84,14 @@ class Grasp(abc.ABC):
 
         Args:
             X_WO: The object's pose in world [m]. Its turn about its axis does not
-                count.
+                count unless `turn_counts`.
             angle_tolerance: Of the object's axis in the hand [rad].
         """
         axis_W = X_WO.rotation().matrix() @ self.axis_O
-        axis = AxisTarget(self.axis_G, axis_W, angle_tolerance)
-        return HandTarget(p_WT=X_WO.translation(), p_GT=self.p_GO, axes=(axis,))
+        axes = [AxisTarget(self.axis_G, axis_W, angle_tolerance)]
+        if self.turn_counts and self.across_O is not None:
+            axes.append(AxisTarget(PALM_Y, X_WO.rotation() @ self.across_O, _EXACT))
+        return HandTarget(p_WT=X_WO.translation(), p_GT=self.p_GO, axes=tuple(axes))
 
     def pick_target(self, X_WO: RigidTransform) -> HandTarget:
         """Return where the hand must be to take the object at `X_WO`.
@@ -98,7 +102,7 @@ class Grasp(abc.ABC):
         target = self.target(X_WO, self.pick_angle)
         if self.down_G is not None:
             axis = AxisTarget(self.down_G, _DOWN, _EXACT)
-        elif self.across_O is not None:
+        elif self.across_O is not None and not self.turn_counts:
             axis = AxisTarget(PALM_Y, X_WO.rotation() @ self.across_O, _EXACT)
         else:
             return target

@@ -314,6 +314,7 @@ class SrgHand(Hand):
             (Algorithm 1), so it sets the force.
         full_scale: Base plus tip angle that closure 1 asks for; the driver's [rad].
         clearance: Distance that the hand must keep from the table [m].
+        turn_counts: Whether the goal's turn counts where the object has faces.
     """
 
     approaches: Sequence[str]
@@ -321,6 +322,7 @@ class SrgHand(Hand):
     squeeze: float
     full_scale: float = SRG.full_scale
     clearance: float = 0.005
+    turn_counts: bool = False
 
     num_joints = num_sensors = 4
     p_GT = np.zeros(3)
@@ -354,7 +356,11 @@ class SrgHand(Hand):
             and Approach.ABOVE.value in self.approaches
         ):
             found += [self._lying(shape, up_O, t, squeeze) for t in _LYING_TILTS]
-        return [grasp for grasp in found if grasp is not None]
+        return [
+            dc.replace(grasp, turn_counts=self.turn_counts)
+            for grasp in found
+            if grasp is not None
+        ]
 
     def _from_above(self, shape: Shape, squeeze: float) -> list[SrgGrasp | None]:
         upright, half_height = 0.5 * np.pi, 0.5 * shape.height

@@ -21,9 +21,27 @@ class Insert(PlannerConfig):
     `arm: !ArmImpedanceDriver` with `cartesian`.
     """
 
+    # Name of the hole's model among `directives`; metrics alone look at it. Its origin
+    # is the middle of the rim, z up.
+    hole: str = "hole"
     # Depth of the hole [m], and how much less of it counts as seated.
     depth: float = dc.field(default=0.02, metadata=positive())
     depth_tolerance: float = dc.field(default=0.002, metadata=positive())
+    # How the peg finds the hole: it leans against the wall and is put upright (`tilt`),
+    # it goes straight down (`push`), or its end searches the rim (`spiral`).
+    strategy: str = dc.field(
+        default="tilt", metadata={"among": ("tilt", "push", "spiral")}
+    )
+    # Distance between turns of the spiral [m], less than 2 clearances, and its radius.
+    spiral_pitch: float = dc.field(default=1.5e-4, metadata=positive())
+    spiral_radius: float = dc.field(default=0.002, metadata=positive())
+    # Half the width of the peg's end [m]; null: of its shape. Of a cap, half the bore.
+    tip: float | None = dc.field(default=None, metadata=positive())
+    # Whether the peg is a cap that goes over a pin.
+    over: bool = False
+    # How far the peg is turned back and forth about its axis while it goes no deeper
+    # [rad]: a key must find its way. 0: not at all.
+    twist: float = dc.field(default=0.0, metadata={"ge": 0.0, "le": 0.2})
     # Height over the hole at which the insertion begins [m].
     hover: float = dc.field(default=0.008, metadata=positive())
     # Stiffness of the hand, as in `arm.cartesian` [N/m], [N m/rad].
@@ -59,6 +77,7 @@ class InsertMode(enum.Enum):
     TILT = "tilt"
     SEARCH = "search"
     SLIDE = "slide"
+    SPIRAL = "spiral"
     UPRIGHT = "upright"
     PRESS = "press"
     WITHDRAW = "withdraw"
@@ -69,6 +88,11 @@ class Insertion(Memory):
     """The tip T of the peg: its middle, z along the peg's axis, up into the hand."""
 
     tries: int = 0
+    # Commanded turn beside the one that is followed, shape (3,) [rad].
+    twist: Vector = dc.field(default_factory=lambda: np.zeros(3))
+    spiral_at: float = 0.0  # when the spiral began [s]
+    fallen_at: float = 0.0  # until when the edge was no deeper than at first [s]
+    pressed_at: float = 0.0  # since when the peg is pressed [s]
     q: Vector = dc.field(default_factory=lambda: np.zeros(0))  # commanded (N,) [rad]
     X_TG: RigidTransform | None = None  # the hand at the tip, by the grasp [m]
     X_WU: RigidTransform | None = None  # the tip, upright on the goal's rim [m]

@@ -36,15 +36,27 @@ from drake_srg.planning.servoing.hand_motion import (
     limited,
     rotation_vector,
 )
-from drake_srg.types import AnyMode, Cylinder, Failure, Mode, Vector
+from drake_srg.types import AnyMode, Box, Cylinder, Failure, Mode, Vector
 
 _UP = np.array([0.0, 0.0, 1.0])
 _LEAST = 0.02  # singular value of the arm's Jacobian below which it is damped
 _PROGRESS = 2e-4  # least motion that is progress [m]
 _WITHOUT = 0.4  # time without progress after which the peg rests [s]
+# The same in the hole, where a tight peg creeps until it is upright [s].
+_PATIENCE = 1.5
 _LATE = 6.0  # longest duration of any of these modes [s]
 _DITHER, _FREQUENCY = 6e-4, 3.0  # across the way to the wall [m], [Hz]
-_PAST = -0.0087  # tilt at which the peg stops when it is put upright [rad]
+# Tilt at which the hand stops when it puts the peg upright [rad]: the peg lags behind,
+# 3 to 7 degrees between the pads.
+_PAST = -0.035
+_TWISTING = 2.0  # how long a turn back and forth takes [s]
+_WOBBLE, _WOBBLING = 0.015, 1.5  # in a circle, of a peg that is pressed [rad], [Hz]
+_FALLEN = 0.0005  # a peg that is deeper than the rim was has found the hole [m]
+_SINKING = 0.6  # time that the edge takes from there to the wall, and to sink [s]
+# Pegs that go in take up to 6 s. After this time, the hand slips along the peg [s].
+_PRESSING = 10.0
+# A peg that is deeper than this, and leans less, is led by the hole [m], [rad].
+_ENTERED, _NEARLY = 0.004, 0.03
 _SHALLOW = 0.003  # a peg that is no deeper has not entered [m]
 # The wall is at most this much farther than the inset and its like on the other side
 # [m]; a peg that slides on has met no hole.
@@ -64,8 +76,31 @@ class Task:
 
     config: Insert
     arm: ServoArm
-    peg: Cylinder
+    peg: Cylinder | Box
     X_WO_goal: RigidTransform
+
+    @property
+    def radius(self) -> float:
+        """Half the width of the peg's end, or of the bore that goes over a pin [m]."""
+        return self.config.tip or 0.5 * float(self.peg.bounding_size[0])
+
+    @property
+    def inset(self) -> float:
+        """How far the lower edge is inside the hole's outline [m].
+
+        That of a bore is outside the pin's.
+        """
+        inset = self.config.inset if self.config.strategy == "tilt" else 0.0
+        return -inset if self.config.over else inset
+
+    @property
+    def tilt(self) -> float:
+        """How far the peg leans when it is set down on the rim [rad]."""
+        return self.config.tilt if self.config.strategy == "tilt" else 0.0
+
+    def wall(self, tip: Insertion) -> Vector:
+        """Return the direction in which the lower edge meets the wall, shape (3,)."""
+        return -tip.along if self.config.over else tip.along
 
 
 def insertion_of(memory: PlannerMemory) -> Insertion:
@@ -97,6 +132,7 @@ class Inserting(Carrying, abc.ABC):
             self._begin(memory, tip)
         self._measure(tip, entry.senses.q, share=1.0)
         tip.began, tip.progress, tip.progress_at = tip.p, -np.inf, entry.time
+        tip.twist = np.zeros(3)
         return memory
 
     def _begin(self, memory: PlannerMemory, tip: Insertion) -> None:
@@ -105,13 +141,13 @@ class Inserting(Carrying, abc.ABC):
         tip.q = memory.motion.destination
         X_WG = task.arm.X_WG(tip.q)
         up_G = np.copysign(1.0, (X_WG.rotation() @ grasp.axis_G)[2]) * grasp.axis_G
-        p_GT = grasp.p_GO - 0.5 * task.peg.length * up_G
+        p_GT = grasp.p_GO - 0.5 * task.peg.height * up_G
         X_GT = pose_along(p_GT, up_G)
         tip.X_TG, tip.X_WT = X_GT.inverse(), X_WG @ X_GT
         pinch = X_WG.rotation().matrix()[:, 1]  # the palm's y
         tip.along = _unit(pinch - pinch[2] * _UP)
         rim = task.X_WO_goal.translation().copy()
-        rim[2] += task.config.depth - 0.5 * task.peg.length
+        rim[2] += task.config.depth - 0.5 * task.peg.height
         tip.X_WU = RigidTransform(_upright(tip.X_WT.rotation()), rim)
         tip.rim, tip.angle = float(rim[2]), 0.0
         tip.tries, tip.stops, tip.deepest, tip.seated = 0, (), 0.0, False
@@ -123,7 +159,9 @@ class Inserting(Carrying, abc.ABC):
 
     def update(self, memory: PlannerMemory, now: Now) -> PlannerMemory:
         """Move the set-point, unless the hand has lost the peg."""
-        memory = super().update(memory, now)
+        # A hand that the hole holds aside closes one finger more, the other less.
+        seen = dc.replace(now.senses, fingers=_centred(now.senses.fingers))
+        memory = super().update(memory, dc.replace(now, senses=seen))
         config, tip = self.task.config, insertion_of(memory)
         if memory.attempt.lost or memory.trouble.touched:
             return memory
@@ -139,6 +177,9 @@ class Inserting(Carrying, abc.ABC):
         if self.turns_with:
             R_WT, R_measured = tip.X_WT.rotation(), tip.X_WT_measured.rotation()
             R_WT = _turned(R_WT, share * rotation_vector(R_measured @ R_WT.inverse()))
+            twist = self.twist_to(tip, now.time)
+            R_WT = _turned(R_WT, twist - tip.twist)
+            tip.twist = twist
         p, target = tip.X_WT.translation(), self.pull_to(tip, now.time)
         p = p + limited(target - p, self.speed * config.period)
         self._command(memory, tip, RigidTransform(R_WT, p), now.time)
@@ -192,6 +233,10 @@ class Inserting(Carrying, abc.ABC):
         """Return the tilt to which the set-point turns [rad]."""
         return tip.angle
 
+    def twist_to(self, tip: Insertion, time: float) -> Vector:
+        """Return how far the set-point is turned from where it drifts, (3,) [rad]."""
+        return np.zeros(3)
+
     def progress(self, tip: Insertion) -> float:
         """Return how far the mode has come [m]; where it stays, the peg rests."""
         return float(-tip.p[2])
@@ -211,16 +256,26 @@ class Inserting(Carrying, abc.ABC):
     def observe_tip(self, tip: Insertion, time: float) -> Observation:
         """Return what the mode's transitions depend on while the peg is held."""
 
-    def forward(self, tip: Insertion, down: float, along: float = 0.0) -> Vector:
+    def forward(
+        self, tip: Insertion, down: float, along: float = 0.0, *, held: bool = False
+    ) -> Vector:
         """Return the set-point that pulls the tip down and along, (3,) [m].
 
         Args:
             tip: The tip.
             down: Force [N].
             along: Force towards the wall [N].
+            held: Whether the tip is held sideways where the mode began; with a force
+                along, only across the pinch axis. A peg that turns between the pads
+                looks like a tip that moves: if the set-point followed, the hand would
+                fall to the side.
         """
-        force = along * tip.along - down * _UP
-        return tip.p + force / self.task.config.stiffness
+        force = along * self.task.wall(tip) - down * _UP
+        p, held_along = tip.p.copy(), tip.along * (along == 0.0)
+        if held:
+            for axis in (np.cross(_UP, tip.along), held_along):
+                p += (tip.began - tip.p) @ axis * axis
+        return p + force / self.task.config.stiffness
 
 
 class Tilt(Inserting):
@@ -235,14 +290,14 @@ class Tilt(Inserting):
 
     def turn_to(self, tip: Insertion) -> float:
         """See `Inserting`."""
-        return self.task.config.tilt
+        return self.task.tilt
 
     def pull_to(self, tip: Insertion, time: float) -> Vector:
         """See `Inserting`."""
         assert tip.X_WU is not None
-        config, r = self.task.config, self.task.peg.radius
-        aside = r - config.inset - r * np.cos(config.tilt)
-        up = r * np.sin(config.tilt) + 0.5 * config.hover
+        config, r = self.task.config, self.task.radius
+        aside = r - self.task.inset - r * np.cos(self.task.tilt)
+        up = r * np.sin(self.task.tilt) + 0.5 * config.hover
         across = (tip.tries // 2) * config.search_step * np.cross(_UP, tip.along)
         return tip.X_WU.translation() + aside * tip.along + up * _UP + across
 
@@ -280,9 +335,10 @@ class Slide(Inserting):
         The edge in the hole is lower by what the tilt makes of the chord between them.
         """
         memory = super().enter(memory, entry)
-        config, r, tip = self.task.config, self.task.peg.radius, insertion_of(memory)
+        config, r, tip = self.task.config, self.task.radius, insertion_of(memory)
         edge = tip.p[2] - r * np.sin(config.tilt)
-        chord = 2.0 * r - config.inset
+        chord = 2.0 * r - max(self.task.inset, 0.0)
+        tip.fallen_at = entry.time
         tip.rim = float(edge + chord * np.tan(config.tilt))
         return memory
 
@@ -295,14 +351,61 @@ class Slide(Inserting):
 
     def progress(self, tip: Insertion) -> float:
         """See `Inserting`."""
-        return float((tip.p - tip.began) @ tip.along)
+        return float((tip.p - tip.began) @ self.task.wall(tip))
 
     def observe_tip(self, tip: Insertion, time: float) -> Observation:
-        """See `Inserting`."""
+        """See `Inserting`.
+
+        At the wall, the edge sinks into the hole. The hand may creep on: the peg turns
+        between the pads.
+        """
+        if tip.began[2] - tip.p[2] < _FALLEN:
+            tip.fallen_at = time
+        if time - tip.fallen_at > _SINKING or self.stalled(tip, time):
+            return Observation(arrived=True)
         if self.progress(tip) > 2.0 * self.task.config.inset + _STRAY:
             tip.stops = (*tip.stops, Failure.NO_HOLE)
             return Observation(stuck=True)
-        return Observation(arrived=self.stalled(tip, time))
+        return Observation()
+
+
+class Spiral(Inserting):
+    """Moves the upright peg in a spiral over the rim until it falls into the hole."""
+
+    mode = InsertMode.SPIRAL
+
+    def enter(self, memory: PlannerMemory, entry: Entry) -> PlannerMemory:
+        """Note where the rim is, on which the peg rests, and when the spiral begins."""
+        memory = super().enter(memory, entry)
+        tip = insertion_of(memory)
+        tip.rim, tip.spiral_at = float(tip.p[2]), entry.time
+        return memory
+
+    def radius(self, tip: Insertion, time: float) -> float:
+        """Return how far the spiral is from its middle [m].
+
+        At a constant speed v, the length v t of a spiral of pitch p is about pi r^2 /
+        p.
+        """
+        length = self.task.config.tip_speed * (time - tip.spiral_at)
+        return float(np.sqrt(length * self.task.config.spiral_pitch / np.pi))
+
+    def pull_to(self, tip: Insertion, time: float) -> Vector:
+        """See `Inserting`."""
+        config, r = self.task.config, self.radius(tip, time)
+        angle = 2.0 * np.pi * r / config.spiral_pitch
+        down = self.forward(tip, config.side_force)[2]
+        middle = tip.began[:2] + r * np.array([np.cos(angle), np.sin(angle)])
+        return np.array([*middle, down])
+
+    def observe_tip(self, tip: Insertion, time: float) -> Observation:
+        """See `Inserting`."""
+        if tip.rim - tip.p[2] > _FALLEN:
+            return Observation(arrived=True)
+        if self.radius(tip, time) < self.task.config.spiral_radius:
+            return Observation()
+        tip.stops = (*tip.stops, Failure.NO_HOLE)
+        return Observation(stuck=True)
 
 
 class Upright(Inserting):
@@ -317,11 +420,12 @@ class Upright(Inserting):
     def pull_to(self, tip: Insertion, time: float) -> Vector:
         """See `Inserting`."""
         config = self.task.config
-        return self.forward(tip, config.search_force, config.side_force)
+        return self.forward(tip, config.search_force, config.side_force, held=True)
 
     def observe_tip(self, tip: Insertion, time: float) -> Observation:
         """See `Inserting`."""
-        return Observation(arrived=abs(tip.angle - _PAST) < 1e-3)
+        entered = tip.rim - tip.p[2] > _ENTERED and tip.angle < _NEARLY
+        return Observation(arrived=bool(entered or abs(tip.angle - _PAST) < 1e-3))
 
 
 class Press(Inserting):
@@ -330,18 +434,46 @@ class Press(Inserting):
     mode = InsertMode.PRESS
     turns_with = True
 
+    def enter(self, memory: PlannerMemory, entry: Entry) -> PlannerMemory:
+        """Note when the peg is pressed."""
+        memory = super().enter(memory, entry)
+        insertion_of(memory).pressed_at = entry.time
+        return memory
+
     def pull_to(self, tip: Insertion, time: float) -> Vector:
         """See `Inserting`."""
-        return self.forward(tip, self.task.config.push_force)
+        return self.forward(tip, self.task.config.push_force, held=True)
+
+    def twist_to(self, tip: Insertion, time: float) -> Vector:
+        """Let the peg wobble, so that it does not wedge, and turn to find its way."""
+        if self._deep(tip):
+            return tip.twist
+        phase = 2.0 * np.pi * _WOBBLING * (time - tip.pressed_at)
+        growth = min((time - tip.pressed_at) * _WOBBLING, 1.0)
+        wobble = growth * _WOBBLE * np.array([np.cos(phase), np.sin(phase)])
+        since, turn = time - tip.progress_at - 0.5 * _WITHOUT, tip.twist[2]
+        if since > 0.0:  # else a key that found its way stays there
+            turn = self.task.config.twist * np.sin(2.0 * np.pi * since / _TWISTING)
+        return np.array([*wobble, turn])
+
+    def stalled(self, tip: Insertion, time: float) -> bool:
+        """See `Inserting`; a peg with a key is turned once to both sides first."""
+        twists = self.task.config.twist and not self._deep(tip)
+        return time - tip.progress_at > _PATIENCE + (_TWISTING if twists else 0.0)
+
+    def _deep(self, tip: Insertion) -> bool:
+        config = self.task.config
+        return tip.rim - float(tip.p[2]) >= config.depth - config.depth_tolerance
 
     def observe_tip(self, tip: Insertion, time: float) -> Observation:
         """See `Inserting`."""
         config, depth = self.task.config, tip.rim - float(tip.p[2])
         # A hand that is deeper than the hole slips along a peg that rests.
         slips = depth > config.depth + config.depth_tolerance
-        if not slips and not self.stalled(tip, time):
+        late = time - tip.pressed_at > _PRESSING
+        if not (slips or late or self.stalled(tip, time)):
             return Observation()
-        if depth >= config.depth - config.depth_tolerance:
+        if not late and depth >= config.depth - config.depth_tolerance:
             tip.seated = True
             return Observation(arrived=True, at_goal=True)
         shallow = depth < _SHALLOW
@@ -390,7 +522,7 @@ class Withdraw(Inserting):
         failure = met[-1] if met else Failure.NO_HOLE
         deep = f"{1e3 * max(tip.deepest, 0.0):.1f} of {1e3 * self.task.config.depth:g}"
         memory.trouble.message = {
-            Failure.NO_HOLE: "the peg's edge slides past where the hole's wall must be",
+            Failure.NO_HOLE: "the peg slides past where the hole must be",
             Failure.TOO_TIGHT: "the peg meets the hole, but does not go in",
         }.get(failure, f"something in the hole stops the peg: it is {deep} mm deep")
         return dc.replace(seen, failure=failure)
@@ -437,13 +569,24 @@ def insertion_modes(
         replanner: Plans from what is seen.
         repeat: How many cycles the task has.
     """
-    kinds = (Tilt, Search, Slide, Upright, Press, Withdraw)
+    kinds = (Tilt, Search, Slide, Spiral, Upright, Press, Withdraw)
     return {
         **modes,
         **{kind.mode: kind(task, replanner, repeat) for kind in kinds},
         Mode.RELEASE: ReleaseSeated(task.config, replanner, repeat),
         Mode.HOME: HomeInserted(task.config, replanner, repeat),
     }
+
+
+def _centred(q: Vector) -> Vector:
+    """Return the angles of two fingers, left and right in turn, as if both were alike.
+
+    Args:
+        q: Shape (n,) [rad]; those of another hand come back as they are.
+    """
+    if len(q) % 2:
+        return q
+    return np.repeat(0.5 * (q[0::2] + q[1::2]), 2)
 
 
 def _unit(vector: Vector) -> Vector:

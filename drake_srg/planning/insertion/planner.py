@@ -22,13 +22,18 @@ from drake_srg.planning.planner_machine import (
     Transitions,
 )
 from drake_srg.planning.servoing.hand_motion import ServoArm
-from drake_srg.types import AnyMode, Cylinder, Failure, Mode
+from drake_srg.types import AnyMode, Box, Cylinder, Failure, Mode
 
 NOT_INSERTED = (Failure.NO_HOLE, Failure.HOLE_BLOCKED, Failure.TOO_TIGHT)
 
 
 def _lost(o: Observation, t: float, c: PlannerConfig) -> bool:
     return o.arrived and not o.holding
+
+
+def _then(strategy: str) -> Condition:
+    """Return whether a mode has ended that this strategy goes on from."""
+    return lambda o, t, c: o.arrived and getattr(c, "strategy", "") == strategy
 
 
 def _ended(mode: AnyMode) -> list[tuple[Condition, AnyMode]]:
@@ -40,7 +45,16 @@ INSERT_TRANSITIONS: Table = {
     **TRANSITIONS,
     Mode.PLACE: _ended(InsertMode.TILT),
     InsertMode.TILT: _ended(InsertMode.SEARCH),
-    InsertMode.SEARCH: _ended(InsertMode.SLIDE),
+    InsertMode.SEARCH: [
+        (_lost, Mode.RELEASE),
+        (_then("push"), InsertMode.PRESS),
+        (_then("spiral"), InsertMode.SPIRAL),
+        (_then("tilt"), InsertMode.SLIDE),
+    ],
+    InsertMode.SPIRAL: [
+        (lambda o, t, c: o.stuck, InsertMode.WITHDRAW),
+        *_ended(InsertMode.PRESS),
+    ],
     InsertMode.SLIDE: [
         (lambda o, t, c: o.stuck, InsertMode.WITHDRAW),
         *_ended(InsertMode.UPRIGHT),
@@ -73,7 +87,7 @@ class InsertionPlanner(PickAndPlacePlanner):
         repeat: How many cycles.
 
     Raises:
-        ValueError: If the peg is no cylinder.
+        ValueError: If the peg is neither cylinder nor box.
     """
 
     def __init__(
@@ -87,9 +101,10 @@ class InsertionPlanner(PickAndPlacePlanner):
         obstacles: Mapping[str, Solid] | None = None,
         repeat: int = 1,
     ) -> None:
-        if not isinstance(shape, Cylinder):
+        if not isinstance(shape, Cylinder | Box):
             raise ValueError(
-                f"objects.{object_name}: must be a cylinder to be inserted, got {shape}"
+                f"objects.{object_name}: must be a cylinder or a box to be inserted, "
+                f"or have such a proxy, got {shape}"
             )
         task = Task(config, ServoArm(task_planner.scene.plant), shape, goal)
 

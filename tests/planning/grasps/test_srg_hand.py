@@ -354,3 +354,18 @@ def test_commands_scale_with_the_full_scale_of_the_driver(full_scale):
         assert asked == pytest.approx(3.0 * grasp.closure_open)
         asked = full_scale * other.closure_closed
         assert asked == pytest.approx(min(full_scale, 3.0 * grasp.closure_closed))
+
+
+def test_a_turn_that_counts_is_a_part_of_the_goal():
+    X_WO = RigidTransform(RollPitchYaw(0.0, 0.0, 0.4), [0.5, 0.0, 0.05])
+    box, can = Box([0.024, 0.024, 0.1]), Cylinder(0.012, 0.1)
+    for counts in (False, True):
+        hand = SrgHand(["above"], [], 0.4, turn_counts=counts)
+        for grasp in hand.grasps(box, X_WO):
+            axes = grasp.target(X_WO).axes
+            assert len(axes) == 1 + counts
+            assert len(grasp.pick_target(X_WO).axes) == 2
+            if counts:
+                across_W = X_WO.rotation() @ grasp.across_O
+                np.testing.assert_allclose(axes[1].direction_W, across_W)
+        assert all(len(g.target(X_WO).axes) == 1 for g in hand.grasps(can, X_WO))

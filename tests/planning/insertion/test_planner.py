@@ -14,7 +14,7 @@ from drake_srg.planning.insertion.planner import (
     insert_transition,
 )
 from drake_srg.planning.planner_machine import Observation
-from drake_srg.types import Box, Failure, Mode
+from drake_srg.types import Failure, Mode, Sphere
 
 CONFIG = Insert()
 HELD = Observation(arrived=True, holding=True)
@@ -40,6 +40,17 @@ def test_modes_follow_one_another_until_the_peg_is_seated():
     assert following(InsertMode.PRESS, seated) is Mode.RELEASE
 
 
+@pytest.mark.parametrize(
+    ("strategy", "mode"),
+    [("push", InsertMode.PRESS), ("spiral", InsertMode.SPIRAL)],
+)
+def test_other_strategies_skip_the_wall(strategy, mode):
+    config = Insert(strategy=strategy)
+    assert insert_transition(InsertMode.SEARCH, HELD, 1.0, config) is mode
+    assert following(InsertMode.SPIRAL, HELD) is InsertMode.PRESS
+    assert following(InsertMode.SPIRAL, Observation(stuck=True)) is InsertMode.WITHDRAW
+
+
 def test_a_try_that_fails_is_repeated():
     assert following(InsertMode.PRESS, HELD) is InsertMode.WITHDRAW
     stuck = Observation(stuck=True, holding=True)
@@ -60,8 +71,6 @@ def test_reasons_to_give_up_end_every_mode(failure):
         assert following(mode, Observation(failure=failure)) is expected
 
 
-def test_only_cylinders_are_inserted():
-    with pytest.raises(ValueError, match=r"objects\.peg: must be a cylinder"):
-        InsertionPlanner(
-            None, "peg", Box((0.01, 0.01, 0.1)), RigidTransform(), config=CONFIG
-        )
+def test_only_cylinders_and_boxes_are_inserted():
+    with pytest.raises(ValueError, match=r"objects\.peg: must be a cylinder or a box"):
+        InsertionPlanner(None, "peg", Sphere(0.01), RigidTransform(), config=CONFIG)
