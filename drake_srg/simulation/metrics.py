@@ -3,11 +3,12 @@
 import dataclasses as dc
 import json
 import re
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+from pydrake.math import RigidTransform
 
 from drake_srg.common.log_format import MODES, pose_key, row_to_pose
 from drake_srg.objects.models import simple_shape
@@ -260,18 +261,14 @@ def calc_metrics(
             if shape is not None:
                 found = status.localization.X_WO.rotation()
                 turn = turn_between(shape, found, row_to_pose(poses[first]).rotation())
-        start, place = row_to_pose(poses[first]), scenario.task.place
+        start = row_to_pose(poses[first])
         goal = final_pose(scenario, start)
         if pick not in off_table:
             error = final.translation() - goal.translation()
             tilt = final_tilt(scenario, start, final)
-        placed = bool(
+        placed = (
             error is not None
-            and np.linalg.norm(error) <= place.tolerance
-            and (tilt is None or tilt <= _MAX_TILT)
-            and measures.final_speed(time, poses) <= _MAX_SPEED
-            and not touching - {"support"}
-            and "support" in touching
+            and is_placed(scenario, start, time, poses, touching)
             and measures.is_home(scenario, log)
         )
         lifted = measures.grasp_lifted(mode, poses)
@@ -326,6 +323,33 @@ def calc_metrics(
         off_table=off_table or None,
         kinds=kinds_of(scenario) or None,
         **({} if cleared is None else cleared.metrics()),
+    )
+
+
+def is_placed(
+    scenario: Scenario,
+    start: RigidTransform,
+    time: Vector,
+    poses: Vector,
+    touching: Collection[str],
+) -> bool:
+    """Return whether the picked object rests at its goal, touched by its support alone.
+
+    Args:
+        scenario: The scenario.
+        start: Pose at which the object was first found, X_WO [m].
+        time: Times of the samples (K) [s].
+        poses: Of the object at these times, shape (K, 7), as of `pose_to_row`.
+        touching: Names of the bodies that touch it at the end; see `calc_metrics`.
+    """
+    final = row_to_pose(poses[-1])
+    error = final.translation() - final_pose(scenario, start).translation()
+    tilt = final_tilt(scenario, start, final)
+    return bool(
+        np.linalg.norm(error) <= scenario.task.place.tolerance
+        and (tilt is None or tilt <= _MAX_TILT)
+        and measures.final_speed(time, poses) <= _MAX_SPEED
+        and set(touching) == {"support"}
     )
 
 
