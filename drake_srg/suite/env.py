@@ -25,19 +25,18 @@ from drake_srg.suite.tasks import (
 from drake_srg.types import Vector
 
 Observation = dict[str, Any]
-_FINGERS = 4
 
 
 class SuiteEnv(gymnasium.Env[Observation, npt.NDArray[np.float32]]):
-    """A task of the suite: an iiwa 14 with the SRG at a table.
+    """A task of the suite: an arm with a gripper at a table.
 
-    An action lasts 1/16 s: positions of the arm's seven joints [rad], to which the
+    An action (N + 1) lasts 1/16 s: positions of the arm's N joints [rad], to which the
     command moves evenly, and the hand's closure, 0 open .. 1 closed. The command of a
     joint moves no faster than the joint can.
 
-    An observation has `agent_pos` (11), measured positions of the arm's joints and the
-    hand's, `touch` (4), normal forces of the fingers' links [N], and `pixels`, an image
-    by camera. A data set of `drake-srg dataset` holds the same positions, actions and
+    An observation has `agent_pos` (N + n), measured positions of the arm's joints and
+    the hand's n [rad], `touch` (m), normal forces of the fingers' links [N], and
+    `pixels`, an image by camera. For the iiwa 14 with the SRG, N is 7, n and m are 4. A data set of `drake-srg dataset` holds the same positions, actions and
     images.
 
     Success is judged from ground truth; see `Task`. It ends the episode, with reward 1,
@@ -97,14 +96,17 @@ class SuiteEnv(gymnasium.Env[Observation, npt.NDArray[np.float32]]):
         speeds = plant.GetVelocitiesFromArray(arm, plant.GetVelocityUpperLimits())
         self._most = np.array(speeds) * PERIOD
         joints = len(self._low)
+        assert first.gripper is not None
+        self._fingers = len(first.gripper.joint_names)
+        sensors = len(first.gripper.sensor_names)
         box = gymnasium.spaces.Box
         self.action_space = box(
             np.append(self._low, 0.0).astype(np.float32),
             np.append(self._high, 1.0).astype(np.float32),
         )
         parts: dict[str, gymnasium.Space[Any]] = {
-            "agent_pos": box(-np.inf, np.inf, (joints + _FINGERS,), np.float32),
-            "touch": box(0.0, np.inf, (_FINGERS,), np.float32),
+            "agent_pos": box(-np.inf, np.inf, (joints + self._fingers,), np.float32),
+            "touch": box(0.0, np.inf, (sensors,), np.float32),
         }
         if self.cameras:
             sizes = {name: first.cameras[name] for name in self.cameras}
@@ -151,7 +153,7 @@ class SuiteEnv(gymnasium.Env[Observation, npt.NDArray[np.float32]]):
         cameras = [*self.cameras]
         if self.render_mode is not None:
             cameras.append(self._video)
-        scenario = with_cameras(scenario, cameras, expert=self.expert)
+        scenario = with_cameras(scenario, cameras)
         self._episode, self._steps, self._failure = None, 0, ""
         expert = self.config.expert if self.expert else None
         try:
@@ -211,7 +213,7 @@ class SuiteEnv(gymnasium.Env[Observation, npt.NDArray[np.float32]]):
 
     def _observe(self, episode: Episode) -> Observation:
         arm = episode.measured("arm.state_measured")[: self._joints]
-        fingers = episode.measured("gripper.state_measured")[:_FINGERS]
+        fingers = episode.measured("gripper.state_measured")[: self._fingers]
         seen: Observation = {
             "agent_pos": np.concatenate([arm, fingers]).astype(np.float32),
             "touch": np.array(

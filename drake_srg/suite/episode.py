@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 import numpy.typing as npt
-from pydrake.systems.framework import System
+from pydrake.systems.framework import Diagram, DiagramBuilder, System
 
 from drake_srg.common.exceptions import ScenarioError, one_line
 from drake_srg.common.log_format import pose_key, pose_to_row, row_to_pose
@@ -63,7 +63,8 @@ class Episode:
     ) -> None:
         free_diagrams()  # of the episode before
         self.scenario, self._goal = scenario, task_goal
-        make, add = MakeStation, AddStation
+        make: Callable[..., Diagram] = MakeStation
+        add: Callable[..., None] = _AddStationAlone
         if expert is not None:
             planner = _touching if expert == "touch" else None
             make = functools.partial(MakeDrivenCell, make_planner=planner)
@@ -224,21 +225,26 @@ class Episode:
         return status
 
 
+def _AddStationAlone(
+    builder: DiagramBuilder, scenario: Scenario, make_station: object = None
+) -> None:
+    del make_station  # of cells
+    AddStation(builder, scenario)
+
+
 def _touching(scenario: Scenario) -> System:
     policy = CellPolicy(pick_by_touch, "drake_srg/Pick-v0")
     return make_planner(policy, scenario)
 
 
-def with_cameras(
-    scenario: Scenario, cameras: Sequence[str], *, expert: bool
-) -> Scenario:
-    """Return a scenario with those cameras alone that an episode needs.
+def with_cameras(scenario: Scenario, cameras: Sequence[str]) -> Scenario:
+    """Return a scenario without the cameras that an episode does not need.
 
     Args:
         scenario: The scenario.
-        cameras: Names of the cameras for observations and videos.
-        expert: Whether the expert must see, too.
+        cameras: Names of the cameras for observations and videos. Those of the
+            localizer stay, too.
     """
-    needed = {*cameras, *(perception_cameras(scenario) if expert else ())}
+    needed = {*cameras, *perception_cameras(scenario)}
     kept = {name: c for name, c in scenario.cameras.items() if name in needed}
     return dc.replace(scenario, cameras=kept)
