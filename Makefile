@@ -38,6 +38,7 @@ test-lerobot:  ## run the tests of the extra `lerobot`, in an environment of its
 	.venv-lerobot/bin/python -m pip install --quiet --disable-pip-version-check \
 		--editable ".[lerobot]" examples/lerobot hypothesis pytest
 	.venv-lerobot/bin/python -m pytest -m lerobot tests/suite tests/learning/envs
+	.venv-lerobot/bin/python -m pytest tests/suite/test_env.py tests/planning/motion/test_time_parameterization.py
 
 golden: .venv/ready  ## compare all scenarios' bytes with the committed ones (QUICK=1, ONLY="a b", ACCEPT=1)
 	PYTHONPATH=tools $(BIN)/python -m golden $(if $(ONLY),--only $(ONLY)) \

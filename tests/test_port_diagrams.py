@@ -29,6 +29,7 @@ from drake_srg.station import MakeCell, MakeStation
 from drake_srg.station.cameras import MakeRemoteCameras
 from drake_srg.station.servoing import MakeServoingPlanner
 from drake_srg.station.video_process import RemoteVideoRecorder
+from drake_srg.suite.cell import MakeDrivenCell
 from drake_srg.types import Box
 from drake_srg.vision.camera import CameraModel
 from drake_srg.vision.height_map import HeightMapper
@@ -167,6 +168,7 @@ def served_systems():
     yield "TrajectoryFollower", served.GetSubsystemByName("arm_reference")
     yield "ServedStation", MakeServedStation(load_scenario("kitchen"))
     yield "RemoteCameras", MakeRemoteCameras(load_scenario("kitchen"))
+    yield "DrivenCell", MakeDrivenCell(load_scenario("kitchen"))
 
 
 def twin_systems():

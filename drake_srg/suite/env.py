@@ -36,12 +36,15 @@ class SuiteEnv(gymnasium.Env[Observation, npt.NDArray[np.float32]]):
 
     An observation has `agent_pos` (N + n), measured positions of the arm's joints and
     the hand's n [rad], `touch` (m), normal forces of the fingers' links [N], and
-    `pixels`, an image by camera. For the iiwa 14 with the SRG, N is 7, n and m are 4. A data set of `drake-srg dataset` holds the same positions, actions and
-    images.
+    `pixels`, an image by camera. For the iiwa 14 with the SRG, N is 7, n and m are 4. A
+    data set of `drake-srg dataset` holds the same positions, actions and images.
 
     Success is judged from ground truth; see `Task`. It ends the episode, with reward 1,
     as does an object that falls off the table, with reward 0. `info` has `is_success`
     and `failure`, the reason for which the simulator ended an episode, or "".
+
+    Attributes:
+        actions: The action space.
 
     Args:
         task: Name of the task.
@@ -50,6 +53,7 @@ class SuiteEnv(gymnasium.Env[Observation, npt.NDArray[np.float32]]):
         cameras: Names of the scenario's cameras for `pixels`; none: no `pixels`.
         expert: Whether the task's expert watches, so that `expert_action` can be
             called. It costs time.
+        episode_length: Longest episode, in steps; None: the task's.
         render_mode: `rgb_array`, for images of the scenario's video camera, or None.
 
     Raises:
@@ -68,6 +72,7 @@ class SuiteEnv(gymnasium.Env[Observation, npt.NDArray[np.float32]]):
         split: str = EVALUATION_SPLIT,
         cameras: Iterable[str] = ("ceiling",),
         expert: bool = False,
+        episode_length: int | None = None,
         render_mode: str | None = "rgb_array",
     ) -> None:
         (self.task,) = find_tasks([task])
@@ -83,7 +88,15 @@ class SuiteEnv(gymnasium.Env[Observation, npt.NDArray[np.float32]]):
                 raise ScenarioError(f"cameras: unknown {camera!r} {known}")
         self._video = "overview"
         # The name by which LeRobot asks for it.
-        self._max_episode_steps = round(self.config.seconds / PERIOD)
+        self._max_episode_steps = (
+            round(self.config.seconds / PERIOD)
+            if episode_length is None
+            else episode_length
+        )
+        if self._max_episode_steps < 1:
+            raise ScenarioError(
+                f"episode_length: must be at least 1, got {episode_length}"
+            )
         with scenario_errors(self.task):
             plant = MakeModelsPlant(first)
         arm = plant.GetModelInstanceByName("arm")
@@ -100,10 +113,11 @@ class SuiteEnv(gymnasium.Env[Observation, npt.NDArray[np.float32]]):
         self._fingers = len(first.gripper.joint_names)
         sensors = len(first.gripper.sensor_names)
         box = gymnasium.spaces.Box
-        self.action_space = box(
+        self.actions = box(
             np.append(self._low, 0.0).astype(np.float32),
             np.append(self._high, 1.0).astype(np.float32),
         )
+        self.action_space = self.actions
         parts: dict[str, gymnasium.Space[Any]] = {
             "agent_pos": box(-np.inf, np.inf, (joints + self._fingers,), np.float32),
             "touch": box(0.0, np.inf, (sensors,), np.float32),
@@ -116,13 +130,14 @@ class SuiteEnv(gymnasium.Env[Observation, npt.NDArray[np.float32]]):
                     for name, size in sizes.items()
                 }
             )
-        self.observation_space = gymnasium.spaces.Dict(parts)
+        self._parts = gymnasium.spaces.Dict(parts)
+        self.observation_space = self._parts
         self._joints = joints
         self._episode: Episode | None = None
         self._number = 0
         self._steps = 0
         self._failure = ""
-        self._last: Observation = self.observation_space.sample()
+        self._last = _zeros(self._parts)
 
     @property
     def task_description(self) -> str:
@@ -162,7 +177,7 @@ class SuiteEnv(gymnasium.Env[Observation, npt.NDArray[np.float32]]):
         except EpisodeError as error:
             # The first step ends the episode.
             self._failure = str(error)
-            self._last = _zeros(self.observation_space)
+            self._last = _zeros(self._parts)
         return self._last, self._info(success=False)
 
     def step(
@@ -201,7 +216,7 @@ class SuiteEnv(gymnasium.Env[Observation, npt.NDArray[np.float32]]):
         position, closure = self.episode.proposal()
         return np.append(position, closure).astype(np.float32)
 
-    def render(self) -> npt.NDArray[np.uint8] | None:  # type: ignore[override]
+    def render(self) -> npt.NDArray[np.uint8] | None:
         """Return an image (height, width, 3) of the video camera."""
         if self.render_mode is None or self._episode is None:
             return None

@@ -80,9 +80,7 @@ class Episode:
         self.position = np.array(scenario.arm.home)  # commanded
         self._set = {
             port: self._fix(port, value)
-            for port, value in zip(
-                COMMANDS, (self.position, np.zeros(1)), strict=True
-            )
+            for port, value in zip(COMMANDS, (self.position, np.zeros(1)), strict=True)
         }
         self._advance = MakeAdvance(self._simulator, self._cell, scenario)
         self._ticks = 0
@@ -96,11 +94,15 @@ class Episode:
             self._simulator.Initialize()
         except (RuntimeError, SystemExit) as error:
             raise EpisodeError(one_line(error)) from error
-        self._facts = {
-            name: object_facts(name, scenario.objects[name])
-            for name in destinations(scenario)
-            if scenario.objects[name].present
-        } if task_goal == "clear" else {}
+        self._facts = (
+            {
+                name: object_facts(name, scenario.objects[name])
+                for name in destinations(scenario)
+                if scenario.objects[name].present
+            }
+            if task_goal == "clear"
+            else {}
+        )
         self._sample()
         self._start = self._poses[-1]
 
@@ -181,9 +183,7 @@ class Episode:
                 np.all(poses[:, 2] > start[2] + LIFTED) and "gripper" in self._touching
             )
         time = np.array(self._times)
-        return is_placed(
-            self.scenario, row_to_pose(start), time, poses, self._touching
-        )
+        return is_placed(self.scenario, row_to_pose(start), time, poses, self._touching)
 
     def _cleared(self) -> bool:
         wanted = destinations(self.scenario)

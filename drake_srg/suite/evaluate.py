@@ -54,7 +54,7 @@ def evaluate_expert(
         begun = wall.perf_counter()
         # The environment draws from the number itself.
         rng = np.random.default_rng([episode, 1])
-        space = env.action_space
+        space = env.actions
         _, info = env.reset(seed=episode)
         steps, ended = 0, False
         while not ended:

@@ -149,6 +149,13 @@ def test_an_episode_that_cannot_begin_is_truncated_by_its_first_step(monkeypatch
     assert (terminated, truncated, info["failure"]) == (False, True, "no start")
 
 
+def test_the_longest_episode_is_truncated_without_a_reason():
+    env = SuiteEnv("pick_can", cameras=(), render_mode=None, episode_length=2)
+    env.reset(seed=1)
+    ends = [env.step(action[0])[2:4] for action in actions(1)[:2]]
+    assert ends == [(False, False), (False, True)]
+
+
 def test_an_object_off_the_table_ends_the_episode_without_success(env):
     env.reset(seed=1)
     poses = env.episode._poses[-1]
@@ -161,9 +168,7 @@ def test_an_object_off_the_table_ends_the_episode_without_success(env):
 @pytest.mark.slow
 @pytest.mark.parametrize("task", ["pick_can", "place_can"])
 def test_the_expert_solves_a_task(task):
-    env = SuiteEnv(
-        task, split="training", cameras=(), render_mode=None, expert=True
-    )
+    env = SuiteEnv(task, split="training", cameras=(), render_mode=None, expert=True)
     env.reset(seed=5)
     ended = False
     while not ended:
@@ -182,6 +187,7 @@ def test_the_expert_solves_a_task(task):
         ({"split": "test"}, "split: unknown 'test'"),
         ({"cameras": ["ceilin"]}, "cameras: unknown 'ceilin'"),
         ({"render_mode": "human"}, "render_mode: unknown 'human'"),
+        ({"episode_length": 0}, "episode_length: must be at least 1, got 0"),
     ],
 )
 def test_wrong_keywords_are_one_line(keywords, message):
@@ -199,3 +205,16 @@ def test_calls_out_of_order_are_named(env):
     assert new.render() is None
     with pytest.raises(ValueError, match=r"action: must have shape \(8,\)"):
         env.step(np.zeros(5))
+
+
+@pytest.mark.slow
+def test_an_episode_is_freed_when_another_begins_or_the_environment_closes(leaked):
+    env = SuiteEnv("pick_can", cameras=(), render_mode=None, expert=True)
+    env.reset(seed=0)
+    env.step(env.expert_action())
+    alive = leaked()
+    assert "PickAndPlacePlanner" in alive
+    env.reset(seed=0)
+    assert leaked() == alive
+    env.close()
+    assert leaked() == []

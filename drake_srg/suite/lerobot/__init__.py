@@ -63,12 +63,14 @@ class DrakeSrgSuite(EnvConfig):
         task: Names of tasks, with commas between them; `all` is all of them.
         split: `evaluation` or `training`; see `SuiteEnv`.
         cameras: Names of the cameras whose images policies see.
+        episode_length: Longest episode, in steps; None: the task's.
     """
 
     task: str | None = "pick_can"
     fps: int = SuiteEnv.metadata["render_fps"]
     split: str = EVALUATION_SPLIT
     cameras: list[str] = dc.field(default_factory=lambda: ["ceiling"])
+    episode_length: int | None = None
 
     def __post_init__(self) -> None:
         """Say what the environments show and take: all tasks the same."""
@@ -79,7 +81,11 @@ class DrakeSrgSuite(EnvConfig):
     @property
     def gym_kwargs(self) -> dict[str, Any]:
         """Keywords of the environments."""
-        return {"split": self.split, "cameras": self.cameras}
+        return {
+            "split": self.split,
+            "cameras": self.cameras,
+            "episode_length": self.episode_length,
+        }
 
     def create_envs(
         self, n_envs: int, use_async_envs: bool = False
