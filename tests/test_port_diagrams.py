@@ -168,7 +168,8 @@ def served_systems():
     yield "TrajectoryFollower", served.GetSubsystemByName("arm_reference")
     yield "ServedStation", MakeServedStation(load_scenario("kitchen"))
     yield "RemoteCameras", MakeRemoteCameras(load_scenario("kitchen"))
-    yield "DrivenCell", MakeDrivenCell(load_scenario("kitchen"))
+    for name in ("kitchen", "clear_table"):
+        yield "DrivenCell", MakeDrivenCell(load_scenario(name))
 
 
 def twin_systems():

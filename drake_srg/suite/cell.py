@@ -41,6 +41,8 @@ def MakeDrivenCell(
         - gripper.closure_commanded
         output_ports:
         - (all of the station's)
+        - localizer.blobs (unless the planner is `!Clear` or `!Script`)
+        - height_mapper.height_map (with the planner `!Clear`)
         - planner.mode
         - planner.status
         - planner.position_commanded

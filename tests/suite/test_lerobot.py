@@ -43,6 +43,18 @@ def test_policies_see_features_by_lerobots_names(config):
     }
 
 
+def test_tasks_of_different_arms_take_different_commands():
+    from lerobot.envs import make_env_config
+
+    import drake_srg.suite.lerobot  # noqa: F401 (makes the tasks known)
+    from drake_srg.common.exceptions import ScenarioError
+
+    config = make_env_config("drake_srg", task="stand_up")
+    assert config.features["action"].shape == (6,)
+    with pytest.raises(ScenarioError, match=r"stand_up has another arm .* than pick_c"):
+        make_env_config("drake_srg", task="pick_can,stand_up")
+
+
 @pytest.mark.parametrize("apart", [False, True])
 def test_environments_come_by_suite_and_number(config, apart):
     from lerobot.envs import close_envs, make_env, preprocess_observation

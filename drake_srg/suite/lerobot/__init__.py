@@ -18,6 +18,7 @@ from lerobot.configs import FeatureType, PolicyFeature
 from lerobot.envs.configs import EnvConfig
 from lerobot.envs.utils import _LazyAsyncVectorEnv, freeze_after_episode_end
 
+from drake_srg.common.exceptions import ScenarioError
 from drake_srg.learning.envs.lerobot_env import LeRobotEnv, make_env
 from drake_srg.suite.env import SuiteEnv
 from drake_srg.suite.tasks import EVALUATION_SPLIT, find_tasks
@@ -60,7 +61,7 @@ class DrakeSrgSuite(EnvConfig):
     """Tasks of the suite.
 
     Attributes:
-        task: Names of tasks, with commas between them; `all` is all of them.
+        task: Names of tasks with the same arm, with commas between them.
         split: `evaluation` or `training`; see `SuiteEnv`.
         cameras: Names of the cameras whose images policies see.
         episode_length: Longest episode, in steps; None: the task's.
@@ -73,9 +74,20 @@ class DrakeSrgSuite(EnvConfig):
     episode_length: int | None = None
 
     def __post_init__(self) -> None:
-        """Say what the environments show and take: all tasks the same."""
-        first = SuiteEnv(find_tasks(self.task or "")[0], **self.gym_kwargs)
-        self.features = _features(first)
+        """Say what the environments show and take: all tasks the same.
+
+        Raises:
+            ScenarioError: If a task is unknown, or has another arm than the first.
+        """
+        names = find_tasks(self.task or "")
+        found = [_features(SuiteEnv(name, **self.gym_kwargs)) for name in names]
+        for name, features in zip(names, found, strict=True):
+            if features != found[0]:
+                raise ScenarioError(
+                    f"task: {name} has another arm or other cameras than {names[0]}; "
+                    "evaluate it by a command of its own"
+                )
+        self.features = found[0]
         self.features_map = {key: _policy_name(key) for key in self.features}
 
     @property
