@@ -69,7 +69,7 @@ experiments: .venv/ready  ## rerun experiments, compare them with docs (ONLY="a 
 		$(if $(ONLY),--only $(ONLY)) $(if $(EXCEPT),--except $(EXCEPT)) \
 		$(if $(filter 1,$(QUICK)),--quick) $(if $(filter 1,$(ACCEPT)),--accept)
 
-# Every extra but the large ones, `learn` and `rerun`.
+# Every extra but the large ones, `learn`, `lerobot` and `rerun`.
 LOCKED := dev docs import models ray ros2 sweep
 
 # Keeps what is pinned; `make lock UPGRADE="-P drake"` moves a package, `-U` all of them.
