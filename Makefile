@@ -9,7 +9,7 @@ PYTEST := $(BIN)/python -m pytest -n 4 --dist loadfile --no-loadscope-reorder
 # Workers, and the processes that tests start, read what others have compiled.
 unexport PYTHONDONTWRITEBYTECODE
 
-.PHONY: demo test test-fast test-learn golden coverage lint types docs models experiments package lock clean
+.PHONY: demo test test-fast test-learn test-lerobot golden coverage lint types docs models experiments package lock clean
 
 demo: .venv/ready  ## run the main job, record it, and say what to open and to try next
 	$(BIN)/drake-srg demo
@@ -29,6 +29,16 @@ test-learn: .venv/ready  ## run the tests of the extra `learn`, in an environmen
 	.venv-learn/bin/python -m pip install --quiet --disable-pip-version-check \
 		--no-build-isolation --editable ".[learn]"
 	.venv-learn/bin/python -m pytest -m learn tests/learning tests/cli/test_learn.py
+
+# LeRobot bounds packages below requirements.lock, so pip chooses here. `LEROBOT_PYTHON`
+# is 3.12 or newer.
+LEROBOT_PYTHON ?= python3
+test-lerobot:  ## run the tests of the extra `lerobot`, in an environment of its own
+	test -x .venv-lerobot/bin/python || $(LEROBOT_PYTHON) -m venv .venv-lerobot
+	.venv-lerobot/bin/python -m pip install --quiet --disable-pip-version-check \
+		--editable ".[lerobot]" examples/lerobot hypothesis pytest
+	.venv-lerobot/bin/python -m pytest -m lerobot tests/suite tests/learning/envs
+	.venv-lerobot/bin/python -m pytest tests/suite/test_env.py tests/planning/motion/test_time_parameterization.py
 
 golden: .venv/ready  ## compare all scenarios' bytes with the committed ones (QUICK=1, ONLY="a b", ACCEPT=1)
 	PYTHONPATH=tools $(BIN)/python -m golden $(if $(ONLY),--only $(ONLY)) \
@@ -59,7 +69,7 @@ experiments: .venv/ready  ## rerun experiments, compare them with docs (ONLY="a 
 		$(if $(ONLY),--only $(ONLY)) $(if $(EXCEPT),--except $(EXCEPT)) \
 		$(if $(filter 1,$(QUICK)),--quick) $(if $(filter 1,$(ACCEPT)),--accept)
 
-# Every extra but the large ones, `learn` and `rerun`.
+# Every extra but the large ones, `learn`, `lerobot` and `rerun`.
 LOCKED := dev docs import models ray ros2 sweep
 
 # Keeps what is pinned; `make lock UPGRADE="-P drake"` moves a package, `-U` all of them.

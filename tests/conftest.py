@@ -79,6 +79,8 @@ def pytest_collection_modifyitems(items):
 def pytest_runtest_setup(item):
     if item.get_closest_marker("learn"):
         pytest.importorskip("torch", reason="the extra `learn`: make test-learn")
+    if item.get_closest_marker("lerobot"):
+        pytest.importorskip("lerobot", reason="the extra `lerobot`: make test-lerobot")
 
 
 @pytest.fixture

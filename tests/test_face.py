@@ -28,6 +28,7 @@ BESIDE_FACES = {
     "drake_srg.learning.envs",
     "drake_srg.learning.envs.lerobot_env",
     "drake_srg.robot.serve.dex1.messages",
+    "drake_srg.suite.lerobot",
 }
 
 

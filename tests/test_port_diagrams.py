@@ -30,6 +30,7 @@ from drake_srg.station.cameras import MakeRemoteCameras
 from drake_srg.station.planners import MakeHandoverPlanner
 from drake_srg.station.servoing import MakeServoingPlanner
 from drake_srg.station.video_process import RemoteVideoRecorder
+from drake_srg.suite.cell import MakeDrivenCell
 from drake_srg.types import Box
 from drake_srg.vision.camera import CameraModel
 from drake_srg.vision.height_map import HeightMapper
@@ -168,6 +169,8 @@ def served_systems():
     yield "TrajectoryFollower", served.GetSubsystemByName("arm_reference")
     yield "ServedStation", MakeServedStation(load_scenario("kitchen"))
     yield "RemoteCameras", MakeRemoteCameras(load_scenario("kitchen"))
+    for name in ("kitchen", "clear_table"):
+        yield "DrivenCell", MakeDrivenCell(load_scenario(name))
 
 
 def twin_systems():

@@ -22,6 +22,7 @@ STOREYS = [
     {"simulation"},
     {"importing", "sweeps"},
     {"learning"},
+    {"suite"},
     {"robot"},
     {"cli"},
     {"__init__", "__main__"},  # the face and the command

@@ -221,20 +221,7 @@ def clearing_outcome(
     names = [name for name, into in wanted.items() if into is not None]
     facts = {name: object_facts(name, scenario.objects[name]) for name in wanted}
     attempts = attempts_of(scenario, log, {name: facts[name] for name in names})
-    found = {
-        name: next(
-            (
-                b
-                for b, box in boxes.items()
-                if _rests_inside(log, name, facts[name], box)
-            ),
-            None,
-        )
-        for name in wanted
-    }
-    for name, p_WO in row_places(scenario).items():
-        if name in wanted and _stands_at(scenario, log, name, p_WO):
-            found[name] = ROW
+    found = resting_places(scenario, log, facts)
     begun = np.flatnonzero(log["mode"] == MODES.index(Mode.PRE_GRASP))
     first = int(begun[0]) if len(begun) else -1
     outcomes = {}
@@ -283,6 +270,34 @@ def clearing_outcome(
         _others_moved(log, set(wanted) - set(names), status),
         len(boxes),
     )
+
+
+def resting_places(
+    scenario: Scenario, log: Mapping[str, Vector], facts: Mapping[str, ObjectFacts]
+) -> dict[str, str | None]:
+    """Return the bin, or the row, in which each object rests at the end; None: none.
+
+    Args:
+        scenario: The scenario.
+        log: `time` and the poses of the objects.
+        facts: Of the objects, by name.
+    """
+    boxes = bin_boxes(scenario)
+    found = {
+        name: next(
+            (
+                b
+                for b, box in boxes.items()
+                if _rests_inside(log, name, facts[name], box)
+            ),
+            None,
+        )
+        for name in facts
+    }
+    for name, p_WO in row_places(scenario).items():
+        if name in facts and _stands_at(scenario, log, name, p_WO):
+            found[name] = ROW
+    return found
 
 
 def least_width(p: Vector) -> float:

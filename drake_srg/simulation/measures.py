@@ -50,11 +50,11 @@ def floor_gap(scenario: Scenario, X_WO: RigidTransform) -> float | None:
         None unless the planner is `!Insert` and there is a hole.
     """
     planner, name = scenario.planner, scenario.task.pick
+    if not isinstance(planner, Insert):
+        return None
     shape = simple_shape(name, scenario.objects[name])
     plant = MakeModelsPlant(scenario)
-    if not isinstance(planner, Insert) or shape is None:
-        return None
-    if not plant.HasModelInstanceNamed(planner.hole):
+    if shape is None or not plant.HasModelInstanceNamed(planner.hole):
         return None
     hole = plant.GetBodyIndices(plant.GetModelInstanceByName(planner.hole))[0]
     X_WH = (

@@ -3,11 +3,12 @@
 import dataclasses as dc
 import json
 import re
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+from pydrake.math import RigidTransform
 
 from drake_srg.common.log_format import MODES, pose_key, row_to_pose
 from drake_srg.objects.models import simple_shape
@@ -300,11 +301,9 @@ def calc_metrics(
             error = final.translation() - goal.translation()
             tilt = final_tilt(scenario, start, final)
         gap = measures.floor_gap(scenario, final)
-        placed = bool(
-            _at_goal(scenario, error, tilt, gap)
-            and measures.final_speed(time, poses) <= _MAX_SPEED
-            and not touching - {"support"}
-            and "support" in touching
+        placed = (
+            error is not None
+            and is_placed(scenario, start, time, poses, touching)
             and measures.is_home(scenario, log)
         )
         lifted = measures.grasp_lifted(mode, poses)
@@ -367,21 +366,48 @@ def calc_metrics(
 
 
 def _at_goal(
-    scenario: Scenario, error: Vector | None, tilt: float | None, gap: float | None
+    scenario: Scenario, error: Vector, tilt: float | None, gap: float | None
 ) -> bool:
     """Return whether an object is where it belongs.
 
     Args:
         scenario: The scenario.
-        error: Of its position, shape (3,) [m]; None: it fell off the table.
+        error: Of its position, shape (3,) [m].
         tilt: From its goal [rad]; None: it has none.
         gap: Of an inserted peg, see `measures.floor_gap` [m]; None: it is none.
     """
     if gap is not None and isinstance(scenario.planner, Insert):
         return abs(gap) <= scenario.planner.depth_tolerance
     tolerance = scenario.task.place.tolerance
-    near = error is not None and bool(np.linalg.norm(error) <= tolerance)
+    near = bool(np.linalg.norm(error) <= tolerance)
     return near and (tilt is None or tilt <= _MAX_TILT)
+
+
+def is_placed(
+    scenario: Scenario,
+    start: RigidTransform,
+    time: Vector,
+    poses: Vector,
+    touching: Collection[str],
+) -> bool:
+    """Return whether the picked object rests at its goal, touched by its support alone.
+
+    Args:
+        scenario: The scenario.
+        start: Pose at which the object was first found, X_WO [m].
+        time: Times of the samples (K) [s].
+        poses: Of the object at these times, shape (K, 7), as of `pose_to_row`.
+        touching: Names of the bodies that touch it at the end; see `calc_metrics`.
+    """
+    final = row_to_pose(poses[-1])
+    error = final.translation() - final_pose(scenario, start).translation()
+    tilt = final_tilt(scenario, start, final)
+    gap = measures.floor_gap(scenario, final)
+    return bool(
+        _at_goal(scenario, error, tilt, gap)
+        and measures.final_speed(time, poses) <= _MAX_SPEED
+        and set(touching) == {"support"}
+    )
 
 
 def kinds_of(scenario: Scenario) -> dict[str, str]:

@@ -155,10 +155,7 @@ def AddCell(
     for name, port in input_ports(station).items():
         if name.startswith(tuple(f"{arm.prefix}safety." for arm in arms)):
             builder.ExportInput(port, name)
-    if make_planner is not None:
-        planner = AddLocalizingPlanner(builder, scenario, station, make_planner)
-    else:
-        planner = _adder(scenario.planner)(builder, scenario, station)
+    planner = AddScenarioPlanner(builder, scenario, station, make_planner)
     AddDisturber(builder, scenario, station, planner)
     for name, exported in (
         ("mode", "planner.mode"),
@@ -166,6 +163,25 @@ def AddCell(
         *_commands(arms),
     ):
         builder.ExportOutput(planner.GetOutputPort(name), exported)
+
+
+def AddScenarioPlanner(
+    builder: DiagramBuilder,
+    scenario: Scenario,
+    station: Diagram,
+    make_planner: Callable[[Scenario], System] | None = None,
+) -> System:
+    """Add a scenario's planner and its perception, connected to the station.
+
+    Args:
+        builder: The cell's.
+        scenario: The scenario of the cell.
+        station: Its station.
+        make_planner: Makes a planner in place of the scenario's; see `MakeCell`.
+    """
+    if make_planner is not None:
+        return AddLocalizingPlanner(builder, scenario, station, make_planner)
+    return _adder(scenario.planner)(builder, scenario, station)
 
 
 def load_make_cell(name: str) -> Callable[[Scenario], Diagram]:

@@ -4,7 +4,7 @@
 
     envs = make_env("you/drake-srg", n_envs=4, trust_remote_code=True)
 
-`pip install drake_srg` must have been run. docs/training.md has the other way, without
+`pip install drake_srg` must have been run. docs/lerobot.md has the other way, without
 a repository.
 """
 

@@ -1,4 +1,4 @@
-"""Our environments as LeRobot evaluates policies in them (docs/training.md).
+"""Our environments as LeRobot evaluates policies in them (docs/policies.md).
 
 LeRobot wants observations in a dictionary of `agent_pos`, `environment_state` and
 `pixels`, the success of an episode as `info["is_success"]`, and three attributes. It

@@ -349,7 +349,9 @@ def rounded_path(
     knots = np.concatenate([[0.0] * 3, knots, breaks[-1:], breaks[-1:], breaks[-1:]])
     averages = (knots[1:-3] + knots[2:-2] + knots[3:-1]) / 3.0
     control = polyline(averages)
-    path = BsplineTrajectory(BsplineBasis(4, list(knots)), list(control[..., None]))
+    # Drake 1.58 with NumPy before 2.4 takes strided columns for rows of numbers.
+    columns = list(np.ascontiguousarray(control)[..., None])
+    path = BsplineTrajectory(BsplineBasis(4, list(knots)), columns)
     s = np.concatenate([breaks, knots])
     deviation = np.linalg.norm(path.vector_values(s).T - polyline(s), axis=1)
     return path, float(np.max(deviation / np.interp(s, breaks, allowed)))

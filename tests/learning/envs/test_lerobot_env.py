@@ -1,11 +1,10 @@
 """LeRobot's contract: https://huggingface.co/docs/lerobot/envhub and its `rollout`.
 
 LeRobot is gigabytes, so requirements.lock leaves it out. The tests do with our
-environments what its `lerobot-eval` does; the last ones need LeRobot itself.
+environments what its `lerobot-eval` does; `make test-lerobot` runs the last ones.
 """
 
 import importlib.util
-import sys
 from pathlib import Path
 
 import numpy as np
@@ -17,7 +16,6 @@ from drake_srg.learning.envs import ENVIRONMENTS
 from drake_srg.learning.envs.lerobot_env import LeRobotEnv, make_env
 
 EXAMPLES = Path(__file__).parents[3] / "examples" / "lerobot"
-WHY = "lerobot needs torch: gigabytes that requirements.lock leaves out"
 
 
 def loaded_from_a_repository():
@@ -119,25 +117,27 @@ def test_wrong_arguments_are_one_line(arguments, error, message):
     assert "\n" not in str(raised.value)
 
 
-def test_lerobots_own_loader_takes_them(monkeypatch):
-    utils = pytest.importorskip("lerobot.envs.utils", reason=WHY)
+@pytest.mark.lerobot
+def test_lerobots_own_loader_takes_them():
+    from lerobot.envs import close_envs, preprocess_observation, utils
+
     module = loaded_from_a_repository()
     made = utils._call_make_env(module, n_envs=1, use_async_envs=False, cfg=None)
     envs = utils._normalize_hub_result(made)
     observation, _ = envs["drake_srg"][0].reset(seed=[0])
-    names = set(utils.preprocess_observation(observation))
+    names = set(preprocess_observation(observation))
     assert names == {"observation.state", "observation.environment_state"}
-    utils.close_envs(envs)
+    close_envs(envs)
 
 
-def test_lerobots_commands_know_them(monkeypatch):
-    configs = pytest.importorskip("lerobot.envs.configs", reason=WHY)
-    factory = pytest.importorskip("lerobot.envs.factory", reason=WHY)
-    monkeypatch.syspath_prepend(str(EXAMPLES))
-    import lerobot_env_drake_srg  # noqa: F401 (imported for its effect)
+@pytest.mark.lerobot
+def test_lerobots_commands_know_them():
+    from lerobot.envs import close_envs, make_env, make_env_config
 
-    config = configs.EnvConfig.get_choice_class("drake_srg")(task="GraspOneShot-v0")
+    import drake_srg.suite.lerobot  # noqa: F401 (imported for its effect)
+
+    config = make_env_config("drake_srg_hand", task="GraspOneShot-v0")
     assert set(config.features) == {"action", "environment_state"}
-    envs = factory.make_env(config, n_envs=1)
+    envs = make_env(config, n_envs=1)
     assert envs["drake_srg"][0].call("task") == ("GraspOneShot-v0",)
-    del sys.modules["lerobot_env_drake_srg"]
+    close_envs(envs)

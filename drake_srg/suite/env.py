@@ -1,0 +1,267 @@
+"""The environment of the suite's tasks, for gymnasium."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from typing import Any, ClassVar
+
+import gymnasium
+import numpy as np
+import numpy.typing as npt
+
+from drake_srg.common.exceptions import ScenarioError, scenario_errors, suggest
+from drake_srg.learning.envs.scenes import choose
+from drake_srg.scenario.load import draw_scenario, load_tree
+from drake_srg.station.plant import MakeModelsPlant
+from drake_srg.suite.episode import PERIOD, Episode, EpisodeError, with_cameras
+from drake_srg.suite.tasks import (
+    EPISODES,
+    EVALUATION_SPLIT,
+    SPLITS,
+    find_tasks,
+    load_tasks,
+    scenario_seed,
+)
+from drake_srg.types import Vector
+
+Observation = dict[str, Any]
+
+
+class SuiteEnv(gymnasium.Env[Observation, npt.NDArray[np.float32]]):
+    """A task of the suite: an arm with a gripper at a table.
+
+    An action (N + 1) lasts 1/16 s: positions of the arm's N joints [rad], to which the
+    command moves evenly, and the hand's closure, 0 open .. 1 closed. The command of a
+    joint moves no faster than the joint can.
+
+    An observation has `agent_pos` (N + n), measured positions of the arm's joints and
+    the hand's n [rad], `touch` (m), normal forces of the fingers' links [N], and
+    `pixels`, an image by camera. For the iiwa 14 with the SRG, N is 7, n and m are 4. A
+    data set of `drake-srg dataset` holds the same positions, actions and images.
+
+    Success is judged from ground truth; see `Task`. It ends the episode, with reward 1,
+    as does an object that falls off the table, with reward 0. `info` has `is_success`
+    and `failure`, the reason for which the simulator ended an episode, or "".
+
+    Attributes:
+        actions: The action space.
+
+    Args:
+        task: Name of the task.
+        split: `evaluation`: the seed chooses one of 200 episodes that no training has;
+            `training`: the seed is the scenario's.
+        cameras: Names of the scenario's cameras for `pixels`; none: no `pixels`.
+        expert: Whether the task's expert watches, so that `expert_action` can be
+            called. It costs time.
+        episode_length: Longest episode, in steps; None: the task's.
+        render_mode: `rgb_array`, for images of the scenario's video camera, or None.
+
+    Raises:
+        ScenarioError: If the task, a camera or another argument is unknown.
+    """
+
+    metadata: ClassVar[dict[str, Any]] = {  # type: ignore[misc]  # gymnasium's is not
+        "render_modes": ["rgb_array"],
+        "render_fps": round(1.0 / PERIOD),
+    }
+
+    def __init__(
+        self,
+        task: str,
+        *,
+        split: str = EVALUATION_SPLIT,
+        cameras: Iterable[str] = ("ceiling",),
+        expert: bool = False,
+        episode_length: int | None = None,
+        render_mode: str | None = "rgb_array",
+    ) -> None:
+        (self.task,) = find_tasks([task])
+        choose("split", split, SPLITS)
+        choose("render_mode", render_mode or "rgb_array", ("rgb_array",))
+        self.config, self.split, self.expert = load_tasks()[task], split, expert
+        self.cameras, self.render_mode = list(cameras), render_mode
+        self._tree = load_tree(self.config.scenario, self.config.set)
+        first = draw_scenario(self._tree, self.task, scenario_seed(split, 0)).scenario
+        for camera in self.cameras:
+            if camera not in first.cameras:
+                known = suggest(camera, first.cameras)
+                raise ScenarioError(f"cameras: unknown {camera!r} {known}")
+        self._video = "overview"
+        # The name by which LeRobot asks for it.
+        self._max_episode_steps = (
+            round(self.config.seconds / PERIOD)
+            if episode_length is None
+            else episode_length
+        )
+        if self._max_episode_steps < 1:
+            raise ScenarioError(
+                f"episode_length: must be at least 1, got {episode_length}"
+            )
+        with scenario_errors(self.task):
+            plant = MakeModelsPlant(first)
+        arm = plant.GetModelInstanceByName("arm")
+
+        def of_arm(values: Vector) -> Vector:
+            return np.array(plant.GetPositionsFromArray(arm, values))
+
+        self._low = of_arm(plant.GetPositionLowerLimits())
+        self._high = of_arm(plant.GetPositionUpperLimits())
+        speeds = plant.GetVelocitiesFromArray(arm, plant.GetVelocityUpperLimits())
+        self._most = np.array(speeds) * PERIOD
+        joints = len(self._low)
+        assert first.gripper is not None
+        self._fingers = len(first.gripper.joint_names)
+        sensors = len(first.gripper.sensor_names)
+        box = gymnasium.spaces.Box
+        self.actions = box(
+            np.append(self._low, 0.0).astype(np.float32),
+            np.append(self._high, 1.0).astype(np.float32),
+        )
+        self.action_space = self.actions
+        parts: dict[str, gymnasium.Space[Any]] = {
+            "agent_pos": box(-np.inf, np.inf, (joints + self._fingers,), np.float32),
+            "touch": box(0.0, np.inf, (sensors,), np.float32),
+        }
+        if self.cameras:
+            sizes = {name: first.cameras[name] for name in self.cameras}
+            parts["pixels"] = gymnasium.spaces.Dict(
+                {
+                    name: box(0, 255, (size.height, size.width, 3), np.uint8)
+                    for name, size in sizes.items()
+                }
+            )
+        self._parts = gymnasium.spaces.Dict(parts)
+        self.observation_space = self._parts
+        self._joints = joints
+        self._episode: Episode | None = None
+        self._number = 0
+        self._steps = 0
+        self._failure = ""
+        self._last = _zeros(self._parts)
+
+    @property
+    def task_description(self) -> str:
+        """The task in plain words; the episode's number chooses one of three."""
+        return self.config.wordings[self._number % 3]
+
+    @property
+    def episode(self) -> Episode:
+        """The present episode.
+
+        Raises:
+            gymnasium.error.ResetNeeded: Before the first one.
+        """
+        if self._episode is None:
+            raise gymnasium.error.ResetNeeded("call reset() before the first step")
+        return self._episode
+
+    def reset(
+        self, *, seed: int | None = None, options: dict[str, Any] | None = None
+    ) -> tuple[Observation, dict[str, Any]]:
+        """Begin an episode; `seed` is its number, else one is drawn."""
+        del options  # LeRobot's own
+        super().reset(seed=seed)
+        most = EPISODES if self.split == EVALUATION_SPLIT else 10**9
+        self._number = int(self.np_random.integers(most)) if seed is None else seed
+        number = scenario_seed(self.split, self._number)
+        scenario = draw_scenario(self._tree, self.task, number).scenario
+        cameras = [*self.cameras]
+        if self.render_mode is not None:
+            cameras.append(self._video)
+        scenario = with_cameras(scenario, cameras)
+        self._episode, self._steps, self._failure = None, 0, ""
+        expert = self.config.expert if self.expert else None
+        try:
+            self._episode = Episode(self.config.goal, scenario, self.task, expert)
+            self._last = self._observe(self._episode)
+        except EpisodeError as error:
+            # The first step ends the episode.
+            self._failure = str(error)
+            self._last = _zeros(self._parts)
+        return self._last, self._info(success=False)
+
+    def step(
+        self, action: npt.NDArray[np.float32]
+    ) -> tuple[Observation, float, bool, bool, dict[str, Any]]:
+        """Move for 1/16 s.
+
+        An episode that Drake cannot simulate is truncated; `info["failure"]` says why.
+        """
+        success = lost = False
+        self._steps += 1
+        try:
+            if not self._failure:
+                values = _checked(action, self._joints + 1)
+                episode = self.episode
+                goal = np.clip(values[:-1], self._low, self._high)
+                near = episode.position + np.array([-1.0, 1.0])[:, None] * self._most
+                episode.advance(np.clip(goal, *near), float(np.clip(values[-1], 0, 1)))
+                self._last = self._observe(episode)
+                success, lost = episode.succeeds(), episode.lost()
+        except EpisodeError as error:
+            self._failure = str(error)
+        truncated = bool(self._failure) or self._steps >= self._max_episode_steps
+        terminated = (success or lost) and not self._failure
+        truncated = truncated and not terminated
+        return self._last, float(success), terminated, truncated, self._info(success)
+
+    def expert_action(self) -> npt.NDArray[np.float32]:
+        """Return the action (8) that the expert proposes.
+
+        Raises:
+            ScenarioError: If the environment was made without `expert`.
+        """
+        if not self.expert:
+            raise ScenarioError("expert: must be True, for the expert's actions")
+        position, closure = self.episode.proposal()
+        return np.append(position, closure).astype(np.float32)
+
+    def render(self) -> npt.NDArray[np.uint8] | None:
+        """Return an image (height, width, 3) of the video camera."""
+        if self.render_mode is None or self._episode is None:
+            return None
+        return self._episode.image(self._video)
+
+    def close(self) -> None:
+        """Free the simulation."""
+        self._episode = None
+
+    def _observe(self, episode: Episode) -> Observation:
+        arm = episode.measured("arm.state_measured")[: self._joints]
+        fingers = episode.measured("gripper.state_measured")[: self._fingers]
+        seen: Observation = {
+            "agent_pos": np.concatenate([arm, fingers]).astype(np.float32),
+            "touch": np.array(
+                episode.measured("gripper.contact_force"), dtype=np.float32
+            ),
+        }
+        if self.cameras:
+            seen["pixels"] = {name: episode.image(name) for name in self.cameras}
+        return seen
+
+    def _info(self, success: bool) -> dict[str, Any]:
+        return {"is_success": success, "failure": self._failure}
+
+
+def _zeros(space: gymnasium.spaces.Dict) -> Observation:
+    return {
+        key: _zeros(part)
+        if isinstance(part, gymnasium.spaces.Dict)
+        else np.zeros(part.shape, part.dtype)
+        for key, part in space.items()
+    }
+
+
+def _checked(action: Any, size: int) -> Vector:
+    """Return an action as numbers.
+
+    Raises:
+        EpisodeError: If they are not all finite.
+        ValueError: If the shape is wrong.
+    """
+    values = np.asarray(action, dtype=float)
+    if values.shape != (size,):
+        raise ValueError(f"action: must have shape ({size},), got {values.shape}")
+    if not np.isfinite(values).all():
+        raise EpisodeError(f"the action is not finite: {values.tolist()}")
+    return values

@@ -1,0 +1,250 @@
+"""An episode of a task: its simulation, and what is true in it."""
+
+from __future__ import annotations
+
+import collections
+import dataclasses as dc
+import functools
+import math
+from collections.abc import Callable, Sequence
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+from pydrake.systems.framework import Diagram, DiagramBuilder, System
+
+from drake_srg.common.exceptions import ScenarioError, one_line
+from drake_srg.common.log_format import pose_key, pose_to_row, row_to_pose
+from drake_srg.common.systems import MakeSimulator
+from drake_srg.learning.evaluate_in_cell import CellPolicy, make_planner
+from drake_srg.learning.rules import pick_by_touch
+from drake_srg.lifetime import free_diagrams, my_context
+from drake_srg.objects.household import object_facts
+from drake_srg.objects.poses import ContactReader
+from drake_srg.scenario import Scenario, perception_cameras
+from drake_srg.simulation.clearing import resting_places
+from drake_srg.simulation.flat import MakeRoot
+from drake_srg.simulation.metrics import is_placed
+from drake_srg.station import AddStation, MakeStation
+from drake_srg.station.perception import destinations
+from drake_srg.station.sleeping import MakeAdvance
+from drake_srg.suite.cell import COMMANDS, AddDrivenCell, MakeDrivenCell
+from drake_srg.types import PlannerStatus, Vector
+
+# Time between actions [s], and into how many parts the motion between two commands is
+# divided: joint drivers read their command every 1/64 s.
+PERIOD, PARTS = 1 / 16, 4
+# What must hold is held for so many samples: half a second.
+HELD = 8
+LIFTED = 0.05  # a lifted object is this much higher than at the start [m]
+_FELL = 0.2  # what is this far below the table has fallen off it [m]
+
+
+class EpisodeError(Exception):
+    """Drake could not advance an episode; the message is one line."""
+
+
+class Episode:
+    """One episode of a task.
+
+    Args:
+        task_goal: `lift`, `place` or `clear`; see `Task`.
+        scenario: Drawn, with the cameras that are needed.
+        name: Of the task, for error messages.
+        expert: The `Task.expert` that proposes actions; None: none does.
+
+    Raises:
+        ScenarioError: If the models do not fit the scenario.
+        EpisodeError: If Drake cannot begin to simulate it.
+    """
+
+    def __init__(
+        self, task_goal: str, scenario: Scenario, name: str, expert: str | None
+    ) -> None:
+        free_diagrams()  # of the episode before
+        self.scenario, self._goal = scenario, task_goal
+        make: Callable[..., Diagram] = MakeStation
+        add: Callable[..., None] = _AddStationAlone
+        if expert is not None:
+            planner = _touching if expert == "touch" else None
+            make = functools.partial(MakeDrivenCell, make_planner=planner)
+            add = functools.partial(AddDrivenCell, make_planner=planner)
+        builder, self._cell = MakeRoot(
+            "station" if expert is None else "cell", make, add, scenario, name
+        )
+        diagram = builder.Build()
+        self._simulator = MakeSimulator(diagram, scenario.simulator_config)
+        self._root = self._simulator.get_mutable_context()
+        self._context = my_context(self._cell, self._root)
+        assert scenario.arm is not None
+        self.position = np.array(scenario.arm.home)  # commanded
+        self._set = {
+            port: self._fix(port, value)
+            for port, value in zip(COMMANDS, (self.position, np.zeros(1)), strict=True)
+        }
+        self._advance = MakeAdvance(self._simulator, self._cell, scenario)
+        self._ticks = 0
+        self._reader: ContactReader | None = None
+        self._times: collections.deque[float] = collections.deque(maxlen=HELD)
+        self._poses: collections.deque[dict[str, Vector]] = collections.deque(
+            maxlen=HELD
+        )
+        self._touching: set[str] = set()
+        try:
+            self._simulator.Initialize()
+        except (RuntimeError, SystemExit) as error:
+            raise EpisodeError(one_line(error)) from error
+        self._facts = (
+            {
+                name: object_facts(name, scenario.objects[name])
+                for name in destinations(scenario)
+                if scenario.objects[name].present
+            }
+            if task_goal == "clear"
+            else {}
+        )
+        self._sample()
+        self._start = self._poses[-1]
+
+    def _fix(self, name: str, value: Vector) -> Callable[[Vector], None]:
+        """Fix an input port, and return a function that sets it."""
+        fixed = self._cell.GetInputPort(name).FixValue(self._context, value)
+
+        def set_value(new: Vector) -> None:
+            fixed.GetMutableData().get_mutable_value().SetFromVector(new)
+
+        return set_value
+
+    @property
+    def time(self) -> float:
+        """Simulated time [s]."""
+        return self._ticks * PERIOD
+
+    def measured(self, name: str) -> Any:
+        """Return the present value of an output port."""
+        return self._cell.GetOutputPort(name).Eval(self._context)
+
+    def image(self, camera: str) -> npt.NDArray[np.uint8]:
+        """Return a camera's present image, RGB (height, width, 3)."""
+        image = self.measured(f"camera_{camera}.color_image")
+        return np.array(image.data[:, :, :3])
+
+    def advance(self, position: Vector, closure: float) -> None:
+        """Move the arm's command evenly to a position (N) [rad], for one period.
+
+        Args:
+            position: Of the arm's joints, shape (N,) [rad].
+            closure: Commanded from now on, 0 open .. 1 closed.
+
+        Raises:
+            EpisodeError: If Drake gives up, or the state is not finite any more.
+        """
+        before, self.position = self.position, position
+        set_position, set_closure = self._set.values()
+        set_closure(np.array([closure]))
+        try:
+            for part in range(PARTS):
+                set_position(before + part / PARTS * (position - before))
+                self._advance((self._ticks + (part + 1) / PARTS) * PERIOD)
+            self._ticks += 1
+            self._sample()
+        except (RuntimeError, SystemExit, ScenarioError) as error:
+            raise EpisodeError(one_line(error)) from error
+        if not all(np.isfinite(row).all() for row in self._poses[-1].values()):
+            raise EpisodeError("an object's pose is not finite any more")
+
+    def _sample(self) -> None:
+        poses = self.measured("object_poses_cheat")
+        self._times.append(self.time)
+        self._poses.append({n: pose_to_row(X_WO) for n, X_WO in poses.items()})
+        if self._goal == "clear":
+            return
+        contacts = self.measured("contact_results_cheat")
+        if self._reader is None:
+            self._reader = ContactReader(contacts.plant(), self.scenario.task.pick)
+        self._touching = set(self._reader.forces(contacts))
+
+    # What is true.
+
+    def succeeds(self) -> bool:
+        """Return whether the goal is reached, and has been for half a second.
+
+        For `place` and `clear`, that the object rests at the end of this time counts.
+        """
+        if len(self._times) < HELD:
+            return False
+        if self._goal == "clear":
+            return self._cleared()
+        pick = self.scenario.task.pick
+        poses = np.array([sample[pick] for sample in self._poses])
+        start = self._start[pick]
+        if self._goal == "lift":
+            return bool(
+                np.all(poses[:, 2] > start[2] + LIFTED) and "gripper" in self._touching
+            )
+        time = np.array(self._times)
+        return is_placed(self.scenario, row_to_pose(start), time, poses, self._touching)
+
+    def _cleared(self) -> bool:
+        wanted = destinations(self.scenario)
+        log = {"time": np.array(self._times)} | {
+            pose_key(name): np.array([sample[name] for sample in self._poses])
+            for name in self._facts
+        }
+        found = resting_places(self.scenario, log, self._facts)
+        # What belongs nowhere must not be in a bin either.
+        return all(found[name] == wanted[name] for name in self._facts)
+
+    def lost(self) -> bool:
+        """Return whether an object has fallen off the table, or is far away."""
+        floor = self.scenario.table.height - _FELL
+        return any(
+            row[2] < floor or math.hypot(*row[:2]) > 3.0
+            for row in self._poses[-1].values()
+        )
+
+    # The expert.
+
+    def proposal(self) -> tuple[Vector, float]:
+        """Return the position (N) [rad] and closure that the expert wants next.
+
+        The position is that at the end of the coming period, as planned by now.
+        """
+        position, closure = (f"planner.{name}" for name in COMMANDS.values())
+        now = self._root.get_time()
+        self._root.SetTime(now + PERIOD)
+        try:
+            return self.measured(position), float(self.measured(closure)[0])
+        finally:
+            self._root.SetTime(now)
+
+    @property
+    def status(self) -> PlannerStatus:
+        """What the expert believes."""
+        status: PlannerStatus = self.measured("planner.status")
+        return status
+
+
+def _AddStationAlone(
+    builder: DiagramBuilder, scenario: Scenario, make_station: object = None
+) -> None:
+    del make_station  # of cells
+    AddStation(builder, scenario)
+
+
+def _touching(scenario: Scenario) -> System:
+    policy = CellPolicy(pick_by_touch, "drake_srg/Pick-v0")
+    return make_planner(policy, scenario)
+
+
+def with_cameras(scenario: Scenario, cameras: Sequence[str]) -> Scenario:
+    """Return a scenario without the cameras that an episode does not need.
+
+    Args:
+        scenario: The scenario.
+        cameras: Names of the cameras for observations and videos. Those of the
+            localizer stay, too.
+    """
+    needed = {*cameras, *perception_cameras(scenario)}
+    kept = {name: c for name, c in scenario.cameras.items() if name in needed}
+    return dc.replace(scenario, cameras=kept)
