@@ -14,5 +14,6 @@ from experiments.runner.rerun import main as rerun
 if sys.argv[1:2] == ["all"]:
     sys.exit(rerun(sys.argv[2:]))
 if sys.argv[1:] == ["pages"]:
-    sys.exit(write_quoting_pages())
+    write_quoting_pages()
+    sys.exit()
 sys.exit(main(["experiment", *sys.argv[1:]]))

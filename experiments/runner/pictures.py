@@ -63,8 +63,8 @@ class Bars:
             if len(self.quantities) > 1:
                 axes.plot([], [], "s", color=COLORS[i % len(COLORS)], label=what)
             if row.judged:
-                words = row.expected.split()
-                limit = float(words[1] if words[0] in ("<=", ">=") else words[0])
+                first, *others = row.expected.split()
+                limit = float(others[0] if first in ("<=", ">=") else first)
                 axes.plot([limit] * 2, [y - wide / 2, y + wide / 2], "k-", lw=1.5)
             ends = [found.get((row.name, f"{what}, at {w}")) for w in ("least", "most")]
             if None not in ends:

@@ -95,7 +95,7 @@ def parse_log(text: str, name: str) -> list[LogRow]:
 
 def _rows(table: list[tuple[str, dict[str, str]]], name: str) -> list[LogRow]:
     rows = [_row(entries, where) for where, entries in table]
-    rows = [_continued(row, before) for before, row in pairwise([None, *rows])]
+    rows[1:] = [_continued(row, before) for before, row in pairwise(rows)]
     for test, (_, fewest) in _NEEDED.items():
         found = sum(row.test == test for row in rows)
         if found < fewest:
@@ -105,9 +105,9 @@ def _rows(table: list[tuple[str, dict[str, str]]], name: str) -> list[LogRow]:
     return rows
 
 
-def _continued(row: LogRow, before: LogRow | None) -> LogRow:
+def _continued(row: LogRow, before: LogRow) -> LogRow:
     """Return a row with the current before it, if it starts where that one ended."""
-    if before is None or not row.test == before.test == "heating":
+    if not row.test == before.test == "heating":
         return row
     if abs(row.temperature_c - before.temperature_c - RISE) > _WHOLE_DEGREE:
         return row

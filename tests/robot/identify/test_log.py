@@ -26,6 +26,15 @@ def test_the_vendors_rows_ship_with_the_package():
     assert ROWS[0].label == "position 20 %"
 
 
+def test_a_row_of_heating_goes_on_where_the_one_before_ended():
+    before = [row.before_ma for row in ROWS if row.test == "heating"]
+    assert before == pytest.approx([float("nan"), 564, 1129, 1693, 753], nan_ok=True)
+    # A motor that has cooled down has rested.
+    cool = text().replace(",38", ",30").replace("38.0", "30.0")
+    before = [row.before_ma for row in parse_log(cool, "log") if row.test == "heating"]
+    assert [b == b for b in before] == [False, False, False, True, True]
+
+
 def test_columns_may_stand_in_any_order():
     shuffled = parse_log(text(columns=COLUMNS[::-1]), "log")
     assert text(shuffled) == text()
