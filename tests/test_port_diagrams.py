@@ -49,6 +49,7 @@ CELLS = {
     ],
     "kitchen_tendon": [],
     "kitchen_impedance": [],
+    "insert": [],
     "kitchen_varied": [],
     "kitchen_varied_accurate": [],
     "clear_table": [],
