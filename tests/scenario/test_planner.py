@@ -109,7 +109,7 @@ def test_a_key_from_before_there_were_tags_is_told_with_its_new_form(
         ("handover", "planner.receiver=left", r"planner\.receiver: must not be the"),
         ("handover", "task.repeat=2", r"task\.repeat: must be 1 with planner: !Hand"),
         (
-            "kitchen_fast",
+            "kitchen",
             "planner=!Handover {}",
             r"planner\.giver: unknown arm 'left' \(allowed: none\)",
         ),

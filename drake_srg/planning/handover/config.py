@@ -1,7 +1,5 @@
 """Configuration and memory of the planner that hands an object over."""
 
-from __future__ import annotations
-
 import dataclasses as dc
 import enum
 from typing import ClassVar

@@ -5,6 +5,7 @@ import itertools
 
 import numpy as np
 import pytest
+from pydrake.common.yaml import yaml_dump_typed
 from pydrake.math import RigidTransform
 
 from drake_srg.common.exceptions import ScenarioError
@@ -20,7 +21,8 @@ from drake_srg.planning.handover.planner import (
 )
 from drake_srg.planning.motion.arm_motion import Motion
 from drake_srg.planning.planner_machine import Observation
-from drake_srg.scenario import load_scenario
+from drake_srg.scenario import Scenario, load_scenario
+from drake_srg.scenario.typed_yaml import read_typed
 from drake_srg.station.planners import MakeHandoverPlanner
 from drake_srg.types import Failure, Mode
 
@@ -129,3 +131,12 @@ def test_the_planner_commands_each_arm_by_its_name():
         np.testing.assert_array_equal(port.Eval(context), home)
         assert planner.GetOutputPort(f"{name}.closure_commanded").Eval(context) == [0]
     assert RigidTransform(planner.goal).translation()[0] == pytest.approx(1.1)
+
+
+def test_the_configuration_is_sent_to_other_processes():
+    """As the process that renders the video gets it."""
+    scenario = load_scenario("handover")
+    text = yaml_dump_typed(scenario)
+    again = read_typed(Scenario, text)
+    assert again.planner == scenario.planner
+    assert again.arms == scenario.arms
