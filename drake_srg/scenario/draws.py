@@ -188,7 +188,7 @@ def _of_what_is_left(
     left = dict(choice)
     for group in ("objects", "cameras"):
         given, entries = choice.get(group), tree.get(group)
-        if _is_mapping(given) and _is_mapping(entries):
+        if isinstance(given, Mapping) and isinstance(entries, Mapping):
             gone = {name for name, entry in entries.items() if entry is None}
             left[group] = {k: v for k, v in given.items() if k not in gone}
     return left
