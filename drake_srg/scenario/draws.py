@@ -177,8 +177,21 @@ def draw_choices(
                 fail(origin, f"chosen.{group}", f"got {name!r} (allowed: {allowed})")
             if not _is_mapping(choices[name]):
                 fail(origin, f"{key}.{name}", "must be a mapping of a scenario's keys")
-            tree = dict(merge(tree, choices[name], origin))
+            tree = dict(merge(tree, _of_what_is_left(tree, choices[name]), origin))
     return tree
+
+
+def _of_what_is_left(
+    tree: Mapping[str, Any], choice: Mapping[str, Any]
+) -> dict[str, Any]:
+    """Return a choice without changes of entries that a variant has removed by null."""
+    left = dict(choice)
+    for group in ("objects", "cameras"):
+        given, entries = choice.get(group), tree.get(group)
+        if isinstance(given, Mapping) and isinstance(entries, Mapping):
+            gone = {name for name, entry in entries.items() if entry is None}
+            left[group] = {k: v for k, v in given.items() if k not in gone}
+    return left
 
 
 def add_clutter(
