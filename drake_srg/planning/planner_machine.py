@@ -277,14 +277,6 @@ class MotionMemory(Memory, abc.ABC):
     motion: Motion  # the arm's; at first, it rests at home
     closure: float = 0.0  # commanded, 0 open .. 1 closed
 
-    def commands(self, arm: str) -> tuple[Motion, float]:
-        """Return the motion and the commanded closure of an arm.
-
-        Args:
-            arm: Its name; empty: the only arm. Override this for several.
-        """
-        return self.motion, self.closure
-
     @abc.abstractmethod
     def status(self, mode: AnyMode) -> PlannerStatus:
         """Return the planner's report on its task in a mode."""
@@ -397,6 +389,15 @@ class PlannerMachine(
         """Return the arm's motion under way, which `position_commanded` follows."""
         return self.state(context).memory.motion
 
+    def commands(self, memory: MotionMemoryT, arm: str) -> tuple[Motion, float]:
+        """Return the motion and the commanded closure of an arm.
+
+        Args:
+            memory: The planner's.
+            arm: The arm's name; empty: the only arm. Override this for several.
+        """
+        return memory.motion, memory.closure
+
     def declare_hand_inputs(
         self, num_fingers: int, num_sensors: int, prefix: str = ""
     ) -> None:
@@ -446,11 +447,11 @@ class PlannerMachine(
         )
 
     def _calc_position(self, arm: str, context: Context, output: BasicVector) -> None:
-        motion, _ = self.state(context).memory.commands(arm)
+        motion, _ = self.commands(self.state(context).memory, arm)
         output.SetFromVector(motion.position(context.get_time()))
 
     def _calc_closure(self, arm: str, context: Context, output: BasicVector) -> None:
-        _, output[0] = self.state(context).memory.commands(arm)
+        _, output[0] = self.commands(self.state(context).memory, arm)
 
     def _calc_status(self, context: Context, output: AbstractValue) -> None:
         state = self.state(context)

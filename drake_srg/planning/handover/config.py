@@ -95,7 +95,7 @@ class HandoverMemory(PlannerMemory):
     torque: Vector = dc.field(default_factory=lambda: np.zeros(0))
 
     def commands(self, arm: str) -> tuple[Motion, float]:
-        """See `MotionMemory`."""
+        """Return the motion and the commanded closure of an arm, by its name."""
         side = self if (arm == self.arms[1]) == self.receiving else self.other
         return side.motion, side.closure
 

@@ -45,7 +45,6 @@ from drake_srg.planning.planner_machine import Observation
 from drake_srg.types import AnyMode, Failure, Mode, Vector
 
 _UP = np.array([0.0, 0.0, 1.0])
-_AT_HOME = 1e-3  # joint error of an arm that was sent home [rad]
 
 
 class HandoverReplanner(Replanner):

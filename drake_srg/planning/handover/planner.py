@@ -206,6 +206,10 @@ class HandoverPlanner(PlannerMachine[PlannerMemory, Senses]):
             self.declare_hand_inputs(hand.num_joints, hand.num_sensors, f"{name}.")
             self.DeclareVectorInputPort(name=f"{name}.external_torque", size=n)
 
+    def commands(self, memory: PlannerMemory, arm: str) -> tuple[Motion, float]:
+        """See `PlannerMachine`."""
+        return memory_of(memory).commands(arm)
+
     def sense(self, context: Context) -> Senses:
         """Return the measurements of both arms, that whose turn it is first."""
         receiving = memory_of(self.state(context).memory).receiving
