@@ -28,7 +28,11 @@ from drake_srg.objects import ObjectConfig
 from drake_srg.scenario.typed_yaml import check_tree
 from drake_srg.types import Box
 
-NEED_EXTRAS = ("drake_srg.learning.learners", "drake_srg.__main__")
+NEED_EXTRAS = (
+    "drake_srg.learning.learners",
+    "drake_srg.suite.lerobot",
+    "drake_srg.__main__",
+)
 
 
 def package_dataclasses():

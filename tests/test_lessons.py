@@ -11,7 +11,7 @@ from drake_srg.cli.main import main
 
 FOLDER = Path(__file__).parents[1] / "docs/tutorial"
 INDEX = (FOLDER / "index.md").read_text("utf-8")
-LESSONS = re.findall(r"^(\w+)$", INDEX.split(":hidden:")[1], re.M)
+LESSONS = re.findall(r"\]\((\w+)\.md\)", INDEX)
 PAGES = {name: (FOLDER / f"{name}.md").read_text("utf-8") for name in LESSONS}
 BLOCK = re.compile(r"^```(sh|python|yaml)\n(.*?)^```", re.DOTALL | re.M)
 # A few trials show what twenty do.

@@ -79,7 +79,7 @@ def _number(text: str) -> float:
 
 
 @command(
-    "let clients command a station: ROS 1, ROS 2, servo drivers, a humanoid's hands",
+    "let clients command a station: ROS, servo drivers, a humanoid",
     "",
     SCENARIO,
     ros("run a ROS 1 node", "run a ROS 2 node", "clients"),

@@ -180,7 +180,8 @@ def fake_machine(folder, libraries, user):
             0,
             0,
             "apt-get update\n"
-            "apt-get install -y --no-install-recommends libegl1 libgl1\n",
+            "apt-get -o DPkg::Lock::Timeout=600 install -y --no-install-recommends "
+            "libegl1 libgl1\n",
             "",
         ),
         (

@@ -17,6 +17,8 @@ pytestmark = pytest.mark.slow
 CONTINUOUS = {
     "assistive_arm_fast",
     "assistive_arm_varied",
+    "handover",
+    "handover_varied",
     "kitchen_fast",
     "kitchen_fast_half",
     "kitchen_servoing",

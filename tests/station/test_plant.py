@@ -345,7 +345,8 @@ def test_seeds_share_a_models_plant():
 @pytest.mark.slow
 def test_changed_directives_are_read_again(tmp_path):
     path = tmp_path / "frames.dmd.yaml"
-    override = f"directives.floor={{add_directives: {{file: {path.as_uri()}}}}}"
+    entry = f"{{add_model: null, add_directives: {{file: {path.as_uri()}}}}}"
+    override = f"directives.floor={entry}"
     for x in (0.1, 0.2):
         path.write_text(FRAME.format(x=x))
         plant = MakeModelsPlant(load_scenario("kitchen", overrides=[override]))
@@ -368,7 +369,9 @@ def test_changed_models_are_read_again(tmp_path):
 def test_a_missing_file_is_reported():
     scenario = load_scenario(
         "kitchen",
-        overrides=["directives.table={add_directives: {file: file:///no.yaml}}"],
+        overrides=[
+            "directives.table={add_model: null, add_directives: {file: file:///no.yaml}}"
+        ],
     )
     with pytest.raises(ScenarioError, match=r"directives: .*no\.yaml"):
         MakeModelsPlant(scenario)

@@ -116,7 +116,7 @@ def test_a_made_gripper_is_recovered():
     truth = {
         "stiffness": 60.0,
         "slack": 45.0,
-        "gear": 0.05,
+        "gear": 0.015,
         "gear_load": 0.45,
         "stiction": 1.25,
         "torque_rise": 0.08,

@@ -37,7 +37,10 @@ def reachable(kind, found):
 
 def test_every_field_of_every_class_is_a_key():
     last = {path.rpartition(".")[2] for path in BY_PATH}
+    # Tests of one process may have added drivers of their own.
     for kind in reachable(Scenario, set()):
+        if not kind.__module__.startswith(("drake_srg.", "pydrake.")):
+            continue
         assert {field.name for field in dc.fields(kind)} <= last, kind
 
 

@@ -1,0 +1,66 @@
+"""How far a peg turns between the pads when a force presses on its end.
+
+Soft fingers alone might lead a peg into a hole, if they gave way and came back.
+"""
+
+import numpy as np
+from pydrake.common.value import AbstractValue
+from pydrake.multibody.math import SpatialForce
+from pydrake.multibody.plant import ExternallyAppliedSpatialForce
+
+import experiments.runner as ex
+from drake_srg.common.srg_geometry import SRG
+from drake_srg.objects.config import ObjectConfig
+from drake_srg.planning.grasps.srg_hand import pinch_angles
+from drake_srg.simulation.rig import Rig, bench_scenario
+from drake_srg.types import Cylinder
+
+FORCES = (1.5, 3.0, 6.0, 15.0)  # on the end of a held peg [N]
+_PALM = 0.226  # height of the palm over the table; the pads hold the peg's middle [m]
+
+
+def turn_cases() -> list[ex.Case]:
+    """Press on the end of pegs of two sizes, along the pinch axis and across it."""
+    return ex.grid(direction=("along", "across"), radius=(0.0124, 0.0059))
+
+
+def turn_trial(direction: str, radius: float) -> ex.Measures:
+    """Return how far a peg has turned in the hand under each force [degrees]."""
+    peg = ObjectConfig(shape=Cylinder(radius, 0.1), mass=0.1, friction=0.35)
+    peg.modulus = 1e7  # as in `insert`
+    bench = bench_scenario(
+        peg,
+        gripper_rpy=[0.0, 90.0, 0.0],
+        home=[0.0, 0.0, _PALM],
+        overrides=["gripper=!SrgPositionDriver {}"],
+    )
+    closure = (sum(pinch_angles(radius)) + bench.planner.squeeze) / SRG.full_scale
+    turns: ex.Measures = {}
+    with Rig(bench, name="insertion_turn") as rig:
+        rig.advance(2.0, closure=closure)
+        home = rig.commanded("arm.position_commanded")
+        rig.move(home + np.array([0.0, 0.0, 0.05]), 1.0)
+        axis, height = rig.X_GO().rotation().col(2).copy(), rig.X_WO().translation()[2]
+        for force in FORCES:
+            push = ExternallyAppliedSpatialForce()
+            push.body_index = rig.plant.GetBodyByName("object").index()
+            push.p_BoBq_B = np.array([0.0, 0.0, -0.05])
+            aside = np.array(
+                [0.0, 1.0, 0.0] if direction == "along" else [1.0, 0.0, 0.0]
+            )
+            push.F_Bq_W = SpatialForce(tau=np.zeros(3), f=force * aside)
+            forces = rig.diagram.GetInputPort("object_forces_cheat")
+            forces.FixValue(rig.context, AbstractValue.Make([push]))
+            rig.advance(1.0)
+            cosine = float(np.clip(axis @ rig.X_GO().rotation().col(2), -1.0, 1.0))
+            turns[f"turn at {force:g} N [degrees]"] = np.rad2deg(np.arccos(cosine))
+        turns["fallen [mm]"] = 1e3 * (height - rig.X_WO().translation()[2])
+    return turns
+
+
+insertion_turn = ex.Experiment(
+    "How far a peg turns between the pads when a force presses on its end.",
+    turn_cases,
+    turn_trial,
+    by=("direction", "radius"),
+)
