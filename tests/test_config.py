@@ -67,6 +67,7 @@ FIELDS = [
     for field in dc.fields(config)
     for name, kind, entry in kinds(config)
     if name == field.name and entry in (int, float, str, bool)
+    if typing.get_origin(kind) is not dict  # read by the scenario reader alone
 ]
 
 

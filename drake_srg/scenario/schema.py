@@ -12,7 +12,6 @@ import operator
 import typing
 import zlib
 from collections.abc import Iterator
-from typing import Any
 
 from pydrake.geometry import SceneGraphConfig
 from pydrake.multibody.parsing import ModelDirective
@@ -311,7 +310,7 @@ class Scenario(Config):
     # each group is drawn and laid over the scenario. Once loaded, there are none left.
     choices: dict[str, dict[str, dict[str, str]]] = dc.field(default_factory=dict)
     # Names of choices by group, in place of drawn ones.
-    chosen: dict[str, Any] = dc.field(default_factory=dict)
+    chosen: dict[str, str] = dc.field(default_factory=dict)
     # A random number of more objects; once loaded, they are among `objects`.
     clutter: ClutterConfig = dc.field(default_factory=ClutterConfig)
     # Null: objects never sleep. Needs `plant_config.time_step` above 0 and no soft
