@@ -52,7 +52,7 @@ def kinds(config):
     for name, kind in typing.get_type_hints(config).items():
         options = set(typing.get_args(kind)) - {type(None)} or {kind}
         plain = kind
-        if len(options) == 1 and typing.get_origin(kind) is not list:
+        if len(options) == 1 and typing.get_origin(kind) not in (list, dict):
             (plain,) = options
         is_list = typing.get_origin(plain) is list
         yield name, plain, typing.get_args(plain)[0] if is_list else plain
@@ -67,7 +67,6 @@ FIELDS = [
     for field in dc.fields(config)
     for name, kind, entry in kinds(config)
     if name == field.name and entry in (int, float, str, bool)
-    if typing.get_origin(kind) is not dict  # read by the scenario reader alone
 ]
 
 
