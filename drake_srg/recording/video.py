@@ -74,8 +74,7 @@ class View:
 class VideoFile:
     """An MP4 file that plays in any browser.
 
-    Equal images give equal bytes, except below 128 pixels, where x264's lookahead reads
-    memory that it has not written.
+    Equal images give equal bytes.
 
     Args:
         path: The .mp4 file.
@@ -118,7 +117,13 @@ class VideoFile:
         self._stream = self._container.add_stream("libx264", rate=rate)
         self._stream.width, self._stream.height = width // 2 * 2, height // 2 * 2
         self._stream.pix_fmt = "yuv420p"
-        self._stream.options = {"crf": str(quality), "preset": "veryfast"}
+        # At some sizes, x264's macroblock tree reads memory that it has not written,
+        # and equal images would give different bytes.
+        self._stream.options = {
+            "crf": str(quality),
+            "preset": "veryfast",
+            "x264-params": "mbtree=0",
+        }
         # The number of threads changes the bytes; one gives the same on every machine.
         self._stream.codec_context.thread_count = 1
         self.frames = 0

@@ -1,4 +1,7 @@
 import gc
+import os
+import subprocess
+import sys
 import warnings
 
 import av
@@ -68,11 +71,33 @@ def test_a_video_shows_what_the_camera_saw_in_a_format_for_browsers(tmp_path):
 
 def test_equal_runs_give_equal_bytes(tmp_path):
     for name in ("a.mp4", "b.mp4"):
-        # Below 128 pixels x264 does not keep this.
         diagram, recorder, _ = make(tmp_path / name, 160, 120, Mode.LIFT)
         with recorder:
             Simulator(diagram).AdvanceTo(1.0)
     assert (tmp_path / "a.mp4").read_bytes() == (tmp_path / "b.mp4").read_bytes()
+
+
+def test_bytes_do_not_depend_on_what_memory_held_before(tmp_path):
+    code = (
+        "import sys, numpy as np, pathlib\n"
+        "from drake_srg.recording.video import VideoFile\n"
+        "y, x = np.mgrid[:144, :192]\n"
+        "file = VideoFile(pathlib.Path(sys.argv[1]), 192, 144, 20.0)\n"
+        "for k in range(40):\n"
+        "    image = np.stack([3 * x + 5 * k, y // 8 * 40, x // 8 * 40, 0 * x], 2)\n"
+        "    image[(x - 96 - k) ** 2 + (y - 72) ** 2 < 1300] = (200, 30, 30, 255)\n"
+        "    file.add(image.astype(np.uint8), k / 20)\n"
+        "file.close()\n"
+    )
+    films = []
+    for byte in ("1", "85", "255"):
+        path = tmp_path / f"{byte}.mp4"
+        # glibc fills fresh memory with this byte.
+        environment = {**os.environ, "MALLOC_PERTURB_": byte}
+        command = [sys.executable, "-c", code, str(path)]
+        subprocess.run(command, env=environment, check=True)
+        films.append(path.read_bytes())
+    assert films[0] == films[1] == films[2]
 
 
 def test_odd_sizes_lose_their_last_row_and_column(tmp_path):
