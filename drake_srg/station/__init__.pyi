@@ -1,8 +1,8 @@
 from drake_srg.station.cell import AddCell as AddCell
 from drake_srg.station.cell import AddDisturber as AddDisturber
-from drake_srg.station.cell import ConnectClearingPlanner as ConnectClearingPlanner
 from drake_srg.station.cell import ConnectCommands as ConnectCommands
 from drake_srg.station.cell import ConnectPlanner as ConnectPlanner
+from drake_srg.station.cell import ConnectSensors as ConnectSensors
 from drake_srg.station.cell import MakeCell as MakeCell
 from drake_srg.station.cell import register_planner as register_planner
 from drake_srg.station.clearing import MakeClearingPlanner as MakeClearingPlanner

@@ -8,7 +8,7 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import TypeAlias
 
-from pydrake.systems.framework import Diagram, DiagramBuilder, OutputPort, System
+from pydrake.systems.framework import Diagram, DiagramBuilder, System
 
 from drake_srg.common.exceptions import ScenarioError, one_line, scenario_errors
 from drake_srg.common.systems import export_outputs, input_ports
@@ -156,6 +156,7 @@ def AddCell(
         if name.startswith(tuple(f"{arm.prefix}safety." for arm in arms)):
             builder.ExportInput(port, name)
     planner = AddScenarioPlanner(builder, scenario, station, make_planner)
+    ConnectCommands(builder, station, planner, arms)
     AddDisturber(builder, scenario, station, planner)
     for name, exported in (
         ("mode", "planner.mode"),
@@ -171,7 +172,9 @@ def AddScenarioPlanner(
     station: Diagram,
     make_planner: Callable[[Scenario], System] | None = None,
 ) -> System:
-    """Add a scenario's planner and its perception, connected to the station.
+    """Add a scenario's planner and its perception, which sense what the station does.
+
+    `ConnectCommands` makes the station do what the planner commands.
 
     Args:
         builder: The cell's.
@@ -215,7 +218,7 @@ def AddLocalizingPlanner(
     station: Diagram,
     make_planner: Callable[[Scenario], System],
 ) -> System:
-    """Add a planner with ports of `PickAndPlacePlanner`, and the localizer.
+    """Add a planner with inputs of `PickAndPlacePlanner`, and the localizer.
 
     Args:
         builder: The cell's.
@@ -225,7 +228,8 @@ def AddLocalizingPlanner(
     """
     localizer = AddLocalizer(builder, scenario, station)
     planner = builder.AddNamedSystem("planner", make_planner(scenario))
-    ConnectPlanner(builder, station, localizer, planner, robot_arms(scenario))
+    builder.Connect(localizer.GetOutputPort("blobs"), planner.GetInputPort("blobs"))
+    ConnectSensors(builder, station, planner, robot_arms(scenario))
     ConnectHandCamera(builder, station, planner)
     if scenario.localizer.obstacles and planner.HasInputPort("obstacles"):
         finder = AddObstacleFinder(builder, scenario, station, localizer)
@@ -250,13 +254,12 @@ def AddClearingPlanner(
         labeled = AddThingLabeler(builder, scenario, station, seen)
     planner = builder.AddNamedSystem("planner", MakeClearingPlanner(scenario))
     destinations = AddDestinationMapper(builder, scenario, station)
-    ConnectClearingPlanner(
-        builder,
-        station,
-        labeled,
-        planner,
-        destinations.GetOutputPort("height_map"),
-    )
+    for source, target in (
+        (labeled, "height_map"),
+        (destinations.GetOutputPort("height_map"), "destination_map"),
+    ):
+        builder.Connect(source, planner.GetInputPort(target))
+    ConnectSensors(builder, station, planner)
     builder.ExportOutput(seen, "height_mapper.height_map")
     return planner
 
@@ -272,7 +275,6 @@ def AddScriptedPlanner(
         station: Its station.
     """
     planner = builder.AddNamedSystem("planner", MakeScriptedPlanner(scenario))
-    ConnectCommands(builder, station, planner)
     if any(step.force_limit is not None for step in script_of(scenario)):
         builder.Connect(
             planner.GetOutputPort("force_limit"),
@@ -281,8 +283,7 @@ def AddScriptedPlanner(
     return planner
 
 
-# Adds a planner and its perception to a cell with a station, and connects inputs and
-# commands.
+# Adds a planner and its perception to a cell with a station, and connects its inputs.
 AddPlanner: TypeAlias = Callable[[DiagramBuilder, Scenario, Diagram], System]
 _PLANNERS: dict[type[PlannerConfig], AddPlanner] = {
     PickAndPlace: functools.partial(AddLocalizingPlanner, make_planner=MakePlanner),
@@ -302,7 +303,8 @@ def register_planner(config: type[PlannerConfig], add: AddPlanner) -> None:
         config: Class of its configuration; the class name is its tag.
         add: Adds the planner to a cell: the diagram's builder, the scenario and the
             station, which is in the diagram, go in, and the planner comes back. It
-            needs the output ports of `PickAndPlacePlanner`.
+            connects the planner's inputs; the cell connects the outputs, which are
+            those of `PickAndPlacePlanner`.
     """
     accept_planner(config)
     _PLANNERS[config] = add
@@ -382,30 +384,6 @@ def ConnectPlanner(
     builder.Connect(localizer.GetOutputPort("blobs"), planner.GetInputPort("blobs"))
     ConnectSensors(builder, station, planner, arms)
     ConnectCommands(builder, station, planner, arms)
-
-
-def ConnectClearingPlanner(
-    builder: DiagramBuilder,
-    station: Diagram,
-    height_map: OutputPort,
-    planner: System,
-    destination_map: OutputPort | None = None,
-) -> None:
-    """Connect a planner with ports of `ClearingPlanner` to the other systems.
-
-    Args:
-        builder: Builder of the diagram that contains them all.
-        station: A station with the ports of `MakeStation`'s.
-        height_map: Where the height map comes from.
-        planner: The planner.
-        destination_map: Where the map of the bins or of the row comes from; None: the
-            planner takes what it held for cleared.
-    """
-    builder.Connect(height_map, planner.GetInputPort("height_map"))
-    if destination_map is not None:
-        builder.Connect(destination_map, planner.GetInputPort("destination_map"))
-    ConnectSensors(builder, station, planner)
-    ConnectCommands(builder, station, planner)
 
 
 def ConnectSensors(

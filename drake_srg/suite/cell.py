@@ -3,18 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Any, cast
 
-from pydrake.systems.framework import (
-    Diagram,
-    DiagramBuilder,
-    InputPort,
-    OutputPort,
-    System,
-)
-from pydrake.systems.primitives import PassThrough
+from pydrake.systems.framework import Diagram, DiagramBuilder, System
 
-from drake_srg.common.systems import export_outputs, output_ports
+from drake_srg.common.systems import export_outputs
 from drake_srg.scenario import Scenario
 from drake_srg.station import MakeStation
 from drake_srg.station.cell import AddDisturber, AddScenarioPlanner
@@ -74,38 +66,9 @@ def AddDrivenCell(
     """Add the systems of `MakeDrivenCell` to a diagram and export their ports."""
     station = builder.AddNamedSystem("station", make_station(scenario))
     export_outputs(builder, station)
-    sinks = {}
-    for name, output in COMMANDS.items():
-        port = station.GetInputPort(name)
-        builder.ExportInput(port, name)
-        sink = builder.AddNamedSystem(f"{output}_unused", PassThrough(port.size()))
-        sinks[name] = sink.get_input_port()
-    listener = cast(Diagram, _Listening(station, sinks))
-    planner = AddScenarioPlanner(builder, scenario, listener, make_planner)
+    for name in COMMANDS:
+        builder.ExportInput(station.GetInputPort(name), name)
+    planner = AddScenarioPlanner(builder, scenario, station, make_planner)
     AddDisturber(builder, scenario, station, planner)
     for name in ("mode", "status", *COMMANDS.values()):
         builder.ExportOutput(planner.GetOutputPort(name), f"planner.{name}")
-
-
-class _Listening:
-    """A station that does not do what it is commanded.
-
-    Args:
-        station: The station.
-        sinks: Inputs that take the place of the station's, by name.
-    """
-
-    def __init__(self, station: Diagram, sinks: dict[str, InputPort]) -> None:
-        self.station, self._sinks = station, sinks
-
-    def __getattr__(self, name: str) -> Any:
-        return getattr(self.station, name)
-
-    def GetInputPort(self, name: str) -> InputPort:
-        """Return an input of the station, or what takes its place."""
-        return self._sinks.get(name) or self.station.GetInputPort(name)
-
-
-@output_ports.register
-def _(system: _Listening) -> dict[str, OutputPort]:
-    return output_ports(system.station)

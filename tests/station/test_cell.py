@@ -8,7 +8,7 @@ from pydrake.systems.analysis import Simulator
 from drake_srg.common.exceptions import ScenarioError
 from drake_srg.planning.planner_machine import PlannerConfig
 from drake_srg.scenario import load_scenario
-from drake_srg.station import ConnectCommands, MakeCell, MakeStation, register_planner
+from drake_srg.station import MakeCell, MakeStation, register_planner
 from drake_srg.station import cell as module
 from drake_srg.theses.script import Script, ScriptedPlanner, ScriptStep
 from drake_srg.types import Mode
@@ -165,8 +165,7 @@ class Close(PlannerConfig):
 def AddClose(builder, scenario, station):
     step = ScriptStep(closure=scenario.planner.closure)
     planner = ScriptedPlanner(np.array(scenario.arm.home), [step])
-    ConnectCommands(builder, station, builder.AddNamedSystem("planner", planner))
-    return planner
+    return builder.AddNamedSystem("planner", planner)
 
 
 @pytest.mark.slow
