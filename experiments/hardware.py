@@ -5,15 +5,11 @@ that `drake-srg identify` made of the vendor's log (`srg_specimen`), driven by t
 servo's registers as a script on a serial line does. Rows of the specimen are judged:
 10 % for currents and times, 6 counts for stops.
 
-As the script behind the vendor's log: calibrate; then, for each set point, from open
-fingers, approach a position 50 counts beyond closed at full effort, wait 1 s, press,
-read the position every 50 ms until it changes by 5 counts or less, wait 0.5 s, read the
-current. So its time "until it stopped" is mostly its own wait of 1 s; it times no
-closing.
+The test is that of `drake-srg identify --record`. Its time "until it stopped" is mostly
+its own wait of 1 s; it times no closing.
 """
 
 import dataclasses as dc
-import math
 
 import numpy as np
 from pydrake.systems.analysis import Simulator
@@ -22,7 +18,8 @@ import experiments.runner as ex
 from drake_srg.gripper.tendon import MotorTemperature
 from drake_srg.robot.identify.fits import FULL_LOAD, NEVER, calibrated_zero, polls
 from drake_srg.robot.identify.log import RISE, LogRow, vendor_log
-from drake_srg.robot.serve.dynamixel.registers import CLOCKWISE, FULL_TORQUE
+from drake_srg.robot.identify.press_test import PressTest
+from drake_srg.robot.serve.dynamixel.registers import FULL_TORQUE
 from drake_srg.scenario import Scenario, load_scenario
 from drake_srg.simulation.rig import bench_scenario
 from experiments.stands.servo_stand import ServoStand
@@ -31,11 +28,6 @@ MODELS = {"data sheet": "gripper_bench", "specimen": "srg_specimen"}
 # Of the firmware's position control, PWM units per count: the MX-64's default gain, and
 # what `drake-srg identify` makes of the log (where it is tied to the rotor's inertia).
 GAINS = {"data sheet": 4.0, "specimen": 7.92}
-_APPROACH, _PRESS = -50, -250  # goals, from closed [counts]
-_UNMOVED, _MOST_WAITS = 5, 30  # counts; 2 s
-# Where presses start from, and the time to get there: the vendor let springs open the
-# fingers, in 10 s. The spool reaches its full speed on the way back.
-_OPEN, _RELEASE = 450, 1.0  # counts, s
 _CALIBRATION = 0.95  # share of the torque that finds roughly where the tips meet
 _WARM = "time to warm by 5 degrees"
 # Rows that the model of the specimen is known to miss, by label and quantity. Read in
@@ -72,86 +64,6 @@ def press_bench(scenario: str, most: float, position_gain: float) -> Scenario:
     )
 
 
-class VendorTest:
-    """Presses the tips of an open gripper on each other, as the vendor did."""
-
-    def __init__(self, stand: ServoStand) -> None:
-        self._stand = stand
-        for name in ("cw_angle_limit", "ccw_angle_limit"):  # multi-turn
-            stand.write(name, 4095)
-        stand.write("torque_enable", 0)
-        stand.write("torque_control_mode", 1)
-        stand.write("goal_torque", CLOCKWISE + int(_CALIBRATION * FULL_TORQUE))
-        stand.sleep(2.0)
-        self.zero = stand.read("present_position")
-        for _ in range(3):  # the vendor's zero is where its presses stop
-            self._release()
-            self._approach()
-            self.zero = stand.read("present_position")
-        # The goal torque that the first press by torque starts from, for two packets.
-        stand.write("goal_torque", CLOCKWISE + FULL_TORQUE // 100)
-        self._release()
-
-    def press(self, asked: LogRow) -> LogRow:
-        """Return what the registers show at a row's set point."""
-        stand, limit = self._stand, int(asked.setpoint_pct / 100 * FULL_TORQUE)
-        started = stand.rig.time
-        self._approach()
-        if asked.test == "torque":
-            started = stand.rig.time
-        stand.write("torque_limit", limit)
-        if asked.test == "torque":
-            stand.write("torque_control_mode", 1)
-            stand.write("goal_torque", CLOCKWISE + limit)
-        else:
-            stand.write("goal_position", self.zero + _PRESS)
-        stop, seconds = self._wait(polls(asked))
-        seconds -= started
-        stand.sleep(0.5)
-        currents = []
-        for _ in range(5):
-            stand.sleep(0.05)
-            currents.append(1e3 * stand.read_current())
-        load = stand.read_load()
-        self._release()
-        current = float(np.mean(currents))
-        return LogRow(asked.test, asked.setpoint_pct, load, stop, current, seconds)
-
-    def _approach(self) -> None:
-        """Press the tips on each other with the position control's full effort."""
-        self._stand.write("torque_control_mode", 0)
-        self._stand.write("torque_limit", FULL_TORQUE)
-        self._stand.write("goal_position", self.zero + _APPROACH)
-        self._stand.sleep(1.0)
-
-    def _release(self) -> None:
-        """Open the fingers."""
-        self._stand.write("torque_control_mode", 0)
-        self._stand.write("torque_limit", FULL_TORQUE)
-        self._stand.write("goal_position", self.zero + _OPEN)
-        self._stand.sleep(_RELEASE)
-
-    def _wait(self, until: int) -> tuple[int, float]:
-        """Return the position after some waits, and when it has stopped changing [s].
-
-        The spool still creeps when the vendor takes it for stopped: positions count
-        when it read them.
-        """
-        stand, stopped = self._stand, math.nan
-        before = read = stand.read("present_position")
-        for wait in range(1, _MOST_WAITS + 1):
-            stand.sleep(0.05)
-            position = stand.read("present_position")
-            if wait == until:
-                read = position
-            if math.isnan(stopped) and abs(position - before) <= _UNMOVED:
-                stopped = stand.rig.time
-            if wait >= until and not math.isnan(stopped):
-                break
-            before = position
-        return read, stopped
-
-
 def warm(scenario: str, row: LogRow) -> float:
     """Return the time for a motor to warm by `RISE` at a row's current [s].
 
@@ -184,11 +96,11 @@ def trial(model: str) -> ex.Measures:
     measured = vendor_log()
     most = max(row.load for row in measured if row.test != "heating") / FULL_LOAD
     stand = ServoStand(press_bench(MODELS[model], most, GAINS[model]), model)
-    test = VendorTest(stand)
+    test = PressTest(stand, _CALIBRATION)
     simulated = [
         dc.replace(row, seconds=warm(MODELS[model], row))
         if row.test == "heating"
-        else test.press(row)
+        else test.press(row.test, row.setpoint_pct, polls(row))
         for row in measured
     ]
     shift = calibrated_zero(simulated) - calibrated_zero(measured)

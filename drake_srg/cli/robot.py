@@ -37,7 +37,7 @@ from drake_srg.cli.results import (
     results_folder,
     taken,
 )
-from drake_srg.common.exceptions import ScenarioError
+from drake_srg.common.exceptions import ScenarioError, one_line
 from drake_srg.common.status_line import StatusLine
 
 if TYPE_CHECKING:
@@ -341,6 +341,33 @@ VENDOR = "vendor"
         "(columns: docs/gripper.md)",
     ),
     argument(
+        "--record",
+        metavar="PORT",
+        help="test the gripper at a serial device or tcp:HOST:PORT for three minutes, "
+        "with nothing between its fingers, and write FILE first",
+    ),
+    argument(
+        "--id",
+        type=int,
+        default=1,
+        metavar="N",
+        help="with --record: ID of the servo (default: %(default)s)",
+    ),
+    argument(
+        "--baud",
+        type=int,
+        default=57600,
+        metavar="N",
+        help="with --record: of the serial device (default: %(default)s)",
+    ),
+    argument(
+        "--hottest",
+        type=float,
+        default=60.0,
+        metavar="DEGC",
+        help="with --record: temperature at which to stop (default: %(default)s)",
+    ),
+    argument(
         *("-o", "--out"),
         type=Path,
         metavar="FILE",
@@ -378,7 +405,13 @@ def identify(options: argparse.Namespace) -> int:
             raise ScenarioError(f"-o {options.out}: must differ from --base")
         # A scenario names its base relative to its own folder.
         base = os.path.relpath(base, options.out.parent)
+    if options.out.exists() and not options.replace:
+        raise taken(options, options.out, ())
     own = options.log != VENDOR
+    if options.record is not None:
+        if not own:
+            raise ScenarioError(f"--record: needs a file to write, got {VENDOR}")
+        _record(options, Path(options.log))
     rows = read_log(Path(options.log)) if own else vendor_log()
     result = fit_log(rows)
     source = Path(options.log).stem if own else "an EZGripper measured by its vendor"
@@ -386,8 +419,6 @@ def identify(options: argparse.Namespace) -> int:
     # A log of something else may give values that no scenario takes.
     tree = parse_yaml(text, options.log)["gripper"]
     check_tree(tree, SrgTendonDriver | None, options.log, "gripper")
-    if options.out.exists() and not options.replace:
-        raise taken(options, options.out, ())
     with writing("-o", options.out):
         write_file(options.out, text.encode("utf-8"))
     options.console.say(*report(result), "", options.out)
@@ -408,6 +439,47 @@ def identify(options: argparse.Namespace) -> int:
         }
     )
     return SUCCESS
+
+
+def _record(options: argparse.Namespace, path: Path) -> None:
+    """Test the gripper at a port and write its log.
+
+    Raises:
+        ScenarioError: If the file exists, or the test was given up.
+    """
+    from drake_srg.robot.drive.dynamixel.bus import BusError, ServoBus, open_line
+    from drake_srg.robot.identify.log import log_text
+    from drake_srg.robot.identify.press_test import (
+        RecordingError,
+        WatchedServo,
+        record,
+    )
+    from drake_srg.sweeps.files import write_file
+
+    if path.exists() and not options.replace:
+        raise ScenarioError(f"{path}: already exists; choose another, or add --replace")
+    if not 0 <= options.id <= 252:
+        raise ScenarioError(f"--id: must be 0 to 252, got {options.id}")
+    rows = []
+    with stop_on_signals() as stop:
+
+        def pause(duration: float) -> None:
+            if stop.wait(duration):
+                raise RecordingError("stopped before its end")
+
+        try:
+            with contextlib.ExitStack() as stack:
+                bus = ServoBus(open_line(options.record, options.baud))
+                stack.callback(bus.close)
+                servo = WatchedServo(bus, options.id, options.hottest, pause=pause)
+                for row in stack.enter_context(contextlib.closing(record(servo))):
+                    options.console.say(f"{row.label}: {row.current_ma:.0f} mA")
+                    rows.append(row)
+        except (BusError, RecordingError, OSError, ValueError) as error:
+            reason = f"{one_line(error)}; no log is written"
+            raise ScenarioError(f"--record {options.record}: {reason}") from None
+    with writing("FILE", path):
+        write_file(path, log_text(rows).encode("utf-8"))
 
 
 _BOARD = "6,5,0.04,0.03,DICT_4X4_50"

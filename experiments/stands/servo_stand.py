@@ -2,22 +2,17 @@
 
 from __future__ import annotations
 
-import numpy as np
-
 from drake_srg.common.exceptions import ScenarioError
+from drake_srg.robot.identify.press_test import TRANSACTION
 from drake_srg.robot.serve.dynamixel.mx64 import Mx64
 from drake_srg.robot.serve.dynamixel.protocol import Instruction, Packet1
-from drake_srg.robot.serve.dynamixel.registers import FULL_TORQUE, ControlTable1
+from drake_srg.robot.serve.dynamixel.registers import ControlTable1
 from drake_srg.robot.serve.dynamixel.servo import SpoolMotor
 from drake_srg.scenario import Scenario
 from drake_srg.simulation.rig import Rig
 
-# Each packet and its answer take 16 ms: the latency of the common USB adapters, and
-# what the time stamps of the vendor's log show.
-TRANSACTION = 0.016  # s
 _PERIOD = 0.004  # between exchanges of servo and motor [s]
 _BY_NAME = {register.name: register for register in ControlTable1.registers}
-_ZEROS_LOAD, _ZERO_CURRENT = FULL_TORQUE + 1, 2048
 
 
 class ServoStand:
@@ -40,6 +35,11 @@ class ServoStand:
     def _refuse(self, kind: str, message: str) -> None:
         raise ScenarioError(f"{self._name}: {message}")
 
+    @property
+    def time(self) -> float:
+        """Simulated time [s]."""
+        return self.rig.time
+
     def sleep(self, duration: float) -> None:
         """Simulate for a while, with the servo in command of its motor."""
         rig = self.rig
@@ -50,12 +50,8 @@ class ServoStand:
             self._servo.sense(rig.time, angle, speed, pwm, temperature)
             if command := self._servo.command():
                 rig.fix("gripper.motor_position_commanded", command.position)
-                # In torque control, the torque limit bounds the goal torque in the same
-                # units, not the PWM: with both at 20 %, the vendor's log shows a load
-                # of 420 of 1023.
-                limit = 1.0 if np.isfinite(command.torque) else command.limit
                 rig.fix("gripper.motor_torque_commanded", command.torque)
-                rig.fix("gripper.force_limit", limit)
+                rig.fix("gripper.force_limit", command.limit)
             rig.advance(_PERIOD)
 
     def write(self, name: str, value: int) -> None:
@@ -70,11 +66,3 @@ class ServoStand:
         """Read a register by its name in the manual."""
         self.sleep(TRANSACTION)
         return self._servo.table[name]
-
-    def read_current(self) -> float:
-        """Return the servo's estimate of its current [A], positive to wind."""
-        return (_ZERO_CURRENT - self.read("current")) * ControlTable1.current_unit
-
-    def read_load(self) -> int:
-        """Return the size of the PWM, of 1023."""
-        return self.read("present_load") % _ZEROS_LOAD

@@ -94,6 +94,11 @@ def test_json_has_parameters_with_intervals(quick, tmp_path, capsys):
         (["bad.csv"], "bad.csv: missing column load"),
         (["vendor", "--base", "kitchen"], "gripper: needs !SrgTendonDriver"),
         (["vendor", "--base", "nowhere"], "nowhere"),
+        (["vendor", "--record", "/dev/null"], "--record: needs a file to write"),
+        (["bad.csv", "--record", "/dev/null"], "bad.csv: already exists; choose"),
+        (["my.csv", "--record", "none"], "--record none: port: must be tcp:HOST:PORT"),
+        (["my.csv", "--record", "/none"], "--record /none: [Errno 2] No such file"),
+        (["my.csv", "--record", "/dev/null", "--id", "300"], "--id: must be 0 to 252"),
     ],
 )
 def test_bad_input_gets_one_line(arguments, message, tmp_path, monkeypatch, capsys):
@@ -103,4 +108,4 @@ def test_bad_input_gets_one_line(arguments, message, tmp_path, monkeypatch, caps
     complaint = capsys.readouterr().err
     assert message in complaint
     assert complaint.count("\n") == 1
-    assert not (tmp_path / "srg_specimen.yaml").exists()
+    assert [path.name for path in tmp_path.iterdir()] == ["bad.csv"]

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses as dc
 import math
+from collections.abc import Sequence
 from importlib import resources
 from itertools import pairwise
 from pathlib import Path
@@ -91,6 +92,20 @@ def parse_log(text: str, name: str) -> list[LogRow]:
             range, or a test has too few rows.
     """
     return _rows(parse_table(text, name, COLUMNS, only=True), name)
+
+
+def log_text(rows: Sequence[LogRow]) -> str:
+    """Return rows as the text of a log, which `parse_log` reads."""
+    lines = [",".join(COLUMNS)]
+    for row in rows:
+        values = [getattr(row, column) for column in COLUMNS]
+        cells = (v if isinstance(v, str) else _cell(v) for v in values)
+        lines.append(",".join(cells))
+    return "\n".join(lines) + "\n"
+
+
+def _cell(value: float) -> str:
+    return "" if math.isnan(value) else f"{round(value, 3)}"
 
 
 def _rows(table: list[tuple[str, dict[str, str]]], name: str) -> list[LogRow]:

@@ -1,5 +1,3 @@
-import dataclasses as dc
-
 import numpy as np
 import pytest
 from helpers import check_reads_or_refuses, damaged
@@ -7,24 +5,31 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from drake_srg.common.exceptions import ScenarioError
-from drake_srg.robot.identify.log import COLUMNS, parse_log, read_log, vendor_log
+from drake_srg.robot.identify.log import (
+    COLUMNS,
+    log_text,
+    parse_log,
+    read_log,
+    vendor_log,
+)
 
 ROWS = vendor_log()
 
 
 def text(rows=ROWS, columns=COLUMNS):
-    lines = [",".join(columns)]
-    for row in rows:
-        values = dc.asdict(row)
-        cells = ("" if values[c] != values[c] else f"{values[c]}" for c in columns)
-        lines.append(",".join(cells))
-    return "\n".join(lines)
+    lines = [line.split(",") for line in log_text(rows).splitlines()]
+    places = [lines[0].index(column) for column in columns]
+    return "\n".join(",".join(line[k] for k in places) for line in lines)
 
 
 def test_the_vendors_rows_ship_with_the_package():
     tests = [row.test for row in ROWS]
     assert [tests.count(t) for t in ("position", "torque", "heating")] == [9, 12, 5]
     assert ROWS[0].label == "position 20 %"
+
+
+def test_what_is_written_is_read():
+    np.testing.assert_equal(parse_log(log_text(ROWS), "log"), ROWS)
 
 
 def test_a_row_of_heating_goes_on_where_the_one_before_ended():

@@ -46,7 +46,8 @@ class Mx64(Servo):
     - otherwise: zero torque
 
     The torque limit is in 1/1023 of the stall torque; values above `drive.full_scale`
-    allow no more than that.
+    allow no more than that. In torque control, it bounds the goal torque in the same
+    units, not the PWM: with both at 20 %, the vendor's log has a load of 420 of 1023.
 
     PID gains, punch, goal acceleration, baud rate, return delay and LEDs are stored
     without effect. Factory reset and endless turning are refused.
@@ -75,12 +76,12 @@ class Mx64(Servo):
         limit = self._motor.limit(self._output_limit())
         if self._positioning:
             return MotorCommand(self._profile.position, math.nan, limit)
-        torque = 0.0
-        if table["torque_control_mode"]:
-            goal = table["goal_torque"]
-            current = (goal & ~CLOCKWISE) * table.current_unit
-            torque = self._motor.torque(current if goal & CLOCKWISE else -current)
-        return MotorCommand(math.nan, torque, limit)
+        if not table["torque_control_mode"]:
+            return MotorCommand(math.nan, 0.0, limit)
+        goal = table["goal_torque"]
+        current = min(goal & ~CLOCKWISE, table["torque_limit"]) * table.current_unit
+        torque = self._motor.torque(current if goal & CLOCKWISE else -current)
+        return MotorCommand(math.nan, torque, 1.0)
 
     @property
     def _positioning(self) -> bool:

@@ -131,6 +131,15 @@ def test_torque_control_winds_clockwise(servo, goal, sign):
     assert math.isnan(servo.command().position)
 
 
+def test_the_torque_limit_bounds_the_goal_torque_in_its_units(servo):
+    servo.write("torque_control_mode", 1)
+    servo.write("goal_torque", 1024 + 300)
+    servo.write("torque_limit", 100)
+    command = servo.command()
+    assert command.torque == pytest.approx(0.45 / 4.1 * 1023 / 800)
+    assert command.limit == 1.0
+
+
 def test_leaving_torque_control_after_calibration_frees_the_motor(servo):
     servo.write("torque_enable", 0)
     servo.write("torque_control_mode", 1)
