@@ -6,6 +6,7 @@ docs/extending.md for how to add a claim.
 """
 
 import ast
+import functools
 from pathlib import Path
 from typing import NamedTuple
 
@@ -19,8 +20,9 @@ class Found(NamedTuple):
     description: str
 
 
+@functools.cache
 def find_experiments() -> dict[str, Found]:
-    """Return every experiment by name, in order."""
+    """Return every experiment by name, in order; read once per process."""
     found = {}
     for path in FOLDER.glob("*.py"):
         for node in ast.parse(path.read_text(encoding="utf-8")).body:

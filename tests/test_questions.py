@@ -54,17 +54,23 @@ def test_few_files_answer_a_question(question):
 
 # With longer steps, because the profile makes each step slow.
 RUN = """
+import cProfile
 import sys
 from drake_srg.cli.main import main
 
-codes = set()
-sys.setprofile(lambda frame, event, _: codes.add(frame.f_code))
+profile = cProfile.Profile(builtins=False)
+profile.enable()
 try:
     steps = ["--set", "plant_config.time_step=0.005", "--set", "arm.period=0.005"]
     main(["run", "kitchen", *steps, "--no-record", "--quiet", "--out", sys.argv[1]])
 finally:
-    sys.setprofile(None)
-    functions = [c for c in codes if c.co_flags & 1 and c.co_name[0] != "<"]
+    profile.disable()
+    codes = [entry.code for entry in profile.getstats()]
+    functions = [
+        c
+        for c in codes
+        if not isinstance(c, str) and c.co_flags & 1 and c.co_name[0] != "<"
+    ]
     files = {c.co_filename for c in functions if "drake_srg" in c.co_filename}
     print(*sorted(files), sep="\\n")
 """

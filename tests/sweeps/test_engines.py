@@ -184,17 +184,6 @@ def test_an_address_without_a_cluster_is_named():
         pass
 
 
-@pytest.mark.usefixtures("disconnected")
-def test_ray_starts_on_this_machine_without_an_address(tmp_path, monkeypatch):
-    monkeypatch.delenv("RAY_ADDRESS", raising=False)
-    monkeypatch.setenv("PYTHONPATH", str(Path(__file__).parents[1]))  # of the stub
-    from drake_srg.sweeps.engines import RayEngine
-
-    rows = run(tmp_path, RayEngine(), monkeypatch, stub.recorded)
-    assert rows["trial"].to_pylist() == list(range(8))
-    assert (tmp_path / "recordings/000003/video.mp4").read_bytes() == b"3"
-
-
 def test_an_interrupt_while_a_trial_is_submitted_is_quiet(monkeypatch):
     errors = []
     monkeypatch.setattr(threading, "excepthook", errors.append)
