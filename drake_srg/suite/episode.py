@@ -31,17 +31,31 @@ from drake_srg.station.sleeping import MakeAdvance
 from drake_srg.suite.cell import COMMANDS, AddDrivenCell, MakeDrivenCell
 from drake_srg.types import PlannerStatus, Vector
 
-# Time between actions [s], and into how many parts the motion between two commands is
-# divided: joint drivers read their command every 1/64 s.
-PERIOD, PARTS = 1 / 16, 4
+PERIOD = 1 / 16  # between actions [s]
 # What must hold is held for so many samples: half a second.
 HELD = 8
+_ROUNDING = 1e-9
 LIFTED = 0.05  # a lifted object is this much higher than at the start [m]
 _FELL = 0.2  # what is this far below the table has fallen off it [m]
 
 
 class EpisodeError(Exception):
     """Drake could not advance an episode; the message is one line."""
+
+
+def reading_times(tick: int, period: float) -> Vector:
+    """Return when an arm's driver reads its command within a period of actions [s].
+
+    The command must move between any two readings, or the driver gets a wrong speed.
+
+    Args:
+        tick: Number of the period of actions.
+        period: Of the driver [s].
+    """
+    start, end = (
+        math.ceil((tick + more) * PERIOD / period - _ROUNDING) for more in (0, 1)
+    )
+    return period * np.arange(start, end)
 
 
 class Episode:
@@ -78,6 +92,7 @@ class Episode:
         self._context = my_context(self._cell, self._root)
         assert scenario.arm is not None
         self.position = np.array(scenario.arm.home)  # commanded
+        self._arm_period = scenario.arm.period
         self._set = {
             port: self._fix(port, value)
             for port, value in zip(COMMANDS, (self.position, np.zeros(1)), strict=True)
@@ -143,10 +158,13 @@ class Episode:
         set_position, set_closure = self._set.values()
         set_closure(np.array([closure]))
         try:
-            for part in range(PARTS):
-                set_position(before + part / PARTS * (position - before))
-                self._advance((self._ticks + (part + 1) / PARTS) * PERIOD)
+            for time in reading_times(self._ticks, self._arm_period):
+                if time > self.time:
+                    self._advance(time)
+                share = (time - self.time) / PERIOD
+                set_position(before + share * (position - before))
             self._ticks += 1
+            self._advance(self._ticks * PERIOD)
             self._sample()
         except (RuntimeError, SystemExit, ScenarioError) as error:
             raise EpisodeError(one_line(error)) from error

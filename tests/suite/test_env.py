@@ -9,6 +9,7 @@ from gymnasium.vector import AsyncVectorEnv, AutoresetMode, SyncVectorEnv
 
 from drake_srg.common.exceptions import ScenarioError
 from drake_srg.suite import SuiteEnv
+from drake_srg.suite.episode import reading_times
 
 SEEDS = [3, 4]
 STEPS = 6
@@ -108,6 +109,16 @@ def test_joints_follow_the_commands_no_faster_than_they_can(env):
     np.testing.assert_allclose(
         observation["agent_pos"][:7], actions(1)[0][0][:7], atol=0.05
     )
+
+
+@pytest.mark.parametrize("period", [0.005, 0.002, 1 / 64, 12 / 1024])
+def test_the_command_moves_between_all_readings_of_the_driver(period):
+    times = np.concatenate([reading_times(tick, period) for tick in range(320)])
+    np.testing.assert_array_equal(times, period * np.arange(len(times)))
+    assert times[-1] < 20.0 <= times[-1] + period
+    for tick in range(320):
+        own = reading_times(tick, period)
+        assert np.all((own > tick / 16 - 1e-9) & (own < (tick + 1) / 16 - 1e-9))
 
 
 def test_an_action_that_is_not_finite_truncates_with_the_reason(env):
