@@ -9,7 +9,7 @@ PYTEST := $(BIN)/python -m pytest -n 4 --dist loadfile --no-loadscope-reorder
 # Workers, and the processes that tests start, read what others have compiled.
 unexport PYTHONDONTWRITEBYTECODE
 
-.PHONY: demo test test-fast test-learn test-lerobot golden coverage lint types docs models experiments package lock clean
+.PHONY: demo test test-fast test-learn test-lerobot golden coverage lint types docs models experiments bench-guard package lock clean
 
 demo: .venv/ready  ## run the main job, record it, and say what to open and to try next
 	$(BIN)/drake-srg demo
@@ -68,6 +68,9 @@ experiments: .venv/ready  ## rerun experiments, compare them with docs (ONLY="a 
 	$(BIN)/python -m experiments all \
 		$(if $(ONLY),--only $(ONLY)) $(if $(EXCEPT),--except $(EXCEPT)) \
 		$(if $(filter 1,$(QUICK)),--quick) $(if $(filter 1,$(ACCEPT)),--accept)
+
+bench-guard: .venv/ready  ## fail if a run is 15 % slower, over its bare plant, than committed
+	$(BIN)/python -m experiments all --only overhead
 
 # Every extra but the large ones, `learn`, `lerobot` and `rerun`.
 LOCKED := dev docs import models ray ros2 sweep

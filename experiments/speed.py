@@ -5,7 +5,9 @@
 each for rendering and linear algebra, relative to an unrecorded trial; it varies by a
 tenth between equal runs. `sweep_throughput`: the wall clock of a whole sweep with one
 worker and with two, including checks and the start of the workers; it is meaningful
-only on an otherwise idle machine with at least two cores.
+only on an otherwise idle machine with at least two cores. `overhead` is what `make
+bench-guard` runs: a scenario's wall-clock time over that of its bare plant on the same
+inputs, and over that of a loop in Python, which slow down together on a slow machine.
 """
 
 import tempfile
@@ -21,6 +23,7 @@ from drake_srg.planning.motion.time_parameterization import MakeTimeParameteriza
 from drake_srg.planning.motion.trajectories import grid_of, rounded_path
 from drake_srg.scenario import load_scenario
 from drake_srg.simulation import Simulate
+from drake_srg.simulation.benchmark import run_benchmark
 from drake_srg.station import MakeTaskPlanner
 from drake_srg.sweeps.engines import JoblibEngine
 from drake_srg.sweeps.sweep import run_sweep
@@ -223,5 +226,43 @@ sweep_throughput = ex.Experiment(
     sweep_trial,
     whole=sweep_rows,
     picture=[ex.Curves("trial", "memory of a worker [MB]", limit=_MEMORY)],
+    serial=True,
+)
+
+_SLOWER = 0.15  # share by which a ratio may grow
+
+
+def loop_time() -> float:
+    """Return the time of a fixed amount of work in Python and NumPy [s]."""
+    start, x = wall.perf_counter(), np.eye(7)
+    for _ in range(200_000):
+        x = x @ x
+    return wall.perf_counter() - start
+
+
+def overhead_trial(scenario: str) -> ex.Measures:
+    """Return medians of five runs."""
+    loaded, ratios = load_scenario(scenario), []
+    for _ in range(5):
+        loop, benchmark = loop_time(), run_benchmark(loaded, scenario)
+        loop = 0.5 * (loop + loop_time())
+        ratios.append((benchmark.total / benchmark.plant, benchmark.total / loop))
+    plant, loop = np.median(ratios, axis=0)
+    return {"over the bare plant [x]": plant, "over the loop [x]": loop}
+
+
+def slower(ratio: float) -> float:
+    """Return the spread of a ratio."""
+    return _SLOWER * ratio
+
+
+overhead = ex.Experiment(
+    "Wall-clock time of a run over that of its bare plant, and of a loop in Python.",
+    lambda: ex.grid(scenario=("kitchen", "kitchen_fast")),
+    overhead_trial,
+    {
+        "over the bare plant": ex.number(spread=slower),
+        "over the loop": ex.number(spread=slower),
+    },
     serial=True,
 )
