@@ -49,7 +49,7 @@ def AddLinearInterpolation(
     the next such period from the last sample but one to the last, in steps of `period`.
 
     Args:
-        builder: Of the diagram.
+        builder: Builder of the diagram.
         start: Positions at the start, shape (N,).
         command_period: Time between commands [s].
         period: Time between steps of the output [s].
@@ -103,7 +103,7 @@ def SetInterpolatedPosition(
     Args:
         interpolator: The diagram.
         context: A mutable context that contains it.
-        position: Of the joints, shape (N,).
+        position: Position of the joints, shape (N,).
     """
     for name, state in (("speed", np.tile(position, 2)), ("position", position)):
         system = interpolator.GetSubsystemByName(name)
@@ -343,15 +343,15 @@ def AddArmDriver(
     `state_measured` (2N) is the arm's state [q; v] with the errors of `config.errors`.
 
     Args:
-        builder: Of the diagram.
-        plant: With the arm, finalized after `config.prepare_plant`.
+        builder: Builder of the diagram.
+        plant: Plant with the arm, finalized after `config.prepare_plant`.
         arm: Its model instance.
         gripper: The model instance that it carries, if any.
         control_plant: A finalized plant with the arm, the gripper and no other moving
             body, for gravity.
-        config: Of the driver.
-        seed: Of the errors.
-        name: Of the driver in the diagram. Each needs its own.
+        config: Configuration of the driver.
+        seed: Seed of the errors.
+        name: Name of the driver in the diagram. Each needs its own.
 
     Raises:
         ValueError: If the name is taken, `prepare_plant` was not called, or the
@@ -427,7 +427,7 @@ def _AddGravityCompensation(
 
     Args:
         inner: The driver under construction.
-        control_plant: With the models.
+        control_plant: Plant with the models.
         names: Names of the models, the arm's first, by what the driver's inputs of
             their states are named after.
 
@@ -462,9 +462,9 @@ def AddJerkLimits(
     the driver's.
 
     Args:
-        builder: Of the diagram.
-        config: Of the driver.
-        name: Of the reference in the diagram.
+        builder: Builder of the diagram.
+        config: Configuration of the driver.
+        name: Name of the reference in the diagram.
 
     Raises:
         ValueError: If the name is taken, there are no limits, or a limit has neither

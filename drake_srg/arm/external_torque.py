@@ -49,8 +49,8 @@ class LaggedTorque(LeafSystem):
     `_declare_torque`, and implements `_sample`.
 
     Args:
-        period: Of the samples [s].
-        time_constant: Of the first-order lag [s].
+        period: Period of the samples [s].
+        time_constant: Time constant of the first-order lag [s].
     """
 
     def __init__(self, period: float, time_constant: float) -> None:
@@ -149,7 +149,7 @@ class ContactTorques(LaggedTorque):
         models_plant: A finalized plant with both, by the same names, and no other
             moving body.
         period: [s].
-        time_constant: Of the lag [s].
+        time_constant: Time constant of the lag [s].
     """
 
     def __init__(
@@ -356,7 +356,7 @@ class ExternalTorqueObserver(LaggedTorque):
         plant: A finalized plant with these models and no other moving body.
         models: Names of the model instances, the arm's first.
         period: [s].
-        time_constant: Of the estimate [s].
+        time_constant: Time constant of the estimate [s].
     """
 
     def __init__(
@@ -420,16 +420,16 @@ def AddExternalTorque(
     the same forces to `contact_torques`, if that exists.
 
     Args:
-        builder: Of the diagram.
-        plant: With the arm, finalized and in the diagram.
+        builder: Builder of the diagram.
+        plant: Plant with the arm, finalized and in the diagram.
         arm: Its model instance.
         gripper: The model instance that it carries, if any.
         models_plant: A finalized plant with both and no other moving body.
         period: Time between readings of torque sensors with errors, and of a continuous
             plant's contacts [s].
-        errors: Of the torque sensors.
-        seed: Of their noise.
-        prefix: Of the systems' names in the diagram.
+        errors: Errors of the torque sensors.
+        seed: Seed of their noise.
+        prefix: Prefix of the systems' names in the diagram.
 
     Returns:
         The port of the external torques (N) [N m].

@@ -111,7 +111,7 @@ class CartesianSpring(Spring):
         frame: A frame of their plant.
         p_FC: The centre of stiffness in that frame, shape (3,) [m].
         translation: Along the world's axes, shape (3,) [N/m].
-        rotation: About every axis [N m/rad].
+        rotation: Rotational stiffness about every axis [N m/rad].
     """
 
     def __init__(
@@ -370,8 +370,8 @@ class ImpedanceControl(LeafSystem):
     the motors' limits.
 
     Args:
-        spring: Of the arm.
-        damping_ratio: Of every mode; 1 is critical.
+        spring: Spring of the arm.
+        damping_ratio: Damping ratio of every mode; 1 is critical.
         max_torque: Largest torques of spring and damper (N) [N m].
         max_acceleration: Largest ones that the arm is given with its equilibrium (N)
             [rad/s²]: commands may jump.

@@ -63,7 +63,7 @@ class JerkLimitedReference(LeafSystem):
 
     Args:
         home: Where they rest without `state_measured`, shape (N,) [rad or m].
-        limits: Of velocity, acceleration and jerk.
+        limits: Limits of velocity, acceleration and jerk.
         period: Time between updates [s].
 
     Raises:
@@ -155,8 +155,8 @@ def trajectory_piece(times: Vector, positions: Vector, start: float = 0.0) -> Ve
     """Return a piece of a trajectory as `TrajectoryFollower` takes it.
 
     Args:
-        times: Of its points after the start, increasing, shape (K,) [s].
-        positions: Of the joints, shape (K, N) [rad or m].
+        times: Times of its points after the start, increasing, shape (K,) [s].
+        positions: Positions of the joints, shape (K, N) [rad or m].
         start: When it begins [s]; 0: as soon as it arrives.
 
     Raises:

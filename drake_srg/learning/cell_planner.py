@@ -48,7 +48,7 @@ class Command:
 
     Attributes:
         mode: As reported; DONE and FAILED end the attempt.
-        pose: Of the hand, [x, y, z, yaw], shape (4,) [m, rad].
+        pose: Pose of the hand, [x, y, z, yaw], shape (4,) [m, rad].
         closure: 0 open .. 1 closed.
         message: Why it has failed.
     """
@@ -69,7 +69,7 @@ class _Memory:
         ticks: Control periods since the start.
         closure: Commanded.
         attempt: What the subclass remembers; None before the object was found.
-        status: What is reported.
+        status: Reported status.
     """
 
     q: Vector
@@ -91,10 +91,10 @@ class CellPlanner(LeafSystem):
     come to an end.
 
     Args:
-        mover: Of the arm; see `drake_srg.learning.envs.hand_task.MakeMover`.
+        mover: Mover of the arm; see `drake_srg.learning.envs.hand_task.MakeMover`.
         home: Positions of the arm's joints at the start, shape (N,).
-        name: Of the object.
-        shape: Of the object, about the origin of its frame.
+        name: Name of the object.
+        shape: Shape of the object, about the origin of its frame.
         table: Height of the table [m].
     """
 
@@ -253,8 +253,8 @@ class GraspPlanner(CellPlanner):
         act: The policy: a `Policy`, or a rule of `drake_srg.learning.rules`.
         mover: See `CellPlanner`, as for all that follow.
         home: Shape (N,).
-        name: Of the object.
-        shape: Of the object.
+        name: Name of the object.
+        shape: Shape of the object.
         table: Height of the table [m].
     """
 
@@ -314,10 +314,10 @@ class _PolicyAttempt:
 
     Attributes:
         estimate: Where the object was seen, shape (4,).
-        pose: Of the hand, as commanded, shape (4,).
+        pose: Pose of the hand, as commanded, shape (4,).
         tick: Control periods since the object was seen.
         closure: As commanded.
-        steps: Of the policy.
+        steps: Number of the policy's steps.
         lowest: Height at which the hand has been, at least [m].
         risen: Whether the closed hand has risen, so that it is shaken.
         shaken: Control periods since the shake began.
@@ -362,8 +362,8 @@ class PolicyPlanner(CellPlanner):
         act: The policy: a `Policy`, or a rule of `drake_srg.learning.rules`.
         mover: See `CellPlanner`, as for `home`, `name`, `shape` and `table`.
         home: Shape (N,).
-        name: Of the object.
-        shape: Of the object.
+        name: Name of the object.
+        shape: Shape of the object.
         table: Height of the table [m].
         workspace: Where the hand may go.
         touch: Whether the policy sees the forces; zeros otherwise.

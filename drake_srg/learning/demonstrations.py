@@ -39,7 +39,7 @@ def read_demonstrations(folder: Path, env: Any) -> list[Demonstration]:
     out.
 
     Args:
-        folder: Of the data set.
+        folder: Folder of the data set.
         env: A `GraspOneShotEnv`, of the arm with which the data set was recorded.
 
     Raises:
@@ -87,11 +87,11 @@ def grasp_in(
     """Return the grasp of an episode; None if it has none from above.
 
     Args:
-        shape: Of the object.
+        shape: Shape of the object.
         action: Commanded joints of the arm and closure, shape (frames, N + 1).
         sighting: Where the object was last seen: x, y, z, quaternion x, y, z, w, and
             whether it was, shape (frames, 8).
-        mover: Of the arm.
+        mover: Mover of the arm.
         table: Height of the table [m].
     """
     (grows,) = np.nonzero(np.diff(action[:, -1]) > _CLOSES)

@@ -53,7 +53,7 @@ class Episode:
         rewards: Shape (steps,).
         success: Whether the object was held at the end, through a shake.
         failure: Why the simulator ended it early, or "".
-        scene: What the environment drew, as plain data.
+        scene: Scene that the environment drew, as plain data.
     """
 
     observations: Array
@@ -70,7 +70,7 @@ def run_episode(env: Any, act: Act, seed: int) -> Episode:
     Args:
         env: A gymnasium.Env with `Box` spaces of one dimension.
         act: Returns the action for an observation.
-        seed: Of the episode.
+        seed: Seed of the episode.
     """
     observation, info = env.reset(seed=seed)
     scene = info.get("scene", {})
@@ -108,7 +108,7 @@ def make_environment(name: str, keywords: Mapping[str, Any] | None = None) -> An
 
     Args:
         name: Its id, or the short form of one of ours.
-        keywords: Of the environment.
+        keywords: Keyword arguments of the environment.
 
     Raises:
         ScenarioError: If it is unknown, a keyword is wrong, or learners do not take it.

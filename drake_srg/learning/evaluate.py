@@ -62,8 +62,10 @@ def evaluate(
         trials: Number of episodes.
         out: Folder of the rows, as of a sweep.
         engine: Runs the episodes; entered here.
-        seed: Of the first episode, at least `EVALUATION`: those below are training's.
-        keywords: Of the environment, over those of the policy's training.
+        seed: Seed of the first episode, at least `EVALUATION`: those below are
+            training's.
+        keywords: Keyword arguments of the environment, over those of the policy's
+            training.
         resume: Whether `out` may contain episodes of this evaluation.
         progress: Whether to show progress on standard error.
         tell: Receives warnings, one line each.
@@ -171,8 +173,8 @@ def run_trial(
     Args:
         policy: As of `evaluate`.
         environment: Id of the environment.
-        keywords: Of the environment, as JSON.
-        seed: Of trial 0.
+        keywords: Keyword arguments of the environment, as JSON.
+        seed: Seed of trial 0.
         trial: Number of the trial, from 0.
     """
     start = wall.perf_counter()

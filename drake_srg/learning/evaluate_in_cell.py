@@ -76,7 +76,7 @@ def run_cell_trial(
         environment: Id of the environment that a baseline is for.
         tree: The scenario, from `load_tree`.
         origin: Its name or path.
-        seed: Of trial 0.
+        seed: Seed of trial 0.
         trial: Number of the trial, from 0.
     """
     actor = cell_policy(policy, environment, seed + trial)
@@ -91,7 +91,7 @@ def cell_policy(policy: str, environment: str, seed: int) -> CellPolicy:
         policy: A policy's file or name, or a baseline.
         environment: Id of the environment of a built-in policy; if it lacks that rule,
             the first one that has it counts. A trained policy names its own.
-        seed: Of random actions.
+        seed: Seed of random actions.
 
     Raises:
         ScenarioError: If the policy cannot be read, or is of an environment whose
@@ -240,7 +240,7 @@ def evaluate_in_cell(
         out: Folder of the rows, as of a sweep.
         engine: Runs the trials; entered here.
         environment: Id of the environment that a baseline is for.
-        seed: Of the first trial, at least `EVALUATION`.
+        seed: Seed of the first trial, at least `EVALUATION`.
         overrides: `KEY=VALUE` each; see `load_scenario`.
         resume: Whether `out` may contain trials of this evaluation.
         progress: Whether to show progress on standard error.

@@ -38,9 +38,9 @@ class Perceptrons(nn.Module):
     """An ensemble of perceptrons that learn side by side; see `Network`.
 
     Args:
-        sizes: Of the input, the hidden layers and the output.
+        sizes: Sizes of the input, the hidden layers and the output.
         rng: For the random weights (He et al., ICCV 2015).
-        members: Of the ensemble.
+        members: Number of the ensemble's members.
     """
 
     def __init__(self, sizes: Sequence[int], rng: Generator, members: int = 1) -> None:
@@ -98,7 +98,7 @@ def clone(
 
     Args:
         x: Scaled observations, shape (samples, n).
-        actions: What was done, shape (samples, m), each in -1 .. 1.
+        actions: Actions taken, shape (samples, m), each in -1 .. 1.
         rng: For all draws.
         config: Numbers.
     """

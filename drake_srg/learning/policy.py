@@ -32,8 +32,8 @@ class Network:
     """An ensemble of perceptrons with ReLU between linear layers.
 
     Attributes:
-        weights: Of each layer, shape (members, inputs, outputs).
-        biases: Of each layer, shape (members, 1, outputs).
+        weights: Weights of each layer, shape (members, inputs, outputs).
+        biases: Biases of each layer, shape (members, 1, outputs).
     """
 
     weights: list[Array]
@@ -90,7 +90,7 @@ def best_action(
         x: Scaled observation, shape (n,).
         actions: Number of entries of an action.
         caution: How many standard deviations between members count against an action.
-        seed: Of the search.
+        seed: Seed of the search.
 
     Returns:
         Shape (actions,), each in -1 .. 1.
@@ -127,9 +127,9 @@ class PolicyInfo:
         environment: Id of its environment.
         keywords: The environment's keywords in training, such as `driver`.
         algorithm: `q`, `sac`, `bc` or `dagger`.
-        version: Of drake_srg.
+        version: Version of drake_srg.
         command: The line that made it.
-        seed: Of training.
+        seed: Seed of training.
         steps: Environment steps of training.
         scores: Success rates by name, such as `validation`.
     """
@@ -156,7 +156,7 @@ class Policy:
         low: Least values of the observation, shape (n,): it is scaled to -1 .. 1.
         high: Greatest values, shape (n,).
         actions: Number of entries of the action.
-        info: What it was made for and by.
+        info: Task for which it was made, and how.
     """
 
     kind: Kind
@@ -215,7 +215,7 @@ def write_onnx(policy: Policy, path: Path) -> None:
     """Write a policy as a graph from `observation` (1, n) to `action` (1, m).
 
     Args:
-        policy: Of kind `actor`.
+        policy: A policy of kind `actor`.
         path: The .onnx file.
 
     Raises:

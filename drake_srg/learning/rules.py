@@ -66,7 +66,7 @@ def pick(observation: Array, still: float = _STILL, narrower: float = 0.0) -> Ar
     counterclockwise only: a network halves what goes either way.
 
     Args:
-        observation: Of Pick.
+        observation: Observation of Pick.
         still: Scaled speed of the joints below which the fingers are still.
         narrower: How much farther the hand turns for a narrower side [rad/m].
     """

@@ -54,10 +54,10 @@ class Training:
 
     Attributes:
         environment: Id of the environment.
-        keywords: Of the environment.
+        keywords: Keyword arguments of the environment.
         algorithm: One of `ALGORITHMS`.
-        steps: Of the environment, in all.
-        seed: Of all draws.
+        steps: Total number of the environment's steps.
+        seed: Seed of all draws.
         validation: Episodes that judge a policy.
         command: The line that trains it, for the policy's file.
         data: Folder of a data set of demonstrations, or "".

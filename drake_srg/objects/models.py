@@ -298,11 +298,11 @@ def SetObject(
     An object with a `shape` takes all of them, one from a `model` mass and friction.
 
     Args:
-        plant: With the object, finalized.
-        scene_graph: With the plant's geometry.
-        context: Of the root of both, changed.
+        plant: Plant with the object, finalized.
+        scene_graph: Scene graph with the plant's geometry.
+        context: Context of the root diagram of both, changed in place.
         body_index: The object's body.
-        config: What it becomes.
+        config: Description of the object.
     """
     body = plant.get_body(body_index)
     plant_context = plant.GetMyMutableContextFromRoot(context)

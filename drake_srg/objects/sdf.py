@@ -128,7 +128,7 @@ def facet_length(radius: float) -> float:
     """Return the edge length of the facets that represent a round shape [m].
 
     Args:
-        radius: Of the shape [m].
+        radius: Radius of the shape [m].
     """
     return _RESOLUTION * radius
 

@@ -34,8 +34,8 @@ def SetSlideGains(plant: MultibodyPlant, name: str) -> None:
     """Give a slide's actuator its gains, before the plant is finalized.
 
     Args:
-        plant: With the slide's model.
-        name: Of the model instance.
+        plant: Plant with the slide's model.
+        name: Name of the model instance.
 
     Raises:
         ValueError: If there is no such model, or it does not have exactly one actuator.
@@ -57,10 +57,10 @@ def AddSlide(
     `slide_NAME_velocity_feedforward`.
 
     Args:
-        builder: Of the diagram that contains the plant.
-        plant: With the slide's gains set by `SetSlideGains`.
-        name: Of the model instance.
-        config: How it moves.
+        builder: Builder of the diagram that contains the plant.
+        plant: Plant with the slide's gains set by `SetSlideGains`.
+        name: Name of the model instance.
+        config: Motion of the slide.
     """
     actuator = _actuator(plant, name)
     q_start = float(actuator.joint().default_positions()[0])
@@ -81,7 +81,7 @@ def slide_motion(config: SlideConfig, q_start: float) -> PiecewisePolynomial:
     """Return the joint's position over time: up to speed, evenly, and to rest.
 
     Args:
-        config: How it moves.
+        config: Motion of the slide.
         q_start: Where it begins [m or rad].
     """
     speed = abs(config.speed)

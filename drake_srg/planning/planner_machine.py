@@ -261,7 +261,7 @@ class Transitions:
 
         Args:
             mode: The mode now.
-            observation: What is known now.
+            observation: Present knowledge.
             t: Time since the mode began [s].
             config: The waits and the times of the gripper count here.
         """
@@ -340,7 +340,7 @@ class PlannerMachine(
     inputs after calling `__init__`, and override `sense`.
 
     Args:
-        modes: What to do in each mode.
+        modes: Actions of each mode.
         memory: The memory that IDLE is entered with; its motion rests at home.
         transition: Returns the mode that follows from (mode, observation, time in the
             mode [s], config).
@@ -410,7 +410,7 @@ class PlannerMachine(
         Args:
             num_fingers: Number n of the gripper's measured joints.
             num_sensors: Number m of its proximity readings.
-            prefix: What the ports' names begin with.
+            prefix: Prefix of the ports' names.
         """
         self._n_fingers = num_fingers
         for name, size in (
@@ -429,7 +429,7 @@ class PlannerMachine(
         Args:
             context: The planner's.
             see: Looks through the cameras; called only when a mode looks.
-            prefix: What the ports' names begin with.
+            prefix: Prefix of the ports' names.
         """
 
         def read(name: str) -> Vector:
@@ -471,12 +471,12 @@ def AddPlannerOutputs(
 
     Args:
         planner: The planner; it declares its `mode` itself.
-        num_joints: Of the arm.
+        num_joints: Number of the arm's joints.
         position: Calculates the joint positions (num_joints) [rad or m]. They also
             depend on time.
         closure: Calculates the closure (1), 0 open .. 1 closed.
         status: Calculates the `PlannerStatus`.
-        prerequisites: What all three depend on.
+        prerequisites: Tickets that all three depend on.
     """
     AddCommandOutputs(
         planner,
@@ -501,11 +501,11 @@ def AddCommandOutputs(
 
     Args:
         planner: See `AddPlannerOutputs`, as for the other arguments.
-        num_joints: Of the arm.
-        prefix: What the ports' names begin with.
+        num_joints: Number of the arm's joints.
+        prefix: Prefix of the ports' names.
         position: Calculates the joint positions.
         closure: Calculates the closure.
-        prerequisites: What both depend on.
+        prerequisites: Tickets that both depend on.
     """
     for name, size, calc, tickets in (
         ("position_commanded", num_joints, position, {planner.time_ticket()}),
@@ -529,7 +529,7 @@ def AddStatusOutput(
     Args:
         planner: The planner.
         status: Calculates the `PlannerStatus`.
-        prerequisites: What it depends on.
+        prerequisites: Tickets that it depends on.
     """
     planner.DeclareAbstractOutputPort(
         name="status",

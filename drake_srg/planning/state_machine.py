@@ -37,7 +37,7 @@ def next_mode(
         table: For each mode, conditions and the mode that each leads to. The first
             condition that holds decides; if none does, the mode stays.
         mode: The mode now.
-        arguments: What the conditions are called with.
+        arguments: Arguments with which the conditions are called.
 
     Raises:
         ValueError: If the table has no row for the mode.
@@ -164,7 +164,7 @@ class StateMachine(LeafSystem, Generic[ModeT, MemoryT, SensesT, ObservationT]):
     `{self.state_ticket}` as prerequisites.
 
     Args:
-        modes: What to do in each mode.
+        modes: Actions of each mode.
         initial: The mode to begin with.
         memory: The memory that the initial mode is entered with.
         transition: Returns the mode that follows from (mode, observation, time in the

@@ -117,7 +117,7 @@ def _safety_topics(safety: str) -> tuple[Topic, Topic]:
     The state is text: "running", or such as "protective_stop: stale".
 
     Args:
-        safety: What the monitor's ports begin with.
+        safety: Prefix of the monitor's ports.
     """
     topic = _topic(safety)
     kind = "std_msgs/msg/String"
@@ -243,10 +243,10 @@ class ArmNames:
     """The names of an arm with its gripper, for its topics.
 
     Attributes:
-        arm_joints: Of the arm's joints; empty: no arm.
-        gripper_joints: Of the gripper's actuated joints; empty: no gripper.
+        arm_joints: Names of the arm's joints; empty without an arm.
+        gripper_joints: Names of the gripper's actuated joints; empty without a gripper.
         sensors: Number of finger sensors.
-        arm: What the arm's ports begin with.
+        arm: Prefix of the arm's ports.
         gripper: The same of the gripper.
         safety: The same of the safety monitor; empty: there is none.
         felt: Whether the station tells the arm's external torques.

@@ -41,7 +41,7 @@ def scene_topics(
 
     Args:
         plant: The plant, finalized. It is not kept.
-        inspector: Of its scene graph.
+        inspector: Inspector of its scene graph.
         port: Name of the input port that tells where the bodies are.
         model: The port's size or model value.
         period: Time between messages [s].
@@ -121,9 +121,9 @@ def _marker(
         make: Makes messages.
         time: Simulated time [s].
         name: The body's.
-        number: Of the marker, among the body's.
+        number: Number of the marker among those of the body.
         frame: The marker's frame.
-        pose: Of the body in that frame, as from `pose_row`.
+        pose: Pose of the body in that frame, as from `pose_row`.
         part: The triangles, in the body's frame.
     """
     surface = part.surface

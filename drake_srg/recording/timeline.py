@@ -28,7 +28,7 @@ def make_figure(
         width: [inch].
         height: [inch].
         title: Text above the axes, on the left.
-        layout: Of matplotlib; None for axes that are placed by hand.
+        layout: Layout of matplotlib; None for axes that are placed by hand.
 
     Raises:
         ImportError: If matplotlib is missing.

@@ -36,7 +36,7 @@ class View:
     Args:
         core: Its intrinsics and the pose of its sensor X_BS.
         X_WB: Its pose.
-        kinds: What to write in place of objects' names.
+        kinds: Words to write in place of objects' names.
     """
 
     core: RenderCameraCore
@@ -174,7 +174,7 @@ class VideoFile:
 
         Args:
             success: Whether it is a good one.
-            verdict: In words.
+            verdict: The verdict in words.
         """
         if self._last is None:
             return
@@ -221,7 +221,7 @@ def write_line(
         strip: RGB, shape (height, width, 3); changed in place.
         line: The text; a long one becomes smaller until it fits.
         color: RGB.
-        thickness: Of the strokes [pixels].
+        thickness: Thickness of the strokes [pixels].
     """
     strip[:] = strip // 3  # keeps the text legible on any background
     height, width = strip.shape[:2]

@@ -52,7 +52,7 @@ class JointLimits:
         """Return the limits of a configuration; the model fills in the others.
 
         Args:
-            plant: With the arm.
+            plant: Plant with the arm.
             arm: Its model instance; all of its joints have one position or none.
             config: The limits.
             period: The control period [s].
@@ -235,7 +235,7 @@ def check_command(
     Args:
         q: The command's joint positions, shape (N,) [rad or m].
         last: The command before.
-        limits: Of the joints.
+        limits: Limits of the joints.
         tool: Limits of the tool, if any.
     """
     if not np.isfinite(q).all():
@@ -327,7 +327,7 @@ class TouchLimits:
     """Limits of external torques, and of the force that explains them.
 
     Attributes:
-        torque: Of each joint, shape (N,) [N m].
+        torque: Torque of each joint, shape (N,) [N m].
         tool: Where the force acts; None without limits of the force.
         transient: Largest force [N].
         quasi_static: Largest force that lasts longer than `transient_time` [N].

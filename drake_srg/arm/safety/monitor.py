@@ -130,11 +130,11 @@ class SafetyMonitor(LeafSystem):
 
     Args:
         home: Where the commands begin, shape (N,) [rad or m].
-        limits: Of the joints.
+        limits: Limits of the joints.
         config: Whatever the other arguments do not tell.
         period: The control period [s].
-        tool: Of the tool, if there are any.
-        touch: Of what the arm feels, if there are any.
+        tool: Limits of the tool, if there are any.
+        touch: Limits of what the arm feels, if there are any.
     """
 
     def __init__(
@@ -327,13 +327,13 @@ def AddSafetyMonitor(
     """Add a safety monitor to a diagram; its ports are the caller's to connect.
 
     Args:
-        builder: Of the diagram.
+        builder: Builder of the diagram.
         models_plant: A finalized plant with the arm and its hand.
         home: Where the commands begin, shape (N,) [rad or m].
         config: The limits.
-        period: Of the arm's driver [s].
+        period: Period of the arm's driver [s].
         arm: Name of the arm's model instance.
-        name: Of the monitor in the diagram.
+        name: Name of the monitor in the diagram.
 
     Raises:
         ValueError: If the limits do not fit the arm, the tool does not exist, or the

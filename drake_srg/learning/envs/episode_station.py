@@ -35,7 +35,7 @@ class EpisodeStation:
     Only its context changes, so an episode does not depend on those before it.
 
     Args:
-        scenario: With an arm, a gripper and the picked object.
+        scenario: Scenario with an arm, a gripper and the picked object.
 
     Raises:
         ScenarioError: If the models do not fit the scenario.
@@ -90,7 +90,7 @@ class EpisodeStation:
 
         Args:
             scene: The object and its place.
-            q: Of the arm's joints, shape (N,), where the arm stays for now.
+            q: Positions of the arm's joints, shape (N,), where the arm stays for now.
         """
         for system, context in self._reset:
             system.SetDefaultContext(context)
@@ -176,7 +176,7 @@ class Sight:
     """Locates the object of each episode as a cell's localizer does.
 
     Args:
-        scenario: With the localizer and its cameras.
+        scenario: Scenario with the localizer and its cameras.
     """
 
     def __init__(self, scenario: Scenario) -> None:
@@ -190,7 +190,7 @@ class Sight:
         """Return the pose [x, y, z, yaw] (4) of the object, None if it is not seen.
 
         Args:
-            station: With the cameras, and the object at its place.
+            station: Station with the cameras, and the object at its place.
             scene: The episode's object, whose shape the localizer knows.
         """
         localizer = BlobLocalizer(

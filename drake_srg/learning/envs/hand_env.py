@@ -39,7 +39,7 @@ class HandEnv(HandTask, gymnasium.Env[Any, Any]):
         scenario: Name or path of the scenario: arm, gripper, table and the
             distributions of its one object.
         physics: `train`, `fast` or `accurate`; see `Physics`.
-        driver: Of the gripper: `plant`, `position` or `tendon`.
+        driver: Driver of the gripper: `plant`, `position` or `tendon`.
         observation: `state` for a vector, `blobs` for the same from where the
             localizer's cameras see the object at the start, `images` for a dictionary
             of the state and an image of the localizer's camera, or of the video's where

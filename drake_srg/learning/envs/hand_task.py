@@ -177,7 +177,7 @@ class HandTask:
         places: Whether the hand must also reach `task.place.position`.
 
     Args:
-        tree: Of the scenario, with the physics of an environment.
+        tree: Tree of the scenario, with the physics of an environment.
         origin: The scenario's name, for error messages.
         noise: Standard deviation of the object's estimated position [m].
         cameras: Names of the cameras to build.

@@ -40,8 +40,8 @@ class LeRobotEnv(gymnasium.Wrapper[Any, Any, Any, Any]):
     `pixels`, the image of `observation="images"`.
 
     Args:
-        name: Of the environment, such as `Pick-v0`.
-        keywords: Of the environment; see `HandEnv`.
+        name: Name of the environment, such as `Pick-v0`.
+        keywords: Keyword arguments of the environment; see `HandEnv`.
 
     Raises:
         ScenarioError: If the name or a keyword is wrong.
@@ -117,8 +117,8 @@ def make_env(
         use_async_envs: Whether each copy has a process of its own.
         cfg: LeRobot's configuration, if there is one: its `task` names the environment
             and its `keywords`, if it has any, are added.
-        name: Of the environment, where no `task` says otherwise.
-        keywords: Of the environment; see `HandEnv`.
+        name: Name of the environment, where no `task` says otherwise.
+        keywords: Keyword arguments of the environment; see `HandEnv`.
 
     Returns:
         The vector environment by suite and number of the task.

@@ -22,7 +22,7 @@ class Truth:
 
     Attributes:
         reach: Distance of the hand's grasp centre from the object's centre [m].
-        height: Of the object's underside above the table [m].
+        height: Height of the object's underside above the table [m].
         touching: Share of the fingers that touch something, 0 .. 1.
         progress: How near the task is to being done, 0 .. 1.
         success: Whether the task is done.

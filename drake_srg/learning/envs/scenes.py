@@ -55,7 +55,7 @@ class Workspace:
         """Return the workspace of a scenario's hand.
 
         Args:
-            scenario: With `task.region`.
+            scenario: Scenario with `task.region`.
             goal: Whether `task.place.position` belongs to it.
         """
         table = scenario.table.height
@@ -137,7 +137,7 @@ class Physics:
             steps that divide the control period; `accurate`: `sap` in steps of 1.5 ms,
             and the hand's fine geometry. The wires of `tendon` need a discrete plant:
             there, `train` is `lagged` in steps of 3 ms.
-        driver: Of the gripper: `plant`, `position` or `tendon`.
+        driver: Driver of the gripper: `plant`, `position` or `tendon`.
         train_steps: Steps per control period of `train` with a continuous plant: 2; an
             object that is set down needs 4, or it bounces and falls over.
     """
@@ -291,7 +291,7 @@ class SceneSource:
     The object is one of `objects`, or the only one of `clutter`, whose kind is drawn.
 
     Args:
-        tree: Of the scenario; see `load_tree`.
+        tree: Tree of the scenario; see `load_tree`.
         origin: The scenario's name, for error messages.
         noise: Standard deviation of the estimated position, in x and in y [m].
 
@@ -387,7 +387,7 @@ class Kind:
     """An object's entry of a scenario, read once and drawn often.
 
     Args:
-        tree: Of the entry.
+        tree: Tree of the entry.
         origin: The scenario's name, for error messages.
         name: The kind's.
 

@@ -32,7 +32,7 @@ class Grasp:
         at: Pose at which it closes.
         up: Pose to which it lifts.
         preshape: Closure on the way down, 0 .. 1.
-        closure: Of the grasp.
+        closure: Closure of the grasp.
     """
 
     over: Vector
@@ -47,7 +47,7 @@ def grasp_of(action: Any, estimate: Vector, table: float) -> Grasp:
 
     Args:
         action: Shape (6,).
-        estimate: Of the object, [x, y, z, yaw], shape (4,) [m, rad].
+        estimate: Estimate of the object, [x, y, z, yaw], shape (4,) [m, rad].
         table: Height of the table [m].
     """
     a = np.clip(np.asarray(action, dtype=float), -1.0, 1.0)
@@ -74,8 +74,8 @@ def action_of(
     Args:
         at: Pose at which the hand closes, [x, y, z, yaw], shape (4,) [m, rad].
         preshape: Closure on the way there, 0 .. 1.
-        closure: Of the grasp.
-        estimate: Of the object, [x, y, z, yaw], shape (4,) [m, rad].
+        closure: Closure of the grasp.
+        estimate: Estimate of the object, [x, y, z, yaw], shape (4,) [m, rad].
         table: Height of the table [m].
     """
     low, high = HEIGHTS
@@ -158,10 +158,10 @@ def pick_state(
     Args:
         hand: Its pose, [x, y, z, yaw], shape (4,) [m, rad].
         estimate: The object's, shape (4,).
-        shape: Of the object.
+        shape: Shape of the object.
         table: Height of the table [m].
         fingers: Positions and velocities of the joints, shape (8,) [rad, rad/s].
-        force: Of the finger links, shape (4,) [N].
+        force: Force of the finger links, shape (4,) [N].
         closure: As commanded, 0 .. 1.
         elapsed: Share of the longest episode that is over, 0 .. 1.
     """

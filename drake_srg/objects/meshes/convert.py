@@ -114,7 +114,7 @@ def part_of(geometry: Geometry, reader: MeshReader, most: int) -> Part:
 
     Args:
         geometry: The geometry.
-        reader: Of its meshes.
+        reader: Reader of its meshes.
         most: Greatest number of pieces per mesh.
     """
     if isinstance(geometry.shape, MeshFile):
@@ -202,13 +202,13 @@ class Report:
 
     Attributes:
         size: Extents of the pieces along x, y, z [m].
-        mass: Of the model [kg].
-        volume: Of its meshes, or of the pieces of open ones [m³].
+        mass: Mass of the model [kg].
+        volume: Volume of its meshes, or of the pieces of open ones [m³].
         pieces: Number of collision geometries.
         cut: Whether CoACD made some of them.
         excess: How far pieces stand out of their mesh [m].
         gap: How far meshes stand out of their pieces [m].
-        warnings: What was mended or assumed.
+        warnings: Defects that were mended, and assumptions.
     """
 
     size: list[float]
@@ -230,7 +230,7 @@ def convert(contents: Contents, most: int, folder: Path) -> None:
     """Write model, meshes and report of an object into a folder.
 
     Args:
-        contents: Of the object's file.
+        contents: Contents of the object's file.
         most: Greatest number of pieces per mesh.
         folder: An empty folder.
 
@@ -328,7 +328,7 @@ def _inertia(
     """Return the spatial inertia of the link about its origin.
 
     Args:
-        contents: Of the file, which may have one.
+        contents: Contents of the file, which may have one.
         volume: That of the geometry at 1 kg/m³.
         bounds: Least and greatest coordinates of the geometry.
         warnings: Receives what is replaced or assumed.
@@ -379,8 +379,8 @@ def AddVisuals(
 
     Args:
         link: The element.
-        contents: Of the link.
-        reader: Of its meshes.
+        contents: Contents of the link.
+        reader: Reader of its meshes.
         p_LO: The element's origin in the link [m], shape (3,).
         folder: For the meshes.
         name: Start of the names of visuals and files.

@@ -46,7 +46,7 @@ class Geometry:
     Attributes:
         shape: A primitive, centred on its frame G, or a mesh.
         X_LG: Pose of G in the link [m].
-        color: Of a visual; None: the mesh's own.
+        color: Colour of a visual; None: the mesh's own.
         contact: Drake's contact properties as in an SDF, if the file has them.
         friction: Static and dynamic, if an SDF says them for its surface.
     """
@@ -64,11 +64,11 @@ class Contents:
 
     Attributes:
         path: The file.
-        visuals: What cameras see.
-        collisions: What is touched.
+        visuals: Geometry that cameras see.
+        collisions: Geometry that contact uses.
         inertia: M_LLo_L as the file says; None: the file does not.
         mass: As the file says [kg]; None: the file does not.
-        warnings: What was mended while reading.
+        warnings: Defects that were mended while reading.
     """
 
     path: Path

@@ -133,7 +133,7 @@ class PickPlanner:
 
         Args:
             memory: The planner's.
-            height_map: Of the table now.
+            height_map: Height map of the table now.
             time: Now [s].
         """
         view = memory.view
@@ -285,7 +285,7 @@ def labels_between(
         height_map: A LabeledHeightMap.
         table: Height of the table [m].
         low: x, y of one pad, shape (n, 2) [m].
-        high: Of the other.
+        high: Height of the other.
     """
     assert isinstance(height_map, LabeledHeightMap), "labels need a ThingLabeler"
     apart = (high - low)[:, None, None]

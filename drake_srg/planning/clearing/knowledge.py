@@ -157,7 +157,7 @@ class Released(Memory):
     """The hand since it let go last.
 
     Attributes:
-        at: When that was [s].
+        at: Time of that [s].
         hand: Its model; None before the first time.
         fingers: Angles of the gripper's joints since then, by name [rad].
         astray: Whether the arm is still where it got stuck or has set a thing down.
@@ -177,14 +177,14 @@ class ClearingMemory(MotionMemory):
     """All that the planner remembers.
 
     Attributes:
-        view: What the cameras have shown of the table.
+        view: Knowledge of the table from the cameras.
         pick: The pick under way, or the next one.
-        push: What is left of the push under way, or the next one.
+        push: Rest of the push under way, or the next one.
         finished: Whether nothing is left that a grasp takes.
-        left: What no grasp takes, and why.
-        attempts: What was tried.
+        left: Things that no grasp takes, and why.
+        attempts: Grasps that were tried.
         released: The hand since it let go last.
-        loads: What it has let go, and where that is.
+        loads: Loads that the hand has let go, and where they are.
         first_seen_at: When the first pick was planned [s].
         failure: Why the planner gives up.
         message: The same in words.
@@ -226,7 +226,7 @@ class ClearingMemory(MotionMemory):
 
         Args:
             pick: The pick.
-            volume: Of what it takes [m³].
+            volume: Volume of what it takes [m³].
             after: The map without that.
         """
         p_WC, earlier = pick.grasp.p_WC[:2], self.view.lowest

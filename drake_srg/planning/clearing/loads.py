@@ -66,14 +66,14 @@ class Load:
     Attributes:
         destination: Where it belongs.
         volume: On the map of the table, with whatever is hidden below it [m³].
-        height: Of its top above the table, as it lay there [m].
+        height: Height of its top above the table, as it lay there [m].
         core: Volume that is gone from right at the grasp [m³].
         felt: Whether the fingers felt it until they let go, and the table's map shows
             it gone. The fingers miss some thin things.
         laid: Whether it was set down, or laid in a lane of a bin, not dropped.
         again: Whether it passes for a load that is missed.
         label: On labelled maps; -1: none.
-        verdict: What became of it.
+        verdict: Its fate, if known.
         before: The map of where loads go before it came; None until it has arrived.
         after: The map with it; the same.
         several: Whether it has come as several things that lie apart.
@@ -247,7 +247,7 @@ class Loads(Memory):
 
         Args:
             destination: The bin.
-            volume: Of what lay beside it, on the map of the table [m³].
+            volume: Volume of what lay beside it, on the map of the table [m³].
         """
         now = self.seen
         if now is None or self._of(destination, Verdict.DROPPED):

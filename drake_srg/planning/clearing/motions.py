@@ -225,7 +225,7 @@ class HeldLoad:
         Args:
             X_WG: The hand's pose at the grasp [m].
             p_WC: The grasp, shape (3,) [m].
-            height_map: Of the table before.
+            height_map: Height map of the table before.
             table: Height of the table [m].
         """
         # Its neighbours may hang from it, but do not move its middle.
@@ -303,9 +303,10 @@ class ClearingMotions(abc.ABC):
         Args:
             q_start: Where the arm is, at rest, shape (N,) [rad].
             grasp: The grasp.
-            height_map: Of the table, for motions to keep clear of what is on it.
-            number: Of loads that were dropped before; only bins take note of it, and
-                of what follows.
+            height_map: Height map of the table, for motions to keep clear of what is on
+                it.
+            number: Number of loads that were dropped before; only bins take note of it,
+                and of what follows.
             filled: World z up to which the bin may be filled [m].
             spots: Where loads that may hang from the hand are laid down, and tall ones
                 set down. All others are dropped, and without spots, these, too.
@@ -353,9 +354,9 @@ class ClearingMotions(abc.ABC):
         Args:
             q_grasp: Where the arm is, shape (N,) [rad].
             grasp: The grasp.
-            load: What it takes.
+            load: Load that the hand takes.
             least: The least height [m].
-            height_map: Of the table.
+            height_map: Height map of the table.
 
         Raises:
             NoPathError: If there are none.

@@ -59,7 +59,7 @@ def laying_targets(
         X_WG: The hand over the middle of the bin, as it drops things.
         load: The load.
         palm: Height of the palm above the underside of the level load [m].
-        spot: Where it shall lie.
+        spot: Place where it must lie.
         high: World z of the palm at which the hanging load clears the rim [m].
     """
     middle_W = X_WG.rotation() @ load.middle_G

@@ -180,7 +180,7 @@ class PushMotions:
         table: Height of the table [m].
         reach: Where the hand can be; None for everywhere.
         segment: Returns what stands on the table according to a height map.
-        period: Of the planner [s]; None: the arm rests between all motions.
+        period: Period of the planner [s]; None: the arm rests between all motions.
     """
 
     def __init__(
@@ -208,7 +208,7 @@ class PushMotions:
 
         Args:
             q_start: Where the arm is, at rest, shape (N,) [rad].
-            height_map: Of the table.
+            height_map: Height map of the table.
             tried: See `best_push`.
         """
         push = best_push(self._segment(height_map), self._table, self._reach, tried)

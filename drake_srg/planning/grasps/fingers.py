@@ -19,10 +19,10 @@ class Wrap:
     and the tips turn down around its upper edges.
 
     Attributes:
-        half_gap: Of the open fingers' ends [m].
+        half_gap: Half of the gap between the open fingers' ends [m].
         hinge_x: Palm x of the tips' hinges in the open hand [m].
         hinge_y: Their distance from the palm's middle [m].
-        radius: Of the circle on which the tips' ends move about them [m].
+        radius: Radius of the circle on which the tips' ends move about them [m].
         face_x: Palm x of the open base links' faces [m].
         gap: Between these and the top of the thing as the fingers close [m].
         widths: Least and greatest width of a thing [m].
@@ -78,7 +78,7 @@ class Fingers(abc.ABC):
         """Return how far down the open hand reaches, seen along its pads.
 
         Args:
-            half_gap: Of the fingers' ends [m].
+            half_gap: Half of the gap between the fingers' ends [m].
             offsets: Distances from the palm's middle along its y, shape (S,) [m].
 
         Returns:
@@ -91,7 +91,7 @@ class Fingers(abc.ABC):
         """Return the open hand.
 
         Args:
-            half_gap: Of the fingers' ends [m].
+            half_gap: Half of the gap between the fingers' ends [m].
         """
 
     @abc.abstractmethod
@@ -99,14 +99,14 @@ class Fingers(abc.ABC):
         """Return the hand that presses on something.
 
         Args:
-            width: Of the thing [m].
+            width: Width of the thing [m].
         """
 
     def wrapped(self, width: float) -> FingerState:
         """Return the hand that presses on a thing that it wraps; needs `wrap`.
 
         Args:
-            width: Of the thing [m].
+            width: Width of the thing [m].
 
         Raises:
             NotImplementedError: If the fingers have no `wrap`.
@@ -141,7 +141,7 @@ def lowest(points: Vector, offsets: Vector, floor: float) -> Vector:
     """Return how far down points of a hand reach at each offset.
 
     Args:
-        points: Of one finger, densely, `|y|` and x in the palm, shape (n, 2) [m].
+        points: Dense points of one finger, `|y|` and x in the palm, shape (n, 2) [m].
         offsets: Shape (S,), in equal steps [m].
         floor: Value where there is no point [m].
     """

@@ -32,7 +32,7 @@ class Patch:
     Attributes:
         p_W: Points that stand for parts of its area, shape (n, 3) [m].
         n_W: Unit normals there, into the object, shape (n, 3).
-        normal_force: Of each part, shape (n,) [N].
+        normal_force: Normal force of each part, shape (n,) [N].
         friction: Coefficient of the pair.
         f_W: The total force on the object, shape (3,) [N].
     """

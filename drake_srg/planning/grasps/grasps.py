@@ -85,7 +85,8 @@ class Grasp(abc.ABC):
         Args:
             X_WO: The object's pose in world [m]. Its turn about its axis does not
                 count unless `turn_counts`.
-            angle_tolerance: Of the object's axis in the hand [rad].
+            angle_tolerance: Tolerance of the angle of the object's axis in the hand
+                [rad].
         """
         axis_W = X_WO.rotation().matrix() @ self.axis_O
         axes = [AxisTarget(self.axis_G, axis_W, angle_tolerance)]
@@ -114,7 +115,7 @@ class Grasp(abc.ABC):
         """Return the pose of the object that the hand has set down on its goal [m].
 
         Args:
-            X_WG: Of the hand [m].
+            X_WG: Pose of the hand [m].
             X_WO_goal: The goal [m]. The object is turned about its axis as in the hand.
         """
         if self.across_O is None:
@@ -189,7 +190,7 @@ def pose_along(p: Vector, axis: Vector) -> RigidTransform:
 
     Args:
         p: Its position, shape (3,) [m].
-        axis: Of any length, shape (3,).
+        axis: Direction of the axis, of any length, shape (3,).
     """
     z = np.asarray(axis, dtype=float) / np.linalg.norm(axis)
     x = np.cross([0.0, 1.0, 0.0], z)
@@ -376,7 +377,7 @@ def place_target(
     """Return where the hand lets go.
 
     Args:
-        grasp: Of the object.
+        grasp: Grasp of the object.
         X_WO_goal: The goal's pose [m].
         height: Above the goal [m].
         tolerance: Passed to `Grasp.target`.

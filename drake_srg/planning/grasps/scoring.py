@@ -89,7 +89,7 @@ def face_of(distance: Vector, t: Vector) -> tuple[Vector, Vector, Vector]:
     """Return how much of pads touches things, where, and how the faces slant.
 
     Args:
-        distance: Of things from pads, shape (n, T) [m]; inf without a thing.
+        distance: Distance of things from pads, shape (n, T) [m]; inf without a thing.
         t: Positions across the pad, shape (T,) [m].
 
     Returns:
@@ -154,7 +154,7 @@ class Candidates:
         yaw: Direction of closing, shape (n,) [rad].
         tip: Height above the table of the lowest point that closing fingers reach,
             shape (n,) [m].
-        half_gap: Of the open fingers' ends, shape (n,) [m].
+        half_gap: Half of the gap between the open fingers' ends, shape (n,) [m].
         low: Where the thing begins along the closing direction, shape (n,) [m].
         high: Where it ends, shape (n,) [m].
         top: Height above the table of what is between the fingers, shape (n,) [m].
@@ -397,7 +397,7 @@ def _score(
     Args:
         tip: Height of the fingers' ends, shape (n,) [m].
         top: Height of the thing, shape (n,) [m].
-        width: Of the thing, shape (n,) [m].
+        width: Width of the thing, shape (n,) [m].
         lean: See `Candidates`.
         clear: Distance of the open hand from things, shape (n,) [m].
     """

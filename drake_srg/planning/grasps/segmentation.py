@@ -80,9 +80,9 @@ class Segmentation:
         Args:
             map_: The map.
             table: World z of the table [m].
-            least_height: Of a thing [m].
-            least_area: Of a thing as seen from above [m²]; twice that if the map is
-                noisy.
+            least_height: Least height of a thing [m].
+            least_area: Least area of a thing as seen from above [m²]; twice that if the
+                map is noisy.
         """
         unknown = np.isnan(map_.height)
         above = np.where(unknown, 0.0, map_.height - table).astype(np.float32)
@@ -205,7 +205,7 @@ def _sticking_out(
 
     Args:
         high: Where things are, shape (ny, nx).
-        width: In cells.
+        width: Width in cells.
     """
     core = _depth(high) > 0.5 * width
     if not core.any():

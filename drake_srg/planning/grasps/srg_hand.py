@@ -37,7 +37,7 @@ def opening_angle(half_width: float, depth: float) -> float | None:
     """Return the base angle at which straight fingers clear an object [rad].
 
     Args:
-        half_width: Of the object [m].
+        half_width: Half of the object's width [m].
         depth: Where the object begins in the palm's x [m].
 
     Returns:
@@ -126,7 +126,7 @@ def contact_angle(p: Vector, radius: float) -> float | None:
 
     Args:
         p: The circle's centre from the link's hinge, (x, y) of the left finger [m].
-        radius: Of the circle [m].
+        radius: Radius of the circle [m].
 
     Returns:
         None if the face does not meet the circle.
@@ -392,7 +392,8 @@ class SrgHand(Hand):
         Args:
             shape: The object's.
             up_O: Upwards in the object, shape (3,); nearly across its z.
-            tilt: Of the palm's x below the horizontal once the object stands [rad].
+            tilt: Angle of the palm's x below the horizontal once the object stands
+                [rad].
             squeeze: See the class [rad].
         """
         # The nearly level face of a box; a cylinder has none.
@@ -428,11 +429,11 @@ class SrgHand(Hand):
         """Return a grasp from above with the object's middle on the palm's x.
 
         Args:
-            name: Of the grasp.
-            tilt: Of the palm's x below the horizontal, the object upright [rad].
-            half_width: Of the object, along the palm's y [m].
-            half_height: Of the object, as it is taken [m].
-            lean: Of the palm's x from the vertical, as the object is taken [rad].
+            name: Name of the grasp.
+            tilt: Angle of the palm's x below the horizontal, the object upright [rad].
+            half_width: Half of the object's width, along the palm's y [m].
+            half_height: Half of the object's height, as it is taken [m].
+            lean: Angle of the palm's x from the vertical, as the object is taken [rad].
             squeeze: See the class [rad].
         """
         # Distance by which the object is nearer at the pads' edges than at the middle.
@@ -505,13 +506,13 @@ class SrgHand(Hand):
 
         Args:
             approach: Where the hand comes from.
-            tilt: Of the palm's x below the horizontal [rad].
+            tilt: Angle of the palm's x below the horizontal [rad].
             p_GO: The object's centre in the palm, shape (3,) [m].
             base: Base angle at contact [rad].
             tip: Tip angle at contact [rad].
             base_open: Base angle of the open hand [rad].
             closed: Base plus tip angle that the closed command asks for [rad].
-            name: Of the grasp.
+            name: Name of the grasp.
         """
         return SrgGrasp(
             name=name,

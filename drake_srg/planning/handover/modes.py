@@ -252,7 +252,7 @@ class Pull(_ReceiversTurn, Carrying):
         """Return the force at the giver's hand along the pull, since it began [N].
 
         Args:
-            memory: With the torques.
+            memory: Memory with the torques.
             q: Where the giver is, shape (N,) [rad].
         """
         torque = memory.torque - memory.torque_before

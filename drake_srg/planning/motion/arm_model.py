@@ -47,7 +47,7 @@ class ArmChain:
         """Return the chain of a plant's joints.
 
         Args:
-            joints: Of one degree of freedom each, from the base to the hand.
+            joints: Joints of one degree of freedom each, from the base to the hand.
             hand: The hand's frame.
             context: The plant's, with all angles of the arm at 0.
             reach: See the attribute.

@@ -325,8 +325,8 @@ class PlanningScene(ArmModel):
         Arm and gripper keep the same distances from them as from furniture.
 
         Args:
-            positions: Of all joints of model instances, by the instance's name, in the
-                order of the plant's positions, shape (n,) [rad or m].
+            positions: Positions of all joints of model instances, by the instance's
+                name, in the order of the plant's positions, shape (n,) [rad or m].
 
         Raises:
             RuntimeError: (Drake's) If a name is unknown.
@@ -396,7 +396,7 @@ def carried_drift(
 
     Args:
         scene: The arm and the gripper.
-        motion: Of the arm's joints [rad].
+        motion: Motion of the arm's joints [rad].
         p_GO: The object's origin in the hand [m], shape (3,).
         time: h/2 [s].
     """

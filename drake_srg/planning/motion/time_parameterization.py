@@ -33,8 +33,8 @@ class TimeParameterization(Protocol):
         Args:
             arm: The arm, with its payload.
             path: q(s), shape (N, 1) [rad]; it never stands still.
-            limits: What the motion must not exceed at the points of the grid. Between
-                them it may, a little.
+            limits: Limits of the motion at the points of the grid. Between them, the
+                motion may exceed them a little.
             grid: Increasing values of s, shape (K,), from the path's start to its end.
 
         Returns:

@@ -268,7 +268,7 @@ def time_optimal_trajectory(
     Args:
         scene: The scene in which the polyline is free, with the object in the hand.
         waypoints: The polyline, shape (K, N) [rad].
-        limits: What the motion must not exceed.
+        limits: Limits of the motion.
         parameterize: Finds the fastest motion along a path.
         rounding: How far the motion may leave the polyline [rad], everywhere or at
             each waypoint, shape (K,). For a path of `plan_cartesian_path`, 1e-3 keeps

@@ -57,7 +57,7 @@ class Sightings:
         """Return the most trustworthy blob of the object, None if it is not seen.
 
         Args:
-            view: What is seen.
+            view: Present view.
             rests: Tells whether the object may rest at a pose X_WO; a look-alike that
                 floats, or is in the table, is something else.
         """
@@ -72,7 +72,7 @@ class Sightings:
         """Return the object's blob nearest to where the object is believed to be.
 
         Args:
-            view: What is seen.
+            view: Present view.
             p_WO: Where the object is believed to be, shape (3,) [m].
         """
 
@@ -97,7 +97,7 @@ class Sightings:
         """Return the other objects and the obstacles that are seen.
 
         Args:
-            view: What is seen.
+            view: Present view.
             p_WO: Where the object's middle is believed to be, shape (3,) [m]. A
                 look-alike elsewhere is an obstacle; an obstacle around this place is
                 the object.

@@ -147,7 +147,7 @@ def image_displacement(
 
     Args:
         points: Image coordinates at focal length 1, shape (n, 2).
-        depths: Of the points [m], shape (n,).
+        depths: Depths of the points [m], shape (n,).
         goal_points: Where they must be, shape (n, 2).
         goal_depths: Their depths there [m], shape (n,).
         turns: Whether the camera may turn, or only move.
@@ -254,8 +254,8 @@ def joint_step(
 
     Args:
         q: Positions of the joints, shape (N,) [rad].
-        jacobian: Of the hand's twist [v; w], shape (6, N).
-        twist: What the hand must do, shape (6,) [m/s], [rad/s].
+        jacobian: Jacobian of the hand's twist [v; w], shape (6, N).
+        twist: Desired twist of the hand, shape (6,) [m/s], [rad/s].
         period: Duration of the step [s].
         least: Singular value of the Jacobian below which a direction is damped.
         speed: Largest joint speeds, shape (N,) [rad/s].

@@ -62,7 +62,7 @@ class HandOver:
     """A deviation from planned positions that fades away, critically damped.
 
     Attributes:
-        offset: Of the commands from the planned positions, shape (N,) [rad].
+        offset: Offset of the commands from the planned positions, shape (N,) [rad].
         rate: Its velocity, shape (N,) [rad/s].
     """
 
@@ -91,14 +91,14 @@ class Memory(Shared):
     """A servo's memory.
 
     Attributes:
-        status: What the servo reports.
+        status: Status that the servo reports.
         goal: The hand's goal; None before the first sighting.
         R_WG_goal: The hand's orientation at the goal.
-        twist: Of the hand, [v; w] in world, shape (6,) [m/s], [rad/s].
+        twist: Twist of the hand, [v; w] in world, shape (6,) [m/s], [rad/s].
         next_look: When the next image is due [s].
         taken: When the latest image was taken [s].
         heard: When it arrived, or before the first one, when the servo began [s].
-        frame: Of the latest image; None before the first one.
+        frame: Frame of the latest image; None before the first one.
         p_frame: Where the hand was when that image was new, shape (3,) [m].
         same: Number of images equal to it since.
         missed: Images in a row without a usable sighting.
@@ -167,7 +167,7 @@ class Memory(Shared):
         """Return the memory after an image, and whether it is an old one.
 
         Args:
-            frame: Of the image.
+            frame: Frame of the image.
             p_WG: Where the hand is, shape (3,) [m].
             config: How far the hand must have moved for an equal image to be an old
                 one.
@@ -205,7 +205,7 @@ class Memory(Shared):
         Args:
             X_WG: Where the hand was in the image [m].
             X_WG_goal: Where it must go [m].
-            time: Of the image [s].
+            time: Time of the image [s].
             config: Tolerances, and whether the goal moves.
         """
         p_goal = X_WG_goal.translation()

@@ -69,7 +69,7 @@ class ArmHistory(Shared):
     Attributes:
         stamps: When they were measured, by the arm's clock, increasing, shape (K,) [s].
         times: When they arrived, by ours, shape (K,) [s].
-        positions: Of the joints, shape (K, N) [rad].
+        positions: Positions of the joints, shape (K, N) [rad].
     """
 
     stamps: Vector = dc.field(default_factory=lambda: np.zeros(0))
@@ -88,7 +88,7 @@ class ArmHistory(Shared):
             stamp: When it was measured, by the arm's clock [s]; NaN: not known.
             time: When it arrived, by ours [s].
             q: The joints' positions, shape (N,) [rad].
-            span: How far back to remember [s].
+            span: Time for which to remember [s].
         """
         known = self if len(self.stamps) and stamp >= self.stamps[-1] else None
         if np.isnan(stamp) or (known is not None and stamp == known.stamps[-1]):
@@ -239,7 +239,7 @@ class Tracker(LeafSystem):
     """Base of the trackers; it declares their ports and finds the object's pixels.
 
     Args:
-        color: Of the object.
+        color: Colour of the object.
         camera: The camera's model.
         min_area: Smaller regions do not count [pixels].
         nothing: A sighting of nothing, of the type of the port `sighting`.
@@ -323,7 +323,7 @@ def fit_translation(
     least extent behind the middle of the points.
 
     Args:
-        points: In the camera's frame, shape (n, 3) [m].
+        points: Points in the camera's frame, shape (n, 3) [m].
         solid: The solid.
         R_CO: Its orientation in the camera.
 
@@ -375,7 +375,7 @@ class SurfaceTracker(Tracker):
     Args:
         solid: The object's shape.
         p_OS: Its centre in the object, to which it is parallel, shape (3,) [m].
-        color: Of the object.
+        color: Colour of the object.
         R_CO: The object's orientation in the colour imager.
         camera: The camera's model.
         min_area: Smaller regions do not count [pixels].
@@ -437,7 +437,7 @@ class SilhouetteTracker(Tracker):
     silhouette lies wholly within the image.
 
     Args:
-        color: Of the object.
+        color: Colour of the object.
         camera: The camera's model.
         min_area: Smaller regions do not count [pixels].
 

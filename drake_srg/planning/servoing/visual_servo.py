@@ -141,7 +141,7 @@ class VisualServo(LeafSystem):
         """Return the camera's goal, seen from where it is, X_CC_goal [m].
 
         Args:
-            sighting: What the camera shows.
+            sighting: Sighting in the camera's image.
 
         Returns:
             The pose, or why the image does not determine it.

@@ -59,7 +59,7 @@ class Node:
 
     Attributes:
         name: Its unique name.
-        parts: What it looks like.
+        parts: Its visible parts.
         tracks: Its motion, by property: translation, rotation, scale, weights.
         camera: A perspective camera in glTF's form; it looks along the node's -z.
         extras: Anything else in JSON.
