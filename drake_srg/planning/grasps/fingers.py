@@ -1,4 +1,4 @@
-"""Two fingers that take things from above, as the search for grasps sees them."""
+"""Two fingers that take things from above, as modelled by the search for grasps."""
 
 from __future__ import annotations
 
@@ -15,8 +15,8 @@ from drake_srg.types import Vector
 class Wrap:
     """A grasp from above around an object that is too wide for the pads.
 
-    The hand comes down fully open. Its base links come to lie on the top of the thing,
-    and the tips turn down around its upper edges.
+    The hand comes down fully open. Its base links touch the top of the thing, and the
+    tips turn down around its upper edges.
 
     Attributes:
         half_gap: Half of the gap between the open fingers' ends [m].
@@ -60,9 +60,9 @@ class Fingers(abc.ABC):
         max_width: Greatest width that they take [m].
         most_open: Half of the widest gap between their ends [m].
         pad_width: Extent of the pads along the palm's z [m].
-        palm_x: How far the palm reaches in its x [m].
+        palm_x: Extent of the palm along its x [m].
         palm_size: Extents of the palm along its y and z [m].
-        wrap: How they take what is wider; None: not at all.
+        wrap: The wrap for wider things; None: wider things are refused.
     """
 
     deepest: float
@@ -75,7 +75,7 @@ class Fingers(abc.ABC):
 
     @abc.abstractmethod
     def silhouette(self, half_gap: float, offsets: Vector) -> Vector:
-        """Return how far down the open hand reaches, seen along its pads.
+        """Return the lower outline of the open hand, seen along its pads.
 
         Args:
             half_gap: Half of the gap between the fingers' ends [m].
@@ -83,7 +83,7 @@ class Fingers(abc.ABC):
 
         Returns:
             Palm x of the hand's lowest point at each offset, shape (S,) [m]; -inf
-            where it is not.
+            beside the hand.
         """
 
     @abc.abstractmethod
@@ -118,7 +118,7 @@ class Fingers(abc.ABC):
         """Return whether closed fingers whose sensors fire hold a thing of some width.
 
         Args:
-            width: Expected between the pads [m].
+            width: Expected width between the pads [m].
             q: Measured angles of the gripper's joints, shape (n,) [rad].
             proximity: Readings of its sensors, shape (m,) [m].
         """
@@ -138,7 +138,7 @@ class Fingers(abc.ABC):
 
 
 def lowest(points: Vector, offsets: Vector, floor: float) -> Vector:
-    """Return how far down points of a hand reach at each offset.
+    """Return the lowest point of a hand at each offset, along the palm's x.
 
     Args:
         points: Dense points of one finger, `|y|` and x in the palm, shape (n, 2) [m].
