@@ -42,7 +42,7 @@ def scene_topics(
     Args:
         plant: The plant, finalized. It is not kept.
         inspector: Inspector of its scene graph.
-        port: Name of the input port that tells where the bodies are.
+        port: Name of the input port with the bodies' poses.
         model: The port's size or model value.
         period: Time between messages [s].
         to_poses: Returns the poses X_WB [m] of all bodies, in their order, from the
@@ -53,7 +53,7 @@ def scene_topics(
     fixed: list[tuple[str, str, Vector, list[Part]]] = []
     for index in map(BodyIndex, range(plant.num_bodies())):
         frame_id, body = plant.GetBodyFrameIdIfExists(index), plant.get_body(index)
-        # A body without geometry has no frame in the scene graph's eyes.
+        # A body without geometry has no frame in the scene graph.
         parts = frame_parts(inspector, frame_id) if frame_id is not None else []
         if not parts:
             continue
@@ -71,7 +71,7 @@ def scene_topics(
         return make(_TRANSFORMS, transforms=stamped)
 
     def markers(make: MakeMessage, time: float) -> Any:
-        if time >= 1.5 * period:  # only the first time: nothing of it changes
+        if time >= 1.5 * period:  # only at first, because nothing changes
             return None
         found = [
             _marker(make, time, name, number, frame, pose, part)
