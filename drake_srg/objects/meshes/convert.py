@@ -53,7 +53,7 @@ class Part:
         low: Least coordinates in L [m].
         high: Greatest coordinates in L [m].
         source: The geometry, for its contact properties.
-        fit: How well pieces stand for their mesh; None for a primitive.
+        fit: Fit of the pieces to their mesh; None for a primitive.
         cut: Whether CoACD made them.
     """
 
@@ -71,7 +71,7 @@ class MeshReader:
     """Reads each mesh of an object once.
 
     Args:
-        warnings: Receives what is mended.
+        warnings: Receives the mended defects.
     """
 
     def __init__(self, warnings: list[str]) -> None:
@@ -182,13 +182,13 @@ def unit_density(shape: Shape) -> SpatialInertia:
 
 
 REPORT, MODEL = "import.json", "model.sdf"
-DENSITY = 500.0  # where no mass is known: packed food, half as dense as water [kg/m³]
+DENSITY = 500.0  # of objects without a mass, as of packed food [kg/m³]
 _GREY = (0.7, 0.7, 0.7)
 # Moments of inertia that differ from the geometry's by more than this factor are
 # placeholders.
 _PLAUSIBLE = 5.0
-_CREASE = 0.7  # edges of larger angles look sharp [rad]
-# Advice where more pieces would not help.
+_CREASE = 0.7  # edges with larger angles look sharp [rad]
+# Advice if more pieces would not help.
 _ROUND = (
     f"each piece has {MOST_CORNERS} corners at most; a sphere or a cylinder of an SDF "
     "is exact"
@@ -206,8 +206,8 @@ class Report:
         volume: Volume of its meshes, or of the pieces of open ones [m³].
         pieces: Number of collision geometries.
         cut: Whether CoACD made some of them.
-        excess: How far pieces stand out of their mesh [m].
-        gap: How far meshes stand out of their pieces [m].
+        excess: Largest distance of the pieces' surface outside their mesh [m].
+        gap: Largest distance of the meshes outside their pieces [m].
         warnings: Defects that were mended, and assumptions.
     """
 
@@ -301,9 +301,9 @@ def convert(contents: Contents, most: int, folder: Path) -> None:
 def _origin(
     parts: Sequence[Part], low: Vector, high: Vector, warnings: list[str]
 ) -> Vector:
-    """Return where the object's origin is in the link, p_LO (3,) [m].
+    """Return the object's origin in the link, p_LO (3,) [m].
 
-    It is in the middle of a single primitive, and otherwise underneath the object.
+    It is in the middle of a single primitive, otherwise underneath the object.
     """
     if len(parts) == 1 and not isinstance(parts[0].shapes[0], np.ndarray):
         X_LG = parts[0].X_LG
@@ -329,9 +329,9 @@ def _inertia(
 
     Args:
         contents: Contents of the file, which may have one.
-        volume: That of the geometry at 1 kg/m³.
+        volume: Inertia of the geometry at 1 kg/m³.
         bounds: Least and greatest coordinates of the geometry.
-        warnings: Receives what is replaced or assumed.
+        warnings: Receives replacements and assumptions.
     """
     mass = contents.mass
     if mass is None:
@@ -382,7 +382,7 @@ def AddVisuals(
         contents: Contents of the link.
         reader: Reader of its meshes.
         p_LO: The element's origin in the link [m], shape (3,).
-        folder: For the meshes.
+        folder: Folder for the meshes.
         name: Start of the names of visuals and files.
     """
     count = 0

@@ -334,7 +334,8 @@ class Slide(Inserting):
     def enter(self, memory: PlannerMemory, entry: Entry) -> PlannerMemory:
         """Record the rim's height, where the tip's side away from the wall rests.
 
-        The edge in the hole is lower by the tilt times the chord between the two.
+        The edge in the hole is lower by the chord between the two times the tilt's
+        tangent.
         """
         memory = super().enter(memory, entry)
         config, r, tip = self.task.config, self.task.radius, insertion_of(memory)
