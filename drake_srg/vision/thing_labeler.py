@@ -104,10 +104,10 @@ def solid_mask(
     """
     mask = things(height_map, table)
     radius = 0.5 * float(np.linalg.norm(solid.bounding_size)) + _ON_SURFACE
-    middles: Vector = height_map.centers()
-    away = np.linalg.norm(middles - X_WC.translation()[:2], axis=-1)
+    centers: Vector = height_map.centers()
+    away = np.linalg.norm(centers - X_WC.translation()[:2], axis=-1)
     mask &= away < radius
-    p_W = np.column_stack([middles[mask], height_map.height[mask]])
+    p_W = np.column_stack([centers[mask], height_map.height[mask]])
     p_C = (p_W - X_WC.translation()) @ X_WC.rotation().matrix()
     distance, _ = signed_distance(solid, p_C)
     mask[mask] = np.abs(distance) < _ON_SURFACE

@@ -122,11 +122,11 @@ class Destination:
         """
         across = int(np.argmin(self.high - self.low))
         lanes = [self._spot(height_map, across, side) for side in (-_LANE, _LANE)]
-        middles = [
+        places = [
             self._spot(height_map, 1 - across, side, around=True)
             for side in (0.0, -_SPOT, _SPOT)
         ]
-        return Spots(_emptier_first(lanes), _emptier_first(middles))
+        return Spots(_emptier_first(lanes), _emptier_first(places))
 
     def _spot(
         self,

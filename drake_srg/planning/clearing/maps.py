@@ -312,7 +312,7 @@ def highest_near(height_map: HeightMap, p_W: Vector, radius: float) -> float:
 def thing_at(
     height_map: HeightMap, table: float, p_W: Vector, step: float = np.inf
 ) -> Vector:
-    """Return the middles of the cells of the thing at a place, shape (n, 2) [m].
+    """Return the centres of the cells of the thing at a place, shape (n, 2) [m].
 
     Things that touch count as one, unless a step in height separates them. If the map
     shows nothing near, or only steps, the result is the place itself.
@@ -329,9 +329,9 @@ def thing_at(
     joined = np.asarray(cv2.morphologyEx(found, cv2.MORPH_CLOSE, _GAP))
     high = (joined > 0) & (steps < step)
     _, labels = cv2.connectedComponents(high.astype(np.uint8), connectivity=8)
-    middles, place = height_map.centers(), np.asarray(p_W, dtype=float)[:2]
-    away = np.where(high, np.linalg.norm(middles - place, axis=-1), np.inf)
+    centers, place = height_map.centers(), np.asarray(p_W, dtype=float)[:2]
+    away = np.where(high, np.linalg.norm(centers - place, axis=-1), np.inf)
     if away.min() > _FORK:
         return place[np.newaxis]
-    cells: Vector = middles[labels == labels.flat[away.argmin()]]
+    cells: Vector = centers[labels == labels.flat[away.argmin()]]
     return cells

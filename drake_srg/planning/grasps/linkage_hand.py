@@ -45,7 +45,7 @@ _END, _TIP, _BACK, _FRONT = 0.0094, 0.0085, 0.020, 0.016
 # Box from the palm's origin that contains the hand where the pads do not reach [m].
 _PALM_X, _PALM_HALF_WIDTH, _PALM_HALF_HEIGHT = 0.040, 0.030, 0.0145
 # Crank angle by which a held thing must differ from an empty hand [rad].
-_TELLABLE = 0.03
+_DETECTABLE = 0.03
 
 
 def crank_angle(half_gap: float) -> float:
@@ -123,7 +123,7 @@ class LinkageFingers(Fingers):
 
     def detectable(self, width: float) -> bool:
         """Return whether joint angles reveal a held thing of a width [m]."""
-        return EMPTY_ANGLE - crank_angle(0.5 * width) > _TELLABLE
+        return EMPTY_ANGLE - crank_angle(0.5 * width) > _DETECTABLE
 
 
 @dc.dataclass(frozen=True)

@@ -107,10 +107,10 @@ class Segmentation:
 
         Every part of a thing is within `apart` [m] of one of its places.
         """
-        middles, found = self.map.centers(), []
+        centers, found = self.map.centers(), []
         for thing in self.things:
             rows, columns = thing.cells.T
-            points = middles[rows, columns]
+            points = centers[rows, columns]
             nearest = np.linalg.norm(points - thing.middle, axis=1)
             at = int(np.argmin(nearest))
             distances = np.full(len(points), np.inf)

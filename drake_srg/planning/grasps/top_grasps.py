@@ -243,9 +243,9 @@ class HeightMapGrasps:
             x, y of the palm's axis in world, shape (n, 2) [m], and directions of
             closing, shape (n,) [rad].
         """
-        middles = segments.map.centers()
+        centers = segments.map.centers()
         points = [thing.middle for thing in segments.things]
-        parts = [middles[tuple(thing.cells.T)] for thing in segments.things]
+        parts = [centers[tuple(thing.cells.T)] for thing in segments.things]
         if self._reach is not None:
             parts = [part[self._reach.contains(part)] for part in parts]
         total = sum(map(len, parts))

@@ -63,13 +63,13 @@ class HandoverReplanner(Replanner):
         self._beside = planner.receiver_beside if receiver else planner.giver_beside
 
     def correct(self, view: View, memory: PlannerMemory, time: float) -> None:
-        """See `Replanner`."""
+        """Find the object's pose in the hand, and plan the rest from there."""
         q, fingers = _stance(memory_of(memory).other)
         with self._beside(q, fingers):
             super().correct(view, memory, time)
 
     def escape(self, memory: PlannerMemory, time: float) -> None:
-        """See `Replanner`."""
+        """Plan a retreat from here, and home; if there is none, the arm is trapped."""
         q, fingers = _stance(memory_of(memory).other)
         with self._beside(q, fingers):
             super().escape(memory, time)

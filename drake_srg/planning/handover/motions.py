@@ -96,7 +96,7 @@ class GivingHand(Hand):
     def grasps(
         self, shape: Solid, X_WO: RigidTransform, firmness: float = 1.0
     ) -> list[Grasp]:
-        """See `Hand`."""
+        """Return the grasps from above, by less of the pads; see `Hand`."""
         found = self._hand.grasps(shape, X_WO, firmness)
         farther = np.array([_LESS, 0.0, 0.0])
         return [

@@ -207,7 +207,7 @@ class HandoverPlanner(PlannerMachine[PlannerMemory, Senses]):
             self.DeclareVectorInputPort(name=f"{name}.external_torque", size=n)
 
     def commands(self, memory: PlannerMemory, arm: str) -> tuple[Motion, float]:
-        """See `PlannerMachine`."""
+        """Return the motion and the commanded closure of an arm, by its name."""
         return memory_of(memory).commands(arm)
 
     def sense(self, context: Context) -> Senses:

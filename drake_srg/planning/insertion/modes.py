@@ -291,11 +291,11 @@ class Tilt(Inserting):
         return 3.0 * self.task.config.tip_speed
 
     def turn_to(self, tip: Insertion) -> float:
-        """See `Inserting`."""
+        """Return the tilt to which the set-point turns [rad]."""
         return self.task.tilt
 
     def pull_to(self, tip: Insertion, time: float) -> Vector:
-        """See `Inserting`."""
+        """Return the place above the hole, with one edge inside the rim, (3,) [m]."""
         assert tip.X_WU is not None
         config, r = self.task.config, self.task.radius
         aside = r - self.task.inset - r * np.cos(self.task.tilt)
@@ -304,7 +304,7 @@ class Tilt(Inserting):
         return tip.X_WU.translation() + aside * tip.along + up * _UP + across
 
     def observe_tip(self, tip: Insertion, time: float) -> Observation:
-        """See `Inserting`."""
+        """Report that the peg is in place and tilted, or late."""
         there = np.linalg.norm(self.pull_to(tip, time) - tip.X_WT.translation()) < 5e-4
         turned = abs(self.turn_to(tip) - tip.angle) < 1e-3
         late = time - tip.progress_at > _LATE
@@ -317,12 +317,12 @@ class Search(Inserting):
     mode = InsertMode.SEARCH
 
     def pull_to(self, tip: Insertion, time: float) -> Vector:
-        """See `Inserting`."""
+        """Return the set-point that pulls the tip straight down, (3,) [m]."""
         lower = self.forward(tip, self.task.config.search_force)
         return np.array([*tip.X_WT.translation()[:2], lower[2]])
 
     def observe_tip(self, tip: Insertion, time: float) -> Observation:
-        """See `Inserting`."""
+        """Report that the tip rests."""
         return Observation(arrived=self.stalled(tip, time))
 
 
@@ -346,18 +346,18 @@ class Slide(Inserting):
         return memory
 
     def pull_to(self, tip: Insertion, time: float) -> Vector:
-        """See `Inserting`."""
+        """Return the set-point that pulls down, to the wall and across, (3,) [m]."""
         config = self.task.config
         wiggle = _DITHER * np.sin(2.0 * np.pi * _FREQUENCY * time)
         across = wiggle * np.cross(_UP, tip.along)
         return self.forward(tip, config.search_force, config.side_force) + across
 
     def progress(self, tip: Insertion) -> float:
-        """See `Inserting`."""
+        """Return the tip's way to the wall [m]."""
         return float((tip.p - tip.began) @ self.task.wall(tip))
 
     def observe_tip(self, tip: Insertion, time: float) -> Observation:
-        """See `Inserting`.
+        """Report that the edge has sunk at the wall, or that there is no hole.
 
         At the wall, the edge sinks into the hole. The hand may creep on, because the
         peg turns between the pads.
@@ -394,7 +394,7 @@ class Spiral(Inserting):
         return float(np.sqrt(length * self.task.config.spiral_pitch / np.pi))
 
     def pull_to(self, tip: Insertion, time: float) -> Vector:
-        """See `Inserting`."""
+        """Return the point of the spiral, with a pull down, (3,) [m]."""
         config, r = self.task.config, self.radius(tip, time)
         angle = 2.0 * np.pi * r / config.spiral_pitch
         down = self.forward(tip, config.side_force)[2]
@@ -402,7 +402,7 @@ class Spiral(Inserting):
         return np.array([*middle, down])
 
     def observe_tip(self, tip: Insertion, time: float) -> Observation:
-        """See `Inserting`."""
+        """Report that the peg has fallen into the hole, or that there is no hole."""
         if tip.rim - tip.p[2] > _FALLEN:
             return Observation(arrived=True)
         if self.radius(tip, time) < self.task.config.spiral_radius:
@@ -417,16 +417,16 @@ class Upright(Inserting):
     mode = InsertMode.UPRIGHT
 
     def turn_to(self, tip: Insertion) -> float:
-        """See `Inserting`."""
+        """Return the tilt to which the set-point turns [rad]."""
         return _PAST
 
     def pull_to(self, tip: Insertion, time: float) -> Vector:
-        """See `Inserting`."""
+        """Return the set-point that pulls down and to the wall, (3,) [m]."""
         config = self.task.config
         return self.forward(tip, config.search_force, config.side_force, held=True)
 
     def observe_tip(self, tip: Insertion, time: float) -> Observation:
-        """See `Inserting`."""
+        """Report that the hole guides the peg, or that the hand is upright."""
         entered = tip.rim - tip.p[2] > _ENTERED and tip.angle < _NEARLY
         return Observation(arrived=bool(entered or abs(tip.angle - _PAST) < 1e-3))
 
@@ -444,7 +444,7 @@ class Press(Inserting):
         return memory
 
     def pull_to(self, tip: Insertion, time: float) -> Vector:
-        """See `Inserting`."""
+        """Return the set-point that pulls down, (3,) [m]."""
         return self.forward(tip, self.task.config.push_force, held=True)
 
     def twist_to(self, tip: Insertion, time: float) -> Vector:
@@ -460,7 +460,7 @@ class Press(Inserting):
         return np.array([*wobble, turn])
 
     def stalled(self, tip: Insertion, time: float) -> bool:
-        """See `Inserting`; a peg with a key is turned once to both sides first."""
+        """Return whether the peg rests, with its key turned once to both sides."""
         twists = self.task.config.twist and not self._deep(tip)
         return time - tip.progress_at > _PATIENCE + (_TWISTING if twists else 0.0)
 
@@ -469,7 +469,7 @@ class Press(Inserting):
         return tip.rim - float(tip.p[2]) >= config.depth - config.depth_tolerance
 
     def observe_tip(self, tip: Insertion, time: float) -> Observation:
-        """See `Inserting`."""
+        """Report that the peg is seated, or why it goes no deeper."""
         config, depth = self.task.config, tip.rim - float(tip.p[2])
         # A hand deeper than the hole has slipped along a resting peg.
         slips = depth > config.depth + config.depth_tolerance
@@ -504,15 +504,15 @@ class Withdraw(Inserting):
         return memory
 
     def turn_to(self, tip: Insertion) -> float:
-        """See `Inserting`."""
+        """Return the tilt to which the set-point turns [rad]."""
         return 0.0
 
     def pull_to(self, tip: Insertion, time: float) -> Vector:
-        """See `Inserting`."""
+        """Return the place above the tip, at the hover height, (3,) [m]."""
         return np.array([*tip.p[:2], tip.rim + self.task.config.hover])
 
     def progress(self, tip: Insertion) -> float:
-        """See `Inserting`."""
+        """Return the tip's height [m]."""
         return float(tip.p[2])
 
     def observe_mode(self, memory: PlannerMemory, now: Now) -> Observation:
@@ -531,7 +531,7 @@ class Withdraw(Inserting):
         return dc.replace(seen, failure=failure)
 
     def observe_tip(self, tip: Insertion, time: float) -> Observation:
-        """See `Inserting`."""
+        """Report that the tip is above the rim, or that it rests."""
         high = tip.p[2] > tip.rim + 0.5 * self.task.config.hover
         return Observation(arrived=bool(high) or self.stalled(tip, time))
 
