@@ -153,7 +153,7 @@ class ProximityConfig(FingerSensorConfig):
 
 
 class ProximitySensors(LeafSystem):
-    """Measures signed distances from finger links to whatever is near them.
+    """Measures signed distances from finger links to things near them.
 
     .. pydrake_system::
 

@@ -103,7 +103,7 @@ class MinimumJerkReference(LeafSystem):
     (2n), [q; v].
 
     Args:
-        initial_position: Where it rests without `state_measured`, shape (n,) [rad].
+        initial_position: Rest position without `state_measured`, shape (n,) [rad].
         config: Limits of the motion.
     """
 

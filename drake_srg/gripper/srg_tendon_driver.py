@@ -88,7 +88,7 @@ class SpoolCommand(LeafSystem):
     `torque_desired` (1), a fraction of the torque at full PWM. The torque is NaN while
     the motor follows the angle. Commands, the strongest first:
 
-    * `hold` (1): while nonzero, the hand stays as it is. If one of the sensors,
+    * `hold` (1): while nonzero, the hand keeps its state. If one of the sensors,
       `triggered` (4), fired when the hold began, the target (or a torque that winds the
       spool) stays, and with it the grip. Otherwise, the spool keeps its angle at that
       time, from `motor_state` (2).

@@ -126,7 +126,7 @@ class CellPlanner(LeafSystem):
         )
 
     def begin(self, estimate: Vector) -> Any:
-        """Return what is remembered of the attempt at an object.
+        """Return the memory of an attempt at an object.
 
         Args:
             estimate: Its seen pose, [x, y, z, yaw] of its centre in world, shape (4,)
@@ -270,7 +270,7 @@ class GraspPlanner(CellPlanner):
         self._act = act
 
     def begin(self, estimate: Vector) -> _GraspAttempt:
-        """Return what is remembered of the attempt at an object."""
+        """Return the memory of an attempt at an object."""
         action = checked(self._act(one_shot_state(self.shape)))
         return _GraspAttempt(grasp_of(action, estimate, self.table))
 
@@ -393,7 +393,7 @@ class PolicyPlanner(CellPlanner):
         }
 
     def begin(self, estimate: Vector) -> _PolicyAttempt:
-        """Return what is remembered of the attempt at an object."""
+        """Return the memory of an attempt at an object."""
         return _PolicyAttempt(estimate, self._workspace.start)
 
     def act(

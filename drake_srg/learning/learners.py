@@ -135,7 +135,7 @@ class _Rounds:
         self._rng = default_rng(run)
 
     def advance(self, steps: int) -> list[bool]:
-        """Run at least so many steps; returns the success of each episode."""
+        """Run at least a number of steps; return the success of each episode."""
         end, done = self.steps + steps, []
         while self.steps < end:
             seed = training_seed(self._run, self.episodes)
@@ -401,7 +401,7 @@ class SacRounds:
         self.done: list[bool] = []
 
     def advance(self, steps: int) -> list[bool]:
-        """Run at least so many steps; returns the success of each episode."""
+        """Run at least a number of steps; return the success of each episode."""
         self.done = []
         begun = self._model.num_timesteps == 0
         # Validation has used the environment meanwhile, so the last episode is over.

@@ -81,7 +81,7 @@ class BlobLocalizer(LeafSystem):
     reads the blobs.
 
     Args:
-        targets: What to look for, by unique names.
+        targets: The objects to look for, by unique names.
         cameras: Camera name to its model.
         min_area: Smaller blobs are dropped [pixels].
         min_quality: Uncertain blobs are dropped if a smaller share of their outline is
@@ -244,7 +244,7 @@ def localize(
     """Return the blobs of targets in the images of one camera, without a diagram.
 
     Args:
-        targets: What to look for, by unique names.
+        targets: The objects to look for, by unique names.
         color: RGB or RGBA, shape (height, width, 3 or 4).
         depth: Floats [m] or whole numbers of 16 bits [mm], shape (height, width) or
             (height, width, 1). 0 is too near; inf, or 65535, is too far.

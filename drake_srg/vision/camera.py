@@ -35,7 +35,7 @@ class CameraModel:
         depth: Intrinsics of the depth image; None for those of the colour image.
         X_BC: Pose of the colour imager in the body.
         X_BD: Pose of the depth imager in the body; None for `X_BC`.
-        pixel_center: Where pixel (0, 0) is sampled [pixels]. Drake's renderers sample
+        pixel_center: Sampling point of pixel (0, 0) [pixels]. Drake's renderers sample
             at 0.5. OpenCV's calibrations assume 0.
     """
 

@@ -41,7 +41,7 @@ def guess_pieces(
 
     Args:
         shape: The solid.
-        view: Where it is. At least three pixels of the blob have depth.
+        view: The view of its blob. At least three pixels of the blob have depth.
         upright: Whether its z points upwards. Otherwise, it rests on any face.
     """
     points = _some_points(view)
@@ -157,7 +157,7 @@ def guess_upright(shape: Cylinder | Box | ConvexPieces, view: View) -> RigidTran
 
     Args:
         shape: The solid.
-        view: Where it is. At least three pixels of the blob have depth.
+        view: The view of its blob. At least three pixels of the blob have depth.
     """
     points = view.seen
     if isinstance(shape, Box):
@@ -181,7 +181,7 @@ def guess_poses(shape: Solid, view: View) -> list[RigidTransform]:
 
     Args:
         shape: The solid.
-        view: Where it is. At least three pixels of the blob have depth.
+        view: The view of its blob. At least three pixels of the blob have depth.
     """
     points = view.seen
     middle = points.mean(axis=0)

@@ -93,7 +93,7 @@ def height_map(
 
     Args:
         clouds: Points that each camera sees, in world [m], shape (n, 3) each.
-        surface: Where to look.
+        surface: The surface to map.
         resolution: Width of a cell [m].
         max_height: Greatest height of a thing above the surface [m].
         ignored: Parts of the surface that stay unknown, such as those under furniture.

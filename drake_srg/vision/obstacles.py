@@ -58,8 +58,7 @@ class ObstacleFinder(LeafSystem):
 
     Args:
         cameras: Camera name to its model.
-        surfaces: Where to look. The surface that the robot stands on should not be
-            among them.
+        surfaces: The surfaces to search, without the one on which the robot stands.
         known: Shapes of the known objects, by the names in their blobs.
         max_height: Greatest height of an obstacle above its surface [m].
         min_height: Least height [m]. A marker on a table is not in the way.

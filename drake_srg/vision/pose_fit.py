@@ -65,10 +65,10 @@ def align(
     Args:
         shape: The solid.
         X_WO: First guess.
-        view: Where to look. The blob must have depth.
+        view: The view. Its blob must have depth.
         softnesses: Softness of the outline in each stage [pixels], from the error of
             the first guess to a fraction of a pixel; at least one.
-        upright: Whether to keep the solid's z as it is.
+        upright: Whether the solid's z is fixed.
     """
     radius = 0.5 * float(np.linalg.norm(shape.bounding_size))
     pixel = float(np.linalg.norm(X_WO.translation() - view.origin)) / view.focal[0]

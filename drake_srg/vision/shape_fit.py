@@ -180,7 +180,7 @@ class Start:
 
     Attributes:
         X_WO: The pose.
-        upright: Whether the solid's z stays as it is.
+        upright: Whether the solid's z is fixed.
         has_rival: Whether a far turned pose explains the view nearly as well.
     """
 

@@ -397,7 +397,7 @@ def look(
     Args:
         shape: The solid.
         X_WO: Its assumed pose.
-        view: Where to look. The blob must have depth.
+        view: The view. Its blob must have depth.
         margin: How far beyond the outline to look [pixels].
         doubt: Possible error of the pose, and thus of the points' distance to the
             surface [m].

@@ -132,7 +132,7 @@ class KnownThing:
 
 
 class ThingLabeler(LeafSystem):
-    """Labels the cells of a height map by what they belong to.
+    """Labels the cells of a height map by their objects.
 
     A label is an object's name, a colour, or `all`: everything on the table. The first
     label that fits a cell counts. Names come from the poses that a localizer finds: a

@@ -108,7 +108,7 @@ class JointLimits:
     def fault(
         self, q: Vector, step: Vector, last_step: Vector, stopped: Vector
     ) -> StopReason:
-        """Return what is wrong with a command, if anything.
+        """Return the fault of a command, if any.
 
         Args:
             q: Its positions, shape (N,) [rad or m].
@@ -193,7 +193,7 @@ class ToolLimits:
         return cls(position, period * speed, np.array(box.min), np.array(box.max))
 
     def fault(self, p_WT: Vector, last: Vector, stopped: Vector) -> StopReason:
-        """Return what is wrong with a command, if anything.
+        """Return the fault of a command, if any.
 
         Args:
             p_WT: The tool's position in world [m].

@@ -129,7 +129,7 @@ class SafetyMonitor(LeafSystem):
     commands. All state is discrete.
 
     Args:
-        home: Where the commands begin, shape (N,) [rad or m].
+        home: Start of the commands, shape (N,) [rad or m].
         limits: Limits of the joints.
         config: All other limits and times.
         period: The control period [s].
@@ -329,7 +329,7 @@ def AddSafetyMonitor(
     Args:
         builder: Builder of the diagram.
         models_plant: A finalized plant with the arm and its hand.
-        home: Where the commands begin, shape (N,) [rad or m].
+        home: Start of the commands, shape (N,) [rad or m].
         config: The limits.
         period: Period of the arm's driver [s].
         arm: Name of the arm's model instance.

@@ -390,7 +390,7 @@ class ChoosingPlanner(PickPlanner):
     def route(
         self, grasp: TopGrasp, height_map: HeightMap
     ) -> tuple[int, ClearingMotions] | None:
-        """Return the label of what a grasp takes, and the motions to its place."""
+        """Return the label of a grasp's thing, and the motions to its place."""
         label = label_of(grasp, height_map, self._table)
         return None if label < 0 else (label, self._by_label[label])
 

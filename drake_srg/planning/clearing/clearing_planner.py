@@ -313,7 +313,7 @@ class Release(ClearingMode):
     mode = Mode.RELEASE
 
     def enter(self, memory: ClearingMemory, entry: Entry) -> ClearingMemory:
-        """Let go, judge the pick by what is seen, and plan the next one.
+        """Let go, judge the pick by the map, and plan the next one.
 
         To drop a load, the hand opens fully: the load may have slipped up to where the
         fingers are closer to each other. To set one down, it does not, because there

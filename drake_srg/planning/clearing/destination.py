@@ -94,7 +94,7 @@ class Destination:
         """Return where things that lie in a bin stick out over its rim, (ny, nx).
 
         Args:
-            height_map: Height map of the bin and what is around it.
+            height_map: Height map of the bin and its surroundings.
         """
         result = np.zeros(height_map.height.shape, bool)
         if self.rim is None:

@@ -316,7 +316,7 @@ class Risen:
         """Return what has risen between two maps.
 
         Args:
-            destination: Where loads belong.
+            destination: The destination.
             before: The map before.
             after: The map now.
         """

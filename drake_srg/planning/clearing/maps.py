@@ -128,7 +128,7 @@ def volume_taken(before: HeightMap, after: HeightMap, p_W: Vector) -> float:
     Args:
         before: The map before.
         after: The map now.
-        p_W: Where it was grasped, shape (2 or 3,) [m].
+        p_W: Place of the grasp, shape (2 or 3,) [m].
     """
     return float(np.sum(_taken(before, after, p_W))) * after.resolution**2
 
@@ -151,7 +151,7 @@ def has_come(
         earlier: The least heights of earlier maps; see `lowest`.
         before: The map with the thing.
         after: The map without it.
-        p_W: Where it was grasped, shape (2 or 3,) [m].
+        p_W: Place of the grasp, shape (2 or 3,) [m].
     """
     taken = np.clip(_taken(before, after, p_W), 0.0, None)
     come = np.clip(-fallen(earlier, before), 0.0, taken)

@@ -301,7 +301,7 @@ class ClearingMotions(abc.ABC):
         """Plan from `q_start` to a grasp, and with its load to the destination.
 
         Args:
-            q_start: Where the arm is, at rest, shape (N,) [rad].
+            q_start: Posture of the arm, at rest, shape (N,) [rad].
             grasp: The grasp.
             height_map: Height map of the table; motions keep clear of the things on it.
             number: Number of loads that were dropped before. Only bins use it and the
@@ -352,7 +352,7 @@ class ClearingMotions(abc.ABC):
         """Return the motions with a load, which is lifted by `least` [m] or more.
 
         Args:
-            q_grasp: Where the arm is, shape (N,) [rad].
+            q_grasp: Posture of the arm, shape (N,) [rad].
             grasp: The grasp.
             load: The load.
             least: The least height [m].
@@ -451,7 +451,7 @@ class ClearingMotions(abc.ABC):
         """Plan up and over the bin from where something has stopped the hand.
 
         Args:
-            q_start: Where the arm is, at rest, shape (N,) [rad].
+            q_start: Posture of the arm, at rest, shape (N,) [rad].
             fingers: Angles of the open gripper's joints by name [rad].
         """
         moves = self._moves
@@ -474,7 +474,7 @@ class ClearingMotions(abc.ABC):
         """Plan straight up to where the palm is `_ABOVE` above a world z [m].
 
         Args:
-            q_start: Where the arm is, at rest, shape (N,) [rad].
+            q_start: Posture of the arm, at rest, shape (N,) [rad].
             fingers: Angles of the open gripper's joints by name [rad].
             palm: The height [m].
         """

@@ -78,9 +78,9 @@ def best_push(
     Space out of reach does not count, so a heap at the edge is pushed inwards.
 
     Args:
-        segments: What stands on the table.
+        segments: The segmented map of the table.
         table: Height of the table [m].
-        reach: Where the hand can be; None for everywhere.
+        reach: Reach of the hand; None for everywhere.
         tried: Pushes that did not help; similar ones are left out.
     """
     for thing in sorted(segments.things, key=lambda t: -t.top):
@@ -135,7 +135,7 @@ def _reaches_below(segments: Segmentation, thing: Thing, height: float) -> bool:
     """Return whether a heap has a part below a height that is wider than an edge.
 
     Args:
-        segments: What stands on the table.
+        segments: The segmented map of the table.
         thing: The heap.
         height: Above the table [m].
     """
@@ -178,7 +178,7 @@ class PushMotions:
         q_over: Posture high over the bin, shape (N,) [rad].
         fingers: The gripper's fingers.
         table: Height of the table [m].
-        reach: Where the hand can be; None for everywhere.
+        reach: Reach of the hand; None for everywhere.
         segment: Returns what stands on the table according to a height map.
         period: Period of the planner [s]; None: the arm rests between all motions.
     """
@@ -207,7 +207,7 @@ class PushMotions:
         """Plan to a heap, through its top, and over the bin; None if there is no way.
 
         Args:
-            q_start: Where the arm is, at rest, shape (N,) [rad].
+            q_start: Posture of the arm, at rest, shape (N,) [rad].
             height_map: Height map of the table.
             tried: See `best_push`.
         """

@@ -319,7 +319,7 @@ class GraspSearch:
         """Return the candidate of a grasp that holds its object.
 
         Args:
-            q_grasp: Where the arm is, shape (N,) [rad].
+            q_grasp: Posture of the arm, shape (N,) [rad].
             grasp: The grasp.
             shape: The object's shape.
             X_WO_goal: The goal's pose [m].

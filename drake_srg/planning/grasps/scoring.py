@@ -127,7 +127,7 @@ def lean_of(
         strip: Heights along the closing direction, shape (n, S) [m].
         tip: Height of the fingers' ends, shape (n,) [m].
         top: Height of the thing, shape (n,) [m].
-        end: Where the thing ends, shape (n,) [m].
+        end: End of the thing, shape (n,) [m].
         inwards: Direction from the end to the thing's inside, 1 or -1.
         step: Distance between the samples, the middle one of which is at 0 [m].
         noise: Standard deviation of the heights [m].
@@ -159,8 +159,8 @@ class Candidates:
         tip: Height above the table of the lowest point that closing fingers reach,
             shape (n,) [m].
         half_gap: Half of the gap between the open fingers' ends, shape (n,) [m].
-        low: Where the thing begins along the closing direction, shape (n,) [m].
-        high: Where it ends, shape (n,) [m].
+        low: Start of the thing along the closing direction, shape (n,) [m].
+        high: End of the thing, shape (n,) [m].
         top: Height above the table of the thing between the fingers, shape (n,) [m].
         lean: How far its flanks lean inwards, as a tangent, shape (n,).
         score: Higher is better, shape (n,).
@@ -224,7 +224,7 @@ class TopGraspJudge(abc.ABC):
         """Return the best candidate at each place, or nearby.
 
         Args:
-            segments: What stands on the table.
+            segments: The segmented map of the table.
             p_W: x, y of the palm's axis in world, shape (n, 2) [m].
             yaw: Direction of closing, shape (n,) [rad].
         """
@@ -305,7 +305,7 @@ def sample(
     """Return heights below hands, at offsets along the closing and across it.
 
     Args:
-        segments: What stands on the table.
+        segments: The segmented map of the table.
         p_W: x, y of the palm's axis in world, shape (n, 2) [m].
         yaw: Direction of closing, shape (n,) [rad].
         s: Offsets along it, shape (S,) [m].
@@ -441,7 +441,7 @@ class WrapJudge(TopGraspJudge):
         seem.
 
         Args:
-            segments: What stands on the table.
+            segments: The segmented map of the table.
             things: Those to wrap.
 
         Returns:

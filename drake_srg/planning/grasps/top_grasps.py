@@ -138,7 +138,7 @@ class GraspPlanner(Protocol):
     def plan(
         self, height_map: HeightMap, *, tried: Sequence[TopGrasp] = (), seed: int = 0
     ) -> GraspPlan:
-        """Return grasps of what a height map shows.
+        """Return grasps of the things on a height map.
 
         Args:
             height_map: Map of the table.
@@ -206,7 +206,7 @@ class HeightMapGrasps:
     Args:
         fingers: The hand's.
         table: World z of the table [m].
-        reach: Where the hand can be; None for everywhere.
+        reach: Reach of the hand; None for everywhere.
         table_gap: Height above the table that the ends of closing fingers keep [m].
     """
 
@@ -269,7 +269,7 @@ class HeightMapGrasps:
     def plan(
         self, height_map: HeightMap, *, tried: Sequence[TopGrasp] = (), seed: int = 0
     ) -> GraspPlan:
-        """Return grasps of what a height map shows."""
+        """Return grasps of the things on a height map."""
         segments = self.segment(height_map)
         if not segments.things:
             return GraspPlan()

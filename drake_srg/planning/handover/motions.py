@@ -198,10 +198,10 @@ class HandoverTaskPlanner(TaskPlanner):
         """Plan the whole handover, which begins and ends with both arms at home.
 
         Args:
-            q_start: Where the giver is, at rest, shape (N,) [rad].
+            q_start: Posture of the giver, at rest, shape (N,) [rad].
             X_WO: The object's pose [m]; the turn of a round one does not count.
             shape: The object's shape.
-            X_WO_goal: Where the receiver must set the object down [m].
+            X_WO_goal: Goal of the object [m].
             obstacles: Other objects and their poses [m].
             tried: Names of the giver's grasps that failed.
         """
@@ -329,7 +329,7 @@ class HandoverTaskPlanner(TaskPlanner):
             turn: Direction of the palm's y about the vertical [rad]; None: any.
             shape: The object's shape.
             X_WO: The object that is presented [m].
-            X_WO_goal: Where the receiver must set it down [m].
+            X_WO_goal: Goal of the object [m].
             obstacles: Other objects and their poses [m].
 
         Raises:

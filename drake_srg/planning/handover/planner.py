@@ -156,10 +156,10 @@ class HandoverPlanner(PlannerMachine[PlannerMemory, Senses]):
         task_planner: Plans the motions of both.
         object_name: Name of the blobs of the object to take.
         shape: The object's known shape, a cylinder.
-        goal: Where the object must go, X_WO [m].
+        goal: Goal of the object, X_WO [m].
         tolerance: Distance from the goal that counts as placed [m].
         obstacles: Names and shapes of the other objects.
-        repeat: How many cycles.
+        repeat: Number of cycles.
         config: Times, forces and limits.
     """
 

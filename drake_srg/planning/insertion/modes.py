@@ -116,8 +116,8 @@ class Inserting(Carrying, abc.ABC):
 
     Args:
         task: All that is known.
-        replanner: Plans from what is seen.
-        repeat: How many cycles the task has.
+        replanner: Plans from sightings.
+        repeat: Number of the task's cycles.
     """
 
     turns_with: bool = False  # whether the set-point turns to the measured orientation
@@ -569,8 +569,8 @@ def insertion_modes(
     Args:
         task: All that is known.
         modes: Those of picking and placing.
-        replanner: Plans from what is seen.
-        repeat: How many cycles the task has.
+        replanner: Plans from sightings.
+        repeat: Number of the task's cycles.
     """
     kinds = (Tilt, Search, Slide, Spiral, Upright, Press, Withdraw)
     return {

@@ -84,7 +84,7 @@ class InsertionPlanner(PickAndPlacePlanner):
         config: Forces, speeds and limits.
         tolerance: Distance from the goal that counts as placed [m].
         obstacles: Names and shapes of the other objects.
-        repeat: How many cycles.
+        repeat: Number of cycles.
 
     Raises:
         ValueError: If the peg is neither cylinder nor box.

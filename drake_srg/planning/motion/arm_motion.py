@@ -66,7 +66,7 @@ class Motion:
         """Return the largest path error of any joint [rad].
 
         Args:
-            q: Where the arm is, shape (N,) [rad].
+            q: Posture of the arm, shape (N,) [rad].
             time: Now [s].
         """
         return float(np.max(np.abs(q - self.position(time))))

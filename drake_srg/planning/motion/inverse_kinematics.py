@@ -151,7 +151,7 @@ def solve_inverse_kinematics(
 
     Args:
         scene: The arm, and what to keep clear of.
-        target: Where the hand must be.
+        target: Target of the hand.
         q_nominal: The posture with cost 0, shape (N,) [rad].
         q_guess: The first start, shape (N,) [rad]; None: `q_nominal`.
         joint_margin: Distance kept from the joint limits [rad].
@@ -220,7 +220,7 @@ def solve_from(
 
     Args:
         scene: The arm.
-        target: Where the hand must be.
+        target: Target of the hand.
         start: The only start, shape (N,) [rad].
 
     Returns:

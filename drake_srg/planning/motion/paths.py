@@ -34,14 +34,14 @@ def follow(
 ) -> Vector | None:
     """Move the joints from `q` by the least motion that takes the hand to `target`.
 
-    Position and orientation are met exactly, whatever their tolerances; an axis turns
+    Position and orientation are met exactly, despite tolerances; an axis turns
     only if it exceeds its angle. A joint that meets its limit stays there while the
     others continue. Collisions are not checked.
 
     Args:
         scene: The arm.
-        target: Where the hand must be.
-        q: Where the arm is, shape (N,) [rad].
+        target: Target of the hand.
+        q: Posture of the arm, shape (N,) [rad].
         joint_margin: Distance kept from the joint limits [rad].
         max_iterations: Most steps of Newton's method.
 

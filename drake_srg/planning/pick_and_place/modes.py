@@ -54,8 +54,8 @@ class TaskMode(PlannerMode[PlannerMemory, Senses]):
     Attributes:
         mode: Which mode it is.
         config: Times and limits.
-        replanner: Plans from what is seen.
-        repeat: How many cycles the task has.
+        replanner: Plans from sightings.
+        repeat: Number of the task's cycles.
     """
 
     def __init__(
@@ -415,7 +415,7 @@ def task_modes(
 
     Args:
         config: Times and limits.
-        replanner: Plans from what is seen.
-        repeat: How many cycles the task has.
+        replanner: Plans from sightings.
+        repeat: Number of the task's cycles.
     """
     return {kind.mode: kind(config, replanner, repeat) for kind in _KINDS}

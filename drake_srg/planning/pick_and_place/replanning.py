@@ -50,7 +50,7 @@ class Replanner:
     Args:
         task_planner: Plans the motions.
         sightings: Reads blobs.
-        goal: Where the object must go, X_WO [m].
+        goal: Goal of the object, X_WO [m].
         tolerance: Distance from the goal that counts as placed [m].
         config: Times and distances.
     """

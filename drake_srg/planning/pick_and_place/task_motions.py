@@ -49,7 +49,7 @@ class GraspMotions:
     Args:
         scene: The arm, the gripper and what they may hit.
         moves: The moves in that scene.
-        q_home: Where the arm rests, shape (N,) [rad].
+        q_home: Home posture of the arm, shape (N,) [rad].
         config: Distances.
     """
 
@@ -75,9 +75,9 @@ class GraspMotions:
         """Plan all motions from `q_start` to home.
 
         Args:
-            q_start: Where the arm is, at rest, shape (N,) [rad].
+            q_start: Posture of the arm, at rest, shape (N,) [rad].
             shape: The object's shape.
-            X_WO_goal: Where the object must go [m].
+            X_WO_goal: Goal of the object [m].
             candidate: The grasp, and where the object is.
 
         Raises:
@@ -108,7 +108,7 @@ class GraspMotions:
 
         Args:
             shape: The object's shape.
-            X_WO_goal: Where the object must go [m].
+            X_WO_goal: Goal of the object [m].
             candidate: The grasp.
 
         Raises:
@@ -145,10 +145,10 @@ class GraspMotions:
         """Plan the motions onto the goal and home, with the object in the hand.
 
         Args:
-            q_start: Where the arm is, at rest, shape (N,) [rad].
+            q_start: Posture of the arm, at rest, shape (N,) [rad].
             grasp: The grasp, with the object's actual pose in the hand.
             shape: The object's shape.
-            X_WO_goal: Where the object must go [m].
+            X_WO_goal: Goal of the object [m].
 
         Raises:
             NoPathError: If a motion does not exist.
@@ -260,7 +260,7 @@ class TaskPlanner:
     Args:
         scene: The arm, the gripper and what they may hit.
         hand: The grasps of that gripper.
-        q_home: Where the arm rests, shape (N,) [rad].
+        q_home: Home posture of the arm, shape (N,) [rad].
         config: Distances and speeds.
     """
 
@@ -297,10 +297,10 @@ class TaskPlanner:
         """Plan the motions from `q_start` over pick and place to home.
 
         Args:
-            q_start: Where the arm is, at rest, shape (N,) [rad].
+            q_start: Posture of the arm, at rest, shape (N,) [rad].
             X_WO: The object's pose [m]; the turn of a round one does not count.
             shape: The object's shape.
-            X_WO_goal: Where the object must go [m].
+            X_WO_goal: Goal of the object [m].
             obstacles: Other objects and their poses [m].
             tried: Names of grasps that failed.
         """
@@ -319,10 +319,10 @@ class TaskPlanner:
         """Plan from a grasp that holds the object, anywhere, until home.
 
         Args:
-            q_grasp: Where the arm is, at rest, shape (N,) [rad].
+            q_grasp: Posture of the arm, at rest, shape (N,) [rad].
             grasp: The grasp.
             shape: The object's shape.
-            X_WO_goal: Where the object must go [m].
+            X_WO_goal: Goal of the object [m].
             obstacles: Other objects and their poses [m].
         """
         try:
@@ -345,10 +345,10 @@ class TaskPlanner:
         """Plan from above the goal onto it, and home, with the object in the hand.
 
         Args:
-            q_start: Where the arm is, at rest, shape (N,) [rad].
+            q_start: Posture of the arm, at rest, shape (N,) [rad].
             grasp: The grasp, with the object's actual pose in the hand.
             shape: The object's shape.
-            X_WO_goal: Where the object must go [m].
+            X_WO_goal: Goal of the object [m].
             obstacles: Other objects and their poses [m].
         """
         try:
@@ -425,7 +425,7 @@ class TaskPlanner:
         arm.
 
         Args:
-            q: Where the arm is, shape (N,) [rad].
+            q: Posture of the arm, shape (N,) [rad].
             fingers: Angles of the gripper's joints by name [rad].
             obstacles: Shapes and their poses [m].
         """
@@ -475,7 +475,7 @@ class TaskPlanner:
         """Plan back out of a failed grasp: away from the object, then home.
 
         Args:
-            q: Where the arm is, shape (N,) [rad].
+            q: Posture of the arm, shape (N,) [rad].
             fingers: Angles of the open gripper's joints by name [rad].
             obstacles: Other objects and their poses [m].
         """

@@ -36,9 +36,9 @@ class ServoConfig(Config):
     # Delay of the arm beyond one period [s]. The servo aims that far ahead of the
     # goal.
     lag: float = dc.field(default=0.0, metadata={"ge": 0.0})
-    # The hand stays at most this far behind its goal [m] until it is aligned: it keeps
-    # `funnel` times its distance from the line of approach, minus 4 mm. So the fingers
-    # pass beside the object, not into it.
+    # The hand stays behind its goal until it is aligned: by `funnel` times the part of
+    # its distance from the line of approach beyond 4 mm, and by this at most [m]. So
+    # the fingers pass beside the object, not into it.
     standoff: float = dc.field(default=0.06, metadata={"ge": 0.0})
     funnel: float = dc.field(default=6.0, metadata={"ge": 0.0})
     # The goal is reached once `settled` images in a row show the hand within this

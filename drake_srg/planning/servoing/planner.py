@@ -108,8 +108,8 @@ class ServoGrasp(Servoed, Grasp):
 
     Args:
         config: Times and limits.
-        replanner: Plans from what is seen.
-        repeat: How many cycles the task has.
+        replanner: Plans from sightings.
+        repeat: Number of the task's cycles.
         time_limit: Time after which the servo counts as failed [s].
     """
 
@@ -202,8 +202,8 @@ def servo_modes(
 
     Args:
         config: Times and limits.
-        replanner: Plans from what is seen.
-        repeat: How many cycles the task has.
+        replanner: Plans from sightings.
+        repeat: Number of the task's cycles.
         time_limit: Time after which the servo counts as failed [s].
     """
     modes = task_modes(config, replanner, repeat)
@@ -257,10 +257,10 @@ class ServoingPlanner(PickAndPlacePlanner):
         task_planner: Plans the motions.
         object_name: Name of the blobs of the object to take.
         shape: The object's known shape.
-        goal: Where the object must go, X_WO [m].
+        goal: Goal of the object, X_WO [m].
         tolerance: Distance from the goal that counts as placed [m].
         obstacles: Names and shapes of the other objects.
-        repeat: How many cycles.
+        repeat: Number of cycles.
         config: Times, speeds and limits.
         time_limit: Time after which the servo counts as failed [s].
     """

@@ -92,7 +92,7 @@ class VisualServo(LeafSystem):
 
     Args:
         arm: Kinematics of arm and hand.
-        X_GC: Where the camera is believed to be in the hand [m].
+        X_GC: Believed pose of the camera in the hand [m].
         axis_G: Direction of approach in the hand, a unit vector, shape (3,).
         sighting: Model value of the input `sighting`.
         config: Gains and limits.
@@ -289,7 +289,7 @@ class PositionBasedServo(VisualServo):
 
     Args:
         arm: Kinematics of arm and hand.
-        X_GC: Where the camera is believed to be in the hand [m].
+        X_GC: Believed pose of the camera in the hand [m].
         axis_G: Direction of approach in the hand, a unit vector, shape (3,).
         X_CO_goal: Pose of the object in the camera with the hand at its goal [m].
         config: Gains and limits.
@@ -340,7 +340,7 @@ class ImageBasedServo(VisualServo):
 
     Args:
         arm: Kinematics of arm and hand.
-        X_GC: Where the camera is believed to be in the hand [m]; only its orientation
+        X_GC: Believed pose of the camera in the hand [m]; only its orientation
             matters without `config.turns`.
         axis_G: Direction of approach in the hand, a unit vector, shape (3,).
         goal: The points with the hand at its goal.
