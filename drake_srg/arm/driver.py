@@ -1,4 +1,4 @@
-"""Base of every arm driver: interpolation, gravity compensation, configuration."""
+"""The base class of arm drivers, with interpolation and gravity compensation."""
 
 import abc
 import dataclasses as dc
@@ -29,7 +29,7 @@ from drake_srg.config import Config, positive
 from drake_srg.lifetime import LeafSystem
 from drake_srg.types import Vector
 
-_TICKS = 10_000  # so many commands are checked to fall on steps
+_TICKS = 10_000  # number of commands that are checked to fall on steps
 
 
 def AddLinearInterpolation(
@@ -46,10 +46,10 @@ def AddLinearInterpolation(
         - state
 
     `position` (N) is sampled every `command_period`. `state` (2N), [q; v], moves within
-    the next such period from the last sample but one to the last, in steps of `period`.
+    the next such period from the second last sample to the last, in steps of `period`.
 
     Args:
-        builder: Of the diagram.
+        builder: Builder of the diagram.
         start: Positions at the start, shape (N,).
         command_period: Time between commands [s].
         period: Time between steps of the output [s].
@@ -103,7 +103,7 @@ def SetInterpolatedPosition(
     Args:
         interpolator: The diagram.
         context: A mutable context that contains it.
-        position: Of the joints, shape (N,).
+        position: Position of the joints, shape (N,).
     """
     for name, state in (("speed", np.tile(position, 2)), ("position", position)):
         system = interpolator.GetSubsystemByName(name)
@@ -165,8 +165,8 @@ class GravityCompensation(LeafSystem):
         )
 
 
-# Natural frequency of a stiff arm [rad/s], and the least position error at which a
-# motor gives all of its torque [rad or m].
+# Natural frequency of a stiff arm [rad/s], and least position error at which a motor
+# gives its full torque [rad or m].
 _FREQUENCY = 40.0
 _FULL_TORQUE_ERROR = 0.01
 
@@ -177,11 +177,12 @@ def stiff_gains(
     """Return gains that hold an arm stiffly, from its inertia and its motors' limits.
 
     Each joint gets kp = J w² with w = 40 rad/s, but not more than its effort limit over
-    0.01 rad (or m), and kd = 2 sqrt(kp J), which is critical. J is what the joint moves
-    at home: its motor's reflected inertia and all links beyond it, with the gripper.
+    0.01 rad (or m), and kd = 2 sqrt(kp J), which is critical. J is the inertia that the
+    joint moves at home: its motor's reflected inertia and all links beyond it, with the
+    gripper.
 
     Args:
-        plant: Finalized, with the arm and what it carries.
+        plant: Finalized plant with the arm and what it carries.
         arm: The arm's model instance.
         home: Positions of the joints, shape (N,) [rad or m].
 
@@ -200,7 +201,7 @@ def stiff_gains(
 
 @dc.dataclass(frozen=True)
 class ArmSignals:
-    """Signals from which a driver's control makes torques.
+    """Signals from which a driver's control computes torques.
 
     Attributes:
         desired: Desired state [q; v] (2N), a step per `period`.
@@ -230,14 +231,15 @@ class ArmDriver(Config, abc.ABC):
     period: float = dc.field(default=0.005, metadata=positive())
     # Whether the joints have servos on a bus, which `drake-srg serve --servo` emulates.
     bus_servos: bool = False
-    # Time between commands [s], a multiple of `period`: the arm moves evenly from one
-    # to the next, one such time late. Null: it takes every command as it is.
+    # Time between commands [s], a multiple of `period`. The arm moves evenly from one
+    # command to the next, with a delay of this time. Null: it follows every command at
+    # once.
     command_period: float | None = dc.field(default=None, metadata=positive())
-    # Whether the arm has no weight, in place of compensating for it every `period`. The
-    # gripper's weight then bends the joints: the iiwa's by 0.4 mm at the hand.
+    # Whether the arm has no weight, instead of compensating for it every `period`. The
+    # gripper's weight then deflects the joints: the iiwa's hand by 0.4 mm.
     weightless: bool = False
     # Limits of the motion to targets that may jump; see `AddJerkLimits`. Null: the arm
-    # follows a stream of targets or trajectories as it is; see `TrajectoryFollower`.
+    # follows a stream of targets or trajectories directly; see `TrajectoryFollower`.
     limits: JerkLimits | None = dc.field(default_factory=JerkLimits)
     # Largest torque of the motors, as a fraction of the model's effort limit.
     motor_strength: float = dc.field(default=1.0, metadata=positive())
@@ -249,7 +251,7 @@ class ArmDriver(Config, abc.ABC):
         The arm starts at `home`.
 
         Raises:
-            ValueError: If a list has not one entry per actuated joint of the arm.
+            ValueError: If a list lacks one entry per actuated joint of the arm.
         """
         actuators = model_actuators(plant, arm)
         self.check_length("home", self.home, len(actuators))
@@ -281,7 +283,7 @@ class ArmDriver(Config, abc.ABC):
         """Check that `arm.KEY` has one entry for each of the arm's `n` joints.
 
         Raises:
-            ValueError: If it has not.
+            ValueError: If it has another number of entries.
         """
         if len(values) != n:
             raise ValueError(
@@ -301,13 +303,13 @@ class ArmDriver(Config, abc.ABC):
 
         `desired_state` (2N), [q; v], is for PD actuators of `prepare_plant`. If
         `signals.continuous`, pass it through `AddVelocityFeedforward`, because CENIC
-        flips the sign of v. `actuation` (N) [N m] goes to the joints besides.
+        flips the sign of v. `actuation` (N) [N m] is added at the joints.
 
         Args:
             inner: The driver under construction.
             control_plant: A finalized plant with the arm and the gripper.
             arm: Name of the arm's model instance.
-            signals: Already in `inner`.
+            signals: Signals that are already in `inner`.
         """
 
 
@@ -339,19 +341,19 @@ def AddArmDriver(
     `position_commanded` (N) [rad] becomes the desired state [q; v] of the driver's
     control. `desired_state` is that of the plant's PD actuators. `actuation` (N) [N m]
     adds torques: those that hold arm and gripper against gravity and, in a continuous
-    plant, those of the desired velocities, which are 0 in `desired_state` then.
-    `state_measured` (2N) is the arm's state [q; v] with the errors of `config.errors`.
+    plant, those of the desired velocities (then 0 in `desired_state`). `state_measured`
+    (2N) is the arm's state [q; v] with the errors of `config.errors`.
 
     Args:
-        builder: Of the diagram.
-        plant: With the arm, finalized after `config.prepare_plant`.
+        builder: Builder of the diagram.
+        plant: Plant with the arm, finalized after `config.prepare_plant`.
         arm: Its model instance.
         gripper: The model instance that it carries, if any.
         control_plant: A finalized plant with the arm, the gripper and no other moving
             body, for gravity.
-        config: Of the driver.
-        seed: Of the errors.
-        name: Of the driver in the diagram. Each needs its own.
+        config: Configuration of the driver.
+        seed: Seed of the errors.
+        name: Name of the driver in the diagram. Each needs its own.
 
     Raises:
         ValueError: If the name is taken, `prepare_plant` was not called, or the
@@ -427,9 +429,9 @@ def _AddGravityCompensation(
 
     Args:
         inner: The driver under construction.
-        control_plant: With the models.
-        names: Names of the models, the arm's first, by what the driver's inputs of
-            their states are named after.
+        control_plant: Plant with the models.
+        names: Names of the models, the arm's first, by the prefixes of the driver's
+            inputs for their states.
 
     Returns:
         The arm's torques.
@@ -455,16 +457,16 @@ def AddSampling(inner: DiagramBuilder, torque: OutputPort, period: float) -> Out
 def AddJerkLimits(
     builder: DiagramBuilder, config: ArmDriver, name: str = "arm_reference"
 ) -> JerkLimitedReference:
-    """Add what makes motion of targets that jump to a diagram.
+    """Add a reference to a diagram that makes jumping targets into smooth motion.
 
-    It has the driver's limits and period, and starts at the driver's home, or where the
-    arm is if you connect its `state_measured`, too. Connect its `position_commanded` to
-    the driver's.
+    It has the driver's limits and period. It starts at the driver's home or, if you
+    connect its `state_measured`, at the arm's position. Connect its
+    `position_commanded` to the driver's.
 
     Args:
-        builder: Of the diagram.
-        config: Of the driver.
-        name: Of the reference in the diagram.
+        builder: Builder of the diagram.
+        config: Configuration of the driver.
+        name: Name of the reference in the diagram.
 
     Raises:
         ValueError: If the name is taken, there are no limits, or a limit has neither

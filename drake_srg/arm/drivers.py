@@ -1,4 +1,4 @@
-"""The arm drivers that a scenario's tag selects from."""
+"""The arm drivers among which a scenario's tag chooses."""
 
 import dataclasses as dc
 
@@ -40,7 +40,7 @@ class ArmPositionDriver(ArmDriver):
         for key, gains in (("kp", self.kp), ("kd", self.kd)):
             if gains is not None:
                 self.check_length(key, gains, len(actuators))
-        for actuator in actuators:  # gains that `SetGains` replaces
+        for actuator in actuators:  # placeholders that `SetGains` replaces
             actuator.set_controller_gains(PdControllerGains(p=1.0, d=1.0))
 
     def SetGains(self, plant: MultibodyPlant, arm: ModelInstanceIndex) -> None:

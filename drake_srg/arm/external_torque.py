@@ -1,4 +1,4 @@
-"""Joint torques from outside: expected from contacts, and estimated."""
+"""External joint torques: computed from contacts, or estimated."""
 
 from __future__ import annotations
 
@@ -37,20 +37,20 @@ from drake_srg.common.systems import AddUnique
 from drake_srg.lifetime import LeafSystem
 from drake_srg.types import Vector
 
-# Time constant of the estimate [s]. Contact forces that build up at the arm's top speed
-# have 20 to 50 ms.
+# Time constant of the estimate [s]. Contact forces at the arm's top speed build up
+# within 20 to 50 ms.
 TIME_CONSTANT = 0.02
 
 
 class LaggedTorque(LeafSystem):
-    """Base of a system whose output `external_torque` follows samples with a lag.
+    """Base class of systems whose output `external_torque` lags behind samples.
 
     The output (N) is in N m. A subclass declares its input ports, calls
     `_declare_torque`, and implements `_sample`.
 
     Args:
-        period: Of the samples [s].
-        time_constant: Of the first-order lag [s].
+        period: Period of the samples [s].
+        time_constant: Time constant of the first-order lag [s].
     """
 
     def __init__(self, period: float, time_constant: float) -> None:
@@ -63,7 +63,7 @@ class LaggedTorque(LeafSystem):
 
         Args:
             n: Number of joints.
-            num_kept: Count of numbers that a sample keeps for the next one. They are
+            num_kept: Number of values that a sample keeps for the next one. They are
                 NaN until the first sample.
         """
         self._num_kept = num_kept
@@ -97,7 +97,7 @@ class LaggedTorque(LeafSystem):
 
 
 def lag_share(period: float, time_constant: float = TIME_CONSTANT) -> float:
-    """Return the share of a step that a first-order lag follows in a period [s]."""
+    """Return the share of a step that a first-order lag covers in a period [s]."""
     return float(-np.expm1(-period / time_constant))
 
 
@@ -105,7 +105,7 @@ _ZERO = np.zeros(3)
 
 
 class ContactTorques(LaggedTorque):
-    """Computes the joint torques that touch and a held load cause.
+    """Computes the joint torques due to touch and a held load.
 
     .. pydrake_system::
 
@@ -120,22 +120,25 @@ class ContactTorques(LaggedTorque):
         - external_torque
 
     Contact forces F on links with Jacobians J cause the torques J' F. But a hand holds
-    by large forces that nearly cancel. Regularized friction creeps, and then the forces
-    that a plant reports are out of balance by several times the weight of the load. So
-    this system takes the hand and the free bodies that it touches, its load, as one. It
-    leaves out the forces between them. By Newton, the force on both is
+    its load by large forces that nearly cancel. Because regularized friction creeps,
+    the forces that a plant reports are out of balance by several times the weight of
+    the load. So this system treats the hand and the free bodies that it touches, its
+    load, as one body, and ignores the forces between them. By Newton's law, the force
+    on both is
 
         F = all other forces on them + weight of the load - dh/dt,
 
-    where h is the momentum of the load, from one sample to the next. A touched can that
-    stands counts nothing; one that hangs, its weight; one that is pressed on the table,
-    that pressure less its weight; one that is hit, the force that set it in motion. All
-    spatial vectors are in world and about its origin: [torque; force].
+    where h is the momentum of the load, from one sample to the next. A standing can
+    that is touched adds nothing. A hanging can adds its weight, a can pressed on the
+    table adds the pressure minus its weight, and a can that is hit adds the force that
+    set it in motion. All spatial vectors are in world and about its origin: [torque;
+    force].
 
-    Stiff bodies touch for less than a period: something that drops by half a millimetre
-    may press with a hundred times its weight in one sample, which does not balance the
-    momentum that it gains from sample to sample. So of the forces on the load, weight
-    included, each joint feels the part that lasts from one sample to the next (minmod).
+    Stiff bodies may touch for less than a period. An object that drops by half a
+    millimetre may press with a hundred times its weight in one sample, which does not
+    match the change of its momentum between samples. So each joint feels only that part
+    of the forces on the load, weight included, that lasts from one sample to the next
+    (minmod).
 
     The inputs are the plant's. `arm_state` (2N) is [q; v], and `applied_forces` are the
     spatial forces applied to the plant. `external_torque` (N) [N m], in the order of
@@ -149,7 +152,7 @@ class ContactTorques(LaggedTorque):
         models_plant: A finalized plant with both, by the same names, and no other
             moving body.
         period: [s].
-        time_constant: Of the lag [s].
+        time_constant: Time constant of the lag [s].
     """
 
     def __init__(
@@ -167,7 +170,8 @@ class ContactTorques(LaggedTorque):
         self._arm = models_plant.GetModelInstanceByName(plant.GetModelInstanceName(arm))
         self._gravity = np.array(plant.gravity_field().gravity_vector())
 
-        # Bodies and geometries by number, not by id: an id would keep the plant alive.
+        # Numbers of bodies and geometries instead of ids, which would keep the plant
+        # alive.
         links, fingers = (
             [] if model is None else _bodies(plant, model) for model in (arm, gripper)
         )
@@ -175,7 +179,8 @@ class ContactTorques(LaggedTorque):
         self._hand, self._load = len(links), len(links) + 1
         self._link_of = {int(link.index()): i for i, link in enumerate(links)}
         self._link_of |= {int(finger.index()): self._hand for finger in fingers}
-        # Any finger stands for the hand, because the arm does not move the fingers.
+        # The wrench on any finger counts as one on the hand: the arm does not move
+        # fingers.
         self._frames = [
             models_plant.GetFrameByName(
                 body.name(),
@@ -321,7 +326,7 @@ def _free_bodies(
 
 
 class ExternalTorqueObserver(LaggedTorque):
-    """Estimates the joint torques that touch and a held load cause.
+    """Estimates the joint torques due to touch and a held load.
 
     .. pydrake_system::
 
@@ -339,24 +344,25 @@ class ExternalTorqueObserver(LaggedTorque):
         r' = (tau_external - r) / time_constant,
 
     and needs no accelerations, only the gain of the momentum p = M v. Between two
-    samples, that gain, less the one of M itself, is M (v - v_last). So here
+    samples, this gain, without the change of M itself, is M (v - v_last). So here
 
         tau_external = M (v - v_last) / period + C v - g - tau,
 
-    where g includes the damping of the joints, and tau is what the motors applied from
-    one sample to the next.
+    where g includes the damping of the joints, and tau is the motors' torque between
+    the samples.
 
     The inputs are the states [q; v] of the model instances `models`, in the order of
-    the plant's state output ports, and `torque` (N) [N m], what the motors of the first
-    model apply. `external_torque` (N) [N m] belongs to the first model, in the order of
-    its velocities. All are sampled every `period`. It should be the plant's own step,
-    because the torque of one sample does not stand for all steps between two samples.
+    the plant's state output ports, and `torque` (N) [N m], the motors' torque of the
+    first model. `external_torque` (N) [N m] belongs to the first model, in the order of
+    its velocities. All are sampled every `period`. The period should be the plant's own
+    step, because the torque of one sample does not represent all steps between two
+    samples.
 
     Args:
         plant: A finalized plant with these models and no other moving body.
         models: Names of the model instances, the arm's first.
         period: [s].
-        time_constant: Of the estimate [s].
+        time_constant: Time constant of the estimate [s].
     """
 
     def __init__(
@@ -409,27 +415,27 @@ def AddExternalTorque(
 ) -> OutputPort:
     """Add a system that estimates an arm's external torques; return its port.
 
-    A plant with steps gets an `ExternalTorqueObserver` with the same step. It reads
-    what the arm's own controller reads: torques and motion at the joints, without the
+    A plant with steps gets an `ExternalTorqueObserver` with the same step. It reads the
+    same as the arm's own controller: torques and motion at the joints, without the
     errors of its reports. Between samples of a continuous plant, the torque of stiff
-    actuators is a saw tooth of height v kp period, 170 N m at an iiwa's top speed, and
-    no sample stands for its mean. Such a plant gets `ContactTorques` instead, with the
-    same lag. Joint torque sensors inside an arm would tell as much.
+    actuators is a saw tooth of height v kp period, 170 N m at an iiwa's top speed, so
+    no sample represents its mean. Such a plant gets `ContactTorques` instead, with the
+    same lag. Joint torque sensors inside an arm would measure the same.
 
     If the plant has applied spatial forces on arm, hand or load, the caller connects
     the same forces to `contact_torques`, if that exists.
 
     Args:
-        builder: Of the diagram.
-        plant: With the arm, finalized and in the diagram.
+        builder: Builder of the diagram.
+        plant: Plant with the arm, finalized and in the diagram.
         arm: Its model instance.
         gripper: The model instance that it carries, if any.
         models_plant: A finalized plant with both and no other moving body.
         period: Time between readings of torque sensors with errors, and of a continuous
             plant's contacts [s].
-        errors: Of the torque sensors.
-        seed: Of their noise.
-        prefix: Of the systems' names in the diagram.
+        errors: Errors of the torque sensors.
+        seed: Seed of their noise.
+        prefix: Prefix of the systems' names in the diagram.
 
     Returns:
         The port of the external torques (N) [N m].

@@ -1,10 +1,10 @@
 """Compliant control of an arm: the impedance law and its driver.
 
 Hogan, "Impedance Control: An Approach to Manipulation", J. Dyn. Sys., Meas., Control
-107 (1985): an arm that touches things behaves as a spring and a damper between itself
-and an equilibrium position. The inertia stays the arm's own, so that no force needs to
-be measured: Ott, "Cartesian Impedance Control of Redundant and Flexible-Joint Robots",
-Springer (2008).
+107 (1985): an arm in contact behaves as if a spring and a damper connected it to an
+equilibrium position. The inertia stays the arm's own, so no force sensor is needed:
+Ott, "Cartesian Impedance Control of Redundant and Flexible-Joint Robots", Springer
+(2008).
 """
 
 import abc
@@ -29,8 +29,8 @@ from drake_srg.config import Config, positive
 from drake_srg.lifetime import LeafSystem
 from drake_srg.types import Vector
 
-# Directions in which forces move the hand by less than this share of the easiest count
-# as locked: near a singular posture, the null space takes them.
+# Directions in which a force moves the hand by less than this share of the easiest
+# direction count as locked. Near a singular posture, they belong to the null space.
 _SINGULAR = 1e-4
 
 
@@ -101,8 +101,8 @@ class JointSpring(Spring):
 class CartesianSpring(Spring):
     """A spring between a frame of the arm and its pose in the equilibrium.
 
-    Torsion springs in the joints act in the null space besides: on what moves the
-    joints, not the hand. They are projected as in Khatib, "A Unified Approach for
+    Torsion springs in the joints also act in the null space: on motions of the joints
+    that do not move the hand. They are projected as in Khatib, "A Unified Approach for
     Motion and Force Control of Robot Manipulators", IEEE J. Robotics Autom. 3 (1987),
     so that they change no force of the hand at rest.
 
@@ -110,8 +110,8 @@ class CartesianSpring(Spring):
         joints: The springs of the joints.
         frame: A frame of their plant.
         p_FC: The centre of stiffness in that frame, shape (3,) [m].
-        translation: Along the world's axes, shape (3,) [N/m].
-        rotation: About every axis [N m/rad].
+        translation: Stiffness along the world's axes, shape (3,) [N/m].
+        rotation: Stiffness about every axis [N m/rad].
     """
 
     def __init__(
@@ -176,11 +176,11 @@ def _modes(inertia: Vector, stiffness: Vector) -> tuple[Vector, Vector]:
 
 
 def is_stable(phase: float, ratio: float) -> bool:
-    """Return whether a mode comes to rest under torques that are sampled and late.
+    """Return whether a mode comes to rest under sampled, delayed torques.
 
-    The spring and the damper see the state once per period, and their torque acts one
-    period later, for one period. The latter is the most by which the steps of a plant
-    delay it. All else is exact: the mode's motion within a period has no other force.
+    Spring and damper sample the state once per period. Their torque acts one period
+    later, the longest delay by a plant's steps, and for one period. The rest is exact,
+    because no other force acts on the mode within a period.
 
     Args:
         phase: Natural frequency times period [rad].
@@ -205,19 +205,19 @@ def largest_phase(ratio: float) -> float:
     return float(np.floor(1e3 * low) / 1e3)
 
 
-_POSTURES = 100  # in which stability is checked, besides home
+_POSTURES = 100  # number of postures, besides home, in which stability is checked
 
 
 @dc.dataclass(kw_only=True)
 class CartesianStiffness(Config):
-    """Stiffness of the hand. Ranges and defaults are those of KUKA's Sunrise.OS.
+    """Stiffness of the hand, with the ranges and defaults of KUKA's Sunrise.OS.
 
     (CartesianImpedanceControlMode: 0 to 5000 N/m, 0 to 300 N m/rad; by default, 2000
     N/m and 200 N m/rad.)
     """
 
-    # A frame of the arm or of what is welded to it, and the centre of stiffness in that
-    # frame [m]. Forces at the centre turn nothing.
+    # A frame of the arm or of a body welded to it, and the centre of stiffness in that
+    # frame [m]. Forces at the centre cause no rotation.
     frame: str = "arm::flange"
     centre: list[float] = dc.field(
         default_factory=lambda: [0.0, 0.0, 0.0], metadata={"length": 3}
@@ -245,10 +245,10 @@ class ArmImpedanceDriver(ArmDriver):
     joint_stiffness: list[float] | None = dc.field(default=None, metadata={"ge": 0.0})
     # Stiffness of the hand; null: the joints' alone.
     cartesian: CartesianStiffness | None = None
-    # 1 is critical. Range and default of Sunrise.OS.
+    # Damping ratio; 1 is critical. Range and default are those of Sunrise.OS.
     damping_ratio: float = dc.field(default=0.7, metadata={"ge": 0.1, "le": 1.0})
     # Largest torques of springs and dampers together [N m], one entry per joint; null:
-    # what the motors leave. Torques against gravity come on top of them.
+    # the motors' limits. Torques against gravity are added to them.
     max_torque: list[float] | None = dc.field(default=None, metadata=positive())
 
     def prepare_plant(self, plant: MultibodyPlant, arm: ModelInstanceIndex) -> None:
@@ -351,7 +351,7 @@ def _moving_joints(plant: MultibodyPlant, model: str) -> list[Joint]:
 
 
 class ImpedanceControl(LeafSystem):
-    """Computes the torques of an arm that yields.
+    """Computes the torques of a compliant arm.
 
     .. pydrake_system::
 
@@ -363,19 +363,18 @@ class ImpedanceControl(LeafSystem):
         output_ports:
         - torque
 
-    `desired_state` and `state_measured` (2N) are [q; v], the former the equilibrium of
-    the spring; the damper acts on the difference of the speeds. Added to spring and
-    damper are `gravity` (N) [N m] and the torques that accelerate the arm with its
-    equilibrium, so that a free arm follows without lag. `torque` (N) [N m] stays within
-    the motors' limits.
+    `desired_state` and `state_measured` (2N) are [q; v]. The former is the spring's
+    equilibrium, and the damper acts on the difference of the speeds. The system adds
+    `gravity` (N) [N m] and the torques that accelerate the arm with its equilibrium, so
+    a free arm follows without lag. `torque` (N) [N m] stays within the motors' limits.
 
     Args:
-        spring: Of the arm.
-        damping_ratio: Of every mode; 1 is critical.
+        spring: Spring of the arm.
+        damping_ratio: Damping ratio of every mode; 1 is critical.
         max_torque: Largest torques of spring and damper (N) [N m].
-        max_acceleration: Largest ones that the arm is given with its equilibrium (N)
-            [rad/s²]: commands may jump.
-        effort_limits: Largest torques in all (N) [N m].
+        max_acceleration: Largest accelerations with the equilibrium (N) [rad/s²];
+            needed because commands may jump.
+        effort_limits: Largest total torques (N) [N m].
         period: Time between samples of `torque` [s].
     """
 

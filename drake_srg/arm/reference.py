@@ -57,13 +57,13 @@ class JerkLimitedReference(LeafSystem):
     there and targets are ignored. Otherwise, each joint moves on its own, from its
     present position, velocity and acceleration to rest at its target, in the least time
     that the limits allow (Ruckig: Berscheid and Kröger, RSS 2021). `position_commanded`
-    (N) is updated every `period`: from the targets at a time follows the position one
-    period later. When a simulation starts, the joints rest where they are, according to
+    (N) is updated every `period`: targets at one time give the position one period
+    later. When a simulation starts, the joints rest at their position according to
     `state_measured` (2N), [q; v].
 
     Args:
-        home: Where they rest without `state_measured`, shape (N,) [rad or m].
-        limits: Of velocity, acceleration and jerk.
+        home: Their rest position without `state_measured`, shape (N,) [rad or m].
+        limits: Limits of velocity, acceleration and jerk.
         period: Time between updates [s].
 
     Raises:
@@ -125,7 +125,7 @@ class JerkLimitedReference(LeafSystem):
         if self._desired.HasValue(context):
             desired = self._desired.Eval(context)
             target = np.where(np.isfinite(desired), desired, target)
-        # A joint comes to rest exactly at its target, so equality means that it rests.
+        # A joint comes to rest exactly at its target, so equality means rest.
         if not moving and np.array_equal(target, position):
             return
         move, trajectory = ruckig.InputParameter(self._n), ruckig.Trajectory(self._n)
@@ -148,16 +148,16 @@ class JerkLimitedReference(LeafSystem):
         discrete_state.set_value(np.append(moved, target))
 
 
-CAPACITY = 100  # points that a piece may have
+CAPACITY = 100  # largest number of points of a piece
 
 
 def trajectory_piece(times: Vector, positions: Vector, start: float = 0.0) -> Vector:
-    """Return a piece of a trajectory as `TrajectoryFollower` takes it.
+    """Return a piece of a trajectory for `TrajectoryFollower`.
 
     Args:
-        times: Of its points after the start, increasing, shape (K,) [s].
-        positions: Of the joints, shape (K, N) [rad or m].
-        start: When it begins [s]; 0: as soon as it arrives.
+        times: Times of its points after the start, increasing, shape (K,) [s].
+        positions: Positions of the joints, shape (K, N) [rad or m].
+        start: Time at which it begins [s]; 0: as soon as it arrives.
 
     Raises:
         ValueError: If it has more than `CAPACITY` points.
@@ -182,15 +182,15 @@ class TrajectoryFollower(LeafSystem):
         output_ports:
         - position_commanded
 
-    Every `period`, the system looks at `trajectory_desired`, a `trajectory_piece`. A
-    new one replaces what it follows: from where it is now, it moves to the first point
-    whose time is to come, and so on. It rests at the last one. A piece whose points are
-    all in the past, or NaN, changes nothing. While the first entry of `position_held`
-    (N) is finite, the joints rest there, and pieces are forgotten. `position_commanded`
-    (N) is in rad or m.
+    Every `period`, the system reads `trajectory_desired`, a `trajectory_piece`. A new
+    piece replaces the current one: from the present position, the system moves to the
+    first future point, and then from point to point. It rests at the last one. A piece
+    whose points are all in the past, or NaN, changes nothing. While the first entry of
+    `position_held` (N) is finite, the joints rest there, and pieces are discarded.
+    `position_commanded` (N) is in rad or m.
 
     Args:
-        home: Where the joints are at first, shape (N,) [rad or m].
+        home: The joints' first position, shape (N,) [rad or m].
         period: Time between updates [s].
     """
 
@@ -199,7 +199,8 @@ class TrajectoryFollower(LeafSystem):
         self._n = n = len(home)
         self._period = period
         size = 1 + CAPACITY * (1 + n)
-        # The last piece seen; the points that are followed, the first of them passed.
+        # The last piece read, and the points that are followed; the first one is
+        # passed.
         self._seen = int(self.DeclareDiscreteState(np.full(size, np.nan)))
         points = np.full((CAPACITY + 1, 1 + n), np.nan)
         points[0] = [0.0, *home]
@@ -219,7 +220,7 @@ class TrajectoryFollower(LeafSystem):
         )
 
     def _following(self, context: Context) -> Vector:
-        """Return the points (K, 1 + N) that are followed: times and positions."""
+        """Return the followed points (K, 1 + N): times and positions."""
         flat: Vector = context.get_discrete_state(self._points).value()
         points = flat.reshape(CAPACITY + 1, 1 + self._n)
         return points[~np.isnan(points[:, 0])]

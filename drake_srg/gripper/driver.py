@@ -1,4 +1,4 @@
-"""The base of every gripper driver: its configuration, and how fingers sense."""
+"""The base class of gripper drivers, and the sensors of their fingers."""
 
 import abc
 import dataclasses as dc
@@ -38,7 +38,7 @@ from drake_srg.types import Vector
 
 @dc.dataclass(kw_only=True)
 class GraspDetectorConfig(Config):
-    """Thresholds above which a grasp counts."""
+    """Timing of the grasp detector."""
 
     # All fingers must fire for this long [s]: the arm thesis's post-contact delay.
     post_contact_delay: float = dc.field(default=0.1, metadata={"ge": 0.0})
@@ -64,7 +64,7 @@ class GraspDetector(LeafSystem):
 
     Args:
         fingers: The indices of each finger's sensors.
-        config: When a grasp counts.
+        config: Timing.
     """
 
     def __init__(
@@ -78,7 +78,8 @@ class GraspDetector(LeafSystem):
         self._triggered = self.DeclareVectorInputPort(
             name="triggered", size=sum(len(finger) for finger in fingers)
         )
-        # Time since when all fingers have sensed something; inf while they do not.
+        # Start of the time in which all fingers have sensed something [s]; inf while
+        # they do not.
         self.DeclareDiscreteState([np.inf])
         self.DeclareVectorOutputPort(
             name="grasped",
@@ -102,8 +103,7 @@ class GraspDetector(LeafSystem):
         output[0] = context.get_time() - since >= self.config.post_contact_delay
 
 
-# Inputs that a driver can have besides its commands. The plant and the scene graph
-# feed them; a driver has those that its sensors read.
+# Inputs from the plant and the scene graph. A driver has those that its sensors read.
 PLANT_INPUTS = (
     "plant_state",
     "query_object",
@@ -123,9 +123,8 @@ class FingerSensingConfig(Config):
 
     layout: ClassVar[FingerLayout]
 
-    # Sensor that detects that a link is at something: the name of one of the fields
-    # that hold sensors. The thesis's V-REP model used proximity sensors in place of
-    # touch.
+    # Name of the field whose sensor tells the driver that a link has reached something.
+    # The thesis's V-REP model uses proximity sensors instead of touch.
     trigger: str = "proximity"
     proximity: ProximityConfig = dc.field(default_factory=ProximityConfig)
     touch: TouchConfig = dc.field(default_factory=TouchConfig)
@@ -134,12 +133,12 @@ class FingerSensingConfig(Config):
 
     @property
     def joint_names(self) -> tuple[str, ...]:
-        """Order of everything with one entry per joint."""
+        """The joints' names, in the order of all vectors with one entry per joint."""
         return self.layout.joint_names
 
     @property
     def sensor_names(self) -> tuple[str, ...]:
-        """Order of everything with one entry per sensor."""
+        """The sensors' names, in the order of all vectors with one entry per sensor."""
         return self.layout.sensor_names
 
     def sensors(self) -> dict[str, FingerSensorConfig]:
@@ -172,18 +171,19 @@ def AddFingerSensing(
 ) -> FingerSensing:
     """Add encoders, the sensors of a configuration and the grasp detector to a driver.
 
-    Ports of sensors are connected by name. An input port gets what the driver measures
+    Ports of sensors are connected by name. An input port gets the driver's measurement
     (`state_measured`), the output of an earlier sensor, or one of `PLANT_INPUTS`, which
     the driver then exports. Every output port is exported, except `triggered` (m),
-    nonzero where a sensor fires: the one of `config.trigger` feeds the grasp detector.
+    which is nonzero where a sensor fires. That of the sensor `config.trigger` feeds the
+    grasp detector.
 
     Args:
         builder: The driver under construction.
-        plant: With the gripper, finalized.
+        plant: Plant with the gripper, finalized.
         gripper: Its model instance.
-        config: Of the sensors.
+        config: Configuration of the sensors.
         period: Time between draws of the encoders' noise [s].
-        seed: Of that noise.
+        seed: Seed of that noise.
 
     Raises:
         ScenarioError: If the sensor of `config.trigger` has no port `triggered`.
@@ -229,13 +229,13 @@ def _connect(
     sources: dict[str, OutputPort],
     inputs: set[str],
 ) -> None:
-    """Connect a sensor's input port to what has its name.
+    """Connect a sensor's input port to the source of the same name.
 
     Args:
         builder: The driver under construction.
-        port: Of the sensor.
+        port: Port of the sensor.
         sources: Output ports within the driver.
-        inputs: Names of the input ports that the driver has already; a new one is
+        inputs: Names of the input ports that the driver already has. A new one is
             added.
     """
     name = port.get_name()
@@ -322,7 +322,8 @@ class GripperDriver(FingerSensingConfig, abc.ABC):
     def empty_hand(self, closure: float) -> tuple[float, Vector]:
         """Return how far one motor closes an empty hand, and its joints there [rad].
 
-        The way is in any unit. The joints are in the order of `joint_names`.
+        The travel of the motor is in the driver's own unit. The joints are in the order
+        of `joint_names`.
 
         Args:
             closure: 0 open .. 1 closed.
@@ -349,7 +350,7 @@ class GripperDriver(FingerSensingConfig, abc.ABC):
 
         Args:
             inner: The driver under construction.
-            plant: With the gripper, finalized.
+            plant: Plant with the gripper, finalized.
             gripper: Its model instance.
             sensing: Measurements, already in `inner`.
         """
@@ -369,13 +370,13 @@ class GripperDriver(FingerSensingConfig, abc.ABC):
         The caller connects the commands.
 
         Args:
-            builder: Of the diagram.
-            plant: With the gripper, finalized.
+            builder: Builder of the diagram.
+            plant: Plant with the gripper, finalized.
             gripper: Its model instance.
-            seed: Of the encoders' noise.
-            name: Of the driver in the diagram. Each needs its own.
-            scene_graph: What the driver's `query_object`, if it has one, is connected
-                to; None: the caller connects it.
+            seed: Seed of the encoders' noise.
+            name: Name of the driver in the diagram. Each needs its own.
+            scene_graph: Scene graph for the driver's `query_object`, if it has that
+                port; None: the caller connects it.
 
         Raises:
             ValueError: If the name is taken, or the driver controls PD actuators and

@@ -12,8 +12,8 @@ from drake_srg.gripper.plant_servo_driver import PlantServoDriver
 from drake_srg.gripper.srg_position_driver import SrgPositionDriver
 from drake_srg.gripper.srg_tendon_driver import SrgTendonDriver
 
-# The drivers of the package. Its class name is a driver's tag in scenario files. For
-# one of your own, call `drake_srg.station.register_gripper`.
+# The drivers of the package. The name of a driver's class is its tag in scenario files.
+# To add a driver of your own, call `drake_srg.station.register_gripper`.
 DRIVERS: tuple[type[GripperDriver], ...] = (
     SrgPositionDriver,
     SrgTendonDriver,
@@ -35,12 +35,12 @@ def AddGripperDriver(
     """Add the driver of a configuration; see the drivers for their ports.
 
     Args:
-        builder: Of the diagram.
+        builder: Builder of the diagram.
         plant: Finalized.
         gripper: Its model instance.
-        config: Of the driver; its class chooses the driver.
-        seed: Of the encoders' noise.
-        name: Of the driver in the diagram.
+        config: Configuration of the driver; its class chooses the driver.
+        seed: Seed of the encoders' noise.
+        name: Name of the driver in the diagram.
         scene_graph: See `GripperDriver.AddDriver`.
 
     Raises:

@@ -33,9 +33,9 @@ def SetPlantServos(
     """Give a gripper's actuators the gains and limits of servos.
 
     Args:
-        plant: With the gripper, not yet finalized.
+        plant: Plant with the gripper, not yet finalized.
         gripper: Its model instance.
-        names: Of the joints, in the order of the gains.
+        names: Names of the joints, in the order of the gains.
         config: Gains.
         strength: Torque at full PWM, as a fraction of the effort limit.
 
@@ -56,7 +56,7 @@ def SetPlantServos(
 
 
 class PlantJointServos(LeafSystem):
-    """Tells PD actuators of the plant what `GripperServo` would make of a reference.
+    """Commands PD actuators of the plant so that they act like `GripperServo`.
 
     .. pydrake_system::
 
@@ -73,12 +73,12 @@ class PlantJointServos(LeafSystem):
     The inputs are those of `GripperServo`. The plant solves its law `pid`, without the
     integral, implicitly and within its effort limits, so the law does not limit the
     plant's step. The reference is sampled every `config.period`. `position` (n) [rad]
-    is where the actuators must move, `feedforward` (n) the part of the PWM that does
-    not depend on the measurement, and `pwm` (n) their torque now, both fractions of
-    full scale.
+    is the actuators' target, `feedforward` (n) the part of the PWM that does not depend
+    on the measurement, and `pwm` (n) their present torque. Both are fractions of full
+    scale.
 
-    The plant's limits are those of the motors. A smaller `force_limit` kappa takes
-    `position` within kappa / K_P of the measured angles, as often as it is sampled.
+    The plant's limits are those of the motors. With a smaller `force_limit` kappa, each
+    sample limits `position` to within kappa / K_P of the measured angles.
 
     Args:
         config: Gains.
@@ -147,19 +147,19 @@ def AddJointServos(
     reference: OutputPort,
     position_desired: OutputPort | None = None,
 ) -> GripperControl:
-    """Add one servo per joint to a driver: PWM times the effort limit is the torque.
+    """Add one servo per joint to a driver; torque is PWM times the effort limit.
 
     With the law `plant`, call `SetPlantServos` before the plant is finalized.
 
     Args:
         inner: The driver under construction.
-        plant: With the gripper.
+        plant: Plant with the gripper.
         gripper: Its model instance.
-        names: Of the joints, in the order of `state_measured` and `reference`.
+        names: Names of the joints, in the order of `state_measured` and `reference`.
         config: Gains.
         strength: Torque at full PWM, as a fraction of the effort limit.
-        state_measured: Of the joints, [q; v].
-        reference: For the joints, [q; v; a].
+        state_measured: Measured state of the joints, [q; v].
+        reference: Reference of the joints, [q; v; a].
         position_desired: Targets of the reference, [q], for the law `literal`.
 
     Returns:
@@ -172,7 +172,7 @@ def AddJointServos(
     limits = [actuator.effort_limit() for actuator in model_actuators(plant, gripper)]
     order = joint_to_actuator(plant, gripper, names)
     if config.law == PLANT_LAW:
-        # `SetPlantServos` has given the limits their strength already.
+        # `SetPlantServos` has already scaled the limits by `strength`.
         return _AddPlantServos(
             inner, config, np.diag(limits) @ order, order, state_measured, reference
         )
@@ -206,10 +206,10 @@ def _AddPlantServos(
     state_measured: OutputPort,
     reference: OutputPort,
 ) -> GripperControl:
-    """Add what commands the plant's PD actuators; see `AddJointServos`.
+    """Add the systems that command the plant's PD actuators; see `AddJointServos`.
 
-    `torques` makes torques of the actuators of the joints' PWM, and `order` puts joints
-    into the actuators' order.
+    `torques` maps the joints' PWM to the actuators' torques, and `order` permutes
+    joints into the actuators' order.
     """
     servo = inner.AddNamedSystem("servo", PlantJointServos(config))
     inner.Connect(reference, servo.GetInputPort("reference"))

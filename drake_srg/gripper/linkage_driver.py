@@ -28,7 +28,7 @@ from drake_srg.types import Vector
 # when these were chosen, the last closure, and whether something is gripped.
 _ANGLES, _SPEEDS, _TIME, _CLOSURE, _GRIPPED = slice(0, 2), slice(2, 4), 4, 5, 6
 
-# Speed of the slave per angle by which it is behind the master [1/s].
+# Speed of the slave over its lag behind the master [1/s].
 SLAVE_GAIN = 20.0
 
 
@@ -36,8 +36,8 @@ SLAVE_GAIN = 20.0
 class MasterSlaveConfig(Config):
     """Parameters of the fingers' motion, with the arm thesis's values."""
 
-    # Crank angle of the master that closure 1 asks for [rad]: a little beyond 0.681,
-    # where flat pads meet.
+    # Crank angle of the master at closure 1 [rad]: a little beyond 0.681, where flat
+    # pads meet.
     full_scale: float = dc.field(default=0.69, metadata=positive(le=0.69))
     # Speed of either crank [rad/s]: 60 degrees/s.
     max_velocity: float = dc.field(default=np.pi / 3, metadata=positive())
@@ -67,14 +67,15 @@ class MasterSlaveReference(LeafSystem):
       (1) asks for: 0 open .. 1 closed, clipped, NaN ignored.
     * The slave follows at clip(gain (master - slave), +-max_velocity), with the angles
       of `state_measured` (4), [q; v]. (The thesis has -master because its joints turn
-      against each other.) At full speed it is max_velocity / gain behind, 3 degrees.
-    * Once `grasped` (1) is nonzero while the master closes, both stand still. What
-      their references ask for beyond the contact is the grip. They let go only when the
-      command asks the master to open: if the object is lost, they stay where they are.
-    * When opening, the slave does not follow while its reference still presses. It goes
-      back at full speed, as the master's does, so the grip fades on both sides alike
-      and neither finger pushes the object. The slave, which lags, never closes while
-      the master opens.
+      against each other.) At full speed, it lags by max_velocity / gain, 3 degrees.
+    * Once `grasped` (1) is nonzero while the master closes, both stand still. Their
+      references are then beyond the contact, which makes the grip. They let go only
+      when the command opens the master. If the object is lost, they stay where they
+      are.
+    * When opening, the slave does not follow while its reference still presses. Both
+      references go back at full speed, so the grip fades equally on both sides and
+      neither finger pushes the object. The slave lags, so it never closes while the
+      master opens.
     * A finite entry of `joint_position_commanded` (2) [rad] overrides all that for its
       crank, which moves there at `config.max_velocity`.
     * While `hold` (1) is nonzero, both stand still and keep their grip.
@@ -161,11 +162,11 @@ def _angles(time: float, state: Vector) -> Vector:
 
 def _default_servo() -> GripperServoConfig:
     # A crank turns almost only its servo's inertia, J = 0.0020 kg m², and its torque
-    # limit is tau = 0.52 N m (linkage_gripper.sdf). Stiffness K = J w² with
-    # w = 30 rad/s: from the first contact to the end of the post-contact delay a
-    # reference goes on by 0.11 rad, which then presses with K 0.11 rad / 45 mm, 4.5 N
-    # per finger. The damping is 3 J w. The back-EMF, b = 0.048 N m s/rad, is a part of
-    # it, and the first feedforward gain makes up for that part.
+    # limit is tau = 0.52 N m (linkage_gripper.sdf). Stiffness K = J w² with w = 30
+    # rad/s. From the first contact to the end of the post-contact delay, a reference
+    # advances by 0.11 rad. That presses with K 0.11 rad / 45 mm, 4.5 N per finger. The
+    # damping is 3 J w. The back-EMF, b = 0.048 N m s/rad, is a part of it, and the
+    # first feedforward gain compensates for that part.
     tau, inertia, back_emf, w = 0.52, 0.0020, 0.048, 30.0
     return GripperServoConfig(
         kp=[inertia * w**2 / tau] * 2,
@@ -186,8 +187,8 @@ class LinkageDriver(GripperDriver):
 
     layout: ClassVar[FingerLayout] = LINKAGE_FINGERS
 
-    # A finger that fires 1 mm before it touches does not mistake the table under a
-    # lying cylinder, 3 mm away, for an object, even if it looks all round. The table
+    # Sensors fire 1 mm before contact. The table under a lying cylinder is 3 mm away,
+    # so they do not mistake it for an object, even if they look all round. The table
     # under a standing one, 13 mm away, is out of range, which saves three quarters of
     # the sensors' time.
     proximity: ProximityConfig = dc.field(

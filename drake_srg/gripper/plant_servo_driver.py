@@ -1,4 +1,4 @@
-"""The SRG driven by PD actuators of the plant, for simulations that must be fast."""
+"""The SRG driven by PD actuators of the plant, for fast simulations."""
 
 import dataclasses as dc
 from typing import ClassVar
@@ -34,7 +34,7 @@ from drake_srg.types import Vector
 
 
 class PlantServoLogic(UnderactuationLogic):
-    """Algorithm 1, with targets that are as far ahead as the servos may press.
+    """Algorithm 1, with targets that limit how hard the servos press.
 
     .. pydrake_system::
 
@@ -52,8 +52,8 @@ class PlantServoLogic(UnderactuationLogic):
 
     A proportional servo that lags its target by K_P e = kappa presses with the fraction
     kappa of its torque. `force_limit` (1) is kappa, 0 .. 1: every `config.period`, the
-    targets are brought within kappa / K_P of the measured angles. If it is not
-    connected or NaN, it is `force_limit`. The other ports are those of
+    targets are brought within kappa / K_P of the measured angles. Without a connection,
+    or if it is NaN, the argument `force_limit` counts. The other ports are those of
     `UnderactuationLogic`.
 
     Args:
@@ -86,13 +86,14 @@ class PlantServoLogic(UnderactuationLogic):
         discrete_state.set_value(self._desired, desired)
 
 
-# Control period [s]: exact in binary, so that no step is as short as a rounding error.
+# Control period [s]. It is exact in binary: otherwise, some steps would be as short as
+# a rounding error.
 _PERIOD = 3 / 64
 
 
 def _default_servo() -> GripperServoConfig:
-    # The stiffness of SrgPositionDriver. The motor's back-EMF damps more than
-    # critically, so K_D is zero.
+    # The stiffness of SrgPositionDriver. The motor's back-EMF overdamps the joint, so
+    # K_D is zero.
     zero = [0.0] * 4
     return GripperServoConfig(
         kp=SrgPositionDriver().servo.kp,
@@ -106,20 +107,20 @@ def _default_servo() -> GripperServoConfig:
 
 @dc.dataclass(kw_only=True)
 class PlantServoDriver(GripperDriver):
-    """Four joints that the plant controls, commanded at the control period alone.
+    """Four joints that the plant controls, commanded once per control period.
 
     closure -> PlantServoLogic -> the plant's PD actuators. Between two evaluations of
-    Algorithm 1, nothing but the plant is computed, with the servos' stiffness and
-    torque limits solved implicitly. In place of a reference, the motors' back-EMF
-    limits the speed: a joint without load turns at `no_load_speed` at full torque, and
-    slows down as it comes near its target.
+    Algorithm 1, only the plant is computed. It solves the servos' stiffness and torque
+    limits implicitly. There is no reference: the motors' back-EMF limits the speed. A
+    joint without load turns at `no_load_speed` at full torque, and slows down near its
+    target.
     """
 
     layout: ClassVar[FingerLayout] = SRG_FINGERS
 
     trigger: str = "touch"
-    # Null leaves these sensors out, and the port `proximity`, which the planners need.
-    # They cost as much time as four steps of the plant.
+    # Null leaves out these sensors and the port `proximity`, which the planners need. A
+    # reading costs as much time as four steps of the plant.
     proximity: ProximityConfig | None = dc.field(  # type: ignore[assignment]  # optional here alone
         default_factory=lambda: ProximityConfig(period=_PERIOD)
     )
@@ -195,7 +196,7 @@ class PlantServoDriver(GripperDriver):
 
 
 def _AddPwm(inner: DiagramBuilder, kp: Vector, kd: Vector) -> Diagram:
-    """Add `pwm`: what the plant's law makes of a target (4) and a state (8)."""
+    """Add `pwm`, the plant's law for a target (4) and a state (8)."""
     builder = DiagramBuilder()
     mux = builder.AddSystem(Multiplexer([4, 8]))
     law = builder.AddSystem(

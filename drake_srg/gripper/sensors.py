@@ -25,8 +25,8 @@ from drake_srg.gripper.underactuation import FINGERS, JOINT_NAMES
 from drake_srg.lifetime import LeafSystem
 from drake_srg.types import Vector
 
-# Inner normal of every link with a sensor, in the link's frame: y points to the closing
-# side.
+# Inner normal of every link with a sensor, in the link's frame. Its y points to the
+# closing side.
 INWARD = np.array([0.0, 1.0, 0.0])
 INWARD.setflags(write=False)
 
@@ -42,7 +42,7 @@ class FingerLayout:
             order of everything with one entry per sensor.
         fingers: The indices of the sensors of each finger.
         seen: The gripper's own links that a distance sensor sees, by the sensor's name.
-            Sensors without an entry see none of them.
+            A sensor without an entry sees no link of the gripper.
     """
 
     joint_names: tuple[str, ...]
@@ -63,9 +63,9 @@ class FingerLayout:
         Use this in place of the plant's method, which takes the plant's order.
 
         Args:
-            plant: With the gripper.
+            plant: Plant with the gripper.
             gripper: Its model instance.
-            q: In the order of `joint_names`, shape (n,) [rad].
+            q: Positions in the order of `joint_names`, shape (n,) [rad].
         """
         for name, angle in zip(self.joint_names, q, strict=True):
             joint = plant.GetJointByName(name, gripper)
@@ -112,7 +112,7 @@ class FingerSensorConfig(Config, abc.ABC):
 
         Args:
             builder: The driver under construction.
-            plant: With the gripper, finalized.
+            plant: Plant with the gripper, finalized.
             gripper: Its model instance.
             layout: The links that carry sensors, in the order of the readings.
         """
@@ -127,16 +127,18 @@ class ProximityConfig(FingerSensorConfig):
     # A sensor fires below this distance [m].
     trigger_distance: float = dc.field(default=0.003, metadata=positive())
     # Half angle of the cone about the link's inner normal in which a sensor sees [rad];
-    # pi: all round. 60 degrees show an object whose side is so oblique to the pad, and
-    # hide a table below links that are within 30 degrees of upright. An object at the
-    # trigger distance escapes a face only over its outer 1.7 mm (`ProximitySensors`).
+    # pi: all round. 60 degrees show objects whose sides are up to 60 degrees oblique to
+    # the pad. They hide a table below links that are within 30 degrees of upright. A
+    # face misses an object at the trigger distance only over its outer 1.7 mm (see
+    # `ProximitySensors`).
     half_angle: float = dc.field(
         default=math.radians(60.0), metadata=positive(le=math.pi)
     )
     # Time between readings [s]. A reading costs 0.2 ms, at 100 Hz a twelfth of the time
-    # that the plant needs. Algorithm 1 and the reference, sampled at the same rate,
-    # each see the other's last value, so a finger reacts 20 to 35 ms after it comes
-    # near something. Meanwhile, its end moves at most 13 mm (3.67 rad/s over 0.1 m).
+    # that the plant needs. Algorithm 1 and the reference are sampled at the same rate,
+    # and each sees the other's last value. So a finger reacts 20 to 35 ms after it
+    # comes near something. Meanwhile, its end moves at most 13 mm (3.67 rad/s over 0.1
+    # m).
     period: float = dc.field(default=0.01, metadata=positive())
 
     def AddSensor(
@@ -151,7 +153,7 @@ class ProximityConfig(FingerSensorConfig):
 
 
 class ProximitySensors(LeafSystem):
-    """Measures signed distances from finger links to whatever is near them.
+    """Measures signed distances from finger links to things near them.
 
     .. pydrake_system::
 
@@ -169,12 +171,12 @@ class ProximitySensors(LeafSystem):
 
     A geometry of a sensor sees another one if the direction to its nearest point (in
     penetration: the contact normal) is within `config.half_angle` of the link's inner
-    normal. Nothing within that angle is nearer. A convex object that a flat face does
-    not see can reach in front of the face, but only at the rim: where it is h above the
-    face, the face's edge is at most h / tan(half_angle) away. The geometries of a link
-    look past each other: an object in the corner between two of them counts, though
-    the nearer one has it beside itself. So what lies behind a pad can see, from farther
-    away, a round object at the pad's end.
+    normal. Then nothing within that angle is nearer. A flat face can miss a convex
+    object in front of it, but only at the rim: where the object is h above the face,
+    the face's edge is at most h / tan(half_angle) away. The geometries of a link do not
+    block each other's view. An object in the corner between two of them counts,
+    although it is beside the nearer one. Likewise, a geometry behind a pad can see a
+    round object at the pad's end, from farther away.
 
     Args:
         sensors: The geometries from which each sensor measures, by its name.
@@ -192,7 +194,7 @@ class ProximitySensors(LeafSystem):
         self.config = config or ProximityConfig()
         self.sensor_names = list(sensors)
         # Numbers, not ids: an id from a plant keeps the plant and its diagram alive,
-        # where the garbage collector does not see it.
+        # and the garbage collector does not see that reference.
         self._sensor_of = {
             g.get_value(): i for i, gs in enumerate(sensors.values()) for g in gs
         }
@@ -223,7 +225,7 @@ class ProximitySensors(LeafSystem):
             a, b, distance = A.get_value(), B.get_value(), pair.distance
             for own, other, is_A in ((a, b, True), (b, a, False)):
                 i = self._sensor_of.get(own)
-                # Most pairs are of the gripper's own links, which no sensor sees.
+                # Most pairs belong to the gripper's own links, which no sensor sees.
                 if i is None or other in self._ignored[i] or distance >= distances[i]:
                     continue
                 if i not in normals:
@@ -272,7 +274,7 @@ def AddProximitySensors(
 
 @dc.dataclass(kw_only=True)
 class TouchConfig(FingerSensorConfig):
-    """Thresholds above which a touch counts."""
+    """Threshold from which a touch counts."""
 
     # A sensor fires at this force and above [N]. Thin-film force sensors begin to read
     # at 0.1 to 0.5 N.
@@ -316,7 +318,7 @@ class ContactForceSensors(LeafSystem):
     Args:
         links: The index of the body of each sensor and the body's collision geometries,
             by the sensor's name.
-        config: When a touch counts.
+        config: Force from which a touch counts.
     """
 
     def __init__(

@@ -6,7 +6,7 @@ Equation 2.3 of the thesis reads
                 + K_D (q* - q) / q')_kappa
 
 with q the minimum-jerk trajectory and q*, 0 .. 100, the target. No measurement appears
-in it. `GripperServo` offers three readings.
+in the equation. `GripperServo` offers three readings of it.
 """
 
 import dataclasses as dc
@@ -103,8 +103,8 @@ class MinimumJerkReference(LeafSystem):
     (2n), [q; v].
 
     Args:
-        initial_position: Where it rests without `state_measured`, shape (n,) [rad].
-        config: How fast the reference moves.
+        initial_position: Rest position without `state_measured`, shape (n,) [rad].
+        config: Limits of the motion.
     """
 
     def __init__(
@@ -137,7 +137,7 @@ class MinimumJerkReference(LeafSystem):
 
         Args:
             context: This system's.
-            position: Of the joints, shape (n,) [rad].
+            position: Position of the joints, shape (n,) [rad].
         """
         context.SetDiscreteState(self._at_rest(context, position))
 
@@ -210,10 +210,9 @@ class GripperServoConfig(Config):
     kp: list[float] = dc.field(metadata={"ge": 0.0})  # K_P [1/rad]
     # K_I [1/(rad s)]. Zero suits the SRG: an integral would wind up the position
     # error that Algorithm 1 leaves on purpose, to press on the object.
-    # In the laws `printed` and `literal`, where it multiplies e q' [s/rad²].
+    # In the laws `printed` and `literal`, it multiplies e q' [s/rad²].
     ki: list[float] = dc.field(metadata={"ge": 0.0})
-    # K_D [s/rad]. In the laws `printed` and `literal`, where it multiplies e / q'
-    # [1/s].
+    # K_D [s/rad]. In the laws `printed` and `literal`, it multiplies e / q' [1/s].
     kd: list[float] = dc.field(metadata={"ge": 0.0})
     kff1: list[float]  # K_FF1, on the reference's velocity [s/rad]
     kff2: list[float]  # K_FF2, on the reference's acceleration [s²/rad]
@@ -223,10 +222,10 @@ class GripperServoConfig(Config):
     # Anti-windup by back-calculation: the integral follows the saturation in this time
     # [s].
     tracking_time: float = dc.field(default=0.05, metadata=positive())
-    # Share of K_FF1 that torque control applies to the measured speed. If K_FF1 makes
-    # up for back-EMF, 1 would be a perfect current control and leave a motor on wires
-    # ringing for seconds. A fifth of the damping stays, in place of the friction that
-    # a real motor has.
+    # Share of K_FF1 that torque control applies to the measured speed. If K_FF1
+    # compensates for back-EMF, 1 would be perfect current control, and a motor on wires
+    # would ring for seconds. A fifth of the damping stays, in place of a real motor's
+    # friction.
     current_control: float = dc.field(default=0.8, metadata={"ge": 0.0, "le": 1.0})
     # PWM steps from 0 to full scale, such as 1023 for the register of an MX-64; 0 for
     # a continuous PWM.
@@ -244,8 +243,8 @@ def _clip(value: Any, limit: Any) -> Any:
     return min_(max_(value, -limit), limit)
 
 
-# Without a scope, Drake looks for this module in the call stack. That takes 0.1 s
-# while modules are being imported; so does making a class.
+# Without a scope, Drake looks for this module in the call stack. That takes 0.1 s while
+# modules are being imported. Making a class takes as long.
 @TemplateSystem.define("GripperServo_", scope=sys.modules[__name__])
 def GripperServo_(T: Any) -> Any:  # noqa: D103 (the class below is the documentation)
     class Impl(LeafSystem_[T]):
@@ -279,7 +278,7 @@ def GripperServo_(T: Any) -> Any:  # noqa: D103 (the class below is the document
         * Law `printed` takes the terms as printed, and the error as in `pid`: feedback
           = K_P e + K_I e q' + K_D e / q'. The thesis's q* is read as the reference and
           the q of q* - q as the measurement.
-        * Law `literal` takes the symbols as the thesis defines them as well: the same
+        * Law `literal` also takes the symbols as the thesis defines them: the same
           terms with e = `position_desired` minus reference. Nothing is measured, so the
           servo cannot resist a load.
 
@@ -288,14 +287,14 @@ def GripperServo_(T: Any) -> Any:  # noqa: D103 (the class below is the document
 
         The thesis's q* is 0 .. 100 percent of closure. The drivers convert it:
         `full_scale` / 100 radians of base plus tip angle are one percent, and
-        Algorithm 1, or the spool, makes the target of each motor from that. Gains in
-        percent would be those in rad, scaled: the unit changes no law.
+        Algorithm 1, or the spool, computes each motor's target from that. Gains in
+        percent would be scaled gains in rad, so the unit changes no law.
 
-        The floor brackets with kappa are read as a symmetric limit. With
-        `config.pwm_steps` = N, they also round down to integers: the PWM and kappa
-        become the next lower multiples of 1 / N. A floor rounds negative values down as
-        well, so the PWM shifts towards opening, by half a step on average. Steps have
-        no derivatives, so such a servo does not convert to AutoDiffXd.
+        We read the floor brackets with kappa as a symmetric limit. With
+        `config.pwm_steps` = N, they also round down: the PWM and kappa become the next
+        lower multiples of 1 / N. This also lowers negative values, so the PWM shifts
+        towards opening, by half a step on average. Steps have no derivatives, so such a
+        servo does not convert to AutoDiffXd.
 
         A finite entry of `torque_commanded` (n), a fraction of the torque at rest at
         full PWM, switches its servo from position to torque control:
@@ -303,7 +302,7 @@ def GripperServo_(T: Any) -> Any:  # noqa: D103 (the class below is the document
             PWM = clip(clip(torque, -kappa, kappa) + c K_FF1 v_measured, -1, 1)
 
         with c = `config.current_control`, so the torque hardly falls with the speed.
-        Steps apply here, too. The integral does not change meanwhile.
+        Steps apply here, too. The integral does not change during torque control.
 
         `pwm` (n) is the held PWM, a fraction of full scale.
         """
@@ -340,7 +339,7 @@ def GripperServo_(T: Any) -> Any:  # noqa: D103 (the class below is the document
                     ("torque_commanded", n),
                 )
             )
-            # The integral term of the PWM, and the PWM held.
+            # The integral term of the PWM, and the held PWM.
             self._integral, self._pwm = (self.DeclareDiscreteState(n) for _ in range(2))
             self.DeclareStateOutputPort("pwm", self._pwm)
             self.DeclarePeriodicDiscreteUpdateEvent(
@@ -354,7 +353,7 @@ def GripperServo_(T: Any) -> Any:  # noqa: D103 (the class below is the document
             n, kappa = self._n, self._kappa(value_or_none(self._limit, context))
             absent = [None] * n
             if self.config.law == "literal":
-                target = self._target.Eval(context)  # or fail: this law needs it
+                target = self._target.Eval(context)  # this law needs it
             else:
                 target = value_or_none(self._target, context)
             torque = value_or_none(self._torque, context)
@@ -415,7 +414,7 @@ def GripperServo_(T: Any) -> Any:  # noqa: D103 (the class below is the document
                 rate = ki * error + (saturated - pwm) / config.tracking_time
                 integral = integral + config.period * rate
             if config.pwm_steps:
-                steps = config.pwm_steps  # down to a whole one, the limit towards zero
+                steps = config.pwm_steps  # PWM rounds down, the limit towards zero
                 saturated = max_(floor(steps * saturated), -floor(steps * limit))
                 saturated = saturated / steps
             return integral, saturated

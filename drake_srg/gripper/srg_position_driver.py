@@ -32,13 +32,12 @@ from drake_srg.types import Vector
 def _default_servo() -> GripperServoConfig:
     # The joint torque limits tau are 2.0 N m (base) and 1.4 N m (tip). The inertia J
     # that a joint turns is almost only its motor's, 0.0037 and 0.0019 kg m² (srg.sdf).
-    # Stiffness K = J w²: the base gets w = 40 rad/s, a thirtieth of the sample rate. A
-    # fingertip pinch presses with the middle of its pad, 34 mm beyond the tip hinge
-    # and 85 mm beyond the base hinge, when the base and tip torques are as 85 : 34.
-    # Both joints have the same position error there (Algorithm 1), so
-    # K_tip = K_base / 2.5.
-    # K_P = K / tau; K_D = 2 sqrt(K J) / tau (critical); K_FF1 is the joint's damping
-    # over tau; K_FF2 = J / tau.
+    # Stiffness K = J w²: the base gets w = 40 rad/s, a thirtieth of the sample rate.
+    # The middle of the pad is 34 mm beyond the tip hinge and 85 mm beyond the base
+    # hinge. A fingertip pinch presses there if the base and tip torques are as 85 : 34.
+    # Both joints then have the same position error (Algorithm 1), so K_tip = K_base /
+    # 2.5. K_P = K / tau; K_D = 2 sqrt(K J) / tau (critical); K_FF1 is the joint's
+    # damping over tau; K_FF2 = J / tau.
     base, tip = 0, 1
     tau = np.array([2.0, 1.4])
     inertia = np.array([0.0037, 0.0019])
@@ -164,14 +163,14 @@ def AddSrgPositionDriver(
         - desired_state (servo.law plant)
 
     `plant_state`, `contact_results`, `body_poses` and `actuation`, the joint torques
-    [N m] in the order of the gripper's actuators, are connected here, and so is
-    `desired_state` (8), [q; v] of the plant's PD actuators in that order. So is
-    `query_object`, given the scene graph. The fingers move from where they start. The
+    [N m] in the order of the gripper's actuators, are connected here. So are
+    `desired_state` (8), [q; v] of the plant's PD actuators in that order, and, given
+    the scene graph, `query_object`. The fingers move from their initial positions. The
     other ports:
 
     * `closure_commanded` (1): 0 open .. 1 closed;
-    * `joint_position_commanded` (4) [rad]: a finite entry overrides what closure asks
-      of that joint, NaN leaves it;
+    * `joint_position_commanded` (4) [rad]: a finite entry overrides the joint's target
+      from closure, NaN does not;
     * `hold` (1): while nonzero, the fingers keep their positions and their grip;
     * `force_limit` (1): largest PWM, a fraction 0 .. 1 of full scale;
     * `closure_messages` (1): number of messages so far that commanded a closure;

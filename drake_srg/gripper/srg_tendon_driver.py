@@ -42,8 +42,8 @@ from drake_srg.types import Vector
 class SpoolCommandConfig(Config):
     """Parameters of the map from closure to spool angle."""
 
-    # Base plus tip angle that closure 1 asks of an empty hand [rad], and the limit of
-    # the base, beyond which the tip closes; as in `UnderactuationConfig`.
+    # Base plus tip angle of an empty hand at closure 1 [rad]. Beyond the base's limit,
+    # the tip closes. Both are as in `UnderactuationConfig`.
     full_scale: float = dc.field(default=SRG.full_scale, metadata=positive())
     # The fitted moment arms end at 2.007 rad.
     base_limit: float = dc.field(default=SRG.joint_limit, metadata=positive(le=2.007))
@@ -53,14 +53,14 @@ class SpoolCommandConfig(Config):
 def spool_angle(
     closure: float, spool_radius: float, config: SpoolCommandConfig
 ) -> float:
-    """Return the spool angle that closes an empty hand as closure asks [rad].
+    """Return the spool angle that gives an empty hand some closure [rad].
 
-    So closure means the same for both drivers, see `empty_hand`.
+    Closure thus means the same for both drivers; see `empty_hand`.
 
     Args:
         closure: 0 open .. 1 closed, clipped.
         spool_radius: [m].
-        config: How closure becomes an angle.
+        config: The map from closure to spool angle.
     """
     travel, _ = empty_hand(closure, config.full_scale, config.base_limit)
     return travel / spool_radius
@@ -86,12 +86,12 @@ class SpoolCommand(LeafSystem):
 
     The outputs, updated every `config.period`, are `angle_desired` (1) [rad] and
     `torque_desired` (1), a fraction of the torque at full PWM. The torque is NaN while
-    the motor goes by the angle. Commands, the strongest first:
+    the motor follows the angle. Commands, the strongest first:
 
-    * `hold` (1): while nonzero, the target stays as it is, or the torque if that winds
-      the spool, and so does the grip, provided that one of the sensors, `triggered`
-      (4), fired when the hold began. Otherwise, the spool stays at the angle that it
-      had then, from `motor_state` (2).
+    * `hold` (1): while nonzero, the hand keeps its state. If one of the sensors,
+      `triggered` (4), fired when the hold began, the target (or a torque that winds the
+      spool) stays, and with it the grip. Otherwise, the spool keeps its angle at that
+      time, from `motor_state` (2).
     * `motor_torque_commanded` (1): while finite, the motor obeys it. The target follows
       the spool, so that position control can take over from there.
     * `motor_position_commanded` (1): a finite spool angle [rad].
@@ -101,7 +101,7 @@ class SpoolCommand(LeafSystem):
 
     Args:
         spool_radius: [m].
-        config: How closure becomes a spool angle.
+        config: The map from closure to spool angle.
     """
 
     def __init__(
@@ -171,7 +171,7 @@ class SpoolCommand(LeafSystem):
 
 
 class TorqueControl(LeafSystem):
-    """Finds the PWM that gives a torque, by integration, as the servo's firmware does.
+    """Integrates to the PWM that gives a desired torque, like the servo's firmware.
 
     .. pydrake_system::
 
@@ -181,16 +181,16 @@ class TorqueControl(LeafSystem):
         output_ports:
         - pwm_desired
 
-    `torque_desired` (1) is a fraction of the torque at rest of a full PWM without dead
-    band; NaN while the motor goes by its position. `pwm_desired` (1) is the fraction of
-    full PWM that gives this torque, updated every `period`, or NaN. With
+    `torque_desired` (1) is a fraction of the torque at rest at full PWM without dead
+    band. It is NaN while the motor controls its position. `pwm_desired` (1) is the
+    fraction of full PWM that gives this torque, updated every `period`, or NaN. With
     `drive.torque_rise` = 0 it does so at once. Otherwise it starts from 0 and rises:
 
         pwm' = (torque_desired - useful(pwm)) / torque_rise
 
     Args:
         drive: The motor.
-        period: Of the updates [s].
+        period: Period of the updates [s].
     """
 
     def __init__(self, drive: TendonDriveConfig, period: float) -> None:
@@ -214,7 +214,7 @@ class TorqueControl(LeafSystem):
         else:
             pwm = before if np.isfinite(before) else 0.0
             error = torque - drive.useful_pwm(pwm)
-            # With a shorter rise, an update would overshoot, and then never settle.
+            # With a shorter rise, updates would overshoot and never settle.
             rise = max(drive.torque_rise, self._period / (1.0 - drive.dead_band))
             pwm += self._period * error / rise
         discrete_state.set_value([np.clip(pwm, -1.0, 1.0)])
@@ -222,9 +222,8 @@ class TorqueControl(LeafSystem):
 
 def _default_motor_servo() -> GripperServoConfig:
     # Gains as in SrgPositionDriver: K = J w² with w = 40 rad/s and J the motor's
-    # inertia at the spool, over its full torque. The back-EMF damps more than
-    # critically (0.91 against 2 J w = 0.8 N m s/rad), and the first feedforward
-    # gain makes up for it.
+    # inertia at the spool, over its full torque. The back-EMF overdamps the motor (0.91
+    # against 2 J w = 0.8 N m s/rad), and the first feedforward gain compensates for it.
     drive = TendonDriveConfig()
     return GripperServoConfig(
         kp=[drive.reflected_inertia * 40.0**2 / drive.full_torque],
@@ -232,7 +231,7 @@ def _default_motor_servo() -> GripperServoConfig:
         kd=[0.0],
         kff1=[drive.motor_damping / drive.full_torque],
         kff2=[drive.reflected_inertia / drive.full_torque],
-        # The servo is so stiff that it presses with all that this allows: 103 N at
+        # The servo is so stiff that it always presses as hard as this allows: 103 N at
         # each wire.
         force_limit=1 / 3,
     )
@@ -247,8 +246,9 @@ class SrgTendonDriver(GripperDriver):
     """
 
     layout: ClassVar[FingerLayout] = SRG_FINGERS
-    # The wires are a spring of the fingers' own time scale, updated with the plant. On
-    # an error-controlled plant, what they hold creeps (docs/speed.md).
+    # The wires are springs as fast as the fingers themselves, so they are updated with
+    # the plant's steps. On an error-controlled plant, held objects creep
+    # (docs/speed.md).
     needs_discrete_plant: ClassVar[bool] = True
 
     spool: SpoolCommandConfig = dc.field(default_factory=SpoolCommandConfig)
@@ -375,14 +375,14 @@ def SetTendonDynamics(
 ) -> None:
     """Prepare an SRG's joints for `AddSrgTendonDriver`, before the plant is finalized.
 
-    The model's joints carry a share of the motor's inertia, friction and torque limit,
-    for drivers without a motor of their own. With wires, the motor is on their other
-    side.
+    In the model file, each joint has a share of the motor's inertia, friction and
+    torque limit, for drivers without a motor. Here the motor is at the other end of the
+    wires.
 
     Args:
-        plant: With the gripper, not yet finalized.
+        plant: Plant with the gripper, not yet finalized.
         gripper: Its model instance.
-        config: Of the drive.
+        config: Configuration of the drive.
     """
     for actuator in model_actuators(plant, gripper):
         actuator.set_default_rotor_inertia(0.0)

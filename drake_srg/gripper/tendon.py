@@ -90,8 +90,8 @@ def _polynomial(coefficients: tuple[float, ...], x: Any) -> Any:
     return value
 
 
-# Travel after which a wire that reverses slides on its guides [m]: its stretch in
-# there, about 10 mm at 1 %.
+# Travel after which a wire that reverses slides on its guides [m]: the stretch of the
+# wire in the guides, about 10 mm at 1 %.
 WIRE_PRESLIDING = 1e-4
 
 
@@ -99,13 +99,13 @@ WIRE_PRESLIDING = 1e-4
 class DriveFrictionConfig(Config):
     """Friction of gears and wires. Off by default: no data sheet states any of it."""
 
-    # Friction of the gear train at the spool: a constant part [N m] and a share of the
-    # wires' torque (the tooth forces' part; 1 cannot be driven back). The motor's stall
-    # torque is that before this friction.
+    # Friction of the gear train at the spool: a constant part [N m], and a share of the
+    # wires' torque, due to tooth forces (at 1, the load cannot drive the motor back).
+    # The motor's stall torque does not include this friction.
     gear: float = dc.field(default=0.0, metadata={"ge": 0.0})
     gear_load: float = dc.field(default=0.0, metadata={"ge": 0.0, "le": 1.0})
-    # What holds a resting spool over what slows a moving one: lubricated steel gears
-    # hold 1.2 to 1.5 times as hard.
+    # Friction that holds a resting spool, over the friction of a moving one. For
+    # lubricated steel gears, it is 1.2 to 1.5.
     stiction: float = dc.field(default=1.0, metadata={"ge": 1.0, "le": 3.0})
     # Capstan friction of a wire on its guides: coefficient times angle of wrap [rad].
     # The finger's end pulls with exp(-wire) of the spool's while the wire winds in,
@@ -113,7 +113,7 @@ class DriveFrictionConfig(Config):
     wire: float = dc.field(default=0.0, metadata={"ge": 0.0, "le": 1.0})
 
     def of_gears(self, load: Any) -> Any:
-        """Return what the moving gears take [N m], for a load [N m]."""
+        """Return the friction torque of the moving gears at a load, both in N m."""
         return self.gear + self.gear_load * load
 
     def motor_torque(self, load: float) -> float:
@@ -121,16 +121,16 @@ class DriveFrictionConfig(Config):
         return load + float(self.of_gears(load))
 
     def load(self, motor_torque: float) -> float:
-        """Return the load that a torque of the motor just winds against [N m]."""
+        """Return the load against which a motor torque just winds [N m]."""
         return (motor_torque - self.gear) / (1.0 + self.gear_load)
 
 
 def slowed(speed: Any, most: Any) -> Any:
-    """Return a speed after Coulomb friction, which stops it but never turns it.
+    """Return a speed after Coulomb friction, which never reverses it.
 
     Args:
         speed: Without the friction [rad/s].
-        most: By which the friction can change it in this step [rad/s].
+        most: Largest change of speed by friction in this step [rad/s].
     """
     return max_(speed - most, 0.0) + min_(speed + most, 0.0)
 
@@ -141,7 +141,7 @@ def held(before: Any, speed: Any, most: Any, after: Any) -> Any:
     Args:
         before: Speed before the step [rad/s].
         speed: After the step, without friction [rad/s].
-        most: What stiction holds in this step [rad/s].
+        most: Largest change of speed that stiction resists in this step [rad/s].
         after: After the step, with the friction of a moving spool [rad/s].
     """
     if isinstance(after, Expression):
@@ -155,7 +155,7 @@ def slid(state: Any, travel: Any, presliding: float) -> Any:
 
     Args:
         state: Before the travel, -1 .. 1.
-        travel: Of the wire along its guides towards the spool [m].
+        travel: Travel of the wire along its guides towards the spool [m].
         presliding: Travel from no friction to sliding [m].
     """
     return max_(-1.0, min_(1.0, state + travel / presliding))
@@ -165,7 +165,7 @@ def passed_on(state: Any, friction: float) -> Any:
     """Return the share of the spool's pull that reaches the finger.
 
     Args:
-        state: From `slid`.
+        state: State of the friction, from `slid`.
         friction: Coefficient times angle of wrap [rad].
     """
     if isinstance(state, float):
@@ -191,21 +191,22 @@ class TendonDriveConfig(Config):
     no_load_speed: float = dc.field(default=6.6, metadata=positive())
     # Share of these at full PWM: SAKE's driver libezgripper uses 800 of 1023.
     full_scale: float = dc.field(default=800 / 1023, metadata=positive(le=1.0))
-    # Share of the PWM that bridge and brushes keep: below it the motor gives no torque,
-    # from there the torque at rest grows linearly, to `stall_torque` at a PWM of 1. No
+    # Share of the PWM lost in bridge and brushes. Below it, the motor gives no torque;
+    # above it, the torque at rest grows linearly, to `stall_torque` at a PWM of 1. No
     # data sheet states it.
     dead_band: float = dc.field(default=0.0, metadata={"ge": 0.0, "le": 0.5})
-    # Time in which the servo's own torque control changes the PWM by as much as its
-    # torque is off, a share of the full one [s]; 0 for at once. See `TorqueControl`.
+    # Time constant of the servo's own torque control [s]: in this time, the PWM changes
+    # by the torque's error, both as shares of full scale; 0: at once. See
+    # `TorqueControl`.
     torque_rise: float = dc.field(default=0.0, metadata={"ge": 0.0})
     # Inertia at the spool [kg m²]: 200² times the rotor's, which is not published. A
     # coreless motor of that size (21 mm) has about 2.5e-7 kg m².
     reflected_inertia: float = dc.field(default=0.01, metadata=positive())
     # Radius [m]: 29.1 mm of wire in 2500 of the 4096 encoder counts per turn.
     spool_radius: float = dc.field(default=0.0076, metadata=positive())
-    # 0.2 m of braided polyethylene line, 0.8 mm thick, at 10 GPa [N/m]. Its damping
-    # [N s/m] is a tenth of the critical one for the finger that it pulls (1.2 kg seen
-    # from the wire).
+    # 0.2 m of braided polyethylene line, 0.8 mm thick, at 10 GPa [N/m]. Its damping [N
+    # s/m] is a tenth of critical for the finger that it pulls (1.2 kg seen from the
+    # wire).
     wire_stiffness: float = dc.field(default=2.5e4, metadata=positive())
     wire_damping: float = dc.field(default=35.0, metadata={"ge": 0.0})
     friction: DriveFrictionConfig = dc.field(default_factory=DriveFrictionConfig)
@@ -217,8 +218,8 @@ class TendonDriveConfig(Config):
     tip_spring: TorsionSpringConfig = dc.field(
         default_factory=lambda: TorsionSpringConfig(preload=0.01611, stiffness=0.00771)
     )
-    # Damping of each hinge [N m s/rad]: critical for a finger on its base spring, so it
-    # opens as fast as possible without ringing.
+    # Damping of each hinge [N m s/rad]: critical for a finger on its base spring, so
+    # the finger opens as fast as possible without ringing.
     joint_damping: float = dc.field(default=0.0022, metadata={"ge": 0.0})
 
     @property
@@ -235,7 +236,7 @@ class TendonDriveConfig(Config):
     def full_wire_force(self) -> float:
         """Force of each wire when both balance the motor, at rest at full PWM [N].
 
-        With friction in the gears, the force that the motor reaches by winding.
+        With friction in the gears, it is the force that the motor reaches by winding.
         """
         return self.wire_force_of(1.0)
 
@@ -276,8 +277,8 @@ class TendonDriveConfig(Config):
         return min(self.pwm_of(torque / self.full_torque), 1.0)
 
 
-# Without a scope, Drake looks for this module in the call stack. That takes 0.1 s
-# while modules are being imported; so does making a class.
+# Without a scope, Drake looks for this module in the call stack. That takes 0.1 s while
+# modules are being imported. Making a class takes as long.
 @TemplateSystem.define("TendonDrive_", scope=sys.modules[__name__])
 def TendonDrive_(T: Any) -> Any:  # noqa: D103 (the class below is the documentation)
     class Impl(LeafSystem_[T]):
@@ -299,13 +300,11 @@ def TendonDrive_(T: Any) -> Any:  # noqa: D103 (the class below is the documenta
         is [q; v] of the finger joints in rad, rad/s. Joints, also of `joint_torque` (4)
         [N m], are ordered left base, right base, left tip, right tip. `motor_state` (2)
         is [angle; speed] of the spool in rad, rad/s; the angle is 0 where the wires are
-        taut with the fingers open. `taut_state` (2) is that of a spool at rest whose
-        wires are just taut, or one of them if the fingers differ. There the spool is
-        when a simulation starts. `wire_force` (2) [N] is that of the left and the
-        right wire.
+        taut with the fingers open. `taut_state` (2) is the state of a spool at rest
+        whose wires are just taut (one of them if the fingers differ). The spool starts
+        a simulation there. `wire_force` (2) [N] is that of the left and the right wire.
 
-        The motor is a DC motor, so the servo's limit of the PWM limits its torque at
-        rest:
+        The motor is a DC motor, so limiting the PWM limits its torque at rest:
 
             J w' = tau_stall (scale pwm - w / w_0) - r_spool (F_left + F_right)
 
@@ -317,9 +316,9 @@ def TendonDrive_(T: Any) -> Any:  # noqa: D103 (the class below is the documenta
         decides which joint of a finger moves first: springs, arms and contact do.
 
         With `dead_band` or `friction` (off by default), the motor loses part of its PWM
-        (see `useful_pwm`), friction of the gears slows the spool or holds it, and the
+        (see `useful_pwm`), friction of the gears slows or holds the spool, and the
         joints get less than F while the wire winds in and more while it pays out (see
-        `DriveFrictionConfig`). `wire_force` remains that at the spool.
+        `DriveFrictionConfig`). `wire_force` is still the force at the spool.
 
         The motor's state is updated every `period` [s] (the plant's step). The update
         is implicit in the back-EMF, which is faster than some steps: J w_0 / tau_stall
@@ -340,7 +339,7 @@ def TendonDrive_(T: Any) -> Any:  # noqa: D103 (the class below is the documenta
             self._measured = self.DeclareVectorInputPort(name="state_measured", size=8)
             # Spool angle and speed, and the friction of each wire, -1 .. 1.
             self.DeclareDiscreteState(4 if config.friction.wire else 2)
-            # A step needs the wires for the joints and for the motor.
+            # Joints and motor both need the wires in a step.
             entry = self.DeclareCacheEntry(
                 description="wires",
                 value_producer=ValueProducer(
@@ -506,27 +505,27 @@ class MotorTemperatureConfig(Config):
     # Heat of the electronics, at any load [W]. It is off by default: the
     # manual's standby current of 0.1 A would be 1.2 W.
     idle_power: float = dc.field(default=0.0, metadata={"ge": 0.0})
-    # Time in which the windings warm up, before their heat reaches the housing and its
-    # sensor [s]; 0 for at once. Makers of such motors state about 10 s.
+    # Time constant with which the windings' heat reaches the housing and its sensor
+    # [s]; 0: at once. Makers of such motors state about 10 s.
     winding_time: float = dc.field(default=0.0, metadata={"ge": 0.0})
     period: float = dc.field(default=0.1, metadata=positive())  # s
 
     @property
     def time_constant(self) -> float:
-        """Time in which the temperature goes 63 % of its way [s]."""
+        """Time in which the temperature makes 63 % of a change [s]."""
         return self.thermal_resistance * self.heat_capacity
 
 
 def motor_load(drive: TendonDriveConfig, pwm: float, speed: float) -> float:
     """Return the motor's torque over its stall torque; the same holds for its current.
 
-    It is the current that the servo's own register shows. An MX-64 has no sensor for
-    it, but estimates it (docs/gripper.md).
+    The servo's register shows this current. An MX-64 does not measure it, but estimates
+    it (docs/gripper.md).
 
     Args:
         drive: The motor.
         pwm: Fraction of full scale, -1 .. 1.
-        speed: Of the spool [rad/s].
+        speed: Speed of the spool [rad/s].
     """
     return drive.full_scale * drive.useful_pwm(pwm) - speed / drive.no_load_speed
 
@@ -544,16 +543,16 @@ class MotorTemperature(LeafSystem):
         - motor_temperature
 
     `pwm` (1) is a fraction of full scale, clipped to -1 .. 1, and `motor_state` (2) is
-    [angle; speed] in rad, rad/s. `motor_temperature` (1) [degC] starts at that of the
-    air, with no heat on its way. With the current I that gives the torque and the
+    [angle; speed] in rad, rad/s. `motor_temperature` (1) [degC] starts at the air's
+    temperature, without heat flow. With the current I that gives the torque and the
     resistance R of the windings:
 
         P = P_idle + I² R + I U_0
         t_winding Q' = P - Q
         C T' = Q - (T - T_air) / R_thermal
 
-    U_0 is the voltage lost to the drive's dead band, if any. The current is constant
-    during `config.period`, and so is, for T, the mean of the heat flow Q.
+    U_0 is the voltage lost to the drive's dead band, if any. The current is taken as
+    constant during `config.period`; T integrates the mean of the heat flow Q.
 
     Args:
         drive: The motor's torque and speed.

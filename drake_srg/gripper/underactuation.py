@@ -28,22 +28,21 @@ EVALUATIONS = ("periodic", "per_message")
 class UnderactuationConfig(Config):
     """Parameters of Algorithm 1."""
 
-    # Base plus tip angle that closure 1 asks for [rad].
+    # Base plus tip angle at closure 1 [rad].
     full_scale: float = dc.field(default=SRG.full_scale, metadata=positive())
     # Targets of the bases saturate here, those of the tips at the joint's limit [rad].
     base_limit: float = dc.field(default=SRG.joint_limit, metadata=positive())
     # The thesis tests `tip angle <= 0`. The measured angle of a finger on its stop is
     # zero only up to the stop's compliance [rad].
     straight_tolerance: float = dc.field(default=0.002, metadata={"ge": 0.0})
-    # Behaviour of a base whose sensor fires while the hand closes. `algorithm_1`:
-    # it keeps its target, and so drives on into the object. `freeze`: its target
-    # becomes the angle at which the sensor fired, and then the farthest one until
-    # it has stopped.
+    # Behaviour of a base whose sensor fires while the hand closes. `algorithm_1`: it
+    # keeps its target, and so drives on into the object. `freeze`: its target becomes
+    # the angle at which the sensor fired, or the farthest angle that the base reaches
+    # before it stops.
     base: str = dc.field(default="algorithm_1", metadata={"among": BASES})
-    # A frozen base then approaches the object: its target advances by this speed times
-    # `period` per evaluation [rad/s], but no further than the error beyond the measured
-    # angle [rad], which limits the force as `planner.squeeze` does. At speed 0, the
-    # base stays.
+    # A frozen base then approaches the object at this speed [rad/s]. Its target stays
+    # within `approach_error` [rad] of the measured angle, which limits the force as
+    # `planner.squeeze` does. At speed 0, the base stays.
     approach_speed: float = dc.field(default=0.0, metadata={"ge": 0.0})
     approach_error: float = dc.field(default=0.1, metadata={"ge": 0.0})
     # Behaviour of a tip whose sensor fires while its base's does not.
@@ -52,16 +51,16 @@ class UnderactuationConfig(Config):
     # `curl`: if both tips sense something while the bases lean outwards
     # (`curl_lean`), the tips close, and the bases give way until the pads are
     # upright. That takes a motor at each joint. A wire pulls the base 2.9 times
-    # as hard as the tip (`moment_arms`), but a force on the middle of the pad
-    # turns it only 2.5 times as hard. So a tip with a wire stays straight there.
+    # as hard as the tip (`base_moment_arm`), but a force on the middle of the pad turns
+    # it only 2.5 times as hard. So a tip with a wire stays straight there.
     tip: str = dc.field(default="algorithm_1", metadata={"among": TIPS})
-    # Tips curl while the bases lean outwards by more than this on average [rad], which
-    # is around things wider than 75 mm. Friction holds narrower ones, and a tip that
-    # curls would move them aside.
+    # Tips curl while the bases lean outwards by more than this on average [rad], as
+    # they do around things wider than 75 mm. Friction holds narrower things, and a
+    # curling tip would push them aside.
     curl_lean: float = dc.field(default=0.15, metadata={"ge": 0.0})
-    # When the algorithm runs. `periodic`: every `period`. `per_message`: as in the
-    # thesis, where it runs in the callback of /grasp, only in those periods in which a
-    # message has arrived, also one with the same number.
+    # When the algorithm runs. `periodic`: every `period`. `per_message`: only in
+    # periods in which a message has arrived, even an equal one. In the thesis, it runs
+    # in the callback of /grasp.
     evaluate: str = dc.field(default="periodic", metadata={"among": EVALUATIONS})
     # Time between evaluations [s]: the period of the proximity sensors.
     period: float = dc.field(default=0.01, metadata=positive())
@@ -134,7 +133,7 @@ class UnderactuationLogic(LeafSystem):
       algorithm runs only when it has changed.
 
     The output `position_desired` (4) [rad] is updated every `config.period`. When a
-    simulation starts, it is where the fingers are. Joints and sensors are in the order
+    simulation starts, it is the fingers' position. Joints and sensors are in the order
     of `JOINT_NAMES`.
 
     Args:
@@ -161,7 +160,7 @@ class UnderactuationLogic(LeafSystem):
             )
         self._desired = self.DeclareDiscreteState([0.0] * 4)
         # [Algorithm 1's targets (4), last closure, opening, holding, whether the bases'
-        # sensors fired (2), number of messages evaluated]
+        # sensors fired (2), number of evaluated messages]
         self._memory = self.DeclareDiscreteState([0.0] * 10)
         self.DeclareStateOutputPort("position_desired", self._desired)
         self.DeclareInitializationDiscreteUpdateEvent(self._initialize)
@@ -219,7 +218,7 @@ class UnderactuationLogic(LeafSystem):
         discrete_state.set_value(self._memory, [*targets, *flags])
 
     def _num_messages(self, context: Context) -> float | None:
-        """Return the number of messages; None if their number does not matter."""
+        """Return the number of messages; None if it does not matter."""
         if self.config.evaluate != "per_message":
             return None
         messages = value_or_none(self._messages, context)
@@ -238,10 +237,10 @@ class UnderactuationLogic(LeafSystem):
         fired: list[bool],
         fired_before: list[bool],
     ) -> list[float]:
-        """Return the last targets, with those that bases at an object keep.
+        """Return the last targets, with those of frozen bases.
 
         Args:
-            targets: Of the last evaluation [rad].
+            targets: Targets of the last evaluation [rad].
             q: Measured angles [rad].
             fired: Whether the sensors fire.
             fired_before: Whether those of the bases fired at the last evaluation.
@@ -253,8 +252,8 @@ class UnderactuationLogic(LeafSystem):
             if not fired_before[base]:
                 result[base] = q[base]
                 continue
-            # While a base comes to rest, its target follows it. It does not return to
-            # where its sensor might cease to fire.
+            # While a base comes to rest, its target follows it. Otherwise, it might
+            # return to where its sensor stops firing.
             advanced = targets[base] + config.approach_speed * config.period
             approaching = min(advanced, q[base] + config.approach_error)
             result[base] = max(targets[base], q[base], approaching)
@@ -270,7 +269,8 @@ class UnderactuationLogic(LeafSystem):
     ) -> list[float]:
         config, result = self.config, targets.copy()
         lean = 0.5 * math.pi - sum(q[base] for base, _ in FINGERS) / len(FINGERS)
-        # One tip alone may touch something in passing, or be at the object first.
+        # One tip alone may have brushed something in passing, or reached the object
+        # first.
         both = all(fired[tip] for _, tip in FINGERS)
         curl = config.tip == "curl" and lean > config.curl_lean and both
         for base, tip in FINGERS:

@@ -34,12 +34,12 @@ from drake_srg.planning.planner_machine import AddPlannerOutputs
 from drake_srg.simulation.rig import shake
 from drake_srg.types import Blob, Cylinder, Failure, Mode, PlannerStatus, Shape, Vector
 
-# Time that the localizer has to find the object [s].
+# Longest wait for the localizer to find the object [s].
 _PATIENCE = 1.0
 # Greatest mean speed of the hand [m/s, rad/s]. The peak of a minimum-jerk motion is
 # 1.9 times as fast, which is the environments' limit.
 _SPEED = np.array([0.2, 0.2, 0.2, 1.0])
-_UPRIGHT = np.cos(np.deg2rad(15.0))  # as far as a localizer's boxes may lean
+_UPRIGHT = np.cos(np.deg2rad(15.0))  # largest lean of a localizer's boxes
 
 
 @dc.dataclass(frozen=True, eq=False)
@@ -47,10 +47,10 @@ class Command:
     """Command to the hand until the next control period.
 
     Attributes:
-        mode: As reported; DONE and FAILED end the attempt.
-        pose: Of the hand, [x, y, z, yaw], shape (4,) [m, rad].
+        mode: The reported mode; DONE and FAILED end the attempt.
+        pose: Pose of the hand, [x, y, z, yaw], shape (4,) [m, rad].
         closure: 0 open .. 1 closed.
-        message: Why it has failed.
+        message: The reason of a failure.
     """
 
     mode: Mode
@@ -65,11 +65,11 @@ class _Memory:
 
     Attributes:
         q: Commanded positions of the arm's joints, shape (N,).
-        before: The same one period ago.
+        before: Those of the previous period.
         ticks: Control periods since the start.
-        closure: Commanded.
-        attempt: What the subclass remembers; None before the object was found.
-        status: What is reported.
+        closure: Commanded closure.
+        attempt: The subclass's memory; None before the object was found.
+        status: Reported status.
     """
 
     q: Vector
@@ -81,20 +81,19 @@ class _Memory:
 
 
 class CellPlanner(LeafSystem):
-    """Base of planners that act by a policy once they have seen the object.
+    """Base class of planners that act by a policy once they have seen the object.
 
-    The input `blobs` (list[Blob]) shows it, from home. Every control period of the
-    environments, `position_commanded` (N) moves on to its next value; it is linear in
-    between. `closure_commanded` (1) is 0 .. 1. `mode` (Mode) and `status`
-    (PlannerStatus) end as DONE, whether or not the hand holds anything, or as FAILED:
-    `not_seen` if no blob shows the object standing, `time_budget` if the policy has not
-    come to an end.
+    The input `blobs` (list[Blob]) shows the object, from home. Every control period of
+    the environments, `position_commanded` (N) reaches its next value, linearly.
+    `closure_commanded` (1) is 0 .. 1. `mode` (Mode) and `status` (PlannerStatus) end as
+    DONE, even if the hand holds nothing, or as FAILED: `not_seen` if no blob shows the
+    object upright, `time_budget` if the policy has not finished.
 
     Args:
-        mover: Of the arm; see `drake_srg.learning.envs.hand_task.MakeMover`.
+        mover: Mover of the arm; see `drake_srg.learning.envs.hand_task.MakeMover`.
         home: Positions of the arm's joints at the start, shape (N,).
-        name: Of the object.
-        shape: Of the object, about the origin of its frame.
+        name: Name of the object.
+        shape: Shape of the object, about the origin of its frame.
         table: Height of the table [m].
     """
 
@@ -127,11 +126,11 @@ class CellPlanner(LeafSystem):
         )
 
     def begin(self, estimate: Vector) -> Any:
-        """Return what is remembered of the attempt at an object.
+        """Return the memory of an attempt at an object.
 
         Args:
-            estimate: Where it was seen, [x, y, z, yaw] of its centre in world, shape
-                (4,) [m, rad].
+            estimate: Its seen pose, [x, y, z, yaw] of its centre in world, shape (4,)
+                [m, rad].
         """
         raise NotImplementedError
 
@@ -187,7 +186,7 @@ class CellPlanner(LeafSystem):
         return EventStatus.Succeeded()
 
     def _look(self, context: Context, memory: _Memory) -> _Memory:
-        """Begin an attempt at what is seen, or give up."""
+        """Begin an attempt at a visible object, or give up."""
         time = context.get_time()
         seen = tuple(self._blobs.Eval(context))
         blobs = [b for b in seen if b.object_name == self.name]
@@ -213,12 +212,12 @@ class CellPlanner(LeafSystem):
 
 
 def ticks_between(start: Vector, end: Vector) -> int:
-    """Return how many control periods a motion between two poses (4) takes."""
+    """Return the number of control periods of a motion between two poses (4)."""
     return math.ceil(np.max(np.abs(end - start) / _SPEED) / CONTROL_PERIOD)
 
 
 def between(start: Vector, end: Vector, tick: int, ticks: int) -> Vector:
-    """Return the pose (4) at a control period of a motion that takes `ticks` ones."""
+    """Return the pose (4) at one of a motion's `ticks` control periods."""
     pose: Vector = start + minimum_jerk_blend(tick / max(ticks, 1)) * (end - start)
     return pose
 
@@ -246,15 +245,15 @@ class GraspPlanner(CellPlanner):
         - status
 
     The policy sees the object's size and acts once, when `blobs` shows the object for
-    the first time. From then on everything is as in the environment: the hand comes
-    down from above, closes, lifts and shakes. The ports are those of `CellPlanner`.
+    the first time. Then everything happens as in the environment: the hand comes down,
+    closes, lifts and shakes. The ports are those of `CellPlanner`.
 
     Args:
         act: The policy: a `Policy`, or a rule of `drake_srg.learning.rules`.
-        mover: See `CellPlanner`, as for all that follow.
+        mover: See `CellPlanner`, as for the other arguments.
         home: Shape (N,).
-        name: Of the object.
-        shape: Of the object.
+        name: Name of the object.
+        shape: Shape of the object.
         table: Height of the table [m].
     """
 
@@ -271,7 +270,7 @@ class GraspPlanner(CellPlanner):
         self._act = act
 
     def begin(self, estimate: Vector) -> _GraspAttempt:
-        """Return what is remembered of the attempt at an object."""
+        """Return the memory of an attempt at an object."""
         action = checked(self._act(one_shot_state(self.shape)))
         return _GraspAttempt(grasp_of(action, estimate, self.table))
 
@@ -284,7 +283,7 @@ class GraspPlanner(CellPlanner):
         return dc.replace(attempt, tick=attempt.tick + 1), command
 
     def _command(self, grasp: Grasp, tick: int) -> Command:
-        """Return what the hand does so many control periods after the look."""
+        """Return the hand's command a number of control periods after the look."""
         legs = (
             (Mode.PRE_GRASP, ticks_between(self.start, grasp.over), grasp.over, 0.0),
             (Mode.GRASP, DOWN, grasp.at, grasp.preshape),
@@ -304,7 +303,7 @@ class GraspPlanner(CellPlanner):
         return Command(Mode.VERIFY, motion(time), grasp.closure)
 
 
-# The policy has done its part once the closed hand has risen by this [m].
+# The policy's part ends once the closed hand has risen by this [m].
 _RISEN = LIFTED + 0.02
 
 
@@ -313,13 +312,13 @@ class _PolicyAttempt:
     """Progress of an attempt.
 
     Attributes:
-        estimate: Where the object was seen, shape (4,).
-        pose: Of the hand, as commanded, shape (4,).
+        estimate: The object's seen pose, shape (4,).
+        pose: Pose of the hand, as commanded, shape (4,).
         tick: Control periods since the object was seen.
-        closure: As commanded.
-        steps: Of the policy.
-        lowest: Height at which the hand has been, at least [m].
-        risen: Whether the closed hand has risen, so that it is shaken.
+        closure: Commanded closure.
+        steps: Number of the policy's steps.
+        lowest: Least height of the hand so far [m].
+        risen: Whether the closed hand has risen, so that the shake begins.
         shaken: Control periods since the shake began.
     """
 
@@ -350,22 +349,22 @@ class PolicyPlanner(CellPlanner):
         - mode
         - status
 
-    Once `blobs` shows the object, the hand goes to where the environment's episodes
-    begin. Then the policy sees `arm_state` (2N), `gripper_state` (8) and
-    `contact_force` (4) of the station and where the object was seen at first, and moves
-    hand and closure every control period. Once the closed hand has risen by 12 cm, it
-    is shaken, whatever it holds: no sensor tells how high the object is, by which the
-    environment decides. A policy that has not come so far in the time of an episode
-    ends as FAILED. The other ports are those of `CellPlanner`.
+    Once `blobs` shows the object, the hand goes to the start of the environment's
+    episodes. Then the policy sees `arm_state` (2N), `gripper_state` (8) and
+    `contact_force` (4) of the station and the object's first seen pose, and moves hand
+    and closure every control period. Once the closed hand has risen by 12 cm, it
+    shakes, even if empty. (The environment decides by the object's height, for which a
+    cell has no sensor.) A policy that does not rise within the time of an episode ends
+    as FAILED. The other ports are those of `CellPlanner`.
 
     Args:
         act: The policy: a `Policy`, or a rule of `drake_srg.learning.rules`.
         mover: See `CellPlanner`, as for `home`, `name`, `shape` and `table`.
         home: Shape (N,).
-        name: Of the object.
-        shape: Of the object.
+        name: Name of the object.
+        shape: Shape of the object.
         table: Height of the table [m].
-        workspace: Where the hand may go.
+        workspace: Bounds of the hand's motion.
         touch: Whether the policy sees the forces; zeros otherwise.
     """
 
@@ -394,7 +393,7 @@ class PolicyPlanner(CellPlanner):
         }
 
     def begin(self, estimate: Vector) -> _PolicyAttempt:
-        """Return what is remembered of the attempt at an object."""
+        """Return the memory of an attempt at an object."""
         return _PolicyAttempt(estimate, self._workspace.start)
 
     def act(

@@ -1,8 +1,7 @@
 """One-shot grasps from a data set of `drake-srg dataset`, to be cloned.
 
-An episode of a data set is a whole run of a cell. One grasp is in it: the pose of the
-hand when the commanded closure grows for the last time, relative to where the object
-was last seen.
+An episode of a data set is a whole run of a cell, with one grasp: the hand's pose at
+the last increase of the commanded closure, relative to the last sighting of the object.
 """
 
 from __future__ import annotations
@@ -24,26 +23,27 @@ from drake_srg.sweeps.rows import require_sweep
 from drake_srg.types import Box, Cylinder, Failure, Shape, Vector
 
 _SIGHTING = "observation.environment_state"
-_CLOSES = 0.05  # growth of the commanded closure that is a grasp
-# The hand points down if pointing down changes no joint by more [rad or m].
+_CLOSES = 0.05  # least growth of the commanded closure in a grasp
+# The hand points down if turning it down changes no joint by more than this [rad or m].
 _TILTED = 0.02
 
 Demonstration = tuple[Array, Array]  # observation and action of `GraspOneShot`
 
 
 def read_demonstrations(folder: Path, env: Any) -> list[Demonstration]:
-    """Return the grasps of a data set that held and that the environment knows.
+    """Return the grasps of a data set that held and fit the environment.
 
     A grasp held if the object reached its goal, or, `misplaced`, a place near it.
-    Grasps that the environment does not know, such as those from the side, are left
+    Grasps that are no action of the environment, such as those from the side, are left
     out.
 
     Args:
-        folder: Of the data set.
+        folder: Folder of the data set.
         env: A `GraspOneShotEnv`, of the arm with which the data set was recorded.
 
     Raises:
-        ScenarioError: If it is no such data set, is of another arm, or has no grasps.
+        ScenarioError: If it is no such data set, belongs to another arm, or has no
+            grasps.
         ImportError: If PyArrow is missing.
     """
     task = env.unwrapped
@@ -87,11 +87,11 @@ def grasp_in(
     """Return the grasp of an episode; None if it has none from above.
 
     Args:
-        shape: Of the object.
+        shape: Shape of the object.
         action: Commanded joints of the arm and closure, shape (frames, N + 1).
-        sighting: Where the object was last seen: x, y, z, quaternion x, y, z, w, and
-            whether it was, shape (frames, 8).
-        mover: Of the arm.
+        sighting: Last seen pose of the object: x, y, z, quaternion x, y, z, w, and 1 if
+            it was seen at all, shape (frames, 8).
+        mover: Mover of the arm.
         table: Height of the table [m].
     """
     (grows,) = np.nonzero(np.diff(action[:, -1]) > _CLOSES)

@@ -16,8 +16,9 @@ from drake_srg.common.installing import require
 from drake_srg.learning.policy import Array
 
 NAMESPACE = "drake_srg/"
-# Seeds of episodes. The three ranges never meet, so that no policy is judged by an
-# episode that made or chose it. Training with `--seed S` has a million of its own.
+# Seeds of episodes. The three ranges never overlap, so no policy is judged by an
+# episode that trained or chose it. Training with `--seed S` has a million seeds of its
+# own.
 PER_RUN = 1_000_000
 RUNS = 1000
 VALIDATION = RUNS * PER_RUN
@@ -52,8 +53,8 @@ class Episode:
         actions: Shape (steps, m).
         rewards: Shape (steps,).
         success: Whether the object was held at the end, through a shake.
-        failure: Why the simulator ended it early, or "".
-        scene: What the environment drew, as plain data.
+        failure: The reason why the simulator ended it early, or "".
+        scene: Scene that the environment drew, as plain data.
     """
 
     observations: Array
@@ -70,7 +71,7 @@ def run_episode(env: Any, act: Act, seed: int) -> Episode:
     Args:
         env: A gymnasium.Env with `Box` spaces of one dimension.
         act: Returns the action for an observation.
-        seed: Of the episode.
+        seed: Seed of the episode.
     """
     observation, info = env.reset(seed=seed)
     scene = info.get("scene", {})
@@ -108,10 +109,11 @@ def make_environment(name: str, keywords: Mapping[str, Any] | None = None) -> An
 
     Args:
         name: Its id, or the short form of one of ours.
-        keywords: Of the environment.
+        keywords: Keyword arguments of the environment.
 
     Raises:
-        ScenarioError: If it is unknown, a keyword is wrong, or learners do not take it.
+        ScenarioError: If it is unknown, a keyword is wrong, or its spaces do not suit
+            learners.
         ImportError: If gymnasium is missing.
     """
     gymnasium = require_gymnasium()

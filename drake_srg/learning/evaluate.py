@@ -1,4 +1,4 @@
-"""Judges a policy by episodes that took no part in its training.
+"""Judges a policy by episodes that were not used in its training.
 
 DIR/policy/     a sweep's folder: rows of the policy, see `drake_srg.sweeps.rows`
 DIR/rule/       of the hand-written rule
@@ -62,8 +62,10 @@ def evaluate(
         trials: Number of episodes.
         out: Folder of the rows, as of a sweep.
         engine: Runs the episodes; entered here.
-        seed: Of the first episode, at least `EVALUATION`: those below are training's.
-        keywords: Of the environment, over those of the policy's training.
+        seed: Seed of the first episode, at least `EVALUATION`: those below are
+            training's.
+        keywords: Keyword arguments of the environment, which override those of the
+            policy's training.
         resume: Whether `out` may contain episodes of this evaluation.
         progress: Whether to show progress on standard error.
         tell: Receives warnings, one line each.
@@ -88,7 +90,7 @@ def evaluate(
                 f"{policy}: is a policy for {info.environment}, not for {environment}"
             )
         keywords = {**info.keywords, **keywords}
-    # Mistakes show here, not in every episode.
+    # Mistakes fail here, not in every episode.
     plain = json.dumps(keywords, sort_keys=True)
     _actor(policy, environment, plain, seed)
     sweep = sweep_info(
@@ -145,7 +147,7 @@ def sweep_info(
     overrides: Sequence[str],
     tree: Mapping[str, Any],
 ) -> SweepInfo:
-    """Return what identifies an evaluation."""
+    """Return the identity of an evaluation."""
     now = datetime.datetime.now().astimezone()
     return SweepInfo(
         scenario=scenario,
@@ -166,13 +168,13 @@ def sweep_info(
 def run_trial(
     policy: str, environment: str, keywords: str, seed: int, trial: int
 ) -> TrialResult:
-    """Run one episode; an error in it is an outcome, too.
+    """Run one episode; an error in it is an outcome.
 
     Args:
-        policy: As of `evaluate`.
+        policy: See `evaluate`.
         environment: Id of the environment.
-        keywords: Of the environment, as JSON.
-        seed: Of trial 0.
+        keywords: Keyword arguments of the environment, as JSON.
+        seed: Seed of trial 0.
         trial: Number of the trial, from 0.
     """
     start = wall.perf_counter()

@@ -49,7 +49,7 @@ class CellPolicy:
 
     Attributes:
         act: Returns the action for an observation.
-        environment: Id of the environment that it is for.
+        environment: Id of its environment.
         touch: Whether it sees the fingers' forces.
     """
 
@@ -76,7 +76,7 @@ def run_cell_trial(
         environment: Id of the environment that a baseline is for.
         tree: The scenario, from `load_tree`.
         origin: Its name or path.
-        seed: Of trial 0.
+        seed: Seed of trial 0.
         trial: Number of the trial, from 0.
     """
     actor = cell_policy(policy, environment, seed + trial)
@@ -85,16 +85,17 @@ def run_cell_trial(
 
 
 def cell_policy(policy: str, environment: str, seed: int) -> CellPolicy:
-    """Return what acts in a cell.
+    """Return the policy that acts in a cell.
 
     Args:
         policy: A policy's file or name, or a baseline.
-        environment: Id of the environment of a built-in policy; if it lacks that rule,
-            the first one that has it counts. A trained policy names its own.
-        seed: Of random actions.
+        environment: Id of the environment of a built-in policy; if that environment
+            lacks the rule, the first one with it counts. A trained policy names its own
+            environment.
+        seed: Seed of random actions.
 
     Raises:
-        ScenarioError: If the policy cannot be read, or is of an environment whose
+        ScenarioError: If the policy cannot be read, or belongs to an environment whose
             policies do not act in cells.
     """
     loaded = None if policy in BUILT_IN else _policy(policy)
@@ -111,7 +112,7 @@ def cell_policy(policy: str, environment: str, seed: int) -> CellPolicy:
         return CellPolicy(loaded, environment, loaded.info.keywords.get("touch", True))
     if policy == RANDOM:
         return CellPolicy(random_policy(len(kind.action_names), seed), environment)
-    # A rule that this environment lacks acts as in the first one that has it.
+    # If this environment lacks the rule, the first one with it counts.
     names = [environment, *_ENVIRONMENTS]
     rules = {name: named_rule(name, policy) for name in names}
     return next(CellPolicy(rule, name) for name, rule in rules.items() if rule)
@@ -126,7 +127,7 @@ def check_driver(policy: str, scenario: Scenario, origin: str) -> None:
     """Check that a cell has the gripper for which a policy was trained.
 
     Raises:
-        ScenarioError: If it has another one.
+        ScenarioError: If the cell has another gripper.
     """
     known = {tag[1:]: name for name, tag in DRIVER_TAGS.items()}
     own = type(scenario.gripper).__name__
@@ -172,7 +173,7 @@ def make_planner(policy: CellPolicy, scenario: Scenario) -> System:
     if policy.environment == ONE_SHOT:
         return GraspPlanner(policy.act, mover, home, name, shape, table)
     workspace = Workspace.of(scenario)
-    joints_at(mover, np.array(home), workspace.start)  # checks that it is in reach
+    joints_at(mover, np.array(home), workspace.start)  # fails if it is out of reach
     return PolicyPlanner(
         policy.act,
         mover,
@@ -240,7 +241,7 @@ def evaluate_in_cell(
         out: Folder of the rows, as of a sweep.
         engine: Runs the trials; entered here.
         environment: Id of the environment that a baseline is for.
-        seed: Of the first trial, at least `EVALUATION`.
+        seed: Seed of the first trial, at least `EVALUATION`.
         overrides: `KEY=VALUE` each; see `load_scenario`.
         resume: Whether `out` may contain trials of this evaluation.
         progress: Whether to show progress on standard error.
@@ -257,7 +258,7 @@ def evaluate_in_cell(
     check_seeds(trials, seed)
     overrides = list(overrides)
     tree = load_tree(scenario, overrides)
-    # Mistakes show here, not in every trial.
+    # Mistakes fail here, not in every trial.
     actor = cell_policy(policy, environment_id(environment), seed)
     drawn = draw_scenario(tree, scenario, seed).scenario
     check_single_arm(drawn, "a policy")

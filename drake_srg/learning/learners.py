@@ -1,6 +1,6 @@
 """Learners in PyTorch, in rounds that can be interrupted: the extra `learn`.
 
-All of them are a `drake_srg.learning.train.Learner`.
+Each is a `drake_srg.learning.train.Learner`.
 """
 
 from __future__ import annotations
@@ -38,9 +38,9 @@ class Perceptrons(nn.Module):
     """An ensemble of perceptrons that learn side by side; see `Network`.
 
     Args:
-        sizes: Of the input, the hidden layers and the output.
+        sizes: Sizes of the input, the hidden layers and the output.
         rng: For the random weights (He et al., ICCV 2015).
-        members: Of the ensemble.
+        members: Number of the ensemble's members.
     """
 
     def __init__(self, sizes: Sequence[int], rng: Generator, members: int = 1) -> None:
@@ -68,15 +68,15 @@ class Perceptrons(nn.Module):
 
 @dc.dataclass(frozen=True, kw_only=True)
 class CloningConfig:
-    """Numbers of behaviour cloning."""
+    """Hyperparameters of behaviour cloning."""
 
     hidden: tuple[int, ...] = (256, 256)
     rate: float = 1e-3  # of Adam, at first
     decay: float = 1e-2  # of its weights
     batch: int = 256
-    # Gradient steps: at least so many, and at least so many passes over the
-    # samples. With 16 passes over the 80,000 samples of `pick_by_touch`, the
-    # error is twice that with 64.
+    # Least number of gradient steps, and of passes over the samples. With 16 passes
+    # over the 80,000 samples of `pick_by_touch`, the error is twice as large as with
+    # 64.
     updates: int = 5000
     passes: float = 64.0
     # Largest action that is imitated: tanh reaches 1 only at infinity.
@@ -84,7 +84,7 @@ class CloningConfig:
 
 
 CLONING = CloningConfig()
-# A quarter of the weights: rounds of DAgger are fitted anew, each on all data.
+# A quarter of the weights, because each round of DAgger fits a new network to all data.
 DAGGER = CloningConfig(hidden=(128, 128))
 
 
@@ -93,14 +93,14 @@ def clone(
 ) -> Network:
     """Fit a network, the tanh of which is the action, to demonstrations.
 
-    The rate falls evenly to zero. At a constant rate, the last batches shake the
-    network to the end, and which step it stops at decides how well it acts.
+    The rate falls linearly to zero. At a constant rate, the last batches would keep
+    disturbing the network, and its quality would depend on the last step.
 
     Args:
         x: Scaled observations, shape (samples, n).
-        actions: What was done, shape (samples, m), each in -1 .. 1.
+        actions: Actions taken, shape (samples, m), each in -1 .. 1.
         rng: For all draws.
-        config: Numbers.
+        config: Hyperparameters.
     """
     seen, target = _tensor(x), _tensor(np.clip(actions, -config.most, config.most))
     sizes = (x.shape[1], *config.hidden, actions.shape[1])
@@ -120,7 +120,7 @@ def clone(
 
 
 class _Rounds:
-    """Shared by these learners: episodes with seeds of their own, and a file.
+    """Base class of these learners: episodes with their own seeds, and a file.
 
     Args:
         env: The environment.
@@ -135,7 +135,7 @@ class _Rounds:
         self._rng = default_rng(run)
 
     def advance(self, steps: int) -> list[bool]:
-        """Run at least so many steps; returns the success of each episode."""
+        """Run at least a number of steps; return the success of each episode."""
         end, done = self.steps + steps, []
         while self.steps < end:
             seed = training_seed(self._run, self.episodes)
@@ -162,7 +162,7 @@ class _Rounds:
         raise NotImplementedError
 
     def save(self, folder: Path) -> None:
-        """Write all that `restore` needs."""
+        """Write everything that `restore` needs."""
         counts = {"steps": self.steps, "episodes": self.episodes}
         draws = {"rng": json.dumps(self._rng.bit_generator.state)}
         file = io.BytesIO()
@@ -177,7 +177,7 @@ class _Rounds:
             self.steps, self.episodes = state["steps"], state["episodes"]
             self._rng.bit_generator.state = json.loads(state["rng"])
             self._restore(state)
-        except Exception as error:  # whatever damaged archives raise: a dozen kinds
+        except Exception as error:  # damaged archives raise a dozen kinds
             raise ScenarioError(
                 f"{path}: --resume: cannot be read: {one_line(error)}"
             ) from None
@@ -185,7 +185,7 @@ class _Rounds:
 
 @dc.dataclass(frozen=True, kw_only=True)
 class QConfig:
-    """Numbers of `QRounds`, chosen on the one-shot grasp's training seeds."""
+    """Hyperparameters of `QRounds`, chosen on the one-shot grasp's training seeds."""
 
     members: int = 5
     hidden: tuple[int, ...] = (128, 128)
@@ -203,12 +203,12 @@ Q = QConfig()
 
 
 class QRounds(_Rounds):
-    """Learns which action succeeds: an ensemble of values, for one-step episodes.
+    """Learns an ensemble of action values, for one-step episodes.
 
     Each network predicts the reward of an action. The next action to try is the best
-    one of a network drawn at random (Osband et al., NeurIPS 2016: bootstrapped
-    exploration). With one step an episode, no value of a next state is needed. The DQN
-    of Stable-Baselines3 would need discrete actions.
+    one of a random network (Osband et al., NeurIPS 2016: bootstrapped exploration).
+    Episodes have one step, so no value of a next state is needed. The DQN of
+    Stable-Baselines3 would need discrete actions.
     """
 
     def __init__(self, env: Any, run: int, config: QConfig = Q) -> None:
@@ -245,7 +245,7 @@ class QRounds(_Rounds):
             return
         inputs, rewards = _tensor(self._inputs), _tensor(self._rewards)
         for _ in range(self._config.updates):
-            # Members see samples of their own.
+            # Each member gets its own samples.
             shape = (self._config.members, self._config.batch)
             chosen = torch.from_numpy(self._rng.integers(len(inputs), size=shape))
             off = self._perceptrons(inputs[chosen])[..., 0] - rewards[chosen]
@@ -271,7 +271,7 @@ class QRounds(_Rounds):
 
 
 class CloningRounds(_Rounds):
-    """Clones a hand-written rule of an environment, where the rule succeeds."""
+    """Clones a hand-written rule, from episodes in which the rule succeeds."""
 
     def __init__(self, env: Any, run: int, rule: str = RULE) -> None:
         super().__init__(env, run)
@@ -295,7 +295,7 @@ class CloningRounds(_Rounds):
         return "actor", self._fit(CLONING)
 
     def _fit(self, config: CloningConfig) -> Network:
-        # Draws of its own, so that how often a policy is made changes nothing.
+        # A separate generator, so that making a policy more often changes nothing.
         rng = default_rng([self._run, self.episodes])
         return clone(np.array(self._seen), np.array(self._done), rng, config)
 
@@ -310,7 +310,7 @@ class CloningRounds(_Rounds):
 
 
 class DataRounds(CloningRounds):
-    """Clones the grasps of a data set; a step is one of them.
+    """Clones the grasps of a data set; each grasp is a step.
 
     Args:
         env: The environment.
@@ -323,7 +323,7 @@ class DataRounds(CloningRounds):
         self._shown = read_demonstrations(data, env)
 
     def advance(self, steps: int) -> list[bool]:
-        """Take so many demonstrations, or all that are left; see `Learner`."""
+        """Take a number of demonstrations, or all that are left; see `Learner`."""
         new = self._shown[self.episodes : self.episodes + steps]
         self._seen.extend(self._scaled(x) for x, _ in new)
         self._done.extend(action for _, action in new)
@@ -335,14 +335,14 @@ class DataRounds(CloningRounds):
 class DaggerRounds(CloningRounds):
     """Dataset aggregation (Ross, Gordon and Bagnell, AISTATS 2011).
 
-    In the first round, the hand-written rule acts. Later, the policy so far acts, and
-    the rule says what it would have done in each state that the policy came to.
+    In the first round, the hand-written rule acts. Later, the current policy acts, and
+    the rule labels each visited state with its own action.
     """
 
     def __init__(self, env: Any, run: int, rule: str = RULE) -> None:
         super().__init__(env, run, rule)
         self.round_steps = 4000
-        self._network: Network | None = None  # of the rounds before this one
+        self._network: Network | None = None  # from the previous rounds
 
     def _act(self, observation: Array) -> Array:
         if self._network is None:
@@ -401,10 +401,10 @@ class SacRounds:
         self.done: list[bool] = []
 
     def advance(self, steps: int) -> list[bool]:
-        """Run at least so many steps; returns the success of each episode."""
+        """Run at least a number of steps; return the success of each episode."""
         self.done = []
         begun = self._model.num_timesteps == 0
-        # Validation has used the environment since, so the last episode is over.
+        # Validation has used the environment meanwhile, so the last episode is over.
         self._model.set_env(self._model.get_env(), force_reset=True)
         self._model.learn(steps, reset_num_timesteps=begun)
         self.steps = int(self._model.num_timesteps)
@@ -431,7 +431,7 @@ class SacRounds:
     def save(self, folder: Path) -> None:
         """Write model and replay buffer, which is Stable-Baselines3's own pickle.
 
-        All files replace the last ones together, once they are complete.
+        All files replace the previous ones together, once they are complete.
         """
         model, buffer, counts = (
             OutputFile(folder / name) for name in (_MODEL, _BUFFER, _COUNTS)
@@ -455,7 +455,7 @@ class SacRounds:
             self._model.load_replay_buffer(folder / _BUFFER)
             with np.load(folder / _COUNTS) as counts:
                 self.episodes = int(counts["episodes"])
-        except Exception as error:  # whatever unpickling raises
+        except Exception as error:  # unpickling may raise anything
             raise ScenarioError(
                 f"{folder}: --resume: cannot be read: {one_line(error)}"
             ) from None
@@ -463,7 +463,7 @@ class SacRounds:
 
 
 class _Seeded(gymnasium.Wrapper):
-    """An environment whose episodes have the learner's seeds, and are counted by it."""
+    """An environment whose episodes use the learner's seeds and are counted by it."""
 
     def __init__(self, env: Any, learner: SacRounds) -> None:
         super().__init__(env)

@@ -21,9 +21,10 @@ from drake_srg.sweeps.files import write_file
 Array = npt.NDArray[np.floating]
 
 # The cross-entropy method (Rubinstein, 1999), as QT-Opt uses it for grasps (Kalashnikov
-# et al., CoRL 2018): rounds, actions in each, the best of which shape the next.
+# et al., CoRL 2018): number of rounds, of actions in each, and of the best ones that
+# shape the next.
 _ROUNDS, _TRIED, _BEST = 3, 64, 6
-# Weight of the standard deviation between the members against an action.
+# Weight of the members' standard deviation, which counts against an action.
 _CAUTION = 0.5
 
 
@@ -32,8 +33,8 @@ class Network:
     """An ensemble of perceptrons with ReLU between linear layers.
 
     Attributes:
-        weights: Of each layer, shape (members, inputs, outputs).
-        biases: Of each layer, shape (members, 1, outputs).
+        weights: Weights of each layer, shape (members, inputs, outputs).
+        biases: Biases of each layer, shape (members, 1, outputs).
     """
 
     weights: list[Array]
@@ -86,11 +87,12 @@ def best_action(
     The same arguments give the same action.
 
     Args:
-        network: Judges (observation, action); several judge by their mean.
+        network: Value of (observation, action); several members count by their mean.
         x: Scaled observation, shape (n,).
         actions: Number of entries of an action.
-        caution: How many standard deviations between members count against an action.
-        seed: Of the search.
+        caution: Number of standard deviations between members that count against an
+            action.
+        seed: Seed of the search.
 
     Returns:
         Shape (actions,), each in -1 .. 1.
@@ -110,11 +112,11 @@ def best_action(
 
 
 FORMAT = 1  # of the file; a reader refuses others
-# Kinds of network: one gives the action, one the value of an action.
+# Kinds of network: an `actor` gives the action, a `q` the value of an action.
 Kind = Literal["actor", "q"]
 KINDS: tuple[Kind, ...] = ("actor", "q")
 _MOST_LAYERS = 16
-# Observations outside their range are scaled to this at most.
+# Greatest scaled value of observations outside their range.
 MOST_SCALED = 2.0
 _OPSET = 18  # of ONNX
 
@@ -127,9 +129,9 @@ class PolicyInfo:
         environment: Id of its environment.
         keywords: The environment's keywords in training, such as `driver`.
         algorithm: `q`, `sac`, `bc` or `dagger`.
-        version: Of drake_srg.
-        command: The line that made it.
-        seed: Of training.
+        version: Version of drake_srg.
+        command: The command line that made it.
+        seed: Seed of training.
         steps: Environment steps of training.
         scores: Success rates by name, such as `validation`.
     """
@@ -156,7 +158,7 @@ class Policy:
         low: Least values of the observation, shape (n,): it is scaled to -1 .. 1.
         high: Greatest values, shape (n,).
         actions: Number of entries of the action.
-        info: What it was made for and by.
+        info: Its provenance.
     """
 
     kind: Kind
@@ -198,13 +200,13 @@ class Policy:
 
 
 def npz_bytes(arrays: dict[str, Any]) -> bytes:
-    """Return arrays as an .npz file whose bytes depend on nothing else."""
+    """Return arrays as an .npz file whose bytes depend on the arrays alone."""
     stream = io.BytesIO()
     with zipfile.ZipFile(stream, "w", zipfile.ZIP_DEFLATED) as archive:
         for name, value in arrays.items():
             content = io.BytesIO()
             np.lib.format.write_array(content, np.asarray(value), allow_pickle=False)
-            # ZipInfo's default date is fixed; `numpy.savez` writes that of today.
+            # ZipInfo's default date is fixed; `numpy.savez` writes today's.
             entry = zipfile.ZipInfo(f"{name}.npy")
             entry.compress_type = zipfile.ZIP_DEFLATED
             archive.writestr(entry, content.getvalue())
@@ -215,7 +217,7 @@ def write_onnx(policy: Policy, path: Path) -> None:
     """Write a policy as a graph from `observation` (1, n) to `action` (1, m).
 
     Args:
-        policy: Of kind `actor`.
+        policy: A policy of kind `actor`.
         path: The .onnx file.
 
     Raises:
@@ -267,7 +269,7 @@ def load_policy(path: Path | str) -> Policy:
         path: A file that `Policy.save` wrote, or the name of a policy of the package.
 
     Raises:
-        ScenarioError: If it cannot be read or is none.
+        ScenarioError: If it cannot be read or is not a policy.
     """
     path = _find(path)
     try:
@@ -277,15 +279,15 @@ def load_policy(path: Path | str) -> Policy:
     except OSError as error:
         reason = error.strerror or one_line(error)
         raise ScenarioError(f"{path}: cannot be read: {reason}") from None
-    except Exception as error:  # whatever damaged archives raise: a dozen kinds
+    except Exception as error:  # damaged archives raise a dozen kinds
         raise ScenarioError(f"{path}: is not a policy: {one_line(error)}") from None
 
 
 def check_sizes(name: str, policy: Policy, observations: int, actions: int) -> None:
-    """Check that a policy takes so many observations and gives so many actions.
+    """Check the numbers of a policy's observations and actions.
 
     Raises:
-        ScenarioError: If it does not.
+        ScenarioError: If one differs.
     """
     for what, own, needed in (
         ("observations", policy.low.size, observations),
@@ -299,7 +301,7 @@ def check_sizes(name: str, policy: Policy, observations: int, actions: int) -> N
 
 
 def policy_digest(path: Path | str) -> str:
-    """Return the SHA-256 of a policy's file, whatever its name.
+    """Return the SHA-256 of a policy's file, independent of its name.
 
     Raises:
         ScenarioError: If it cannot be read.

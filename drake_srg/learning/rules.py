@@ -1,9 +1,10 @@
-"""Hand-written and random policies: what a learner must beat.
+"""Hand-written and random policies, as baselines for learners.
 
-Pads catch what is off along the closing direction by 4 cm and more, but across it only
-what is between them. So the hand, nearly closed, first pushes a cylinder across, from
-beside: then it is known where it is. A box would turn as it is pushed. It is tried
-where it was seen, then on one side of that, and then on the other.
+Pads catch an object that is off by 4 cm and more along the closing direction. Across
+that direction, they only catch an object between them. So the nearly closed hand first
+pushes a cylinder across, from one side, which determines its place. A box would turn
+when pushed. The hand tries to grasp it at its seen place, then on one side of that, and
+then on the other.
 """
 
 from __future__ import annotations
@@ -26,20 +27,21 @@ from drake_srg.planning.grasps.srg_hand import straight_base_angle
 _SIZE, _NEAR = 0.15, 0.2
 _LOWEST, _HIGHEST = 0.025, 0.115  # heights of a one-shot grasp above the table [m]
 _STEP = np.array([0.02, 0.02, 0.02, 0.1])  # a full action of Pick [m, rad]
-# Share of an error that one action corrects: the hand lags by a control period or two,
-# and the full error makes it swing by 1 cm.
+# Share of an error that one action corrects. The hand lags by a control period or two,
+# and correcting the full error would make it swing by 1 cm.
 _GAIN = 0.4
 _ALIGNED, _LEVEL = 0.006, 0.006  # m
 _TURNED = 0.08  # rad
 _STILL = 0.1  # of the joints' scaled speeds
 CLOSED = 0.9  # closure of the grasp
-_WIDE = 0.09  # a side that the hand had better not close across [m]
-# How `PickPlaceEnv` scales the goal, and how near to it the hand is over it [m].
+_WIDE = 0.09  # a side too wide to close across safely [m]
+# Scale of the goal in `PickPlaceEnv`, and horizontal distance at which the hand is
+# above it [m].
 _FAR, _OVER = 0.6, 0.01
-# Height of the hand on the way, and above where it lets go; the error in height that
-# one action corrects on the way down, at most [m].
+# Height of the hand on the way, and above the release; largest error in height that one
+# action corrects on the way down [m].
 _CARRIED, _DROP, _LOWERING = 0.16, 0.002, 0.02
-_DOWN = 0.002  # within this of it, the hand lets go [m]
+_DOWN = 0.002  # height error at which the hand lets go [m]
 
 
 def grasp_height(size_z: float) -> float:
@@ -52,23 +54,23 @@ def grasp_one_shot(observation: Array) -> Array:
     size_x, size_y, size_z = _SIZE * observation[:3].astype(float)
     height = grasp_height(size_z)
     z = 2.0 * (height - _LOWEST) / (_HIGHEST - _LOWEST) - 1.0
-    # At no turn, the fingers close along the object's y.
+    # Without a turn, the fingers close along the object's y.
     turn = 0.0 if size_y <= size_x else 1.0
     return np.array([0.0, 0.0, z, turn, -1.0, 2.0 * CLOSED - 1.0], np.float32)
 
 
 def pick(observation: Array, still: float = _STILL, narrower: float = 0.0) -> Array:
-    """Come from above, close across the nearer side, wait until it stands, lift.
+    """Come from above, close across the nearer side, wait for still fingers, lift.
 
-    The nearer side, not the narrower one: a network that imitates the rule cannot tell
-    which side of a nearly square box is narrower, and would turn halfway. `narrower`
-    weighs one against the other. The hand turns to a narrower side that is farther
-    counterclockwise only: a network halves what goes either way.
+    The rule takes the nearer side, not the narrower one. A network that imitates it
+    cannot tell which side of a nearly square box is narrower, and would turn halfway.
+    `narrower` weighs one against the other. The hand turns to a narrower side that is
+    farther away only counterclockwise, because a network would average two directions.
 
     Args:
-        observation: Of Pick.
+        observation: Observation of `PickEnv`.
         still: Scaled speed of the joints below which the fingers are still.
-        narrower: How much farther the hand turns for a narrower side [rad/m].
+        narrower: Additional turn of the hand that a narrower side is worth [rad/m].
     """
     o = observation.astype(float)
     along = _NEAR * o[:2]
@@ -106,7 +108,7 @@ def pick(observation: Array, still: float = _STILL, narrower: float = 0.0) -> Ar
 
 
 def pick_place(observation: Array) -> Array:
-    """Pick, carry the object high to over the goal, set it down, and rise."""
+    """Pick, carry the object high above the goal, set it down, and rise."""
     o = observation.astype(float)
     goal, height = _FAR * o[25:27], _NEAR * o[5]
     away = np.abs(goal).max()
@@ -141,33 +143,34 @@ _ANGLE, _TURN = 2.0, np.pi
 # The hand comes down beside the estimate, four standard deviations of 20 mm away. It
 # moves on until the middle of the pushed object is 45 mm beyond the estimate [m].
 _BESIDE, _BEYOND = 0.08, 0.045
-_SWEEP = 0.003  # per step, 6 cm/s: twice as fast, it topples slender objects [m]
+_SWEEP = 0.003  # per step [m], 6 cm/s: twice as fast, slender objects topple
 _OPEN = 0.05  # closure at which the fingers are level
-# A pushed object lies between the pads' ends, which are this share of its width
-# apart. Pads that meet let it roll off to the side, and then open against it.
+# Gap between the pads' ends during a push, as a share of the object's width, so that
+# the object stays between them. If the pads met, it would roll off to the side, and
+# they would later open against it.
 _CRADLE = 0.4
 _HALF_FINGER = 0.0155  # half the pads' width [m]
-# The hand ends short of the middle: the finger's edge meets some objects, which are
-# then nearer than those that its face meets [m].
+# The hand ends this far short of the middle [m], because some objects touch the
+# finger's edge and are nearer than those that touch its face.
 _SHORT = 0.004
 _BACK = 0.03  # off the object before the fingers open, which would drag it along [m]
 # The palm is 91 mm above the grasp centre, and must not touch the object [m].
 _PALM = 0.085
-# Steps at which the hand is beside the object, is down there, has swept, is off it
-# again, and has opened. Nothing else in an observation reveals the phase.
+# Steps at which the hand is beside the object, is down, has swept, has backed off, and
+# has opened. Only the step in an observation reveals the phase.
 _ASIDE_AT, _BESIDE_AT, _SWEPT_AT, _BACK_AT, _OPENED_AT = 11, 21, 56, 58, 67
-# From this step on, fingers that are closed lift the cylinder: they rest by then.
+# From this step on, closed fingers lift the cylinder: they rest by then.
 _LIFTED_AT = 86
 # Scaled speed of the joints below which the fingers are still. A network's closure
-# command jitters, and each change makes Algorithm 1 bend resting tips, by up to 0.25.
-# With the limit of `rules`, such fingers were never still.
+# command jitters, and each change makes Algorithm 1 bend resting tips, at scaled speeds
+# up to 0.25. With the limit `_STILL`, such fingers would never be still.
 _STILL_BY_TOUCH = 0.3
-# Until these steps, boxes are tried where they were seen, and on one side of that; then
-# on the other. The hand, which turns by up to 135 degrees, has closed by the first. The
-# sides are a pad's width and a little away [m].
+# Until the first step, the hand tries a box at its seen place, until the second on one
+# side of that, and then on the other. By the first, the hand, which turns by up to 135
+# degrees, has closed. Distance of the sides [m]: slightly more than a pad's width.
 _TRIED, _TRIED_AGAIN, _ASIDE = 40, 68, 0.04
-# A side that is 5 mm narrower is worth a quarter turn more [rad/m]: on the longer side,
-# the pads hold more of a box that they meet off its middle.
+# A side that is 5 mm narrower is worth a quarter turn [rad/m]: pads on the longer sides
+# hold more of a box that they meet off its middle.
 _TURN_PER_WIDTH = 0.5 * np.pi / 0.005
 # If the gap between the pads is less than this share of the box's width, they hold
 # nothing.
@@ -188,7 +191,7 @@ TOUCH_RULES = dict.fromkeys(
 
 
 def _sweep(o: Array) -> Array:
-    """Sweep a cylinder to where it is known to be, and then pick it up."""
+    """Sweep a cylinder to a known place, and then pick it up."""
     step = _step(o)
     if step >= _LIFTED_AT and o[22] > 0.0:
         return _LIFT.copy()
@@ -201,7 +204,7 @@ def _sweep(o: Array) -> Array:
     closure = base / SRG.full_scale
     if step < _BESIDE_AT:
         goal = -_BESIDE
-        if step < _ASIDE_AT:  # it may still be over the object
+        if step < _ASIDE_AT:  # the hand may still be above the object
             height = _NEAR * o[5]
     elif step < _SWEPT_AT:
         goal = min(end, x + _SWEEP / _GAIN)
@@ -215,7 +218,7 @@ def _sweep(o: Array) -> Array:
 
 
 def _retry(o: Array) -> Array:
-    """Pick a box up where it was seen, or else beside that."""
+    """Pick a box up at its seen place, or else beside that."""
     across = o[3] > 0.0  # the fingers close along the box's y, not its x
     width = _SIZE * (o[7] if across else o[6])
     base = _ANGLE * o[10:12].mean()
@@ -230,7 +233,7 @@ def _retry(o: Array) -> Array:
 
 
 def _pick_beside(o: Array, away: Array) -> Array:
-    """Pick as if the estimate were so far away from where it is, (2,) [m]."""
+    """Pick as if the estimate were shifted by `away`, (2,) [m]."""
     place = o[:2] + away / _NEAR
     return pick(
         np.append(place, o[2:]).astype(np.float32), _STILL_BY_TOUCH, _TURN_PER_WIDTH
@@ -242,7 +245,7 @@ def _step(observation: Array) -> int:
 
 
 RANDOM, RULE, TOUCH = "random", "rule", "touch"
-# Policies without a file: every other one is compared with them.
+# Policies without a file, with which every other one is compared.
 BASELINES = (RULE, RANDOM)
 BUILT_IN = (RULE, TOUCH, RANDOM)
 _RULES: dict[str, Mapping[str, Act]] = {RULE: RULES, TOUCH: TOUCH_RULES}
@@ -251,7 +254,8 @@ RULE_NAMES = tuple(_RULES)
 
 def random_policy(actions: int, seed: int) -> Act:
     """Return a policy whose actions depend on the seed alone."""
-    # The environment draws from `seed` itself: the same numbers would hit its targets.
+    # The environment draws from `seed` itself: with the same numbers, actions would hit
+    # its targets.
     rng = default_rng([seed, 1])
 
     def act(_: Array) -> Array:
@@ -264,11 +268,12 @@ def rule_of(env: Any, rule: str = RULE) -> Act:
     """Return a hand-written policy of an environment.
 
     Args:
-        env: The environment. Somebody else's may have its rule as the method `rule`.
+        env: The environment. An environment of yours may define its rule as the method
+            `rule`.
         rule: `rule`, or `touch` for the one that finds objects by touch.
 
     Raises:
-        ScenarioError: If it has none.
+        ScenarioError: If it has no such rule.
     """
     name = env.spec.id if env.spec else type(env).__name__
     found = named_rule(name, rule)

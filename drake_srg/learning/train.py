@@ -1,4 +1,4 @@
-"""Trains a policy, and keeps the latest of the best ones: the extra `learn`.
+"""Trains a policy and keeps the latest of the best ones (extra `learn`).
 
 DIR/policy.npz       the policy, chosen by validation episodes
 DIR/policy.onnx      the same for other programs, but not of `q`
@@ -45,7 +45,7 @@ from drake_srg.sweeps.files import write_file
 
 ALGORITHMS = ("q", "sac", "bc", "dagger")
 POLICY, ONNX, LOG = "policy.npz", "policy.onnx", "training.json"
-_RECENT = 100  # episodes of the success rate that is shown
+_RECENT = 100  # number of episodes in the displayed success rate
 
 
 @dc.dataclass(frozen=True, kw_only=True)
@@ -54,14 +54,14 @@ class Training:
 
     Attributes:
         environment: Id of the environment.
-        keywords: Of the environment.
+        keywords: Keyword arguments of the environment.
         algorithm: One of `ALGORITHMS`.
-        steps: Of the environment, in all.
-        seed: Of all draws.
+        steps: Total number of the environment's steps.
+        seed: Seed of all draws.
         validation: Episodes that judge a policy.
         command: The line that trains it, for the policy's file.
         data: Folder of a data set of demonstrations, or "".
-        rule: Which hand-written rule `bc` and `dagger` imitate; see `baselines`.
+        rule: Hand-written rule that `bc` and `dagger` imitate; see `rules.rule_of`.
     """
 
     environment: str
@@ -89,16 +89,16 @@ class Learner(Protocol):
     round_steps: int
 
     def advance(self, steps: int) -> list[bool]:
-        """Run at least so many steps; returns the success of each episode."""
+        """Run at least a number of steps; return the success of each episode."""
 
     def policy(self) -> tuple[Kind, Network]:
         """Return the policy so far: its kind and its network."""
 
     def save(self, folder: Path) -> None:
-        """Write all that `restore` needs."""
+        """Write everything that `restore` needs."""
 
     def restore(self, folder: Path) -> None:
-        """Go on from what `save` wrote."""
+        """Continue from the files of `save`."""
 
 
 def MakeLearner(
@@ -111,11 +111,11 @@ def MakeLearner(
         env: The environment.
         run: Seed of training.
         data: Folder of a data set, for `bc`; "" for a hand-written rule.
-        rule: Which one `bc` and `dagger` imitate; see `baselines.rule_of`.
+        rule: Rule that `bc` and `dagger` imitate; see `rules.rule_of`.
 
     Raises:
         ScenarioError: If the algorithm does not fit the environment, or `data` does not
-            fit either.
+            fit both.
         ImportError: If the extra `learn` is missing.
     """
     if data and algorithm != "bc":
@@ -145,10 +145,10 @@ def MakeLearner(
 
 
 def require_learn() -> None:
-    """Check that the packages exist with which policies are trained.
+    """Check that the packages for training are installed.
 
     Raises:
-        ImportError: If one is missing; one line says what to install.
+        ImportError: If one is missing; the message says what to install.
     """
     try:
         for name in ("torch", "stable_baselines3", "tensorboard", "onnx"):
@@ -167,12 +167,12 @@ def train(
 ) -> Policy:
     """Train a policy, write it and return it.
 
-    It is the latest that did not do worse in the validation episodes than the best, by
-    more than their standard error: it has learned from more episodes, and smaller
-    differences are chance. The same training gives the same policy, interrupted or not.
+    It is the latest policy whose validation score is within one standard error of the
+    best. Smaller differences are chance, and a later policy has seen more episodes. The
+    same training gives the same policy, interrupted or not.
 
     Args:
-        training: What to train.
+        training: Settings of the training.
         out: Folder of the files.
         resume: Whether `out` may contain this training, begun earlier.
         progress: Whether to show progress on standard error.
@@ -206,7 +206,7 @@ def train(
         learner.restore(out)
     from torch.utils.tensorboard import SummaryWriter
 
-    # The networks are small: more threads would mostly wait for each other, in loops.
+    # The networks are small, so more threads would mostly wait for each other.
     one_thread = threadpool_limits(1)
     with one_thread, SummaryWriter(out) as events, StatusLine(shown=progress) as line:
         recent: list[bool] = []
@@ -241,12 +241,12 @@ def validate(policy: Policy, env: Any, episodes: int) -> float:
 
 
 def _least(highest: float, episodes: int) -> float:
-    """Return what is as good as the highest share of episodes, but for chance."""
+    """Return the least share of episodes within chance of the highest."""
     return highest - math.sqrt(highest * (1.0 - highest) / episodes)
 
 
 def trained_policy(learner: Learner, env: Any, training: Training) -> Policy:
-    """Return the policy that a learner has learned so far."""
+    """Return the learner's present policy."""
     kind, network = learner.policy()
     space = env.observation_space
     info = PolicyInfo(
@@ -267,13 +267,13 @@ def _scored(policy: Policy, steps: int, score: float) -> Policy:
 
 
 def _identity(training: Training) -> dict[str, Any]:
-    """Return what must not change when training goes on."""
+    """Return the settings that must not change when training continues."""
     plain = dc.asdict(training)
     return {k: v for k, v in plain.items() if k not in ("steps", "command")}
 
 
 def _begin(training: Training, out: Path, resume: bool) -> list[list[float]]:
-    """Check the folder, and return the history of a training to go on with.
+    """Check the folder, and return the history of a training to continue.
 
     Raises:
         ScenarioError: If it contains a training that this one cannot continue.
@@ -286,7 +286,7 @@ def _begin(training: Training, out: Path, resume: bool) -> list[list[float]]:
             f"{out}: already contains a training; continue it with --resume, or choose "
             "another --out"
         )
-    # Trainings begun earlier have no choice of rules.
+    # Older trainings have no choice of rules.
     old, history = read_json(
         path, lambda begun: ({"rule": RULE, **begun["training"]}, [*begun["history"]])
     )

@@ -56,19 +56,19 @@ class OcclusionConfig(Config):
 
 @dc.dataclass(kw_only=True)
 class ObjectConfig(Config):
-    """A movable object. It starts upright on the table unless `pose` says otherwise."""
+    """A movable object, which starts upright on the table unless it has a `pose`."""
 
     # File of a model with one link: SDF, URDF, OBJ, STL or GLB, as a path (relative to
     # the scenario's file) or URL (package://drake_srg/sdf/mug.sdf); exclusive with
     # `shape`. If the link has exactly one collision geometry, a cylinder, box or sphere
     # around its origin, the localizer and the planner know that shape. They know the
     # convex pieces of another object only if `color_range` is given. The origin of such
-    # an object is underneath it, on the table. Meshes are cut into convex pieces, once,
-    # for which a cache is kept; see docs/importing.md.
+    # an object is underneath it, on the table. Meshes are cut into convex pieces once
+    # and kept in a cache; see docs/importing.md.
     model: str | None = None
     # Metres per unit of a mesh as `model`: 0.001 for one in millimetres.
     scale: float = dc.field(default=1.0, metadata=positive())
-    # Greatest number of convex pieces that stand for a mesh of `model`.
+    # Greatest number of convex pieces that represent a mesh of `model`.
     pieces: int = dc.field(default=32, metadata={"ge": 1, "le": 256})
     shape: Cylinder | Box | Sphere | None = None
     # Shape that localizer and planner assume for a `model` of several pieces. The
@@ -103,14 +103,14 @@ class ObjectConfig(Config):
     # [x, y] of the centre on the table in world [m]; null draws it in `task.region`.
     position: list[float] | None = dc.field(default=None, metadata={"length": 2})
     yaw: float = 0.0  # rad, about the vertical
-    # Roll and pitch before that [rad]; other than zero, they need `drop`.
+    # Roll and pitch before that [rad]; nonzero values need `drop`.
     tilt: list[float] = dc.field(
         default_factory=lambda: [0.0, 0.0], metadata={"length": 2}
     )
-    # Null: the object stands on the table. Else it falls: it starts this far above the
-    # table, or above any falling object before it whose box would overlap its own [m].
+    # Null: the object stands on the table. Otherwise, it falls from this far above the
+    # table, or above any earlier falling object whose box would overlap its own [m].
     drop: float | None = dc.field(default=None, metadata={"ge": 0.0})
-    # Pose at the start in place of `position` and `yaw`: for an object that lies, is on
+    # Initial pose, which replaces `position` and `yaw`, for an object that lies, is on
     # something or is in the hand. In world, or in the frame `base_frame` of a model in
     # `directives`.
     pose: Transform | None = None
@@ -120,8 +120,8 @@ class ObjectConfig(Config):
     occlusion: OcclusionConfig | None = None
     # False: localizer and planner do not know the object and treat it as an obstacle.
     known: bool = True
-    # Size that localizer and planner assume, over the true one: specimens of a product
-    # vary.
+    # Size that localizer and planner assume, over the true one, because specimens of a
+    # product vary.
     known_scale: float = dc.field(default=1.0, metadata=positive())
 
     @property
@@ -136,7 +136,8 @@ class ObjectConfig(Config):
 class ClutterConfig(Config):
     """Additional objects named `clutter_1` and so on, each of a randomly drawn kind.
 
-    Unless their kind says otherwise, they stand in `task.region` and are not `known`.
+    By default, they stand in `task.region` and are not `known`; their kind may change
+    that.
     """
 
     count: int = dc.field(default=0, metadata={"ge": 0})
@@ -145,14 +146,14 @@ class ClutterConfig(Config):
 
 @dc.dataclass(kw_only=True)
 class SleepingConfig(Config):
-    """Conditions for sleep, in which resting objects cost hardly any time."""
+    """Conditions for the sleep of resting objects, which then cost hardly any time."""
 
     # An object falls asleep after it has been at rest for this long [s].
     after: float = dc.field(default=0.5, metadata=positive())
-    # At rest, every point of it is at most this fast [m/s].
+    # An object is at rest if every point of it is at most this fast [m/s].
     speed: float = dc.field(default=5.0e-4, metadata=positive())
-    # A sleeping object wakes when something awake comes this near [m]. Within
-    # `period`, 5 mm allow for an acceleration of 100 m/s², ten times that of a
+    # A sleeping object wakes when something awake comes this near [m]. Within the
+    # default `period`, 5 mm allow for an acceleration of 100 m/s², ten times that of a
     # fall.
     margin: float = dc.field(default=0.005, metadata=positive())
     # Time between checks [s].

@@ -1,4 +1,4 @@
-"""Disturbances: forces on objects that the robot does not exert."""
+"""Disturbances: forces on objects that do not come from the robot."""
 
 import dataclasses as dc
 import math
@@ -39,9 +39,9 @@ class Disturbance(Config):
             "among": tuple(m.value for m in Mode if m not in (Mode.DONE, Mode.FAILED))
         },
     )
-    # Delay from the mode's beginning [s]. By then, the mode may be another.
+    # Delay from the mode's beginning [s]. By then, the mode may have changed.
     after: float = dc.field(default=0.0, metadata={"ge": 0.0})
-    # It happens whenever the mode begins, up to this often.
+    # Largest number of times that it happens, each time at the mode's beginning.
     times: int = dc.field(default=1, metadata={"ge": 1})
     object: str | None = None  # null: the picked one
 
@@ -88,21 +88,20 @@ AnyDisturbance: TypeAlias = Push | Topple | Force
 
 _GRAVITY = 9.81  # m/s²
 # Height by which a pushing hand lifts the object [m]. Sliding would depend on friction,
-# and with steps above 2 ms a stiff object that slides on a table rattles.
+# and with steps above 2 ms, a stiff object rattles as it slides on a table.
 _PUSH_LIFT = 0.002
-# Natural frequency of the spring between hand and object [rad/s]. It is a third of
-# the stable limit when a plant with steps of 10 ms samples it, and fast beside a push
-# of 0.3 s.
+# Natural frequency of the spring between hand and object [rad/s]. It is a third of the
+# stable limit at steps of 10 ms, and fast compared to a push of 0.3 s.
 _PUSH_FREQUENCY = 25.0
 # Time for which the hand stays at the end of its path [s]: four time constants.
 _PUSH_HOLD = 4.0 / _PUSH_FREQUENCY
 # Largest force of a pushing hand, over the object's weight. Carrying takes 1, and
-# accelerating adds less than 1. Held or blocked objects stay.
+# accelerating adds less than 1. So held or blocked objects stay.
 _LARGEST_PUSH = 3.0
-# A toppling force grows by one weight in this time [s]. Beside the 0.1 s in which
-# objects of a hand's size fall, that is slow: the object is tipped, not hit.
+# A toppling force grows by one weight in this time [s]. That is slow compared to the
+# 0.1 s in which objects of a hand's size fall, so the object is tipped, not hit.
 _TOPPLE_RAMP = 1.0
-# Time after which an object that slides instead of falling is left alone [s].
+# Time after which the hand gives up on an object that slides instead of falling [s].
 _TOPPLE_PATIENCE = 2.0
 
 
@@ -179,7 +178,7 @@ def _topple(
     push_O[2] = 0.0
     half_width = target.shape.half_extent(push_O / max(np.linalg.norm(push_O), 1e-9))
     half_height = 0.5 * target.shape.height
-    # Once its centre is beyond the edge that it turns about, it falls by itself.
+    # Once its centre is beyond the edge about which it turns, it falls by itself.
     tilt = math.acos(min(abs(R_WO[2, 2]), 1.0))
     if tilt > math.atan2(half_width, half_height) or t > _TOPPLE_PATIENCE:
         return None
@@ -200,7 +199,7 @@ def _push(
     X_WO_begin, p_OC = course.X_WO_begin or X_WO, target.inertia.get_com()
     s = t / push.duration
     path = minimum_jerk_blend(s) * np.array(push.displacement)
-    # Up within the first quarter, down within the last.
+    # Up in the first quarter, down in the last.
     path[2] += _PUSH_LIFT * minimum_jerk_blend(4.0 * min(s, 1.0 - s))
     R_WO = X_WO.rotation()
     turn = (X_WO_begin.rotation() @ R_WO.inverse()).ToAngleAxis()
@@ -242,7 +241,7 @@ class Disturber(LeafSystem):
     `mode` (AnyMode) is the planner's. `object_poses` (dict[str, RigidTransform]) is
     X_WO by name [m]. `object_forces` (list[ExternallyAppliedSpatialForce]) goes to the
     plant and is updated every `period`. If a disturbance's mode begins again before the
-    disturbance is over, the disturbance goes on and does not restart.
+    disturbance is over, the disturbance continues without a restart.
 
     Args:
         disturbances: Each disturbance with its object.

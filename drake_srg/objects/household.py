@@ -29,8 +29,8 @@ from drake_srg.objects.solids import hull_points
 from drake_srg.types import Vector
 
 # Numbers are those of the YCB object set. The generators (tools/models/props.py,
-# household.py, packages.py and tableware.py) say which numbers are theirs and which
-# are ours.
+# household.py, packages.py and tableware.py) mark which numbers come from there and
+# which are ours.
 HOUSEHOLD = (
     "003_cracker_box",
     "004_sugar_box",

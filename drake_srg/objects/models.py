@@ -86,7 +86,7 @@ def known_shape(name: str, config: ObjectConfig) -> Shape | None:
 
 
 def simple_shape(name: str, config: ObjectConfig) -> Shape | None:
-    """Return the shape of an object, or its proxy; None unless it is a simple one.
+    """Return the simple shape of an object, or its proxy; None without one.
 
     Raises:
         ScenarioError: If the model cannot be read.
@@ -156,8 +156,8 @@ def AddObject(
 ) -> ModelInstanceIndex:
     """Add an object to a plant that is not finalized, as model instance `name`.
 
-    Where given, mass, friction, resolution, modulus and dissipation replace those of
-    the model. Inertia scales with mass.
+    If given, mass, friction, resolution, modulus and dissipation replace the model's.
+    Inertia scales with mass.
 
     Raises:
         ScenarioError: If the model cannot be read or does not have exactly one link, or
@@ -198,7 +198,7 @@ def AddObject(
 def SetDefaultObjectPose(
     plant: MultibodyPlant, model: ModelInstanceIndex, X_WO: RigidTransform
 ) -> None:
-    """Set the pose at the start of an object of `AddObject`, before `Finalize`."""
+    """Set the initial pose of an object of `AddObject`, before `Finalize`."""
     body = object_body(plant, model)
     if isinstance(body, BodyIndex):
         plant.SetDefaultFloatingBaseBodyPose(plant.get_body(body), X_WO)
@@ -244,7 +244,7 @@ def _AddShape(
 
 
 def collision_shape(shape: Shape) -> geometry.Shape:
-    """Return the shape that stands for an object of a simple shape in contact."""
+    """Return the collision shape of an object with a simple shape."""
     if isinstance(shape, Cylinder):
         diameter = 2.0 * shape.radius
         if abs(shape.length - diameter) < _NEARLY_AS_LONG:
@@ -293,16 +293,16 @@ def SetObject(
     body_index: BodyIndex,
     config: ObjectConfig,
 ) -> None:
-    """Give an object shape, mass and friction of another configuration.
+    """Give an object the shape, mass and friction of another configuration.
 
-    An object with a `shape` takes all of them, one from a `model` mass and friction.
+    An object with a `shape` takes all three, one from a `model` only mass and friction.
 
     Args:
-        plant: With the object, finalized.
-        scene_graph: With the plant's geometry.
-        context: Of the root of both, changed.
+        plant: Plant with the object, finalized.
+        scene_graph: Scene graph with the plant's geometry.
+        context: Context of the root diagram of both, changed in place.
         body_index: The object's body.
-        config: What it becomes.
+        config: The new configuration.
     """
     body = plant.get_body(body_index)
     plant_context = plant.GetMyMutableContextFromRoot(context)
@@ -328,7 +328,7 @@ def SetObject(
         body.SetSpatialInertiaInBodyFrame(plant_context, inertia)
     inspector = scene_graph.model_inspector()
     for geometry in plant.GetCollisionGeometriesForBody(body):
-        # The model's own friction may have been replaced before.
+        # The model's own friction may have been replaced already.
         properties = ProximityProperties(inspector.GetProximityProperties(geometry))
         if config.friction is not None:
             friction = CoulombFriction(config.friction, config.friction)

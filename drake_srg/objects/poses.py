@@ -1,4 +1,4 @@
-"""Ground truth about objects: poses and contact forces, for metrics alone."""
+"""Ground truth about objects, for metrics only: poses and contact forces."""
 
 from __future__ import annotations
 

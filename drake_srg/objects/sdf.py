@@ -95,7 +95,8 @@ def SetContact(root: ET.Element, values: Mapping[str, float | None]) -> None:
 
     Args:
         root: The tree.
-        values: By tag without prefix, such as `mu_static`; None keeps the file's.
+        values: New values by tag without prefix, such as `mu_static`; None keeps the
+            file's value.
     """
     given = {key: value for key, value in values.items() if value is not None}
     for node in root.iter(PROXIMITY):
@@ -113,9 +114,9 @@ def SetColor(root: ET.Element, color: Sequence[float]) -> None:
         AddChild(AddChild(visual, "material"), "diffuse", [*color, 1.0])
 
 
-# Hydroelastic modulus [Pa] and Hunt-Crossley dissipation [s/m]. Much stiffer than the
-# fingers' rubber (2 MPa), so that the pads deform, as they do on hard household
-# objects.
+# Hydroelastic modulus [Pa] and Hunt-Crossley dissipation [s/m]. The modulus is much
+# higher than that of the fingers' rubber (2 MPa), so the pads deform, as they do on
+# hard household objects.
 MODULUS = 5.0e7
 DISSIPATION = 5.0
 # Edge length of the facets of round shapes, over the radius. It gives a circle 22 sides
@@ -128,7 +129,7 @@ def facet_length(radius: float) -> float:
     """Return the edge length of the facets that represent a round shape [m].
 
     Args:
-        radius: Of the shape [m].
+        radius: Radius of the shape [m].
     """
     return _RESOLUTION * radius
 
@@ -142,7 +143,7 @@ def contact_properties(
         friction: Coulomb's coefficient.
         modulus: Hydroelastic modulus [Pa].
         resolution: Edge length of facets [m].
-        dissipation: Hunt and Crossley's [s/m].
+        dissipation: Hunt-Crossley dissipation [s/m].
     """
     properties = ProximityProperties()
     AddContactMaterial(
@@ -171,7 +172,7 @@ def ode_friction(collision: ET.Element, path: Path) -> tuple[float, float] | Non
         without them.
 
     Raises:
-        ScenarioError: If they are no coefficients.
+        ScenarioError: If they are not valid coefficients.
     """
     ode = collision.find("surface/friction/ode")
     if ode is None or ode.find("mu") is None:
@@ -199,8 +200,8 @@ def AddContact(
     Args:
         collision: The element.
         resolution: Edge length of facets [m]; None for meshes, which have their own.
-        friction: Static and dynamic coefficient; None: ours, unless `own` says it.
-        own: Properties of the file, taken as they are; None: those of a `shape`.
+        friction: Static and dynamic coefficient; None: those of `own`, or ours.
+        own: Properties of the file, used unchanged; None: those of a `shape`.
     """
     static, dynamic = friction or (FRICTION, FRICTION)
     node = AddChild(collision, PROXIMITY) if own is None else copy.deepcopy(own)

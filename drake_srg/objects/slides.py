@@ -12,7 +12,7 @@ from pydrake.trajectories import PiecewisePolynomial
 from drake_srg.common.systems import AddVelocityFeedforward
 from drake_srg.config import Config, positive
 
-# Stiffness and damping per mass of the slide: a natural frequency of 40 rad/s as the
+# Stiffness and damping per mass of the slide: a natural frequency of 40 rad/s like the
 # arm's, critically damped.
 _FREQUENCY = 40.0
 
@@ -23,7 +23,7 @@ class SlideConfig(Config):
 
     # Speed along the joint's axis [m/s] or about it [rad/s].
     speed: float = 0.05
-    # When it begins to move [s], and how long it takes to get up to speed and to stop.
+    # Start of the motion [s], and duration of its acceleration and of its stop [s].
     start: float = dc.field(default=0.0, metadata={"ge": 0.0})
     ramp: float = dc.field(default=0.25, metadata=positive())
     # Travel before it stops, in either direction [m or rad].
@@ -34,8 +34,8 @@ def SetSlideGains(plant: MultibodyPlant, name: str) -> None:
     """Give a slide's actuator its gains, before the plant is finalized.
 
     Args:
-        plant: With the slide's model.
-        name: Of the model instance.
+        plant: Plant with the slide's model.
+        name: Name of the model instance.
 
     Raises:
         ValueError: If there is no such model, or it does not have exactly one actuator.
@@ -57,10 +57,10 @@ def AddSlide(
     `slide_NAME_velocity_feedforward`.
 
     Args:
-        builder: Of the diagram that contains the plant.
-        plant: With the slide's gains set by `SetSlideGains`.
-        name: Of the model instance.
-        config: How it moves.
+        builder: Builder of the diagram that contains the plant.
+        plant: Plant with the slide's gains set by `SetSlideGains`.
+        name: Name of the model instance.
+        config: Motion of the slide.
     """
     actuator = _actuator(plant, name)
     q_start = float(actuator.joint().default_positions()[0])
@@ -78,16 +78,16 @@ def AddSlide(
 
 
 def slide_motion(config: SlideConfig, q_start: float) -> PiecewisePolynomial:
-    """Return the joint's position over time: up to speed, evenly, and to rest.
+    """Return the joint's position over time, from rest to rest.
 
     Args:
-        config: How it moves.
-        q_start: Where it begins [m or rad].
+        config: Motion of the slide.
+        q_start: Position at the start [m or rad].
     """
     speed = abs(config.speed)
     if speed == 0.0:
         return PiecewisePolynomial(np.array([[q_start]]))
-    # The ramps take `ramp` each and together speed * ramp of the way.
+    # Each ramp takes `ramp`, and both together cover speed * ramp.
     ramp = min(config.ramp, config.travel / speed)
     even = config.travel / speed - ramp
     way = np.cumsum([0.0, 0.0, 0.5 * speed * ramp, speed * even, 0.5 * speed * ramp])

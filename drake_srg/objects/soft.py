@@ -51,8 +51,8 @@ def box_mesh(
     """Fill a box around the origin with tetrahedra.
 
     The box is cut into cells. Each cell is cut into twelve tetrahedra, from its middle
-    to the two halves of each face. So every tetrahedron has a vertex inside the box;
-    Drake needs that to compute how deeply something penetrates a deformable body.
+    to the two halves of each face. So every tetrahedron has a vertex inside the box,
+    which Drake needs to compute how deeply something penetrates a deformable body.
 
     Args:
         size: Extents along x, y, z [m].
@@ -71,7 +71,8 @@ def box_mesh(
     tetrahedra = []
     for middle, cell in enumerate(cells, len(corners)):
         for face in _FACES + cell:
-            # The cut joins two even corners, so that neighbours cut a face alike.
+            # The cut joins two even corners, so that neighbours cut a face in the same
+            # way.
             a, b, c, d = np.roll(face, -(face[0].sum() % 2), axis=0)
             for triangle in ((a, b, c), (a, c, d)):
                 numbers = np.ravel_multi_index(np.transpose(triangle), counts + 1)
@@ -95,7 +96,7 @@ def vtk_text(vertices: Vector, tetrahedra: npt.NDArray[np.int64]) -> str:
 
 
 # Measured: a hand that holds a soft cube with steps of 5 ms loses it with 10 ms. With
-# `lagged`, an untouched sponge jumps about on its table, without an error from Drake.
+# `lagged`, an untouched sponge jumps around on its table, and Drake reports no error.
 _LARGEST_STEP = 0.005  # s
 _APPROXIMATION = DiscreteContactApproximation.kSap
 
@@ -139,7 +140,7 @@ def AddSoftObject(
     friction = CoulombFriction(config.friction, config.friction)
     AddContactMaterial(properties=proximity, friction=friction)
     # Drake's default for the sum of two surfaces [s]. This contact is nearly rigid:
-    # with half of that, a box on a sponge hops off.
+    # with half of that, a box bounces off a sponge.
     proximity.AddProperty("material", "relaxation_time", 0.2)
     geometry.set_proximity_properties(proximity)
     illustration, perception = IllustrationProperties(), PerceptionProperties()

@@ -1,4 +1,4 @@
-"""Solids that stand for objects: how far they reach, and what is known of them."""
+"""Solids that represent objects: their extents, and the known ones."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ from drake_srg.objects.models import AddObject, known_shape
 from drake_srg.types import Vector
 
 _FAR = 1e3  # half the size of a half space [m]
-# Sides of the prism that stands for a cylinder: within 0.5 % of the radius.
+# Sides of the prism that replaces a cylinder, within 0.5 % of the radius.
 _SIDES = 32
 _SIGNS = np.stack(np.meshgrid(*[(-1.0, 1.0)] * 3), axis=-1).reshape(-1, 3)
 
@@ -34,7 +34,7 @@ def hull_points(
 ) -> list[Vector]:
     """Return points whose convex hulls are a body's collision geometries.
 
-    The hulls are exact but for round shapes, whose points lie on the surface.
+    The hulls are exact, except for round shapes, whose points lie on the surface.
 
     Returns:
         Positions in the body's frame, shape (n, 3) [m], for each geometry.
@@ -73,7 +73,7 @@ def _moved(X_AB: RigidTransform, p_B: Vector) -> Vector:
 
 
 def _points(shape: Shape) -> Vector:
-    """Return points whose convex hull is a shape, or nearly so, shape (n, 3) [m]."""
+    """Return points whose convex hull is nearly a shape, shape (n, 3) [m]."""
     match shape:
         case Mesh() | Convex():
             hull = shape.GetConvexHull()
@@ -127,7 +127,7 @@ def planned_solid(name: str, config: ObjectConfig) -> Solid | None:
     """Return the geometry that the planner assumes for an object, about its frame.
 
     Returns:
-        What the localizer knows of it; None if that is nothing, or the object is soft.
+        The solid of the localizer; None if it has none, or if the object is soft.
 
     Raises:
         ScenarioError: If the model cannot be read, or a piece has no volume.

@@ -1,7 +1,7 @@
 """Base of all planners: modes, and the system that runs them.
 
-A planner consists of what is known (a `MotionMemory`), where each mode leads
-(`Transitions`), and what each mode does (`PlannerMode`). `PlannerMachine` runs it.
+A planner consists of its knowledge (a `MotionMemory`), its transitions (`Transitions`),
+and the actions of its modes (`PlannerMode`). `PlannerMachine` runs it.
 """
 
 import abc
@@ -32,7 +32,7 @@ from drake_srg.planning.state_machine import (
 )
 from drake_srg.types import AnyMode, Failure, Mode, PlannerStatus, Vector
 
-# Why any planner gives up, in words.
+# Reasons for which any planner gives up, in words.
 GIVES_UP: Mapping[Failure, str] = {
     Failure.STOPPED: "the arm does not get where it is sent; something is in its way",
     Failure.TIME_BUDGET: "the time budget is used up",
@@ -42,10 +42,10 @@ _CLEAR = 0.001  # distance at which resting fingers have let go of an object [m]
 # Time between looks for an object that is not seen [s]: by default, there are three.
 SEARCH_PERIOD = 0.25
 # A carried object is lost once the gripper's joints have closed by this much on average
-# in `slip_time` [rad]. Fingers around an object give way to one another, which does not
-# change the average: it changed by less than 0.001 rad with a can between fingertips,
-# and by 0.01 rad with wrapped fingers that settled. Fingers that lose a can close by
-# 0.1 rad.
+# in `slip_time` [rad]. Fingers around an object yield to each other, which does not
+# change the average. It changed by less than 0.001 rad with a can between fingertips,
+# and by 0.01 rad when wrapped fingers settled. Fingers that lose a can close by 0.1
+# rad.
 SLIP_CLOSING = 0.03
 
 SeenT = TypeVar("SeenT")
@@ -55,8 +55,7 @@ SeenT = TypeVar("SeenT")
 class PlannerConfig(MotionConfig):
     """Configuration of a planner and its motions. Times are simulated.
 
-    A class that derives from it stands for a planner; its name is the tag in scenario
-    files.
+    A derived class stands for a planner, and its name is the tag in scenario files.
     """
 
     # Simulated duration of planning, from a decision to the first motion [s].
@@ -72,8 +71,9 @@ class PlannerConfig(MotionConfig):
         default_factory=lambda: ["above", "side"],
         metadata={"among": ("above", "side")},
     )
-    # How far the hand may point down in grasps from the side [rad]: 0, 3, 5 or 10
-    # degrees. A tilt keeps the wrist off the table, but tilts the object in the hand.
+    # Tilts of the hand below the horizontal in grasps from the side [rad]: 0, 3, 5 or
+    # 10 degrees. A tilt keeps the wrist off the table, but tilts the object in the
+    # hand.
     tilts: list[float] = dc.field(
         default_factory=lambda: [0.0, 0.05, 0.0873, 0.1745],
         metadata={"ge": 0.0, "le": 0.7},
@@ -89,30 +89,30 @@ class PlannerConfig(MotionConfig):
     # of the localisation, so that the object is not pressed into the table. Raise it
     # for cameras with larger errors.
     place_height: float = dc.field(default=0.0005, metadata={"ge": 0.0})
-    # Half the plant's step h [s]: before it places an object, the planner takes off how
-    # far the simulation in steps carries it off the hand; see `carried_drift`. 0 for a
-    # robot, and for steps so short that this does not matter.
+    # Half the plant's step h [s]: before it places an object, the planner subtracts the
+    # object's drift in the hand that the simulation's steps cause; see `carried_drift`.
+    # 0 for a robot, and for steps so short that the drift does not matter.
     drift_time: float = dc.field(default=0.0, metadata={"ge": 0.0})
     # Mass in the hand for which the torque limits must suffice [kg].
     payload: float = dc.field(default=0.5, metadata={"ge": 0.0})
-    # Delay of the arm after which something must have stopped it [s].
+    # If the arm is late by more than this, something must have stopped it [s].
     arrival_timeout: float = dc.field(default=1.0, metadata=positive())
-    # How far a joint may be off its path while the hand pushes things on a table,
-    # or sets one down, before the planner concludes that something stopped it
-    # [rad]; null: it presses on until `arrival_timeout`. Its own delay puts the
-    # simulated iiwa off by up to 0.021.
+    # Greatest path error of a joint while the hand pushes things on a table, or sets
+    # one down [rad]. Beyond it, the planner concludes that something stopped the arm;
+    # null: the arm presses on until `arrival_timeout`. Delay alone gives the simulated
+    # iiwa errors of up to 0.021.
     path_tolerance: float | None = dc.field(default=None, metadata=positive())
     # Protective stop: external torques (see `AddExternalTorque`) that end the task
     # while the arm moves, one per joint [N m]; null: no limits. Leave room for carried
     # objects: with a can, the fast kitchen's iiwa 14 feels up to 4 N m, at its wrist
     # 0.3 N m; with a cylinder, the five-axis arm feels 0.12 N m. Errors of the sensors
-    # add to that. What an object meets at the very end of being set down is its goal.
+    # add to that. A contact at the very end of setting an object down is its goal.
     max_external_torque: list[float] | None = dc.field(
         default=None, metadata=positive()
     )
-    # Time after a command within which the fingers may not have begun to move [s]: more
-    # than the delays of the gripper's bus and servo, or open fingers beside an object
-    # count as closed.
+    # Time in which the fingers begin to move after a command [s]. It must exceed the
+    # delays of the gripper's bus and servo, or open fingers beside an object count as
+    # closed.
     gripper_reaction: float = dc.field(default=0.2, metadata={"ge": 0.0})
     # Time that the fingers may take to close or open [s].
     gripper_timeout: float = dc.field(default=1.5, metadata=positive())
@@ -125,20 +125,20 @@ class PlannerConfig(MotionConfig):
     # Whether to look again when the hand is in front of the object, and to plan again
     # if it has moved. Useful with cameras that see it there.
     look_before_grasp: bool = False
-    # Whether to look for the object in the hand above the goal, and to plan its placing
+    # Whether to look at the object in the hand above the goal, and to plan its placing
     # from there. Useful with cameras that see it there.
     look_before_place: bool = False
     # Least waits of the arm [s]: with closed fingers before it lifts, with open fingers
-    # before it leaves, and at home. When it has cleared a table, the last one counts
-    # from when it let go.
+    # before it leaves, and at home. After clearing a table, the last one counts from
+    # the last release.
     grip_wait: float = dc.field(default=0.0, metadata={"ge": 0.0})
     release_wait: float = dc.field(default=0.0, metadata={"ge": 0.0})
     home_wait: float = dc.field(default=0.0, metadata={"ge": 0.0})
     # Time for the empty fingers to close at home [s]; 0 leaves them open.
     close_at_home: float = dc.field(default=0.0, metadata={"ge": 0.0})
-    # Whether an arm that clears a table cuts corners: it does not rest between two
-    # motions then, and the second one must begin on time. So it does rest on a robot,
-    # and where a safety monitor may slow it.
+    # Whether an arm that clears a table cuts corners: it then does not rest between two
+    # motions, and the second must begin on time. On a robot, and with a safety monitor,
+    # which may slow the arm, it always rests.
     cut_corners: bool = False
     # Time between evaluations of the state machine [s].
     period: float = dc.field(default=0.01, metadata=positive())
@@ -159,7 +159,7 @@ class PickAndPlace(PlannerConfig):
 
 @dc.dataclass(kw_only=True)
 class Clear(PlannerConfig):
-    """Takes away one thing after the other, whatever their shapes."""
+    """Takes away one thing after another, whatever their shapes."""
 
 
 @dc.dataclass(frozen=True)
@@ -186,7 +186,7 @@ class HandSenses(Generic[SeenT]):
 
 @dc.dataclass(frozen=True)
 class Observation:
-    """The facts that decide the next mode; each mode fills in what its row needs."""
+    """The facts that decide the next mode; each mode fills in those of its row."""
 
     ready: bool = False  # motions are planned, and the planning latency has passed
     pushing: bool = False  # a push is planned, and the planning latency has passed
@@ -194,8 +194,8 @@ class Observation:
     unseen: bool = False  # the last load was not seen where it belongs
     arrived: bool = False  # the mode's motion is over, and the arm has followed it
     stuck: bool = False  # the arm cannot go on as planned
-    astray: bool = False  # the arm is where something has stopped it
-    moved: bool = False  # the object is not where the motions take it
+    astray: bool = False  # the arm is still where something stopped it
+    moved: bool = False  # the object has left the place of the planned grasp
     placing: bool = False  # the load is to be set down, not dropped
     still: bool = False  # the fingers have come to rest
     holding: bool = False  # the target is between the fingers
@@ -216,12 +216,12 @@ class Transitions:
     """Transitions between the modes of a planner, as a pure function.
 
     Attributes:
-        table: The transitions. Modes of your own are keys like ours.
+        table: The transitions. Your own modes are keys like ours.
         fatal: Failures that lead from every mode to FAILED. All others are left to the
             table.
 
     Raises:
-        ValueError: If a mode that another leads to has no row.
+        ValueError: If a mode that follows another one has no row.
     """
 
     table: Table
@@ -261,9 +261,9 @@ class Transitions:
 
         Args:
             mode: The mode now.
-            observation: What is known now.
+            observation: Present knowledge.
             t: Time since the mode began [s].
-            config: The waits and the times of the gripper count here.
+            config: Its waits and gripper times count here.
         """
         if observation.failure in self.fatal:
             return mode if mode in (Mode.DONE, Mode.FAILED) else Mode.FAILED
@@ -286,7 +286,7 @@ MotionMemoryT = TypeVar("MotionMemoryT", bound=MotionMemory)
 
 
 class PlannerMode(ModeActions[AnyMode, MotionMemoryT, SensesT, Observation]):
-    """A mode of a planner: what it moves and commands, notices and observes.
+    """A mode of a planner: its motion, commands and observations.
 
     Attributes:
         mode: Which mode it is.
@@ -312,18 +312,18 @@ class PlannerMode(ModeActions[AnyMode, MotionMemoryT, SensesT, Observation]):
         return memory
 
     def observe(self, memory: MotionMemoryT, now: Moment[SensesT]) -> Observation:
-        """Return what the mode's transitions depend on, and only that."""
+        """Return exactly the observation on which the mode's transitions depend."""
         failure = self.final_failure(memory, now.time)
         if failure is not None:
             return Observation(failure=failure)
         return self.observe_mode(memory, now)
 
     def final_failure(self, memory: MotionMemoryT, time: float) -> Failure | None:
-        """Return the failure that ends the task in whatever mode, if there is one."""
+        """Return the failure that ends the task in any mode; None without one."""
         return None
 
     def observe_mode(self, memory: MotionMemoryT, now: Moment[SensesT]) -> Observation:
-        """Return what the mode's own transitions depend on."""
+        """Return the observation for the mode's own transitions."""
         return Observation()
 
 
@@ -333,20 +333,20 @@ class PlannerMachine(
 ):
     """A planner whose outputs come from its memory; it begins in IDLE.
 
-    Its modes may be ours, members of an enum of your own, strings, or all of these. A
-    run ends once the planner is in one named `done` or `failed`.
+    Its modes may be ours, members of your own enum, strings, or a mixture. A run ends
+    once the planner is in a mode named `done` or `failed`.
 
     Its outputs are `mode` and those of `AddPlannerOutputs`. Derive from it: declare the
     inputs after calling `__init__`, and override `sense`.
 
     Args:
-        modes: What to do in each mode.
-        memory: The memory that IDLE is entered with; its motion rests at home.
+        modes: Actions of each mode.
+        memory: The memory on entering IDLE; its motion rests at home.
         transition: Returns the mode that follows from (mode, observation, time in the
             mode [s], config).
         config: Its period is the time between updates.
-        arms: Names of the arms, of as many joints each. The ports of one that has a
-            name begin with `NAME.`.
+        arms: Names of the arms, which have equal numbers of joints. The ports of an arm
+            with a name begin with `NAME.`.
 
     Raises:
         ValueError: If `transition` is a `Transitions` that leads to a mode without
@@ -410,7 +410,7 @@ class PlannerMachine(
         Args:
             num_fingers: Number n of the gripper's measured joints.
             num_sensors: Number m of its proximity readings.
-            prefix: What the ports' names begin with.
+            prefix: Prefix of the ports' names.
         """
         self._n_fingers = num_fingers
         for name, size in (
@@ -429,7 +429,7 @@ class PlannerMachine(
         Args:
             context: The planner's.
             see: Looks through the cameras; called only when a mode looks.
-            prefix: What the ports' names begin with.
+            prefix: Prefix of the ports' names.
         """
 
         def read(name: str) -> Vector:
@@ -471,12 +471,12 @@ def AddPlannerOutputs(
 
     Args:
         planner: The planner; it declares its `mode` itself.
-        num_joints: Of the arm.
+        num_joints: Number of the arm's joints.
         position: Calculates the joint positions (num_joints) [rad or m]. They also
             depend on time.
         closure: Calculates the closure (1), 0 open .. 1 closed.
         status: Calculates the `PlannerStatus`.
-        prerequisites: What all three depend on.
+        prerequisites: Tickets that all three depend on.
     """
     AddCommandOutputs(
         planner,
@@ -501,11 +501,11 @@ def AddCommandOutputs(
 
     Args:
         planner: See `AddPlannerOutputs`, as for the other arguments.
-        num_joints: Of the arm.
-        prefix: What the ports' names begin with.
+        num_joints: Number of the arm's joints.
+        prefix: Prefix of the ports' names.
         position: Calculates the joint positions.
         closure: Calculates the closure.
-        prerequisites: What both depend on.
+        prerequisites: Tickets that both depend on.
     """
     for name, size, calc, tickets in (
         ("position_commanded", num_joints, position, {planner.time_ticket()}),
@@ -529,7 +529,7 @@ def AddStatusOutput(
     Args:
         planner: The planner.
         status: Calculates the `PlannerStatus`.
-        prerequisites: What it depends on.
+        prerequisites: Tickets that it depends on.
     """
     planner.DeclareAbstractOutputPort(
         name="status",
@@ -542,8 +542,8 @@ def AddStatusOutput(
 class _PlanningClock:
     """Wall-clock time that this process has spent on planning.
 
-    It is a clock like `time.process_time`, no part of any simulation: contexts neither
-    hold it nor depend on it, so that equal seeds give equal bytes. Whoever runs a
+    It is a clock like `time.process_time` and not part of any simulation: contexts
+    neither hold it nor depend on it, so equal seeds give equal bytes. The caller of a
     simulation takes the difference between two readings.
     """
 

@@ -1,8 +1,8 @@
 """A state machine as a system: modes, a transition function and entry actions.
 
-Nothing here knows of grippers. Fill a `StateMachine` with modes of your own; see
-`PickAndPlacePlanner` for a large example, tests/planning/test_state_machine.py for a
-traffic light.
+Nothing here depends on grippers. Fill a `StateMachine` with your own modes.
+`PickAndPlacePlanner` is a large example, the traffic light in
+tests/planning/test_state_machine.py a small one.
 """
 
 from __future__ import annotations
@@ -31,13 +31,13 @@ def next_mode(
     mode: ModeT,
     *arguments: Any,
 ) -> ModeT:
-    """Return the mode that follows by a transition table.
+    """Return the next mode according to a transition table.
 
     Args:
-        table: For each mode, conditions and the mode that each leads to. The first
-            condition that holds decides; if none does, the mode stays.
+        table: For each mode, conditions with the mode that follows. The first condition
+            that holds decides; if none does, the mode stays.
         mode: The mode now.
-        arguments: What the conditions are called with.
+        arguments: Arguments of the conditions.
 
     Raises:
         ValueError: If the table has no row for the mode.
@@ -53,7 +53,7 @@ def next_mode(
 
 @dc.dataclass(frozen=True)
 class Moment(Generic[SensesT]):
-    """Time and senses: all that a mode may know of the world."""
+    """Time and senses: a mode's whole knowledge of the world."""
 
     time: float  # s
     senses: SensesT
@@ -61,7 +61,7 @@ class Moment(Generic[SensesT]):
 
 @dc.dataclass(frozen=True)
 class Entry(Moment[SensesT], Generic[SensesT, ModeT, ObservationT]):
-    """The moment at which a mode begins, and what led to it."""
+    """The moment at which a mode begins, and its cause."""
 
     # The mode before, and the observation that ended it; None for the initial mode.
     previous: ModeT | None = None
@@ -72,10 +72,10 @@ class Entry(Moment[SensesT], Generic[SensesT, ModeT, ObservationT]):
 class Memory:
     """A memory, or a part of one, that modes may change; derive from it.
 
-    The machine gives a mode a draft: a copy of the memory and of those parts that
-    derive from this class, too. Modes change attributes of the draft. Everything else
-    is shared by all copies, so replace it instead of changing it: arrays, tuples,
-    frozen dataclasses. Never change what is in a context.
+    The machine gives a mode a draft: a copy of the memory and of its parts that also
+    derive from this class. Modes change attributes of the draft. All copies share
+    everything else (arrays, tuples, frozen dataclasses), so replace it instead of
+    changing it. Never change a memory in a context.
     """
 
     def __copy__(self) -> Self:
@@ -86,27 +86,26 @@ class Memory:
         return draft
 
     def __deepcopy__(self, memo: dict[int, Any]) -> Self:
-        return self  # Drake copies contexts at every step; nobody changes this one
+        return self  # Drake copies contexts at every step; nobody changes this
 
 
 class ModeActions(abc.ABC, Generic[ModeT, MemoryT, SensesT, ObservationT]):
     """The actions of a state machine in one mode; they hold no state of their own.
 
     `enter` and `update` get a memory that they may change, if it is a `Memory`, and
-    return it. Other memories, such as numbers or frozen dataclasses, they replace.
+    return it. They replace other memories, such as numbers or frozen dataclasses.
     """
 
     def enter(
         self, memory: MemoryT, entry: Entry[SensesT, ModeT, ObservationT]
     ) -> MemoryT:
-        """Return the memory that the mode begins with, commands included."""
+        """Return the mode's first memory, including commands."""
         return memory
 
     def observe_entry(self, memory: MemoryT) -> ObservationT | None:
-        """Return what the entry action found, if that may end the mode at once.
+        """Return an observation that may end the mode at once; None: wait.
 
-        The transition is then evaluated with it, at time 0 in the mode. None waits for
-        the next update.
+        The machine evaluates the transition with it at time 0 in the mode.
         """
         return None
 
@@ -116,7 +115,7 @@ class ModeActions(abc.ABC, Generic[ModeT, MemoryT, SensesT, ObservationT]):
 
     @abc.abstractmethod
     def observe(self, memory: MemoryT, now: Moment[SensesT]) -> ObservationT:
-        """Return what the transition depends on."""
+        """Return the observation on which the transition depends."""
 
 
 @dc.dataclass(frozen=True)
@@ -129,7 +128,7 @@ class MachineState(Generic[ModeT, MemoryT]):
     earlier: dc.InitVar[object] = None  # the memory before, if a state had it
 
     def __post_init__(self, earlier: object) -> None:
-        make_read_only(self.memory, earlier)  # which copies may share
+        make_read_only(self.memory, earlier)  # copies may share it
 
     def __deepcopy__(self, memo: dict[int, Any]) -> MachineState[ModeT, MemoryT]:
         memory = copy.deepcopy(self.memory, memo)
@@ -146,17 +145,17 @@ class StateMachine(LeafSystem, Generic[ModeT, MemoryT, SensesT, ObservationT]):
         output_ports:
         - mode
 
-    Output: `mode`, the mode under way (abstract; of whatever type the modes have).
+    Output: `mode`, the present mode (abstract; of the modes' type).
 
-    The initial mode begins at initialization, at whatever time that is: its `enter`
-    gives the first memory. A context that is under way already goes on where it was.
-    Then, at time 0 and every `period`,
+    The initial mode begins at initialization, at any time, and its `enter` gives the
+    first memory. A context that is already under way continues. Then, at time 0 and
+    every `period`,
 
     1. `sense` reads the inputs,
     2. the mode's `update` returns the next memory,
     3. its `observe` returns an observation,
     4. `transition` says which mode follows, and
-    5. if that is another one, its `enter` returns the memory that it begins with.
+    5. if it is another mode, its `enter` returns the first memory.
 
     All state is in the context, as one abstract value. A machine without ports of its
     own can be used as it is. For inputs and outputs, derive from it: declare the ports
@@ -164,9 +163,9 @@ class StateMachine(LeafSystem, Generic[ModeT, MemoryT, SensesT, ObservationT]):
     `{self.state_ticket}` as prerequisites.
 
     Args:
-        modes: What to do in each mode.
+        modes: Actions of each mode.
         initial: The mode to begin with.
-        memory: The memory that the initial mode is entered with.
+        memory: The memory on entering the initial mode.
         transition: Returns the mode that follows from (mode, observation, time in the
             mode [s]). Keep it a pure function, so that it can be tested alone;
             `next_mode` makes one of a table.
@@ -194,7 +193,7 @@ class StateMachine(LeafSystem, Generic[ModeT, MemoryT, SensesT, ObservationT]):
         )
         self.DeclareAbstractOutputPort(
             name="mode",
-            # A Python object also where modes are strings: Drake has its own type.
+            # An object even if modes are strings, for which Drake has its own type.
             alloc=lambda: Value[object](initial),
             calc=self._calc_mode,
             prerequisites_of_calc={self.state_ticket},
@@ -214,7 +213,7 @@ class StateMachine(LeafSystem, Generic[ModeT, MemoryT, SensesT, ObservationT]):
         return context.get_abstract_state(int(self._state)).get_value()
 
     def sense(self, context: Context) -> SensesT:
-        """Return what the modes may know of the inputs; override it to read them."""
+        """Return the modes' knowledge of the inputs; override it to read them."""
         return None  # type: ignore[return-value]  # without inputs there is nothing
 
     def _calc_mode(self, context: Context, output: AbstractValue) -> None:
@@ -256,7 +255,7 @@ class StateMachine(LeafSystem, Generic[ModeT, MemoryT, SensesT, ObservationT]):
     def _entered(
         self, mode: ModeT, memory: MemoryT, entry: Entry[SensesT, ModeT, ObservationT]
     ) -> MachineState[ModeT, MemoryT]:
-        """Return the state once a mode has begun, or one that it leads to at once."""
+        """Return the state after a mode has begun, or one that follows at once."""
         for _ in self._modes:
             actions = self._actions(mode)
             memory = actions.enter(memory, entry)

@@ -1,4 +1,4 @@
-"""Helpers of recorders: files that appear when complete, and logs."""
+"""Helpers of recorders: files that appear only when complete, and logs."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ def require(module: str) -> ModuleType:
 
 @contextlib.contextmanager
 def output_folder(out: Path | None) -> Iterator[None]:
-    """Make a folder for results; remove it again if nothing is written into it.
+    """Make a folder for results; remove it if nothing is written into it.
 
     Args:
         out: The folder; None: no folder.
@@ -62,7 +62,7 @@ def counted(number: int, thing: str) -> str:
 
 
 def verdict(metrics: Mapping[str, Any]) -> str:
-    """Return how a run ended, in words.
+    """Describe the end of a run.
 
     Args:
         metrics: Contents of its metrics.json.
@@ -81,13 +81,13 @@ def verdict(metrics: Mapping[str, Any]) -> str:
 class OutputFile:
     """A file that appears under its name only when it is complete.
 
-    It is written as `path`, in a hidden folder beside `target`, so that `commit` is a
+    Until then, it is `path`, in a hidden folder beside `target`, so `commit` is a
     rename.
 
     Args:
         target: The final path.
-        owned: Whether the owner sees to `commit` or `discard`. Otherwise the folder
-            disappears with the object, whether the file is complete or not.
+        owned: Whether the owner always calls `commit` or `discard`. Otherwise, the
+            folder disappears with the object, even with a complete file.
 
     Attributes:
         target: The final path.
@@ -112,22 +112,22 @@ class OutputFile:
             weakref.finalize(self, shutil.rmtree, self._folder, ignore_errors=True)
 
     def commit(self) -> Path:
-        """Move the file to `target`, replacing what was there; returns `target`."""
+        """Move the file to `target`, replacing any older one; return `target`."""
         self.path.replace(self.target)
         self.discard()
         return self.target
 
     def discard(self) -> None:
-        """Delete what was written."""
+        """Delete the file."""
         shutil.rmtree(self._folder, ignore_errors=True)
 
 
 def close_at_exit(owner: Any, close: Callable[[Any], str]) -> None:
-    """Have a file completed at the end of the program if nobody does so before.
+    """Complete a file at the end of the program unless it is complete by then.
 
     Args:
-        owner: Owns the file; it is not kept alive.
-        close: Called with `owner`; completes its file and returns what was completed,
+        owner: Owner of the file, which is not kept alive.
+        close: Called with `owner`; completes its file and returns a description of it,
             or "" if there was nothing to do.
     """
     weakref.finalize(owner, close_late, weakref.ref(owner), close)
@@ -155,9 +155,9 @@ def close_late(owner: Callable[[], Any], close: Callable[[Any], str]) -> None:
 class Recorder(LeafSystem):
     """A system that writes a file until it is closed; use it as a context manager.
 
-    An error or the user's interrupt ends the recording, which is kept as a complete
-    file, because it shows what led there. A recorder that nobody closes completes its
-    file, with a warning, when it or the program ends.
+    An error or the user's interrupt ends the recording. The file is still completed,
+    because it shows the cause. A recorder that nobody closes completes its file, with a
+    warning, when it or the program ends.
     """
 
     _output: OutputFile
@@ -170,7 +170,8 @@ class Recorder(LeafSystem):
         Raises:
             OSError: If nothing can be written there.
         """
-        # The collector would remove the folder before it lets `__del__` complete it.
+        # The garbage collector would remove the folder before `__del__` could complete
+        # it.
         self._output = OutputFile(path, owned=True)
         self._closed = False
         close_at_exit(self, Recorder._close_forgotten)
@@ -202,14 +203,14 @@ class Recorder(LeafSystem):
             self._output.discard()
 
     def _close_forgotten(self) -> str:
-        self._failed = True  # so that nothing empty is kept
+        self._failed = True  # so that an empty file is not kept
         return str(self.path) if self._close() else ""
 
     def __del__(self) -> None:
         close_late(lambda: self, Recorder._close_forgotten)
 
     def note_failure(self, kind: type[BaseException] | None) -> None:
-        """Note what ended the recording: an exception's type, None: nothing did."""
+        """Record the exception type that ended the recording; None: no exception."""
         self._failed = kind is not None and issubclass(kind, Exception)
 
     def _finish(self) -> bool:
@@ -231,10 +232,10 @@ class Recorder(LeafSystem):
         except Exception:
             if kind is None:
                 raise
-            # Otherwise the first error is raised: a full disk causes both.
+            # Otherwise, the first error is raised: a full disk causes both.
 
 
-# The oldest date that a zip file can hold: equal logs must not differ by their date.
+# The oldest date of a zip file, so that equal logs do not differ by their date.
 _DATE = (1980, 1, 1, 0, 0, 0)
 
 
@@ -283,5 +284,5 @@ def read_log(path: Path | str) -> dict[str, npt.NDArray[Any]]:
             return dict(archive)
     except OSError:
         raise
-    except Exception as error:  # whatever damaged archives raise: a dozen kinds
+    except Exception as error:  # damaged archives raise a dozen kinds
         raise ValueError(f"{path}: {one_line(error)}") from error

@@ -57,7 +57,7 @@ FILES = {
 
 
 class SignalLog:
-    """Samples ports by name: vectors, numbers, poses, strings and modes.
+    """A log of ports by name: vectors, numbers, poses, strings and modes.
 
     Args:
         ports: The ports.
@@ -71,11 +71,11 @@ class SignalLog:
         return len(self._rows)
 
     def sample(self, context: Context) -> None:
-        """Add a row. An exception on the way adds nothing."""
+        """Add a row; an exception adds nothing."""
         self._rows.append(self.row(context))
 
     def row(self, context: Context) -> dict[str, Any]:
-        """Return time [s] and values: those of poses as from `pose_to_row`."""
+        """Return time [s] and values; poses are rows of `pose_to_row`."""
         row: dict[str, Any] = {"time": context.get_time()}
         for name, port in self._ports.items():
             value = port.Eval(context)
@@ -95,18 +95,18 @@ class SignalLog:
 
 
 class Recording:
-    """The files of a simulation under way; use it as a context manager around that.
+    """The files of a simulation; use it as a context manager around the simulation.
 
-    At the end it completes the files, also after an error or the user's interrupt,
-    because they show what led there. One that nobody closes completes them, with a
+    At the end, it completes the files, even after an error or the user's interrupt,
+    because they show the cause. A recording that nobody closes completes them, with a
     warning, when it or the program ends.
 
     Args:
         out: The folder; None: nothing is written.
 
     Attributes:
-        write_samples: Writes what is sampled during the simulation into a folder, and
-            returns the paths by kind.
+        write_samples: Writes the samples of the simulation into a folder, and returns
+            the paths by kind.
     """
 
     def __init__(self, out: Path | None) -> None:
@@ -120,7 +120,7 @@ class Recording:
         """Complete these recorders' files, too.
 
         Args:
-            recorders: By kind of file.
+            recorders: The recorders by kind of file.
         """
         self._recorders |= recorders
 
@@ -178,7 +178,7 @@ class Recording:
             self.complete()
             self.write_page()
             return
-        # The first error is the one to report: a full disk raises here as well.
+        # The first error is the one to report: a full disk would also raise here.
         if not self._closed:
             for recorder in self._recorders.values():
                 recorder.note_failure(kind)
@@ -211,7 +211,7 @@ def write_samples(
     Args:
         out: The folder.
         log: The log's arrays.
-        labels: What the log does not tell about its columns.
+        labels: Labels of the log's columns.
         write_glb: Writes the replay's scene to a path.
 
     Returns:
@@ -241,21 +241,21 @@ def AddRecording(
     frame_rate: float = 20.0,
     title: str = "",
 ) -> Recording:
-    """Add what records a diagram, and return it as a context manager.
+    """Add the recording of a diagram, and return it as a context manager.
 
-    Enter it around the simulation, or around all from here on::
+    Enter it around the simulation::
 
         with AddRecording(builder, plant, scene_graph, "out", ports=ports):
             simulator = Simulator(builder.Build())
             simulator.AdvanceTo(5.0)
 
-    At the end the folder has log.npz, timeline.png, replay.glb and replay.html,
-    recording.mcap (a topic per port, /clock, /tf and /scene), and video.mp4 if there
-    is a camera. The first of the ports with strings or modes shades the plots and is
-    the video's caption.
+    At the end, the folder has log.npz, timeline.png, replay.glb and replay.html,
+    recording.mcap (a topic per port, /clock, /tf and /scene), and video.mp4 if there is
+    a camera. The first of the ports with strings or modes shades the plots and is the
+    video's caption.
 
     Args:
-        builder: Builds the diagram that has all the systems.
+        builder: Builder of the diagram with all systems.
         plant: The plant, finalized.
         scene_graph: Its scene.
         out: The folder; it is made if it does not exist.
@@ -388,16 +388,16 @@ class _Sampler(LeafSystem):
     """Samples ports and the scene at every multiple of a period.
 
     The samples stay outside the Context until the recording writes them, because they
-    grow during the simulation, and whoever clones or saves a context would copy all of
-    them. So a context that is simulated twice is recorded twice. The sampler keeps its
-    recording alive, but not the reverse: a diagram that nobody needs is freed, and its
-    recording then completes the files.
+    grow during the simulation, and each clone of a context would copy them all. So a
+    context that is simulated twice is recorded twice. The sampler keeps its recording
+    alive, but not the reverse: an unused diagram is freed, and its recording then
+    completes the files.
 
     Args:
         recording: The recording; the first sample begins it.
         ports: The ports to log, by name.
         scene: Samples the scene.
-        senses: The ports that the scene is sampled from.
+        senses: The ports from which the scene is sampled.
         period: Time between samples [s].
 
     Attributes:
@@ -425,7 +425,7 @@ class _Sampler(LeafSystem):
     def _sample(self, context: Context) -> None:
         time = context.get_time()
         if time == self._latest:
-            return  # a simulator that is initialized twice publishes twice
+            return  # a simulator initialized twice publishes twice
         if time < self._latest:
             raise RuntimeError(
                 f"the time went back from {self._latest:g} to {time:g} s during a "

@@ -1,7 +1,7 @@
 """Rosbags: ROS topics made from the values of ports, and their recorder.
 
-Port names are those of a station or cell, so that a loop over its ports connects a
-recorder. The functions here return a `Topic`; write your own the same way.
+Port names are those of a station or cell, so a loop over its ports connects a recorder.
+The functions here return a `Topic`; write your own in the same way.
 """
 
 from __future__ import annotations
@@ -117,7 +117,7 @@ def _safety_topics(safety: str) -> tuple[Topic, Topic]:
     The state is text: "running", or such as "protective_stop: stale".
 
     Args:
-        safety: What the monitor's ports begin with.
+        safety: Prefix of the monitor's ports.
     """
     topic = _topic(safety)
     kind = "std_msgs/msg/String"
@@ -150,10 +150,10 @@ def pose_message(make: MakeMessage, time: float, X_WO: RigidTransform) -> Any:
 
 
 def object_pose(name: str, port: str) -> Topic:
-    """Return a topic of where a planner last saw its object.
+    """Return a topic of the planner's last sighting of its object.
 
-    A geometry_msgs/msg/PoseStamped, stamped with the time of the look; no message
-    before the planner has seen it.
+    It is a geometry_msgs/msg/PoseStamped with the time of the look. There is no message
+    before the planner has seen the object.
 
     Args:
         name: The topic's.
@@ -243,13 +243,13 @@ class ArmNames:
     """The names of an arm with its gripper, for its topics.
 
     Attributes:
-        arm_joints: Of the arm's joints; empty: no arm.
-        gripper_joints: Of the gripper's actuated joints; empty: no gripper.
+        arm_joints: Names of the arm's joints; empty without an arm.
+        gripper_joints: Names of the gripper's actuated joints; empty without a gripper.
         sensors: Number of finger sensors.
-        arm: What the arm's ports begin with.
-        gripper: The same of the gripper.
-        safety: The same of the safety monitor; empty: there is none.
-        felt: Whether the station tells the arm's external torques.
+        arm: Prefix of the arm's ports.
+        gripper: Prefix of the gripper's ports.
+        safety: Prefix of the safety monitor's ports; empty without one.
+        felt: Whether the station estimates the arm's external torques.
     """
 
     arm_joints: Sequence[str] = ()
@@ -261,7 +261,7 @@ class ArmNames:
     felt: bool = False
 
     def topics(self) -> list[Topic]:
-        """Return the topics of commands and of what the fingers sense."""
+        """Return the topics of commands and of the finger sensors."""
         arm, gripper, size = self.arm, self.gripper, len(self.arm_joints)
         return [
             _array(arm, "position_commanded", size),
@@ -282,7 +282,7 @@ class ArmNames:
 
 
 def _topic(ports: str) -> str:
-    """Return the topic of what ports begin with: `left.gripper` is /left/gripper."""
+    """Return the topic of a prefix of ports: /left/gripper for `left.gripper`."""
     return "/" + ports.replace(".", "/")
 
 
@@ -344,7 +344,7 @@ class RosbagRecorder(Recorder):
     time. The file contains the definitions of its messages, so
     `rosbags.rosbag2.Reader`, `ros2 bag info` and Foxglove open it without any other
     file. It appears under its name on `close()`. Use the recorder as a context manager
-    around the simulation, which closes it also after an error.
+    around the simulation, so that it is closed even after an error.
 
     Args:
         path: The .mcap file.
@@ -397,8 +397,8 @@ class RosbagRecorder(Recorder):
         sizes: dict[str, object] = {}
         for topic in topics:
             self._declare_ports(topic, sizes)
-            # Compiles how the type is written: up to 50 ms, which would otherwise hold
-            # up a loop in real time.
+            # This compiles the type's serializer for up to 50 ms, which would otherwise
+            # delay a loop in real time.
             self._store.get_msgdef(topic.type)
             connection = self._writer.add_connection(
                 topic.name, topic.type, typestore=self._store

@@ -41,8 +41,8 @@ def scene_topics(
 
     Args:
         plant: The plant, finalized. It is not kept.
-        inspector: Of its scene graph.
-        port: Name of the input port that tells where the bodies are.
+        inspector: Inspector of its scene graph.
+        port: Name of the input port with the bodies' poses.
         model: The port's size or model value.
         period: Time between messages [s].
         to_poses: Returns the poses X_WB [m] of all bodies, in their order, from the
@@ -53,7 +53,7 @@ def scene_topics(
     fixed: list[tuple[str, str, Vector, list[Part]]] = []
     for index in map(BodyIndex, range(plant.num_bodies())):
         frame_id, body = plant.GetBodyFrameIdIfExists(index), plant.get_body(index)
-        # A body without geometry has no frame in the scene graph's eyes.
+        # A body without geometry has no frame in the scene graph.
         parts = frame_parts(inspector, frame_id) if frame_id is not None else []
         if not parts:
             continue
@@ -71,7 +71,7 @@ def scene_topics(
         return make(_TRANSFORMS, transforms=stamped)
 
     def markers(make: MakeMessage, time: float) -> Any:
-        if time >= 1.5 * period:  # only the first time: nothing of it changes
+        if time >= 1.5 * period:  # only at first, because nothing changes
             return None
         found = [
             _marker(make, time, name, number, frame, pose, part)
@@ -121,9 +121,9 @@ def _marker(
         make: Makes messages.
         time: Simulated time [s].
         name: The body's.
-        number: Of the marker, among the body's.
+        number: Number of the marker among those of the body.
         frame: The marker's frame.
-        pose: Of the body in that frame, as from `pose_row`.
+        pose: Pose of the body in that frame, as from `pose_row`.
         part: The triangles, in the body's frame.
     """
     surface = part.surface

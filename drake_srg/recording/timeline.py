@@ -15,7 +15,8 @@ from drake_srg.common.log_format import logged_modes, pose_key
 from drake_srg.recording.output import OutputFile, require
 from drake_srg.types import Mode, Vector
 
-# Distinct for colour-blind readers, too (M. Okabe, K. Ito, Color Universal Design).
+# Colours that colour-blind readers can distinguish (M. Okabe, K. Ito, Color Universal
+# Design).
 COLORS = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00", "#56b4e9", "#333333")
 
 
@@ -28,7 +29,7 @@ def make_figure(
         width: [inch].
         height: [inch].
         title: Text above the axes, on the left.
-        layout: Of matplotlib; None for axes that are placed by hand.
+        layout: Layout engine of matplotlib; None for axes that are placed by hand.
 
     Raises:
         ImportError: If matplotlib is missing.
@@ -233,7 +234,7 @@ def _draw_panel(
         )
 
 
-# Bands that can be labelled side by side: with more, the labels collide.
+# Largest number of labelled bands: with more, the labels collide.
 _MOST_BANDS = 40
 
 
@@ -245,7 +246,7 @@ def mode_changes(mode: Sequence[str]) -> list[int]:
 def mode_bands(mode: Sequence[str]) -> list[tuple[int, str]]:
     """Return the first samples of bands over time, and their labels.
 
-    A band is a mode. With more modes than can be labelled, it is a cycle: from one
+    A band is a mode. If there are too many modes to label, it is a cycle: from one
     grasp to the next, or from one return to the first mode to the next.
     """
     changes = mode_changes(mode)
@@ -296,7 +297,7 @@ class ArmLabels:
     """Labels of the columns of one of several arms.
 
     Attributes:
-        name: The arm's.
+        name: Name of the arm.
         gripper_joints: Names of the gripper's measured joints.
         sensors: Names of the finger sensors.
         arm_slides: Whether the arm's joints are prismatic.
@@ -313,13 +314,13 @@ class Labels:
     """Labels of a log's columns.
 
     Attributes:
-        title: The run's.
-        signals: Names of the columns to show of a log that is not that of a cell.
+        title: Title of the run.
+        signals: Names of the columns to show, for a log that is not a cell's.
         pick: Name of the picked object.
         gripper_joints: Names of the gripper's measured joints.
         sensors: Names of the finger sensors.
         arm_slides: Whether the arm's joints are prismatic.
-        arms: Those of several arms, in place of the three before.
+        arms: Labels of several arms, which replace the previous three.
     """
 
     title: str
@@ -331,7 +332,7 @@ class Labels:
     arms: tuple[ArmLabels, ...] = ()
 
     def tree(self) -> dict[str, Any]:
-        """Return what `of_tree` takes, for JSON."""
+        """Return the tree for `of_tree`, in JSON's types."""
         tree = dc.asdict(self)
         if not self.arms:
             del tree["arms"]
@@ -401,8 +402,8 @@ def _with_arm(
 def _signal_timeline(log: Mapping[str, npt.NDArray[Any]], labels: Labels) -> Timeline:
     """Return the timeline of named signals.
 
-    The first column of strings is the mode. Of each other one, and of the first if
-    there is nothing else, a panel shows which value it has when.
+    The first column of strings is the mode. Each other column of strings has a panel
+    with its values over time; so does the first one if it is the only column.
     """
     texts = [name for name in labels.signals if log[name].dtype.kind == "U"]
     panels: list[Panel] = []

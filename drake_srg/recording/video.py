@@ -22,7 +22,7 @@ from drake_srg.types import mode_words
 
 _BESIDE = 0.06  # from an object's origin to its name, in the image's x [m]
 _FONT = cv2.FONT_HERSHEY_SIMPLEX
-_LAST_FRAME = 1.5  # how long the verdict stays [s]
+_LAST_FRAME = 1.5  # duration of the verdict [s]
 _GOOD, _BAD = (150, 235, 160), (255, 150, 130)  # colours of verdicts, RGB
 
 # Names to write into an image, each with the pixel (x, y) of its lower left corner.
@@ -31,12 +31,12 @@ Names = list[tuple[str, tuple[int, int]]]
 
 @dc.dataclass(frozen=True, eq=False)
 class View:
-    """The projection of a pinhole camera that stands still.
+    """The projection of a fixed pinhole camera.
 
     Args:
         core: Its intrinsics and the pose of its sensor X_BS.
         X_WB: Its pose.
-        kinds: What to write in place of objects' names.
+        kinds: Words to write in place of objects' names.
     """
 
     core: RenderCameraCore
@@ -44,7 +44,7 @@ class View:
     kinds: Mapping[str, str] = dc.field(default_factory=dict)
 
     def names(self, poses: Mapping[str, RigidTransform]) -> Names:
-        """Return where to write the names of objects in view, one below another.
+        """Return the places for the names of visible objects, one below another.
 
         Args:
             poses: Poses X_WO of the objects by name.
@@ -173,8 +173,8 @@ class VideoFile:
         """Show the last image for some more time, with a verdict above the caption.
 
         Args:
-            success: Whether it is a good one.
-            verdict: In words.
+            success: Whether the run succeeded.
+            verdict: The verdict in words.
         """
         if self._last is None:
             return
@@ -221,7 +221,7 @@ def write_line(
         strip: RGB, shape (height, width, 3); changed in place.
         line: The text; a long one becomes smaller until it fits.
         color: RGB.
-        thickness: Of the strokes [pixels].
+        thickness: Thickness of the strokes [pixels].
     """
     strip[:] = strip // 3  # keeps the text legible on any background
     height, width = strip.shape[:2]
@@ -235,7 +235,7 @@ def write_line(
 
 
 class CaptionedRecorder(Recorder):
-    """Base of recorders that write into a camera's images."""
+    """Base class of recorders that write into a camera's images."""
 
     _view: View | None = None
     _verdict: tuple[bool, str] | None = None
@@ -280,10 +280,9 @@ class VideoRecorder(CaptionedRecorder):
     the upper left corner.
 
     The video appears under its name on `close()`. Use the recorder as a context manager
-    around the simulation, which closes it also after an error. The encoder is outside
-    the Context, like everything that a publish event does: simulating a context twice
-    records it twice. Equal images give equal bytes, except below 128 pixels, where
-    x264's lookahead reads memory that it has not written.
+    around the simulation, so that it is closed even after an error. The encoder is
+    outside the Context, like every effect of a publish event: a context that is
+    simulated twice is recorded twice. Equal images give equal bytes.
 
     Args:
         path: The .mp4 file.
@@ -293,7 +292,7 @@ class VideoRecorder(CaptionedRecorder):
         quality: Constant rate factor of x264, 0 (lossless) .. 51; 23 is its default.
         caption: Model value of the port `caption`; None: a Python object, such as an
             enum. `AbstractValue.Make("")` takes Drake's strings.
-        view: Where the camera sees objects; None: no names.
+        view: Projection of the camera; None: no names.
 
     Raises:
         ImportError: If PyAV is missing.

@@ -23,8 +23,8 @@ from drake_srg.vision.images import clean_and_measure, metres
 from drake_srg.vision.shape_fit import Fit, fit_shape
 from drake_srg.vision.sight import view_around
 
-# A blob is uncertain if its misfit exceeds that of the best one by more than this. A
-# target's own noise and edges hardly make as much.
+# A blob is uncertain if its misfit exceeds the best one's by more than this. Noise and
+# edges of the target itself hardly add as much.
 _MISFIT_MARGIN = 0.05
 
 
@@ -51,15 +51,14 @@ class BlobLocalizer(LeafSystem):
 
     Connected pixels of a target's colour are its blobs. Depth and the known shape give
     each blob the object's pose (see `fit_shape`). Cylinders may stand, lean or lie.
-    Boxes are assumed to be on one of their faces, within 15 degrees. An object's colour
-    need not lie in the range everywhere: depth decides what belongs to the object, so a
-    strict range may find it by its lit parts. If no blob is certain by its colour, as
-    under another light, regions that steps in depth set off become blobs, too. Two
-    blobs whose distance is below half of the object's width show the same object in two
-    parts, and the better one stays.
+    Boxes are assumed to be on one of their faces, within 15 degrees. Depth decides
+    which pixels belong to the object, so a strict range of colours may match only its
+    lit parts. If no blob is certain by its colour, as under another light, regions
+    bounded by steps in depth become blobs, too. Two blobs closer than half of the
+    object's width are parts of the same object, and the better one stays.
 
-    The depth image itself shows how noisy it is. It is filtered, and the noise that is
-    left sets the tolerances. Where noise hides small leans, standing objects count as
+    The localizer measures the noise of the depth image and filters it. The remaining
+    noise sets the tolerances. Where noise hides small leans, standing objects count as
     upright. A blob that fits the target's shape clearly worse than another one is
     UNCERTAIN.
 
@@ -78,11 +77,11 @@ class BlobLocalizer(LeafSystem):
     (RigidTransform X_WB). The output `blobs` is a list[Blob] in world [m], in the order
     of the targets and, for each target, the most trustworthy first (`Blob.trust`).
 
-    The output is computed when it is evaluated, so cameras cost nothing while nothing
-    needs the blobs.
+    The output is computed when it is evaluated, so cameras cost no time while nobody
+    reads the blobs.
 
     Args:
-        targets: What to look for, by unique names.
+        targets: The objects to look for, by unique names.
         cameras: Camera name to its model.
         min_area: Smaller blobs are dropped [pixels].
         min_quality: Uncertain blobs are dropped if a smaller share of their outline is
@@ -186,7 +185,7 @@ class BlobLocalizer(LeafSystem):
         seen = fits(by_color)
         if not any(blob.certain for blob in seen):
             others = fits(by_steps)
-            # They may improve on blobs of the target's own colour, not add to them.
+            # They may replace blobs of the target's own colour, but not add to them.
             seen += [o for o in others if not seen or _near(o, seen, target.shape)]
         return _doubt_worse_fits(_distinct(seen, target.shape))
 
@@ -245,11 +244,11 @@ def localize(
     """Return the blobs of targets in the images of one camera, without a diagram.
 
     Args:
-        targets: What to look for, by unique names.
+        targets: The objects to look for, by unique names.
         color: RGB or RGBA, shape (height, width, 3 or 4).
         depth: Floats [m] or whole numbers of 16 bits [mm], shape (height, width) or
             (height, width, 1). 0 is too near; inf, or 65535, is too far.
-        model: Of the camera.
+        model: Model of the camera.
         X_WB: Pose of the camera's body in world.
         camera: Its name in the blobs.
         min_area: See `BlobLocalizer`.
@@ -289,7 +288,7 @@ def _best_first(blobs: Iterable[Blob]) -> list[Blob]:
 def _near(blob: Blob, others: list[Blob], shape: Solid) -> bool:
     """Return whether a blob shows the same object as one of the others.
 
-    It does if their distance is below half of the object's width.
+    It does if they are closer than half of the object's width.
     """
     width = float(shape.bounding_size[:2].min())
     return any(

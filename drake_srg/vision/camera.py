@@ -1,4 +1,4 @@
-"""Camera models: how rays meet pixels, and what a calibration corrects."""
+"""Camera models: rays through pixels, and the corrections of a calibration."""
 
 import dataclasses as dc
 from typing import Any
@@ -35,7 +35,7 @@ class CameraModel:
         depth: Intrinsics of the depth image; None for those of the colour image.
         X_BC: Pose of the colour imager in the body.
         X_BD: Pose of the depth imager in the body; None for `X_BC`.
-        pixel_center: Where pixel (0, 0) is sampled [pixels]. Drake's renderers sample
+        pixel_center: Sampling point of pixel (0, 0) [pixels]. Drake's renderers sample
             at 0.5. OpenCV's calibrations assume 0.
     """
 
@@ -167,7 +167,7 @@ class Imager:
 class CameraCalibrationConfig(Config):
     """A camera's calibrated intrinsics and pose, as `drake-srg calibrate` writes them.
 
-    The localizer believes them. Simulated images still come from the camera's entry in
+    The localizer uses them. Simulated images still come from the camera's entry in
     `cameras`.
     """
 
@@ -188,11 +188,11 @@ def calibrated_model(
 ) -> CameraModel:
     """Return a camera's model with its calibrated intrinsics.
 
-    They also replace those of the depth image where both images share them.
+    If both images share intrinsics, the depth image gets the calibrated ones, too.
 
     Args:
         config: The camera.
-        calibration: Of it; None: it is as configured.
+        calibration: Its calibration; None: the camera is as configured.
     """
     model = CameraModel.from_config(config)
     if calibration is None:
@@ -205,7 +205,7 @@ def calibrated_model(
 
 
 class CalibratedPose(LeafSystem):
-    """Moves a camera's pose from where its config has it to where it is calibrated.
+    """Replaces a camera's configured pose by its calibrated pose.
 
     .. pydrake_system::
 

@@ -18,11 +18,11 @@ from drake_srg.config import Config
 from drake_srg.lifetime import LeafSystem
 from drake_srg.types import Vector
 
-# Noise of reading the sensor, as a share of the noise of a white pixel. The rest is the
-# photons'.
+# Read noise of the sensor, as a share of the noise of a white pixel. The rest is shot
+# noise.
 _READ_NOISE = 0.5
 # Standard deviation of the Gaussian by which depth errors are correlated [pixels]:
-# depth is matched in windows of some pixels, so neighbours err together.
+# depth is matched in windows of several pixels, so neighbours share errors.
 _CORRELATION = 0.7
 # Greatest share of the pixels on an edge that lose their depth.
 _MOST_LOST = 0.5
@@ -36,9 +36,9 @@ class CameraErrorsConfig(Config):
     image.
     """
 
-    # Error of the calibration: where the camera is believed to be, in B [m], and how it
-    # is believed to be turned, a rotation vector in B [rad]. Calibrated by a ChArUco
-    # board, standard deviations are 0.2 to 1 mm and 0.02 to 0.1 degrees.
+    # Error of the calibration: offset of the believed camera, in B [m], and its
+    # rotation, a rotation vector in B [rad]. With a ChArUco board, standard deviations
+    # are 0.2 to 1 mm and 0.02 to 0.1 degrees.
     translation: list[float] = dc.field(
         default_factory=lambda: [0.0] * 3, metadata={"length": 3}
     )
@@ -49,15 +49,15 @@ class CameraErrorsConfig(Config):
     # Automatic exposure settles within about half a stop.
     exposure: float = dc.field(default=0.0, metadata={"ge": -8.0, "le": 8.0})
     # Standard deviation of white pixels; black ones have half of it [counts of 255].
-    # Indoors it is 1 to 4: a pixel of 10,000 electrons has 2.5 of photons alone.
+    # Indoors, it is 1 to 4: shot noise alone gives 2.5 in a pixel of 10,000 electrons.
     color_noise: float = dc.field(default=0.0, metadata={"ge": 0.0, "le": 64.0})
-    # Standard deviation of the Gaussian that blurs colours; edges in depth fray as much
-    # [pixels]. A focused lens with a Bayer pattern: 0.4 to 0.8.
+    # Standard deviation of the Gaussian that blurs colours [pixels]; edges in depth
+    # fray by as much. A focused lens with a Bayer pattern: 0.4 to 0.8.
     blur: float = dc.field(default=0.0, metadata={"ge": 0.0, "le": 8.0})
-    # Standard deviation of depth at 1 m [m]; it grows with the square of depth. From
-    # pairs of images it is s / (f b), with s the error of a match (0.05 to 0.1 pixels),
-    # f the focal length [pixels] and b the baseline [m]: RealSense D415 0.9 to 1.8 mm,
-    # D435 2 to 4 mm. Structured light (Zivid, Photoneo): 0.05 to 0.3 mm.
+    # Standard deviation of depth at 1 m [m]; it grows with the square of depth. For
+    # stereo, it is s / (f b), with s the error of a match (0.05 to 0.1 pixels), f the
+    # focal length [pixels] and b the baseline [m]: RealSense D415 0.9 to 1.8 mm, D435 2
+    # to 4 mm. Structured light (Zivid, Photoneo): 0.05 to 0.3 mm.
     depth_noise: float = dc.field(default=0.0, metadata={"ge": 0.0, "le": 0.1})
     # Share of pixels without depth on surfaces that face the camera. Slanting surfaces
     # and edges lose more. Active cameras on dull surfaces: up to 0.02.
@@ -65,7 +65,7 @@ class CameraErrorsConfig(Config):
 
 
 def X_BE_believed(config: CameraErrorsConfig) -> RigidTransform:
-    """Return where a camera is believed to be, in its body [m]."""
+    """Return the believed pose of a camera, in its true body frame [m]."""
     turn = cv2.Rodrigues(np.array(config.rotation, dtype=float))[0]
     return RigidTransform(
         RotationMatrix.ProjectToRotationMatrix(turn), config.translation
@@ -96,7 +96,7 @@ class CameraErrors(LeafSystem):
         config: The errors.
         focal: Focal length of the depth image [pixels].
         seed: The scenario's `random_seed`.
-        name: The camera's name, so that no two cameras have the same noise.
+        name: The camera's name. Cameras with different names have different noise.
     """
 
     def __init__(
@@ -191,8 +191,8 @@ def _normal(
 def _quantiles() -> npt.NDArray[np.float32]:
     """Return 2^16 evenly spaced quantiles of the standard normal distribution.
 
-    They reach 4.3. Choosing one with 16 random bits takes a third of the time in which
-    numpy draws a value.
+    The largest is 4.3. Choosing one by 16 random bits takes a third of the time of
+    numpy's own draw.
     """
     steps = (np.arange(2**16) + 0.5) / 2**16
     return np.array([statistics.NormalDist().inv_cdf(p) for p in steps], np.float32)

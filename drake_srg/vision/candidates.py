@@ -17,20 +17,20 @@ from drake_srg.vision.color import ColorImage, ColorRange
 from drake_srg.vision.images import Mask, grow, has_depth
 
 # Least step in depth at an object's edge, as a share of its least extent. A surface
-# that continues behind the object is farther off.
+# that continues behind the object is farther away.
 _STEP = 0.25
 _DEVIATIONS = 6.0  # a step also exceeds this many standard deviations of noise
 # Least area of a region, as a share of the object's smallest face. A smaller region
-# does not show which object it is.
+# cannot identify the object.
 _LEAST_AREA = 0.08
-# Likewise, of a thing that is seen whole. From any side, a box, cylinder or ball covers
-# at least 0.79 of the smallest face of the box around it.
+# The same for a thing that is fully visible. From any side, a box, cylinder or ball
+# covers at least 0.79 of the smallest face of the box around it.
 _LEAST_WHOLE_AREA = 0.5
-# A thing is seen whole if at most this share of the pixels beside it is neither the
+# A thing is fully visible if at most this share of the pixels beside it is neither the
 # ground nor far behind it.
 _MOST_ELSE_BESIDE = 0.05
-# Share of a region's surroundings that must lie behind it, at least, and share that may
-# lie level with it, at most. The rest may hide it or touch it.
+# Least share of a region's surroundings that must lie behind it, and greatest share
+# that may lie level with it. The rest may hide it or touch it.
 _LEAST_BEHIND = 0.3
 _MOST_LEVEL = 0.25
 # Width of the rim around a region [pixels]. The pixels of a step itself are neither
@@ -84,7 +84,7 @@ def by_color(
 ) -> Iterator[Candidate]:
     """Yield groups of at least `min_area` connected pixels in a range of colours.
 
-    Things that are seen whole and are still too small for the shape are left out.
+    Fully visible things that are too small for the shape are left out.
     """
     colored = colors.mask(picture.color)
     aligned = picture.color_imager.same_as(picture.depth_imager)
@@ -107,7 +107,7 @@ def by_steps(
 ) -> Iterator[Candidate]:
     """Yield regions bounded by steps in depth, in the range's colours under any light.
 
-    There are none if colour and depth are not seen along the same rays.
+    Without colour and depth along the same rays, there are no regions.
     """
     if not picture.color_imager.same_as(picture.depth_imager):
         return
@@ -181,7 +181,7 @@ class _Edge:
         behind_share: Their share of all pixels beside the rim.
         level_share: Share of the pixels beside the rim that lie level with the region.
         cut: Whether the region reaches the image's border.
-        distance: Of the region, along the depth imager's z [m].
+        distance: Distance of the region, along the depth imager's z [m].
         step: Least step in depth at the edge of an object of the shape [m].
         pixel: Width of a pixel at the region [m].
     """
@@ -206,9 +206,9 @@ class _Edge:
     def is_too_small(self, picture: Picture, shape: Solid) -> bool:
         """Return whether the region is a whole thing and still too small for a shape.
 
-        What is beside the thing must be the ground or be too far behind it. Other parts
-        of the same thing, in another colour, would be nearer. Convex pieces may look as
-        small as they like: they need not fill the box around them.
+        The pixels beside the thing must show the ground or something far behind it.
+        Other parts of the same thing, in another colour, would be nearer. Convex pieces
+        are never too small, because they need not fill the box around them.
         """
         area = self.region.area * self.pixel**2
         if (
@@ -227,15 +227,14 @@ class _Edge:
         return bool(np.mean(~(is_ground | is_far)) <= _MOST_ELSE_BESIDE)
 
     def refined(self, picture: Picture) -> Mask:
-        """Return the region, its rim drawn between its own colour and what is behind.
+        """Return the region, with its edge between its own colour and the background's.
 
-        Blur mixes the two, so the edge is where the mixture is even, whatever the
-        colours.
+        Blur mixes the two colours, so the edge is where both have equal shares.
         """
         color = picture.color[self.window][..., :3].astype(np.float32)
         own, other = (np.median(color[m], axis=0) for m in (self.usable, self.behind))
         blob = np.zeros(picture.depth.shape, bool)
-        # The nearer of two colours: the side of their middle on which a pixel is.
+        # A pixel is inside if its colour is nearer to the region's than to the other.
         inside = (color[self.rim] - 0.5 * (own + other)) @ (own - other) > 0
         blob[self.window][self.rim] = inside
         return blob

@@ -38,8 +38,8 @@ class ColorRange:
 
     In "hsv" the channels are hue [degrees, 0 .. 360], saturation and value [0 .. 1]. A
     lower hue above the upper one wraps through red at 0. In "rgb" they are red, green
-    and blue [0 .. 1]. HSV suits coloured objects because shading changes the value and
-    little else.
+    and blue [0 .. 1]. HSV suits coloured objects because shading changes little but the
+    value.
 
     Raises:
         ValueError: If a bound lies outside its channel or the bounds are swapped.
@@ -128,7 +128,7 @@ class ColorRange:
             )
         bright = np.maximum(samples.max(axis=1, keepdims=True), 1e-3)
         known = _ratios(255.0 * samples / bright)
-        # The logarithms of all values, because those of all pixels take long.
+        # A table of all values' logarithms, because computing every pixel's takes long.
         red, green, blue = np.moveaxis(image[..., :3], -1, 0)
         logs = _log(np.arange(256))
         log_green = logs[green]
@@ -169,7 +169,7 @@ def _ratios(colors: npt.NDArray[Any]) -> npt.NDArray[Any]:
 
 
 def _log(values: npt.NDArray[Any]) -> npt.NDArray[np.float32]:
-    """Return the logarithms of values, plus what a camera reads of black."""
+    """Return the logarithms of values plus a camera's reading of black."""
     return np.log(np.asarray(values, np.float32) + np.float32(_DARK))
 
 

@@ -15,22 +15,22 @@ from drake_srg.vision.images import narrowest_rectangle, robust_deviation
 from drake_srg.vision.sight import View
 from drake_srg.vision.solids import signed_distance, turn_between
 
-# A fit from a guess finds the pose if it is turned by less than about half of this from
-# the true one [rad].
+# Angle between guesses [rad]. A fit finds the pose from a guess that is turned by less
+# than about half of this.
 _TURN = np.deg2rad(30.0)
-# Points that rank the guesses, steps that bring a guess to them, and guesses that are
-# worth a fit. Only few of the points lie on a part that makes a turn visible, such as a
-# handle. So as many guesses again are fitted if none of the first explains the view.
+# Number of points that rank the guesses, of steps that bring a guess to them, and of
+# guesses that are worth a fit. Few points lie on a part that makes a turn visible, such
+# as a handle. So if none of these guesses explains the view, as many again are fitted.
 _POINTS, _STEPS, WORTH_A_FIT = 150, 4, 6
 # Turns about the solid's axes, and about the vertical, that may rival the best pose
 # [rad], and how many of the former are worth a fit.
 _RIVAL_TURNS = np.deg2rad([-90.0, -40.0, -20.0, 20.0, 40.0, 90.0, 180.0])
 _SMALL_TURNS = _RIVAL_TURNS[1:5]
 _RIVALS = 12
-# A pose that is turned farther from the best one [rad] rivals it if it leaves no more
-# unexplained than this many times as much, and this share of the blob: a dozen pixels.
+# A pose turned by more than `_TURNED` [rad] rivals the best one if it leaves at most
+# `_MUCH` times as much unexplained, plus the share `_MORE` of the blob, a dozen pixels.
 _TURNED, _MUCH, _MORE = np.deg2rad(10.0), 1.2, 0.01
-# Distance beyond which a point counts less [m], as when something hides the solid.
+# Distance beyond which a point counts less [m]: it may belong to something in front.
 _FAR = 0.005
 
 
@@ -41,8 +41,8 @@ def guess_pieces(
 
     Args:
         shape: The solid.
-        view: Where it is. At least three pixels of the blob have depth.
-        upright: Whether its z points upwards; otherwise, it stands or rests on a face.
+        view: The view of its blob. At least three pixels of the blob have depth.
+        upright: Whether its z points upwards. Otherwise, it rests on any face.
     """
     points = _some_points(view)
     downs = [np.array([0.0, 0.0, -1.0])]
@@ -61,7 +61,7 @@ def guess_pieces(
 def guess_rivals(
     shape: ConvexPieces, X_WO: RigidTransform, view: View
 ) -> list[RigidTransform]:
-    """Return far turned poses that the points show nearly as well, the likeliest first.
+    """Return far turned poses that fit the points nearly as well, the likeliest first.
 
     Args:
         shape: The solid.
@@ -95,7 +95,7 @@ def are_rivals(
 ) -> bool:
     """Return whether another pose explains a view hardly worse than the best one.
 
-    Each is the share of pixels that it leaves unexplained, and X_WO.
+    Each argument is a share of unexplained pixels, and X_WO.
     """
     (least, X_1), (unexplained, X_2) = best, other
     return (
@@ -118,15 +118,15 @@ def _put_down(down: Vector) -> RotationMatrix:
 def _settled(
     shape: ConvexPieces, R_WO: RotationMatrix, points: Vector, view: View
 ) -> tuple[float, RigidTransform]:
-    """Return the pose of some rotation that the points show, and how badly they do.
+    """Return the best pose with a given rotation, and its misfit.
 
-    At first, its visible extents are those of the points: in the camera's x and y, the
-    middles agree, and in depth the nearest points. As the points may show a part only,
-    the solid then moves to where its surface is near them.
+    The first pose matches the extents of the points: the middles agree in the camera's
+    x and y, the nearest points in depth. Since the points may show only a part, the
+    solid then moves until its surface is near them.
 
     Returns:
-        The mean distance of the points to the surface [m], far ones counting less, and
-        the pose.
+        The mean distance of the points to the surface [m], in which far points count
+        less, and the pose.
     """
     R = R_WO.matrix()
     solid, seen = shape.corners @ R.T @ view.R_WD, points @ view.R_WD
@@ -148,7 +148,7 @@ def _settled(
 _UP = np.array([0.0, 0.0, 1.0])
 
 _PLANE_THICKNESS = 5e-5  # at least [m]: a renderer's depth has no noise
-# A top that leans more than this is not understood and counts as level [rad].
+# A top that leans more than this [rad] is a misfit and counts as level.
 _MOST_LEAN = np.deg2rad(15.0)
 
 
@@ -157,7 +157,7 @@ def guess_upright(shape: Cylinder | Box | ConvexPieces, view: View) -> RigidTran
 
     Args:
         shape: The solid.
-        view: Where it is. At least three pixels of the blob have depth.
+        view: The view of its blob. At least three pixels of the blob have depth.
     """
     points = view.seen
     if isinstance(shape, Box):
@@ -174,14 +174,14 @@ def guess_poses(shape: Solid, view: View) -> list[RigidTransform]:
 
     A box is assumed to be on one of its faces, within 15 degrees. Convex pieces stand
     upright or rest on a face of their convex hull. A cylinder's normals are parallel or
-    square to its axis, so the axis is an eigenvector of their second moments, whatever
-    part is seen. Where noise spoils the normals, the axis may be the normal of a top or
-    the direction in which the points extend farthest. Either end of
-    a cylinder may be hidden.
+    square to its axis, so the axis is an eigenvector of their second moments, whichever
+    part is visible. If noise spoils the normals, the axis may be the normal of a top or
+    the direction in which the points extend farthest. Either end of a cylinder may be
+    hidden.
 
     Args:
         shape: The solid.
-        view: Where it is. At least three pixels of the blob have depth.
+        view: The view of its blob. At least three pixels of the blob have depth.
     """
     points = view.seen
     middle = points.mean(axis=0)
@@ -227,7 +227,7 @@ def _cylinder(
     # On average, a cylinder's surface seen from the side is this far before its axis.
     behind = np.pi / 4 * shape.radius * (forward - (forward @ axis) * axis)
     center = middle + (end - 0.5 * shape.length) * axis + behind
-    # Its x turns with the camera, so that the result does so, too.
+    # Its x turns with the camera, so the result does, too.
     x = view.R_WD[:, np.argmin(np.abs(axis @ view.R_WD))]
     x = x - (x @ axis) * axis
     x /= np.linalg.norm(x)
@@ -305,7 +305,7 @@ def guess_rectangle(points: Vector, size: Sequence[float]) -> Vector:
 
     Args:
         points: Shape (n, 2) [m].
-        size: Of the rectangle, along its x and y [m].
+        size: Size of the rectangle, along its x and y [m].
     """
     middle, sides, yaw = narrowest_rectangle(points)
     if (sides[0] < sides[1]) != (size[0] < size[1]):

@@ -19,16 +19,17 @@ from drake_srg.vision.camera import CameraModel, Imager
 from drake_srg.vision.images import Mask, clean, grow, has_depth
 from drake_srg.vision.surfaces import Surface
 
-# Pixels are patches: those this far outside the mapped surface may reach over it [m].
+# Pixels are patches: one up to this far outside the mapped surface may reach over it
+# [m].
 _AROUND = 0.02
 _HOLE = 2  # width of holes that are filled [cells]
-# Cells higher above the surface than this form the regions that are checked for
-# reaching too high or over the edge [m].
+# Cells higher above the surface than this [m] form regions. The map drops regions that
+# reach too high or over the edge.
 THING = 0.008
-# The map is unknown this far around a region that is left out, too [cells].
+# The map is also unknown this far around a dropped region [cells].
 _FRINGE = 4
-# Cells this near to the surface are mostly its own, and their median corrects the
-# heights [m]. With fewer than `_LEAST_FLAT` of them, nothing is corrected.
+# Cells this near to the surface [m] mostly belong to it, and their median corrects the
+# heights. With fewer than `_LEAST_FLAT` such cells, there is no correction.
 _NEAR = 0.01
 _LEAST_FLAT = 200
 
@@ -85,21 +86,20 @@ def height_map(
 ) -> HeightMap:
     """Return how high things reach above a surface, and the surface's own height.
 
-    A cell holds the highest of its points, from whichever cloud. Holes as narrow as a
-    pixel are filled from their surroundings. The arm reaches higher than things on the
-    table do: a region that rises above `max_height` is unknown, and so is one that
-    hangs over the surface's edge, unless `over_edge`.
+    A cell holds the highest of its points from all clouds. Holes as narrow as a pixel
+    are filled from their surroundings. A region that rises above `max_height` belongs
+    to the arm and becomes unknown. So does one that hangs over the surface's edge,
+    unless `over_edge`.
 
     Args:
         clouds: Points that each camera sees, in world [m], shape (n, 3) each.
-        surface: Where to look.
+        surface: The surface to map.
         resolution: Width of a cell [m].
         max_height: Greatest height of a thing above the surface [m].
-        ignored: Parts of it that stay unknown, such as where furniture stands.
-        thing: What takes the place of `THING` [m].
-        over_edge: Whether the map keeps things that reach over its edge. Set it only
-            where the robot is out of view, because the robot reaches over the edge,
-            too.
+        ignored: Parts of the surface that stay unknown, such as those under furniture.
+        thing: Replaces `THING` [m].
+        over_edge: Whether the map keeps things that reach over its edge. Set it only if
+            the robot is out of view, because the robot also reaches over the edge.
     """
     low, high = np.array(surface.min), np.array(surface.max)
     nx, ny = np.maximum(np.floor((high - low) / resolution).astype(int), 1)
@@ -138,10 +138,10 @@ def _highest(
 
 
 def _offset(height: Vector, level: float) -> float:
-    """Return what corrects a camera's heights, by what it sees of the surface [m].
+    """Return the correction of a camera's heights, from its view of the surface [m].
 
-    The highest of several noisy points is too high on average, and a camera's pose is
-    known only so well.
+    The highest of several noisy points is too high on average, and a camera's pose has
+    errors.
     """
     flat = height[np.abs(height - level) < _NEAR] - level
     if len(flat) < _LEAST_FLAT:
@@ -152,7 +152,7 @@ def _offset(height: Vector, level: float) -> float:
 def _covered(
     part: Surface, origin: Vector, resolution: float, shape: tuple[int, int]
 ) -> Mask:
-    """Return which cells have their middle in a part of the surface."""
+    """Return which cells have their middle in one of the parts."""
     x, y = (
         start + resolution * np.arange(count)
         for start, count in zip(origin, shape[::-1], strict=True)
@@ -200,9 +200,9 @@ SUBPIXELS = 2
 class HeightMapper(LeafSystem):
     """Maps the heights of things on a table from depth images.
 
-    It knows no shapes and no colours. The noise of each image is reduced, the maps of
-    all cameras are merged, and regions that reach too high are unknown because they
-    belong to the robot (see `height_map`).
+    It knows no shapes and no colours. It reduces the noise of each image and merges the
+    maps of all cameras. Regions that reach too high are unknown because they belong to
+    the robot (see `height_map`).
 
     .. pydrake_system::
 
@@ -223,7 +223,7 @@ class HeightMapper(LeafSystem):
         surface: The table, or the part of it that is mapped.
         resolution: Width of a cell [m].
         max_height: Greatest height of a thing above the surface [m].
-        ignored: Parts of the surface that stay unknown, such as where furniture stands.
+        ignored: Parts of the surface that stay unknown, such as those under furniture.
         thing: See `height_map` [m].
         over_edge: See `height_map`.
 

@@ -44,8 +44,8 @@ def robust_deviation(residuals: npt.NDArray[Any]) -> float:
     """Return the standard deviation of residuals about 0, from their median.
 
     Args:
-        residuals: Normally distributed but for outliers, which are fewer than half.
-            Without any, the deviation is NaN.
+        residuals: Normally distributed, except for outliers, which are fewer than half.
+            The deviation of an empty array is NaN.
     """
     return 1.4826 * _median(np.abs(residuals))
 
@@ -104,8 +104,8 @@ def metres(depth: npt.NDArray[Any]) -> Depth:
     return depth.astype(np.float32, copy=False)
 
 
-# An image with less noise stays as it is [1/m]: 0.05 mm at 1.5 m is a twentieth of what
-# matters, and cleaning rounds corners.
+# An image with less noise stays as it is [1/m]. This is 0.05 mm at 1.5 m, a twentieth
+# of any relevant error, and cleaning rounds corners.
 _NOISELESS = 2e-5
 # A hole is filled if at least this many of its eight neighbours are known.
 _KNOWN_NEIGHBOURS = 3
@@ -124,10 +124,11 @@ def clean(depth: Depth, lag: int = _LAG, noiseless: float = _NOISELESS) -> Depth
         noiseless: An image with less noise stays as it is [1/m].
 
     Returns:
-        The image, filtered by a median of 3 x 3 pixels if it is noisy, or itself.
+        The image, filtered by a median of 3 x 3 pixels if it is noisy, otherwise
+        unchanged.
     """
     differences = _second_differences(depth, lag)
-    # The noise is 0.6 times the median of their sizes. To count that most are small
+    # The noise is 0.6 times the median of their sizes. Counting the small ones instead
     # takes a tenth of the time.
     small = np.count_nonzero(np.abs(differences) < noiseless)
     if 2 * small > differences.size or _noise(differences) < noiseless:
@@ -153,7 +154,8 @@ def _filled(depth: Depth) -> Depth:
     """Return a depth image whose single holes hold the median of their neighbours.
 
     A median filter that took holes for near or far would move edges, where most holes
-    are. Of two middle values, holes take the nearer and the farther one in turns.
+    are. If there are two middle values, holes take the nearer and the farther one in
+    turns.
     """
     image = np.pad(np.nan_to_num(depth, posinf=np.inf), 1)
     rows, columns = np.nonzero(~(depth > 0))

@@ -19,17 +19,17 @@ from drake_srg.vision.solids import signed_distance
 from drake_srg.vision.surfaces import Surface
 
 # A point stands on a surface if it is higher by this many standard deviations of noise:
-# one of three million normally distributed values is beyond.
+# one in three million normally distributed values exceeds it.
 _DEVIATIONS = 5.0
 _LEAST_PIXELS = 8  # points of an obstacle, at least: noise makes groups of a few
-# Points this near to a surface are mostly its own and show how well its height is
-# measured [m].
+# Points this near to a surface [m] mostly belong to it. Their scatter shows how well
+# its height is measured.
 _NEAR = 0.03
 # Quantile of an obstacle's heights that counts as its top. The highest of many noisy
 # points is a millimetre higher still.
 _TOP = 0.98
-# A point this near to a known object belongs to it [m]. The object may be 3 mm off
-# where it is seen, and so may its rim.
+# A point this near to a known object belongs to it [m]. The object's seen pose may be 3
+# mm off, and its rim by as much again.
 _KNOWN = 0.006
 
 
@@ -39,8 +39,8 @@ class ObstacleFinder(LeafSystem):
     Points well above a surface are grouped by their gaps as seen from above. Points of
     the best blob of a known object are left out. So are groups that do not stand on a
     surface: one that reaches up to `max_height` or over the surface's edge belongs to
-    the robot or hangs over the scene. How much is "well above" follows from the noise
-    of the surfaces' own depth.
+    the robot or hangs over the scene. The noise of the surfaces' own depth defines
+    "well above".
 
     .. pydrake_system::
 
@@ -54,12 +54,11 @@ class ObstacleFinder(LeafSystem):
 
     Every camera has its two input ports, like those of BlobLocalizer. The input `blobs`
     is BlobLocalizer's output. The output `obstacles` is a list[Obstacle]. Each box
-    stands on its surface and is at most a pixel wider than what is seen.
+    stands on its surface and is at most a pixel wider than the visible thing.
 
     Args:
         cameras: Camera name to its model.
-        surfaces: Where to look. The surface that the robot stands on should not be
-            among them.
+        surfaces: The surfaces to search, without the one on which the robot stands.
         known: Shapes of the known objects, by the names in their blobs.
         max_height: Greatest height of an obstacle above its surface [m].
         min_height: Least height [m]. A marker on a table is not in the way.
@@ -153,7 +152,7 @@ class ObstacleFinder(LeafSystem):
         # A quarter of the pixels shows how the surfaces' own points scatter.
         near = (depth > 0) & (z > lowest - _NEAR)
         least = self._least_height(p_W(near[::2, ::2], step=2))
-        # Points below it need no closer look.
+        # Lower points need no closer look.
         high = near & (z > lowest + least)
         points = p_W(high)
         height, _ = self._heights(points)
@@ -166,7 +165,7 @@ class ObstacleFinder(LeafSystem):
     def _heights(self, p_W: Vector) -> tuple[Vector, Mask]:
         """Return how high points are above their surface, and which have one.
 
-        The others' heights are those above the lowest surface [m], shape (n,).
+        Points without a surface have heights above the lowest one [m], shape (n,).
         """
         lowest = min(surface.height for surface in self._surfaces)
         height, on_surface = p_W[:, 2] - lowest, np.zeros(len(p_W), bool)
@@ -177,7 +176,7 @@ class ObstacleFinder(LeafSystem):
         return height, on_surface
 
     def _least_height(self, p_W: Vector) -> float:
-        """Return above which height points stand on the surfaces [m].
+        """Return the height above which points stand on the surfaces [m].
 
         Args:
             p_W: Points of the surfaces, among others, shape (n, 3).
@@ -236,7 +235,7 @@ def _box_around(group: Vector, height: float, margin: float) -> Obstacle:
 
     Args:
         group: The points [m].
-        height: Of the surface on which they stand [m].
+        height: Height of the surface on which they stand [m].
         margin: How much wider the box is on each side [m].
     """
     middle = group[:, :2].mean(axis=0)

@@ -1,11 +1,11 @@
 """Finds the pose at which a solid explains a depth image.
 
-Two things hold at the true pose: the visible points of the solid lie on its surface,
-and its outline separates the pixels that show it from those that look past it. The
-first is a robust least squares problem. The second is a logistic regression of the
-pixels' labels on their distance to the outline, whose linear tails tolerate wrong
-labels. Newton's method minimises the sum of both costs while the outline's softness
-shrinks from the first guess's error to a fraction of a pixel.
+At the true pose, the visible points of the solid lie on its surface, and its outline
+separates the pixels that show it from those that do not. The first condition is a
+robust least squares problem. The second is a logistic regression of the pixels' labels
+on their distance to the outline. Its linear tails tolerate wrong labels. Newton's
+method minimises the sum of both costs while the outline's softness shrinks from the
+first guess's error to a fraction of a pixel.
 """
 
 from __future__ import annotations
@@ -30,14 +30,14 @@ _DEPTH_DEVIATION = 1e-4
 # Error at which Huber's cost turns linear [standard deviations]; 95 % efficient for
 # normally distributed noise.
 _HUBER = 1.345
-_SAMPLES = 400  # points, and pixels, that take part, at most: more add little
+_SAMPLES = 400  # most points, and most pixels, that take part: more add little
 _STEPS = 12  # of Newton's method at one softness, at most
 _RIDGE = 1e-9  # added to the Hessian's diagonal, as a share of its trace
 
 
 @dc.dataclass(frozen=True)
 class Alignment:
-    """A pose, and how well it is known according to the curvature of the cost.
+    """A pose with its standard deviations, from the curvature of the cost.
 
     Attributes:
         X_WO: The pose.
@@ -65,10 +65,10 @@ def align(
     Args:
         shape: The solid.
         X_WO: First guess.
-        view: Where to look. The blob must have depth.
+        view: The view. Its blob must have depth.
         softnesses: Softness of the outline in each stage [pixels], from the error of
             the first guess to a fraction of a pixel; at least one.
-        upright: Whether to keep the solid's z as it is.
+        upright: Whether the solid's z is fixed.
     """
     radius = 0.5 * float(np.linalg.norm(shape.bounding_size))
     pixel = float(np.linalg.norm(X_WO.translation() - view.origin)) / view.focal[0]
@@ -104,17 +104,17 @@ def align(
 
 
 def _matters(shape: Solid) -> list[int]:
-    """Return about which of the axes that `_directions` turns a turn shows."""
+    """Return the axes of `_directions` about which a turn is visible."""
     if isinstance(shape, ConvexPieces):
         return [axis for axis in range(3) if axis != round_axis(shape)]
-    # A box's turn about z shows by its outline.
+    # The outline of a box shows its turn about z.
     return [] if isinstance(shape, Sphere) else [0, 1]
 
 
 def _directions(
     shape: Solid, X_WO: RigidTransform, radius: float, upright: bool
 ) -> Vector:
-    """Return how the pose may move: translations, and turns about the axes that show.
+    """Return the pose's directions: translations, and turns about the visible axes.
 
     Returns:
         A translation and a rotation vector in W in each column, shape (6, k). A unit
@@ -166,5 +166,5 @@ def _moved(X_WO: RigidTransform, step: Vector) -> RigidTransform:
 
 
 def _thin(values: Vector, most: int) -> Vector:
-    """Return every n-th of the values, `most` of them at most."""
+    """Return every n-th value, at most `most` values."""
     return values[:: max(1, -(-len(values) // most))]

@@ -1,8 +1,8 @@
 """Finds the pose of a known solid from the depth pixels of its visible surface.
 
-Each of several first guesses is aligned coarsely with the view. The one that leaves the
-least unexplained is aligned finely. Every visible part of the surface and the outline
-takes part, so a solid that is half hidden still gives its whole pose.
+Each of several first guesses is aligned coarsely with the view. The guess that leaves
+the fewest pixels unexplained is aligned finely. The fit uses every visible part of the
+surface and of the outline, so it finds the whole pose of a half-hidden solid.
 """
 
 from __future__ import annotations
@@ -29,37 +29,38 @@ from drake_srg.vision.sight import INSIDE, OUTSIDE, Outline, Sight, View, look
 from drake_srg.vision.solids import least_turned, signed_distance
 
 # Softness of the outline in the stages of a fit [pixels]: a guess is a few pixels off.
-# One label shows where an edge is with a standard deviation of 0.29 pixels, all labels
-# together show more.
+# One label locates an edge with a standard deviation of 0.29 pixels; all labels
+# together do better.
 _COARSE_SOFTNESS = (3.0, 1.0)
 _MIDDLE_SOFTNESS = (0.3,)
 _FINE_SOFTNESS = (0.1, 0.03)
-# A guess that leaves this share of the blob's pixels unexplained is good enough:
-# another one will hardly leave fewer.
+# A guess that leaves at most this share of the blob's pixels unexplained is good
+# enough: another one would hardly be better.
 _EXPLAINED = 0.03
-# A leaning pose replaces a standing one if it explains this share of the blob's pixels
-# more. Nothing stands that leans a little, but a size that is 1 % off, and blur, look
-# like a lean of 3 degrees.
+# A leaning pose replaces a standing one only if it explains this share of the blob's
+# pixels more. Nothing stands at a slight lean, but a size that is 1 % off, and blur,
+# look like a lean of 3 degrees.
 _UPRIGHT_MARGIN = 0.1
 # With a greater unexplained share, the fit is uncertain: it may be another solid.
 _MOST_UNEXPLAINED = 0.1
-# With a greater one, the blob belongs to another thing.
+# With a greater unexplained share, the blob belongs to another thing.
 _ANOTHER_OBJECT = 0.35
-# Standard deviations of noise: one of 16,000 normally distributed values is beyond.
+# Standard deviations of noise: one in 16,000 normally distributed values exceeds it.
 _DEVIATIONS = 4.0
-# A solid this far below its surroundings is not in a recess, and this far above them it
-# stands on nothing [m].
+# A solid this far below its surroundings [m] is not in a recess; this far above them,
+# it stands on nothing.
 _APART = 0.01
 # Pixels of a solid's top, and of its surroundings, that are needed to judge its height.
 _LEAST_PIXELS = 8
-# Guesses that are aligned in noisy images, the nearest ones. Each takes time.
+# Number of guesses that are aligned in noisy images, the nearest first. Each takes
+# time.
 _NOISY_GUESSES = 3
 # A solid that leans more than this does not stand [rad].
 _MOST_STANDING_LEAN = np.deg2rad(15.0)
 # Width of the band around a solid that shows where it stands [pixels].
 _BESIDE = 5
-# A point that is farther off the surface is not explained [m]. It is the error of
-# position that `Fit` calls uncertain.
+# A point farther off the surface is not explained [m]. `Fit` calls a position with this
+# error uncertain.
 _OFF_SURFACE = 1e-3
 # Samples of the outline for its quality: every 5 degrees of a circle.
 _RING = 72
@@ -68,15 +69,16 @@ _POSITION_DEVIATION = 1e-3
 _AXIS_DEVIATION = np.deg2rad(1.0)
 # A certain fit gets worse when the solid slides this far along its axis [pixels].
 _SLIDES = np.array([1.75, 2.5])
-# Most pixels inside the outline that look past the solid, as a share of the blob's.
-# Noise makes some at the rim.
+# Most pixels inside the outline that show the background, as a share of the blob's.
+# Noise causes some at the rim.
 _MOST_THROUGH = 0.05
-# Nearer to the outline than this, depth may be that of either side [pixels].
+# Within this distance of the outline, a pixel may have the depth of either side
+# [pixels].
 _FRAYED = 1.5
-# Farther off the outline than this, no part of a pixel is on it [pixels].
+# Beyond this distance, no part of a pixel is on the outline [pixels].
 _ON_OUTLINE = np.sqrt(0.5)
 # Least share of the visible surface that has the target's colour. With less, the
-# surface may be another thing's.
+# surface may belong to another thing.
 _LEAST_COLORED = 0.1
 
 
@@ -85,13 +87,13 @@ class Fit:
     """The fitted pose of a solid.
 
     Attributes:
-        X_WO: The pose; of those that look alike, the one that is turned least.
+        X_WO: The pose. If several poses look alike, it is the one that is turned least.
         quality: Share of the expected outline that is seen, 0 .. 1.
-        cut: Whether a part of the expected outline lies outside the image.
+        cut: Whether part of the expected outline lies outside the image.
         hidden: Whether more than a tenth of the outline in the image was not found.
         uncertain: Whether the position may be off by 1 mm or the axis by a degree.
-        misfit: Pixels that speak against the solid, as a share of the blob's, plus how
-            far it is from standing on its surroundings, as a share of its height.
+        misfit: Pixels that contradict the solid, as a share of the blob's, plus its
+            distance from standing on its surroundings, as a share of its height.
     """
 
     X_WO: RigidTransform
@@ -116,9 +118,9 @@ def fit_shape(shape: Solid, view: View) -> Fit | None:
 
 
 def _within_reach(shape: Solid, view: View) -> View:
-    """Return a view whose blob holds no pixels that are too far off for one solid.
+    """Return a view whose blob has no pixels that are too far apart for one solid.
 
-    Where something hides a part of the solid, the solid's colour bleeds onto it.
+    The solid's colour bleeds onto things that hide a part of it.
     """
     usable = view.blob & view.valid
     if not usable.any():
@@ -160,9 +162,10 @@ class Match:
         return np.asarray((sight.labels == OUTSIDE) & (sight.distance > _FRAYED))
 
     def unexplained(self, sight: Sight) -> float:
-        """Return the pixels that speak against a pose, as a share of the blob's.
+        """Return the pixels that contradict a pose, as a share of the blob's.
 
-        They are the blob's pixels off the surface, and others that look through it.
+        They are the blob's pixels off the surface, and others that show what is behind
+        it.
         """
         missed = sight.blob & (np.abs(sight.error) > self.wrong)
         if self.view.noise:  # which frays edges
@@ -177,8 +180,8 @@ class Start:
 
     Attributes:
         X_WO: The pose.
-        upright: Whether the solid's z stays as it is.
-        has_rival: Whether a far turned pose leaves hardly more unexplained.
+        upright: Whether the solid's z is fixed.
+        has_rival: Whether a far turned pose explains the view nearly as well.
     """
 
     X_WO: RigidTransform
@@ -187,12 +190,11 @@ class Start:
 
 
 def find_start(match: Match) -> Start:
-    """Return the pose that explains most, coarsely.
+    """Return a coarse pose that explains the view best.
 
-    Most things stand. Noise hides small leans, so in a noisy image a solid whose
-    depth is that of a standing one is taken to stand, unless another pose explains
-    far more. A solid that hangs from a hand may have turned in it and is free to
-    lean.
+    Most things stand. Noise hides small leans. So in a noisy image, a solid with the
+    depth of a standing one counts as standing, unless another pose explains far more. A
+    solid that hangs from a hand may have turned and may lean.
     """
     view, shape = match.view, match.shape
     standing, least = Start(RigidTransform(), upright=True), np.inf
@@ -214,7 +216,7 @@ def find_start(match: Match) -> Start:
 
 
 def _best_of_guesses(match: Match) -> tuple[float, Start]:
-    """Return what the best guess leaves unexplained, and the guess, aligned."""
+    """Return the best guess, aligned, after the share that it leaves unexplained."""
     view, shape = match.view, match.shape
     guesses = guess_poses(shape, view)
     if isinstance(shape, ConvexPieces):
@@ -246,7 +248,7 @@ def _best_of_pieces(
 
 
 def _try(match: Match, guess: RigidTransform) -> tuple[float, RigidTransform]:
-    """Return what a guess leaves unexplained once it is aligned, and its pose."""
+    """Return the share that an aligned guess leaves unexplained, and its pose."""
     X_WO = match.align(guess, _COARSE_SOFTNESS).X_WO
     return match.unexplained(match.look(X_WO)), X_WO
 
@@ -267,7 +269,7 @@ def _sees_top(match: Match, X_WO: RigidTransform, sight: Sight) -> bool:
 def _hangs(match: Match, X_WO: RigidTransform) -> bool:
     """Return whether an upright solid is far above its surroundings.
 
-    What holds it does not count. If nothing is seen around it, it hangs.
+    A gripper that holds it does not count. If nothing is visible around it, it hangs.
     """
     sight = match.look(X_WO, margin=_BESIDE)
     bottom = X_WO.translation()[2] - 0.5 * match.shape.height
@@ -312,9 +314,9 @@ class _Fitter:
         )
 
     def _through(self, sight: Sight) -> float:
-        """Return the pixels that look past the solid, as a share of the blob's.
+        """Return the pixels that show the background, as a share of the blob's.
 
-        They are inside the outline. A pixel on the outline may be either.
+        Only pixels inside the outline count, since one on it may show either side.
         """
         inside = sight.distance < -_ON_OUTLINE
         return float(((sight.labels == OUTSIDE) & inside).sum() / sight.blob.sum())
@@ -322,7 +324,7 @@ class _Fitter:
     def _doubtful(self, X_WO: RigidTransform, sight: Sight) -> bool:
         """Return whether a pose leaves much unexplained, or others explain as much.
 
-        If both ends of a solid are hidden, it may slide along its axis unnoticed.
+        A solid with both ends hidden fits as well after a slide along its axis.
         """
         view, match = self._view, self._match
         unexplained = match.unexplained(sight)
@@ -347,9 +349,10 @@ class _Fitter:
     def _lift(self, X_WO: RigidTransform, sight: Sight) -> float:
         """Return how far a standing solid's lower end is above its surroundings [m].
 
-        Often only the top of an upright solid is seen. A lower thing that is taken for
-        it would reach into the table, and a higher one would hover. It is 0 if the
-        solid does not stand or its surroundings are not seen.
+        Often, only the top of an upright solid is visible. If the thing is really
+        lower, the solid would reach into the table; if it is higher, the solid would
+        hover. The result is 0 if the solid does not stand or its surroundings are not
+        visible.
         """
         around = self._match.around(sight) & np.isfinite(sight.points).all(axis=1)
         upright = abs(X_WO.rotation().matrix()[2, 2])
@@ -370,8 +373,7 @@ class _Fitter:
         labels[tuple(sight.pixels.T[::-1])] = known
         h, w = view.depth.shape
         in_image = found = np.array(True)
-        # These pixels are certain: the median of 3 x 3 reaches one pixel
-        # farther.
+        # Only these pixels are certain: the 3 x 3 median reaches one pixel farther.
         beside = _FRAYED + bool(view.noise)
         for grow, expected in ((-beside, INSIDE), (beside, OUTSIDE)):
             pixels = np.rint(outline.ring(grow, _RING)).astype(int)

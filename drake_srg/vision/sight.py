@@ -1,4 +1,4 @@
-"""The view of a solid at a supposed pose: its outline, and labelled pixels."""
+"""The view of a solid at an assumed pose: its outline, and labelled pixels."""
 
 from __future__ import annotations
 
@@ -66,7 +66,7 @@ def view_around(
     X_WB: RigidTransform,
     noise: float = 0.0,
 ) -> View | None:
-    """Return the view of a blob, as far as the whole object may extend.
+    """Return the view of a blob, wide enough for the whole object.
 
     Args:
         shape: The object's shape. Its size sets the window's margin.
@@ -165,7 +165,7 @@ class Outline:
         pixels: Vector,
         measure: Callable[[PieceOutline, Vector], tuple[Vector, Vector]],
     ) -> tuple[Vector, Vector]:
-        """Return the distance of each pixel's nearest piece, and what goes with it."""
+        """Return each pixel's distance from its nearest piece, and related values."""
         first, *others = self.pieces
         nearest = measure(first, pixels)
         for piece in others:
@@ -182,7 +182,7 @@ class Outline:
         """Return which pixels lie within the outline, to the nearest pixel.
 
         Args:
-            shape: Of the image, (h, w).
+            shape: Shape of the image, (h, w).
         """
         mask = np.zeros(shape, np.uint8)
         for piece in self.pieces:
@@ -228,7 +228,8 @@ class PieceOutline:
         R_WO, p_WO = X_WO.rotation().matrix(), X_WO.translation()
         p_W = p_O @ R_WO.T + p_WO
         corners = np.clip(view.project(p_W), -_FAR, _FAR)
-        # This turns from the image's x towards its y, whatever OpenCV calls it.
+        # This orientation turns from the image's x towards its y, whatever OpenCV calls
+        # it.
         hull = cv2.convexHull(
             corners.astype(np.float32), clockwise=False, returnPoints=False
         )[:, 0]
@@ -325,7 +326,7 @@ def _dot(a: Vector, b: Vector) -> Vector:
 
 
 def _next(values: Vector) -> Vector:
-    """Return the value of each corner's next one, in a fraction of np.roll's time."""
+    """Return each corner's successor, in a fraction of np.roll's time."""
     return np.concatenate([values[1:], values[:1]])
 
 
@@ -333,16 +334,16 @@ Labels = npt.NDArray[np.int8]
 # Whether a pixel shows the solid. UNKNOWN is hidden, without depth, or in doubt.
 OUTSIDE, UNKNOWN, INSIDE = -1, 0, 1
 
-# Distance that a visible point of the solid may always be off its surface [m], and the
-# same as a share of its radius. A renderer's depth has no noise, but Drake draws
-# circles with 50 sides, up to 0.2 % inside the radius.
+# Tolerated distance of a visible point from the solid's surface [m], and the same as a
+# share of its radius. A renderer's depth has no noise, but Drake draws circles with 50
+# sides, up to 0.2 % inside the radius.
 _FINEST = 1e-4
 _FINEST_SHARE = 3e-3
-# Distance that it may be off if the points scatter or the pose is in doubt [m].
+# Greatest tolerance, if the points scatter or the pose is in doubt [m].
 _COARSEST = 3e-3
 _DEVIATIONS = 4.0  # both are at least this many standard deviations of noise
-# A surface is visible where ray times outward normal is less than this. It is not 0
-# because depth is too coarse where a surface is seen edge-on.
+# A surface is visible where ray times outward normal is less than this. The limit is
+# not 0 because depth is too coarse on a surface seen edge-on.
 _EDGE_ON = 0.3
 
 
@@ -386,19 +387,20 @@ def look(
 ) -> Sight:
     """Label the pixels of the blob and those within the outline or near it.
 
-    Colour alone does not show where an object ends: shading may take a pixel out of the
+    Colour alone does not show where an object ends: shading may move a pixel out of the
     colour's range, and a pixel on the rim mixes two colours. Depth alone does not show
-    it where an object touches another. So a pixel is INSIDE if its point is on the
-    surface and its colour is the blob's; without noise, a neighbour of that colour is
+    where one object touches another. So a pixel is INSIDE if its point is on the
+    surface and its colour is the blob's. Without noise, a neighbour of that colour is
     enough. A pixel is UNKNOWN if only one of the two holds, or if its point is in front
     of the solid.
 
     Args:
         shape: The solid.
-        X_WO: Its supposed pose.
-        view: Where to look. The blob must have depth.
+        X_WO: Its assumed pose.
+        view: The view. Its blob must have depth.
         margin: How far beyond the outline to look [pixels].
-        doubt: How far the pose may be off, and with it the points off the surface [m].
+        doubt: Possible error of the pose, and thus of the points' distance to the
+            surface [m].
     """
     outline = Outline.of(shape, X_WO, view)
     region = grow(outline.mask(view.depth.shape), margin)
@@ -425,7 +427,7 @@ def look(
     finest = min(coarsest, max(_FINEST, sides, doubt, noise))
     thickness = min(coarsest, max(finest, spread))
 
-    # A slanting surface may come nearer by about a pixel's width per pixel.
+    # On a slanting surface, depth may change by about a pixel's width per pixel.
     slack = thickness + 2 * contour_depth / view.focal[0]
     hidden = np.isnan(depth) | (depth <= 0) | (depth < contour_depth - slack)
     on_surface = np.abs(error) <= thickness

@@ -16,7 +16,7 @@ from pydrake.math import RigidTransform, RotationMatrix
 from drake_srg.common.geometry import ConvexPieces, Solid
 from drake_srg.types import Box, Cylinder, Sphere, Vector
 
-# Corners of the polygon that stands for a circle, which is within 0.1 % of the radius.
+# Corners of the polygon that replaces a circle. It is within 0.1 % of the radius.
 _RIM = 72
 
 
@@ -29,7 +29,7 @@ def signed_distance(shape: Solid, p_O: Vector) -> tuple[Vector, Vector]:
 
     Returns:
         Distances [m], negative inside, shape (n,), and unit gradients, shape (n, 3).
-        Outside convex pieces, it is the distance to the plane of the nearest face.
+        Outside convex pieces, the distance is that to the plane of the nearest face.
     """
     if isinstance(shape, ConvexPieces):
         return _beyond_pieces(shape, p_O)
@@ -50,7 +50,7 @@ def signed_distance(shape: Solid, p_O: Vector) -> tuple[Vector, Vector]:
 
 
 def outline_points(shape: Solid, eye: Vector) -> list[Vector]:
-    """Return points of each convex piece whose images have its outline as their hull.
+    """Return points of each convex piece whose images span the piece's outline.
 
     Args:
         shape: The solid.
@@ -88,7 +88,7 @@ def _beyond_pieces(shape: ConvexPieces, p_O: Vector) -> tuple[Vector, Vector]:
     for (normals, offsets), (center, radius) in zip(
         shape.faces, shape.balls, strict=True
     ):
-        # Planes are nearer than the piece, by no more than this for a point that far.
+        # The distance to the planes falls short of the piece's by at most this much.
         near = np.flatnonzero(np.linalg.norm(p_O - center, axis=1) - radius < least)
         beyond = p_O[near] @ normals.T - offsets
         face = beyond.argmax(axis=1)
@@ -100,7 +100,7 @@ def _beyond_pieces(shape: ConvexPieces, p_O: Vector) -> tuple[Vector, Vector]:
 
 
 def _beyond(*away: Vector) -> tuple[Vector, list[Vector]]:
-    """Return distances from how far points are beyond each of some pairs of faces.
+    """Return distances to a solid from those beyond each of its pairs of faces.
 
     Args:
         away: Negative between the faces, shape (n,) each.
@@ -120,7 +120,7 @@ def _beyond(*away: Vector) -> tuple[Vector, list[Vector]]:
     return np.where(outside <= 0.0, nearest, outside), shares
 
 
-# Distance from the surface within which the corners of convex pieces look alike [m].
+# Turned convex pieces look alike if their corners are within this of the surface [m].
 _ALIKE = 2e-3
 
 
@@ -128,8 +128,8 @@ def least_turned(solid: Solid, X_WO: RigidTransform) -> RigidTransform:
     """Return the pose that looks like another one and is turned least.
 
     A ball is not turned at all. A cylinder's z points upwards, and the cylinder does
-    not spin about it. A box has four such poses, more with sides of equal length.
-    Convex pieces have one.
+    not turn about it. A box has four poses that look alike, and more if it has sides of
+    equal length. Convex pieces have one.
     """
     R_WO = X_WO.rotation().matrix()
     match solid:
@@ -178,7 +178,7 @@ def round_axis(solid: Solid) -> int | None:
 
 
 def _between_axes(R_12: Vector, axis: int, flips: bool) -> float:
-    """Return the angle between two axes [rad], whose ends may look alike."""
+    """Return the angle between two axes [rad]; with `flips`, their ends look alike."""
     sine = np.linalg.norm(np.delete(R_12[:, axis], axis))
     cosine = abs(R_12[axis, axis]) if flips else R_12[axis, axis]
     return float(np.arctan2(sine, cosine))
@@ -188,8 +188,8 @@ def _between_axes(R_12: Vector, axis: int, flips: bool) -> float:
 def _turns_of_pieces(solid: ConvexPieces) -> tuple[list[Vector], int | None]:
     """Return rotations (3, 3) that keep a solid's surface, and its round axis.
 
-    They are turns about x, y and z in steps of 30 degrees. A solid that all turns about
-    an axis keep is round about it.
+    They are turns about x, y and z in steps of 30 degrees. If all turns about an axis
+    keep the solid, it is round about that axis.
     """
     turns: list[Vector] = []
     is_round: int | None = None

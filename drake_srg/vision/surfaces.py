@@ -41,12 +41,11 @@ class Surface:
         return inside
 
 
-# Largest errors of a calibration in height [m] and tilt [rad]. A surface that differs
-# more is another one.
+# Largest errors of a calibration in height [m] and tilt [rad]. A surface with larger
+# differences is another one.
 _MOST_OFFSET = 0.02
 _MOST_TILT = np.deg2rad(2.0)
-# Least and greatest number of points that take part. Fewer say too little about a tilt,
-# more add little.
+# Least and greatest number of points. Fewer are too few for a tilt, more add little.
 _LEAST_POINTS = 200
 _MOST_POINTS = 80_000
 # Points within this many standard deviations of the plane fit it.
@@ -55,14 +54,14 @@ _ROUNDS = 6  # of fitting the plane and dropping points that do not fit
 
 
 class CameraLeveling(LeafSystem):
-    """Corrects a camera's pose so that surfaces of known height are seen there.
+    """Corrects a camera's pose so that known surfaces appear at their known height.
 
-    A calibration may have six errors. Three of them show in any depth image of a table:
+    A calibration may have six errors. Any depth image of a table shows three of them:
     both tilts and the height. They are worth correcting because a tilt of a milliradian
-    shifts what is seen by a millimetre at one metre. The camera is turned about its own
-    centre, as little as possible, and lifted. Things on the surface do not matter as
-    long as half of what is seen of it is free. If no surface is seen, the pose stays as
-    it is.
+    shifts the scene by a millimetre at one metre. The system turns the camera about its
+    own centre, as little as possible, and lifts it. Things on the surface do no harm as
+    long as half of its visible part is free. If no surface is visible, the pose does
+    not change.
 
     .. pydrake_system::
 

@@ -24,11 +24,11 @@ from drake_srg.vision.solids import signed_distance
 Labels = npt.NDArray[np.int8]
 # Anything lower than this above the table belongs to the table [m].
 _LEAST_HEIGHT = 0.004
-# Distance of a cell's top from the surface of the object that it belongs to, at most
-# [m]: errors of pose and map. Steep flanks show at their upper edge's height.
+# Greatest distance of a cell's top from the surface of its object [m]: errors of pose
+# and map. Steep flanks have the height of their upper edge.
 _ON_SURFACE = 0.008
-# A thing has a hue if at least this share of its cells has one; then its grey and white
-# parts count as the nearest part with a hue.
+# A thing has a hue if at least this share of its cells has one. Then its grey and white
+# parts get the hue of the nearest coloured part.
 _LEAST_SHARE = 0.15
 _KERNEL = np.ones((3, 3), np.uint8)
 
@@ -47,12 +47,12 @@ def color_labels(
     imager: Imager,
     X_WB: RigidTransform,
 ) -> Labels:
-    """Return the index in `COLORS` of what is in each cell, -1 where nothing is.
+    """Return each cell's colour as an index in `COLORS`, -1 where the table is empty.
 
     Args:
         height_map: The map.
         table: Height of the table [m].
-        image: Of the colour camera, RGB or RGBA, shape (height, width, 3 or 4).
+        image: Image of the colour camera, RGB or RGBA, shape (height, width, 3 or 4).
         imager: Its colour imager.
         X_WB: Pose of the camera's body in world.
     """
@@ -73,7 +73,7 @@ def color_labels(
 def _by_hue(labels: Labels, on: Mask) -> Labels:
     """Return labels in which a colourful thing's grey parts have the nearest hue."""
     hued = (labels >= 0) & (labels < NUM_HUES)
-    # Blended pixels at edges are narrow.
+    # Opening removes the narrow edges where pixels blend.
     hued = cv2.morphologyEx(hued.astype(np.uint8), cv2.MORPH_OPEN, _KERNEL) > 0
     count, number = cv2.connectedComponents(on.astype(np.uint8), connectivity=8)
     share = np.bincount(number[hued], minlength=count) / np.maximum(
@@ -99,15 +99,15 @@ def solid_mask(
     Args:
         height_map: The map.
         table: Height of the table [m].
-        solid: Of the object.
+        solid: Solid of the object.
         X_WC: Pose of the solid's centre in world.
     """
     mask = things(height_map, table)
     radius = 0.5 * float(np.linalg.norm(solid.bounding_size)) + _ON_SURFACE
-    middles: Vector = height_map.centers()
-    away = np.linalg.norm(middles - X_WC.translation()[:2], axis=-1)
+    centers: Vector = height_map.centers()
+    away = np.linalg.norm(centers - X_WC.translation()[:2], axis=-1)
     mask &= away < radius
-    p_W = np.column_stack([middles[mask], height_map.height[mask]])
+    p_W = np.column_stack([centers[mask], height_map.height[mask]])
     p_C = (p_W - X_WC.translation()) @ X_WC.rotation().matrix()
     distance, _ = signed_distance(solid, p_C)
     mask[mask] = np.abs(distance) < _ON_SURFACE
@@ -115,7 +115,7 @@ def solid_mask(
 
 
 ALL = "all"
-_UPRIGHT = np.cos(np.deg2rad(8.0))  # of the angle from the vertical
+_UPRIGHT = np.cos(np.deg2rad(8.0))  # cosine of the angle from the vertical
 
 
 @dc.dataclass(frozen=True)
@@ -132,14 +132,14 @@ class KnownThing:
 
 
 class ThingLabeler(LeafSystem):
-    """Labels the cells of a height map by what they belong to.
+    """Labels the cells of a height map by their objects.
 
-    A label stands for an object's name, for a colour, or for `all`: everything on the
-    table. The first that suits a cell counts. Names come from the poses that a
-    localizer finds: a cell belongs to an object if its top is on the object's surface.
-    Only the most trustworthy blob of each object counts, and only if it is certain.
-    Colours come from the colour images, registered to the map. The grey and white parts
-    of a colourful thing count as the nearest colourful part.
+    A label is an object's name, a colour, or `all`: everything on the table. The first
+    label that fits a cell counts. Names come from the poses that a localizer finds: a
+    cell belongs to an object if its top is on the object's surface. Only the most
+    trustworthy blob of each object counts, and only if it is certain. Colours come from
+    the colour images, registered to the map. The grey and white parts of a coloured
+    thing get the colour of its nearest coloured part.
 
     .. pydrake_system::
 
@@ -160,10 +160,10 @@ class ThingLabeler(LeafSystem):
         cameras: Camera name to its model.
         known: Objects by name.
         table: Height of the table [m].
-        upright: Whether objects have names only while they stand on their own bottom.
+        upright: Whether only objects that stand on their bottom get names.
 
     Raises:
-        ValueError: If a label is neither, or there are colours but no cameras.
+        ValueError: If a label is none of these, or there are colours but no cameras.
     """
 
     def __init__(

@@ -1,1 +1,1 @@
-"""Limits that hold whatever commands an arm, and stops along its path."""
+"""Limits of an arm for any source of commands, and stops along its path."""

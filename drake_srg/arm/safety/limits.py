@@ -15,9 +15,9 @@ from drake_srg.arm.safety.config import SafetyConfig
 from drake_srg.common.safety_states import StopReason
 from drake_srg.types import Vector
 
-# Planned motions use all of a limit. This much more is a rounding error.
+# Planned motions use a limit fully. An excess by this share is a rounding error.
 _TOLERANCE = 1e-3
-# Measured speeds overshoot commanded ones.
+# Factor by which measured speeds may overshoot commanded ones.
 _MEASURED_SPEED = 1.2
 # Shares of the model's accelerations; see `SafetyConfig`.
 _ACCELERATION, _STOP = 1.5, 4.0 / 3.0
@@ -49,10 +49,10 @@ class JointLimits:
         config: SafetyConfig,
         period: float,
     ) -> JointLimits:
-        """Return the limits of a configuration; the model fills in the others.
+        """Return the limits of a configuration, completed by the model's.
 
         Args:
-            plant: With the arm.
+            plant: Plant with the arm.
             arm: Its model instance; all of its joints have one position or none.
             config: The limits.
             period: The control period [s].
@@ -108,13 +108,14 @@ class JointLimits:
     def fault(
         self, q: Vector, step: Vector, last_step: Vector, stopped: Vector
     ) -> StopReason:
-        """Return what is wrong with a command, if anything.
+        """Return the fault of a command, if any.
 
         Args:
             q: Its positions, shape (N,) [rad or m].
             step: Their change since the command before, shape (N,).
-            last_step: The change before that, shape (N,).
-            stopped: Where the arm could stop beyond `q`, shape (N,) [rad or m].
+            last_step: The previous change, shape (N,).
+            stopped: Position at which the arm could stop beyond `q`, shape (N,) [rad or
+                m].
         """
         if (np.abs(step) > self.step).any():
             return StopReason.SPEED
@@ -126,22 +127,22 @@ class JointLimits:
         return StopReason.NONE
 
     def braking_periods(self, step: Vector) -> float:
-        """Return how many periods it takes to stop from a step (N,) straight on."""
+        """Return the number of periods of a straight stop from a step (N,)."""
         return math.ceil(float(np.max(np.abs(step) / self.brake)))
 
     def measured_fault(
         self, measured: Vector, q: Vector, following_error: float, period: float
     ) -> StopReason:
-        """Return what is wrong with a measured state [q; v], if anything.
+        """Return the fault of a measured state [q; v], if any.
 
         Args:
             measured: The state, shape (2N,) [rad, rad/s].
-            q: Where the joints should be, shape (N,) [rad or m].
+            q: Expected positions, shape (N,) [rad or m].
             following_error: Largest deviation from that [rad or m].
             period: The control period [s].
         """
         n = len(q)
-        # NaN compares as false, so that one test finds all faults.
+        # NaN compares as false, so one test finds all faults.
         near = (np.abs(measured[:n] - q) <= following_error).all()
         slow = (np.abs(measured[n:]) * period <= _MEASURED_SPEED * self.step).all()
         if near and slow:
@@ -175,7 +176,7 @@ class ToolLimits:
 
         Args:
             config: The limits.
-            position: As the attribute.
+            position: See the attribute.
             period: The control period [s].
 
         Raises:
@@ -192,11 +193,11 @@ class ToolLimits:
         return cls(position, period * speed, np.array(box.min), np.array(box.max))
 
     def fault(self, p_WT: Vector, last: Vector, stopped: Vector) -> StopReason:
-        """Return what is wrong with a command, if anything.
+        """Return the fault of a command, if any.
 
         Args:
             p_WT: The tool's position in world [m].
-            last: The same at the command before [m].
+            last: The same for the previous command [m].
             stopped: Joint positions where the arm could stop, shape (N,) [rad or m].
         """
         if np.linalg.norm(p_WT - last) > self.step:
@@ -211,12 +212,12 @@ class ToolLimits:
 
 @dc.dataclass(frozen=True)
 class Command:
-    """A command that has been accepted, or where the arm rests.
+    """A command that has been accepted, or the arm's rest position.
 
     Attributes:
         q: Joint positions, shape (N,) [rad or m].
         step: Their change since the command before, shape (N,).
-        tool: The tool's position p_WT there [m]; NaN where no limit needs it.
+        tool: The tool's position p_WT there [m]; NaN if no limit needs it.
     """
 
     q: Vector
@@ -227,7 +228,7 @@ class Command:
 def check_command(
     q: Vector, last: Command, limits: JointLimits, tool: ToolLimits | None
 ) -> tuple[StopReason, Command]:
-    """Return what is wrong with a command, if anything, and the command to go on from.
+    """Return a command's fault, if any, and the command from which to continue.
 
     A command is also refused if the arm, once there, could not stop within the limits
     of position and workspace.
@@ -235,14 +236,14 @@ def check_command(
     Args:
         q: The command's joint positions, shape (N,) [rad or m].
         last: The command before.
-        limits: Of the joints.
+        limits: Limits of the joints.
         tool: Limits of the tool, if any.
     """
     if not np.isfinite(q).all():
         return StopReason.NOT_FINITE, last
     step = q - last.q
-    # It stops straight on, all joints at the same time. One more step is for rounding
-    # up to whole periods.
+    # The arm stops straight, with all joints at the same time. One more step accounts
+    # for rounding up to whole periods.
     stopped = q + step * (0.5 * limits.braking_periods(step) + 1.0)
     fault = limits.fault(q, step, last.step, stopped)
     p_WT = last.tool
@@ -254,7 +255,7 @@ def check_command(
 
 
 # Directions in which a force moves the joints by less than this share of the largest
-# are not resolved: near a singular posture, noise would count as an enormous force.
+# are ignored: near a singular posture, noise would look like an enormous force.
 _RESOLVED = 0.05
 
 
@@ -290,7 +291,7 @@ class Tool:
         """Return the size of the force on the point that best explains torques [N].
 
         It is the least-squares solution of J(q)ᵀ f = torque, for a contact at this
-        point alone. A contact nearer to the base presses harder than it says.
+        point alone. A contact nearer to the base presses harder than this force.
 
         Args:
             q: Joint positions, shape (N,) [rad or m].
@@ -327,11 +328,11 @@ class TouchLimits:
     """Limits of external torques, and of the force that explains them.
 
     Attributes:
-        torque: Of each joint, shape (N,) [N m].
-        tool: Where the force acts; None without limits of the force.
+        torque: Torque of each joint, shape (N,) [N m].
+        tool: Point at which the force acts; None without limits of the force.
         transient: Largest force [N].
         quasi_static: Largest force that lasts longer than `transient_time` [N].
-        transient_time: How long a force counts as an impact [s].
+        transient_time: Time for which a force counts as an impact [s].
     """
 
     torque: Vector
@@ -376,13 +377,13 @@ class TouchLimits:
     def fault(
         self, q: Vector, torque: Vector, since: float, time: float
     ) -> tuple[StopReason, float]:
-        """Return what is beyond a limit, if anything, and since when the tool presses.
+        """Return the exceeded limit, if any, and the start of the tool's pressing.
 
         Args:
             q: Joint positions, shape (N,) [rad or m].
             torque: External torques, shape (N,) [N m].
-            since: Since when the force is above `quasi_static` [s]; infinite if it was
-                not.
+            since: Time since which the force has exceeded `quasi_static` [s]; infinite
+                if it has not.
             time: Now [s].
         """
         if not np.isfinite(torque).all():

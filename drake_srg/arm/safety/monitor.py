@@ -35,9 +35,9 @@ class Observation:
     """The facts that decide the next state."""
 
     reason: StopReason = StopReason.NONE  # the first reason to stop, if any holds now
-    braked_for: StopReason = StopReason.NONE  # why the arm is being stopped
+    braked_for: StopReason = StopReason.NONE  # the reason why the arm is being stopped
     standstill: bool = False  # the commanded arm is at rest
-    released: bool = False  # somebody has just acknowledged the stop
+    released: bool = False  # the stop has just been acknowledged
 
     @property
     def emergency(self) -> bool:
@@ -46,7 +46,7 @@ class Observation:
 
     @property
     def may_run(self) -> bool:
-        """Whether the stop is acknowledged and its cause over."""
+        """Whether the stop is acknowledged and its cause has ended."""
         return self.released and self.reason is StopReason.NONE
 
 
@@ -108,7 +108,7 @@ class SafetyMonitor(LeafSystem):
     Inputs: `position_commanded` (N) [rad or m], a new command every `period`;
     `state_measured` (2N), [q; v] of the arm; `external_torque` (N) [N m]; `estop` (1),
     nonzero or NaN while the button is pressed; `release` (1), which acknowledges a stop
-    when it becomes nonzero; `speed_override` (1), clipped to 0 .. 1, in place of the
+    when it becomes nonzero; `speed_override` (1), clipped to 0 .. 1, which replaces the
     configuration's; `heartbeat` (1), the time at which the newest message arrived [s],
     NaN before the first.
 
@@ -117,24 +117,24 @@ class SafetyMonitor(LeafSystem):
     into `STATES` and `REASONS`; `speed_scale` (1), the speed along the path as a share
     of the commanded one, 0 .. 1.
 
-    While nothing is wrong, each command passes unchanged, one period after the update
-    that has read it: all outputs change in updates alone. Any violation
-    brakes the arm along the path of the commands, as hard as the limits allow
-    (a category 1 stop, IEC 60204-1), and it rests until the cause is over and the stop
-    is acknowledged. Commands that go on meanwhile are remembered: after a protective
-    stop, the arm goes on along them. After an emergency stop, or after a command that
-    broke a limit, the arm waits for commands that begin where it rests.
+    Without a fault, each command passes unchanged, one period after the update that
+    read it: outputs change only in updates. On any violation, the arm brakes along the
+    path of the commands, as hard as the limits allow (a category 1 stop, IEC 60204-1).
+    It rests until the cause has ended and the stop is acknowledged. The monitor
+    remembers commands that arrive meanwhile, and after a protective stop the arm
+    continues along them. After an emergency stop, or after a command that broke a
+    limit, the arm waits for commands that begin at its rest position.
 
-    `states.TRANSITIONS` is the table of the states, `limits.check_command` says what is
-    wrong with a command. All state is discrete.
+    `TRANSITIONS` is the table of the states, and `limits.check_command` finds faults of
+    commands. All state is discrete.
 
     Args:
-        home: Where the commands begin, shape (N,) [rad or m].
-        limits: Of the joints.
-        config: Whatever the other arguments do not tell.
+        home: Start of the commands, shape (N,) [rad or m].
+        limits: Limits of the joints.
+        config: All other limits and times.
         period: The control period [s].
-        tool: Of the tool, if there are any.
-        touch: Of what the arm feels, if there are any.
+        tool: Limits of the tool, if there are any.
+        touch: Limits of what the arm feels, if there are any.
     """
 
     def __init__(
@@ -243,7 +243,7 @@ class SafetyMonitor(LeafSystem):
     ) -> tuple[StopReason, float]:
         """Return the first reason to stop besides the commands, if any holds now.
 
-        And since when the tool presses [s], as in the memory.
+        The second value is the start of the tool's pressing [s], as in the memory.
         """
         since = memory.pressed_since
         if not -0.5 <= _value(self._estop, context) <= 0.5:
@@ -265,7 +265,7 @@ class SafetyMonitor(LeafSystem):
         return self._touch.fault(q, self._torque.Eval(context), since, time)
 
     def _received(self, memory: Memory, q: Vector) -> tuple[StopReason, Command, Path]:
-        """Return what is wrong with a command; add it to the path if nothing is."""
+        """Return a command's fault; add the command to the path if it has none."""
         path, last = memory.path, memory.command
         fault, command = check_command(q, last, self._limits, self._tool)
         if fault is not StopReason.NONE:
@@ -277,7 +277,7 @@ class SafetyMonitor(LeafSystem):
         return fault, command, path.extended(command.q)
 
     def _moved(self, memory: Memory, context: Context) -> Memory:
-        """Return the memory after a step along the path at the speed allowed."""
+        """Return the memory after a step along the path at the allowed speed."""
         path, rate = memory.path, self._config.speed_override
         if self._override.HasValue(context):
             rate = float(self._override.Eval(context)[0])
@@ -287,7 +287,7 @@ class SafetyMonitor(LeafSystem):
             if taken is not None:
                 return dc.replace(memory, path=taken, rate=1.0)
         if not len(path.ahead) and not path.step.any():
-            return dc.replace(memory, rate=rate)  # it rests at the end of its path
+            return dc.replace(memory, rate=rate)  # the arm rests at the end of its path
         moved = path.advanced(rate, self._limits.bend)
         return dc.replace(memory, path=moved, rate=moved.rate)
 
@@ -324,16 +324,16 @@ def AddSafetyMonitor(
     arm: str = "arm",
     name: str = "safety_monitor",
 ) -> SafetyMonitor:
-    """Add a safety monitor to a diagram; its ports are the caller's to connect.
+    """Add a safety monitor to a diagram; the caller connects its ports.
 
     Args:
-        builder: Of the diagram.
+        builder: Builder of the diagram.
         models_plant: A finalized plant with the arm and its hand.
-        home: Where the commands begin, shape (N,) [rad or m].
+        home: Start of the commands, shape (N,) [rad or m].
         config: The limits.
-        period: Of the arm's driver [s].
+        period: Period of the arm's driver [s].
         arm: Name of the arm's model instance.
-        name: Of the monitor in the diagram.
+        name: Name of the monitor in the diagram.
 
     Raises:
         ValueError: If the limits do not fit the arm, the tool does not exist, or the

@@ -16,7 +16,7 @@ from drake_srg.common.safety_states import (
 )
 from drake_srg.types import Vector
 
-# A rounding error is no acceleration.
+# An acceleration below this is a rounding error.
 _SLACK = 1e-12
 
 
@@ -27,9 +27,9 @@ class Path:
     Distance on the path counts commands: one per control period at full speed.
 
     Attributes:
-        q: Where the point is, shape (N,).
+        q: Position of the point, shape (N,).
         step: Its last step, shape (N,).
-        ahead: The commands that it has not reached, shape (M, N).
+        ahead: The commands that it has not reached yet, shape (M, N).
         passed: Distance of `q` from the command before `ahead`, 0 <= passed < 1.
         tangent: The path's direction at `q`, per command, shape (N,).
     """
@@ -42,7 +42,7 @@ class Path:
 
     @classmethod
     def at_rest(cls, q: Vector) -> Path:
-        """Return a path that ends where it is."""
+        """Return a path that ends at its point."""
         nothing = np.zeros_like(q)
         return cls(q, nothing, np.empty((0, len(q))), 0.0, nothing)
 
@@ -54,13 +54,13 @@ class Path:
 
     @property
     def end(self) -> Vector:
-        """The last command, or where the point is if none is ahead; shape (N,)."""
+        """The last command, or the point if none is ahead, shape (N,)."""
         end: Vector = self.ahead[-1] if len(self.ahead) else self.q
         return end
 
     @property
     def rate(self) -> float:
-        """Speed of the last step, as a share of that of the commands, 0 .. 1."""
+        """Speed of the last step, as a share of the commands' speed, 0 .. 1."""
         commanded = float(np.linalg.norm(self.tangent))
         gone = float(np.linalg.norm(self.step))
         return min(gone / commanded, 1.0) if gone else 0.0
@@ -84,8 +84,8 @@ class Path:
 
         The point goes the distance nearest to `rate` at which no joint's step changes
         by more than `reach`. A path that ends before the point can rest continues
-        straight on. Where it is too crooked to be followed within `reach`, the point
-        leaves it, brakes as hard as it may, and the rest of the path is lost.
+        straight on. If the path is too crooked to follow within `reach`, the point
+        leaves it and brakes as hard as allowed, and the rest of the path is discarded.
 
         Args:
             rate: Distance to go, 0 .. 1.
@@ -103,7 +103,7 @@ class Path:
             u = min(max(rate - start, span[0]), span[1])
             miss = abs(start + u - rate)
             if best is None or miss < best[0]:
-                # Commands are reached exactly, whatever rounding does.
+                # Commands are reached exactly, despite rounding.
                 q = following if u == length else corner + u * direction
                 best = (miss, start + u, q)
         if best is not None:
@@ -178,16 +178,16 @@ class Memory:
     """The memory of a monitor.
 
     Attributes:
-        path: Where the arm is on the path of the commands.
+        path: The arm's place on the path of the commands.
         command: The last command that was accepted.
         state: The state.
-        reason: Why the arm is stopped.
+        reason: The reason of a stop.
         rate: Speed along the path, 0 .. 1.
-        pressed_since: Since when the force is above its quasi-static limit [s];
-            infinite if it is not.
+        pressed_since: Time since which the force has exceeded its quasi-static limit
+            [s]; infinite if it does not.
         release_pressed: Whether `release` was nonzero in the last update.
-        cut: Whether commands are ignored: one of them was at fault, or they do not
-            begin where the arm rests.
+        cut: Whether commands are ignored, because one had a fault or they do not begin
+            at the arm's rest position.
     """
 
     path: Path
@@ -239,11 +239,11 @@ class Memory:
 
     @classmethod
     def of(cls, flat: Vector, ahead: Vector, n: int) -> Memory:
-        """Return the memory that `flat` and the numbers of `path.ahead` make.
+        """Return the memory from `flat` and the numbers of `path.ahead`.
 
         Args:
             flat: From `flat`.
-            ahead: Begins with the numbers of `path.ahead`.
+            ahead: An array that begins with the numbers of `path.ahead`.
             n: Number of joints.
         """
         head, vectors = flat[:_HEAD].tolist(), flat[_HEAD:].copy()

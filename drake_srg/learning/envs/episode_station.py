@@ -1,4 +1,4 @@
-"""A station that is built once and simulates one episode after the other."""
+"""A station that is built once and simulates one episode after another."""
 
 from __future__ import annotations
 
@@ -30,12 +30,12 @@ class SimulationError(Exception):
 
 
 class EpisodeStation:
-    """A station whose object, arm and time are set anew for every episode.
+    """A station with a new object, arm posture and time in every episode.
 
     Only its context changes, so an episode does not depend on those before it.
 
     Args:
-        scenario: With an arm, a gripper and the picked object.
+        scenario: Scenario with an arm, a gripper and the picked object.
 
     Raises:
         ScenarioError: If the models do not fit the scenario.
@@ -54,8 +54,8 @@ class EpisodeStation:
             for name in ("scene_graph", "render_scene_graph")
             if self.station.HasSubsystemNamed(name)
         ]
-        # The scene graphs keep what `SetObject` overwrites: copying their defaults
-        # takes as long as everything else.
+        # The scene graphs are not reset, because `SetObject` overwrites all that
+        # changes. Copying their defaults would take as long as everything else.
         self._reset = [
             (system, system.GetMyMutableContextFromRoot(self.context))
             for system in self.station.GetSystems()
@@ -90,7 +90,7 @@ class EpisodeStation:
 
         Args:
             scene: The object and its place.
-            q: Of the arm's joints, shape (N,), where the arm stays for now.
+            q: Positions of the arm's joints, shape (N,), where the arm stays for now.
         """
         for system, context in self._reset:
             system.SetDefaultContext(context)
@@ -98,7 +98,7 @@ class EpisodeStation:
         self.plant_context.SetStateAndParametersFrom(self._new)
         self.context.SetTime(0.0)
         self._ticks = 0
-        # Without cameras, the second one is not needed.
+        # The second one serves the cameras.
         for scene_graph in self._scene_graphs[: 2 if self.scenario.cameras else 1]:
             SetObject(self.plant, scene_graph, self.context, self._body, scene.object)
         height = self.scenario.table.height
@@ -123,7 +123,7 @@ class EpisodeStation:
             closure: Commanded closure, 0 .. 1.
 
         Raises:
-            SimulationError: If Drake gives up, or the state is not finite any more.
+            SimulationError: If Drake gives up, or the state is no longer finite.
         """
         self._arm_command(q)
         self._closure_command(np.array([closure]))
@@ -154,12 +154,12 @@ class EpisodeStation:
         return self.plant.EvalBodyPoseInWorld(self.plant_context, self._object)
 
     def grasp(self) -> HeldGrasp:
-        """Return how the hand holds the object."""
+        """Return the hand's grasp of the object."""
         return read_grasp(self.station, self.context, self._pick)
 
     def motion(self) -> list[float]:
         """Return position [m] and velocity [m/s] of the object's origin (6)."""
-        # One call, and floats in place of arrays: this is needed every period.
+        # One call, and floats instead of arrays, because this runs every period.
         state = self.plant.GetPositionsAndVelocities(self.plant_context, self._model)
         values: list[float] = state.tolist()
         return values[4:7] + values[10:13]
@@ -173,10 +173,10 @@ _PORTS = ("color_image", "depth_image", "body_pose_in_world")
 
 
 class Sight:
-    """Locates the object of each episode as a cell's localizer does.
+    """Locates the object of each episode with a cell's localizer.
 
     Args:
-        scenario: With the localizer and its cameras.
+        scenario: Scenario with the localizer and its cameras.
     """
 
     def __init__(self, scenario: Scenario) -> None:
@@ -190,7 +190,7 @@ class Sight:
         """Return the pose [x, y, z, yaw] (4) of the object, None if it is not seen.
 
         Args:
-            station: With the cameras, and the object at its place.
+            station: Station with the cameras, and the object at its place.
             scene: The episode's object, whose shape the localizer knows.
         """
         localizer = BlobLocalizer(

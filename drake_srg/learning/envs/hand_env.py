@@ -1,4 +1,4 @@
-"""Base of the environments: keywords, spaces, episodes, images."""
+"""Base class of the environments: keywords, spaces, episodes, images."""
 
 from __future__ import annotations
 
@@ -39,14 +39,14 @@ class HandEnv(HandTask, gymnasium.Env[Any, Any]):
         scenario: Name or path of the scenario: arm, gripper, table and the
             distributions of its one object.
         physics: `train`, `fast` or `accurate`; see `Physics`.
-        driver: Of the gripper: `plant`, `position` or `tendon`.
-        observation: `state` for a vector, `blobs` for the same from where the
-            localizer's cameras see the object at the start, `images` for a dictionary
-            of the state and an image of the localizer's camera, or of the video's where
-            there is none.
+        driver: Driver of the gripper: `plant`, `position` or `tendon`.
+        observation: `state`: a vector. `blobs`: the same, with the object's pose from
+            the localizer's cameras at the start. `images`: a dictionary of the state
+            and an image of the localizer's camera, or of the video camera without a
+            localizer.
         reward: `shaped`, `success`, `lifted`, a measure of the lifted grasp, such as
-            `slip_margin`, or a function; see `drake_srg.learning.envs.rewards`. Where
-            no lift is judged, only `shaped`, `success` or a function.
+            `slip_margin`, or a function; see `drake_srg.learning.envs.rewards`.
+            Environments that judge no lift take only `shaped`, `success` or a function.
         noise: Standard deviation of the object's estimated position [m].
         touch: Whether observations include the fingers' forces; zeros otherwise.
         critic: Whether `info["critic"]` holds the ground truth; see
@@ -64,7 +64,7 @@ class HandEnv(HandTask, gymnasium.Env[Any, Any]):
     }
     # Meaning of the entries of a state, and of an action.
     observation_names: Sequence[str] = ()
-    # Whether an episode ends with a lift and a shake, which some rewards judge.
+    # Whether an episode ends with a lift and a shake, which some rewards need.
     judges_lift: ClassVar[bool] = True
     # Steps of the plant per control period; see `Physics`.
     train_steps: ClassVar[int] = 2
@@ -160,7 +160,7 @@ class HandEnv(HandTask, gymnasium.Env[Any, Any]):
         return {"state": self.state(), "image": self.image(self._camera)}
 
     def info(self, truth: Truth) -> dict[str, Any]:
-        """Return what only the trainer may know."""
+        """Return the ground truth, which only the trainer may use."""
         info: dict[str, Any] = {"success": truth.success, "failure": ""}
         if self.critic:
             info["critic"] = self.critic_observation(truth)
@@ -179,7 +179,7 @@ class HandEnv(HandTask, gymnasium.Env[Any, Any]):
         return np.array(values, dtype=np.float32)
 
     def failed_step(self, error: Exception) -> Step:
-        """Return what a step returns that could not be simulated."""
+        """Return the result of a step that could not be simulated."""
         info: dict[str, Any] = {"success": False, "failure": str(error)}
         if self.critic:
             info["critic"] = np.zeros(7, dtype=np.float32)
@@ -199,7 +199,7 @@ def _box(size: int) -> gymnasium.spaces.Box:
 
 
 def clipped(values: Vector) -> State:
-    """Return the numbers of an observation or action within -1 .. 1."""
+    """Return the numbers of an observation or action, clipped to -1 .. 1."""
     return np.clip(values, -1.0, 1.0).astype(np.float32)
 
 

@@ -1,7 +1,7 @@
-"""A hand that points down and one object, as all environments simulate them.
+"""The hand that points down and the object of all environments.
 
-A pose is [x, y, z, yaw] of the frame `grasp_center` in world [m, rad]; the yaw is 0
-where the hand closes along the world's y.
+A pose is [x, y, z, yaw] of the frame `grasp_center` in world [m, rad]; the yaw is 0 if
+the hand closes along the world's y.
 """
 
 from __future__ import annotations
@@ -60,7 +60,7 @@ def MakeMover(plant: MultibodyPlant, home: Vector) -> Mover:
 
 
 def joints_at(mover: Mover, home: Vector, pose: Vector) -> Vector:
-    """Return joint positions (N) at a pose (4), found from home.
+    """Return joint positions (N) at a pose (4), searched from home.
 
     Raises:
         ScenarioError: If the hand does not reach it.
@@ -77,7 +77,7 @@ def joints_at(mover: Mover, home: Vector, pose: Vector) -> Vector:
 
 
 class Gantry:
-    """Joints x, y, z and yaw, each of which is one of the pose's numbers."""
+    """A gantry whose joints x, y, z and yaw are the numbers of the pose."""
 
     def __init__(self, plant: MultibodyPlant) -> None:
         arm = plant.GetModelInstanceByName("arm")
@@ -99,12 +99,12 @@ class Gantry:
 class Wrist:
     """An arm of six joints or more, by damped least squares.
 
-    Every call is one step of Newton's method; a hand that moves by centimetres a call
-    is followed within a tenth of a millimetre.
+    Every call is one step of Newton's method. If the pose moves by centimetres per
+    call, the hand follows it within a tenth of a millimetre.
     """
 
-    # Damping of the pseudoinverse [m, rad]: at the kitchen's postures it changes a step
-    # by less than 1 %, and near singular ones it keeps the joints slow.
+    # Damping of the pseudoinverse [m, rad]: at the kitchen's postures, it changes a
+    # step by less than 1 %; near singular ones, it keeps the joints slow.
     _DAMPING = 0.02
 
     def __init__(self, plant: MultibodyPlant) -> None:
@@ -147,7 +147,7 @@ class Wrist:
 
 
 def _cross(a: Vector, b: Vector) -> Vector:
-    # For so few numbers, a tenth of the time of numpy.cross.
+    # For so few numbers, this takes a tenth of the time of numpy.cross.
     return np.array(
         [
             a[1] * b[2] - a[2] * b[1],
@@ -161,13 +161,13 @@ def _cross(a: Vector, b: Vector) -> Vector:
 # about 0.7 g together, at 2 Hz for 1.5 s from rest to rest.
 SHAKE = (np.array([6.0, 6.0, 0.0, 0.0]), 2.0, 1.5)
 # An object is lost this far outside the hand's workspace [m], or at this speed [m/s],
-# which is far above the hand's own. A small object that is flung away and spins needs
-# shorter steps than one that is carried.
+# which far exceeds the hand's own. A small object that is flung away and spins would
+# need shorter steps than a carried one.
 _AWAY, _FLYING = 0.15, 1.5
 
 
 class ObjectLostError(Exception):
-    """The object flies or has left the place: the episode cannot succeed any more."""
+    """The object flies or has left the workspace; the episode can no longer succeed."""
 
 
 class HandTask:
@@ -177,15 +177,15 @@ class HandTask:
         places: Whether the hand must also reach `task.place.position`.
 
     Args:
-        tree: Of the scenario, with the physics of an environment.
+        tree: Tree of the scenario, with the physics of an environment.
         origin: The scenario's name, for error messages.
         noise: Standard deviation of the object's estimated position [m].
         cameras: Names of the cameras to build.
-        sees: Whether the object's place is estimated from the localizer's cameras
-            instead of from the truth and noise.
+        sees: Whether the estimate of the object's place comes from the localizer's
+            cameras instead of the truth with noise.
 
     Raises:
-        ScenarioError: If the scenario does not suit.
+        ScenarioError: If the scenario does not suit the task.
     """
 
     places: ClassVar[bool] = False
@@ -229,13 +229,13 @@ class HandTask:
         return self._scene
 
     def joints_at(self, pose: Vector) -> Vector:
-        """Return joint positions at a pose, found from home."""
+        """Return joint positions at a pose, searched from home."""
         return joints_at(self.mover, self._home, pose)
 
     def look(self, scene: Scene) -> None:
         """Estimate an object's place from the cameras' images, with the arm at home.
 
-        An object that is not seen is expected in the middle of the region.
+        The estimate of an unseen object is the middle of the region.
         """
         if self._sight is None:
             return
@@ -265,7 +265,7 @@ class HandTask:
 
         Raises:
             SimulationError: If Drake gives up.
-            ObjectLostError: If nothing can become of the episode any more.
+            ObjectLostError: If the episode can no longer succeed.
         """
         self.pose, self.closure = pose, closure
         self.q_commanded = self.mover.follow(self.q_commanded, pose)
@@ -312,7 +312,7 @@ class HandTask:
         return self.mover.pose(state[: len(self._home)])
 
     def height(self) -> float:
-        """Return how high the object's lowest point truly is above the table [m]."""
+        """Return the true height of the object's lowest point above the table [m]."""
         X_WO = self.station.X_WO()
         down = -X_WO.rotation().matrix()[2]
         half = self.scene.shape.half_extent(down)
@@ -345,7 +345,7 @@ class HandTask:
 
 
 def _for_episodes(scenario: Scenario, cameras: Sequence[str]) -> Scenario:
-    """Return a scenario without what episodes do not need."""
+    """Return a scenario without parts that episodes do not need."""
     for name in cameras:
         if name not in scenario.cameras:
             raise ScenarioError(f"cameras: {name!r} is missing, to render images")

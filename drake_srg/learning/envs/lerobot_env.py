@@ -1,9 +1,9 @@
-"""Our environments as LeRobot evaluates policies in them (docs/policies.md).
+"""Our environments with LeRobot's interface (docs/policies.md).
 
 LeRobot wants observations in a dictionary of `agent_pos`, `environment_state` and
-`pixels`, the success of an episode as `info["is_success"]`, and three attributes. It
-gets environments from `make_env`, the function that its EnvHub looks for
-(https://huggingface.co/docs/lerobot/envhub). Nothing here imports LeRobot.
+`pixels`, the success of an episode as `info["is_success"]`, and three attributes. Its
+EnvHub calls `make_env` (https://huggingface.co/docs/lerobot/envhub). Nothing here
+imports LeRobot.
 """
 
 from __future__ import annotations
@@ -35,13 +35,13 @@ Values = dict[str, npt.NDArray[Any]]
 class LeRobotEnv(gymnasium.Wrapper[Any, Any, Any, Any]):
     """An environment of ours with LeRobot's names.
 
-    Its observation is a dictionary: `agent_pos`, what the robot measures of itself,
-    unless that is nothing; `environment_state`, the entries about the object; and
-    `pixels`, the image of `observation="images"`.
+    Its observation is a dictionary: `agent_pos`, the robot's measurements of itself, if
+    there are any; `environment_state`, the entries about the object; and `pixels`, the
+    image with `observation="images"`.
 
     Args:
-        name: Of the environment, such as `Pick-v0`.
-        keywords: Of the environment; see `HandEnv`.
+        name: Name of the environment, such as `Pick-v0`.
+        keywords: Keyword arguments of the environment; see `HandEnv`.
 
     Raises:
         ScenarioError: If the name or a keyword is wrong.
@@ -55,7 +55,7 @@ class LeRobotEnv(gymnasium.Wrapper[Any, Any, Any, Any]):
         self.task, self.task_description = name, _TASKS[name]
         inner = env.unwrapped
         assert isinstance(inner, HandEnv)
-        # The name by which LeRobot asks for it.
+        # LeRobot reads this name.
         self._max_episode_steps = int(getattr(inner, "max_steps", 1))
         own = [entry.startswith(_OWN) for entry in inner.observation_names]
         self._parts = {"agent_pos": np.array(own), "environment_state": ~np.array(own)}
@@ -98,7 +98,7 @@ class LeRobotEnv(gymnasium.Wrapper[Any, Any, Any, Any]):
 
 
 def _plain(info: dict[str, Any]) -> dict[str, Any]:
-    """Return what vector environments can collect: one type per entry, no words."""
+    """Return the entries that vector environments can collect: numbers of one type."""
     return {"is_success": bool(info["success"])}
 
 
@@ -115,17 +115,17 @@ def make_env(
     Args:
         n_envs: Number of copies.
         use_async_envs: Whether each copy has a process of its own.
-        cfg: LeRobot's configuration, if there is one: its `task` names the environment
-            and its `keywords`, if it has any, are added.
-        name: Of the environment, where no `task` says otherwise.
-        keywords: Of the environment; see `HandEnv`.
+        cfg: LeRobot's configuration, if any: its `task` names the environment, and its
+            `keywords`, if any, are added.
+        name: Name of the environment if there is no `task`.
+        keywords: Keyword arguments of the environment; see `HandEnv`.
 
     Returns:
         The vector environment by suite and number of the task.
 
     Raises:
         ScenarioError: If the name or a keyword is wrong.
-        ValueError: If there is no copy to make.
+        ValueError: If `n_envs` is less than 1.
     """
     if n_envs < 1:
         raise ValueError(f"n_envs: must be at least 1, got {n_envs}")
@@ -135,7 +135,7 @@ def make_env(
     # LeRobot reads the success of an episode from `final_info`.
     mode = AutoresetMode.SAME_STEP
     if use_async_envs and n_envs > 1:
-        make()  # mistakes show here, not in the workers
+        make()  # fails here on mistakes, not in the workers
         # Threads of the renderer would not survive a fork.
         vector: VectorEnv[Any, Any, Any] = AsyncVectorEnv(
             [make] * n_envs, context="spawn", autoreset_mode=mode

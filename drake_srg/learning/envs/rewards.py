@@ -22,14 +22,14 @@ class Truth:
 
     Attributes:
         reach: Distance of the hand's grasp centre from the object's centre [m].
-        height: Of the object's underside above the table [m].
+        height: Height of the object's underside above the table [m].
         touching: Share of the fingers that touch something, 0 .. 1.
-        progress: How near the task is to being done, 0 .. 1.
+        progress: Progress of the task, 0 .. 1.
         success: Whether the task is done.
-        lost: Whether the episode cannot succeed any more.
+        lost: Whether the episode can no longer succeed.
         scene: The episode's object.
-        grasp: How the lifted hand held it, before the shake; None if it did not.
-        station: For rewards that look at contacts; its state is the present one.
+        grasp: The grasp by the lifted hand, before the shake; None without one.
+        station: The station in its present state, for rewards that use contacts.
     """
 
     reach: float
@@ -44,7 +44,7 @@ class Truth:
 
 
 def pick_progress(reach: float, touching: float, height: float) -> float:
-    """Return how near an object is to being lifted, 0 .. 1; see `Truth`."""
+    """Return the progress of lifting an object, 0 .. 1; see `Truth`."""
     near = 1.0 - np.tanh(10.0 * reach)
     lifted = min(max(height / LIFTED, 0.0), 1.0)
     return float(0.3 * near + 0.2 * touching + 0.5 * lifted)
@@ -64,24 +64,24 @@ def success_reward(before: Truth | None, after: Truth) -> float:
 def shaped_reward(before: Truth | None, after: Truth) -> float:
     """Return 1 for success, plus the progress made.
 
-    What is lost again is taken back, as with a potential (A. Y. Ng, D. Harada,
-    S. Russell, ICML 1999). What has been reached when an episode ends is kept, so this
-    potential does not leave the best policy exactly as it is.
+    Lost progress is subtracted again, as with a potential (A. Y. Ng, D. Harada, S.
+    Russell, ICML 1999). Progress at the end of an episode is kept, so this potential
+    may change the best policy.
     """
     start = before.progress if before is not None else 0.0
     return float(after.success) + after.progress - start
 
 
 def lifted_reward(before: Truth | None, after: Truth) -> float:
-    """Return 1 if the hand lifted the object, whatever the shake did, else 0."""
+    """Return 1 if the hand lifted the object, even if the shake failed, else 0."""
     del before
     return float(after.grasp is not None)
 
 
 # Values with reward 0.5: medians of 200 grasps of the hand-written rule on the
-# training seeds of run 999; None if a measure is within 0 .. 1. From the patches'
-# centers alone, four of five grasps that hold have epsilon and volume 0, so those two
-# are no rewards.
+# training seeds of run 999; None if a measure is within 0 .. 1. With only the patches'
+# centers, four of five grasps that hold have epsilon and volume 0, so those two
+# measures are no rewards.
 _TYPICAL: Mapping[str, float | None] = {
     "force closure": None,
     "epsilon, patches": 0.12,
@@ -97,8 +97,8 @@ _TYPICAL: Mapping[str, float | None] = {
 def measure_reward(name: str) -> Reward:
     """Return the reward that a measure of the lifted grasp gives, 0 .. 1.
 
-    A measure m gives m / (m + its typical value), which keeps the order and bounds what
-    has no bound. An object that was not lifted gives 0. The shake does not count.
+    A measure m gives m / (m + its typical value), which keeps the order and is bounded.
+    An object that was not lifted gives 0. The shake does not count.
 
     Args:
         name: One of `MEASURES` with a typical value.
@@ -115,7 +115,7 @@ def measure_reward(name: str) -> Reward:
     return reward
 
 
-# Those that need no lift to judge.
+# Rewards that need no lift.
 STEP_REWARDS: Mapping[str, Reward] = {
     "shaped": shaped_reward,
     "success": success_reward,

@@ -26,9 +26,9 @@ from drake_srg.scenario.load import load_tree, override_tree
 from drake_srg.scenario.typed_yaml import load_typed, merge
 from drake_srg.types import Cylinder, Shape, Vector
 
-# The region of the objects and this around it, up to this height [m].
+# Margin around the region of the objects, and greatest height of the workspace [m].
 _MARGIN, _HIGHEST = 0.08, 0.3
-# Height at the start of an episode, of the grasp centre above the table [m]: 5 cm over
+# Height of the grasp centre above the table at the start of an episode [m]: 5 cm above
 # the tallest object.
 START_HEIGHT = 0.17
 # The open fingers' ends are 20 mm beyond the grasp centre [m].
@@ -55,7 +55,7 @@ class Workspace:
         """Return the workspace of a scenario's hand.
 
         Args:
-            scenario: With `task.region`.
+            scenario: Scenario with `task.region`.
             goal: Whether `task.place.position` belongs to it.
         """
         table = scenario.table.height
@@ -70,7 +70,7 @@ class Workspace:
         )
 
     def within(self, pose: Vector) -> Vector:
-        """Return the pose (4) nearest to one that the hand may go to."""
+        """Return the pose (4) within the bounds that is nearest to a given one."""
         yaw = np.clip(pose[3], -_MOST_YAW, _MOST_YAW)
         return np.append(np.clip(pose[:3], self.low, self.high), yaw)
 
@@ -123,7 +123,7 @@ DRIVER_TAGS: dict[str, str] = {name: own["_tag"] for name, own in _DRIVERS.items
 DRIVERS = tuple(_DRIVERS)
 
 # Steps of the plant per control period: 23, 3 and 1.5 ms. Coarse steps of 12 ms cost
-# half as much again; see docs/learning.md for what 23 ms change.
+# 1.5 times as much; docs/learning.md has the effect of 23 ms.
 _COARSE, _FINE, _FINEST = 2, 16, 32
 
 
@@ -137,9 +137,10 @@ class Physics:
             steps that divide the control period; `accurate`: `sap` in steps of 1.5 ms,
             and the hand's fine geometry. The wires of `tendon` need a discrete plant:
             there, `train` is `lagged` in steps of 3 ms.
-        driver: Of the gripper: `plant`, `position` or `tendon`.
-        train_steps: Steps per control period of `train` with a continuous plant: 2; an
-            object that is set down needs 4, or it bounces and falls over.
+        driver: Driver of the gripper: `plant`, `position` or `tendon`.
+        train_steps: Steps per control period of `train` with a continuous plant. The
+            default is 2; an object that is set down needs 4, or it bounces and falls
+            over.
     """
 
     name: str = "train"
@@ -160,8 +161,8 @@ class Physics:
             overrides: Entries `KEY=VALUE`, as for `load_scenario`.
 
         Raises:
-            ScenarioError: If the scenario cannot be read, has no arm or gripper, or
-                an override changes what the physics or the driver decides.
+            ScenarioError: If the scenario cannot be read, has no arm or gripper, or an
+                override changes a key that the physics or the driver sets.
         """
         if isinstance(overrides, str):
             raise ScenarioError(
@@ -180,7 +181,7 @@ class Physics:
             "command_period": CONTROL_PERIOD,
             "weightless": self.name == "train",
         }
-        # CENIC needs such periods; nothing is recorded.
+        # CENIC needs periods like these, although nothing is recorded.
         changes["recording"] = {"period": CONTROL_PERIOD, "video_fps": 16}
         if self.name == "accurate":
             hand = "package://drake_srg/sdf/srg.sdf"
@@ -193,7 +194,7 @@ class Physics:
         return tree
 
     def _check_effect(self, tree: dict[str, Any], overrides: Iterable[str]) -> None:
-        """Check that no override is one of what the physics or the driver decides.
+        """Check that no override changes a key that the physics or the driver sets.
 
         Raises:
             ScenarioError: If one is.
@@ -209,7 +210,7 @@ class Physics:
                 )
 
     def _plant(self, own_step: float) -> dict[str, Any]:
-        """Return what becomes of a scenario's plant and simulator.
+        """Return the changes to a scenario's plant and simulator.
 
         Args:
             own_step: The scenario's own time step [s], 0 for a continuous plant.
@@ -265,7 +266,7 @@ class Scene:
     Attributes:
         object: The object, with a position.
         shape: Its shape.
-        estimate_error: Estimated less true position, x and y [m], shape (2,).
+        estimate_error: Estimated minus true position, x and y [m], shape (2,).
         tree: The scene as plain data, for `options={"scene": ...}`.
     """
 
@@ -291,7 +292,7 @@ class SceneSource:
     The object is one of `objects`, or the only one of `clutter`, whose kind is drawn.
 
     Args:
-        tree: Of the scenario; see `load_tree`.
+        tree: Tree of the scenario; see `load_tree`.
         origin: The scenario's name, for error messages.
         noise: Standard deviation of the estimated position, in x and in y [m].
 
@@ -387,7 +388,7 @@ class Kind:
     """An object's entry of a scenario, read once and drawn often.
 
     Args:
-        tree: Of the entry.
+        tree: Tree of the entry.
         origin: The scenario's name, for error messages.
         name: The kind's.
 
@@ -425,7 +426,7 @@ class Kind:
 def _leaves(
     tree: Mapping[str, Any], path: tuple[str, ...] = ()
 ) -> Iterator[tuple[tuple[str, ...], Any]]:
-    """Yield what is not a plain mapping, with its path."""
+    """Yield everything that is not a plain mapping, with its path."""
     for key, value in tree.items():
         if isinstance(value, Mapping) and not is_distribution(value):
             yield from _leaves(value, (*path, key))

@@ -17,7 +17,7 @@ from drake_srg.types import Cylinder, Shape, Vector
 
 # Control periods of each part of the grasp: 0.75 s down, 0.75 s to close, 0.56 s up.
 DOWN, CLOSE, UP = 16, 16, 12
-REACH = 0.04  # around the estimated position [m]
+REACH = 0.04  # largest distance from the estimated position [m]
 HEIGHTS = (LOWEST, 0.115)  # of the grasp centre above the table [m]
 MOST_PRESHAPE = 0.45
 _ACROSS = np.deg2rad(80.0)
@@ -32,7 +32,7 @@ class Grasp:
         at: Pose at which it closes.
         up: Pose to which it lifts.
         preshape: Closure on the way down, 0 .. 1.
-        closure: Of the grasp.
+        closure: Closure of the grasp.
     """
 
     over: Vector
@@ -43,11 +43,11 @@ class Grasp:
 
 
 def grasp_of(action: Any, estimate: Vector, table: float) -> Grasp:
-    """Return the grasp that an action of `GraspOneShotEnv` stands for.
+    """Return the grasp of an action of `GraspOneShotEnv`.
 
     Args:
         action: Shape (6,).
-        estimate: Of the object, [x, y, z, yaw], shape (4,) [m, rad].
+        estimate: Estimate of the object, [x, y, z, yaw], shape (4,) [m, rad].
         table: Height of the table [m].
     """
     a = np.clip(np.asarray(action, dtype=float), -1.0, 1.0)
@@ -66,21 +66,22 @@ def grasp_of(action: Any, estimate: Vector, table: float) -> Grasp:
 def action_of(
     at: Vector, preshape: float, closure: float, estimate: Vector, table: float
 ) -> State:
-    """Return the action that stands for a grasp: the inverse of `grasp_of`.
+    """Return the action of a grasp: the inverse of `grasp_of`.
 
-    The hand looks the same after half a turn, so every yaw has an action. Entries
-    beyond -1 .. 1 say that the environment does not know the grasp.
+    The hand looks the same after half a turn, so every yaw has an action. An entry
+    beyond -1 .. 1 means that the grasp is outside the environment's range.
 
     Args:
         at: Pose at which the hand closes, [x, y, z, yaw], shape (4,) [m, rad].
         preshape: Closure on the way there, 0 .. 1.
-        closure: Of the grasp.
-        estimate: Of the object, [x, y, z, yaw], shape (4,) [m, rad].
+        closure: Closure of the grasp.
+        estimate: Estimate of the object, [x, y, z, yaw], shape (4,) [m, rad].
         table: Height of the table [m].
     """
     low, high = HEIGHTS
     turn = (at[3] - estimate[3] + 0.5 * np.pi) % np.pi - 0.5 * np.pi
-    # One sign for grasps across: half a turn apart, their mean would be along.
+    # Grasps across get one sign: two that are half a turn apart would average to one
+    # along.
     turn = turn + np.pi if turn < -_ACROSS else turn
     values = [
         *((at[:2] - estimate[:2]) / REACH),
@@ -153,16 +154,16 @@ def pick_state(
     closure: float,
     elapsed: float,
 ) -> State:
-    """Return the observation of `PickEnv` from what is sensed.
+    """Return the observation of `PickEnv` from measurements.
 
     Args:
-        hand: Its pose, [x, y, z, yaw], shape (4,) [m, rad].
-        estimate: The object's, shape (4,).
-        shape: Of the object.
+        hand: Pose of the hand, [x, y, z, yaw], shape (4,) [m, rad].
+        estimate: Estimate of the object's pose, shape (4,).
+        shape: Shape of the object.
         table: Height of the table [m].
         fingers: Positions and velocities of the joints, shape (8,) [rad, rad/s].
-        force: Of the finger links, shape (4,) [N].
-        closure: As commanded, 0 .. 1.
+        force: Force of the finger links, shape (4,) [N].
+        closure: Commanded closure, 0 .. 1.
         elapsed: Share of the longest episode that is over, 0 .. 1.
     """
     turn = 2.0 * (estimate[3] - hand[3])
@@ -188,7 +189,7 @@ class PickEnv(HandEnv):
 
     Action: motion of the hand along x, y, z (1 is 2 cm) and about the vertical (1 is
     0.1 rad), and the closure (-1 open .. 1 closed). Once the object's underside is
-    10 cm up, the hand shakes it: the episode ends, in success if the object stays up.
+    10 cm up, the hand shakes it: the episode ends, and succeeds if the object stays up.
     """
 
     max_steps: ClassVar[int] = MAX_STEPS
@@ -209,7 +210,7 @@ class PickEnv(HandEnv):
         self._truth = self.truth()
 
     def state(self) -> State:
-        """Return what the hand senses, and the object as it was estimated."""
+        """Return the hand's measurements, and the estimate of the object."""
         force = self.station.measured("gripper.contact_force")
         return pick_state(
             self.hand(),
@@ -253,12 +254,12 @@ class PickEnv(HandEnv):
         return True
 
 
-# The object stands at its goal for so many control periods: within this distance [m],
-# this far from the table [m], upright by the cosine of its lean, and touched by no
-# finger. In the long steps of `train`, a standing object never comes to rest: it
-# bounces by millimetres.
+# Success: for `_STANDS` control periods, the object is within `_TOLERANCE` of its goal
+# [m] and within `_LIFT` of the table [m], its lean has at least the cosine `_UPRIGHT`,
+# and no finger touches it. In the long steps of `train`, a standing object never comes
+# to rest, but bounces by millimetres.
 _STANDS, _TOLERANCE, _LIFT, _UPRIGHT = 8, 0.02, 0.01, np.cos(np.deg2rad(15.0))
-_FAR = 0.6  # what the goal's entries of the observation are 1 for [m]
+_FAR = 0.6  # value of the goal's entries of the observation that scales to 1 [m]
 
 
 class PickPlaceEnv(PickEnv):
@@ -276,14 +277,14 @@ class PickPlaceEnv(PickEnv):
     observation_names = (*PickEnv.observation_names, "goal_x", "goal_y")
 
     def state(self) -> State:
-        """Return what the hand senses, and the object as it was estimated."""
+        """Return the hand's measurements, and the estimate of the object."""
         goal = clipped((self.goal - self.hand()[:2]) / _FAR)
         return np.concatenate([super().state(), goal])
 
     def truth(self) -> Truth:
         """Return the present ground truth.
 
-        Half of the progress is that towards the goal.
+        Half of the progress measures the way to the goal.
         """
         truth = super().truth()
         away = np.linalg.norm(truth.station.X_WO().translation()[:2] - self.goal)

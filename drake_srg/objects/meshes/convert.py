@@ -53,7 +53,7 @@ class Part:
         low: Least coordinates in L [m].
         high: Greatest coordinates in L [m].
         source: The geometry, for its contact properties.
-        fit: How well pieces stand for their mesh; None for a primitive.
+        fit: Fit of the pieces to their mesh; None for a primitive.
         cut: Whether CoACD made them.
     """
 
@@ -71,7 +71,7 @@ class MeshReader:
     """Reads each mesh of an object once.
 
     Args:
-        warnings: Receives what is mended.
+        warnings: Receives the mended defects.
     """
 
     def __init__(self, warnings: list[str]) -> None:
@@ -114,7 +114,7 @@ def part_of(geometry: Geometry, reader: MeshReader, most: int) -> Part:
 
     Args:
         geometry: The geometry.
-        reader: Of its meshes.
+        reader: Reader of its meshes.
         most: Greatest number of pieces per mesh.
     """
     if isinstance(geometry.shape, MeshFile):
@@ -182,13 +182,13 @@ def unit_density(shape: Shape) -> SpatialInertia:
 
 
 REPORT, MODEL = "import.json", "model.sdf"
-DENSITY = 500.0  # where no mass is known: packed food, half as dense as water [kg/m³]
+DENSITY = 500.0  # of objects without a mass, as of packed food [kg/m³]
 _GREY = (0.7, 0.7, 0.7)
 # Moments of inertia that differ from the geometry's by more than this factor are
 # placeholders.
 _PLAUSIBLE = 5.0
-_CREASE = 0.7  # edges of larger angles look sharp [rad]
-# Advice where more pieces would not help.
+_CREASE = 0.7  # edges with larger angles look sharp [rad]
+# Advice if more pieces would not help.
 _ROUND = (
     f"each piece has {MOST_CORNERS} corners at most; a sphere or a cylinder of an SDF "
     "is exact"
@@ -202,13 +202,13 @@ class Report:
 
     Attributes:
         size: Extents of the pieces along x, y, z [m].
-        mass: Of the model [kg].
-        volume: Of its meshes, or of the pieces of open ones [m³].
+        mass: Mass of the model [kg].
+        volume: Volume of its meshes, or of the pieces of open ones [m³].
         pieces: Number of collision geometries.
         cut: Whether CoACD made some of them.
-        excess: How far pieces stand out of their mesh [m].
-        gap: How far meshes stand out of their pieces [m].
-        warnings: What was mended or assumed.
+        excess: Largest distance of the pieces' surface outside their mesh [m].
+        gap: Largest distance of the meshes outside their pieces [m].
+        warnings: Defects that were mended, and assumptions.
     """
 
     size: list[float]
@@ -230,7 +230,7 @@ def convert(contents: Contents, most: int, folder: Path) -> None:
     """Write model, meshes and report of an object into a folder.
 
     Args:
-        contents: Of the object's file.
+        contents: Contents of the object's file.
         most: Greatest number of pieces per mesh.
         folder: An empty folder.
 
@@ -301,9 +301,9 @@ def convert(contents: Contents, most: int, folder: Path) -> None:
 def _origin(
     parts: Sequence[Part], low: Vector, high: Vector, warnings: list[str]
 ) -> Vector:
-    """Return where the object's origin is in the link, p_LO (3,) [m].
+    """Return the object's origin in the link, p_LO (3,) [m].
 
-    It is in the middle of a single primitive, and otherwise underneath the object.
+    It is in the middle of a single primitive, otherwise underneath the object.
     """
     if len(parts) == 1 and not isinstance(parts[0].shapes[0], np.ndarray):
         X_LG = parts[0].X_LG
@@ -328,10 +328,10 @@ def _inertia(
     """Return the spatial inertia of the link about its origin.
 
     Args:
-        contents: Of the file, which may have one.
-        volume: That of the geometry at 1 kg/m³.
+        contents: Contents of the file, which may have one.
+        volume: Inertia of the geometry at 1 kg/m³.
         bounds: Least and greatest coordinates of the geometry.
-        warnings: Receives what is replaced or assumed.
+        warnings: Receives replacements and assumptions.
     """
     mass = contents.mass
     if mass is None:
@@ -379,10 +379,10 @@ def AddVisuals(
 
     Args:
         link: The element.
-        contents: Of the link.
-        reader: Of its meshes.
+        contents: Contents of the link.
+        reader: Reader of its meshes.
         p_LO: The element's origin in the link [m], shape (3,).
-        folder: For the meshes.
+        folder: Folder for the meshes.
         name: Start of the names of visuals and files.
     """
     count = 0

@@ -46,9 +46,9 @@ class Geometry:
     Attributes:
         shape: A primitive, centred on its frame G, or a mesh.
         X_LG: Pose of G in the link [m].
-        color: Of a visual; None: the mesh's own.
+        color: Colour of a visual; None: the mesh's own.
         contact: Drake's contact properties as in an SDF, if the file has them.
-        friction: Static and dynamic, if an SDF says them for its surface.
+        friction: Static and dynamic friction, if an SDF has them for its surface.
     """
 
     shape: Shape | MeshFile
@@ -64,11 +64,11 @@ class Contents:
 
     Attributes:
         path: The file.
-        visuals: What cameras see.
-        collisions: What is touched.
-        inertia: M_LLo_L as the file says; None: the file does not.
-        mass: As the file says [kg]; None: the file does not.
-        warnings: What was mended while reading.
+        visuals: Geometry that cameras see.
+        collisions: Geometry that contact uses.
+        inertia: M_LLo_L of the file; None if it has none.
+        mass: Mass of the file [kg]; None if it has none.
+        warnings: Defects that were mended while reading.
     """
 
     path: Path
@@ -87,7 +87,7 @@ class Contents:
 
 # Extents of an object [m]: the smallest that contact resolves, and the kitchen's table.
 SMALLEST, LARGEST = 0.003, 1.6
-# glTF is white unless it says otherwise. Its y points up, and the front is z.
+# glTF is white by default. Its y points up, and the front is z.
 _DEFAULTS: dict[str, Color] = {".glb": (1.0, 1.0, 1.0), ".gltf": (1.0, 1.0, 1.0)}
 _R_UP = RotationMatrix.MakeXRotation(np.pi / 2).matrix()
 
@@ -98,7 +98,7 @@ class ReadMesh:
 
     Attributes:
         solid: All of it, in one mesh.
-        surfaces: The same triangles by colour; None: the file has none.
+        surfaces: The same triangles by colour; None if the file has no colours.
     """
 
     solid: TriangleMesh
@@ -111,7 +111,7 @@ def require_trimesh() -> ModuleType:
     Raises:
         ImportError: If it is missing; the message says how to install it.
     """
-    # Errors and warnings report what it would log.
+    # Our errors and warnings report the content of its log.
     logging.getLogger("trimesh").setLevel(logging.CRITICAL)
     return require("trimesh", "import", "Reading a mesh needs")
 
@@ -119,13 +119,13 @@ def require_trimesh() -> ModuleType:
 def read_mesh(file: MeshFile, warnings: list[str]) -> ReadMesh:
     """Read the mesh of a file.
 
-    Vertices that coincide are merged, also across materials, and what is inside out is
-    turned. Only meshes that are closed in themselves, such as the pieces of another
-    program, stay apart.
+    Coinciding vertices are merged, even across materials, and parts that are inside out
+    are turned. Only closed meshes, such as the pieces of another program, stay
+    separate.
 
     Args:
         file: The file, and metres per unit.
-        warnings: Receives what was mended.
+        warnings: Receives the mended defects.
 
     Raises:
         ScenarioError: If it is not a mesh, or a broken one.
@@ -141,7 +141,7 @@ def read_mesh(file: MeshFile, warnings: list[str]) -> ReadMesh:
             pieces = [_piece(mesh, source, scale) for mesh in found]
     except ScenarioError:
         raise
-    except Exception as error:  # trimesh's readers raise whatever they meet
+    except Exception as error:  # trimesh's readers may raise anything
         reason = one_line(error) or type(error).__name__
         raise ScenarioError(f"{path}: cannot be read as a mesh: {reason}") from None
     if not found:
@@ -152,7 +152,7 @@ def read_mesh(file: MeshFile, warnings: list[str]) -> ReadMesh:
     if source.missing:
         names = ", ".join(dict.fromkeys(source.missing))
         warnings.append(f"does not exist, so its colour is lost: {names}")
-    cleaned.sort(key=lambda piece: piece[0].is_watertight)  # as `_joined` orders them
+    cleaned.sort(key=lambda piece: piece[0].is_watertight)  # in the order of `_joined`
     solid = _joined([mesh for mesh, _ in cleaned])
     low, high = solid.bounds
     check_size(path, low, high, file)
@@ -211,7 +211,7 @@ def _piece(mesh: TriangleMesh, source: MeshSource, scale: Vector) -> TriangleMes
 
 
 def _joined(pieces: list[TriangleMesh]) -> TriangleMesh:
-    """Return meshes as one; those that are open share the vertices that coincide."""
+    """Return meshes as one; open ones share coinciding vertices."""
     trimesh = require_trimesh()
     opened = trimesh.util.concatenate([p for p in pieces if not p.is_watertight])
     if not opened:
@@ -232,7 +232,7 @@ def check_size(
         mesh: The mesh that has this extent; None for all of a URDF or SDF.
 
     Raises:
-        ScenarioError: If an object cannot be as large, small or flat.
+        ScenarioError: If the extent is too large, too small or too flat.
     """
     size = high - low
     text = " x ".join(f"{side:.4g}" for side in size)
@@ -327,7 +327,7 @@ def _color(mesh: TriangleMesh) -> Color | None:
         if not getattr(visual, "defined", False):
             return None
         rgb = np.asarray(visual.main_color, float)[:3] / 255.0
-    elif hasattr(material, "baseColorFactor"):  # glTF: white unless it says otherwise
+    elif hasattr(material, "baseColorFactor"):  # glTF: white by default
         factor, image = material.baseColorFactor, material.baseColorTexture
         rgb = np.ones(3) if factor is None else np.asarray(factor, float)[:3] / 255.0
         rgb = rgb if image is None else rgb * _mean_color(image)

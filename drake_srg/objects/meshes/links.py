@@ -33,7 +33,7 @@ def read_xml(path: Path, warnings: list[str]) -> ET.Element:
 
     Args:
         path: The file.
-        warnings: Receives what was mended: an invalid header is left out.
+        warnings: Receives the mended defects: an invalid header is removed.
 
     Raises:
         ScenarioError: If it cannot be read, or is an input of xacro.
@@ -54,7 +54,7 @@ def read_xml(path: Path, warnings: list[str]) -> ET.Element:
     steps = [-1 if end else int(not alone) for end, alone in tags]
     if max(itertools.accumulate(steps), default=0) > _DEEPEST:
         raise ScenarioError(f"{path}: is nested more than {_DEEPEST} elements deep")
-    # Drake reads prefixes that nothing declares.
+    # Drake reads undeclared prefixes.
     prefixes = set(re.findall(r"</?([A-Za-z_][\w.-]*):", text))
     prefixes |= set(re.findall(r"""\s([A-Za-z_][\w.-]*):[\w.-]+\s*=\s*["']""", text))
     prefixes -= {"xml", "xmlns"}
@@ -75,9 +75,9 @@ def read_xml(path: Path, warnings: list[str]) -> ET.Element:
 
 
 def is_complete(path: Path, root: ET.Element) -> bool:
-    """Return whether Drake can take a tree as it is, as an object.
+    """Return whether Drake can read a tree unchanged, as an object.
 
-    It can if it is an SDF with a possible inertia and convex pieces to touch.
+    It can if the tree is an SDF with a possible inertia and convex collision pieces.
 
     Args:
         path: The tree's file.
@@ -106,7 +106,7 @@ def read_link(path: Path) -> Contents:
     """Read a URDF or SDF file with one free link.
 
     Raises:
-        ScenarioError: If it cannot be read, has several links, or holds something else
+        ScenarioError: If it cannot be read, has several links, or has other geometry
             than boxes, cylinders, spheres and meshes.
     """
     read = open_model(path)
@@ -149,12 +149,12 @@ _OTHER_FRICTION = ("gazebo//mu1", "contact/lateral_friction", "contact_coefficie
 
 
 class SdfReader:
-    """Reads the elements of an SDF file, whose values are elements of their own.
+    """Reads the elements of an SDF file, whose values are also elements.
 
     Attributes:
         path: The file.
         root: Its tree.
-        warnings: Receives what is mended.
+        warnings: Receives the mended defects.
     """
 
     link, joint, mesh = "model/link", "model/joint", "uri"
@@ -165,7 +165,7 @@ class SdfReader:
         self.warnings = warnings
 
     def contents(self, link: ET.Element) -> Contents:
-        """Return what a link consists of."""
+        """Return the contents of a link."""
         self._name = link.get("name")
         visuals = [self.geometry(node) for node in link.findall("visual")]
         collisions = [self.geometry(node) for node in link.findall("collision")]
@@ -248,7 +248,7 @@ class SdfReader:
         """Return the numbers in a text.
 
         Raises:
-            ScenarioError: If there are others than `count` finite numbers.
+            ScenarioError: If the text is not `count` finite numbers.
         """
         try:
             values = np.array([float(word) for word in (text or "").split()])
@@ -350,7 +350,7 @@ class UrdfReader(SdfReader):
         if material is None:
             return None
         name = material.get("name")
-        # As in Drake, a name means the same everywhere in the file.
+        # As in Drake, a name has the same meaning in the whole file.
         same = (m for m in self.root.iter("material") if name and m.get("name") == name)
         for candidate in (material, *same):
             rgba = self.text(candidate.find("color"), "rgba")
@@ -375,7 +375,7 @@ def resolved(path: Path, uri: str) -> Path:
     """Return the file that a URI in a file names: relative, absolute or in a package.
 
     A package is ours, one whose package.xml is above the file, or a folder of that name
-    above or beside it. Unlike in Drake, `%20` may stand for a space, and so on.
+    above or beside it. Unlike in Drake, escapes such as `%20` for a space are allowed.
 
     Raises:
         ScenarioError: If there is no such file.

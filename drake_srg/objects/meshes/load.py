@@ -49,7 +49,7 @@ def cache_folder() -> Path:
 def cached_folder(key: str, make: Callable[[Path], None]) -> Path:
     """Return the folder of a key; make it if it is missing or damaged.
 
-    It appears when it is complete, so several processes can share a cache.
+    The folder appears only when complete, so several processes can share a cache.
 
     Args:
         key: Name of the folder.
@@ -85,7 +85,7 @@ def cached_folder(key: str, make: Callable[[Path], None]) -> Path:
 
 
 def copy_folder(folder: Path, to: Path) -> None:
-    """Copy a folder of the cache, without what the cache added."""
+    """Copy a folder of the cache, without the cache's own file."""
     shutil.copytree(folder, to, ignore=shutil.ignore_patterns(_MANIFEST))
 
 
@@ -107,8 +107,8 @@ _XML = (".sdf", ".urdf", ".xml")
 def model_tree(name: str, config: ObjectConfig) -> ET.Element:
     """Return the SDF tree of an object's model, with one model and absolute paths.
 
-    An SDF of primitives and declared convex meshes is taken as it is. Everything else
-    is converted, once, and kept in the cache; see docs/importing.md.
+    An SDF of primitives and declared convex meshes is used unchanged. Everything else
+    is converted once and kept in the cache; see docs/importing.md.
 
     Args:
         name: The object's name, for error messages.
@@ -152,13 +152,13 @@ def import_model(path: Path, scale: float, pieces: int, *, quiet: bool = False) 
         path: The file.
         scale: Metres per unit of a mesh.
         pieces: Greatest number of convex pieces per mesh.
-        quiet: Whether not to log what was mended.
+        quiet: Whether to leave mended defects out of the log.
 
     Raises:
         ScenarioError: If the file cannot be read or is broken.
         ImportError: If packages of the extra `import` are missing.
     """
-    # Here, because SciPy takes long to import and few scenarios have such models.
+    # Imported here, because SciPy takes long to import and few scenarios need it.
     from drake_srg.objects.meshes.convert import convert, read_report
 
     if path.suffix.lower() in _XML:
@@ -183,7 +183,7 @@ def import_model(path: Path, scale: float, pieces: int, *, quiet: bool = False) 
 def model_files(path: Path) -> list[Path]:
     """Return the files that make up a model: its own, and meshes, materials, textures.
 
-    A file that is missing or cannot be read is left out.
+    Missing and unreadable files are left out.
     """
     return [file for file, _, _ in _stamps(path)]
 
@@ -192,7 +192,7 @@ Stamps: TypeAlias = tuple[tuple[Path, int, int], ...]
 
 
 def _stamps(path: Path) -> Stamps:
-    """Return the files that make up a model, with their sizes and times of change."""
+    """Return the files of a model, with their sizes and times of change."""
     found: dict[Path, tuple[int, int]] = {}
     waiting = [path]
     while waiting:
@@ -207,7 +207,7 @@ def _stamps(path: Path) -> Stamps:
 
 @functools.lru_cache(maxsize=256)
 def _named_files(path: Path, changed: int, size: int) -> list[Path]:
-    """Return the files that a file of a model is converted from, besides itself."""
+    """Return the other files from which a file of a model is converted."""
     try:
         if path.suffix.lower() not in _XML:
             return read_source(path).neighbours
@@ -220,7 +220,7 @@ def _named_files(path: Path, changed: int, size: int) -> list[Path]:
 
 @functools.lru_cache(maxsize=256)
 def _taken(path: Path, _changed: int, _size: int) -> ET.Element | None:
-    """Return the tree of an SDF that Drake can take; None if it must be converted."""
+    """Return the tree of an SDF that Drake can read; None if it must be converted."""
     if path.suffix.lower() != ".sdf":
         return None
     root = read_xml(path, [])
@@ -243,7 +243,8 @@ def _completed(root: ET.Element, path: Path) -> ET.Element:
     for uri in root.iterfind(".//geometry/mesh/uri"):
         text = (uri.text or "").strip()
         if not text.startswith(_OURS):
-            # Drake takes what follows `file://` as it is: no character is escaped.
+            # Drake reads the text after `file://` literally, so no character is
+            # escaped.
             uri.text = f"file://{resolved(path, text).absolute()}"
     for collision in root.iter("collision"):
         shapes = [shape.tag for shape in collision.findall("geometry/*")]
@@ -263,7 +264,7 @@ _SHAPES = ("box", "capsule", "cylinder", "ellipsoid", "mesh", "sphere")
 
 
 def _key(files: list[Path], options: str) -> str:
-    """Return a key of the contents of files, options and what reads them."""
+    """Return a key of the files' contents, the options and the code that reads them."""
     digest = hashlib.sha256(options.encode())
     for package in ("trimesh", "coacd"):
         try:
@@ -284,7 +285,7 @@ def _key(files: list[Path], options: str) -> str:
 
 @functools.cache
 def _own_digest() -> bytes:
-    """Return a digest of the code that makes a model of a file."""
+    """Return a digest of the code that converts a file to a model."""
     folder = Path(__file__).parent
     code = [*sorted(folder.glob("*.py")), folder.parent / "sdf.py"]
     return hashlib.sha256(b"".join(file.read_bytes() for file in code)).digest()

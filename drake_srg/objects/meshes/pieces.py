@@ -1,4 +1,4 @@
-"""Cuts meshes into convex pieces of few corners, and measures how well they fit."""
+"""Cuts meshes into convex pieces with few corners, and measures their fit."""
 
 from __future__ import annotations
 
@@ -24,24 +24,25 @@ from drake_srg.objects.meshes.files import (
 )
 from drake_srg.types import Vector
 
-# Corners of a piece: hulls with 24 cost 2.4 times less in contact than untouched ones.
+# Greatest number of a piece's corners. In contact, hulls with 24 corners take 0.4 times
+# the time of untouched ones.
 MOST_CORNERS = 24
 # Largest distance of hulls from the mesh that they replace [m].
 TOLERANCE = 0.002
-# A corner that stands out less than this is left out [m].
+# A corner that stands out by less than this is left out [m].
 _FINE = 5e-5
 # A part whose mesh is nowhere deeper than this inside its hull counts as convex [m].
 _CONVEX = 0.001
 # A part whose hull is thinner than this is a sheet without a volume [m].
 _THIN = 1e-6
-# Random points on a mesh and on a hull. Each is compared with the triangles of this
-# many of its nearest points on the mesh, or with all if the mesh has fewer.
+# Numbers of random points on a mesh and on a hull. Each point is compared with the
+# triangles of its `_NEAREST` nearest points on the mesh.
 _SAMPLES, _HULL_SAMPLES, _NEAREST = 20_000, 500, 16
 
 
 @dc.dataclass(frozen=True)
 class Fit:
-    """Quality of convex pieces that stand for a mesh.
+    """Quality of convex pieces that represent a mesh.
 
     Attributes:
         excess: Largest distance of the pieces' surface outside the mesh [m].
@@ -55,15 +56,15 @@ class Fit:
 def convex_pieces(
     mesh: TriangleMesh, most: int, warnings: list[str]
 ) -> tuple[list[Vector], bool]:
-    """Return the corners of convex pieces that stand for a mesh.
+    """Return the corners of convex pieces that represent a mesh.
 
-    A part that is convex, such as one cut by another program, stays one piece. CoACD
-    cuts the others.
+    A convex part, such as one cut by another program, stays one piece. CoACD cuts the
+    others.
 
     Args:
         mesh: The mesh.
         most: Greatest number of pieces.
-        warnings: Receives what is cut although it is convex, and what is left out.
+        warnings: Receives the parts that are left out or cut although they are convex.
 
     Returns:
         Corners of each piece, shape (n, 3) [m], and whether CoACD made some.
@@ -95,11 +96,12 @@ def convex_pieces(
 
 
 def decimated(points: Vector) -> Vector:
-    """Return the corners of a hull that stands for the hull of points.
+    """Return the corners of a hull that replaces the hull of points.
 
-    Starting from the extreme points along 14 directions, the point that stands out
-    most is added until all are within 0.05 mm or there are `MOST_CORNERS`. A hull that
-    still leaves out more than the tolerance grows by half of that.
+    Starting from the extreme points along 14 directions, it repeatedly adds the point
+    that stands out most, until all are within 0.05 mm or there are `MOST_CORNERS`. If
+    points still stand out by more than the tolerance, the hull grows by half of that
+    distance.
 
     Args:
         points: Shape (n, 3) [m].
@@ -139,7 +141,7 @@ def measure_fit(mesh: TriangleMesh, pieces: Sequence[Vector]) -> Fit:
     planes = [ConvexHull(corners).equations for corners in pieces]
 
     def depths(points: Vector) -> Vector:
-        """Return how far points (n, 3) are outside each hull, shape (pieces, n)."""
+        """Return distances of points (n, 3) outside each hull, shape (pieces, n)."""
         return np.array([(points @ p[:, :3].T + p[:, 3]).max(axis=1) for p in planes])
 
     gap = depths(np.vstack([seen, mesh.vertices])).min(axis=0).max()
@@ -152,7 +154,7 @@ def measure_fit(mesh: TriangleMesh, pieces: Sequence[Vector]) -> Fit:
     owner = np.repeat(np.arange(len(pieces)), [len(p) for p in touched])
     others = depths(points)
     others[owner, np.arange(len(points))] = np.inf
-    points = points[others.min(axis=0) > -1e-5]  # nothing touches a hidden triangle
+    points = points[others.min(axis=0) > -1e-5]  # hidden triangles have no contact
     if len(mesh.faces) <= _NEAREST:
         candidates = np.tile(np.arange(len(mesh.faces)), (len(points), 1))
     else:
@@ -173,7 +175,7 @@ def measure_fit(mesh: TriangleMesh, pieces: Sequence[Vector]) -> Fit:
 
 
 def _is_flat(part: TriangleMesh) -> bool:
-    """Return whether all of a mesh lies in one plane, so that it bounds nothing."""
+    """Return whether a mesh lies in one plane, so that it encloses no volume."""
     try:
         hull = ConvexHull(part.vertices)
     except QhullError:
@@ -192,7 +194,7 @@ def _is_convex(part: TriangleMesh) -> bool:
 def _cut(mesh: TriangleMesh, most: int) -> list[Vector]:
     """Return the vertices of CoACD's pieces.
 
-    It runs in a process of its own, because nothing interrupts its C++ code.
+    It runs in its own process, because its C++ code cannot be interrupted.
     """
     require("coacd", "import", "Cutting a mesh into convex pieces needs")
     logging.getLogger("drake_srg").warning(
@@ -215,7 +217,7 @@ def _cut(mesh: TriangleMesh, most: int) -> list[Vector]:
             return [pieces[key] for key in pieces.files]
 
 
-# However the parent ends, also by a signal that it cannot handle; on Linux only.
+# The process also ends if a signal kills the parent; on Linux only.
 _DIE_WITH_PARENT = """
 import ctypes, signal, sys
 if sys.platform == "linux":

@@ -1,6 +1,6 @@
 """The bytes of a mesh file and of all files that it names.
 
-Readers get these bytes and nothing else, so the cache's key covers whatever they read.
+Readers get only these bytes, so the cache's key covers everything that they read.
 """
 
 from __future__ import annotations
@@ -33,8 +33,8 @@ class MeshSource:
     Attributes:
         path: The file.
         content: Its bytes.
-        files: Bytes of the others, by the name that the reader asks for.
-        missing: Names of materials and textures that are not there.
+        files: Bytes of the other files, by the name that the reader requests.
+        missing: Names of missing materials and textures.
         neighbours: The other files.
     """
 
@@ -45,10 +45,10 @@ class MeshSource:
     neighbours: list[Path] = dc.field(default_factory=list)
 
     def neighbour(self, *names: str) -> bytes | None:
-        """Return the bytes of the first of some names that is a file; None without.
+        """Return the bytes of the first name that is a file; None without one.
 
-        Names are relative to the mesh's folder. One from another machine is looked for
-        in that folder, too.
+        Names are relative to the mesh's folder. An absolute name from another machine
+        is also looked for in that folder.
         """
         for name in names:
             plain = name.replace("\\", "/")
@@ -60,7 +60,7 @@ class MeshSource:
         return None
 
     def add(self, key: str, *names: str) -> bytes:
-        """Keep the bytes of the first of some names that is a file, and return them."""
+        """Keep the bytes of the first name that is a file, and return them."""
         content = self.neighbour(*names)
         if content is None:
             self.missing.append(names[0])
@@ -110,7 +110,7 @@ def read_source(path: Path) -> MeshSource:
 
 
 def decoded(content: bytes) -> str:
-    """Return text in UTF-8, in UTF-16 with its mark, or else in Latin-1."""
+    """Decode text in UTF-8, in UTF-16 with its mark, or otherwise in Latin-1."""
     if content[:2] in (b"\xff\xfe", b"\xfe\xff"):
         return content.decode("utf-16", errors="replace")
     try:
@@ -120,7 +120,7 @@ def decoded(content: bytes) -> str:
 
 
 def _whole_stl(source: MeshSource) -> MeshSource:
-    """Return an STL, checked to be whole.
+    """Return an STL, checked to be complete.
 
     Raises:
         ScenarioError: If it is cut off.
@@ -143,9 +143,9 @@ def _whole_stl(source: MeshSource) -> MeshSource:
 
 
 def _with_materials(source: MeshSource) -> MeshSource:
-    """Return an OBJ with the texts of its material files under the name asked for."""
+    """Return an OBJ with the texts of its material files under the requested name."""
     text = "\n".join(line.strip() for line in decoded(source.content).splitlines())
-    # The reader knows blanks only, and no comments behind numbers.
+    # The reader accepts only blanks, and no comments after numbers.
     text = re.sub(r"^(vn?|vt|f)\s[^#\n]*", _with_blanks, text, flags=re.MULTILINE)
     text = re.sub(r"^((?:vn?|vt|f) [^#\n]*)#.*", r"\1", text, flags=re.MULTILINE)
     if re.search(r"^f .*?(?<![\d/.-])0+(?![\d.])", text, re.MULTILINE):
@@ -163,7 +163,7 @@ def _with_materials(source: MeshSource) -> MeshSource:
     for line in re.findall(r"^\s*map_Kd\s(.*)$", materials, re.M | re.I):
         name = line.strip()  # options come before the name
         found.add(name, name, name.split()[-1] if name.split() else "")
-    # The reader asks for one file: what follows the first "mtllib" in the text.
+    # The reader requests one file: the text after the first "mtllib".
     asked = re.search(r"mtllib([^\n]*)", text)
     assert asked is not None
     found.files[asked[1].strip()] = materials.encode()
@@ -180,21 +180,21 @@ def _with_blanks(line: re.Match[str]) -> str:
 _COMPONENTS = {5120: "<i1", 5121: "<u1", 5122: "<i2", 5123: "<u2", 5125: "<u4"}
 _COMPONENTS |= {5126: "<f4"}
 _WIDTHS = {"SCALAR": 1, "VEC3": 3}  # of indices and positions
-# Extensions that leave the geometry alone or that the reader knows.
+# Extensions that do not change the geometry or that the reader supports.
 _KNOWN = re.compile(
     "KHR_mesh_quantization|KHR_texture_transform|KHR_materials_.*|KHR_lights_punctual"
     "|KHR_texture_basisu|EXT_texture_.*|KHR_xmp.*"
 )
 _COMPRESSION = ("KHR_draco_mesh_compression", "EXT_meshopt_compression")
 _TRIANGLES, _STRIP = 4, 5
-_MOST = 100_000_000  # entries of an accessor, which may need no content
+_MOST = 100_000_000  # most entries of an accessor; they may take no bytes
 
 
 class _Gltf:
-    """A glTF file, made plain for a reader of the core of the format.
+    """A glTF file, simplified for a reader of the core format.
 
-    trimesh (5.2) takes sparse accessors for zeros and normalized integers for lengths,
-    and leaves out without a word what it does not know.
+    trimesh (5.2) reads sparse accessors as zeros and normalized integers as lengths,
+    and silently skips everything that it does not support.
     """
 
     def __init__(self, source: MeshSource) -> None:
@@ -203,10 +203,10 @@ class _Gltf:
         self._buffers: list[bytes] = []
 
     def plain(self) -> MeshSource:
-        """Return it as JSON whose buffers and images are files.
+        """Return the file as JSON whose buffers and images are files.
 
         Raises:
-            ScenarioError: If it needs what no reader of ours knows.
+            ScenarioError: If it needs a feature that none of our readers supports.
         """
         tree = self._tree
         version = str(tree.get("asset", {}).get("version", "?"))
@@ -291,10 +291,10 @@ class _Gltf:
         return unquote(data).encode("latin-1")
 
     def _make_plain(self, primitive: Json) -> None:
-        """Give a primitive accessors of numbers as they are, and check it."""
+        """Give a primitive accessors of plain numbers, and check it."""
         mode = primitive.get("mode", _TRIANGLES)
         if mode < _TRIANGLES:
-            return  # points and lines bound nothing
+            return  # points and lines enclose nothing
         if mode > _STRIP:
             self._refuse("has triangle fans: export triangles")
         extensions = primitive.pop("extensions", {})

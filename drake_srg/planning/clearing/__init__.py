@@ -1,1 +1,1 @@
-"""Clearing a table of whatever is on it, from height maps alone."""
+"""Clearing a table of everything on it, from height maps alone."""

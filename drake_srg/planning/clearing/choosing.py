@@ -1,4 +1,4 @@
-"""Choosing what to pick next, and where it goes, from a height map."""
+"""Chooses the next pick and its destination from a height map."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ from drake_srg.planning.motion.planning_scene import PlanningFailure
 from drake_srg.planning.planner_machine import PlannerConfig, planning_clock
 from drake_srg.types import Failure, HeightMap, LabeledHeightMap, Remaining, Vector
 
-# Grasps whose motions are planned, at most.
+# Largest number of grasps whose motions are planned.
 _MOST_GRASPS = 30
 # Edges of things that stick out of a bin flicker by this many cells.
 _EDGES = np.ones((9, 9), np.uint8)
@@ -42,9 +42,9 @@ class PickPlanner:
         grasps: Finds grasps in a height map.
         motions: Plans the motions of a grasp.
         config: Attempts and latency.
-        pushes: Plans pushes where no grasp is left; None: nothing is pushed.
-        q_aside: High beside where loads go, which the arm hides from no camera there,
-            shape (N,) [rad]; None: home.
+        pushes: Plans pushes if no grasp is left; None: nothing is pushed.
+        q_aside: A posture high beside the destinations, in which the arm hides them
+            from no camera, shape (N,) [rad]; None: home.
     """
 
     def __init__(
@@ -69,7 +69,7 @@ class PickPlanner:
     def route(
         self, grasp: TopGrasp, height_map: HeightMap
     ) -> tuple[int, ClearingMotions] | None:
-        """Return the label of what a grasp takes, and the motions to its destination.
+        """Return the label of a grasp's thing, and the motions to its destination.
 
         Returns:
             The label, -1 for none, and the motions; None if the thing must stay.
@@ -79,9 +79,9 @@ class PickPlanner:
     def judge(self, memory: ClearingMemory, height_map: HeightMap) -> None:
         """Judge the pick under way by the map after it, and forget its plan.
 
-        The planner looks in the bin also for a load that only the map, or only the
-        fingers, have noticed: if things touch, others move. The pick has failed unless
-        the load is seen.
+        The planner looks in the bin even for a load that only the map or only the
+        fingers noticed: among touching things, others may have moved. The pick has
+        failed unless the load is seen.
         """
         pick, attempts = memory.planned, memory.attempts
         gone = has_gone(pick.height_map, height_map, pick.grasp.p_WC)
@@ -101,12 +101,12 @@ class PickPlanner:
     def way_out(self, memory: ClearingMemory, pick: Pick) -> Trajectory | None:
         """Return the way up from where a load was laid in a bin; None without one.
 
-        A hand that has set a thing down in a row goes up all the way: the others that
-        stand there are on no map.
+        A hand that has set a thing down in a row goes up all the way, because no map
+        shows the other things in the row.
 
         Args:
-            memory: The planner's, with the arm at rest there.
-            pick: What was laid down.
+            memory: The planner's memory, with the arm at rest there.
+            pick: The pick whose load was laid down.
         """
         into = pick.destination
         if into.rim is None:
@@ -128,12 +128,12 @@ class PickPlanner:
     def plan(self, memory: ClearingMemory, height_map: HeightMap, time: float) -> None:
         """Plan the next pick; finish if no grasp takes anything that is left.
 
-        A heap from which no grasp takes anything is pushed first, `config.max_attempts`
-        times at most.
+        If no grasp takes anything from a heap, the heap is pushed first, at most
+        `config.max_attempts` times.
 
         Args:
-            memory: The planner's.
-            height_map: Of the table now.
+            memory: The planner's memory.
+            height_map: Height map of the table now.
             time: Now [s].
         """
         view = memory.view
@@ -207,7 +207,8 @@ class PickPlanner:
     ) -> HeightMap:
         """Return a map of the table without what sticks out of the bins.
 
-        It is in the bin. A hand that took it there would only drop it again.
+        Such things are in the bin: the hand would only take them out and drop them
+        again.
         """
         seen = memory.loads.seen
         if seen is None:
@@ -227,12 +228,12 @@ class PickPlanner:
     def _given_up(
         self, tried: Iterable[TopGrasp], grasp: TopGrasp, found: GraspPlan
     ) -> bool:
-        """Return whether as many grasps as allowed have failed there, or alike."""
+        """Return whether the allowed number of like grasps have failed there."""
         count = sum(
             _near(failed.p_WC, grasp.p_WC)
             or (
                 failed.takes_as_much(grasp, ALIKE)
-                # It may have moved a little since.
+                # The thing may have moved a little since.
                 and found.beside_same(grasp.p_WC, failed.p_WC, SAME_THING)
             )
             for failed in tried
@@ -254,9 +255,9 @@ def _distinct(left: Iterable[Remaining]) -> list[Remaining]:
 
 
 def _named(places: Iterable[Vector], left: list[Remaining]) -> list[Remaining]:
-    """Return what is left with the nearest reason for all of the given places too.
+    """Return the remaining things, with the nearest reason for each given place, too.
 
-    Things that touch each other count as one, and that has one reason.
+    Things that touch each other count as one thing with one reason.
     """
     named = list(left)
     for p_W in places:
@@ -272,20 +273,20 @@ _LEAST_HEIGHT = 0.004  # of a thing above the table [m]
 # Points between the fingers: along the closing direction, and across it [m].
 _ALONG, _ACROSS = np.linspace(0.0, 1.0, 13), np.array([-0.006, 0.0, 0.006])
 _PER_GRASP = _ALONG.size * _ACROSS.size
-# Cells of a thing that have a label, at least: fewer are at the edge of another thing.
+# Least number of a thing's labelled cells: fewer belong to the edge of another thing.
 _LEAST_CELLS = 15
 
 
 def labels_between(
     height_map: HeightMap, table: float, low: Vector, high: Vector
 ) -> npt.NDArray[np.int8]:
-    """Return the label of what is between pads, -1 for none or for several.
+    """Return the label of the thing between pads, -1 for none or for several.
 
     Args:
         height_map: A LabeledHeightMap.
         table: Height of the table [m].
         low: x, y of one pad, shape (n, 2) [m].
-        high: Of the other.
+        high: x, y of the other pad, shape (n, 2) [m].
     """
     assert isinstance(height_map, LabeledHeightMap), "labels need a ThingLabeler"
     apart = (high - low)[:, None, None]
@@ -309,7 +310,7 @@ def labels_between(
 
 
 def label_of(grasp: TopGrasp, height_map: HeightMap, table: float) -> int:
-    """Return the label of what a grasp takes, -1 for none or for several."""
+    """Return the label of a grasp's thing, -1 for none or for several."""
     y_W = grasp.X_WG.rotation().matrix()[:2, 1]
     reach = 0.5 * grasp.width * y_W
     low, high = (grasp.p_WC[:2] + side * reach for side in (-1.0, 1.0))
@@ -360,8 +361,8 @@ class ChoosingPlanner(PickPlanner):
         grasps: Finds grasps of labelled things.
         motions: For each label, motions to its place.
         names: The labels.
-        required: Which labels are names of objects. One that is neither seen nor taken
-            when the planner is done makes the task fail.
+        required: Which labels are names of objects. The task fails if one of them has
+            been neither seen nor taken when the planner is done.
         table: Height of the table [m].
         config: Attempts and latency.
         q_aside: See `PickPlanner`.
@@ -389,12 +390,12 @@ class ChoosingPlanner(PickPlanner):
     def route(
         self, grasp: TopGrasp, height_map: HeightMap
     ) -> tuple[int, ClearingMotions] | None:
-        """Return the label of what a grasp takes, and the motions to its place."""
+        """Return the label of a grasp's thing, and the motions to its place."""
         label = label_of(grasp, height_map, self._table)
         return None if label < 0 else (label, self._by_label[label])
 
     def plan(self, memory: ClearingMemory, height_map: HeightMap, time: float) -> None:
-        """Plan the next pick; fail if what should be taken has never been seen."""
+        """Plan the next pick; fail if a required object has never been seen."""
         super().plan(memory, height_map, time)
         if not memory.finished:
             return

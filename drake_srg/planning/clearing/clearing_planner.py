@@ -1,4 +1,4 @@
-"""The planner that clears a table, and what it does in each mode."""
+"""The planner that clears a table, and its modes."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ from drake_srg.planning.planner_machine import (
 )
 from drake_srg.types import AnyMode, Failure, HeightMap, Mode
 
-# Time after which things are picked although they have not come to rest [s].
+# Time after which the planner picks things that still move [s].
 _PATIENCE = 3.0
 _NO_MAP = HeightMap(np.zeros(2), 1.0, np.zeros((0, 0)))
 
@@ -43,7 +43,7 @@ _NO_MAP = HeightMap(np.zeros(2), 1.0, np.zeros((0, 0)))
 class Senses(HandSenses[HeightMap]):
     """Measurements at one time; `see` returns the height map of the table."""
 
-    # Looks at where loads go; returns None without a camera for that.
+    # Looks at the destinations; returns None without a camera for them.
     see_destinations: Callable[[], HeightMap | None]
 
 
@@ -55,8 +55,9 @@ class ClearingMode(PlannerMode[ClearingMemory, Senses]):
     """A mode that moves the arm, or waits; every mode checks the time budget.
 
     Attributes:
-        yields: Whether the arm stops once it is off its path by `path_tolerance`. It
-            would press things into each other: with 500 N, a plate into a box.
+        yields: Whether the arm stops once it is off its path by `path_tolerance`.
+            Otherwise, it would press things into each other: with 500 N, a plate into a
+            box.
         planner: Plans the picks.
         config: Times and limits.
     """
@@ -72,7 +73,7 @@ class ClearingMode(PlannerMode[ClearingMemory, Senses]):
         return memory.pick.motions.get(self.mode) if memory.pick else None
 
     def final_failure(self, memory: ClearingMemory, time: float) -> Failure | None:
-        """Return the failure that ends the task in whatever mode, if there is one."""
+        """Return the failure that ends the task in any mode; None without one."""
         over = time > self.config.time_budget
         return memory.failure or (Failure.TIME_BUDGET if over else None)
 
@@ -89,7 +90,7 @@ class ClearingMode(PlannerMode[ClearingMemory, Senses]):
 
     @staticmethod
     def look_for_load(memory: ClearingMemory, seen: HeightMap | None) -> None:
-        """Judge by a map of where loads go whether the last one has come there.
+        """Judge by a map of the destinations whether the last load has arrived.
 
         Args:
             memory: The planner's.
@@ -99,12 +100,12 @@ class ClearingMode(PlannerMode[ClearingMemory, Senses]):
             return
         pick, load = memory.pick, memory.loads.pending
         if pick is not None and load is not None:
-            # The hand, at the next grasp, is no load beside the bin.
+            # The hand at the next grasp must not count as a load beside the bin.
             kept = load.destination.contains(seen)
             seen = without_hand(seen, pick.grasp.p_WC, kept)
         memory.view.looks += 1
         if memory.loads.look(seen) and pick is not None:
-            # Picks have changed the table; in the end, pushes have.
+            # Forget earlier pushes: the table has changed.
             memory.attempts.pushed = ()
 
 
@@ -180,11 +181,13 @@ class Push(ClearingMode):
 class PreGrasp(ClearingMode):
     """Moves the open hand above the grasp, unless the thing there moves meanwhile.
 
-    A thing that stands on an edge takes seconds to fall over. Halfway, the hand does
-    not hide it yet. If it has moved, the hand goes back. It does so once for a pick.
+    A thing that stands on an edge takes seconds to fall over. The planner looks
+    halfway, where the hand does not hide the thing yet. If the thing has moved, the
+    hand goes back, at most once per pick.
 
-    Tips that were bent as the hand let go are still bent if it could not open far: by
-    Algorithm 1, they stretch only while it opens. Then it first opens fully.
+    Tips that were bent at the release are still bent if the hand could not open far: by
+    Algorithm 1, they straighten only while it opens. In this case, the hand first opens
+    fully.
     """
 
     mode = Mode.PRE_GRASP
@@ -218,7 +221,7 @@ class PreGrasp(ClearingMode):
     def observe_mode(self, memory: ClearingMemory, now: Now) -> Observation:
         """Report the arrival with straight fingers, and whether there is still a pick.
 
-        Fingers that stay bent are not waited for longer than they take to open.
+        The wait for bent fingers lasts at most as long as they take to open.
         """
         observed = super().observe_mode(memory, now)
         if memory.pick is None:
@@ -247,12 +250,12 @@ class Grasp(ClearingMode):
 
 
 class Close(ClearingMode):
-    """Closes the fingers; meanwhile, looks for the load before, away from the arm."""
+    """Closes the fingers; meanwhile, looks for the previous load, clear of the arm."""
 
     mode = Mode.CLOSE
 
     def enter(self, memory: ClearingMemory, entry: Entry) -> ClearingMemory:
-        """Close the fingers, and judge the load before."""
+        """Close the fingers, and judge the previous load."""
         memory.closure = memory.planned.grasp.closure_closed
         self.look_for_load(memory, entry.senses.see_destinations())
         return super().enter(memory, entry)
@@ -285,7 +288,7 @@ class Transfer(ClearingMode):
             return memory
         if pick.grasp.detectable:
             told = pick.grasp.holds(senses.fingers, senses.proximity)
-        else:  # fingers that lose so thin a load at least close further
+        else:  # fingers that lose such a thin load close further
             closing = np.mean(senses.fingers - pick.angles)
             told = bool(closing < SLIP_CLOSING)
         pick.held = senses.grasped and told
@@ -310,13 +313,12 @@ class Release(ClearingMode):
     mode = Mode.RELEASE
 
     def enter(self, memory: ClearingMemory, entry: Entry) -> ClearingMemory:
-        """Let go, judge the pick by what is seen, and plan the next one.
+        """Let go, judge the pick by the map, and plan the next one.
 
-        What is dropped may have slipped up to where the fingers are nearer to each
-        other: the hand opens fully. Beside what is set down, there may be others.
-
-        An arm that is stuck presses no further. The pick has failed then, unless the
-        load already stands on something.
+        To drop a load, the hand opens fully: the load may have slipped up to where the
+        fingers are closer to each other. To set one down, it does not, because there
+        may be other things beside it. A stuck arm presses no further. Its pick has
+        failed, unless the load already stands on something.
         """
         pick, released = memory.planned, memory.released
         grasp, placing = pick.grasp, pick.placing
@@ -343,10 +345,11 @@ class Release(ClearingMode):
     def update(self, memory: ClearingMemory, now: Now) -> ClearingMemory:
         """Open fully if the fingers have come to rest and would lift the load again.
 
-        It may have turned between their bases, or stand on tips that are still bent,
-        because something has pushed these fingers open, such as the wall of a bin.
+        The load may have turned between their bases. Or it stands on tips that are
+        still bent because something, such as the wall of a bin, has pushed the fingers
+        open.
         """
-        # Fingers also rest for a moment once their tips have stretched.
+        # Fingers also rest for a moment after their tips have straightened.
         late = now.time >= memory.released.at + 0.5 * self.config.gripper_timeout
         if late and now.senses.still and not self._has_let_go(memory, now):
             memory.closure, memory.released.fingers = 0.0, {}
@@ -354,7 +357,7 @@ class Release(ClearingMode):
 
     def observe_mode(self, memory: ClearingMemory, now: Now) -> Observation:
         """Report whether the fingers have let go, and whether the arm must retreat."""
-        # A load may touch fingers again that do not open fully.
+        # A load may touch partly open fingers again.
         open_ = memory.closure == 0.0 or now.senses.still
         clear = open_ and self._has_let_go(memory, now)
         return Observation(clear=clear, astray=memory.released.astray)
@@ -367,7 +370,7 @@ class Release(ClearingMode):
 
 
 class LastChance(ClearingMode):
-    """Moves after which nothing else is tried if something stops the arm."""
+    """A mode that gives up if something stops the arm."""
 
     def observe_mode(self, memory: ClearingMemory, now: Now) -> Observation:
         """Report whether the arm has arrived; give up where something stops it."""
@@ -382,7 +385,7 @@ class LastChance(ClearingMode):
         motion: Trajectory | PlanningFailure,
         wait: float = 0.0,
     ) -> ClearingMemory:
-        """Return the memory with a motion begun, or with why there is none."""
+        """Return the memory with a motion begun, or with the reason for having none."""
         if isinstance(motion, PlanningFailure):
             memory.failure, memory.message = motion.failure, motion.message
         else:
@@ -420,7 +423,7 @@ class Verify(LastChance):
         return self.begun(memory, entry, planner.motions.plan_way(q, planner.q_aside))
 
     def update(self, memory: ClearingMemory, now: Now) -> ClearingMemory:
-        """Look once the arm is aside, and plan a pick of what is there after all."""
+        """Look once the arm is aside, and plan a pick if anything is left."""
         load = memory.loads.pending
         if load is None or not memory.motion.arrived(now.senses.q, now.time):
             return memory
@@ -507,28 +510,28 @@ class ClearingPlanner(PlannerMachine[ClearingMemory, Senses]):
         - mode
         - status
 
-    Inputs: `height_map` and `destination_map` (HeightMap each), of the table and of
-    where loads go, evaluated only when the planner looks; `arm_state` (2N) and
+    Inputs: `height_map` and `destination_map` (HeightMap each), of the table and of the
+    destinations, evaluated only when the planner looks; `arm_state` (2N) and
     `gripper_state` (2n), [q; v] in rad and rad/s; `grasped` (1), nonzero once both
     fingers sense something; `proximity` (m), signed distances [m].
 
     Outputs: `position_commanded` (N) [rad]; `closure_commanded` (1), 0 open .. 1
     closed; `mode` (Mode); `status` (PlannerStatus).
 
-    The planner knows no shapes. It looks from over the bin, where the arm hides
-    nothing, takes the best grasp that the arm reaches, and carries whatever the fingers
-    have closed on over the bin. A pick counts as held if the fingers feel something
-    there (touch, proximity and their angles), and if what was at the grasp is gone
-    from the table. Grasps that failed are avoided. At `config.max_attempts` failures in
-    one place, the thing there is left.
+    The planner knows no shapes. It looks from above the bin, where the arm hides
+    nothing, takes the best grasp within reach, and carries the load over the bin. A
+    pick counts as held if the fingers feel something there (touch, proximity and their
+    angles), and if the thing at the grasp is gone from the table. The planner avoids
+    grasps that failed. After `config.max_attempts` failures in one place, it leaves the
+    thing there.
 
-    A load counts as cleared once it is seen where it was let go. The planner looks for
-    it when the arm is at the next grasp and, after the last one, aside. What it does
-    not see there is among `status.left`. Without `destination_map`, to have held a load
-    is enough.
+    A load counts as cleared once it is seen at its destination. The planner looks for
+    it when the arm is at the next grasp or, after the last one, aside. A load that it
+    does not see there is among `status.left`. Without `destination_map`, a load counts
+    as soon as it was held.
 
-    DONE means that nothing is left on the table, or that `status.left` says what is,
-    and why.
+    DONE means that the table is empty, or that `status.left` lists the remaining things
+    with reasons.
 
     `planner` can be read from the system.
 

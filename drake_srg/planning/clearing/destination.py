@@ -11,28 +11,28 @@ import numpy.typing as npt
 from drake_srg.planning.clearing.maps import parts
 from drake_srg.types import HeightMap, Vector
 
-# Radius around a destination in which a load that missed it is looked for [m].
+# Radius around a destination in which the planner looks for a load that missed it [m].
 BESIDE = 0.1
 # How far a load in the hand may reach beyond a bin, and how far around the bin the
-# planner looks in the end for loads that missed it [m]. The arm is farther off.
+# planner looks in the end for loads that missed it [m]. The arm is farther away.
 AROUND = 0.2
-# A bin's edge in maps flickers between wall and table within this distance outside [m].
-# As far inside, there may still be wall [m].
+# In maps, a bin's edge flickers between wall and table within `EDGE` outside [m].
+# Within `_WALL` inside, a cell may still be wall [m].
 EDGE, _WALL = 0.01, 0.02
-# Long things are laid down in lanes beside the middle, where others are dropped. The
-# lanes are this far from it, as a share of a bin's width.
+# Long things are laid down in lanes on both sides of the middle, where others are
+# dropped. Distance of a lane from the middle, as a share of the bin's width.
 _LANE = 0.2
 # Tall things are set down in the bin's middle, or this far to either side along it,
 # as a share of its length. A thing that leans on a rim may hang over it.
 _SPOT = 0.25
 # Half the width of a lane, and of a place for a tall load [m]. Everything within it
-# counts as below the load. In a lane, it may also be below the hand. Its fingers open
-# by 55 mm and are 22 mm thick, and one that goes down into a mug lifts it out of the
-# bin.
+# counts as below the load. In a lane, it may also be below the hand, whose fingers open
+# by 55 mm and are 22 mm thick. A finger that enters a mug would lift it out of the bin.
 _HALF_LANE, _HALF_SPOT = 0.09, 0.05
-# A part that reaches over a rim from inside, by at most `_STICKS_OUT` [m], is in the
-# bin: most of it is inside, and the wall leaves a hand no room. On the wall, it is
-# higher than the rim by `_ON_RIM`; beside the wall, it is at most `_BELOW_RIM` lower.
+# A part that sticks out over a rim by at most `_STICKS_OUT` [m] counts as in the bin:
+# most of it is inside, and beside the wall there is no room for a hand. On the wall, it
+# is higher than the rim by `_ON_RIM`; beside the wall, it is at most `_BELOW_RIM`
+# lower.
 _STICKS_OUT, _ON_RIM, _BELOW_RIM = 0.08, 0.008, 0.03
 
 
@@ -67,13 +67,13 @@ class Spots:
 
 @dc.dataclass(frozen=True, eq=False)
 class Destination:
-    """A rectangle that loads are dropped or set down in.
+    """A rectangle in which loads are dropped or set down.
 
     Attributes:
         low: Its least x, y in world, shape (2,) [m].
         high: Its greatest.
-        place: Where the middle of a thing must be on its support, to stand as it stood
-            before, shape (3,) [m]; None where loads are dropped.
+        place: Place for the middle of a thing on its support, if it stands as before,
+            shape (3,) [m]; None where loads are dropped.
         rim: World z of a bin's rim [m]; None: it has none.
         floor: World z of a bin's floor [m]; -inf: unknown.
     """
@@ -94,7 +94,7 @@ class Destination:
         """Return where things that lie in a bin stick out over its rim, (ny, nx).
 
         Args:
-            height_map: Of the bin and what is around it.
+            height_map: Height map of the bin and its surroundings.
         """
         result = np.zeros(height_map.height.shape, bool)
         if self.rim is None:
@@ -102,7 +102,7 @@ class Destination:
         inside = self.contains(height_map, -_WALL)
         outside = ~self.contains(height_map, EDGE)
         beside = np.where(inside | outside, -_BELOW_RIM, _ON_RIM)
-        high = height_map.height > self.rim + beside  # no cell that is unknown
+        high = height_map.height > self.rim + beside  # unknown cells compare as False
         far = ~self.contains(height_map, _STICKS_OUT)
         for part in parts(high, height_map.resolution):
             if np.any(part & inside) and not np.any(part & far):
@@ -115,18 +115,18 @@ class Destination:
         return float(np.nanmax(inside, initial=-np.inf))
 
     def spots(self, height_map: HeightMap | None) -> Spots:
-        """Return where loads are laid or set down in a bin.
+        """Return the spots in a bin where loads are laid or set down.
 
         Args:
-            height_map: The bin is empty without one.
+            height_map: Map of the bin; None: the bin is empty.
         """
         across = int(np.argmin(self.high - self.low))
         lanes = [self._spot(height_map, across, side) for side in (-_LANE, _LANE)]
-        middles = [
+        places = [
             self._spot(height_map, 1 - across, side, around=True)
             for side in (0.0, -_SPOT, _SPOT)
         ]
-        return Spots(_emptier_first(lanes), _emptier_first(middles))
+        return Spots(_emptier_first(lanes), _emptier_first(places))
 
     def _spot(
         self,
@@ -140,8 +140,8 @@ class Destination:
 
         Args:
             height_map: See `spots`.
-            axis: Along which it is off the bin's middle, 0 or 1.
-            side: By how much, as a share of the bin.
+            axis: Axis along which the spot is off the bin's middle, 0 or 1.
+            side: Its offset along that axis, as a share of the bin's size.
             around: True: a square around the place. False: a strip along the bin.
         """
         aside = side * np.eye(3)[axis] * (self.high - self.low)[axis]

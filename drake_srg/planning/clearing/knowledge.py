@@ -44,8 +44,8 @@ from drake_srg.types import (
 _ROLLED = 0.3
 # Most of the volume that disappears this near to the grasp belongs to the load [m].
 _CORE = 0.03
-# If the hand over the bin holds a thing, at least this share of it is near the bin. A
-# long thing that was pushed there lies on both sides of the limit.
+# If the hand over the bin holds a thing, at least this share of the thing is near the
+# bin. A long thing that was pushed there would lie on both sides of the limit.
 _LEAST_NEAR = 0.8
 # Noise raises the cells at the edges of a rise.
 _EDGES = np.ones((5, 5), np.uint8)
@@ -53,7 +53,7 @@ _EDGES = np.ones((5, 5), np.uint8)
 
 @dc.dataclass
 class Pick(Memory):
-    """A grasp, the motions of the modes around it, and the map they are planned on."""
+    """A grasp, the motions around it, and the map for which they were planned."""
 
     grasp: TopGrasp
     motions: Mapping[AnyMode, Trajectory]
@@ -70,8 +70,8 @@ class Pick(Memory):
     def placing(self) -> bool:
         """Whether a load is set down or laid, not dropped.
 
-        A hand that has lost its load does not go down in a bin. Over a row it always
-        does, because things must not be dropped there.
+        A hand that has lost its load does not go down into a bin. Over a row, it always
+        goes down, because nothing may be dropped there.
         """
         felt = self.held or self.destination.rim is None
         return felt and Mode.PLACE in self.motions
@@ -79,10 +79,9 @@ class Pick(Memory):
     def without_load(self, seen: HeightMap) -> HeightMap:
         """Return a map without the hand over a bin and its load.
 
-        What reaches over the edge of the bin would look like a thing on the table, and
-        so would the end of it that reaches further than what is left out. Something
-        that really comes to lie there is seen in later looks, or now, if most of it
-        does.
+        A load that reaches over the edge of the bin would look like a thing on the
+        table, and so would its end beyond the omitted region. A thing that really lies
+        there appears in later looks, or now, if most of it lies outside.
         """
         if self.destination.rim is None:
             return seen
@@ -97,11 +96,11 @@ class Pick(Memory):
         return completed(dc.replace(seen, height=height), self.height_map)
 
     def load(self, after: HeightMap, *, felt: bool) -> Load:
-        """Return what it has let go, by the map of the table after it.
+        """Return the load of this pick, by the map of the table after it.
 
         Args:
             after: The map.
-            felt: Whether the fingers felt it, and it is gone from the table.
+            felt: Whether the fingers felt the load, and it is gone from the table.
         """
         return Load(
             destination=self.destination,
@@ -121,9 +120,9 @@ class View(Memory):
     Attributes:
         latest: The latest map; None before the first look.
         lowest: The least heights of all maps since the first pick was planned.
-        looks: Number of looks, also at where loads go.
-        next_look: When the next one is due while the arm rests [s].
-        rested_at: When the arm came to rest to look [s].
+        looks: Number of looks, including those at the destinations.
+        next_look: Time of the next look while the arm rests [s].
+        rested_at: Time at which the arm came to rest for a look [s].
     """
 
     latest: HeightMap | None = None
@@ -140,9 +139,9 @@ class Attempts(Memory):
     Attributes:
         picks: Number of grasps begun.
         tried: Grasps that failed.
-        stopped: Those of them on whose way the arm got stuck.
-        pushed: Pushes begun since anything was taken.
-        doubtful: Whether what the pick before was to take has moved meanwhile.
+        stopped: Those of them on the way to which the arm got stuck.
+        pushed: Pushes begun since the last load was taken.
+        doubtful: Whether the target of the previous pick has moved meanwhile.
     """
 
     picks: int = 0
@@ -157,12 +156,12 @@ class Released(Memory):
     """The hand since it let go last.
 
     Attributes:
-        at: When that was [s].
+        at: Time of the release [s].
         hand: Its model; None before the first time.
         fingers: Angles of the gripper's joints since then, by name [rad].
-        astray: Whether the arm is still where it got stuck or has set a thing down.
-        way_out: The way up from where the last load was laid down, from whose end the
-            next pick is planned.
+        astray: Whether the arm is still where it got stuck or set a thing down.
+        way_out: The way up after the last load was laid down. The next pick is planned
+            from its end.
     """
 
     at: float = -np.inf
@@ -174,18 +173,18 @@ class Released(Memory):
 
 @dc.dataclass
 class ClearingMemory(MotionMemory):
-    """All that the planner remembers.
+    """The planner's memory.
 
     Attributes:
-        view: What the cameras have shown of the table.
+        view: Knowledge of the table from the cameras.
         pick: The pick under way, or the next one.
-        push: What is left of the push under way, or the next one.
-        finished: Whether nothing is left that a grasp takes.
-        left: What no grasp takes, and why.
-        attempts: What was tried.
-        released: The hand since it let go last.
-        loads: What it has let go, and where that is.
-        first_seen_at: When the first pick was planned [s].
+        push: Rest of the push under way, or the next one.
+        finished: Whether no grasp takes anything that is left.
+        left: Things that no grasp takes, and why.
+        attempts: The attempts so far.
+        released: The hand since its last release.
+        loads: Loads that the hand has let go, and where they are.
+        first_seen_at: Time at which the first pick was planned [s].
         failure: Why the planner gives up.
         message: The same in words.
     """
@@ -218,16 +217,15 @@ class ClearingMemory(MotionMemory):
         return q
 
     def fell_out(self, pick: Pick, volume: float, after: HeightMap) -> bool:
-        """Return whether what a pick takes may have fallen out of the bin before.
+        """Return whether a pick's thing may have fallen out of the bin earlier.
 
-        Most of it has come to lie beside the bin since the first pick. Further away, it
-        must also be as large as a load that the bin has received, and that is there no
-        more.
+        Most of it must have appeared beside the bin since the first pick. Farther away,
+        it must also be as large as a load that has disappeared from the bin.
 
         Args:
             pick: The pick.
-            volume: Of what it takes [m³].
-            after: The map without that.
+            volume: Volume of the thing [m³].
+            after: The map without the thing.
         """
         p_WC, earlier = pick.grasp.p_WC[:2], self.view.lowest
         margin = _ROLLED if self.loads.has_lost(volume) else BESIDE

@@ -1,4 +1,4 @@
-"""Loads: what is expected of them, what maps show, and what the planner concludes."""
+"""Loads: expectations, what the maps show, and the planner's conclusions."""
 
 from __future__ import annotations
 
@@ -15,38 +15,39 @@ from drake_srg.planning.clearing.maps import fallen, opened, parts
 from drake_srg.planning.state_machine import Memory
 from drake_srg.types import Failure, HeightMap, Remaining
 
-# Where a load goes, at least this share of its volume rises, and at least this much
-# [m³], which is more than noise. The share is low because the load lies differently
-# in the bin: behind a rim, on other loads or in them, and it pushes them down.
+# At its destination, a load raises the map by at least this share of its volume, and by
+# at least this much [m³], which is more than noise. The share is low because the load
+# lies differently in the bin: behind a rim, or on or in other loads, which it pushes
+# down.
 _LEAST_SHARE, _LEAST_VOLUME = 0.2, 5.0e-6
-# At most this share of the load's volume rises beside the bin, counting parts of
-# which more than `_MOST_OUTSIDE` lies there. A part that reaches less far over the
-# rim has its middle inside, and stays. Where no camera sees beyond the rim, a rise
-# this near to it and this much higher [m] counts as beside, too: a load that leans
-# there may hang over it and fall.
+# At most this share of the load's volume rises beside the bin. Parts count as beside if
+# more than `_MOST_OUTSIDE` of them lies there: a part that reaches less far over the
+# rim has its middle inside, and stays. Where no camera sees beyond the rim, a rise this
+# near to the rim and this much higher [m] also counts as beside: a load that leans
+# there may hang over the rim and fall.
 _MOST_BESIDE, _MOST_OUTSIDE = 0.25, 0.4
 _NEAR_RIM, _ABOVE_RIM = 0.05, 0.02
 # If at least this share of the load's volume is inside, a rise beside the bin is
-# another thing: an arm that goes by may push things there.
+# another thing. The passing arm may have pushed it there.
 _MAIN_SHARE = 0.5
-# A heap loses more than the load, because others settle. If at least this much rises
-# in a bin [m³], at most this much rises beside it, and this share remains after
-# subtracting the falls, the rise is the load.
+# A heap loses more volume than the load, because other things settle. The rise in a bin
+# is the load if it is at least `_LEAST_WHOLE` [m³], if no more than that rises beside
+# the bin, and if the share `_WHOLE` remains after subtracting the falls.
 _LEAST_WHOLE, _WHOLE = 1.0e-5, 0.8
-# A part is a thing of its own if it is larger than this [m³], than this share of the
-# whole rise, and than so many times the fall: a thing that was pushed aside rises as
-# much as it falls. All things together rise by at most so many times the load's
-# volume.
+# A part is a separate thing if it is larger than `_LEAST_THING` [m³], than the share
+# `_LEAST_PART` of the whole rise, and than `_MOVED` times the fall: a thing that was
+# pushed aside rises as much as it falls. All things together rise by at most
+# `_MOST_RISEN` times the load's volume.
 _LEAST_THING, _LEAST_PART, _MOVED, _MOST_RISEN = 1.0e-5, 0.1, 2.0, 1.5
-# A load that hangs over a rim shows at these distances from it [m]. Nearer to it, a
-# wall hides the table from a camera above the bin, too.
+# A load that hangs over a rim is visible at these distances from the rim [m]. Closer,
+# the wall also hides the table from a camera above the bin.
 _BEYOND = (0.025, 0.04)
-# A load that was set down has kept its height, within [m].
+# A load that was set down keeps its height within this [m].
 _SAME_HEIGHT = 0.015
-# The volume of a load on a map is the same within this share, unless it lies on another
+# A load's volume on maps agrees within this share, unless the load lies on another
 # side.
 _ALIKE = 0.25
-# A cell of a load that is within this height of where it was still shows it [m].
+# A cell whose height has changed by less than this [m] still shows the load.
 _SAME_PLACE = 0.01
 
 
@@ -56,27 +57,27 @@ class Verdict(enum.Enum):
     PENDING = "pending"  # the cameras have not looked for it yet
     ARRIVED = "arrived"  # it is where it belongs, and counts
     DROPPED = "dropped"  # it is not there, and is reported
-    NONE = "none"  # neither: there was none, or it counts as another pick's
+    NONE = "none"  # neither: there was no load, or it counts for another pick
 
 
 @dc.dataclass(frozen=True, eq=False, kw_only=True)
 class Load:
-    """A load from the grasp to the verdict on it.
+    """A load, from the grasp to the verdict.
 
     Attributes:
-        destination: Where it belongs.
-        volume: On the map of the table, with whatever is hidden below it [m³].
-        height: Of its top above the table, as it lay there [m].
-        core: Volume that is gone from right at the grasp [m³].
+        destination: Its destination.
+        volume: Volume on the map of the table, with whatever is hidden below it [m³].
+        height: Height of its top above the table, as it lay there [m].
+        core: Volume that has disappeared right at the grasp [m³].
         felt: Whether the fingers felt it until they let go, and the table's map shows
             it gone. The fingers miss some thin things.
         laid: Whether it was set down, or laid in a lane of a bin, not dropped.
-        again: Whether it passes for a load that is missed.
-        label: On labelled maps; -1: none.
-        verdict: What became of it.
-        before: The map of where loads go before it came; None until it has arrived.
-        after: The map with it; the same.
-        several: Whether it has come as several things that lie apart.
+        again: Whether it may be a missed load, picked again.
+        label: Label on labelled maps; -1: none.
+        verdict: The planner's conclusion.
+        before: The map of its destination before it came; None until it has arrived.
+        after: The map with the load; None until it has arrived.
+        several: Whether several separate things have arrived in its place.
     """
 
     destination: Destination
@@ -93,13 +94,13 @@ class Load:
     several: bool = False
 
     def is_like(self, volume: float) -> bool:
-        """Return whether it is about as large as something on the table [m³]."""
+        """Return whether its volume is about that of something on the table [m³]."""
         return abs(self.volume - volume) < _ALIKE * self.volume
 
     def may_have_left(self, now: HeightMap) -> bool:
-        """Return whether most of where it came to lie looks otherwise by now.
+        """Return whether most of its place looks different now.
 
-        It may lie below something else, or that may be all that is there.
+        The load may lie below something else, or it may be gone.
         """
         if self.before is None or self.after is None:
             return False
@@ -108,7 +109,7 @@ class Load:
         return bool(np.count_nonzero(came & other) > 0.5 * np.count_nonzero(came))
 
     def has_left(self, now: HeightMap | None) -> bool:
-        """Return whether most of what had risen as it came is gone from there."""
+        """Return whether most of the rise at its arrival is gone."""
         if now is None or self.before is None or self.after is None:
             return False
         risen = np.clip(-fallen(self.before, self.after), 0.0, None)
@@ -117,20 +118,20 @@ class Load:
 
     @property
     def report(self) -> Remaining:
-        """The report of a load that was dropped; the place is its destination's."""
+        """The report of a dropped load, at the place of its destination."""
         return Remaining(np.array([*self.destination.middle, 0.0]), Failure.DROPPED)
 
 
 @dc.dataclass
 class Loads(Memory):
-    """All loads that the hand has let go, and the maps of where they went.
+    """All loads that the hand has let go, and the maps of their destinations.
 
-    A load that is not seen where it belongs does not count, and one that fell out
-    counts once. Without a camera there, whatever was taken counts.
+    A load counts only if it is seen at its destination. One that fell out and is picked
+    again counts once. Without a camera there, every load that was taken counts.
 
     Attributes:
         known: The loads, the last one last.
-        seen: The latest map of where loads go; None without a camera there.
+        seen: The latest map of the destinations; None without a camera there.
     """
 
     known: tuple[Load, ...] = ()
@@ -149,26 +150,26 @@ class Loads(Memory):
 
     @property
     def several(self) -> int:
-        """Number of loads that have come as several things."""
+        """Number of loads that arrived as several things."""
         return sum(load.several for load in self.known)
 
     @property
     def lost(self) -> tuple[Remaining, ...]:
-        """Reports of the loads that were dropped and not seen where they belong."""
+        """Reports of dropped loads that were not seen at their destination."""
         dropped = [o for o in self.known if o.verdict is Verdict.DROPPED]
         return tuple(load.report for load in dropped)
 
     def filled(self, destination: Destination) -> float:
         """Return the world z up to which a destination may be filled [m].
 
-        The load that was let go last has not been looked for yet: it may lie on top.
+        The last load, which has not been looked for yet, may lie on top.
         """
         if self.seen is None:
             return -np.inf
         return destination.top(self.seen) + self._unseen(destination)
 
     def spots(self, destination: Destination) -> Spots:
-        """Return where loads are laid or set down in a bin; a row has no such places.
+        """Return the spots for loads in a bin; a row has none.
 
         A bin counts as empty until the first look.
         """
@@ -187,14 +188,14 @@ class Loads(Memory):
 
     def add(self, load: Load) -> None:
         """Add a load that the hand has let go, or may have."""
-        if self.seen is None:  # then it suffices to have taken it
+        if self.seen is None:  # then taking it suffices
             counts = load.felt and not load.again
             verdict = Verdict.ARRIVED if counts else Verdict.NONE
             load = dc.replace(load, verdict=verdict)
         self.known = (*self.known, load)
 
     def look(self, seen: HeightMap) -> bool:
-        """Judge by a map of where loads go whether the last one has come there.
+        """Judge by a map of the destinations whether the last load has arrived.
 
         Args:
             seen: The map.
@@ -222,13 +223,13 @@ class Loads(Memory):
         return arrived
 
     def _strike_off_left(self, destination: Destination, volume: float) -> None:
-        """Count a load no more that has left the bin, as a mug does on open fingers.
+        """Stop counting a load that has left the bin, as a mug does on open fingers.
 
-        What only topples, or comes to lie elsewhere in the bin, takes up as much there.
+        A load that only topples or moves within the bin keeps its volume there.
 
         Args:
             destination: The bin.
-            volume: By how much less is in it than on the map before [m³].
+            volume: Loss of volume in it since the previous map [m³].
         """
         left = [
             load
@@ -238,16 +239,16 @@ class Loads(Memory):
         self._conclude(left[:1], Verdict.DROPPED)
 
     def match_missed(self, destination: Destination, volume: float) -> bool:
-        """Return whether what has come to lie beside a bin passes for a missed load.
+        """Return whether a new thing beside a bin may be a missed load.
 
-        Something else may have rolled there, unless a load is missed. One may have left
-        the bin unnoticed, as another came in: it counts no more then. If that lies
-        where it was, only a thing of the same volume is taken for it. Without a map of
-        where loads go, one always may be missed.
+        If no load is missed, something else may have rolled there. Or a load may have
+        left the bin unnoticed when another came in; it then stops counting. If the
+        other lies at its place, only a thing of the same volume matches. Without a map
+        of the destinations, a load may always be missed.
 
         Args:
             destination: The bin.
-            volume: Of what lay beside it, on the map of the table [m³].
+            volume: Volume of the new thing on the map of the table [m³].
         """
         now = self.seen
         if now is None or self._of(destination, Verdict.DROPPED):
@@ -264,7 +265,7 @@ class Loads(Memory):
         return True
 
     def has_lost(self, volume: float) -> bool:
-        """Return whether a load as large as something on the table [m³] has left."""
+        """Return whether a load of about this volume [m³] has left a bin."""
         return any(o.is_like(volume) and o.has_left(self.seen) for o in self.known)
 
     def _of(self, destination: Destination, verdict: Verdict) -> list[Load]:
@@ -288,13 +289,13 @@ class Risen:
     """Rises between two height maps of a destination and its surroundings.
 
     Attributes:
-        inside: Volume inside, of parts that are there for the most part [m³].
-        net: Volume inside, less what has fallen there [m³].
+        inside: Volume inside, of parts that lie mostly inside [m³].
+        net: Volume inside, minus the volume that has fallen there [m³].
         over: Volume outside, of parts that reach over the rim [m³].
-        apart: Volume outside, of parts that are wholly there [m³].
+        apart: Volume outside, of parts that lie wholly outside [m³].
         left: Volume outside that has fallen [m³].
-        top: Median height of the cells that have risen inside, above what loads are set
-            down on [m]; None where they are dropped.
+        top: Median height of the risen cells inside, above the support on which loads
+            are set down [m]; None where they are dropped.
         parts: Volumes of the parts inside [m³].
         fell: Volume inside that has fallen [m³].
     """
@@ -315,7 +316,7 @@ class Risen:
         """Return what has risen between two maps.
 
         Args:
-            destination: Where loads belong.
+            destination: The destination.
             before: The map before.
             after: The map now.
         """
@@ -328,8 +329,8 @@ class Risen:
             beside &= ~(low & destination.contains(after, EDGE))
             hidden = inside & ~low & _hides(destination, after)
             inside, beside = inside & ~hidden, beside | hidden
-            # Both ends of a load on the rim are one part, above the strip
-            # that the wall hides.
+            # A load on the rim is one part: its ends join above the strip that the wall
+            # hides.
             changed |= np.isnan(before.height) & (after.height > destination.rim)
         away = beside | ~destination.contains(after, BESIDE)
         received, over, apart = [], 0.0, 0.0
@@ -358,15 +359,16 @@ class Risen:
 
     @property
     def lost(self) -> float:
-        """By how much less is inside than before, on the whole [m³]."""
+        """Net loss of volume inside [m³]."""
         return max(-self.net, 0.0)
 
     def without_settled(self, load: Load) -> Load:
-        """Return a load without what has settled around it on the table.
+        """Return a load without the things that settled around it on the table.
 
-        If the fingers held it until they let go, and hardly anything else has moved in
-        the bin or beside it, what has risen is the load, however much is gone from the
-        table. It is at least half as large as what is gone from right at the grasp.
+        Suppose the fingers held the load until they let go, and hardly anything else
+        moved in the bin or beside it. Then the rise is the load, however much
+        disappeared from the table. It must be at least half as large as the volume that
+        disappeared right at the grasp.
         """
         least = max(_LEAST_WHOLE, _MAIN_SHARE * load.core)
         whole = self.inside > least and self.net > _WHOLE * self.inside
@@ -376,7 +378,7 @@ class Risen:
         return load
 
     def shows(self, load: Load) -> bool:
-        """Return whether a load has come where it belongs, and not beside."""
+        """Return whether a load has arrived at its destination, and not beside it."""
         received, least = self.inside, _LEAST_SHARE * load.volume
         if load.felt:
             # A load that lay over the rim may have been pushed along it.
@@ -385,9 +387,8 @@ class Risen:
                 missed += self.apart
         else:
             missed = self.over + self.apart
-            # Things in a bin move as a load comes in. If none comes in,
-            # as much falls as rises, also in parts that are too small to
-            # count.
+            # Things in a bin move when a load comes in. If none comes in, as much falls
+            # as rises, including parts that are too small to count.
             least = max(least, _LEAST_SHARE * received)
             received = min(received, self.net)
         if received < max(_LEAST_VOLUME, least):
@@ -397,20 +398,20 @@ class Risen:
         return self.top is None or abs(self.top - load.height) < _SAME_HEIGHT
 
     def shows_several(self, load: Load) -> bool:
-        """Return whether a load has come as several things that lie apart."""
+        """Return whether a load has arrived as several separate things."""
         least = max(_LEAST_THING, _LEAST_PART * self.inside, _MOVED * self.fell)
         things = sum(volume > least for volume in self.parts)
         return things > 1 and self.inside < _MOST_RISEN * load.volume
 
     def shows_beside(self, load: Load) -> bool:
-        """Return whether most of a load has come to lie beside where it belongs."""
+        """Return whether most of a load lies beside its destination."""
         missed = self.over + self.apart - self.left
         least = max(_LEAST_VOLUME, _MAIN_SHARE * load.volume)
         return load.volume > 0.0 and missed > least
 
 
 def _hides(destination: Destination, after: HeightMap) -> npt.NDArray[np.bool_]:
-    """Return which cells near the rim may belong to what hangs over it unseen."""
+    """Return the cells near the rim that may hide a load hanging over it."""
     nearest, farthest = _BEYOND
     beyond = destination.contains(after, farthest) & ~destination.contains(
         after, nearest

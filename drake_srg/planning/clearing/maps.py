@@ -1,4 +1,4 @@
-"""Readings of a table's height maps: differences, and what stands there."""
+"""Differences between a table's height maps, and the things that stand there."""
 
 from __future__ import annotations
 
@@ -14,35 +14,34 @@ from pydrake.math import RigidTransform
 from drake_srg.planning.motion.planning_scene import PlanningScene
 from drake_srg.types import Box, HeightMap, LabeledHeightMap, Shape, Vector
 
-# Heights that differ by less are the same: [m], below the height of a spoon's handle,
-# and in standard deviations of the noise of a change.
+# Heights that differ by less than both are equal: [m], below the height of a spoon's
+# handle, and in standard deviations of a change's noise.
 _SAME, _DEVIATIONS = 0.003, 3.0
 # Changes of less than this are noise at the edges of things [m³].
 _LEAST_VOLUME = 1.0e-6
-# At least this share of a thing that has left its place has left the map. A thing
-# that moves as its neighbour is taken casts other shadows: 0.26 was seen as a hammer
-# left a heap.
+# If a thing was taken, at least this share of its volume has left the map. A neighbour
+# that moves at the same time changes the shadows: when a hammer left a heap, the share
+# was 0.26.
 _LEAST_SHARE = 0.2
 # A connected change of this area means that something is still moving [m²].
-# Edges of things flicker in noisy depth, here and there.
+# Smaller changes are edges that flicker in noisy depth.
 _LEAST_AREA = 2.0e-4
-# An edge may be seen this far to either side of its place [m]: two cells of the
-# table's map. Near an edge, a cell has changed only if no cell this near had its
-# height before. So a thing 5 cm wide that moves by less than about 1 cm counts as
-# still.
+# An edge may appear this far to either side of its place [m]: two cells of the table's
+# map. Near an edge, a cell has changed only if no cell this near had its height before.
+# So a thing 5 cm wide that moves by less than about 1 cm counts as still.
 _FLICKER = 0.004
 # Changes of single cells are noise; this many cells side by side are not.
 _KERNEL = np.ones((3, 3), np.uint8)
-# Cells this near to a place [m] show whether the thing there has moved or gone.
+# Radii around a place in which cells show whether its thing has moved or gone [m].
 _MOVED, _GONE = 0.05, 0.015
-# A pick changes the map this near to the grasp, as far as the open fingers reach. The
-# change may be in parts this far from each other, because noise breaks it apart [m].
+# A pick changes the map within `_TAKEN` of the grasp, as far as the open fingers reach
+# [m]. Noise may break the change into parts up to `_APART` from each other [m].
 _TAKEN, _APART = 0.1, 0.008
-# A thing that stood this much higher than the cell is now has left [m]. Low things
-# hide this much of the table beside them from the ceiling [m].
+# A thing has left if it stood at least `_LEFT` higher than the cell is now [m]. From
+# the ceiling, low things hide `_HIDDEN` of the table beside them [m].
 _LEFT, _HIDDEN = 0.01, 0.02
-# Between pads there may be a gap, such as that of a fork. Then the thing is at most
-# this far away [m].
+# There may be a gap between the pads, such as that of a fork. The thing itself is then
+# at most this far away [m].
 _FORK = 0.02
 _TAKEN_RADIUS = 0.12  # things this near to a grasp are the load itself [m]
 _LEAST_HEIGHT = 0.005  # lower things are below every motion across [m]
@@ -55,7 +54,7 @@ _GAP = np.ones((5, 5), np.uint8)
 def is_still(before: HeightMap, after: HeightMap) -> bool:
     """Return whether nothing has moved between two maps.
 
-    A falling thing is too high for the map. It shows as unseen cells that move.
+    A falling thing is too high for the map, so it appears as unknown cells that move.
     """
     unseen = np.isnan(before.height) != np.isnan(after.height)
     moved = opened(unseen) | changed(before, after)
@@ -87,10 +86,10 @@ def has_moved(before: HeightMap, after: HeightMap, p_W: Vector) -> bool:
 
 
 def has_gone(before: HeightMap, after: HeightMap, p_W: Vector) -> bool:
-    """Return whether what was at a place has left the map.
+    """Return whether the thing at a place has left the map.
 
-    The place has become lower, and less is on the table on the whole: what was only
-    pushed aside is found elsewhere.
+    The place must have become lower, and the total volume on the table smaller. A thing
+    that was only pushed aside appears elsewhere.
 
     Args:
         before: The map before.
@@ -108,7 +107,7 @@ def has_gone(before: HeightMap, after: HeightMap, p_W: Vector) -> bool:
 def volume_gone(
     before: HeightMap, after: HeightMap, p_W: Vector, radius: float
 ) -> float:
-    """Return by how much less is on the map within a radius of a place [m³].
+    """Return the loss of volume on the map within a radius of a place [m³].
 
     Args:
         before: The map before.
@@ -121,21 +120,21 @@ def volume_gone(
 
 
 def volume_taken(before: HeightMap, after: HeightMap, p_W: Vector) -> float:
-    """Return by how much less is where a thing was taken, and around it [m³].
+    """Return the loss of volume where a thing was taken, and around it [m³].
 
-    Only changes count that reach to within `_TAKEN` of the place in one piece. Others
-    are not of its taking, such as a plate that leans on a wall and slides.
+    Only connected changes that reach to within `_TAKEN` of the place count. Others have
+    another cause, such as a plate that leans on a wall and slides.
 
     Args:
         before: The map before.
         after: The map now.
-        p_W: Where it was grasped, shape (2 or 3,) [m].
+        p_W: Place of the grasp, shape (2 or 3,) [m].
     """
     return float(np.sum(_taken(before, after, p_W))) * after.resolution**2
 
 
 def lowest(seen: HeightMap, earlier: HeightMap | None) -> HeightMap:
-    """Return the lower of two heights in every cell, or the one that is known."""
+    """Return the lower of two heights in every cell, or the known one."""
     if earlier is None:
         return seen
     return dc.replace(seen, height=np.fmin(seen.height, earlier.height))
@@ -144,15 +143,15 @@ def lowest(seen: HeightMap, earlier: HeightMap | None) -> HeightMap:
 def has_come(
     earlier: HeightMap, before: HeightMap, after: HeightMap, p_W: Vector
 ) -> bool:
-    """Return whether most of what was taken from a place has come there meanwhile.
+    """Return whether most of the thing taken from a place was new there.
 
-    What was only pushed a little covers much of where it stood.
+    A thing that was only pushed a little covers much of its earlier place.
 
     Args:
-        earlier: The least heights before that; see `lowest`.
-        before: The map on which it stood there.
+        earlier: The least heights of earlier maps; see `lowest`.
+        before: The map with the thing.
         after: The map without it.
-        p_W: Where it was grasped, shape (2 or 3,) [m].
+        p_W: Place of the grasp, shape (2 or 3,) [m].
     """
     taken = np.clip(_taken(before, after, p_W), 0.0, None)
     come = np.clip(-fallen(earlier, before), 0.0, taken)
@@ -160,7 +159,7 @@ def has_come(
 
 
 def _taken(before: HeightMap, after: HeightMap, p_W: Vector) -> Vector:
-    """Return by how much each cell has fallen in one piece around a place [m]."""
+    """Return each cell's fall [m], where the fallen cells connect to a place."""
     drop = fallen(before, after)
     size = 2 * round(_APART / after.resolution) + 1
     wide = cv2.dilate((drop != 0.0).astype(np.uint8), np.ones((size, size), np.uint8))
@@ -171,9 +170,9 @@ def _taken(before: HeightMap, after: HeightMap, p_W: Vector) -> Vector:
 
 
 def fallen(before: HeightMap, after: HeightMap) -> Vector:
-    """Return by how much each cell has fallen [m], shape (ny, nx).
+    """Return each cell's fall [m], shape (ny, nx).
 
-    Noise does not count. A cell that a map does not show has not fallen.
+    Noise does not count. A cell that is unknown on either map has not fallen.
     """
     drop: Vector = before.height - after.height
     known = np.abs(drop[np.isfinite(drop)])
@@ -199,9 +198,9 @@ def changed(before: HeightMap, after: HeightMap) -> npt.NDArray[np.bool_]:
 
 
 def completed(seen: HeightMap, earlier: HeightMap | None) -> HeightMap:
-    """Return a map with what an earlier one shows in its gaps, unless that has left.
+    """Return a map with its gaps filled from an earlier one, except removed things.
 
-    What was seen to leave is in no gap close by, either: a few cells of it, hidden now
+    Gaps close to a removed thing are not filled, either: a few of its cells, now hidden
     beside something else, would look like a thing that still stands there.
 
     Args:
@@ -214,7 +213,7 @@ def completed(seen: HeightMap, earlier: HeightMap | None) -> HeightMap:
     size = 2 * round(_HIDDEN / seen.resolution) + 1
     around = np.ones((size, size), np.uint8)
     beside = cv2.dilate(left, around) > 0
-    # A cell as high as something nearby that is still seen may belong to that.
+    # A cell as high as a visible thing nearby may belong to that thing.
     highest = cv2.dilate(np.nan_to_num(seen.height, nan=-np.inf), around)
     beside &= earlier.height > highest + _LEFT
     height = np.where(beside, np.nan, earlier.height)
@@ -228,7 +227,7 @@ def completed(seen: HeightMap, earlier: HeightMap | None) -> HeightMap:
 def without_hand(
     seen: HeightMap, p_W: Vector, kept: npt.NDArray[np.bool_]
 ) -> HeightMap:
-    """Return a map without what is as near to a place as the hand that is there.
+    """Return a map without the cells that a hand at a place may cover.
 
     Args:
         seen: The map.
@@ -242,14 +241,14 @@ def without_hand(
 def parts(
     mask: npt.NDArray[np.bool_], resolution: float
 ) -> list[npt.NDArray[np.bool_]]:
-    """Return the connected parts of a mask that are more than flickering edges."""
+    """Return the connected parts of a mask, without flickering edges."""
     _, labels, regions, _ = cv2.connectedComponentsWithStats(mask.astype(np.uint8))
     large = regions[:, cv2.CC_STAT_AREA] * resolution**2 >= _LEAST_AREA
     return [labels == label for label in np.flatnonzero(large) if label]
 
 
 def opened(mask: npt.NDArray[np.bool_]) -> npt.NDArray[np.bool_]:
-    """Return a mask without what is narrower than the kernel."""
+    """Return a mask without parts narrower than the kernel."""
     opened = cv2.morphologyEx(mask.astype(np.uint8), cv2.MORPH_OPEN, _KERNEL)
     return np.asarray(opened > 0)
 
@@ -288,13 +287,13 @@ def standing(
     table: float,
     taken: Vector | None = None,
 ) -> Iterator[None]:
-    """Let what a map shows stand in a scene, except where something is taken.
+    """Put a map's things into a scene, except where one is taken.
 
     Args:
         scene: The planning scene.
         height_map: The map.
         table: Height of the table [m].
-        taken: Where, shape (2 or 3,) [m]; None: nothing is.
+        taken: Place of the taken thing, shape (2 or 3,) [m]; None: no thing is taken.
     """
     with contextlib.ExitStack() as stack:
         for shape, X_WO in obstacle_boxes(height_map, table):
@@ -313,16 +312,16 @@ def highest_near(height_map: HeightMap, p_W: Vector, radius: float) -> float:
 def thing_at(
     height_map: HeightMap, table: float, p_W: Vector, step: float = np.inf
 ) -> Vector:
-    """Return the middles of the cells of the thing at a place, shape (n, 2) [m].
+    """Return the centres of the cells of the thing at a place, shape (n, 2) [m].
 
-    Things that touch count as one, unless a step in height parts them. Where the map
-    shows nothing near, or only steps, the place itself is all there is.
+    Things that touch count as one, unless a step in height separates them. If the map
+    shows nothing near, or only steps, the result is the place itself.
 
     Args:
         height_map: The map.
         table: Height of the table [m].
         p_W: The place, shape (2 or 3,) [m].
-        step: The least such step, from one cell to the next but one [m].
+        step: The least such step, between cells two apart [m].
     """
     height = np.nan_to_num(height_map.height, nan=table).astype(np.float32)
     steps = cv2.morphologyEx(height, cv2.MORPH_GRADIENT, np.ones((3, 3), np.uint8))
@@ -330,9 +329,9 @@ def thing_at(
     joined = np.asarray(cv2.morphologyEx(found, cv2.MORPH_CLOSE, _GAP))
     high = (joined > 0) & (steps < step)
     _, labels = cv2.connectedComponents(high.astype(np.uint8), connectivity=8)
-    middles, place = height_map.centers(), np.asarray(p_W, dtype=float)[:2]
-    away = np.where(high, np.linalg.norm(middles - place, axis=-1), np.inf)
+    centers, place = height_map.centers(), np.asarray(p_W, dtype=float)[:2]
+    away = np.where(high, np.linalg.norm(centers - place, axis=-1), np.inf)
     if away.min() > _FORK:
         return place[np.newaxis]
-    cells: Vector = middles[labels == labels.flat[away.argmin()]]
+    cells: Vector = centers[labels == labels.flat[away.argmin()]]
     return cells

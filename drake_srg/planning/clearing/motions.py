@@ -1,4 +1,4 @@
-"""The motions of a pick that all destinations share, and those of an empty hand."""
+"""Motions of a pick that all destinations share, and motions of the empty hand."""
 
 from __future__ import annotations
 
@@ -37,47 +37,47 @@ from drake_srg.planning.motion.trajectories import STRAIGHT, PathPart
 from drake_srg.planning.planner_machine import PlannerConfig
 from drake_srg.types import AnyMode, Box, HeightMap, Mode, Vector
 
-# Starts of inverse kinematics: trying another grasp is faster than finding a rare
-# posture.
+# Number of starts of inverse kinematics. Trying another grasp is faster than finding a
+# rare posture.
 _STARTS = 4
 _WITHIN = 0.01  # error of the radii of the ring that the hand reaches [m]
-# From this horizontal distance to a load's place on, the hand hides nothing there
-# [m]. Turns of the first joint that are tried for that.
+# From this horizontal distance to a load's place, the hand hides nothing there [m]. The
+# turns of the first joint are tried for that.
 _AWAY = 0.6
 _TURNS = np.deg2rad(np.arange(15.0, 180.0, 15.0))
 # A load turns about the line between the pads until it hangs from them. No household
-# object sinks by more than `_MOST_SAG` [m] below where it lay: the hammer, held by
-# its head, has a handle of 0.32 m. A part further than `_LONG` from the grasp may
-# hang beside where it lay [m].
+# object sinks by more than `_MOST_SAG` [m]: the hammer, held by its head, has a handle
+# of 0.32 m. A part farther than `_LONG` [m] from the grasp may hang beside its former
+# place.
 _MOST_SAG, _LONG = 0.22, 0.1
-# Things that touch are parted by a step of this height [m]: more than noise makes.
+# A step of this height separates things that touch [m]. It exceeds the noise.
 _STEP = 0.015
-# A load that hangs further below the grasp than this may topple over the rim when it
-# is let go above it [m].
+# A load that hangs farther than this below the grasp may topple over the rim when it is
+# let go above it [m].
 _TALL = 0.1
 # Greatest offset in x and y of the hand from the bin's middle when it lets go [m].
 _ASIDE = 0.12
-# A stuck hand overlaps with the thing that it presses on: this much counts as free
-# [m].
+# A stuck hand overlaps with the thing that it presses on. This much overlap counts as
+# free [m].
 _PRESSED = -0.02
 # Height above the highest thing in a bin at which the hand leaves [m].
 _ABOVE = 0.03
-# Margin of the hand while it is at a grasp, or between things that it has set down
-# [m]: grasps keep their own clearance.
+# Margin of the hand at a grasp, or between things that it has set down [m]. Grasps keep
+# their own clearance.
 TIPS = 0.0
 # A hand that comes from the side keeps the middle of its pads this much higher than
 # everything within `HAND_RADIUS` [m].
 _OVER = 0.06
-_LOAD_WIDTH = 0.06  # of the part that hangs below the hand, as planned [m]
+_LOAD_WIDTH = 0.06  # planned width of the part that hangs below the hand [m]
 _NOWHERE = Spots()
 
 
 def turned_to(scene: PlanningScene, q: Vector, p_W: Vector) -> Vector:
     """Return a posture turned about the arm's first joint to face a place.
 
-    The best start of inverse kinematics for a hand there: from a posture that faces
-    elsewhere, the solver often ends with the arm bent backwards, or nowhere. The first
-    joint must turn about the vertical.
+    This is the best start of inverse kinematics for a hand there. From a posture that
+    faces elsewhere, the solver often ends with the arm bent backwards, or fails. The
+    first joint must turn about the vertical.
 
     Args:
         scene: The arm.
@@ -85,8 +85,8 @@ def turned_to(scene: PlanningScene, q: Vector, p_W: Vector) -> Vector:
         p_W: The place, shape (2 or 3,) [m].
 
     Returns:
-        Shape (N,) [rad], turned as far as the joint's limits allow, the other way
-        round where they forbid the short one.
+        Shape (N,) [rad]. If the joint's limits forbid the short way, it turns the long
+        way, as far as they allow.
     """
     (x, y), (x_to, y_to) = (
         p[:2] - scene.p_WA[:2] for p in (scene.X_WG(q).translation(), p_W)
@@ -108,8 +108,8 @@ def reach_with_hand_down(
     Args:
         scene: The arm.
         q_nominal: A posture with the hand down, shape (N,) [rad].
-        p_WG: Where the palm may be, such as over the middle of the table, shape (3,)
-            [m]. Its height counts, and the direction from the arm.
+        p_WG: A possible place of the palm, such as over the middle of the table, shape
+            (3,) [m]. Only its height and its direction from the arm count.
 
     Returns:
         The ring; None if the hand does not reach `p_WG` itself.
@@ -137,8 +137,7 @@ def reach_with_hand_down(
         within, without, q = middle, beyond, in_middle.q
         while abs(without - within) > _WITHIN:
             between = 0.5 * (within + without)
-            # A posture found nearby is the best start, and the only one
-            # needed.
+            # The posture found nearby is the best start, and no other is needed.
             found = solve_from(scene, target(between), q)
             if found is None:
                 without = between
@@ -154,8 +153,8 @@ def posture_aside(
 ) -> Vector:
     """Return a posture over one place with the first joint turned away from all.
 
-    It is the nearest one with the hand far enough from every place, or else that with
-    the hand farthest from them. The first joint must turn about the vertical.
+    It is the nearest posture with the hand far enough from every place, or else the one
+    with the hand farthest from them. The first joint must turn about the vertical.
 
     Args:
         scene: The arm and the furniture.
@@ -184,13 +183,13 @@ class HeldLoad:
 
     p_GC: Vector  # the grasp in the hand, shape (3,) [m]
     below: float  # how far it hangs below the grasp [m]
-    sag: float  # how much further it may hang, turned in the hand [m]
+    sag: float  # how much lower it may hang, turned in the hand [m]
     long: bool  # it needs the whole bin
-    # From the grasp to where its middle may be expected, level, in the hand, (3,) [m].
+    # From the grasp to the expected middle of the level load, in the hand, (3,) [m].
     middle_G: Vector
-    # From the bin's middle to where it is dropped, in world, shape (3,) [m].
+    # From the bin's middle to the place where it is dropped, in world, shape (3,) [m].
     aside_W: Vector = dc.field(default_factory=lambda: np.zeros(3))
-    piled: float = 0.0  # how far the load of the bin rises above its rim [m]
+    piled: float = 0.0  # how far the bin's contents rise above its rim [m]
     spots: tuple[Spot, ...] = ()  # where it may be laid down, the best one first
 
     @property
@@ -200,35 +199,36 @@ class HeldLoad:
 
     @property
     def tall(self) -> bool:
-        """Whether it does not hang, but might topple over the rim."""
+        """Whether it does not hang but might topple over the rim."""
         return self.below > _TALL and not self.may_hang
 
     @property
     def expected_middle(self) -> Vector:
-        """From the grasp to where its middle errs least, in the hand, (3,) [m].
+        """From the grasp to the best guess of its middle, in the hand, (3,) [m].
 
-        A long load is level, or hangs below the hand: halfway between.
+        A long load is either level or hangs below the hand. The guess is halfway
+        between.
         """
         return 0.5 * self.middle_G if self.long else self.middle_G
 
     @property
     def level(self) -> HeldLoad:
-        """This load if it does not turn in the hand, and the bin is not full."""
+        """The same load, if it does not turn in the hand and the bin is not full."""
         return dc.replace(self, sag=0.0, piled=0.0)
 
     @classmethod
     def seen(
         cls, X_WG: RigidTransform, p_WC: Vector, height_map: HeightMap, table: float
     ) -> HeldLoad:
-        """Return what a map shows of a load.
+        """Return a load as a map shows it.
 
         Args:
             X_WG: The hand's pose at the grasp [m].
             p_WC: The grasp, shape (3,) [m].
-            height_map: Of the table before.
+            height_map: Height map of the table before the lift.
             table: Height of the table [m].
         """
-        # Its neighbours may hang from it, but do not move its middle.
+        # Neighbours may hang from the load, but do not move its middle.
         all_away = _away(height_map, table, p_WC)
         across_W = X_WG.rotation().matrix()[:2, 2]  # of the line between the pads
         hangs = float(np.max(np.abs(all_away @ across_W)))
@@ -248,7 +248,7 @@ class HeldLoad:
 def _away(
     height_map: HeightMap, table: float, p_WC: Vector, step: float = np.inf
 ) -> Vector:
-    """Return where the cells of the thing at a grasp are from there, (n, 2) [m]."""
+    """Return the cells of the thing at a grasp, relative to the grasp, (n, 2) [m]."""
     away: Vector = thing_at(height_map, table, p_WC, step) - p_WC[:2]
     return away
 
@@ -262,10 +262,10 @@ class ClearingMotions(abc.ABC):
     Args:
         scene: The arm, the gripper and the furniture.
         moves: The moves in that scene.
-        q_home: Where the arm begins and ends, shape (N,) [rad].
-        q_over: High over where loads go, with the hand down, shape (N,) [rad]. In
-            neither posture may the arm hide the table from the cameras.
-        destination: Where loads go.
+        q_home: Posture in which the arm begins and ends, shape (N,) [rad].
+        q_over: Posture high over the destination, with the hand down, shape (N,) [rad].
+            In neither posture may the arm hide the table from the cameras.
+        destination: Destination of the loads.
         table: Height of the table [m].
         config: Distances and speeds.
     """
@@ -298,17 +298,18 @@ class ClearingMotions(abc.ABC):
         filled: float = -np.inf,
         spots: Spots = _NOWHERE,
     ) -> dict[AnyMode, Trajectory] | PlanningFailure:
-        """Plan from `q_start` to a grasp, and with what it takes to where that goes.
+        """Plan from `q_start` to a grasp, and with its load to the destination.
 
         Args:
-            q_start: Where the arm is, at rest, shape (N,) [rad].
+            q_start: Posture of the arm, at rest, shape (N,) [rad].
             grasp: The grasp.
-            height_map: Of the table, for motions to keep clear of what is on it.
-            number: Of loads that were dropped before; only bins take note of it, and
-                of what follows.
+            height_map: Height map of the table; motions keep clear of the things on it.
+            number: Number of loads that were dropped before. Only bins use it and the
+                next two arguments.
             filled: World z up to which the bin may be filled [m].
-            spots: Where loads that may hang from the hand are laid down, and tall ones
-                set down. All others are dropped, and without spots, these, too.
+            spots: Places where loads that may hang from the hand are laid down, and
+                tall ones set down. All other loads are dropped; without spots, these
+                are, too.
         """
         try:
             q_grasp = self._reach(grasp)
@@ -322,9 +323,9 @@ class ClearingMotions(abc.ABC):
         if grasp.wrapped:  # the palm keeps it level
             load = load.level
         load = self._with_destination(load, number, filled, spots)
-        # High above the things around, the hand is out of their way. Far from
-        # its base, the arm does not get that high. Then the hand passes
-        # between them, if it can, and draws in the load that hangs from it.
+        # High above the things around it, the hand cannot hit them. Far from its base,
+        # the arm cannot rise that high. The hand then passes between the things, if it
+        # can, and draws in the load that hangs from it.
         for height in dict.fromkeys((approach, near)):
             try:
                 to = self._approach(q_start, q_grasp, grasp, height, height_map)
@@ -336,7 +337,7 @@ class ClearingMotions(abc.ABC):
     def _with_destination(
         self, load: HeldLoad, number: int, filled: float, spots: Spots
     ) -> HeldLoad:
-        """Return a load with what is known of where it goes; see `plan`."""
+        """Return a load, completed by its destination; see `plan`."""
         return load
 
     @abc.abstractmethod
@@ -351,11 +352,11 @@ class ClearingMotions(abc.ABC):
         """Return the motions with a load, which is lifted by `least` [m] or more.
 
         Args:
-            q_grasp: Where the arm is, shape (N,) [rad].
+            q_grasp: Posture of the arm, shape (N,) [rad].
             grasp: The grasp.
-            load: What it takes.
+            load: The load.
             least: The least height [m].
-            height_map: Of the table.
+            height_map: Height map of the table.
 
         Raises:
             NoPathError: If there are none.
@@ -388,7 +389,7 @@ class ClearingMotions(abc.ABC):
         return dict(zip((Mode.PRE_GRASP, Mode.GRASP), motions, strict=True))
 
     def _reach(self, grasp: TopGrasp) -> Vector:
-        """Return the posture of a grasp nearest to `q_over`, either finger in front.
+        """Return a grasp's posture nearest to `q_over`, with either finger in front.
 
         Raises:
             NoPathError: If the arm cannot reach it.
@@ -419,7 +420,7 @@ class ClearingMotions(abc.ABC):
         parts: Sequence[PathPart],
         limits: MotionLimits,
     ) -> tuple[Trajectory, ...]:
-        """Join motions; the arm rests where `cut_corners` is not set."""
+        """Join motions; without `cut_corners`, the arm rests between them."""
         if not self._config.cut_corners:
             return apart
         return self._moves.without_rest(apart, parts, limits, self._config.period)
@@ -450,14 +451,14 @@ class ClearingMotions(abc.ABC):
         """Plan up and over the bin from where something has stopped the hand.
 
         Args:
-            q_start: Where the arm is, at rest, shape (N,) [rad].
+            q_start: Posture of the arm, at rest, shape (N,) [rad].
             fingers: Angles of the open gripper's joints by name [rad].
         """
         moves = self._moves
         self.scene.SetFingers(fingers)
         with self.scene.reaching(_PRESSED):
             rise = max((moves.tip(self.q_over) - moves.tip(q_start))[2], 0.0)
-            for share in (1.0, 0.5, 0.25, 0.0):  # the arm may not get that high there
+            for share in (1.0, 0.5, 0.25, 0.0):  # the arm may not reach that high there
                 try:
                     up = moves.straight(q_start, moves.above(q_start, share * rise))
                     across = moves.joint_path(up[-1], self.q_over)
@@ -473,7 +474,7 @@ class ClearingMotions(abc.ABC):
         """Plan straight up to where the palm is `_ABOVE` above a world z [m].
 
         Args:
-            q_start: Where the arm is, at rest, shape (N,) [rad].
+            q_start: Posture of the arm, at rest, shape (N,) [rad].
             fingers: Angles of the open gripper's joints by name [rad].
             palm: The height [m].
         """

@@ -19,8 +19,8 @@ from drake_srg.planning.motion.planning_scene import NoPathError
 from drake_srg.planning.motion.trajectories import STRAIGHT, PathPart, joined
 from drake_srg.types import AnyMode, HeightMap, Mode, Vector
 
-# A load is let go this high above everything below it [m]: more than it sags in the
-# fingers, and a short fall.
+# A load is let go this high above everything below it [m]. This is more than it sags in
+# the fingers, and a short fall.
 _ABOVE = 0.02
 # Angles of the load on its way from hanging to lying [rad].
 _ANGLES = np.deg2rad([0.0, 15.0, 30.0, 45.0, 60.0, 75.0, 90.0])
@@ -37,20 +37,20 @@ _DRAWN_IN = (0.15, 0.3, 0.45)
 _GENTLE = 0.6
 # Height above its support at which a thing is let go [m].
 _ABOVE_PLACE = 0.002
-# Distance from the place within which all of a thing is [m]: the least spacing of
-# things that the hand takes, so that neighbours do not count.
+# Radius around a place that contains the whole thing, but no neighbours [m]: the least
+# spacing of things that the hand takes.
 _AROUND = 0.06
 
 
 def laying_targets(
     X_WG: RigidTransform, load: HeldLoad, palm: float, spot: Spot, high: float
 ) -> list[HandTarget]:
-    """Return where the hand begins to lay a load down, and the way from there.
+    """Return the hand's first pose for laying a load down, and its path from there.
 
     Two pads are a hinge: a long load may hang from them. Dropped like that, it falls on
-    its end and topples to any side, also over the rim. So the hand goes down on an arc
-    around that end, and the load lies in the end as it lay on the table. A load that is
-    still level comes to lie at the same place. What does not turn goes straight down.
+    its end and topples to any side, perhaps over the rim. So the hand goes down on an
+    arc around that end, and the load ends as it lay on the table. A load that is still
+    level ends at the same place. A load that does not turn goes straight down.
 
     The hand begins high over the end that hangs, and goes straight down to where the
     load stands on that end.
@@ -59,7 +59,7 @@ def laying_targets(
         X_WG: The hand over the middle of the bin, as it drops things.
         load: The load.
         palm: Height of the palm above the underside of the level load [m].
-        spot: Where it shall lie.
+        spot: Place where it must lie.
         high: World z of the palm at which the hanging load clears the rim [m].
     """
     middle_W = X_WG.rotation() @ load.middle_G
@@ -83,9 +83,9 @@ class BinMotions(ClearingMotions):
     def _with_destination(
         self, load: HeldLoad, number: int, filled: float, spots: Spots
     ) -> HeldLoad:
-        """Return a load with what is known of where it goes; see `plan`.
+        """Return a load, completed by its destination; see `plan`.
 
-        The middle of the bin and either side take turns.
+        Loads go to the middle of the bin and to either side in turns.
         """
         size = self.destination.high - self.destination.low
         aside = _ASIDE * np.where(size == size.max(), size, 0.0)
@@ -113,7 +113,7 @@ class BinMotions(ClearingMotions):
     ) -> dict[AnyMode, Trajectory]:
         """Return the motions with a load, which is lifted by `least` [m] or more.
 
-        What cannot be lifted so high may hang level.
+        A load that cannot be lifted so high is assumed to stay level.
         """
         scene, moves = self.scene, self._moves
         for lifted in (load, load.level):
@@ -162,12 +162,12 @@ class BinMotions(ClearingMotions):
         load: HeldLoad,
         lifted: HeldLoad,
     ) -> dict[AnyMode, Trajectory]:
-        """Return the motions with a load along `up` and on to where it is let go.
+        """Return the motions with a load along `up` and on to the place of its release.
 
-        The load's middle is over the bin's or beside that, and just above its rim and
-        whatever is in it, or as far above as the hand is at `q_over`. It is dropped
-        there. Where `load.spots` has a place that the arm reaches, it is laid or set
-        down there instead.
+        The load is dropped with its middle over the bin's, or to one side of it. It is
+        then just above the rim and the contents, or as high as the hand at `q_over`. If
+        the arm reaches a place in `load.spots`, the load is laid or set down there
+        instead.
 
         Raises:
             NoPathError: If the arm cannot go there.
@@ -202,9 +202,9 @@ class BinMotions(ClearingMotions):
         Args:
             up: The line on which it is lifted.
             lifting: The motion along that line, which ends at rest.
-            place: Where it is let go, or the way down begins.
+            place: Place where it is let go, or where the way down begins.
             load: The load.
-            lifted: The load as it must clear what is below it as it is lifted.
+            lifted: The load as it must clear everything below it during the lift.
 
         Raises:
             NoPathError: If the arm cannot go there.
@@ -225,7 +225,7 @@ class BinMotions(ClearingMotions):
 
 
 def row_destination(p_WO: Vector) -> Destination:
-    """Return where a thing with its middle at a place of the row is, (3,) [m]."""
+    """Return the destination of a thing at a place of the row, (3,) [m]."""
     return Destination(p_WO[:2] - _AROUND, p_WO[:2] + _AROUND, np.asarray(p_WO, float))
 
 
@@ -246,7 +246,7 @@ class RowMotions(ClearingMotions):
     ) -> dict[AnyMode, Trajectory]:
         """Return the motions with a load, which is lifted by `least` [m] or more.
 
-        The way with the load ends where it is set down.
+        The path with the load ends where it is set down.
         """
         scene, moves = self.scene, self._moves
         scene.SetFingers(grasp.fingers_closed)

@@ -1,4 +1,4 @@
-"""Pushing a heap apart that no grasp takes anything from."""
+"""Pushes apart a heap from which no grasp takes anything."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ from drake_srg.planning.motion.trajectories import STRAIGHT, PathPart
 from drake_srg.types import HeightMap, Vector
 
 _DIRECTIONS = 16
-# The uppermost thing of a heap reaches down this far at least [m]. A heap has parts
+# The uppermost thing of a heap reaches down by at least `_TOP` [m]. A heap has parts
 # that are lower than its top by `_FLAT` and at least `_EDGE` wide [m]. A plate or a
 # lying box on its own has only a rounded edge; pushing would not help it.
 _TOP, _FLAT, _EDGE = 0.025, 0.035, 0.01
@@ -37,16 +37,16 @@ _BEFORE, _FAR = 0.05, 0.2
 # Room for the closed hand around its middle, and under its ends [m].
 _AROUND, _UNDER = 0.04, 0.008
 # A pushed thing needs this much room at its new place, along and across [m], and this
-# much of that must be free.
+# share of the room must be free.
 _ROOM, _ACROSS, _LEAST_FREE = 0.2, 0.12, 0.6
-# Pushes are alike if they begin this near to each other [m] and their directions
-# differ by less than this [rad].
+# Pushes are alike if they begin within `_SAME_PLACE` of each other [m] and their
+# directions differ by less than `_SAME_WAY` [rad].
 _SAME_PLACE, _SAME_WAY = 0.05, np.deg2rad(30.0)
 
 
 @dc.dataclass(frozen=True)
 class Push:
-    """A straight motion of the closed hand's ends, which point down."""
+    """A straight motion of the closed fingertips, which point down."""
 
     start_W: Vector  # shape (3,) [m]
     end_W: Vector  # shape (3,) [m]
@@ -73,14 +73,14 @@ def best_push(
     reach: Reach | None,
     tried: Sequence[Push] = (),
 ) -> Push | None:
-    """Return the push that moves the top of the highest heap to where there is room.
+    """Return the push that moves the top of the highest heap into free space.
 
-    Room out of reach counts for nothing, so a heap at the edge is pushed inwards.
+    Space out of reach does not count, so a heap at the edge is pushed inwards.
 
     Args:
-        segments: What stands on the table.
+        segments: The segmented map of the table.
         table: Height of the table [m].
-        reach: Where the hand can be; None for everywhere.
+        reach: Reach of the hand; None for everywhere.
         tried: Pushes that did not help; similar ones are left out.
     """
     for thing in sorted(segments.things, key=lambda t: -t.top):
@@ -100,7 +100,7 @@ def best_push(
 def _pushes(
     segments: Segmentation, thing: Thing, table: float, reach: Reach | None
 ) -> list[tuple[float, Push]]:
-    """Return pushes of the uppermost thing, each with how much room is in reach."""
+    """Return pushes of the uppermost thing, each with its free space within reach."""
     above = segments.above[thing.cells[:, 0], thing.cells[:, 1]]
     top = float(np.quantile(above, 0.98))  # single cells are noise
     if not _reaches_below(segments, thing, top - _FLAT):
@@ -135,7 +135,7 @@ def _reaches_below(segments: Segmentation, thing: Thing, height: float) -> bool:
     """Return whether a heap has a part below a height that is wider than an edge.
 
     Args:
-        segments: What stands on the table.
+        segments: The segmented map of the table.
         thing: The heap.
         height: Above the table [m].
     """
@@ -156,7 +156,7 @@ def _patch(
 
 
 def _is_free(segments: Segmentation, p_W: Vector) -> npt.NDArray[np.bool_]:
-    """Return at which of points (n, 2) the table itself is seen, shape (n,)."""
+    """Return at which of the points (n, 2) the table itself is visible, shape (n,)."""
     cells = segments.map.cells(p_W)
     shape = np.array(segments.above.shape)
     inside = np.all((cells >= 0) & (cells < shape), axis=1)
@@ -165,7 +165,7 @@ def _is_free(segments: Segmentation, p_W: Vector) -> npt.NDArray[np.bool_]:
     return np.asarray(inside & ~segments.unknown[iy, ix] & low)
 
 
-_OVER = 0.06  # height of the hand's ends above everything on the way there [m]
+_OVER = 0.06  # height of the fingertips above everything on the way there [m]
 _STARTS = 4  # of inverse kinematics
 
 
@@ -175,12 +175,12 @@ class PushMotions:
     Args:
         scene: The arm, the gripper, the furniture and the bin.
         moves: The moves in that scene.
-        q_over: High over the bin, shape (N,) [rad].
-        fingers: The gripper's.
+        q_over: Posture high over the bin, shape (N,) [rad].
+        fingers: The gripper's fingers.
         table: Height of the table [m].
-        reach: Where the hand can be; None for everywhere.
+        reach: Reach of the hand; None for everywhere.
         segment: Returns what stands on the table according to a height map.
-        period: Of the planner [s]; None: the arm rests between all motions.
+        period: Period of the planner [s]; None: the arm rests between all motions.
     """
 
     def __init__(
@@ -204,11 +204,11 @@ class PushMotions:
     def plan(
         self, q_start: Vector, height_map: HeightMap, tried: Sequence[Push] = ()
     ) -> Push | None:
-        """Plan to a heap, through its top, and over the bin; None without a way.
+        """Plan to a heap, through its top, and over the bin; None if there is no way.
 
         Args:
-            q_start: Where the arm is, at rest, shape (N,) [rad].
-            height_map: Of the table.
+            q_start: Posture of the arm, at rest, shape (N,) [rad].
+            height_map: Height map of the table.
             tried: See `best_push`.
         """
         push = best_push(self._segment(height_map), self._table, self._reach, tried)

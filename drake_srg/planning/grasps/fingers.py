@@ -1,4 +1,4 @@
-"""Two fingers that take things from above, as the search for grasps sees them."""
+"""Two fingers that take things from above, as modelled by the search for grasps."""
 
 from __future__ import annotations
 
@@ -15,14 +15,14 @@ from drake_srg.types import Vector
 class Wrap:
     """A grasp from above around an object that is too wide for the pads.
 
-    The hand comes down fully open. Its base links come to lie on the top of the thing,
-    and the tips turn down around its upper edges.
+    The hand comes down fully open. Its base links touch the top of the thing, and the
+    tips turn down around its upper edges.
 
     Attributes:
-        half_gap: Of the open fingers' ends [m].
+        half_gap: Half of the gap between the open fingers' ends [m].
         hinge_x: Palm x of the tips' hinges in the open hand [m].
         hinge_y: Their distance from the palm's middle [m].
-        radius: Of the circle on which the tips' ends move about them [m].
+        radius: Radius of the circle on which the tips' ends move about them [m].
         face_x: Palm x of the open base links' faces [m].
         gap: Between these and the top of the thing as the fingers close [m].
         widths: Least and greatest width of a thing [m].
@@ -60,9 +60,9 @@ class Fingers(abc.ABC):
         max_width: Greatest width that they take [m].
         most_open: Half of the widest gap between their ends [m].
         pad_width: Extent of the pads along the palm's z [m].
-        palm_x: How far the palm reaches in its x [m].
+        palm_x: Extent of the palm along its x [m].
         palm_size: Extents of the palm along its y and z [m].
-        wrap: How they take what is wider; None: not at all.
+        wrap: The wrap for wider things; None: wider things are refused.
     """
 
     deepest: float
@@ -75,15 +75,15 @@ class Fingers(abc.ABC):
 
     @abc.abstractmethod
     def silhouette(self, half_gap: float, offsets: Vector) -> Vector:
-        """Return how far down the open hand reaches, seen along its pads.
+        """Return the lower outline of the open hand, seen along its pads.
 
         Args:
-            half_gap: Of the fingers' ends [m].
+            half_gap: Half of the gap between the fingers' ends [m].
             offsets: Distances from the palm's middle along its y, shape (S,) [m].
 
         Returns:
             Palm x of the hand's lowest point at each offset, shape (S,) [m]; -inf
-            where it is not.
+            beside the hand.
         """
 
     @abc.abstractmethod
@@ -91,7 +91,7 @@ class Fingers(abc.ABC):
         """Return the open hand.
 
         Args:
-            half_gap: Of the fingers' ends [m].
+            half_gap: Half of the gap between the fingers' ends [m].
         """
 
     @abc.abstractmethod
@@ -99,14 +99,14 @@ class Fingers(abc.ABC):
         """Return the hand that presses on something.
 
         Args:
-            width: Of the thing [m].
+            width: Width of the thing [m].
         """
 
     def wrapped(self, width: float) -> FingerState:
         """Return the hand that presses on a thing that it wraps; needs `wrap`.
 
         Args:
-            width: Of the thing [m].
+            width: Width of the thing [m].
 
         Raises:
             NotImplementedError: If the fingers have no `wrap`.
@@ -118,7 +118,7 @@ class Fingers(abc.ABC):
         """Return whether closed fingers whose sensors fire hold a thing of some width.
 
         Args:
-            width: Expected between the pads [m].
+            width: Expected width between the pads [m].
             q: Measured angles of the gripper's joints, shape (n,) [rad].
             proximity: Readings of its sensors, shape (m,) [m].
         """
@@ -138,10 +138,10 @@ class Fingers(abc.ABC):
 
 
 def lowest(points: Vector, offsets: Vector, floor: float) -> Vector:
-    """Return how far down points of a hand reach at each offset.
+    """Return the lowest point of a hand at each offset, along the palm's x.
 
     Args:
-        points: Of one finger, densely, `|y|` and x in the palm, shape (n, 2) [m].
+        points: Dense points of one finger, `|y|` and x in the palm, shape (n, 2) [m].
         offsets: Shape (S,), in equal steps [m].
         floor: Value where there is no point [m].
     """

@@ -1,8 +1,8 @@
-"""Measures of a grasp: how well contact patches hold an object.
+"""Measures of how well contact patches hold an object.
 
 Wrenches are about the object's center of mass. Moments are divided by the object's
-size (its greatest distance from there), so that force and moment have one unit (Roa and
-Suárez, Autonomous Robots 38:65, 2015, section 2.3).
+size (its greatest distance from that center), so that force and moment have one unit
+(Roa and Suárez, Autonomous Robots 38:65, 2015, section 2.3).
 """
 
 from __future__ import annotations
@@ -30,9 +30,9 @@ class Patch:
     """The contact of one geometry of the hand with the object.
 
     Attributes:
-        p_W: Points that stand for parts of its area, shape (n, 3) [m].
+        p_W: Points that represent parts of its area, shape (n, 3) [m].
         n_W: Unit normals there, into the object, shape (n, 3).
-        normal_force: Of each part, shape (n,) [N].
+        normal_force: Normal force of each part, shape (n,) [N].
         friction: Coefficient of the pair.
         f_W: The total force on the object, shape (3,) [N].
     """
@@ -68,7 +68,7 @@ def contact_patches(
 
     Args:
         results: Value of the plant's output port `contact_results`.
-        inspector: Knows the geometries' friction.
+        inspector: Source of the geometries' friction.
         thing: Collision geometries of the object.
         hand: Collision geometries of the hand.
         points: Largest number of points of a patch, 1 or 5.
@@ -165,7 +165,7 @@ def merged(
         points: 1 or 5.
 
     Returns:
-        The same for the points, of which those without force are left out.
+        The same for the points; points without force are omitted.
     """
     share = force / force.sum()
     middle = share @ p
@@ -191,9 +191,9 @@ def merged(
     return where, normals, forces
 
 
-_EDGES = 8  # of the pyramids that stand for friction cones
+_EDGES = 8  # of the pyramids that approximate friction cones
 _GRAVITY = 9.81  # m/s²
-# Beyond this, nothing in a laboratory accelerates a hand [m/s²].
+# No machine in a laboratory accelerates a hand more than this [m/s²].
 MOST_ACCELERATION = 1000.0
 
 
@@ -204,7 +204,7 @@ class Body:
     Attributes:
         mass: [kg].
         p_WB: Its center of mass, shape (3,) [m].
-        size: Its greatest distance from there [m].
+        size: Its greatest distance from its center of mass [m].
         g_W: Gravity, shape (3,) [m/s²].
     """
 
@@ -247,7 +247,7 @@ def _points(patches: Sequence[Patch]) -> tuple[Vector, Vector, Vector]:
 
 @dc.dataclass(frozen=True)
 class WrenchSpace:
-    """The convex hull of what the contacts can exert.
+    """The convex hull of the wrenches that the contacts can exert.
 
     Attributes:
         epsilon: Radius of the largest ball about the origin inside it; 0 without force
@@ -292,12 +292,12 @@ def wrench_space(
 
 
 def resisted_acceleration(patches: Sequence[Patch], body: Body) -> float:
-    """Return the acceleration that the grasp bears in any of six directions [m/s²].
+    """Return the acceleration that the grasp withstands in six directions [m/s²].
 
-    A linear program for each of ±x, ±y and ±z: the greatest acceleration of the hand
-    for which forces in the friction cones carry the object along, while no patch
-    presses harder than it does now (the bound of Krug et al., ICRA 2017, for motors
-    that give no more). 0 if they cannot even carry its weight.
+    For each of ±x, ±y and ±z, a linear program finds the greatest acceleration of the
+    hand at which forces in the friction cones carry the object along. No patch presses
+    harder than now (the bound of Krug et al., ICRA 2017, for motors at their limit).
+    The result is the least of the six, or 0 if the grasp cannot even carry the weight.
     """
     if not patches:
         return 0.0
@@ -332,15 +332,15 @@ def resisted_acceleration(patches: Sequence[Patch], body: Body) -> float:
 def friction_margin(patches: Sequence[Patch], body: Body) -> float:
     """Return the greatest friction of all patches over the object's weight.
 
-    Of a pinch, this is the acceleration that the pads bear across their normals, in
-    units of gravity.
+    For a pinch, this is the acceleration that the pads withstand across their normals,
+    in units of gravity.
     """
     total = sum(patch.friction * patch.normal_force.sum() for patch in patches)
     return float(total / (body.mass * _GRAVITY))
 
 
 def slip_margin(patches: Sequence[Patch]) -> float:
-    """Return the unused share of friction where it is least, 0 .. 1; 0 without contact.
+    """Return the least unused share of friction, 0 .. 1; 0 without contact.
 
     A sensor of force and moment could measure it (Bicchi, Salisbury and Brock, IJRR
     12:249, 1993).

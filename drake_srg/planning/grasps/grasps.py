@@ -1,4 +1,4 @@
-"""Grasps and hands as planning sees them, and the search for reachable grasps."""
+"""Planning models of grasps and hands, and the search for reachable grasps."""
 
 from __future__ import annotations
 
@@ -38,8 +38,8 @@ class Grasp(abc.ABC):
 
     The axis is the object's z unless `axis_O` says otherwise.
 
-    The rotation about the object's axis is free when it is set down. When it is taken,
-    the rotation is free unless `across_O` or `down_G` says otherwise.
+    The rotation about the object's axis is free when the object is set down. When the
+    object is taken, it is free unless `across_O` or `down_G` fixes it.
     """
 
     name: str  # a few words, for messages
@@ -63,8 +63,7 @@ class Grasp(abc.ABC):
     down_G: Vector | None = None
     # Largest turn of the axis from `axis_G` when the hand closes [rad].
     pick_angle: float = _EXACT
-    # How the object moves, in the palm's axes, when it is set down and let go, shape
-    # (3,) [m].
+    # Motion of the object at the release, in the palm's axes, shape (3,) [m].
     release_shift_G: Vector = dc.field(default_factory=lambda: np.zeros(3))
     cost: float = 0.0  # added to the score; less is better [rad²]
 
@@ -80,12 +79,13 @@ class Grasp(abc.ABC):
     def target(
         self, X_WO: RigidTransform, angle_tolerance: float = _EXACT
     ) -> HandTarget:
-        """Return where the hand must be to hold the object at `X_WO`.
+        """Return the hand's target for holding the object at `X_WO`.
 
         Args:
             X_WO: The object's pose in world [m]. Its turn about its axis does not
                 count unless `turn_counts`.
-            angle_tolerance: Of the object's axis in the hand [rad].
+            angle_tolerance: Tolerance of the angle of the object's axis in the hand
+                [rad].
         """
         axis_W = X_WO.rotation().matrix() @ self.axis_O
         axes = [AxisTarget(self.axis_G, axis_W, angle_tolerance)]
@@ -94,10 +94,10 @@ class Grasp(abc.ABC):
         return HandTarget(p_WT=X_WO.translation(), p_GT=self.p_GO, axes=tuple(axes))
 
     def pick_target(self, X_WO: RigidTransform) -> HandTarget:
-        """Return where the hand must be to take the object at `X_WO`.
+        """Return the hand's target for taking the object at `X_WO`.
 
-        Unlike `target`, it knows of the object's faces, and may allow a hand that turns
-        the object as it closes.
+        Unlike `target`, it respects the object's faces, and may let the closing hand
+        turn the object.
         """
         target = self.target(X_WO, self.pick_angle)
         if self.down_G is not None:
@@ -111,10 +111,10 @@ class Grasp(abc.ABC):
     def set_down(
         self, X_WG: RigidTransform, X_WO_goal: RigidTransform
     ) -> RigidTransform:
-        """Return the pose of the object that the hand has set down on its goal [m].
+        """Return the pose of the object once the hand has set it down on its goal [m].
 
         Args:
-            X_WG: Of the hand [m].
+            X_WG: Pose of the hand [m].
             X_WO_goal: The goal [m]. The object is turned about its axis as in the hand.
         """
         if self.across_O is None:
@@ -145,14 +145,14 @@ class PinchGrasp(Grasp):
 
 
 class Hand(abc.ABC):
-    """A gripper as its planner sees it.
+    """A gripper as planning models it.
 
     Attributes:
         num_joints: Number n of measured joint angles.
         num_sensors: Number m of proximity readings.
         p_GT: The point of the hand that moves along straight lines, shape (3,) [m].
         upright_within: Lean up to which an object counts as standing upright [rad].
-        pinch: Its fingers in pinches from above; None: no such pinches are planned.
+        pinch: Its fingers for pinches from above; None: the planner plans none.
     """
 
     num_joints: int
@@ -170,12 +170,12 @@ class Hand(abc.ABC):
         Args:
             shape: The object's.
             X_WO: Its pose [m]; the turn of a round one about its axis does not count.
-            firmness: How much more firmly than usual the hand closes, if it can.
+            firmness: Factor on the usual squeeze, if the hand can vary it.
         """
 
 
 def _axes(z: Vector, y: Vector) -> RotationMatrix:
-    """Return the rotation of a frame of which z, and about it y, point as given."""
+    """Return the rotation of a frame whose z, and about it y, point as given."""
     z = z / np.linalg.norm(z)
     x = np.cross(y, z)
     x = x / np.linalg.norm(x)
@@ -185,11 +185,11 @@ def _axes(z: Vector, y: Vector) -> RotationMatrix:
 def pose_along(p: Vector, axis: Vector) -> RigidTransform:
     """Return a pose whose z points along an axis.
 
-    Its y is level if possible; the rotation about the axis has no other meaning.
+    Its y is level if possible. The rotation about the axis is otherwise arbitrary.
 
     Args:
         p: Its position, shape (3,) [m].
-        axis: Of any length, shape (3,).
+        axis: Direction of the axis, of any length, shape (3,).
     """
     z = np.asarray(axis, dtype=float) / np.linalg.norm(axis)
     x = np.cross([0.0, 1.0, 0.0], z)
@@ -201,15 +201,15 @@ def pose_along(p: Vector, axis: Vector) -> RigidTransform:
 
 
 _UP = np.array([0.0, 0.0, 1.0])
-# A held object may overlap its support by this much in the plan [m], because the plan
-# has it stand on the support.
+# A held object may overlap its support by this much in the plan [m], because it stands
+# on the support there.
 SUPPORT_OVERLAP = -0.003
 # Directions about its axis from which an object is approached if the nearest one is
 # blocked. Each stands for a sector of 45 degrees.
 _TURNS = 8
 # Cost of each failure of a grasp [rad²]. On the kitchen's table, a grasp from the side
-# costs 16 to 30 more than one from above. So another look and a firmer hand come first,
-# and another grasp after that.
+# costs 16 to 30 more than one from above. So the planner first looks again and grips
+# more firmly, and only then tries another grasp.
 _FAILED = 15.0
 # Factor on the squeeze once a grasp has failed: about 21 N per finger in place of 14 N.
 _REGRASP_SQUEEZE = 1.5
@@ -220,18 +220,18 @@ class Candidate:
     """A grasp with the arm's postures at both ends."""
 
     grasp: Grasp
-    X_WO: RigidTransform  # of the object, with the end up that the grasp needs
+    X_WO: RigidTransform  # of the object, with the grasp's end up
     q_grasp: Vector  # shape (N,) [rad]
     q_place: Vector  # shape (N,) [rad]
     score: float  # lower is better
 
 
 class GraspSearch:
-    """Searches for grasps with a planning scene. Keeps nothing between calls.
+    """Searches for grasps with a planning scene; holds nothing between calls.
 
     Args:
         scene: The arm, the gripper and what they may hit.
-        hand: How that gripper takes objects.
+        hand: The grasps of that gripper.
         q_home: Home posture of the arm, shape (N,) [rad].
         place_height: Height above the goal at which the hand lets go [m].
     """
@@ -296,8 +296,8 @@ class GraspSearch:
                 no_place.append((grasp, place))
                 continue
             # The cost is the distance of the joints from home [rad²]. Clearance counts
-            # up to 5 cm, with 0.5 rad² per cm. A leaning hand tilts what it holds:
-            # 5 degrees, which is 4 mm beside the goal, cost 3.5 rad².
+            # up to 5 cm, with 0.5 rad² per cm. A leaning hand tilts the object: 5
+            # degrees, which put it 4 mm beside the goal, cost 3.5 rad².
             spare = min(
                 0.05,
                 *(s.clearance.distance for s in (pick, place) if s.clearance),
@@ -305,7 +305,7 @@ class GraspSearch:
             score = pick.cost + place.cost - 50.0 * spare + 40.0 * grasp.lean
             score += grasp.cost + _FAILED * tried.count(grasp.name)
             candidates.append(Candidate(grasp, X_WO, pick.q, place.q, score))
-        # The narrowest miss, of angles or of distances, says most.
+        # The narrowest miss, of angles or of distances, is the best explanation.
         step, missed = ("place", no_place) if no_place else ("pick", no_pick)
         failures = [
             PlanningFailure(ik.failure, f"{step} {grasp.name}: {ik.message}")
@@ -319,7 +319,7 @@ class GraspSearch:
         """Return the candidate of a grasp that holds its object.
 
         Args:
-            q_grasp: Where the arm is, shape (N,) [rad].
+            q_grasp: Posture of the arm, shape (N,) [rad].
             grasp: The grasp.
             shape: The object's shape.
             X_WO_goal: The goal's pose [m].
@@ -352,7 +352,7 @@ class GraspSearch:
         if not turned:
             return [target]
         if not self._scene.reaches_any_pose or len(target.axes) > 1:
-            return []  # neither the arm nor an object with faces leaves a choice
+            return []  # the arm or the object's faces leave no choice
         angles = np.linspace(0.0, 2.0 * np.pi, _TURNS, endpoint=False)
         across = [X_WO.rotation() @ [np.cos(a), np.sin(a), 0.0] for a in angles]
         turns = [AxisTarget(PALM_Y, y_W, np.pi / _TURNS) for y_W in across]
@@ -373,10 +373,10 @@ class GraspSearch:
 def place_target(
     grasp: Grasp, X_WO_goal: RigidTransform, height: float, **tolerance: float
 ) -> HandTarget:
-    """Return where the hand lets go.
+    """Return the hand's target for the release.
 
     Args:
-        grasp: Of the object.
+        grasp: Grasp of the object.
         X_WO_goal: The goal's pose [m].
         height: Above the goal [m].
         tolerance: Passed to `Grasp.target`.
@@ -394,7 +394,7 @@ def carrying(
     Args:
         scene: The planning scene.
         shape: The object's.
-        grasp: How the hand holds it.
+        grasp: The grasp that holds it.
         supported: Whether the object stands on something.
     """
     scene.SetFingers(grasp.fingers_closed)

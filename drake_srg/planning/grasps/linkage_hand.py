@@ -19,7 +19,7 @@ from drake_srg.planning.grasps.grasps import Grasp, Hand, PinchGrasp
 from drake_srg.types import Cylinder, Vector
 
 # Geometry of the gripper in the palm frame G (x out of the palm, z along the pads) [m].
-# Cranks of parallelograms carry the pads. They point straight ahead where the gap fits
+# Cranks of parallelograms carry the pads. They point straight ahead when the gap fits
 # the cylinder for which the pads are cut (tools/models/linkage_pieces.py).
 CRANK = 0.045
 _STRAIGHT_HALF_GAP = 0.0125
@@ -28,24 +28,24 @@ _OPEN_ANGLE = float(np.arcsin((OPEN_HALF_GAP - _STRAIGHT_HALF_GAP) / CRANK))
 _CLEARANCE = 0.012  # of the open hand on each side of an object [m]
 # Half the gap between the middles of curved pads whose rims meet. (Flat pads touch.)
 _EMPTY_HALF_GAP = _STRAIGHT_HALF_GAP * (1.0 - np.cos(np.deg2rad(40.0)))
-# A thinner object looks like the other finger [m].
+# A thinner object cannot be told from the other finger [m].
 _LEAST_RADIUS = _EMPTY_HALF_GAP + 0.002
 # Largest angle between the axis of a lying object and the horizontal [rad].
 _LYING = np.deg2rad(5.0)
 # Largest angle between the pads and a lying object [rad]. Closing pads straighten it:
-# each crank goes on by 6 degrees after its pad touches (60 degrees/s for the
-# post-contact delay), or 4.7 mm. That straightens a 25 mm cylinder from 18 degrees, and
-# from a little less because the slave lags.
+# each crank advances by 6 degrees, or 4.7 mm, after its pad touches (60 degrees/s for
+# the post-contact delay). That would straighten a 25 mm cylinder from 18 degrees. The
+# slave lags, so the limit is a little less.
 _ACROSS = np.deg2rad(16.0)
 _AHEAD = np.array([1.0, 0.0, 0.0])
-# The fingertip: its end beyond the pad's middle, and its thickness [m]. Behind it are
-# crank and rocker: their back from the pad's face, and their front before the pad's
-# middle [m] (tools/models/linkage_pieces.py).
+# The fingertip: distance from the pad's middle to its end, and its thickness [m]. Crank
+# and rocker are behind it: distance of their back from the pad's face, and of their
+# front from the pad's middle [m] (tools/models/linkage_pieces.py).
 _END, _TIP, _BACK, _FRONT = 0.0094, 0.0085, 0.020, 0.016
-# The hand is between the palm's origin and here where the pads do not reach [m].
+# Box from the palm's origin that contains the hand where the pads do not reach [m].
 _PALM_X, _PALM_HALF_WIDTH, _PALM_HALF_HEIGHT = 0.040, 0.030, 0.0145
 # Crank angle by which a held thing must differ from an empty hand [rad].
-_TELLABLE = 0.03
+_DETECTABLE = 0.03
 
 
 def crank_angle(half_gap: float) -> float:
@@ -54,7 +54,7 @@ def crank_angle(half_gap: float) -> float:
 
 
 def pads_ahead(half_gap: float) -> float:
-    """Return how far the cranks hold the pads ahead of their hinges [m]."""
+    """Return the distance of the pads ahead of the cranks' hinges [m]."""
     return float(np.sqrt(CRANK**2 - (half_gap - _STRAIGHT_HALF_GAP) ** 2))
 
 
@@ -62,18 +62,18 @@ EMPTY_ANGLE = crank_angle(_EMPTY_HALF_GAP)  # of the cranks of an empty closed h
 
 
 def crank_joints(angle: float) -> dict[str, float]:
-    """Return the joint angles of both parallelograms, all alike [rad]."""
+    """Return the joint angles of both parallelograms, all equal [rad]."""
     fingers, joints = ("master", "slave"), ("crank", "rocker", "coupler", "pin")
     return {f"{f}_{joint}_joint": angle for f in fingers for joint in joints}
 
 
 @dc.dataclass(frozen=True)
 class LinkageFingers(Fingers):
-    """The master-slave gripper: its pads stay parallel, so it takes narrow things.
+    """The fingers of the master-slave gripper, whose pads stay parallel.
 
     Args:
         tip_x: Palm x of the pads' middle, cranks straight ahead [m].
-        full_scale: Crank angle that closure 1 asks for; the driver's [rad].
+        full_scale: The driver's crank angle at closure 1 [rad].
     """
 
     tip_x: float = 0.095
@@ -113,7 +113,7 @@ class LinkageFingers(Fingers):
     def closed(self, width: float) -> FingerState:
         """Return the hand that presses on something.
 
-        They stop once both sense something.
+        The fingers stop once both sense something.
         """
         return FingerState(1.0, crank_joints(crank_angle(0.5 * width)))
 
@@ -123,20 +123,19 @@ class LinkageFingers(Fingers):
 
     def detectable(self, width: float) -> bool:
         """Return whether joint angles reveal a held thing of a width [m]."""
-        return EMPTY_ANGLE - crank_angle(0.5 * width) > _TELLABLE
+        return EMPTY_ANGLE - crank_angle(0.5 * width) > _DETECTABLE
 
 
 @dc.dataclass(frozen=True)
 class LinkageHand(Hand):
     """The five-axis arm's gripper: takes cylinders that stand, lean or lie.
 
-    Pads along the axis and the object's middle at the tip are five conditions. They
-    determine all five joints, so the hand cannot choose where it comes from.
+    The pads must be along the axis, and the object's middle at the tip. These five
+    conditions determine all five joints, so the hand cannot choose its direction.
 
     Args:
         p_GT: The tip: the middle of a held object in the palm, shape (3,) [m].
-        release_shift_G: How the object moves when it is set down and let go, shape
-            (3,) [m].
+        release_shift_G: Motion of the object at the release, shape (3,) [m].
         pinch: See `Hand`.
     """
 
@@ -161,7 +160,7 @@ class LinkageHand(Hand):
         around, name = shape.radius + _CLEARANCE, "along its axis"
         taken: dict[str, Any] = {}
         if abs(X_WO.rotation().matrix()[2, 2]) <= np.sin(_LYING):
-            # An object across the pads needs more of their gap than its diameter.
+            # An object oblique to the pads needs a wider gap than its diameter.
             across = _ACROSS if around <= OPEN_HALF_GAP else 0.0
             around = OPEN_HALF_GAP
             name = f"from above, at most {np.degrees(across):.0f} degrees across it"

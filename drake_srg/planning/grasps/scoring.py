@@ -1,4 +1,4 @@
-"""Scores of grasps from above, by what a height map shows, many at a time."""
+"""Scores of grasps from above on a height map, many at a time."""
 
 from __future__ import annotations
 
@@ -15,15 +15,15 @@ from drake_srg.types import Vector
 
 Floats = npt.NDArray[np.float32]
 
-# Distance that the open hand keeps from everything; one noisy cell counts less [m].
+# Distance that the open hand keeps from everything [m]; one noisy cell counts less.
 _CLEARANCE = 0.004
 # A thing counts as between the fingers if it rises above their ends by this [m].
 _ENGAGED = 0.002
-# Half gaps of the open fingers' ends that are tried for pinches [m].
+# Half gaps of the open fingers' ends to try for pinches [m].
 _OPENINGS = (0.016, 0.027, 0.04, 0.055, 0.07, 0.085)
-# In a pinch, the fingers' ends may reach this far below the top of a thing [m], but
-# not below the table. In noise, less is no flank: 7 mm down the rim of a plate,
-# pinches slip off.
+# Depths of the fingers' ends below the top of a thing to try for pinches [m], but not
+# below the table. In noisy maps, a shallower grasp has no flank to hold: 7 mm down the
+# rim of a plate, pinches slip off.
 _DEPTHS = (0.015, 0.03, 0.045, 0.06, 0.08, 0.095)
 # A thing this near to a pad touches it [m].
 _TOUCHES = 0.004
@@ -33,45 +33,48 @@ _FACE, _AWAY = 0.01, 0.02
 # Height of the flank over which its lean is measured [m].
 _RISE = 0.012
 # A low thing may have most of its flank below the limit for things between the pads.
-# Its flank counts from this height above the fingers' ends [m], and so many standard
-# deviations of the table's own heights.
+# Its flank counts from `_FOOT` above the fingers' ends [m], and from `_DEVIATIONS`
+# standard deviations of the table's own heights.
 _FOOT, _DEVIATIONS = 0.001, 2.0
-# Tangent of the angle between a face and the pad that presses on it, at most. Friction
-# would allow 0.6 and blurred edges look less steep than they are.
+# Greatest tangent of the angle between a face and the pad that presses on it. Friction
+# would allow 0.6, but blurred edges look less steep than they are.
 STEEPEST = 0.45
 # Weights of the score's terms (docs/grasps.md): twist, wedge, lever [1/m].
 _TWIST, _WEDGE, _LEVER = 2.0, 2.0, 48.0
 # With a friction of 0.6, a lying squeeze bottle of 0.575 kg holds by levers of up to
-# 10 mm. Beyond that it swings, however long the lever: longer ones than this cost no
-# more, and one that is not known costs as much as `_UNKNOWN` [m].
+# 10 mm. Beyond that it swings, however long the lever. So a lever longer than
+# `_LONGEST` costs no more than that, and an unknown lever costs as much as `_UNKNOWN`
+# [m].
 _LONGEST, _UNKNOWN = 0.05, 0.017
 # A thing that sticks out along the closing direction tips between the pads. Their
-# friction and pressure resist by N (mu w + h), w apart and h high. A middle so many
-# times (mu w + h) away costs nothing, and each further multiple a point, but together
-# with the lever at most as much as the longest lever. A hammer that is held by its
-# head has 3.9 and falls, a bowl by its wall 1.1.
+# friction and pressure resist by N (mu w + h), if they are w apart and h high. Up to
+# `_RESISTED` times (mu w + h), the distance of the middle costs nothing. Each further
+# multiple costs a point; together with the lever, at most as much as the longest lever.
+# A hammer held by its head has 3.9 and falls; a bowl held by its wall has 1.1.
 _FRICTION, _RESISTED = 0.6, 1.5
-# Distance between samples below the palm, at most [m].
+# Greatest distance between samples below the palm [m].
 _PALM_STEP = 0.007
 # Samples reach this far beyond the edges of the pads, for errors of the map [m].
 _EDGES = 0.002
-# More room around the open hand is no better [m]. Wider things are harder to hold [m].
+# More room than `_ROOM` around the open hand is no better [m]. Things wider than
+# `_WIDE` are harder to hold [m].
 _ROOM, _WIDE = 0.012, 0.1
 # Weights of the score's terms (docs/grasps.md): depth, steepness, the excess width that
-# costs two points and the half gap that costs one [m].
+# costs two points, and the half gap that costs one point [m].
 _DEPTH, _STEEP, _EXCESS, _OPENING = 2.5, 2.0, 0.05, 0.3
-# Half the width of the middle of a pinch: the hand takes the thing that is there. The
-# middle counts as one thing up to this height above its central point [m].
+# Half the width of a pinch's middle, where the hand takes the thing. The middle counts
+# as one thing up to `_TALLER` above its central point [m].
 _MIDDLE, _TALLER = 0.011, 0.02
 # Samples reach this far beyond the widest opening, for the fingers' backs [m].
 _BACKS = 0.04
 # The tips press on a thing's sides within this of its top [m].
 _EDGE = 0.02
-# Steep sides look as wide as this on a map, at most [m].
+# Greatest apparent width of steep sides on a map [m].
 _BLURRED = 0.012
-# Largest distance of the thing's middle from the palm's, along the closing [m].
+# Largest distance of the thing's middle from the palm's, along the closing direction
+# [m].
 _CENTERED = 0.008
-# Wraps are tried this far from the middle of a thing [m], in so many directions.
+# Distance from a thing's middle at which wraps are tried [m], and number of directions.
 _BESIDE, _YAWS = 0.03, 36
 
 
@@ -86,10 +89,10 @@ def extent(
 
 
 def face_of(distance: Vector, t: Vector) -> tuple[Vector, Vector, Vector]:
-    """Return how much of pads touches things, where, and how the faces slant.
+    """Return the parts of pads that touch things, and the slopes of the faces.
 
     Args:
-        distance: Of things from pads, shape (n, T) [m]; inf without a thing.
+        distance: Distance of things from pads, shape (n, T) [m]; inf without a thing.
         t: Positions across the pad, shape (T,) [m].
 
     Returns:
@@ -114,18 +117,19 @@ def lean_of(
     step: float,
     noise: float = 0.0,
 ) -> Vector:
-    """Return how far flanks lean inwards: the tangent of the angle to the vertical.
+    """Return the tangents of the angles by which flanks lean inwards.
 
-    Pads slip off what leans more than friction allows. Round things lean the less,
-    the lower they are held. The flanks of low things count down to where they begin.
+    Pads slip off flanks that lean more than friction allows. The lower a hand holds a
+    round thing, the less its flanks lean. The flanks of low things count down to their
+    foot.
 
     Args:
         strip: Heights along the closing direction, shape (n, S) [m].
         tip: Height of the fingers' ends, shape (n,) [m].
         top: Height of the thing, shape (n,) [m].
-        end: Where the thing ends, shape (n,) [m].
-        inwards: Direction from there to its inside, 1 or -1.
-        step: Between the samples, the middle one of which is at 0 [m].
+        end: End of the thing, shape (n,) [m].
+        inwards: Direction from the end to the thing's inside, 1 or -1.
+        step: Distance between the samples, the middle one of which is at 0 [m].
         noise: Standard deviation of the heights [m].
     """
     rows = np.arange(len(strip))
@@ -147,17 +151,17 @@ def lean_of(
 
 @dc.dataclass(frozen=True, eq=False)
 class Candidates:
-    """Grasps from above, a row each; what is impossible has the score -inf.
+    """Grasps from above, one per row; impossible ones have the score -inf.
 
     Attributes:
         p_W: x, y of the palm's axis in world, shape (n, 2) [m].
         yaw: Direction of closing, shape (n,) [rad].
         tip: Height above the table of the lowest point that closing fingers reach,
             shape (n,) [m].
-        half_gap: Of the open fingers' ends, shape (n,) [m].
-        low: Where the thing begins along the closing direction, shape (n,) [m].
-        high: Where it ends, shape (n,) [m].
-        top: Height above the table of what is between the fingers, shape (n,) [m].
+        half_gap: Half of the gap between the open fingers' ends, shape (n,) [m].
+        low: Start of the thing along the closing direction, shape (n,) [m].
+        high: End of the thing, shape (n,) [m].
+        top: Height above the table of the thing between the fingers, shape (n,) [m].
         lean: How far its flanks lean inwards, as a tangent, shape (n,).
         score: Higher is better, shape (n,).
     """
@@ -190,12 +194,11 @@ class Candidates:
 
 
 class TopGraspJudge(abc.ABC):
-    """Judges grasps from above by what a height map shows, many at a time.
+    """Judges grasps from above on a height map, many at a time.
 
     Args:
         fingers: The hand's.
-        reach: How far from the palm's middle the hand reaches along the closing
-            direction [m].
+        reach: Reach of the hand from the palm's middle along the closing direction [m].
         table_gap: Height above the table that the ends of closing fingers keep [m].
         step: Distance between samples along the closing direction [m].
         across: The same across it [m].
@@ -221,7 +224,7 @@ class TopGraspJudge(abc.ABC):
         """Return the best candidate at each place, or nearby.
 
         Args:
-            segments: What stands on the table.
+            segments: The segmented map of the table.
             p_W: x, y of the palm's axis in world, shape (n, 2) [m].
             yaw: Direction of closing, shape (n,) [rad].
         """
@@ -239,10 +242,10 @@ class TopGraspJudge(abc.ABC):
         return sample(segments, p_W, yaw, y, z).max(axis=(1, 2))
 
     def refine(self, segments: Segmentation, candidates: Candidates) -> Candidates:
-        """Return candidates whose scores count how the pads lie on the thing.
+        """Return candidates whose scores include the fit of the pads on the thing.
 
-        Pads that touch it with a corner, or not opposite to each other, turn it. So
-        does its weight if it is held far from its middle.
+        Pads that touch the thing with a corner, or not opposite to each other, turn it.
+        So does its weight if it is held far from its middle.
         """
         if not len(candidates.score):
             return candidates
@@ -275,7 +278,7 @@ class TopGraspJudge(abc.ABC):
     def _levers(
         self, segments: Segmentation, candidates: Candidates
     ) -> tuple[Vector, Vector]:
-        """Return where each thing's middle is, seen from the middle between the pads.
+        """Return the distances of each thing's middle from the middle between the pads.
 
         Returns:
             Distances across the closing direction and along it, shape (n,) each [m].
@@ -302,7 +305,7 @@ def sample(
     """Return heights below hands, at offsets along the closing and across it.
 
     Args:
-        segments: What stands on the table.
+        segments: The segmented map of the table.
         p_W: x, y of the palm's axis in world, shape (n, 2) [m].
         yaw: Direction of closing, shape (n,) [rad].
         s: Offsets along it, shape (S,) [m].
@@ -337,7 +340,7 @@ class PinchJudge(TopGraspJudge):
     def judge(self, segments: Segmentation, p_W: Vector, yaw: Vector) -> Candidates:
         """Return the best candidate at each place, or nearby.
 
-        The best over depths and openings.
+        It is the best over all depths and openings.
         """
         n = len(p_W)
         strip = sample(segments, p_W, yaw, self._s, self._t).max(axis=1)
@@ -392,16 +395,16 @@ class PinchJudge(TopGraspJudge):
 def _score(
     tip: Vector, top: Vector, width: Vector, lean: Vector, clear: Vector
 ) -> Vector:
-    """Return how good pinches are, judged by the strip below the pads.
+    """Return the scores of pinches by the strip below the pads.
 
     Args:
         tip: Height of the fingers' ends, shape (n,) [m].
         top: Height of the thing, shape (n,) [m].
-        width: Of the thing, shape (n,) [m].
+        width: Width of the thing, shape (n,) [m].
         lean: See `Candidates`.
         clear: Distance of the open hand from things, shape (n,) [m].
     """
-    # Below the middle of round things, or with most of the pads.
+    # Hold round things below their middle, others with most of the pads.
     wanted = np.clip(0.65 * top, 0.01, 0.055)
     return np.asarray(
         _DEPTH * np.clip((top - tip) / wanted, 0.0, 1.0)
@@ -416,7 +419,7 @@ class WrapJudge(TopGraspJudge):
 
     Args:
         fingers: The hand's.
-        wrap: How they wrap around things.
+        wrap: Their wrap.
         table_gap: See `TopGraspJudge` [m].
     """
 
@@ -432,12 +435,13 @@ class WrapJudge(TopGraspJudge):
     def places(
         self, segments: Segmentation, things: Sequence[Thing]
     ) -> tuple[Vector, Vector]:
-        """Return where to judge wraps of things that may be as wide as they take.
+        """Return places to judge for wraps of things of suitable width.
 
-        What reaches over the map's edge may be wider than it seems, so it is left out.
+        Things that reach over the map's edge are left out: they may be wider than they
+        seem.
 
         Args:
-            segments: What stands on the table.
+            segments: The segmented map of the table.
             things: Those to wrap.
 
         Returns:

@@ -12,21 +12,22 @@ import numpy.typing as npt
 
 from drake_srg.types import HeightMap, Vector
 
-# Cells this near to the table are mostly its own [m].
+# Cells this near to the table mostly belong to it [m].
 _NEAR = 0.01
-# Smoothing rounds edges; it pays from this noise on [m].
+# Smoothing rounds edges, so it is worth it only from this noise [m].
 _NOISY = 3e-4
-# Noise makes specks that look like small things: among it, a thing is larger by this.
+# Noise makes specks that look like small things. On a noisy map, a thing must be larger
+# by this factor.
 _SPECKS = 2.0
-# A thing is higher than the table's noise by this many standard deviations. From
-# there, it extends over all cells that are higher by the second number.
+# A thing rises above the table by `_DEVIATIONS` standard deviations of noise. From
+# there, it extends over all cells that rise by `_EXTENDS`.
 _DEVIATIONS, _EXTENDS = 4.0, 2.0
 # A part of a thing that is nowhere wider than `_THIN` and at least `_LONG` long sticks
-# out of something wider, such as a hammer from below a plate [m].
+# out of something wider, like a hammer from below a plate [m].
 _THIN, _LONG = 0.05, 0.1
 # A part at least `_BROAD` across beside one wider than `_WIDE` also has a lever of
-# its own, such as a ball that touches a plate. The corners of a lying box are less
-# broad [m].
+# its own, such as a ball that touches a plate. The corners of a lying box are narrower
+# [m].
 _WIDE, _BROAD = 0.13, 0.03
 
 
@@ -56,9 +57,9 @@ class Segmentation:
     Attributes:
         map: The map.
         above: Height above the table, 0 where it is unknown, shape (ny, nx) [m].
-        unknown: Where no camera saw anything, shape (ny, nx).
+        unknown: Cells that no camera saw, shape (ny, nx).
         noise: Standard deviation of the table's own heights [m].
-        least: What is lower does not count as a thing [m].
+        least: Least height of a thing [m].
         labels: Number of the thing in each cell, 0 for none, shape (ny, nx).
         things: The things.
     """
@@ -80,9 +81,9 @@ class Segmentation:
         Args:
             map_: The map.
             table: World z of the table [m].
-            least_height: Of a thing [m].
-            least_area: Of a thing as seen from above [m²]; twice that if the map is
-                noisy.
+            least_height: Least height of a thing [m].
+            least_area: Least area of a thing as seen from above [m²]; twice that if the
+                map is noisy.
         """
         unknown = np.isnan(map_.height)
         above = np.where(unknown, 0.0, map_.height - table).astype(np.float32)
@@ -97,7 +98,7 @@ class Segmentation:
         return cls(map_, above, unknown, noise, least, labels, things)
 
     def only(self, thing: Thing) -> Segmentation:
-        """Return the same with nothing but one of its things."""
+        """Return the same segmentation with only one of its things."""
         above = np.where(self.labels == thing.label, self.above, np.float32(0.0))
         return dc.replace(self, above=above, things=(thing,))
 
@@ -106,10 +107,10 @@ class Segmentation:
 
         Every part of a thing is within `apart` [m] of one of its places.
         """
-        middles, found = self.map.centers(), []
+        centers, found = self.map.centers(), []
         for thing in self.things:
             rows, columns = thing.cells.T
-            points = middles[rows, columns]
+            points = centers[rows, columns]
             nearest = np.linalg.norm(points - thing.middle, axis=1)
             at = int(np.argmin(nearest))
             distances = np.full(len(points), np.inf)
@@ -146,10 +147,10 @@ class Segmentation:
 
     @functools.cached_property
     def thing_middles(self) -> Vector:
-        """Middle of what is in each cell, shape (ny, nx, 2) [m]; NaN where nothing is.
+        """Middle of the thing in each cell, shape (ny, nx, 2) [m]; NaN in empty cells.
 
-        Things that touch count as one, but a long thin part, and a broad one beside
-        something wide, has a middle of its own: it may be another thing.
+        Things that touch count as one. But a long thin part, or a broad one beside
+        something wide, has a middle of its own, because it may be another thing.
         """
         result = np.full((*self.labels.shape, 2), np.nan)
         for thing in self.things:
@@ -201,11 +202,11 @@ def _sticking_out(
 ) -> Iterator[npt.NDArray[np.intp]]:
     """Yield the cells (n, 2) of each part that sticks out of something wider.
 
-    Things without a part that wide yield nothing.
+    Things without such a wide part yield nothing.
 
     Args:
-        high: Where things are, shape (ny, nx).
-        width: In cells.
+        high: Cells of things, shape (ny, nx).
+        width: Width in cells.
     """
     core = _depth(high) > 0.5 * width
     if not core.any():
@@ -249,8 +250,8 @@ def _things(
 ) -> tuple[npt.NDArray[np.int32], tuple[Thing, ...]]:
     """Return the number of the thing in each cell, and the things.
 
-    They have `least_area` [m²] that is higher than `least`, and extend over all cells
-    around it that are higher than `extends` [m]: noise breaks low things apart.
+    A thing has at least `least_area` [m²] higher than `least`. It extends over all
+    connected cells higher than `extends` [m], because noise breaks low things apart.
     """
     count, found, boxes, _ = cv2.connectedComponentsWithStats(
         (above > extends).astype(np.uint8), connectivity=8
@@ -258,7 +259,7 @@ def _things(
     areas = np.bincount(found[above > least], minlength=count) * map_.resolution**2
     kept = areas >= least_area
     kept[0] = False
-    # Noise leaves hundreds of specks: all are cleared at once.
+    # Noise leaves hundreds of specks, so all are cleared at once.
     labels = np.where(kept, np.arange(count, dtype=np.int32), np.int32(0))[found]
     things = []
     for label in np.flatnonzero(kept).tolist():

@@ -1,4 +1,4 @@
-"""Pinches from above of a known solid of any form, on whichever side it lies."""
+"""Pinches from above of a known solid of any shape, lying on any side."""
 
 from __future__ import annotations
 
@@ -14,15 +14,15 @@ from drake_srg.planning.grasps.grasps import PinchGrasp
 from drake_srg.planning.grasps.top_grasps import HeightMapGrasps, TopGrasp
 from drake_srg.types import HeightMap, Vector
 
-# The arm's reach decides among this many of the best pinches.
+# Number of the best pinches among which the arm's reach decides.
 _MOST = 12
 # Resolution of the solid's height map, and margin of the map around it [m].
 _RESOLUTION, _AROUND = 0.002, 0.06
 # More than the clearance, because inverse kinematics leaves errors [m].
 _SPARE = 1e-3
-# Costs of a grasp: per point that its score is below the best one's [rad²], and per
-# distance of the line between the pads from the centre of mass, because the solid
-# turns about that line [rad²/m].
+# Costs of a grasp: per point below the best score [rad²], and per distance of the line
+# between the pads from the centre of mass, because the solid turns about that line
+# [rad²/m].
 _COST, _LEVER = 4.0, 200.0
 
 
@@ -35,7 +35,7 @@ def solid_pinches(
 ) -> tuple[PinchGrasp, ...]:
     """Return pinches from above of a solid that is on a level surface.
 
-    They are found on its height map, which shows no more than a camera above it would.
+    They are found on its height map, which shows what a camera above would see.
 
     Args:
         fingers: The hand's.
@@ -57,7 +57,7 @@ def solid_pinches(
 
 
 def _in_object(grasp: PinchGrasp, R_OS: RotationMatrix) -> PinchGrasp:
-    """Return a grasp of a solid that is turned to stand, of the solid itself."""
+    """Return a grasp of a solid that stands, in the solid's own frame."""
     assert grasp.across_O is not None
     return dc.replace(grasp, axis_O=R_OS @ grasp.axis_O, across_O=R_OS @ grasp.across_O)
 
@@ -76,7 +76,7 @@ def _pinch(
     R_SG = top.X_WG.rotation()
     x, y = 1e3 * top.p_WC[:2]
     lever = abs(float((p_SM - top.p_WC) @ R_SG.matrix()[:, 2]))
-    # Either finger may be on either side.
+    # The fingers may be exchanged.
     across = np.rad2deg(top.yaw) % 180.0
     return PinchGrasp(
         name=f"from above at ({x:.0f}, {y:.0f}) mm, across {across:.0f} degrees",

@@ -22,12 +22,12 @@ from drake_srg.planning.grasps.grasps import Grasp, Hand
 from drake_srg.planning.grasps.solid_grasps import solid_pinches
 from drake_srg.types import Box, Cylinder, Shape, Sphere, Vector
 
-# The open hand leaves this much room on each side of an object [m].
+# Room that the open hand leaves on each side of an object [m].
 _CLEARANCE = 0.012
 
 
 def finger_joints(base: float, tip: float) -> dict[str, float]:
-    """Return the joint angles of both fingers, alike, by name [rad]."""
+    """Return the equal joint angles of both fingers by name [rad]."""
     angles = {"base": base, "tip": tip}
     sides = ("left", "right")
     return {f"{side}_{link}_joint": angles[link] for side in sides for link in angles}
@@ -37,8 +37,8 @@ def opening_angle(half_width: float, depth: float) -> float | None:
     """Return the base angle at which straight fingers clear an object [rad].
 
     Args:
-        half_width: Of the object [m].
-        depth: Where the object begins in the palm's x [m].
+        half_width: Half of the object's width [m].
+        depth: Palm x of the object's near side [m].
 
     Returns:
         None if the object is too wide.
@@ -52,7 +52,7 @@ def opening_angle(half_width: float, depth: float) -> float | None:
 
 
 def pinch_angles(half_width: float) -> tuple[float, float]:
-    """Return the base and tip angles of pads that lie on a thing's vertical sides.
+    """Return the base and tip angles of pads that lie flat on a thing's vertical sides.
 
     Half the gap between vertical pads is
     hinge_y + base_length cos(base) - face_offset.
@@ -63,7 +63,7 @@ def pinch_angles(half_width: float) -> tuple[float, float]:
     cosine = (half_width - SRG.hinge_y + SRG.face_offset) / SRG.base_length
     base = float(np.arccos(np.clip(cosine, -1.0, 1.0)))
     tip = 0.5 * np.pi - base
-    if tip < 0.0:  # so thin that straight fingers meet it with their ends
+    if tip < 0.0:  # so thin that straight fingers touch it with their ends
         return straight_base_angle(half_width), 0.0
     return base, tip
 
@@ -76,7 +76,7 @@ def wrap_angles(half_width: float, gap: float) -> tuple[float, float]:
 
     Args:
         half_width: Half of the thing's width [m].
-        gap: Between the base links and its top, at least 0 [m].
+        gap: Gap between the base links and its top, at least 0 [m].
     """
     beyond = half_width - SRG.hinge_y - SRG.base_length
     p_edge = np.array([SRG.face_offset + gap, beyond])
@@ -86,7 +86,7 @@ def wrap_angles(half_width: float, gap: float) -> tuple[float, float]:
 
 
 def straight_base_angle(half_gap: float) -> float:
-    """Return the base angle at which the ends of straight fingers leave a gap [rad].
+    """Return the base angle at which straight fingers' ends leave a gap [rad].
 
     Half the gap is hinge_y + finger_length cos(base) - face_offset sin(base).
 
@@ -121,12 +121,12 @@ def contact_angle(p: Vector, radius: float) -> float | None:
     """Return the angle at which a closing link's face meets a circle [rad].
 
     The distance of the face from the circle's centre is
-    p_x cos(angle) - p_y sin(angle) - face_offset. The link closes on the side where
-    that falls.
+    p_x cos(angle) - p_y sin(angle) - face_offset. The link closes on the side on which
+    that distance decreases.
 
     Args:
         p: The circle's centre from the link's hinge, (x, y) of the left finger [m].
-        radius: Of the circle [m].
+        radius: Radius of the circle [m].
 
     Returns:
         None if the face does not meet the circle.
@@ -137,15 +137,15 @@ def contact_angle(p: Vector, radius: float) -> float | None:
     return float(np.arccos(cosine) - np.arctan2(p[1], p[0]))
 
 
-# Backs of base link and tip, from the line through the hinges, and how far the base
-# link goes beyond its hinges [m] (srg_fast.sdf).
+# Distance of the backs of base link and tip from the line through the hinges, and of
+# the base link's ends beyond its hinges [m] (srg_fast.sdf).
 _BASE_BACK, _TIP_BACK, _HOUSING = 0.0128, 0.0088, 0.006
-# The pads' ends of an empty hand press 2 to 3 mm into each other, also when its tips
+# In an empty hand, the pads' ends press 2 to 3 mm into each other, even if its tips
 # have turned. A larger gap than this means that something is between them [m].
 _LEAST_GAP = 0.0013
-# A straight finger's tip is turned by less than this, for 4 mm at its end [rad].
+# A finger is straight if its tip is turned by less than this [rad], 4 mm at its end.
 _STRAIGHT = 0.05
-# By how much a height map shows things too wide, at most [m].
+# Greatest excess width of things on a height map [m].
 _BLUR = 0.004
 # `squeeze` of wraps [rad]: three times the planner's default. With it, all flat boxes
 # hold (experiments/grasp_width.py).
@@ -166,7 +166,7 @@ class SrgFingers(Fingers):
 
     # Edges of the ends of straight fingers.
     deepest = SRG.hinge_x + float(np.hypot(SRG.finger_length, SRG.face_offset))
-    # The pads of a wider opening would not be parallel.
+    # With a wider opening, the pads would not be parallel.
     max_width = SRG.parallel_gap - 0.01
     most_open = 0.1
     pad_width = SRG.pad_width
@@ -178,14 +178,14 @@ class SrgFingers(Fingers):
         hinge_y=SRG.hinge_y + SRG.base_length,
         radius=float(np.hypot(SRG.pad_end, SRG.face_offset)),
         face_x=SRG.hinge_x + SRG.face_offset,
-        # Flat boxes hold with anything from -1 to 10 mm, and boxes are held by their
-        # upper edges up to 170 mm (experiments/grasp_width.py).
+        # Flat boxes hold with gaps from -1 to 10 mm. Held by their upper edges, boxes
+        # up to 170 mm wide hold (experiments/grasp_width.py).
         gap=0.006,
         widths=(max_width - _BLUR, 0.165),
     )
 
     def silhouette(self, half_gap: float, offsets: Vector) -> Vector:
-        """Return how far down the open hand reaches, seen along its pads."""
+        """Return the lower outline of the open hand, seen along its pads."""
         base = straight_base_angle(half_gap)
         along = np.array([np.cos(base), np.sin(base)])  # in |y|, x
         inwards = np.array([-np.sin(base), np.cos(base)])
@@ -230,8 +230,8 @@ class SrgFingers(Fingers):
         """Return whether closed fingers whose sensors fire hold a thing of some width.
 
         The base links come first in `q`. The width says little, because a height map
-        shows things wider or narrower than they are. So there only has to be something
-        between the ends of the pads. What is enclosed above ends that meet is not told.
+        shows things too wide or too narrow. So it suffices that something is between
+        the ends of the pads. A thing enclosed above ends that meet goes unnoticed.
         """
         return ends_gap(q) > _LEAST_GAP
 
@@ -250,22 +250,23 @@ class SrgFingers(Fingers):
 # Free space that the hand needs above and below its middle [m]: half of the palm's
 # height, rounded up to 0.1 mm.
 _PALM_HALF_HEIGHT = np.ceil(0.5e4 * SRG.palm_height) / 1e4
-# How far straight fingers reach in the palm's x, pointing a little inward of straight
-# ahead [m].
+# Greatest reach of straight fingers in the palm's x, which point slightly inwards there
+# [m].
 _FINGERTIP_X = SRG.hinge_x + np.hypot(SRG.finger_length, SRG.face_offset)
 _END_X = float(_FINGERTIP_X) + 0.001
 # Base angle of the open hand that comes from the side [rad].
 _SIDE_OPENING = 0.2 * SRG.full_scale
-# A grasp whose base angle is closer than this to that of an empty hand [rad] cannot be
-# told from an empty hand: 2.5 mm per side.
+# A grasp whose base angle is within this of an empty hand's [rad] cannot be told from
+# an empty hand: 2.5 mm per side.
 _LEAST_DIFFERENCE = 0.02
-_NEAR = 0.01  # distance within which wrapped fingers have an object [m]
+_NEAR = 0.01  # distance within which wrapped fingers hold an object [m]
 _UPRIGHT_WITHIN = np.deg2rad(15.0)
-# An object that lies is set upright by a hand that leans from above as much as it will
-# then lean from the side: the more, the farther the wrist is from the table [rad].
+# Tilts of the hand that sets a lying object upright [rad]. It leans as much from the
+# vertical when it takes the object as from the horizontal when it sets the object down.
+# A larger tilt keeps the wrist farther from the table.
 _LYING_TILTS = (0.1745, 0.3491, 0.5236)
-# Part of the pads that must reach beyond the middle of such an object, which turns in
-# the hand on its way [m].
+# Length of the pads that must reach beyond the middle of such an object, because it
+# turns in the hand on its way [m].
 _BEYOND = 0.005
 
 
@@ -294,7 +295,7 @@ class SrgGrasp(Grasp):
             # Wrapped fingers have the object beside their base links, which do not
             # sense each other.
             return bool(np.max(proximity[:2]) < _NEAR)
-        # Half way between the angle at contact and that of an empty hand.
+        # Halfway between the angle at contact and that of an empty hand.
         limit = 0.5 * (self.base_angle + EMPTY_BASE_ANGLE)
         return bool(np.max(q[:2]) < limit)
 
@@ -303,18 +304,18 @@ class SrgGrasp(Grasp):
 class SrgHand(Hand):
     """The SRG: takes round objects, boxes and solids that stand or lie.
 
-    Its pads take boxes and solids, and whatever lies, from above. Round objects and
-    boxes that lie are set upright.
+    Its pads take boxes, solids and lying objects from above. Lying round objects and
+    boxes are set upright.
 
     Args:
         approaches: Values of `Approach` to consider.
-        tilts: How far the hand points down in grasps from the side [rad].
-        squeeze: How far the closed command goes beyond the base and tip angles at
-            contact, both together [rad]. Half of it is the position error of each joint
-            (Algorithm 1), so it sets the force.
-        full_scale: Base plus tip angle that closure 1 asks for; the driver's [rad].
+        tilts: Angles by which the hand points down in grasps from the side [rad].
+        squeeze: Excess of the closed command over the sum of the base and tip angles at
+            contact [rad]. Half of it is the position error of each joint (Algorithm 1),
+            so it sets the force.
+        full_scale: The driver's base plus tip angle at closure 1 [rad].
         clearance: Distance that the hand must keep from the table [m].
-        turn_counts: Whether the goal's turn counts where the object has faces.
+        turn_counts: Whether the goal's turn counts for objects with faces.
     """
 
     approaches: Sequence[str]
@@ -387,12 +388,14 @@ class SrgHand(Hand):
     def _lying(
         self, shape: Cylinder | Box, up_O: Vector, tilt: float, squeeze: float
     ) -> SrgGrasp | None:
-        """Return a grasp from above, across the object, that leans along its axis.
+        """Return a grasp from above, across the object, with a lean along its axis.
 
         Args:
             shape: The object's.
-            up_O: Upwards in the object, shape (3,); nearly across its z.
-            tilt: Of the palm's x below the horizontal once the object stands [rad].
+            up_O: Upward direction in the object, shape (3,); nearly perpendicular to
+                its z.
+            tilt: Angle of the palm's x below the horizontal once the object stands
+                [rad].
             squeeze: See the class [rad].
         """
         # The nearly level face of a box; a cylinder has none.
@@ -428,19 +431,20 @@ class SrgHand(Hand):
         """Return a grasp from above with the object's middle on the palm's x.
 
         Args:
-            name: Of the grasp.
-            tilt: Of the palm's x below the horizontal, the object upright [rad].
-            half_width: Of the object, along the palm's y [m].
-            half_height: Of the object, as it is taken [m].
-            lean: Of the palm's x from the vertical, as the object is taken [rad].
+            name: Name of the grasp.
+            tilt: Angle of the palm's x below the horizontal, the object upright [rad].
+            half_width: Half of the object's width, along the palm's y [m].
+            half_height: Half of the object's height, as it is taken [m].
+            lean: Angle of the palm's x from the vertical, as the object is taken [rad].
             squeeze: See the class [rad].
         """
-        # Distance by which the object is nearer at the pads' edges than at the middle.
+        # At the pads' edges, the object is nearer than at their middle by this
+        # distance.
         slope = 0.5 * SRG.pad_width * np.tan(lean)
         half_height = half_height / np.cos(lean)
         # The pads lie flat on the sides, base + tip = 90 degrees. The object's top is
-        # at the root of the pads, so that as much pad as possible touches it. The ends
-        # of the pads take low objects, a millimetre above the clearance.
+        # at the root of the pads, so that as much pad as possible touches it. Low
+        # objects are taken with the ends of the pads, a millimetre above the clearance.
         depth = SRG.hinge_x + SRG.base_length + 0.002
         depth = max(depth, _END_X + self.clearance - 2.0 * half_height)
         middle = depth + half_height + slope
@@ -504,14 +508,14 @@ class SrgHand(Hand):
         """Return a grasp, its angles as closure commands of the driver.
 
         Args:
-            approach: Where the hand comes from.
-            tilt: Of the palm's x below the horizontal [rad].
+            approach: Direction from which the hand comes.
+            tilt: Angle of the palm's x below the horizontal [rad].
             p_GO: The object's centre in the palm, shape (3,) [m].
             base: Base angle at contact [rad].
             tip: Tip angle at contact [rad].
             base_open: Base angle of the open hand [rad].
-            closed: Base plus tip angle that the closed command asks for [rad].
-            name: Of the grasp.
+            closed: Base plus tip angle of the closed command [rad].
+            name: Name of the grasp.
         """
         return SrgGrasp(
             name=name,

@@ -18,10 +18,10 @@ from drake_srg.planning.grasps.segmentation import Segmentation, Thing
 from drake_srg.planning.motion.inverse_kinematics import HandTarget
 from drake_srg.types import Failure, HeightMap, Vector
 
-# Places that are nearer to each other belong to one thing [m].
+# Places closer to each other than this belong to one thing [m].
 SAME_THING = 0.06
-# Grasps of one thing fail alike, such as on the rim of a plate, if width and height
-# between the fingers agree within [m].
+# Grasps of one thing, such as on the rim of a plate, fail alike if width and height
+# between the fingers agree within this [m].
 ALIKE = 0.01
 
 
@@ -75,7 +75,7 @@ class TopGrasp:
         return self.fingers.detectable(self.width)
 
     def target(self) -> HandTarget:
-        """Return where the hand must be when the fingers close."""
+        """Return the hand's target when the fingers close."""
         return HandTarget.from_pose(self.X_WG)
 
     def holds(self, q: Vector, proximity: Vector) -> bool:
@@ -83,7 +83,7 @@ class TopGrasp:
         return self.fingers.holds(self.width, q, proximity)
 
     def half_turn(self) -> TopGrasp:
-        """Return the same grasp with the fingers in each other's place."""
+        """Return the same grasp with exchanged fingers."""
         turn = RigidTransform(RotationMatrix.MakeXRotation(np.pi), [0.0, 0.0, 0.0])
         return dc.replace(self, X_WG=self.X_WG @ turn)
 
@@ -94,7 +94,7 @@ class TopGrasp:
         return bool(apart < distance and turn < angle)
 
     def takes_as_much(self, other: TopGrasp, within: float) -> bool:
-        """Return whether another grasp takes what is as wide and high, `within` [m]."""
+        """Return whether another grasp's thing is as wide and high, `within` [m]."""
         wider, higher = self.width - other.width, self.height - other.height
         return max(abs(wider), abs(higher)) < within
 
@@ -128,20 +128,20 @@ class GraspPlan:
 
     @functools.cached_property
     def refused(self) -> tuple[Refusal, ...]:
-        """Things that no grasp takes. Finding out why takes as long as planning."""
+        """Things that no grasp takes. Finding the reasons takes as long as planning."""
         return self.explain()
 
 
 class GraspPlanner(Protocol):
-    """Finds grasps from above of whatever is on a table."""
+    """Finds grasps from above of anything on a table."""
 
     def plan(
         self, height_map: HeightMap, *, tried: Sequence[TopGrasp] = (), seed: int = 0
     ) -> GraspPlan:
-        """Return grasps of what a height map shows.
+        """Return grasps of the things on a height map.
 
         Args:
-            height_map: The table and what is on it.
+            height_map: Map of the table.
             tried: Grasps that failed; similar ones come later.
             seed: Seed of random draws; the same call returns the same plan.
         """
@@ -166,11 +166,11 @@ YAWS = 18
 _KEPT = 120
 # Grasps of a plan, at most.
 _MOST = 40
-# Candidates that score less are not worth an attempt.
+# Candidates with lower scores are not worth an attempt.
 _LEAST_SCORE = 3.5
-# Grasps within this distance [m] and angle [rad] of each other count as one; within
-# twice the distance of one that failed, they come last. Before them come those that
-# take something as wide and high of the same thing elsewhere.
+# Grasps within this distance [m] and angle [rad] of each other count as one. Those
+# within twice the distance of a failed one come last. Just before them come grasps
+# elsewhere on the same thing, if its width and height there are the same.
 _APART, _TURNED = 0.012, 0.35
 # A thing is at least this high [m], and this large as seen from above [m²].
 _LEAST_HEIGHT, _LEAST_AREA = 0.004, 6e-5
@@ -199,14 +199,14 @@ class HeightMapGrasps:
     """Finds grasps without knowing or separating the things on a table.
 
     It tries points on things, times directions, and judges all depths and openings at
-    once (see `PinchJudge`). The best are moved to where both pads touch at the same
-    time, turned a little, and judged once more. What no pinch takes may be wrapped
+    once (see `PinchJudge`). The best are moved until both pads touch at the same time,
+    turned a little, and judged once more. Things that no pinch takes may be wrapped
     (`WrapJudge`).
 
     Args:
         fingers: The hand's.
         table: World z of the table [m].
-        reach: Where the hand can be; None for everywhere.
+        reach: Reach of the hand; None for everywhere.
         table_gap: Height above the table that the ends of closing fingers keep [m].
     """
 
@@ -233,19 +233,19 @@ class HeightMapGrasps:
     ) -> tuple[Vector, Vector]:
         """Return points on things and their middles, each with all directions.
 
-        The points are where the hand reaches, which may be only the end of a thing.
+        The points are within the hand's reach, perhaps only at the end of a thing.
 
         Args:
-            segments: What stands on the table, or a part of that.
+            segments: The table's things, or some of them.
             rng: For random draws.
 
         Returns:
             x, y of the palm's axis in world, shape (n, 2) [m], and directions of
             closing, shape (n,) [rad].
         """
-        middles = segments.map.centers()
+        centers = segments.map.centers()
         points = [thing.middle for thing in segments.things]
-        parts = [middles[tuple(thing.cells.T)] for thing in segments.things]
+        parts = [centers[tuple(thing.cells.T)] for thing in segments.things]
         if self._reach is not None:
             parts = [part[self._reach.contains(part)] for part in parts]
         total = sum(map(len, parts))
@@ -269,13 +269,12 @@ class HeightMapGrasps:
     def plan(
         self, height_map: HeightMap, *, tried: Sequence[TopGrasp] = (), seed: int = 0
     ) -> GraspPlan:
-        """Return grasps of what a height map shows."""
+        """Return grasps of the things on a height map."""
         segments = self.segment(height_map)
         if not segments.things:
             return GraspPlan()
         new, old = self._distinct(segments, self._pinches(segments, seed), tried)
-        # Only things that no pinch takes: wraps need a flat top and more
-        # room.
+        # Only things that no pinch takes, because wraps need a flat top and more room.
         wraps = self._wraps(segments, _not_taken(segments, new))
         new_wraps, old_wraps = self._distinct(segments, wraps, tried)
         grasps = (new + new_wraps + old + old_wraps)[:_MOST]
@@ -374,9 +373,9 @@ class HeightMapGrasps:
         grasps: Sequence[TopGrasp],
         tried: Sequence[TopGrasp],
     ) -> tuple[list[TopGrasp], list[TopGrasp]]:
-        """Return grasps that differ, the best first: new ones, and like failed ones.
+        """Return distinct grasps, the best first: new ones, and those like failed ones.
 
-        Of those that are like failed ones, the ones at other places come first.
+        Among those like failed ones, grasps at other places come first.
         """
         near = [segments.labels_near(failed.p_WC, SAME_THING) for failed in tried]
         new: list[TopGrasp] = []

@@ -27,20 +27,21 @@ class Handover(PlannerConfig):
     the air. The receiver takes its lower end from the side.
     """
 
-    # Names among `arms`: who picks the object, and who sets it down.
+    # Names among `arms`: the one that picks the object, and the one that sets it down.
     giver: str = "left"
     receiver: str = "right"
-    # Height of the receiver's grasp above the object's lower end [m]: the wrist of a
-    # hand that comes from the side must clear the table when it sets the object down.
+    # Height of the receiver's grasp above the object's lower end [m]: when a hand from
+    # the side sets the object down, its wrist must clear the table.
     grip_height: float = dc.field(default=0.1, metadata=positive())
-    # The giver lets go once it feels this much more force along the receiver's pull
-    # than before [N]; the pull ends after this distance [m] at this speed [m/s].
+    # The giver lets go once the force along the receiver's pull exceeds the earlier
+    # force by this much [N]. The pull ends after this distance [m], at this speed
+    # [m/s].
     pull_force: float = dc.field(default=4.0, metadata=positive())
     pull_distance: float = dc.field(default=0.008, metadata=positive())
     pull_speed: float = dc.field(default=0.01, metadata=positive())
-    # Time constant over which the giver averages what it feels [s].
+    # Time constant of the filter of the giver's force [s].
     pull_time: float = dc.field(default=0.05, metadata=positive())
-    # How often the receiver may try to take the object that the giver presents.
+    # Largest number of the receiver's attempts to take the presented object.
     max_takes: int = dc.field(default=2, metadata={"ge": 1})
 
     several_arms: ClassVar[bool] = True
@@ -69,7 +70,7 @@ class HandoverMode(enum.Enum):
 
 @dc.dataclass
 class Side(Memory):
-    """What the memory holds of the arm that has nothing to do."""
+    """The memory of the idle arm."""
 
     motion: Motion
     closure: float = 0.0
@@ -79,16 +80,16 @@ class Side(Memory):
 
 @dc.dataclass
 class HandoverMemory(PlannerMemory):
-    """All that the planner remembers.
+    """The planner's memory.
 
-    `motion`, `closure`, `attempt` and `grip` are those of the arm whose turn it is:
-    first the giver's.
+    `motion`, `closure`, `attempt` and `grip` belong to the arm whose turn it is, first
+    to the giver.
     """
 
     other: Side = dc.field(default_factory=lambda: Side(Motion(np.zeros(0))))
     receiving: bool = False  # whether it is the receiver's turn
     arms: tuple[str, str] = ("left", "right")  # names of the giver and the receiver
-    takes: int = 0  # tries of the receiver, in this attempt of the giver
+    takes: int = 0  # attempts of the receiver, within this one of the giver
     taken: bool = False  # the giver has felt the receiver's pull and let go
     # The giver's external torques as the pull begins, and now, (N,) [N m].
     torque_before: Vector = dc.field(default_factory=lambda: np.zeros(0))
@@ -100,7 +101,7 @@ class HandoverMemory(PlannerMemory):
         return side.motion, side.closure
 
     def turn_to(self, *, receiver: bool) -> None:
-        """Make it the turn of an arm."""
+        """Give the turn to an arm."""
         if receiver == self.receiving:
             return
         rests = Side(self.motion, self.closure, self.attempt, self.grip)

@@ -1,4 +1,4 @@
-"""The modes of a handover: what each arm moves, feels and notices.
+"""The modes of a handover: motions, forces and observations of both arms.
 
 Up to the lift, the giver goes through the modes of picking and placing. From the
 transfer on, the receiver does. These are the modes in between.
@@ -48,12 +48,12 @@ _UP = np.array([0.0, 0.0, 1.0])
 
 
 class HandoverReplanner(Replanner):
-    """Plans for the arm whose turn it is, beside the other one where that is now.
+    """Plans for the arm whose turn it is, beside the other one at its present place.
 
     Args:
         planner: Plans the motions of both.
-        receiver: Whether it plans the receiver's.
-        own: The arguments of `Replanner` that follow.
+        receiver: Whether it plans the receiver's motions.
+        own: The arguments of `Replanner`.
     """
 
     def __init__(
@@ -63,26 +63,26 @@ class HandoverReplanner(Replanner):
         self._beside = planner.receiver_beside if receiver else planner.giver_beside
 
     def correct(self, view: View, memory: PlannerMemory, time: float) -> None:
-        """See `Replanner`."""
+        """Find the object's pose in the hand, and plan the rest from there."""
         q, fingers = _stance(memory_of(memory).other)
         with self._beside(q, fingers):
             super().correct(view, memory, time)
 
     def escape(self, memory: PlannerMemory, time: float) -> None:
-        """See `Replanner`."""
+        """Plan a retreat from here, and home; if there is none, the arm is trapped."""
         q, fingers = _stance(memory_of(memory).other)
         with self._beside(q, fingers):
             super().escape(memory, time)
 
 
 def memory_of(memory: PlannerMemory) -> HandoverMemory:
-    """Return the memory as that of a handover."""
+    """Return the memory, typed as that of a handover."""
     assert isinstance(memory, HandoverMemory)
     return memory
 
 
 def _stance(side: Side) -> tuple[Vector, dict[str, float]]:
-    """Return where an arm ends its motion, and how its fingers are."""
+    """Return the end of an arm's motion, and the angles of its fingers."""
     if side.attempt.motions is None:
         return side.motion.destination, dict(side.grip.fingers_open)
     grasp = side.attempt.motions.grasp
@@ -98,7 +98,7 @@ def _senses_of_other(senses: Senses) -> Senses:
 
 
 def other_holds(memory: HandoverMemory, senses: Senses) -> bool:
-    """Return whether the arm whose turn it is not holds the object."""
+    """Return whether the other arm holds the object."""
     motions = memory.other.attempt.motions
     others = _senses_of_other(senses)
     if motions is None or not others.grasped:
@@ -107,12 +107,12 @@ def other_holds(memory: HandoverMemory, senses: Senses) -> bool:
 
 
 class _Turn(TaskMode):
-    """A mode of one of the arms; as it begins, it is that arm's turn."""
+    """A mode of one of the arms, which gets the turn as the mode begins."""
 
     receiver: bool = False
 
     def enter(self, memory: PlannerMemory, entry: Entry) -> PlannerMemory:
-        """Make it the arm's turn, and begin."""
+        """Give the arm the turn, and begin."""
         mine = memory_of(memory)
         if mine.receiving != self.receiver:
             before = entry.senses
@@ -129,10 +129,10 @@ class _ReceiversTurn(_Turn):
 
 
 class Begin(Idle):
-    """Looks for the object, and plans the whole handover; it is the giver's turn."""
+    """Looks for the object, and plans the whole handover, which the giver begins."""
 
     def enter(self, memory: PlannerMemory, entry: Entry) -> PlannerMemory:
-        """Judge the attempt of the arm whose turn it was; then all begins anew."""
+        """Judge the attempt of the arm that had the turn; then begin anew."""
         mine = memory_of(super().enter(memory, entry))
         mine.turn_to(receiver=False)
         mine.motion = mine.motion.ended(entry.time)
@@ -143,7 +143,7 @@ class Begin(Idle):
 
 
 class Carry(_Turn, Carrying):
-    """Carries the object near where it changes hands."""
+    """Carries the object near the meeting point."""
 
     mode = HandoverMode.CARRY
 
@@ -173,7 +173,7 @@ class Approach(_ReceiversTurn, Moving):
     mode = HandoverMode.APPROACH
 
     def enter(self, memory: PlannerMemory, entry: Entry) -> PlannerMemory:
-        """Take up the receiver's motions, and open its fingers."""
+        """Begin the receiver's motions, and open its fingers."""
         mine = memory_of(memory)
         mine.turn_to(receiver=True)
         plan = mine.other.attempt.planned
@@ -224,11 +224,11 @@ class Pull(_ReceiversTurn, Carrying):
 
     @property
     def wait(self) -> float:
-        """Time for the last of the pull to be felt [s]."""
+        """Time for the end of the pull to be felt [s]."""
         return 3.0 * self._handover.pull_time
 
     def enter(self, memory: PlannerMemory, entry: Entry) -> PlannerMemory:
-        """Note what the giver feels before the pull."""
+        """Record the giver's torques before the pull."""
         memory = super().enter(memory, entry)
         mine = memory_of(memory)
         torque = _senses_of_other(entry.senses).external_torque
@@ -237,7 +237,7 @@ class Pull(_ReceiversTurn, Carrying):
         return memory
 
     def update(self, memory: PlannerMemory, now: Now) -> PlannerMemory:
-        """Average what the giver feels, and stop once it feels the pull."""
+        """Average the giver's torques, and stop once it feels the pull."""
         memory = super().update(memory, now)
         mine, giver = memory_of(memory), _senses_of_other(now.senses)
         assert giver.external_torque is not None
@@ -249,11 +249,11 @@ class Pull(_ReceiversTurn, Carrying):
         return mine
 
     def felt(self, memory: HandoverMemory, q: Vector) -> float:
-        """Return the force at the giver's hand along the pull, since it began [N].
+        """Return the change of force at the giver's hand along the pull [N].
 
         Args:
-            memory: With the torques.
-            q: Where the giver is, shape (N,) [rad].
+            memory: Memory with the torques.
+            q: The giver's posture, shape (N,) [rad].
         """
         torque = memory.torque - memory.torque_before
         jacobian = self._planner.scene.jacobian(q)
@@ -273,12 +273,12 @@ class Pull(_ReceiversTurn, Carrying):
 
 
 class LetGo(_Turn, Release):
-    """Opens the giver's fingers: the receiver has the object, or nobody has."""
+    """Opens the giver's fingers: the receiver has the object, or neither arm has."""
 
     mode = HandoverMode.LET_GO
 
     def enter(self, memory: PlannerMemory, entry: Entry) -> PlannerMemory:
-        """Open the fingers; without a receiver, plan a way out."""
+        """Open the fingers; plan a way out if the receiver has not taken the object."""
         mine = memory_of(memory)
         if not mine.taken:
             return super().enter(mine, entry)
@@ -300,7 +300,7 @@ class Clear(_Turn, Home):
     mode = HandoverMode.CLEAR
 
     def look(self, memory: PlannerMemory, now: Now) -> None:
-        """Look only for an object that nobody holds."""
+        """Look for the object only if neither arm holds it."""
         if not memory_of(memory).taken:
             super().look(memory, now)
 
@@ -312,7 +312,7 @@ class Clear(_Turn, Home):
 
 
 class Secure(_ReceiversTurn, Carrying):
-    """Takes the object back to where the pull began, alone in the receiver's hand."""
+    """Moves the object, in the receiver's hand alone, back to the start of the pull."""
 
     mode = HandoverMode.SECURE
 
@@ -332,7 +332,7 @@ class Secure(_ReceiversTurn, Carrying):
         return self.config.verify_time
 
     def enter(self, memory: PlannerMemory, entry: Entry) -> PlannerMemory:
-        """Plan the way back, the few millimetres of the pull."""
+        """Plan the way back over the few millimetres of the pull."""
         memory = super().enter(memory, entry)
         mine = memory_of(memory)
         plan, rest = mine.other.attempt.planned, mine.motion.ended(entry.time)
@@ -362,7 +362,7 @@ class ReleaseReceived(Release):
     mode = Mode.RELEASE
 
     def enter(self, memory: PlannerMemory, entry: Entry) -> PlannerMemory:
-        """Open the fingers; if the receiver never had the object, say so."""
+        """Open the fingers; record a failure if the receiver never had the object."""
         mine = memory_of(memory)
         giver = mine.other.attempt.planned.grasp if not mine.taken else None
         memory = super().enter(mine, entry)
@@ -371,7 +371,7 @@ class ReleaseReceived(Release):
         lost = not other_holds(mine, entry.senses)
         mine.trouble.failure = Failure.DROPPED if lost else Failure.NOT_TAKEN
         mine.trouble.message = _WORDS[mine.trouble.failure]
-        mine.cycle.tried = mine.cycle.tried[:-1]  # it says nothing of the giver's grasp
+        mine.cycle.tried = mine.cycle.tried[:-1]  # the giver's grasp did not fail
         return memory
 
 
@@ -396,7 +396,7 @@ class HomeReceived(Home):
             super().look(memory, now)
 
     def observe_arrived(self, memory: PlannerMemory, now: Now) -> Observation:
-        """Report how the task ends, or that the giver still presents the object."""
+        """Report the end of the task, or that the giver still presents the object."""
         mine = memory_of(memory)
         if mine.taken:
             return super().observe_arrived(mine, now)
@@ -414,14 +414,14 @@ def handover_modes(
     receiver: Replanner,
     repeat: int,
 ) -> dict[AnyMode, TaskMode]:
-    """Return what the planner does in each mode.
+    """Return the actions of each mode.
 
     Args:
         config: Times, forces and limits.
         planner: Plans the motions of both.
-        giver: Plans the giver's motions from what is seen.
-        receiver: Plans the receiver's.
-        repeat: How many cycles the task has.
+        giver: Plans the giver's motions from sightings.
+        receiver: Plans the receiver's motions.
+        repeat: Number of cycles.
     """
     givers = (Begin, Carry, Present, LetGo, Withdraw, Clear)
     receivers = (Approach, Reach, Take, Raise, ReleaseReceived)

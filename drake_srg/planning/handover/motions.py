@@ -1,4 +1,4 @@
-"""The motions of a handover: where the hands meet, and the ways there and away."""
+"""The motions of a handover: to the meeting of the hands, and away from it."""
 
 from __future__ import annotations
 
@@ -44,16 +44,16 @@ from drake_srg.planning.pick_and_place.task_motions import (
 )
 from drake_srg.types import AnyMode, Failure, Mode, Vector
 
-# Where the object's centre may change hands: towards the receiver, aside of and above
-# the middle between the arms' first joints [m].
+# Possible meeting points, for the object's centre: offsets towards the receiver, to the
+# side, and upwards from the middle between the arms' first joints [m].
 _MEETINGS = tuple(
     (along, aside, up)
     for up in (0.18, 0.24)
     for along, aside in ((0.0, 0.0), (0.05, 0.0), (0.0, 0.1), (0.0, -0.1))
 )
-# The giver takes an object by this much less of its pads than it could [m]. So more of
-# it is free for the receiver, and the base links, whose sensors reach 10 mm, see
-# nothing: where they did, one finger stopped before the other, and the object leaned.
+# The giver uses this much less of its pads than it could [m]. So more of the object is
+# free for the receiver. The base links also stay farther than their sensors' range of
+# 10 mm: otherwise one finger would stop before the other, and the object would lean.
 _LESS = 0.01
 _TURNS = 8  # sectors around the object from which the receiver may come
 _UP = np.array([0.0, 0.0, 1.0])
@@ -81,7 +81,7 @@ def fingers_of(scene: PlanningScene, angles: Mapping[str, float]) -> Vector:
 
 
 class GivingHand(Hand):
-    """A hand that takes standing objects from above, and only by their upper ends.
+    """A hand that takes standing objects only from above, by their upper ends.
 
     Args:
         hand: The hand.
@@ -96,7 +96,7 @@ class GivingHand(Hand):
     def grasps(
         self, shape: Solid, X_WO: RigidTransform, firmness: float = 1.0
     ) -> list[Grasp]:
-        """See `Hand`."""
+        """Return the grasps from above, by less of the pads; see `Hand`."""
         found = self._hand.grasps(shape, X_WO, firmness)
         farther = np.array([_LESS, 0.0, 0.0])
         return [
@@ -115,13 +115,13 @@ _LYING = RigidTransform(RotationMatrix.MakeXRotation(0.5 * np.pi), [0.0, 0.0, 0.
 def taking_grasps(hand: Hand, shape: Solid, height: float) -> list[SrgGrasp]:
     """Return pinches from the side at a height above the object's lower end.
 
-    They are those of an object that lies, but the object stands in the air. A wrap
-    around a slim object presses with the ends of the fingers only, and slips.
+    They are the pinches of a lying object, turned to an object that stands in the air.
+    A wrap around a slim object presses with the ends of the fingers only, and slips.
 
     Args:
         hand: The receiver's.
         shape: The object's shape.
-        height: Where the palm's x meets the object's axis [m].
+        height: Height at which the palm's x meets the object's axis [m].
     """
     from_origin = height - shape.half_extent(-_UP)
     return [
@@ -139,12 +139,12 @@ def taking_grasps(hand: Hand, shape: Solid, height: float) -> list[SrgGrasp]:
 class HandoverTaskPlanner(TaskPlanner):
     """Plans all motions of a handover; holds nothing between calls.
 
-    To the machine of picking and placing, it is the giver's planner.
+    For the modes of picking and placing, it is the giver's planner.
 
     Args:
-        scene: The giver, and what it may hit: the receiver, too.
-        hand: How the giver takes objects.
-        q_home: Where the giver rests, shape (N,) [rad].
+        scene: The giver and its surroundings, including the receiver.
+        hand: The giver's grasps.
+        q_home: Home posture of the giver, shape (N,) [rad].
         config: Distances and speeds.
         receiver: Plans the receiver's motions, in a scene with the giver.
         names: The models of the giver, and of the receiver.
@@ -195,13 +195,13 @@ class HandoverTaskPlanner(TaskPlanner):
         obstacles: Obstacles = (),
         tried: Sequence[str] = (),
     ) -> TaskMotions | PlanningFailure:
-        """Plan the whole handover, both arms at home at first and in the end.
+        """Plan the whole handover, which begins and ends with both arms at home.
 
         Args:
-            q_start: Where the giver is, at rest, shape (N,) [rad].
+            q_start: Posture of the giver, at rest, shape (N,) [rad].
             X_WO: The object's pose [m]; the turn of a round one does not count.
             shape: The object's shape.
-            X_WO_goal: Where the receiver must set the object down [m].
+            X_WO_goal: Goal of the object [m].
             obstacles: Other objects and their poses [m].
             tried: Names of the giver's grasps that failed.
         """
@@ -216,7 +216,7 @@ class HandoverTaskPlanner(TaskPlanner):
             if isinstance(given, PlanningFailure):
                 failures.append(given)
                 if given.message.startswith("pick"):
-                    break  # the giver does not reach the object, wherever they meet
+                    break  # no meeting point helps: the giver does not reach the object
                 continue
             try:
                 return self._received(given, shape, X_WO_goal, obstacles)
@@ -228,7 +228,7 @@ class HandoverTaskPlanner(TaskPlanner):
     def _no_goal(
         self, shape: Solid, X_WO_goal: RigidTransform, obstacles: Obstacles
     ) -> PlanningFailure | None:
-        """Return why the receiver cannot set the object down; None: it can."""
+        """Return why the receiver cannot set the object down; None if it can."""
         receiver, failures = self.receiver, list[IkFailure]()
         for grasp in taking_grasps(receiver.hand, shape, self._handover.grip_height):
             with (
@@ -265,10 +265,10 @@ class HandoverTaskPlanner(TaskPlanner):
 
     @restores_fingers
     def back(self, q: Vector, plan: HandoverMotions) -> Trajectory | PlanningFailure:
-        """Plan from where the receiver's pull has ended to where it began.
+        """Plan from the end of the receiver's pull back to its start.
 
         Args:
-            q: Where the receiver is, shape (N,) [rad].
+            q: The receiver's posture, shape (N,) [rad].
             plan: Its motions.
         """
         start = plan.receiver.motions[HandoverMode.PULL].value(0.0)[:, 0]
@@ -285,10 +285,11 @@ class HandoverTaskPlanner(TaskPlanner):
         X_WO_goal: RigidTransform,
         obstacles: Obstacles,
     ) -> HandoverMotions:
-        """Return the motions of both, from those of the giver up to the meeting.
+        """Return the motions of both arms, given the giver's motions up to the meeting.
 
         Raises:
-            NoPathError: If the receiver does not get there, or one of them not away.
+            NoPathError: If the receiver does not reach the meeting, or an arm cannot
+                leave.
         """
         q_met = _end(given.motions[Mode.PLACE])
         X_WO = self.scene.X_WG(q_met) @ given.grasp.X_GO
@@ -304,7 +305,7 @@ class HandoverTaskPlanner(TaskPlanner):
                     )
                 except NoPathError as error:
                     failures.append(error.failure)
-            # From another side there may be a way past the giver, but no more reach.
+            # Another side may have a way past the giver, but not more reach.
             if all(f.failure is not Failure.BLOCKED for f in failures):
                 break
         blocked = [f for f in failures if f.failure is Failure.BLOCKED]
@@ -320,15 +321,15 @@ class HandoverTaskPlanner(TaskPlanner):
         X_WO_goal: RigidTransform,
         obstacles: Obstacles,
     ) -> HandoverMotions:
-        """Return the motions with a grasp of the receiver from a side.
+        """Return the motions with one grasp of the receiver.
 
         Args:
             given: The giver's grasp and motions up to the meeting.
-            grasp: The receiver's.
+            grasp: The receiver's grasp.
             turn: Direction of the palm's y about the vertical [rad]; None: any.
             shape: The object's shape.
             X_WO: The object that is presented [m].
-            X_WO_goal: Where the receiver must set it down [m].
+            X_WO_goal: Goal of the object [m].
             obstacles: Other objects and their poses [m].
 
         Raises:
@@ -354,7 +355,7 @@ class HandoverTaskPlanner(TaskPlanner):
         X_WO: RigidTransform,
         obstacles: Obstacles,
     ) -> tuple[dict[AnyMode, Trajectory], Vector]:
-        """Return the receiver's motions up to its pull, and where it takes the object.
+        """Return the receiver's motions up to its pull, and its posture at the grasp.
 
         Raises:
             NoPathError: If a motion does not exist.

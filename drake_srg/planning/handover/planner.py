@@ -50,7 +50,7 @@ def _arrived(o: Observation, t: float, c: PlannerConfig) -> bool:
 
 
 def _carried(mode: AnyMode, lost: AnyMode) -> list[tuple[Condition, AnyMode]]:
-    """Return the row of a mode that another follows unless the object is lost."""
+    """Return the row of a mode with one successor, unless the object is lost."""
     return [(_lost, lost), (_arrived, mode)]
 
 
@@ -101,7 +101,7 @@ HANDOVER_TRANSITIONS: Table = {
         (lambda o, t, c: o.arrived and o.ready, HandoverMode.SECURE),
         *TRANSITIONS[Mode.HOME],
     ],
-    # The receiver, which then goes on as in picking and placing.
+    # The receiver, which then continues as in picking and placing.
     HandoverMode.SECURE: [
         (lambda o, t, c: o.failure is not None, Mode.FAILED),
         *_carried(HandoverMode.RAISE, Mode.RELEASE),
@@ -117,7 +117,7 @@ handover_transition = Transitions(HANDOVER_TRANSITIONS, FATAL)
 
 
 class HandoverPlanner(PlannerMachine[PlannerMemory, Senses]):
-    """Picks an object with one arm, hands it to another one, and places it with that.
+    """Picks an object with one arm, hands it to another, and places it with that one.
 
     .. pydrake_system::
 
@@ -156,10 +156,10 @@ class HandoverPlanner(PlannerMachine[PlannerMemory, Senses]):
         task_planner: Plans the motions of both.
         object_name: Name of the blobs of the object to take.
         shape: The object's known shape, a cylinder.
-        goal: Where the object must go, X_WO [m].
+        goal: Goal of the object, X_WO [m].
         tolerance: Distance from the goal that counts as placed [m].
         obstacles: Names and shapes of the other objects.
-        repeat: How many cycles.
+        repeat: Number of cycles.
         config: Times, forces and limits.
     """
 
@@ -207,11 +207,11 @@ class HandoverPlanner(PlannerMachine[PlannerMemory, Senses]):
             self.DeclareVectorInputPort(name=f"{name}.external_torque", size=n)
 
     def commands(self, memory: PlannerMemory, arm: str) -> tuple[Motion, float]:
-        """See `PlannerMachine`."""
+        """Return the motion and the commanded closure of an arm, by its name."""
         return memory_of(memory).commands(arm)
 
     def sense(self, context: Context) -> Senses:
-        """Return the measurements of both arms, that whose turn it is first."""
+        """Return the measurements of both arms, first of the one with the turn."""
         receiving = memory_of(self.state(context).memory).receiving
         first, second = (
             self._senses(context, self._names[receiver])

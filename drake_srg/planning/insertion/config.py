@@ -17,57 +17,58 @@ from drake_srg.types import Failure, Vector
 class Insert(PlannerConfig):
     """Picks the peg that `task.pick` names, and inserts it where its goal is.
 
-    The goal is the seated peg; how it is turned does not count. The arm must yield:
-    `arm: !ArmImpedanceDriver` with `cartesian`.
+    The goal is the seated peg; its turn about its axis does not count. The arm must
+    yield: `arm: !ArmImpedanceDriver` with `cartesian`.
     """
 
-    # Name of the hole's model among `directives`; metrics alone look at it. Its origin
-    # is the middle of the rim, z up.
+    # Name of the hole's model among `directives`, which only metrics use. Its origin is
+    # the middle of the rim, z up.
     hole: str = "hole"
-    # Depth of the hole [m], and how much less of it counts as seated.
+    # Depth of the hole [m], and depth short of it that counts as seated [m].
     depth: float = dc.field(default=0.02, metadata=positive())
     depth_tolerance: float = dc.field(default=0.002, metadata=positive())
-    # How the peg finds the hole: it leans against the wall and is put upright (`tilt`),
-    # it goes straight down (`push`), or its end searches the rim (`spiral`).
+    # Strategy by which the peg finds the hole. `tilt`: it leans against the wall and is
+    # put upright. `push`: it goes straight down. `spiral`: its end searches the rim.
     strategy: str = dc.field(
         default="tilt", metadata={"among": ("tilt", "push", "spiral")}
     )
     # Distance between turns of the spiral [m], less than 2 clearances, and its radius.
     spiral_pitch: float = dc.field(default=1.5e-4, metadata=positive())
     spiral_radius: float = dc.field(default=0.002, metadata=positive())
-    # Half the width of the peg's end [m]; null: of its shape. Of a cap, half the bore.
+    # Half the width of the peg's end, or of a cap's bore [m]; null: half the shape's
+    # width.
     tip: float | None = dc.field(default=None, metadata=positive())
     # Whether the peg is a cap that goes over a pin.
     over: bool = False
-    # How far the peg is turned back and forth about its axis while it goes no deeper
-    # [rad]: a key must find its way. 0: not at all.
+    # Amplitude of the turns about its axis by which a peg with a key finds its way
+    # while it goes no deeper [rad]; 0: no turns.
     twist: float = dc.field(default=0.0, metadata={"ge": 0.0, "le": 0.2})
     # Height over the hole at which the insertion begins [m].
     hover: float = dc.field(default=0.008, metadata=positive())
     # Stiffness of the hand, as in `arm.cartesian` [N/m], [N m/rad].
     stiffness: float = dc.field(default=2000.0, metadata=positive())
     turning_stiffness: float = dc.field(default=200.0, metadata=positive())
-    # Forces by which the hand pulls the peg [N]: down in search of the hole, sideways
-    # against its wall, and down into it. No set-point pulls with more than
-    # `force_limit` and `torque_limit` [N m].
+    # Forces with which the hand pulls the peg [N]: down in search of the hole, sideways
+    # against its wall, and down into it. No set-point pulls harder than `force_limit`
+    # [N] and `torque_limit` [N m].
     search_force: float = dc.field(default=5.0, metadata=positive())
     side_force: float = dc.field(default=3.0, metadata=positive())
     push_force: float = dc.field(default=6.0, metadata=positive())
     force_limit: float = dc.field(default=15.0, metadata=positive())
     torque_limit: float = dc.field(default=4.0, metadata=positive())
-    # Tilt of the peg [rad], and how fast it turns [rad/s].
+    # Tilt of the peg [rad], and its turning rate [rad/s].
     tilt: float = dc.field(default=0.105, metadata=positive(le=0.3))
     turning: float = dc.field(default=0.105, metadata=positive())
-    # How far inside the rim the lower edge is set down [m]: more than the goal's error,
-    # or another try from another side must make up for it.
+    # Distance inside the rim at which the lower edge is set down [m]. It should exceed
+    # the goal's error; otherwise, a try from another side must compensate.
     inset: float = dc.field(default=0.0025, metadata=positive())
     # Speed of the peg in search of contact, and in the hole [m/s].
     tip_speed: float = dc.field(default=0.01, metadata=positive())
     # Tries from alternating sides; from the third on, `search_step` aside [m].
     tries: int = dc.field(default=4, metadata={"ge": 1})
     search_step: float = dc.field(default=0.0015, metadata={"ge": 0.0})
-    # Share of the way from set-point to measurement that a set-point makes up for per
-    # second where the peg must find its own way.
+    # Rate at which a set-point drifts to the measurement where the peg must find its
+    # own way [1/s].
     drift: float = dc.field(default=8.0, metadata=positive())
 
 
@@ -88,13 +89,13 @@ class Insertion(Memory):
     """The tip T of the peg: its middle, z along the peg's axis, up into the hand."""
 
     tries: int = 0
-    # Commanded turn beside the one that is followed, shape (3,) [rad].
+    # Commanded turn in addition to the followed orientation, shape (3,) [rad].
     twist: Vector = dc.field(default_factory=lambda: np.zeros(3))
     spiral_at: float = 0.0  # when the spiral began [s]
-    fallen_at: float = 0.0  # until when the edge was no deeper than at first [s]
-    pressed_at: float = 0.0  # since when the peg is pressed [s]
+    fallen_at: float = 0.0  # until then, the edge was no deeper than at first [s]
+    pressed_at: float = 0.0  # start of the pressing [s]
     q: Vector = dc.field(default_factory=lambda: np.zeros(0))  # commanded (N,) [rad]
-    X_TG: RigidTransform | None = None  # the hand at the tip, by the grasp [m]
+    X_TG: RigidTransform | None = None  # the hand in the tip's frame [m]
     X_WU: RigidTransform | None = None  # the tip, upright on the goal's rim [m]
     along: Vector = dc.field(default_factory=lambda: np.zeros(3))  # pinch axis, level
     angle: float = 0.0  # commanded tilt: the side towards `along` is lower [rad]
@@ -102,17 +103,18 @@ class Insertion(Memory):
     X_WT_measured: RigidTransform = dc.field(default_factory=RigidTransform)
     p: Vector = dc.field(default_factory=lambda: np.zeros(3))  # measured, smoothed [m]
     began: Vector = dc.field(default_factory=lambda: np.zeros(3))  # p as a mode began
-    # Progress of the mode [m] when it last was worth the name, and when that was [s].
+    # The mode's progress [m] at its last significant increase, and the time of that
+    # [s].
     progress: float = 0.0
     progress_at: float = 0.0
     rim: float = 0.0  # height of the rim, as felt [m]
-    deepest: float = 0.0  # that a try which failed has come [m]
+    deepest: float = 0.0  # depth reached by a failed try [m]
     seated: bool = False
     stops: tuple[Failure, ...] = ()  # what ended each try
 
 
 @dc.dataclass
 class InsertMemory(PlannerMemory):
-    """All that the planner remembers."""
+    """The planner's memory."""
 
     insertion: Insertion = dc.field(default_factory=Insertion)

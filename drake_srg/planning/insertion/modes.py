@@ -1,8 +1,9 @@
-"""The modes of an insertion: where each pulls the tip of the peg, and when it ends.
+"""The modes of an insertion: their pulls on the tip of the peg, and their ends.
 
-The hand yields like a spring, so a set-point beside the measured tip is a force. Where
-the peg must find its own way, the set-point follows the smoothed measurement, with that
-force ahead. A set-point never pulls with more than the limits of the configuration.
+The hand yields like a spring, so a set-point away from the measured tip is a force.
+Where the peg must find its own way, the set-point follows the smoothed measurement at
+the distance of that force. A set-point never pulls harder than the limits of the
+configuration.
 """
 
 from __future__ import annotations
@@ -41,31 +42,32 @@ from drake_srg.types import AnyMode, Box, Cylinder, Failure, Mode, Vector
 _UP = np.array([0.0, 0.0, 1.0])
 _LEAST = 0.02  # singular value of the arm's Jacobian below which it is damped
 _PROGRESS = 2e-4  # least motion that is progress [m]
-_WITHOUT = 0.4  # time without progress after which the peg rests [s]
-# The same in the hole, where a tight peg creeps until it is upright [s].
+_WITHOUT = 0.4  # time without progress after which the peg counts as resting [s]
+# The same in the hole [s], where a tight peg creeps until it is upright.
 _PATIENCE = 1.5
 _LATE = 6.0  # longest duration of any of these modes [s]
 _DITHER, _FREQUENCY = 6e-4, 3.0  # across the way to the wall [m], [Hz]
-# Tilt at which the hand stops when it puts the peg upright [rad]: the peg lags behind,
-# 3 to 7 degrees between the pads.
+# Tilt at which the hand stops when it puts the peg upright [rad]. Between the pads, the
+# peg lags by 3 to 7 degrees.
 _PAST = -0.035
-_TWISTING = 2.0  # how long a turn back and forth takes [s]
+_TWISTING = 2.0  # period of the turns back and forth [s]
 _WOBBLE, _WOBBLING = 0.015, 1.5  # in a circle, of a peg that is pressed [rad], [Hz]
-_FALLEN = 0.0005  # a peg that is deeper than the rim was has found the hole [m]
-_SINKING = 0.6  # time that the edge takes from there to the wall, and to sink [s]
-# Pegs that go in take up to 6 s. After this time, the hand slips along the peg [s].
+_FALLEN = 0.0005  # a peg this much deeper than the rim has found the hole [m]
+_SINKING = 0.6  # time from then until the edge is at the wall and has sunk [s]
+# Longest pressing [s]. Pegs that go in take up to 6 s; later, the hand slips along the
+# peg.
 _PRESSING = 10.0
-# A peg that is deeper than this, and leans less, is led by the hole [m], [rad].
+# The hole guides a peg that is deeper than this [m] and leans less than this [rad].
 _ENTERED, _NEARLY = 0.004, 0.03
-_SHALLOW = 0.003  # a peg that is no deeper has not entered [m]
-# The wall is at most this much farther than the inset and its like on the other side
-# [m]; a peg that slides on has met no hole.
+_SHALLOW = 0.003  # depth from which a peg has entered [m]
+# The wall is at most this much farther than twice the inset [m]. A peg that slides
+# farther has met no hole.
 _STRAY = 0.002
 
 
 @dc.dataclass(frozen=True)
 class Task:
-    """All that the modes of an insertion know.
+    """The knowledge of all modes of an insertion.
 
     Attributes:
         config: Forces, speeds and limits.
@@ -86,16 +88,16 @@ class Task:
 
     @property
     def inset(self) -> float:
-        """How far the lower edge is inside the hole's outline [m].
+        """Distance of the lower edge inside the hole's outline [m].
 
-        That of a bore is outside the pin's.
+        The edge of a bore is outside the pin's outline.
         """
         inset = self.config.inset if self.config.strategy == "tilt" else 0.0
         return -inset if self.config.over else inset
 
     @property
     def tilt(self) -> float:
-        """How far the peg leans when it is set down on the rim [rad]."""
+        """Lean of the peg when it is set down on the rim [rad]."""
         return self.config.tilt if self.config.strategy == "tilt" else 0.0
 
     def wall(self, tip: Insertion) -> Vector:
@@ -104,18 +106,18 @@ class Task:
 
 
 def insertion_of(memory: PlannerMemory) -> Insertion:
-    """Return the part of an insertion planner's memory that the modes here use."""
+    """Return the part of an insertion planner's memory for these modes."""
     insertion: Insertion = memory.insertion  # type: ignore[attr-defined]  # see planner
     return insertion
 
 
 class Inserting(Carrying, abc.ABC):
-    """A mode in which the set-point of the tip moves with what the tip does.
+    """A mode whose set-point follows the motion of the tip.
 
     Args:
         task: All that is known.
-        replanner: Plans from what is seen.
-        repeat: How many cycles the task has.
+        replanner: Plans from sightings.
+        repeat: Number of the task's cycles.
     """
 
     turns_with: bool = False  # whether the set-point turns to the measured orientation
@@ -125,7 +127,7 @@ class Inserting(Carrying, abc.ABC):
         self.task = task
 
     def enter(self, memory: PlannerMemory, entry: Entry) -> PlannerMemory:
-        """Begin where the commands are."""
+        """Begin at the current commands."""
         memory = super().enter(memory, entry)
         tip = insertion_of(memory)
         if entry.previous is Mode.PLACE:
@@ -136,7 +138,7 @@ class Inserting(Carrying, abc.ABC):
         return memory
 
     def _begin(self, memory: PlannerMemory, tip: Insertion) -> None:
-        """Note how the hand holds the peg, and where the hole is believed to be."""
+        """Record the hand's hold on the peg, and the believed place of the hole."""
         task, grasp = self.task, memory.attempt.planned.grasp
         tip.q = memory.motion.destination
         X_WG = task.arm.X_WG(tip.q)
@@ -159,7 +161,7 @@ class Inserting(Carrying, abc.ABC):
 
     def update(self, memory: PlannerMemory, now: Now) -> PlannerMemory:
         """Move the set-point, unless the hand has lost the peg."""
-        # A hand that the hole holds aside closes one finger more, the other less.
+        # If the hole holds the hand aside, one finger closes farther than the other.
         seen = dc.replace(now.senses, fingers=_centred(now.senses.fingers))
         memory = super().update(memory, dc.replace(now, senses=seen))
         config, tip = self.task.config, insertion_of(memory)
@@ -193,7 +195,7 @@ class Inserting(Carrying, abc.ABC):
     def _command(
         self, memory: PlannerMemory, tip: Insertion, X_WT: RigidTransform, time: float
     ) -> None:
-        """Command a set-point of the tip, less what pulls beyond the limits."""
+        """Command a set-point of the tip, reduced to the limits of the pull."""
         config, arm, X_WM = self.task.config, self.task.arm, tip.X_WT_measured
         pull = X_WT.translation() - X_WM.translation()
         turn = rotation_vector(X_WT.rotation() @ X_WM.rotation().inverse())
@@ -219,14 +221,14 @@ class Inserting(Carrying, abc.ABC):
             lower=arm.lower,
             upper=arm.upper,
         ).q
-        # The driver takes speeds from how commands change, so they change evenly.
+        # The driver derives speeds from changes of the commands, so they change evenly.
         way = PiecewisePolynomial.FirstOrderHold(
             [0.0, config.period], np.column_stack([q_before, tip.q])
         )
         memory.motion = Motion(tip.q, way, time, time + config.period)
 
     def pull_to(self, tip: Insertion, time: float) -> Vector:
-        """Return where the set-point goes, shape (3,) [m]."""
+        """Return the target of the set-point, shape (3,) [m]."""
         return tip.p
 
     def turn_to(self, tip: Insertion) -> float:
@@ -234,15 +236,15 @@ class Inserting(Carrying, abc.ABC):
         return tip.angle
 
     def twist_to(self, tip: Insertion, time: float) -> Vector:
-        """Return how far the set-point is turned from where it drifts, (3,) [rad]."""
+        """Return the set-point's turn from its drifting orientation, (3,) [rad]."""
         return np.zeros(3)
 
     def progress(self, tip: Insertion) -> float:
-        """Return how far the mode has come [m]; where it stays, the peg rests."""
+        """Return the mode's progress [m]; while it is constant, the peg rests."""
         return float(-tip.p[2])
 
     def stalled(self, tip: Insertion, time: float) -> bool:
-        """Return whether the peg has come no farther for some time."""
+        """Return whether the peg has made no progress for some time."""
         return time - tip.progress_at > _WITHOUT
 
     def observe_mode(self, memory: PlannerMemory, now: Now) -> Observation:
@@ -254,7 +256,7 @@ class Inserting(Carrying, abc.ABC):
 
     @abc.abstractmethod
     def observe_tip(self, tip: Insertion, time: float) -> Observation:
-        """Return what the mode's transitions depend on while the peg is held."""
+        """Return the observation for the mode's transitions while the peg is held."""
 
     def forward(
         self, tip: Insertion, down: float, along: float = 0.0, *, held: bool = False
@@ -265,10 +267,10 @@ class Inserting(Carrying, abc.ABC):
             tip: The tip.
             down: Force [N].
             along: Force towards the wall [N].
-            held: Whether the tip is held sideways where the mode began; with a force
+            held: Whether the tip stays sideways at the mode's start; with a force
                 along, only across the pinch axis. A peg that turns between the pads
-                looks like a tip that moves: if the set-point followed, the hand would
-                fall to the side.
+                looks like a moving tip: a set-point that followed would take the hand
+                to the side.
         """
         force = along * self.task.wall(tip) - down * _UP
         p, held_along = tip.p.copy(), tip.along * (along == 0.0)
@@ -289,11 +291,11 @@ class Tilt(Inserting):
         return 3.0 * self.task.config.tip_speed
 
     def turn_to(self, tip: Insertion) -> float:
-        """See `Inserting`."""
+        """Return the tilt to which the set-point turns [rad]."""
         return self.task.tilt
 
     def pull_to(self, tip: Insertion, time: float) -> Vector:
-        """See `Inserting`."""
+        """Return the place above the hole, with one edge inside the rim, (3,) [m]."""
         assert tip.X_WU is not None
         config, r = self.task.config, self.task.radius
         aside = r - self.task.inset - r * np.cos(self.task.tilt)
@@ -302,7 +304,7 @@ class Tilt(Inserting):
         return tip.X_WU.translation() + aside * tip.along + up * _UP + across
 
     def observe_tip(self, tip: Insertion, time: float) -> Observation:
-        """See `Inserting`."""
+        """Report that the peg is in place and tilted, or late."""
         there = np.linalg.norm(self.pull_to(tip, time) - tip.X_WT.translation()) < 5e-4
         turned = abs(self.turn_to(tip) - tip.angle) < 1e-3
         late = time - tip.progress_at > _LATE
@@ -310,17 +312,17 @@ class Tilt(Inserting):
 
 
 class Search(Inserting):
-    """Lowers the tip until it rests: on the rim, one edge of it in the hole."""
+    """Lowers the tip until it rests on the rim with one edge in the hole."""
 
     mode = InsertMode.SEARCH
 
     def pull_to(self, tip: Insertion, time: float) -> Vector:
-        """See `Inserting`."""
+        """Return the set-point that pulls the tip straight down, (3,) [m]."""
         lower = self.forward(tip, self.task.config.search_force)
         return np.array([*tip.X_WT.translation()[:2], lower[2]])
 
     def observe_tip(self, tip: Insertion, time: float) -> Observation:
-        """See `Inserting`."""
+        """Report that the tip rests."""
         return Observation(arrived=self.stalled(tip, time))
 
 
@@ -330,9 +332,10 @@ class Slide(Inserting):
     mode = InsertMode.SLIDE
 
     def enter(self, memory: PlannerMemory, entry: Entry) -> PlannerMemory:
-        """Note where the rim is, on which the side of the tip away from the wall rests.
+        """Record the rim's height, where the tip's side away from the wall rests.
 
-        The edge in the hole is lower by what the tilt makes of the chord between them.
+        The edge in the hole is lower by the chord between the two times the tilt's
+        tangent.
         """
         memory = super().enter(memory, entry)
         config, r, tip = self.task.config, self.task.radius, insertion_of(memory)
@@ -343,21 +346,21 @@ class Slide(Inserting):
         return memory
 
     def pull_to(self, tip: Insertion, time: float) -> Vector:
-        """See `Inserting`."""
+        """Return the set-point that pulls down, to the wall and across, (3,) [m]."""
         config = self.task.config
         wiggle = _DITHER * np.sin(2.0 * np.pi * _FREQUENCY * time)
         across = wiggle * np.cross(_UP, tip.along)
         return self.forward(tip, config.search_force, config.side_force) + across
 
     def progress(self, tip: Insertion) -> float:
-        """See `Inserting`."""
+        """Return the tip's way to the wall [m]."""
         return float((tip.p - tip.began) @ self.task.wall(tip))
 
     def observe_tip(self, tip: Insertion, time: float) -> Observation:
-        """See `Inserting`.
+        """Report that the edge has sunk at the wall, or that there is no hole.
 
-        At the wall, the edge sinks into the hole. The hand may creep on: the peg turns
-        between the pads.
+        At the wall, the edge sinks into the hole. The hand may creep on, because the
+        peg turns between the pads.
         """
         if tip.began[2] - tip.p[2] < _FALLEN:
             tip.fallen_at = time
@@ -375,14 +378,14 @@ class Spiral(Inserting):
     mode = InsertMode.SPIRAL
 
     def enter(self, memory: PlannerMemory, entry: Entry) -> PlannerMemory:
-        """Note where the rim is, on which the peg rests, and when the spiral begins."""
+        """Record the rim's height, where the peg rests, and the spiral's start."""
         memory = super().enter(memory, entry)
         tip = insertion_of(memory)
         tip.rim, tip.spiral_at = float(tip.p[2]), entry.time
         return memory
 
     def radius(self, tip: Insertion, time: float) -> float:
-        """Return how far the spiral is from its middle [m].
+        """Return the radius of the spiral [m].
 
         At a constant speed v, the length v t of a spiral of pitch p is about pi r^2 /
         p.
@@ -391,7 +394,7 @@ class Spiral(Inserting):
         return float(np.sqrt(length * self.task.config.spiral_pitch / np.pi))
 
     def pull_to(self, tip: Insertion, time: float) -> Vector:
-        """See `Inserting`."""
+        """Return the point of the spiral, with a pull down, (3,) [m]."""
         config, r = self.task.config, self.radius(tip, time)
         angle = 2.0 * np.pi * r / config.spiral_pitch
         down = self.forward(tip, config.side_force)[2]
@@ -399,7 +402,7 @@ class Spiral(Inserting):
         return np.array([*middle, down])
 
     def observe_tip(self, tip: Insertion, time: float) -> Observation:
-        """See `Inserting`."""
+        """Report that the peg has fallen into the hole, or that there is no hole."""
         if tip.rim - tip.p[2] > _FALLEN:
             return Observation(arrived=True)
         if self.radius(tip, time) < self.task.config.spiral_radius:
@@ -414,34 +417,34 @@ class Upright(Inserting):
     mode = InsertMode.UPRIGHT
 
     def turn_to(self, tip: Insertion) -> float:
-        """See `Inserting`."""
+        """Return the tilt to which the set-point turns [rad]."""
         return _PAST
 
     def pull_to(self, tip: Insertion, time: float) -> Vector:
-        """See `Inserting`."""
+        """Return the set-point that pulls down and to the wall, (3,) [m]."""
         config = self.task.config
         return self.forward(tip, config.search_force, config.side_force, held=True)
 
     def observe_tip(self, tip: Insertion, time: float) -> Observation:
-        """See `Inserting`."""
+        """Report that the hole guides the peg, or that the hand is upright."""
         entered = tip.rim - tip.p[2] > _ENTERED and tip.angle < _NEARLY
         return Observation(arrived=bool(entered or abs(tip.angle - _PAST) < 1e-3))
 
 
 class Press(Inserting):
-    """Presses the peg down; sideways and in its angle it gives way."""
+    """Presses the peg down, and yields sideways and in angle."""
 
     mode = InsertMode.PRESS
     turns_with = True
 
     def enter(self, memory: PlannerMemory, entry: Entry) -> PlannerMemory:
-        """Note when the peg is pressed."""
+        """Record the start of the pressing."""
         memory = super().enter(memory, entry)
         insertion_of(memory).pressed_at = entry.time
         return memory
 
     def pull_to(self, tip: Insertion, time: float) -> Vector:
-        """See `Inserting`."""
+        """Return the set-point that pulls down, (3,) [m]."""
         return self.forward(tip, self.task.config.push_force, held=True)
 
     def twist_to(self, tip: Insertion, time: float) -> Vector:
@@ -452,12 +455,12 @@ class Press(Inserting):
         growth = min((time - tip.pressed_at) * _WOBBLING, 1.0)
         wobble = growth * _WOBBLE * np.array([np.cos(phase), np.sin(phase)])
         since, turn = time - tip.progress_at - 0.5 * _WITHOUT, tip.twist[2]
-        if since > 0.0:  # else a key that found its way stays there
+        if since > 0.0:  # a key that has found its way stays there
             turn = self.task.config.twist * np.sin(2.0 * np.pi * since / _TWISTING)
         return np.array([*wobble, turn])
 
     def stalled(self, tip: Insertion, time: float) -> bool:
-        """See `Inserting`; a peg with a key is turned once to both sides first."""
+        """Return whether the peg rests, with its key turned once to both sides."""
         twists = self.task.config.twist and not self._deep(tip)
         return time - tip.progress_at > _PATIENCE + (_TWISTING if twists else 0.0)
 
@@ -466,9 +469,9 @@ class Press(Inserting):
         return tip.rim - float(tip.p[2]) >= config.depth - config.depth_tolerance
 
     def observe_tip(self, tip: Insertion, time: float) -> Observation:
-        """See `Inserting`."""
+        """Report that the peg is seated, or why it goes no deeper."""
         config, depth = self.task.config, tip.rim - float(tip.p[2])
-        # A hand that is deeper than the hole slips along a peg that rests.
+        # A hand deeper than the hole has slipped along a resting peg.
         slips = depth > config.depth + config.depth_tolerance
         late = time - tip.pressed_at > _PRESSING
         if not (slips or late or self.stalled(tip, time)):
@@ -484,7 +487,7 @@ class Press(Inserting):
 
 
 class Withdraw(Inserting):
-    """Draws the peg out, for another try from another side, or to give up."""
+    """Draws the peg out, to try again from the other side or to give up."""
 
     mode = InsertMode.WITHDRAW
 
@@ -494,26 +497,26 @@ class Withdraw(Inserting):
         return 3.0 * self.task.config.tip_speed
 
     def enter(self, memory: PlannerMemory, entry: Entry) -> PlannerMemory:
-        """Count the try; the next one is from the other side."""
+        """Count the try, and change sides for the next one."""
         memory = super().enter(memory, entry)
         tip = insertion_of(memory)
         tip.tries, tip.along = tip.tries + 1, -tip.along
         return memory
 
     def turn_to(self, tip: Insertion) -> float:
-        """See `Inserting`."""
+        """Return the tilt to which the set-point turns [rad]."""
         return 0.0
 
     def pull_to(self, tip: Insertion, time: float) -> Vector:
-        """See `Inserting`."""
+        """Return the place above the tip, at the hover height, (3,) [m]."""
         return np.array([*tip.p[:2], tip.rim + self.task.config.hover])
 
     def progress(self, tip: Insertion) -> float:
-        """See `Inserting`."""
+        """Return the tip's height [m]."""
         return float(tip.p[2])
 
     def observe_mode(self, memory: PlannerMemory, now: Now) -> Observation:
-        """Report a peg that is out, and after the last try the reason to give up."""
+        """Report that the peg is out and, after the last try, the reason to give up."""
         tip = insertion_of(memory)
         seen = super().observe_mode(memory, now)
         if not seen.arrived or tip.tries < self.task.config.tries:
@@ -528,7 +531,7 @@ class Withdraw(Inserting):
         return dc.replace(seen, failure=failure)
 
     def observe_tip(self, tip: Insertion, time: float) -> Observation:
-        """See `Inserting`."""
+        """Report that the tip is above the rim, or that it rests."""
         high = tip.p[2] > tip.rim + 0.5 * self.task.config.hover
         return Observation(arrived=bool(high) or self.stalled(tip, time))
 
@@ -550,10 +553,10 @@ class ReleaseSeated(Release):
 
 
 class HomeInserted(Home):
-    """Moves the arm home; a peg that was felt to be seated is at its goal."""
+    """Moves the arm home; touch has already shown that the peg is seated."""
 
     def look(self, memory: PlannerMemory, now: Now) -> None:
-        """Judge by touch: sight errs by more than the peg may be off."""
+        """Judge by touch, because the error of sight exceeds the tolerance."""
         super().look(memory, now)
         memory.attempt.at_goal = insertion_of(memory).seated
 
@@ -561,13 +564,13 @@ class HomeInserted(Home):
 def insertion_modes(
     task: Task, modes: dict[AnyMode, TaskMode], replanner: Replanner, repeat: int
 ) -> dict[AnyMode, TaskMode]:
-    """Return what the planner does in each mode.
+    """Return the actions of each mode.
 
     Args:
         task: All that is known.
         modes: Those of picking and placing.
-        replanner: Plans from what is seen.
-        repeat: How many cycles the task has.
+        replanner: Plans from sightings.
+        repeat: Number of the task's cycles.
     """
     kinds = (Tilt, Search, Slide, Spiral, Upright, Press, Withdraw)
     return {
@@ -579,10 +582,10 @@ def insertion_modes(
 
 
 def _centred(q: Vector) -> Vector:
-    """Return the angles of two fingers, left and right in turn, as if both were alike.
+    """Return the angles of two fingers, left and right in turn, averaged to be equal.
 
     Args:
-        q: Shape (n,) [rad]; those of another hand come back as they are.
+        q: Shape (n,) [rad]; those of another hand are returned unchanged.
     """
     if len(q) % 2:
         return q

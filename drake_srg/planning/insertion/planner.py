@@ -32,12 +32,12 @@ def _lost(o: Observation, t: float, c: PlannerConfig) -> bool:
 
 
 def _then(strategy: str) -> Condition:
-    """Return whether a mode has ended that this strategy goes on from."""
+    """Return the condition that a mode has ended, with this strategy next."""
     return lambda o, t, c: o.arrived and getattr(c, "strategy", "") == strategy
 
 
 def _ended(mode: AnyMode) -> list[tuple[Condition, AnyMode]]:
-    """Return the row of a mode that another follows unless the peg is lost."""
+    """Return the row of a mode with one successor, unless the peg is lost."""
     return [(_lost, Mode.RELEASE), (lambda o, t, c: o.arrived, mode)]
 
 
@@ -72,8 +72,8 @@ insert_transition = Transitions(INSERT_TRANSITIONS, (*FATAL, *NOT_INSERTED))
 class InsertionPlanner(PickAndPlacePlanner):
     """Picks a peg like its base class, and inserts it into a hole.
 
-    Its ports are those of `PickAndPlacePlanner`. In place of setting the peg down, it
-    carries it over the hole and moves set-points of an arm that yields: see the modes
+    Its ports are those of `PickAndPlacePlanner`. Instead of setting the peg down, it
+    carries the peg over the hole and moves set-points of a yielding arm: see the modes
     in `drake_srg.planning.insertion.modes`.
 
     Args:
@@ -84,7 +84,7 @@ class InsertionPlanner(PickAndPlacePlanner):
         config: Forces, speeds and limits.
         tolerance: Distance from the goal that counts as placed [m].
         obstacles: Names and shapes of the other objects.
-        repeat: How many cycles.
+        repeat: Number of cycles.
 
     Raises:
         ValueError: If the peg is neither cylinder nor box.

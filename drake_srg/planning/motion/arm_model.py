@@ -25,14 +25,14 @@ from drake_srg.types import Vector
 
 @dc.dataclass(frozen=True)
 class ArmChain:
-    """The joints of an arm in a row, where they are if all angles are 0.
+    """The serial joints of an arm, at their places if all angles are 0.
 
     Attributes:
-        axes: Their directions in W, shape (N, 3).
+        axes: Directions of their axes in W, shape (N, 3).
         points: A point of each axis in W, and the hand's origin, shape (N + 1, 3) [m].
-        turns: Which joints turn, shape (N,); the others slide.
-        reach: No point of a link is farther from the line between the two points at its
-            ends than this, nor a point of the hand from the hand's origin [m].
+        turns: Which joints are revolute, shape (N,); the others are prismatic.
+        reach: Largest distance of a point of a link from the line between the points at
+            its ends, and of a point of the hand from the hand's origin [m].
     """
 
     axes: Vector
@@ -47,7 +47,7 @@ class ArmChain:
         """Return the chain of a plant's joints.
 
         Args:
-            joints: Of one degree of freedom each, from the base to the hand.
+            joints: Joints of one degree of freedom each, from the base to the hand.
             hand: The hand's frame.
             context: The plant's, with all angles of the arm at 0.
             reach: See the attribute.
@@ -64,7 +64,7 @@ class ArmChain:
         return cls(np.array(axes), np.array(points), np.array(turns, float), reach)
 
     def speeds(self, path: Vector) -> Vector:
-        """Return bounds on the speed of every point at both ends of a path's lines.
+        """Return bounds on all points' speeds at both ends of a path's lines.
 
         Args:
             path: Postures, shape (K, N) [rad or m].
@@ -115,11 +115,11 @@ def _rotations(axis: Vector, angle: Vector) -> Vector:
     return np.asarray(np.eye(3) + s * K + (1.0 - c) * (K @ K))
 
 
-# How far fingers and held objects may reach from the hand's origin, and links from the
-# line between their joints [m]. It only affects the step between checked
+# Largest distance of fingers and held objects from the hand's origin, and of links from
+# the line between their joints [m]. It only affects the step between checked
 # configurations, never a distance.
 _REACH = 0.2
-_TWO_TURNS = 2.0 * np.pi  # either way, for a joint without limits [rad]
+_TWO_TURNS = 2.0 * np.pi  # to either side, for a joint without limits [rad]
 _POSE_FREEDOMS = 6  # of a rigid body in space
 
 
@@ -140,8 +140,8 @@ class ArmModel:
         lower: Lower limits of the arm's joints, (N,) [rad]; -2 pi without a limit.
         upper: Upper limits of the arm's joints, (N,) [rad]; 2 pi without a limit.
         p_WA: The arm's first joint in world, shape (3,) [m].
-        levers: Bounds on how far each joint moves anything, (N,) [m/rad]: no point of
-            arm, hand or held object moves further than levers @ abs(dq). See `travel`.
+        levers: Bounds on the motion by each joint, (N,) [m/rad]: no point of arm, hand
+            or held object moves farther than levers @ abs(dq). See `travel`.
     """
 
     def __init__(
@@ -160,7 +160,7 @@ class ArmModel:
         self.joint_names = [joint.name() for joint in joints]
         self.finger_names = [joint.name() for joint in _moving_joints(plant, gripper)]
         self.arm_indices = np.array([joint.position_start() for joint in joints])
-        # Random postures need limits, so a joint without any gets two turns.
+        # Random postures need limits, so an unlimited joint gets two turns.
         lower = plant.GetPositionLowerLimits()[self.arm_indices]
         upper = plant.GetPositionUpperLimits()[self.arm_indices]
         self.lower: Vector = np.maximum(lower, -_TWO_TURNS)
@@ -194,7 +194,7 @@ class ArmModel:
         self.plant.SetPositionsInArray(self._gripper_model, value, self._positions)
 
     def SetFingers(self, angles: Mapping[str, float]) -> None:
-        """Set the gripper's joints by name [rad]; those left out go to 0.
+        """Set the gripper's joints by name [rad]; omitted ones go to 0.
 
         Raises:
             ValueError: If a name is not one of `finger_names`.
@@ -213,19 +213,20 @@ class ArmModel:
         return positions
 
     def travel(self, path: Vector) -> Vector:
-        """Return bounds on how far anything moves on each line of a path.
+        """Return bounds on the motion of every point along each line of a path.
 
-        Where joints turn against each other, this is far less than what each of them
-        could move alone. A point's speed at either end of a line changes on the way by
-        at most its acceleration, which is below sum(abs(dq)) times levers @ abs(dq).
-        Lines of less than 0.2 rad in sum are bounded closely.
+        If joints turn against each other, this is far less than the sum of their own
+        motions. A point's speed at either end of a line changes on the way by at most
+        its acceleration, which is below sum(abs(dq)) times levers @ abs(dq). Lines of
+        less than 0.2 rad in sum are bounded closely.
 
         Args:
             path: Configurations on straight lines, shape (K, N) [rad].
 
         Returns:
-            Shape (K - 1,) [m]. On any share of a line, no point of the arm, of the hand
-            and of what it holds within 0.2 m moves further than that share of this.
+            Shape (K - 1,) [m]. No point of the arm, the hand, or a held object within
+            0.2 m moves farther than this. On any share of a line, no point moves
+            farther than that share.
         """
         turns = np.abs(np.diff(path, axis=0))
         change = 0.5 * turns.sum(axis=1) * (turns @ self.levers)
@@ -271,9 +272,9 @@ _S = TypeVar("_S", bound=_WithScene)
 def restores_fingers(
     method: Callable[Concatenate[_S, _P], _T],
 ) -> Callable[Concatenate[_S, _P], _T]:
-    """Have a method leave the fingers of its object's `scene` as they were.
+    """Make a method restore the fingers of its object's `scene`.
 
-    So a planner changes nothing of itself: all that it remembers is in the Context.
+    A planner thus never changes itself: its whole memory is in the Context.
     """
 
     @functools.wraps(method)

@@ -1,4 +1,4 @@
-"""The arm's motion under way: where the commands are at any time."""
+"""The arm's current motion: its commands at any time."""
 
 from __future__ import annotations
 
@@ -13,25 +13,25 @@ from pydrake.trajectories import (
 
 from drake_srg.types import Vector
 
-# Duration of a stop in the middle of a motion [s]: at the iiwa's top speed, 1.5 to 2.4
-# rad/s, that brakes with less than half of its acceleration limits.
+# Duration of a stop in the middle of a motion [s]: from the iiwa's top speed, 1.5 to
+# 2.4 rad/s, this takes less than half of its acceleration limits.
 STOP_TIME = 0.4
 _SEARCH = 1e-3  # resolution of a search along a path [s]
-_ARRIVED = 0.005  # joint error within which the arm is where it was sent [rad]
-# An arm that does not rest there is behind by this time at most [s].
+_ARRIVED = 0.005  # joint error within which the arm has arrived [rad]
+# Largest lag of an arm whose motion does not end at rest [s].
 _LAG = 0.05
-_TICK = 1e-6  # times that differ by less are the same [s]
+_TICK = 1e-6  # times that differ by less are equal [s]
 
 
 @dc.dataclass(frozen=True)
 class Motion:
-    """The arm's motion under way, or where the arm rests without one."""
+    """The arm's current motion, or its place at rest."""
 
-    q_rest: Vector  # where the arm is without a trajectory, shape (N,) [rad]
+    q_rest: Vector  # position without a trajectory, shape (N,) [rad]
     trajectory: Trajectory | None = None
     departed: float = 0.0  # when the trajectory began [s]
-    due: float = 0.0  # when it is over, waits included [s]
-    stopped_at: float | None = None  # time in the trajectory where a stop began [s]
+    due: float = 0.0  # when it is over, including waits [s]
+    stopped_at: float | None = None  # time in the trajectory at which a stop began [s]
 
     def position(self, time: float) -> Vector:
         """Return the commanded position at a time, shape (N,) [rad]."""
@@ -51,7 +51,7 @@ class Motion:
         return self.position(np.inf)
 
     def arrived(self, q: Vector, time: float) -> bool:
-        """Return whether the motion is over and the arm, at `q` (N,) [rad], there.
+        """Return whether the motion is over and the arm at `q` (N,) [rad] has arrived.
 
         A motion need not end at rest, if another one follows.
         """
@@ -63,10 +63,10 @@ class Motion:
         return bool(np.all(behind < _ARRIVED + _LAG * self._end_speed))
 
     def error(self, q: Vector, time: float) -> float:
-        """Return how far off its path the joint is that is farthest off [rad].
+        """Return the largest path error of any joint [rad].
 
         Args:
-            q: Where the arm is, shape (N,) [rad].
+            q: Posture of the arm, shape (N,) [rad].
             time: Now [s].
         """
         return float(np.max(np.abs(q - self.position(time))))
@@ -89,7 +89,7 @@ class Motion:
     def nearest(self, q: Vector) -> tuple[float, Vector]:
         """Return the point of a stopped motion's path that is nearest to a position.
 
-        It is not farther than where the stop ends.
+        It is not beyond the end of the stop.
 
         Args:
             q: Shape (N,) [rad].
@@ -107,19 +107,19 @@ class Motion:
         return times[best], path[best]
 
     def resumed(self, time: float, since: float) -> Motion:
-        """Return the rest of a stopped motion, which gathers speed as it lost it.
+        """Return the rest of a stopped motion; it accelerates as gently as it braked.
 
         Args:
             time: When it begins [s].
-            since: The time in its trajectory from which on it is left to do [s].
+            since: Time in its trajectory at which the rest begins [s].
         """
         if self.trajectory is None:
             return Motion(self.q_rest)
         left = self.trajectory.end_time() - since
         if left < _SEARCH:
             return Motion(self.trajectory.value(self.trajectory.end_time())[:, 0])
-        # The speed along the path rises evenly to that of the trajectory, if there is
-        # enough left of it.
+        # The speed along the path rises evenly to the trajectory's, if the rest is long
+        # enough.
         ramp = min(STOP_TIME, float(np.sqrt(2.0 * STOP_TIME * left)))
         gone, speed = 0.5 * ramp**2 / STOP_TIME, ramp / STOP_TIME
         breaks, reached, speeds = [0.0, ramp], [since, since + gone], [0.0, speed]
@@ -131,7 +131,7 @@ class Motion:
         return Motion(self.q_rest).followed_by(rest, time)
 
     def ended(self, time: float) -> Motion:
-        """Return the rest that follows; a motion that is not yet over is stopped."""
+        """Return the following rest; a motion that is not yet over is stopped."""
         under_way = self.trajectory is not None and time < self.due
         rest = self.stopped(time) if under_way else Motion(self.q_rest)
         return dc.replace(rest, q_rest=self.position(time))

@@ -57,7 +57,7 @@ class HandTarget:
         return float(np.linalg.norm(X_WG @ self.p_GT - self.p_WT))
 
     def angle_violation(self, X_WG: RigidTransform) -> float:
-        """Return by how much the hand exceeds the angular tolerances [rad], or 0."""
+        """Return the excess over the angular tolerances [rad], or 0."""
         beyond = [0.0]
         if self.R_WG is not None:
             R_error = self.R_WG.inverse() @ X_WG.rotation()
@@ -70,23 +70,24 @@ class HandTarget:
         return max(beyond)
 
 
-# A solvable call needs 5 to 20 major iterations; one that needs more is lost.
+# A solvable call needs 5 to 20 major iterations. One that needs more will fail.
 _OPTIONS = SolverOptions()
 _OPTIONS.SetOption(SnoptSolver.id(), "Major iterations limit", 60)
 _JOINT_MARGIN = 0.02  # distance kept from the joint limits [rad]
 # The cosine of an angle has no slope at 0, and SNOPT meets constraints to 1e-6: an axis
-# with a smaller tolerance [rad] is kept at 90 degrees to two normals of its direction.
+# with a smaller tolerance [rad] is constrained perpendicular to two normals of its
+# direction.
 _SMALL_ANGLE = 1.4e-3
 _FINE = SolverOptions()
 _FINE.SetOption(SnoptSolver.id(), "Major iterations limit", 60)
 _FINE.SetOption(SnoptSolver.id(), "Major feasibility tolerance", 1e-9)
 
-# Adds to the problem before it is solved.
+# A function that extends the problem before it is solved.
 Extend: TypeAlias = Callable[[InverseKinematics], object]
 
 
 class Requirement(enum.Enum):
-    """Kinds of constraint of the problem; a failure names one of them."""
+    """Kinds of constraints of the problem; a failure names one of them."""
 
     POSITION = "position"
     ORIENTATION = "orientation"
@@ -103,8 +104,8 @@ class IkSolution:
     q: Vector  # shape (N,) [rad]
     # Squared distance from the nominal posture [rad²], and the caller's own costs.
     cost: float
-    clearance: Clearance | None  # None where collisions were not asked for
-    starts: int  # how many starts were needed
+    clearance: Clearance | None  # None without collision checks
+    starts: int  # number of starts that were needed
 
 
 @dc.dataclass(frozen=True)
@@ -112,7 +113,7 @@ class IkFailure:
     """The requirement that cannot be met together with all others."""
 
     requirement: Requirement
-    # In the best compromise found [m] or [rad]; of one's own, in units of its bounds.
+    # In the best compromise found [m] or [rad]; for `OWN`, in the units of its bounds.
     violation: float
     message: str
     q: Vector  # that compromise, shape (N,) [rad]
@@ -142,31 +143,32 @@ def solve_inverse_kinematics(
     """Solve for the posture nearest to a nominal one that reaches `target`.
 
     SNOPT solves a program of position, orientation and joint limits, and the scene
-    judges the solution. Minimum distance is not part of the program: with it, solving
-    takes ten times longer than from another start without it. The first start is
-    `q_guess`. Each further one is drawn at random, further and further away, and also
+    judges the solution. Minimum distance is not part of the program: one solution with
+    it takes ten times as long as another start without it. The first start is
+    `q_guess`. Further ones are drawn at random, farther and farther away. Each also
     replaces the nominal posture of its program, which spreads the solutions of a
     redundant arm over its null space.
 
     Args:
         scene: The arm, and what to keep clear of.
-        target: Where the hand must be.
-        q_nominal: The posture that costs nothing, shape (N,) [rad].
+        target: Target of the hand.
+        q_nominal: The posture with cost 0, shape (N,) [rad].
         q_guess: The first start, shape (N,) [rad]; None: `q_nominal`.
         joint_margin: Distance kept from the joint limits [rad].
-        max_starts: How many starts to try.
+        max_starts: Largest number of starts.
         good_cost: Stop at the first solution that costs no more [rad²]; the default
             takes the first solution found.
         check_clearance: Whether solutions must be free in `scene`.
         seed: Seed of the random starts; the same call returns the same result.
-        extend: Adds constraints and costs of your own to the problem before it is
-            solved: it gets the `InverseKinematics` of the scene's plant. The arm's
+        extend: Adds your own constraints and costs to the problem before it is solved.
+            Its argument is the `InverseKinematics` of the scene's plant. The arm's
             joints are `ik.q()[scene.arm_indices]`; no others move. Give constraints a
             description (`evaluator().set_description`): a failure names the one that
             cannot be met.
 
     Returns:
-        The cheapest free solution among those tried, or what cannot be met.
+        The cheapest free solution among those tried, or the requirement that cannot be
+        met.
 
     Raises:
         ValueError: If a vector does not have N entries.
@@ -218,7 +220,7 @@ def solve_from(
 
     Args:
         scene: The arm.
-        target: Where the hand must be.
+        target: Target of the hand.
         start: The only start, shape (N,) [rad].
 
     Returns:
@@ -232,7 +234,7 @@ def solve_from(
 def _starts(
     limits: tuple[Vector, Vector], guess: Vector, rng: Generator, count: int
 ) -> Iterator[Vector]:
-    """Yield the guess, then random postures further and further away from it."""
+    """Yield the guess, then random postures farther and farther from it."""
     guess = np.clip(guess, *limits)
     for share in np.linspace(0.0, 1.0, count):
         yield guess + share * (rng.uniform(*limits) - guess)
@@ -258,7 +260,7 @@ class _Program:
         lower = scene.positions(limits[0])
         upper = scene.positions(limits[1])  # only the arm moves
         self._prog.AddBoundingBoxConstraint(lower, upper, ik.q())
-        # A soft program looks for the least violation, whatever the posture.
+        # A soft program seeks the least violation in any posture.
         weight = 1e-6 if self._soft else 1.0
         self._weights = weight * np.eye(scene.num_joints)
         fine = any(axis.angle < _SMALL_ANGLE for axis in target.axes)
@@ -315,7 +317,7 @@ class _Program:
                     )
 
     def solve_without(self, own: Binding, start: Vector) -> float | None:
-        """Return by how much the rest breaks one of `own`; None: it is not met."""
+        """Return the rest's violation of one of `own`; None: the rest is not met."""
         self._prog.RemoveConstraint(own)
         result = self._solve(start, start)
         self._prog.AddConstraint(own)
@@ -359,7 +361,7 @@ def _diagnose(
     guess: Vector,
     extend: Extend | None = None,
 ) -> IkFailure:
-    """Drop one requirement after the other until the rest can be met."""
+    """Drop one requirement after another until the rest can be met."""
     rng = default_rng(0)
     starts = list(_starts(limits, guess, rng, 4))
     if extend is not None:
@@ -419,9 +421,10 @@ def _diagnose_own(
     starts: Sequence[Vector],
     extend: Extend,
 ) -> IkFailure | None:
-    """Return which of the caller's constraints cannot be met; None if it is not they.
+    """Return which of the caller's constraints cannot be met, if any.
 
-    It is the first without which all others can be met, or all of them together.
+    The result is the first one without which all others can be met, or all of them
+    together.
     """
     plain = _Program(scene, target, limits)
     tries = (plain.solve(start, start) for start in starts)

@@ -1,4 +1,4 @@
-"""Limits of the arm's motions, and the torques that a motion takes."""
+"""Limits of the arm's motions, and the torques of a motion."""
 
 import dataclasses as dc
 
@@ -12,9 +12,9 @@ from drake_srg.types import Vector
 
 @dc.dataclass(kw_only=True)
 class TipLimits(Config):
-    """Limits of the tip along its path; the defaults are the five-axis thesis's.
+    """Limits of the tip along its path, by default those of the five-axis arm's thesis.
 
-    Distance on a path is that of `moveToPose` with metric [1, 1, 1, angle_weight]: the
+    Distance on a path is as in `moveToPose` with metric [1, 1, 1, angle_weight]: the
     norm of the tip's step and of the hand's turn times that weight.
     """
 
@@ -49,8 +49,8 @@ class MotionConfig(Config):
     holding_acceleration: float = dc.field(
         default=0.3, metadata={"ge": 0.01, "le": 1.0}
     )
-    # The solver that times motions as fast as the joints allow. Importing toppra adds
-    # 0.4 s to the building of the first cell; it then plans faster.
+    # The solver that makes motions as fast as the joints allow. Importing toppra delays
+    # the first cell by 0.4 s; it then plans faster.
     time_parameterization: str = dc.field(
         default="toppra", metadata={"among": ("toppra", "drake")}
     )
@@ -83,7 +83,7 @@ class MotionLimits:
     def scaled(
         self, velocity: float = 1.0, acceleration: float = 1.0, torque: float = 1.0
     ) -> "MotionLimits":
-        """Return these limits times factors, as for a hand that carries something."""
+        """Return these limits times factors, such as those for a carrying hand."""
         return dc.replace(
             self,
             velocity=velocity * self.velocity,
@@ -104,13 +104,13 @@ class InverseDynamics:
         self._no_forces = MultibodyForces(arm.plant)
 
     def SetPosition(self, q: Vector) -> None:
-        """Move the arm to `q` (N,) [rad], where the torques are wanted."""
+        """Move the arm to `q` (N,) [rad], for the torques there."""
         self._arm.plant.SetPositions(self._arm.context, self._arm.positions(q))
 
     def holding(self) -> Vector:
         """Return the torques that hold the arm at rest, (N,) [N m].
 
-        Without them the arm would fall.
+        Without them, the arm would fall.
         """
         gravity: Vector = self._arm.plant.CalcGravityGeneralizedForces(
             self._arm.context

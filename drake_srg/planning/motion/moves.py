@@ -29,15 +29,15 @@ from drake_srg.planning.motion.trajectories import (
 from drake_srg.types import Vector
 
 _UP = np.array([0.0, 0.0, 1.0])
-_SAME = 0.01  # how far off its goal a straight line may end [rad]
+_SAME = 0.01  # distance from its goal at which a straight line may end [rad]
 
 
 class Moves:
-    """Paths and timings in a planning scene; moves that do not exist raise.
+    """Paths and timings in a planning scene; impossible moves raise `NoPathError`.
 
     Args:
         scene: The arm, the gripper and what they may hit.
-        p_GT: The hand's point that straight lines are for, shape (3,) [m].
+        p_GT: The hand's point that moves along straight lines, shape (3,) [m].
         config: Distances and speeds.
 
     Attributes:
@@ -58,7 +58,7 @@ class Moves:
         self.holding = limits.scaled(config.holding_speed, config.holding_acceleration)
 
     def tip(self, q: Vector) -> Vector:
-        """Return where the hand's point is at `q` (N,) [rad], shape (3,) [m]."""
+        """Return the position of the hand's point at `q` (N,) [rad], shape (3,) [m]."""
         p_WT: Vector = self._scene.X_WG(q) @ self.p_GT
         return p_WT
 
@@ -78,7 +78,7 @@ class Moves:
         return self._like(q).shifted(back)
 
     def _like(self, q: Vector) -> HandTarget:
-        """Return the hand's pose, or as much of it as the arm can keep along a line."""
+        """Return the hand's pose, or the part that the arm can keep along a line."""
         X_WG = self._scene.X_WG(q)
         if self._scene.reaches_any_pose:
             return HandTarget.from_pose(X_WG)
@@ -92,9 +92,9 @@ class Moves:
         """Return the path of the hand on a straight line from `q`, (K, N) [rad].
 
         Args:
-            q: Where it starts, (N,) [rad].
-            target: Where it ends.
-            turning: Whether axes may turn where they cannot be kept along the line.
+            q: Posture at its start, (N,) [rad].
+            target: Target at its end.
+            turning: Whether axes may turn if they cannot be kept along the line.
 
         Raises:
             NoPathError: If there is no such path.
@@ -122,7 +122,7 @@ class Moves:
     def joint_path(self, q_start: Vector, q_goal: Vector) -> Vector:
         """Return a free path between two postures, (K, N) [rad].
 
-        Where the hand's motion is limited, a straight line of the hand is preferred.
+        If the hand's motion is limited, a straight line of the hand is preferred.
 
         Raises:
             NoPathError: If there is no such path.
@@ -191,8 +191,8 @@ class Moves:
     ) -> tuple[Trajectory, ...]:
         """Return one motion along parts of a path, cut where one part ends.
 
-        The arm does not rest there, but cuts the corner. Each motion but the last ends
-        at speed. The next one must begin at once.
+        The arm does not rest between parts, but cuts the corner. Each motion but the
+        last ends at speed, and the next one must begin at once.
 
         Args:
             apart: The motions with a rest between them, which are returned if they are

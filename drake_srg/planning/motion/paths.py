@@ -32,23 +32,23 @@ def follow(
     joint_margin: float = 0.02,
     max_iterations: int = 20,
 ) -> Vector | None:
-    """Move the joints from `q` just as far as takes the hand to `target`.
+    """Move the joints from `q` by the least motion that takes the hand to `target`.
 
-    Position and orientation are met exactly, whatever their tolerances; an axis turns
-    only where it exceeds its angle. A joint that meets its limit stays there while the
-    others go on. Collisions are not checked.
+    Position and orientation are met exactly, despite tolerances; an axis turns
+    only if it exceeds its angle. A joint that meets its limit stays there while the
+    others continue. Collisions are not checked.
 
     Args:
         scene: The arm.
-        target: Where the hand must be.
-        q: Where the arm is, shape (N,) [rad].
+        target: Target of the hand.
+        q: Posture of the arm, shape (N,) [rad].
         joint_margin: Distance kept from the joint limits [rad].
         max_iterations: Most steps of Newton's method.
 
     Returns:
         Joint angles near `q`, shape (N,) [rad], or None if it does not converge.
     """
-    # A start beyond the margin may stay there, but must go no further.
+    # A start beyond the margin may stay there, but must not go farther.
     lower = np.minimum(scene.lower + joint_margin, q)
     upper = np.maximum(scene.upper - joint_margin, q)
     for _ in range(max_iterations):
@@ -74,7 +74,7 @@ def follow(
 def _linearize(
     scene: PlanningScene, target: HandTarget, q: Vector
 ) -> tuple[Vector, Vector]:
-    """Return what is missing, shape (m,) [m, rad], and its Jacobian, shape (m, N)."""
+    """Return the errors, shape (m,) [m, rad], and their Jacobian, shape (m, N)."""
     X_WG = scene.X_WG(q)
     world = scene.plant.world_frame()
     J_W = scene.plant.CalcJacobianSpatialVelocity(
@@ -93,7 +93,8 @@ def _linearize(
         sine = float(np.linalg.norm(normal))
         beyond = np.arctan2(sine, axis_W @ axis.direction_W) - axis.angle
         if axis.angle == 0.0:
-            # The whole error across the axis: its length alone lets the axis go around.
+            # The vector error across the axis: its length alone would let the axis
+            # circle.
             errors.append(beyond * normal / max(sine, 1e-12))
             across = np.eye(3) - np.outer(axis.direction_W, axis.direction_W)
             rows.append(across @ J_W[:3])
@@ -107,7 +108,7 @@ EdgeTest = Callable[[Vector, Vector], bool]
 
 
 class _Tree:
-    """Vertices and their parents; `weights` (N,) of the joints make the metric."""
+    """Vertices and their parents; the joints' `weights` (N,) define the metric."""
 
     def __init__(self, root: Vector, weights: Vector) -> None:
         self.vertices = [root]
@@ -116,7 +117,7 @@ class _Tree:
         self._weights = weights
 
     def extend(self, target: Vector, step: float, is_edge_free: EdgeTest) -> bool:
-        """Grow one step towards `target`; return whether nothing is in the way."""
+        """Grow one step towards `target`; return whether it was free."""
         offsets = np.array(self._weighted) - self._weights * target
         distances = np.linalg.norm(offsets, axis=1)
         nearest = int(np.argmin(distances))
@@ -154,7 +155,7 @@ def rrt_connect(
     """Search for a free polyline from `q_start` to `q_goal`, both free themselves.
 
     Two of three samples come from the box that start and goal span, widened by 1 rad,
-    because the way around an obstacle is mostly near. The third comes from anywhere
+    because paths around obstacles are mostly nearby. The third comes from anywhere
     within the limits.
 
     Args:
@@ -163,10 +164,10 @@ def rrt_connect(
         lower: Lower limits, shape (N,).
         upper: Upper limits, shape (N,).
         weights: Weights of the coordinates in the metric, shape (N,).
-        is_edge_free: Tells whether a straight line is free.
+        is_edge_free: Returns whether a straight line is free.
         step: Longest edge of a tree, in the metric.
-        max_iterations: How many samples to draw.
-        rng: Draws them.
+        max_iterations: Largest number of samples.
+        rng: Source of the samples.
 
     Returns:
         The waypoints, shape (K, N), or None after `max_iterations` samples.
@@ -195,8 +196,8 @@ def shortcut_path(
 ) -> Vector:
     """Replace stretches of a free polyline by straight lines where those are free.
 
-    First each vertex is joined to the furthest one that it sees, then `attempts` pairs
-    of random points are joined. Start and end stay.
+    First, each vertex is joined to the farthest one in a free straight line. Then
+    `attempts` pairs of random points are joined. Start and end stay.
 
     Returns:
         The shorter waypoints, shape (K', N).
@@ -234,15 +235,15 @@ def plan_joint_path(
 ) -> Vector | PlanningFailure:
     """Find waypoints that straight joint lines connect without collision.
 
-    The path is the straight line if that is free, or else that of RRT-Connect,
-    shortened. The same call returns the same path.
+    The path is the straight line if it is free, otherwise the shortened path of
+    RRT-Connect. The same call returns the same path.
 
     Args:
         scene: The arm, and what to keep clear of.
         q_start: First waypoint, shape (N,) [rad].
         q_goal: Last waypoint, shape (N,) [rad].
         max_iterations: Most iterations of RRT-Connect; each takes about 5 ms.
-        shortcuts: How many random shortcuts to try.
+        shortcuts: Number of random shortcuts to try.
         seed: Seed of the search.
 
     Returns:
@@ -263,7 +264,7 @@ def plan_joint_path(
         upper=scene.upper,
         weights=scene.levers,
         is_edge_free=scene.is_edge_free,
-        step=0.5,  # m of motion; a few steps make up any way around
+        step=0.5,  # m of motion; a few steps lead around any obstacle
         max_iterations=max_iterations,
         rng=rng,
     )
@@ -289,16 +290,16 @@ def plan_cartesian_path(
     max_joint_step: float = 0.3,
     joint_margin: float = 0.02,
 ) -> Vector | PlanningFailure:
-    """Move the hand's point T straight from where it is at `q_start` to `target`.
+    """Move the hand's point T straight from its place at `q_start` to `target`.
 
-    An orientation turns evenly about one axis from where it starts. Axes are kept
-    within their angles all along, so `q_start` must have them there. To end at a known
-    posture instead of starting from one, plan backwards and reverse the path.
+    An orientation turns evenly about one axis from its start. Axes stay within their
+    angles along the whole line, so `q_start` must meet them. To end at a known posture
+    instead of starting from one, plan backwards and reverse the path.
 
     Args:
         scene: The arm, and what to keep clear of.
         q_start: First waypoint, shape (N,) [rad].
-        target: Where the hand must arrive.
+        target: Target of the hand.
         spacing: Distance of T between waypoints [m].
         turn_spacing: Turn of the hand between waypoints [rad].
         max_joint_step: Largest step of a joint between waypoints [rad]; with a larger
@@ -337,10 +338,11 @@ def _line(
     max_joint_step: float,
     joint_margin: float,
 ) -> tuple[Vector, PlanningFailure | None]:
-    """Follow the line of `plan_cartesian_path`, whatever is in the way.
+    """Follow the line of `plan_cartesian_path`, ignoring obstacles.
 
     Returns:
-        The waypoints that are reached, shape (K, N) [rad], and why the rest is not.
+        The waypoints that are reached, shape (K, N) [rad], and the reason why the rest
+        is not.
     """
     X_WG = scene.X_WG(q_start)
     p_start = X_WG @ target.p_GT

@@ -1,4 +1,4 @@
-"""The collision checker of planning, and why something cannot be planned."""
+"""The collision checker of planning, and reasons for failures."""
 
 import contextlib
 import copy
@@ -28,13 +28,13 @@ from drake_srg.types import Failure, Vector
 class Clearance:
     """The pair of bodies that comes closest to breaking its margin."""
 
-    distance: float  # signed distance [m]; inf where nothing is near
+    distance: float  # signed distance [m]; inf if nothing is near
     margin: float  # the distance that this pair must keep [m]
     bodies: tuple[str, str]
 
     @property
     def spare(self) -> float:
-        """Distance beyond the margin [m]; negative where the margin is broken."""
+        """Distance beyond the margin [m]; negative if the margin is broken."""
         return self.distance - self.margin
 
     def __str__(self) -> str:
@@ -49,15 +49,15 @@ class Clearance:
 
 @dc.dataclass(frozen=True)
 class PlanningFailure:
-    """Why there is no path, no motion or no plan."""
+    """The reason why there is no path, motion or plan."""
 
     failure: Failure
     message: str
-    clearance: Clearance | None = None  # of the colliding pair, where one is known
+    clearance: Clearance | None = None  # of the colliding pair, if known
 
 
 class NoPathError(Exception):
-    """Raised by a move that does not exist; `failure` says why."""
+    """Raised by a move that does not exist; `failure` has the reason."""
 
     def __init__(self, failure: PlanningFailure) -> None:
         super().__init__(failure.message)
@@ -69,10 +69,10 @@ _CLOSE = 0.2
 
 
 def _weld_free_bodies(plant: MultibodyPlant) -> None:
-    """Weld the free bodies of a plant, not finalized, to the world where they start.
+    """Weld the free bodies of a plant, not finalized, to their initial places.
 
     Raises:
-        ValueError: If nobody has placed one: it would be at the world's origin.
+        ValueError: If a body has no default pose: it would be at the world's origin.
     """
     joints = [plant.get_joint(index) for index in plant.GetJointIndices()]
     carried = {joint.child_body().index() for joint in joints}
@@ -91,38 +91,38 @@ def _weld_free_bodies(plant: MultibodyPlant) -> None:
 
 
 class PlanningScene(ArmModel):
-    """An arm model that checks collisions, with the object in the hand or without it.
+    """An arm model that checks collisions, with or without an object in the hand.
 
     Frame O is an object's frame (see `drake_srg.types.Shape`); for `q`, G and W see
     `ArmModel`.
 
-    Three distances are kept from the surroundings, each per pair of bodies: the arm
-    keeps `margin`, the gripper `hand_margin` (fingers work near tables), and a held
-    object its own. Links of the arm must not touch each other, but keep no margin.
-    Bodies of the gripper may touch each other, what is held, and what is `touchable`.
+    Each pair of bodies keeps a distance from the surroundings: the arm keeps `margin`,
+    the gripper `hand_margin` (fingers work near tables), and a held object its own.
+    Links of the arm must not touch each other, but keep no margin. Bodies of the
+    gripper may touch each other, the held object, and `touchable` shapes.
 
     A held object touches its support when it is picked and placed. Give it a negative
-    margin there, such as -0.003 m: that much overlap with furniture then counts as
-    free. It still keeps the gripper's distance from obstacles.
+    margin there, such as -0.003 m, and an overlap of 3 mm with furniture counts as
+    free. The object still keeps the gripper's distance from obstacles.
 
-    Along a path, checks are so close that no point moves further than `step` from one
-    to the next (see `ArmModel.travel`). The default is twice the smaller margin, so
-    that nothing comes closer than contact between two checks.
+    Along a path, no point moves farther than `step` between checks (see
+    `ArmModel.travel`). The default is twice the smaller margin, so that nothing can
+    collide between two checks.
 
     Args:
-        builder: Holds arm, gripper and furniture, not finalized; it is built, and its
-            diagram taken. Free bodies stay where they are placed by default.
+        builder: Builder with arm, gripper and furniture, not finalized. The scene
+            builds it and takes its diagram. Free bodies stay at their default poses.
         arm: Name of the arm's model instance.
         gripper: Name of the gripper's model instance, welded to the arm.
         hand: Name of the gripper's body G whose pose is planned.
         margin: Distance that the arm keeps from its surroundings [m].
         hand_margin: Distance that the gripper keeps from them [m].
-        payload: Mass at G's origin that torque limits allow for [kg]; always there.
+        payload: Mass at G's origin that torque limits include [kg], always.
         step: Largest motion of any point between two checks [m].
 
     Raises:
-        ValueError: If a margin is negative, the step is not positive, or nobody has
-            placed a free body: it would be at the world's origin.
+        ValueError: If a margin is negative, the step is not positive, or a free body
+            has no default pose: it would be at the world's origin.
         RuntimeError: (Drake's) If a name is unknown or the plant is finalized.
     """
 
@@ -163,7 +163,7 @@ class PlanningScene(ArmModel):
             self._checker = SceneGraphCollisionChecker(
                 model=builder.Build(),
                 robot_model_instances=[arm_model, gripper_model],
-                edge_step_size=self.step,  # required; samples() takes the steps instead
+                edge_step_size=self.step,  # required, but samples() makes the steps
                 implicit_context_parallelism=Parallelism(1),
             )
         super().__init__(self._checker.plant(), arm_model, gripper_model, hand_frame)
@@ -186,7 +186,7 @@ class PlanningScene(ArmModel):
     def copy(self) -> "PlanningScene":
         """Return a scene of the same model with a state of its own.
 
-        That takes a tenth of the time of building one.
+        It takes a tenth of the time of building one.
         """
         twin = copy.copy(self)
         twin._checker = self._checker.Clone()
@@ -202,7 +202,7 @@ class PlanningScene(ArmModel):
     def clearance(self, q: Vector, influence: float = 0.05) -> Clearance:
         """Return the pair nearest to breaking its margin at `q`.
 
-        Pairs further apart than `influence` [m] beyond their margin are not seen.
+        Pairs farther apart than `influence` [m] beyond their margin are ignored.
         """
         found = self._checker.CalcRobotClearance(self.positions(q), influence)
         if found.size() == 0:
@@ -217,11 +217,11 @@ class PlanningScene(ArmModel):
     def samples(self, path: Vector) -> Vector:
         """Return configurations on a path, both ends included, shape (M, N) [rad].
 
-        No point moves further than `step` from one to the next.
+        No point moves farther than `step` from one to the next.
 
         Args:
             path: At least two waypoints, which straight lines connect, shape (K, N)
-                [rad]. Those between the ends are not among the result.
+                [rad]. The result does not include inner waypoints.
         """
         turns = np.abs(np.diff(path, axis=0)).sum(axis=1)
         parts = np.maximum(1, np.ceil(turns / _CLOSE)).astype(int)
@@ -238,7 +238,7 @@ class PlanningScene(ArmModel):
     def is_edge_free(self, q1: Vector, q2: Vector) -> bool:
         """Return whether the straight line from `q1` to `q2` keeps every margin."""
         samples = self.samples(np.array([q1, q2]))
-        # Every eighth first: most obstacles are wider than eight steps.
+        # Check every eighth first: most obstacles are wider than eight steps.
         coarse, fine = samples[::8], np.delete(samples, np.s_[::8], axis=0)
         return all(map(self.is_free, coarse)) and all(map(self.is_free, fine))
 
@@ -262,7 +262,7 @@ class PlanningScene(ArmModel):
         """Return whether arm, gripper or held object come `within` [m] of a shape.
 
         Args:
-            q: Where the arm is.
+            q: Posture of the arm.
             shape: The shape.
             X_WO: The shape's pose [m].
             within: The largest distance that counts [m].
@@ -297,7 +297,7 @@ class PlanningScene(ArmModel):
 
     @contextlib.contextmanager
     def supporting(self, margin: float) -> Iterator[None]:
-        """Let what is held come within `margin` [m] of furniture in the context."""
+        """Let the held object come within `margin` [m] of furniture in the context."""
         held, obstacle = self._held.index(), self._obstacle.index()
         self._SetMargin(held, margin)
         self._checker.SetPaddingBetween(held, obstacle, self._hand_margin)
@@ -320,13 +320,13 @@ class PlanningScene(ArmModel):
 
     @contextlib.contextmanager
     def beside(self, positions: Mapping[str, Vector]) -> Iterator[None]:
-        """Let other models, such as another arm, stand elsewhere within the context.
+        """Move other models, such as another arm, within the context.
 
         Arm and gripper keep the same distances from them as from furniture.
 
         Args:
-            positions: Of all joints of model instances, by the instance's name, in the
-                order of the plant's positions, shape (n,) [rad or m].
+            positions: Positions of all joints of model instances, by the instance's
+                name, in the order of the plant's positions, shape (n,) [rad or m].
 
         Raises:
             RuntimeError: (Drake's) If a name is unknown.
@@ -382,7 +382,7 @@ def _quiet() -> Iterator[None]:
 
 
 _SAMPLES = 24  # of a motion
-_NEARBY = 1e-3  # time by which to follow the joints' speeds [s]
+_NEARBY = 1e-3  # time step along the joints' speeds [s]
 
 
 def carried_drift(
@@ -390,13 +390,13 @@ def carried_drift(
 ) -> Vector:
     """Return how far a held object drifts in the hand's frame G, shape (3,) [m].
 
-    In a step of h, the joints follow their speeds and the hand an arc, while the object
-    moves along the tangent. So it drifts by -h/2 times the acceleration that the hand
-    has at constant speeds of the joints.
+    In a step of h, the joints follow their speeds and the hand follows an arc, while
+    the object moves along the tangent. So the object drifts by -h/2 times the hand's
+    acceleration at constant joint speeds.
 
     Args:
         scene: The arm and the gripper.
-        motion: Of the arm's joints [rad].
+        motion: Motion of the arm's joints [rad].
         p_GO: The object's origin in the hand [m], shape (3,).
         time: h/2 [s].
     """

@@ -32,20 +32,21 @@ class TimeParameterization(Protocol):
 
         Args:
             arm: The arm, with its payload.
-            path: q(s), shape (N, 1) [rad]; it never stands still.
-            limits: What the motion must not exceed at the points of the grid. Between
-                them it may, a little.
+            path: q(s), shape (N, 1) [rad], with nonzero derivative.
+            limits: Limits of the motion at the points of the grid. Between them, the
+                motion may exceed them a little.
             grid: Increasing values of s, shape (K,), from the path's start to its end.
 
         Returns:
-            s(t) from t = 0, or None if the arm's torque cannot hold the arm all along.
+            s(t) from t = 0, or None if the torque limits cannot hold the arm along the
+            path.
         """
 
 
 def MakeTimeParameterization(name: str) -> TimeParameterization:
     """Return a time parameterization: `toppra` or `drake`.
 
-    Importing toppra takes 0.01 s, and happens here.
+    It imports toppra, which takes 0.01 s.
 
     Raises:
         ValueError: If there is no such time parameterization.
@@ -53,12 +54,12 @@ def MakeTimeParameterization(name: str) -> TimeParameterization:
     if name == "drake":
         return drake_parameterization
     if name == "toppra":
-        # toppra draws on request only, and it uses SciPy for paths and a solver that
-        # are not used here. Importing both takes 1 s, which every command that plans
-        # would pay. Modules that stand in for them are the only way: `LazyLoader` of
-        # the standard library loads a module at the first `from MODULE import NAME`,
-        # as toppra does, and toppra has no smaller part to import. They can go once
-        # toppra imports the two where it uses them (0.6.10 does not).
+        # toppra imports matplotlib, which it needs only to draw, and SciPy, which it
+        # needs only for paths and a solver that we do not use. Importing both would
+        # cost every command that plans a second. Stand-in modules are the only remedy:
+        # the standard library's `LazyLoader` loads a module at the first `from MODULE
+        # import NAME`, as toppra does, and toppra has no smaller part to import. They
+        # can go once toppra imports the two only where it uses them (0.6.10 does not).
         with on_demand(
             "matplotlib",
             "matplotlib.pyplot",
@@ -80,7 +81,7 @@ class _OnDemand(types.ModuleType):
     def __getattr__(self, name: str) -> Any:
         if sys.modules.get(self.__name__) is not self:
             return getattr(importlib.import_module(self.__name__), name)
-        # The import itself asks for submodules, and whether this is a package.
+        # The import itself looks for submodules, and for the marks of a package.
         if name.startswith("__") or f"{self.__name__}.{name}" in sys.modules:
             raise AttributeError(name)
         return _MemberOnDemand(self, name)
@@ -101,13 +102,13 @@ class _MemberOnDemand:
 
 @contextlib.contextmanager
 def on_demand(*names: str) -> Iterator[None]:
-    """Let the modules imported in the block import others only once they use them.
+    """Delay other imports of the modules imported in the block until their first use.
 
-    They may call what they import `from` the others and read its attributes, but
-    neither derive from it nor test for its instances.
+    The modules may call names that they import `from` the others, and read their
+    attributes. They may not derive from such names or test for their instances.
 
     Args:
-        names: The others, as `import NAME` states them, parents too.
+        names: The others, as in `import NAME`, including their parents.
     """
     waiting = {name: _OnDemand(name) for name in names if name not in sys.modules}
     sys.modules.update(waiting)
@@ -123,10 +124,10 @@ def drake_parameterization(
 ) -> Trajectory | None:
     """Solve with Drake's Toppra. See `TimeParameterization`.
 
-    It does not keep the limit of acceleration at the last point of the grid, and finds
-    no motion along some paths that turn back on themselves.
+    It may exceed the acceleration limit at the last point of the grid, and finds no
+    motion along some paths that turn back on themselves.
     """
-    # Drake's takes the positions of the whole plant.
+    # Drake's solver takes the positions of the whole plant.
     control = [arm.positions(point[:, 0])[:, None] for point in path.control_points()]
     # Toppra refers to the path without keeping it alive.
     whole_path = BsplineTrajectory(path.basis(), control)
@@ -138,7 +139,7 @@ def drake_parameterization(
 
 
 def _bounds(arm: ArmModel, limit: Vector) -> tuple[Vector, Vector]:
-    """Return bounds on all positions of the plant, loose ones on what does not move."""
+    """Return bounds on all positions of the plant, loose ones on fixed joints."""
     upper = np.full(arm.plant.num_positions(), 1e6)
     upper[arm.arm_indices] = np.minimum(limit, 1e6)
     return -upper, upper

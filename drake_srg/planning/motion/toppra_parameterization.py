@@ -15,7 +15,7 @@ from drake_srg.planning.motion.arm_model import ArmModel
 from drake_srg.planning.motion.limits import InverseDynamics, MotionLimits
 from drake_srg.types import Vector
 
-_UNLIMITED = 1e6  # stands for infinity, which the solver does not take
+_UNLIMITED = 1e6  # replaces infinity, which the solver refuses
 
 
 def toppra_parameterization(
@@ -44,8 +44,8 @@ class _Limits(LinearConstraint):
 
     With the path's speed squared x and its acceleration u, a joint's acceleration is
     q' u + q'' x, and its torque M q' u + (M q'' + C(q, q') q') x + g (Pham and Pham,
-    2018). Unlike toppra's own constraints, this one computes the torques that hold the
-    arm only once per grid point, and formats no description of itself.
+    2018). Unlike toppra's own constraints, this one computes the holding torques only
+    once per grid point, and formats no description of itself.
     """
 
     def __init__(self, arm: ArmModel, limits: MotionLimits) -> None:
@@ -55,7 +55,7 @@ class _Limits(LinearConstraint):
         self._bound = np.concatenate([limits.acceleration, limits.torque])
         self._bound = np.minimum(self._bound, _UNLIMITED)
         self.dof = arm.num_joints
-        self.identical = True  # bounds and their signs are the same all along
+        self.identical = True  # bounds and their signs are the same along the path
 
     def compute_constraint_params(self, path: _Path, gridpoints: Vector) -> Any:
         """Return the bounds at the grid points, as toppra's `LinearConstraint` does."""
@@ -85,7 +85,7 @@ class _Limits(LinearConstraint):
 
 
 class _Path(AbstractGeometricPath):
-    """A spline as toppra sees it."""
+    """A spline with toppra's interface."""
 
     def __init__(self, path: BsplineTrajectory) -> None:
         self._derivatives = [path, path.MakeDerivative(1), path.MakeDerivative(2)]

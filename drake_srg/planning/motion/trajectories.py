@@ -1,15 +1,15 @@
 """Smooth motions along free paths, as fast as the arm's limits allow.
 
-The tip moves like a lift: as fast as limits of its speed, acceleration and jerk along
-the path allow. CoppeliaSim's `moveToPose` moves arms in this way; its distance between
-poses includes turns.
+With limits on the tip, the tip moves like a lift: as fast as the limits of speed,
+acceleration and jerk along the path allow. CoppeliaSim's `moveToPose` moves arms like
+this; its distance between poses includes turns.
 
-The same approximation serves twice: a cubic spline whose control points lie on the
-curve that it approximates, at averages of its knots (Schoenberg, 1967). Such a spline
-reproduces straight lines, stays within the convex hull of four neighbouring points, and
-its first and second derivatives are weighted averages of those of the curve. Along a
-path it rounds the corners by a bounded amount. In time it turns the steps of a
-time-optimal acceleration into ramps without exceeding a limit.
+One approximation serves twice: a cubic spline whose control points lie on the
+approximated curve, at averages of the knots (Schoenberg, 1967). Such a spline
+reproduces straight lines and stays within the convex hull of four neighbouring points.
+Its first and second derivatives are weighted averages of the curve's. Along a path, it
+rounds corners by a bounded amount. In time, it turns the steps of a time-optimal
+acceleration into ramps without exceeding a limit.
 """
 
 from __future__ import annotations
@@ -33,7 +33,8 @@ from drake_srg.planning.motion.planning_scene import PlanningFailure, PlanningSc
 from drake_srg.planning.motion.time_parameterization import TimeParameterization
 from drake_srg.types import Failure, Vector
 
-# How far a motion may leave a path at its corners, and where it must stay on it [rad].
+# Largest distance of a motion from its path at corners, and on lines that it must keep
+# [rad].
 ROUNDING, STRAIGHT = 0.2, 1e-3
 
 
@@ -43,8 +44,8 @@ class PathPart:
 
     Attributes:
         path: Waypoints, shape (K, N) [rad].
-        rounding: How far a motion may leave the path, everywhere or at each waypoint,
-            shape (K,) [rad].
+        rounding: Largest distance of a motion from the path, everywhere or at each
+            waypoint, shape (K,) [rad].
     """
 
     path: Vector
@@ -54,8 +55,7 @@ class PathPart:
 def joined(parts: Sequence[PathPart]) -> PathPart:
     """Return parts of a path as one.
 
-    A motion may leave out the corner where two parts meet, within the nearer half of
-    each.
+    A motion may cut the corner between two parts, within the nearer half of each.
 
     Args:
         parts: Each begins where the one before ends.
@@ -76,11 +76,11 @@ def joined(parts: Sequence[PathPart]) -> PathPart:
 def cut(
     trajectory: Trajectory, points: Iterable[Vector], period: float
 ) -> tuple[Trajectory, ...]:
-    """Return the parts of a motion, in the order of the points at which it is cut.
+    """Return the parts of a motion that is cut at points, in order.
 
     Args:
         trajectory: q(t), shape (N, 1) [rad], from t = 0.
-        points: Where it is cut, as near as it gets, shape (N,) [rad] each.
+        points: Points to which the cuts are nearest, shape (N,) [rad] each.
         period: Each part but the last lasts a multiple of this time [s].
     """
     end = trajectory.end_time()
@@ -100,18 +100,18 @@ def cut(
     )
 
 
-# Longest steps of a path, in distance [m] and of a joint [rad]. Those of
-# `plan_cartesian_path` are shorter, so its waypoints are used as they are.
+# Longest steps of a path, in distance [m] and of a joint [rad]. `plan_cartesian_path`
+# makes shorter steps, so its waypoints are used unchanged.
 _STEP = 0.03
 _JOINT_STEP = 0.3
-_REFINEMENTS = 4  # how often steps are halved while the path is not free
-# Allowed violation, by the spline, of a margin that its waypoints keep [m].
+_REFINEMENTS = 4  # most halvings of the steps while the path is not free
+# Largest violation by the spline of a margin that its waypoints keep [m].
 _TIP_GRAZE = 1e-3
-# Least distance of a turn of the joints [m/rad]. It makes motions that leave the hand
-# where it is take time; the joints' limits determine how much.
+# Least distance of a turn of the joints [m/rad]. It gives time to motions that do not
+# move the hand; the joints' limits determine how much.
 _LEAST_DISTANCE = 1e-3
-_SAMPLES = 1000  # times at which the joints' limits are checked,
-_SAMPLING_SLACK = 1.01  # and by how much they may be exceeded in between
+_SAMPLES = 1000  # times at which the joints' limits are checked;
+_SAMPLING_SLACK = 1.01  # factor by which speeds may exceed them in between
 _STANDING = 0.01  # duration of a path without motion [s]
 
 
@@ -128,8 +128,8 @@ def tip_limited_trajectory(
     The joints follow a cubic spline through the waypoints, and through points between
     those that are far apart. Distance along it follows a profile of seven phases of
     constant jerk (by Ruckig: Berscheid and Kröger, RSS 2021). The limits apply along
-    the path; what a bend adds across it is not limited. Where a joint would exceed a
-    limit of velocity or acceleration, the whole motion is slower. Torques are not
+    the path; the acceleration across a bend is not limited. If a joint would exceed a
+    limit of velocity or acceleration, the whole motion slows down. Torques are not
     checked.
 
     Args:
@@ -161,7 +161,7 @@ def tip_limited_trajectory(
     for refinement in range(_REFINEMENTS + 1):
         q, s = _refined(scene, waypoints, tip, p_GT, 0.5**refinement)
         path = _interpolation(s, q)
-        # Half way between its points, the spline is farthest from the checked line.
+        # Halfway between its points, the spline is farthest from the checked line.
         hit = scene.first_hit(path.vector_values((s[1:] + s[:-1]) / 2.0).T, _TIP_GRAZE)
         if hit is None:
             slower = _slowdown(path, _profile(s[-1], tip), limits)
@@ -193,7 +193,7 @@ def _refined(
 
 
 def _interpolation(s: Vector, q: Vector) -> PiecewisePolynomial:
-    """Return the cubic spline through q (K, N) at s (K,), of two points the line."""
+    """Return the cubic spline through q (K, N) at s (K,); a line for two points."""
     if len(s) == 2:
         return PiecewisePolynomial.FirstOrderHold(s, q.T)
     return PiecewisePolynomial.CubicWithContinuousSecondDerivatives(s, q.T)
@@ -218,7 +218,7 @@ def _profile(distance: float, tip: TipLimits) -> PiecewisePolynomial:
     ruckig.Ruckig(1).calculate(move, result)
     ((profile,),) = result.profiles
     phases = np.array(profile.t) > 1e-9
-    ends = np.append(phases, True)  # where phases begin, and where the last one ends
+    ends = np.append(phases, True)  # begins of phases, and the end of the last one
     breaks = np.append(0.0, np.cumsum(np.array(profile.t)[phases]))
     position, speed = (np.array(x)[ends] for x in (profile.p, profile.v))
     # A cubic is determined by the values and slopes at its ends.
@@ -228,7 +228,7 @@ def _profile(distance: float, tip: TipLimits) -> PiecewisePolynomial:
 def _slowdown(
     path: PiecewisePolynomial, profile: PiecewisePolynomial, limits: MotionLimits
 ) -> float:
-    """Return the factor of time with which the joints keep their limits, 1 or more."""
+    """Return the time factor at which the joints keep their limits, at least 1."""
     t = np.linspace(0.0, profile.end_time(), _SAMPLES)
     s, rate, rate_dot = (profile.derivative(i).vector_values(t)[0] for i in range(3))
     slope, bend = (path.derivative(i).vector_values(s).T for i in (1, 2))
@@ -241,11 +241,11 @@ def _slowdown(
     return float(max(1.0, _SAMPLING_SLACK * exceeded))
 
 
-# Between the configurations that were checked, the polyline may break its margin by
-# this [m]; a motion that is checked there must not fail for that.
+# Between the checked configurations, the polyline may break its margin by this [m]. A
+# motion that is checked there must not fail because of that.
 _GRAZE = 1e-3
-# A motion is on a line that it must keep, by at most `STRAIGHT` [rad], if no link is
-# further from where it was on the line than this [m].
+# A motion keeps a line, within `STRAIGHT` [rad], if no link is farther than this from
+# its place on the line [m].
 _ON_LINE = 3e-3
 
 
@@ -260,20 +260,20 @@ def time_optimal_trajectory(
 ) -> BsplineTrajectory | PlanningFailure:
     """Move from rest to rest along `waypoints`, as fast as `limits` allow.
 
-    The path's corners are rounded, less and less until the motion is free in `scene`.
-    `parameterize` finds the fastest motion along it; a spline then gives each step of
-    the acceleration a ramp. The result keeps the limits of velocity and acceleration at
-    every instant, and those of torque at every knot.
+    The path's corners are rounded, by less and less until the motion is free in
+    `scene`. `parameterize` finds the fastest motion along it; a spline then gives each
+    step of the acceleration a ramp. The result keeps the limits of velocity and
+    acceleration at every instant, and those of torque at every knot.
 
     Args:
         scene: The scene in which the polyline is free, with the object in the hand.
         waypoints: The polyline, shape (K, N) [rad].
-        limits: What the motion must not exceed.
+        limits: Limits of the motion.
         parameterize: Finds the fastest motion along a path.
-        rounding: How far the motion may leave the polyline [rad], everywhere or at
-            each waypoint, shape (K,). For a path of `plan_cartesian_path`, 1e-3 keeps
-            the hand on its line to a millimetre. Such lines are not checked again if
-            only some waypoints have them.
+        rounding: Largest distance of the motion from the polyline [rad], everywhere or
+            at each waypoint, shape (K,). For a path of `plan_cartesian_path`, 1e-3
+            keeps the hand within a millimetre of its line. If only some waypoints have
+            such a value, their lines are not checked again.
         ramp: Duration of the shortest ramp from one acceleration to another [s]. The
             whole motion lasts two to three ramps longer than the fastest.
 
@@ -335,8 +335,8 @@ def rounded_path(
 
     Returns:
         q(s), shape (N, 1) [rad], from s = 0 to the length of the polyline [rad]; and
-        the spline's distance from the polyline at corners and knots as a share of what
-        is allowed there, the largest.
+        the spline's largest distance from the polyline at corners and knots, as a share
+        of the allowed distance there.
     """
     lengths = np.linalg.norm(np.diff(waypoints, axis=0), axis=1)
     breaks = np.append(0.0, np.cumsum(lengths))
@@ -349,7 +349,7 @@ def rounded_path(
     knots = np.concatenate([[0.0] * 3, knots, breaks[-1:], breaks[-1:], breaks[-1:]])
     averages = (knots[1:-3] + knots[2:-2] + knots[3:-1]) / 3.0
     control = polyline(averages)
-    # Drake 1.58 with NumPy before 2.4 takes strided columns for rows of numbers.
+    # Drake 1.58 with NumPy before 2.4 misreads strided columns as rows.
     columns = list(np.ascontiguousarray(control)[..., None])
     path = BsplineTrajectory(BsplineBasis(4, list(knots)), columns)
     s = np.concatenate([breaks, knots])
@@ -360,12 +360,12 @@ def rounded_path(
 def _on_lines(
     scene: PlanningScene, waypoints: Vector, allowed: Vector, samples: Vector
 ) -> npt.NDArray[np.bool_]:
-    """Return which samples (M, N) are on a line that a motion must keep, shape (M,).
+    """Return which samples (M, N) are on lines that a motion must keep, shape (M,).
 
     Args:
-        scene: Knows how far each joint moves a link.
+        scene: The scene, which bounds the links' motion by each joint.
         waypoints: The polyline, shape (K, N) [rad].
-        allowed: How far a motion may leave it at each waypoint, shape (K,) [rad].
+        allowed: Largest distance from it at each waypoint, shape (K,) [rad].
         samples: Configurations [rad].
     """
     kept = np.maximum(allowed[:-1], allowed[1:]) <= STRAIGHT
@@ -399,8 +399,9 @@ def _within_limits(
 ) -> BsplineTrajectory:
     """Return the motion with ramped acceleration, stretched until it keeps the limits.
 
-    TOPP-RA keeps the limits at its grid points, and may exceed them a little between.
-    Differences of a uniform cubic spline's control points bound its derivatives.
+    TOPP-RA keeps the limits at its grid points, but may slightly exceed them in
+    between. Differences of a uniform cubic spline's control points bound its
+    derivatives.
     """
     count = int(np.ceil(motion.end_time() / ramp))
     times = np.linspace(0.0, motion.end_time(), count + 1)
@@ -423,7 +424,7 @@ def _within_limits(
 def _torque_use(
     scene: PlanningScene, q: Vector, v: Vector, a: Vector, limit: Vector
 ) -> float:
-    """Return the largest share of the torque that gravity leaves of the limits."""
+    """Return the largest torque as a share of the limits that gravity leaves."""
     dynamics = InverseDynamics(scene)
     use = 0.0
     for q_i, v_i, a_i in zip(q, v, a, strict=True):

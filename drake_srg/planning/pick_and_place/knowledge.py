@@ -1,6 +1,6 @@
 """Knowledge and transitions of the pick-and-place planner.
 
-`modes.py` says what each mode does.
+`modes.py` has the actions of each mode.
 """
 
 from __future__ import annotations
@@ -29,17 +29,17 @@ from drake_srg.types import AnyMode, Blob, Failure, Mode, PlannerStatus, Vector
 
 @dc.dataclass
 class Attempt(Memory):
-    """One try at picking and placing: its plan, and what was noticed on the way."""
+    """One attempt at picking and placing: its plan, and its observations."""
 
     began: float = 0.0  # when the planner began to look for the object [s]
-    next_look: float = 0.0  # when it looks next [s]
+    next_look: float = 0.0  # time of the next look [s]
     ready_at: float = np.inf  # when the planned motions may begin [s]
     X_WO: RigidTransform | None = None  # where the object was seen [m]
     motions: TaskMotions | None = None
     escape: tuple[Trajectory, Trajectory] | None = None  # retreat and home
     trapped: bool = False  # not even an escape could be planned
-    looked: bool = False  # the look that the mode ends with has been taken
-    moved: bool = False  # the object is not where the motions take it
+    looked: bool = False  # the mode's last look has been taken
+    moved: bool = False  # the object has left the place of the planned grasp
     lost: bool = False  # the object has left the hand
     at_goal: bool | None = None  # whether it was seen on its goal; None: not looked
 
@@ -75,7 +75,7 @@ class Cycle(Memory):
 
     started: float = 0.0  # s
     attempts: int = 0  # grasps begun
-    detours: int = 0  # approaches broken off because something had moved
+    detours: int = 0  # approaches abandoned because something had moved
     tried: tuple[str, ...] = ()  # names of grasps that failed
 
 
@@ -94,7 +94,7 @@ class Seen(Memory):
 
     localization: Blob | None = None  # the first one that led to a plan
     localized_at: float = 0.0  # s
-    blobs: tuple[Blob, ...] = ()  # all in the latest look
+    blobs: tuple[Blob, ...] = ()  # all blobs of the latest look
     latest: Blob | None = None  # the latest one that was used
     latest_at: float = 0.0  # s
     X_WO_goal: RigidTransform | None = None  # where this cycle puts it [m]
@@ -113,7 +113,7 @@ class Trouble(Memory):
 
 @dc.dataclass
 class PlannerMemory(MotionMemory):
-    """All that the planner remembers."""
+    """The planner's memory."""
 
     attempt: Attempt = dc.field(default_factory=Attempt)
     grip: Grip = dc.field(default_factory=Grip)
@@ -147,7 +147,7 @@ class Senses(HandSenses[View]):
 
 
 def holding(memory: PlannerMemory, senses: Senses) -> bool:
-    """Return whether both fingers sense something, and not just one another."""
+    """Return whether both fingers sense something other than each other."""
     attempt = memory.attempt
     if attempt.motions is None or attempt.lost or not senses.grasped:
         return False
@@ -157,10 +157,10 @@ def holding(memory: PlannerMemory, senses: Senses) -> bool:
 def watch_grasp(
     memory: PlannerMemory, senses: Senses, time: float, config: PlannerConfig
 ) -> None:
-    """Stop the motion of an arm whose hand loses what it carries.
+    """Stop the motion of an arm whose hand loses the object.
 
-    The object is lost where nothing is sensed between the fingers for
-    `config.slip_time`, or where they close by `SLIP_CLOSING` in about that time.
+    The object is lost if the fingers sense nothing for `config.slip_time`, or if they
+    close by `SLIP_CLOSING` in about that time.
     """
     if memory.attempt.lost:
         return
@@ -193,8 +193,7 @@ def watch_touch(memory: PlannerMemory, senses: Senses, config: PlannerConfig) ->
         f"the arm touches something: joint {joint + 1} feels "
         f"{abs(torque[joint]):.2g} N m from outside (allowed: {limits[joint]:.2g} N m)"
     )
-    # Its own path, and its lag behind that, might lead on into the thing that it
-    # has met.
+    # On its path, and by its lag, the arm might move on into the thing that it has met.
     memory.motion = Motion(senses.q.copy())
 
 

@@ -1,7 +1,7 @@
-"""The modes of picking and placing: what each commands, looks at and observes.
+"""The modes of picking and placing: their commands, looks and observations.
 
-`knowledge.TRANSITIONS` says where each of them leads. A mode holds no state: it changes
-the planner's memory.
+`knowledge.TRANSITIONS` has their successors. A mode holds no state: it changes the
+planner's memory.
 """
 
 from __future__ import annotations
@@ -30,8 +30,8 @@ from drake_srg.planning.planner_machine import (
 )
 from drake_srg.types import AnyMode, Failure, Mode
 
-# If an object that is set down meets something within this joint error, it has met
-# its goal [rad]: 5 to 8 mm at the hand of an iiwa.
+# An object that meets something while it is set down has met its goal if the joints are
+# this near to the motion's end [rad]: 5 to 8 mm at the hand of an iiwa.
 _SET_DOWN = 0.01
 
 Now: TypeAlias = state_machine.Moment[Senses]
@@ -46,16 +46,16 @@ _MESSAGES = {
 
 
 class TaskMode(PlannerMode[PlannerMemory, Senses]):
-    """A mode of the task. Every mode heeds the clock and torques from outside.
+    """A mode of the task, which checks the time budget and external torques.
 
     For a mode of your own, derive from this class, `Moving` or `Carrying`, and set
-    `mode`. Where you override `enter` or `update`, call that of the base class.
+    `mode`. If you override `enter` or `update`, call that of the base class.
 
     Attributes:
         mode: Which mode it is.
         config: Times and limits.
-        replanner: Plans from what is seen.
-        repeat: How many cycles the task has.
+        replanner: Plans from sightings.
+        repeat: Number of the task's cycles.
     """
 
     def __init__(
@@ -76,12 +76,12 @@ class TaskMode(PlannerMode[PlannerMemory, Senses]):
         return planned.motions.get(self.mode) if planned else None
 
     def update(self, memory: PlannerMemory, now: Now) -> PlannerMemory:
-        """Stop the arm where it meets something."""
+        """Stop the arm if it meets something."""
         watch_touch(memory, now.senses, self.config)
         return memory
 
     def final_failure(self, memory: PlannerMemory, time: float) -> Failure | None:
-        """Return the failure that ends the task in whatever mode, if there is one."""
+        """Return the failure that ends the task in any mode; None without one."""
         if memory.attempt.trapped:
             return memory.trouble.failure
         if memory.trouble.touched:
@@ -102,17 +102,17 @@ class Moving(TaskMode):
         return memory
 
     def look(self, memory: PlannerMemory, now: Now) -> None:
-        """Notice what is seen at the end of the motion."""
+        """Look at the end of the motion."""
 
     def observe_mode(self, memory: PlannerMemory, now: Now) -> Observation:
-        """Report whether the arm has arrived, or is stopped by something."""
+        """Report whether the arm has arrived, or something has stopped it."""
         if memory.motion.arrived(now.senses.q, now.time):
             return self.observe_arrived(memory, now)
         late = now.time > memory.motion.due + self.config.arrival_timeout
         return Observation(failure=Failure.STOPPED if late else None)
 
     def observe_arrived(self, memory: PlannerMemory, now: Now) -> Observation:
-        """Return what the mode's transitions depend on once the arm has arrived."""
+        """Return the observation for the mode's transitions after the arm's arrival."""
         return Observation(arrived=True)
 
 
@@ -120,14 +120,14 @@ class Carrying(Moving):
     """A mode that moves the arm with the object in the hand."""
 
     def enter(self, memory: PlannerMemory, entry: Entry) -> PlannerMemory:
-        """Remember how the fingers hold the object, if no mode has yet, and go."""
+        """Remember the fingers' hold on the object, unless a mode has, and go."""
         if not len(memory.grip.angles):
             memory.grip.angles = entry.senses.fingers.copy()
             memory.grip.unheld_since = np.inf
         return super().enter(memory, entry)
 
     def update(self, memory: PlannerMemory, now: Now) -> PlannerMemory:
-        """Stop the arm where the hand loses the object."""
+        """Stop the arm if the hand loses the object."""
         watch_grasp(memory, now.senses, now.time, self.config)
         return super().update(memory, now)
 
@@ -163,12 +163,12 @@ class BetweenAttempts(TaskMode):
 
 
 class Idle(BetweenAttempts):
-    """Looks for the object, and plans all motions from where it is seen."""
+    """Looks for the object, and plans all motions."""
 
     mode = Mode.IDLE
 
     def update(self, memory: PlannerMemory, now: Now) -> PlannerMemory:
-        """Look and plan whenever a look is due."""
+        """Look, and plan, whenever a look is due."""
         memory = super().update(memory, now)
         if now.time >= memory.attempt.next_look:
             self.replanner.plan(now.senses.see(), memory, now.time)
@@ -197,7 +197,7 @@ class PreGrasp(Moving):
         return super().enter(memory, entry)
 
     def look(self, memory: PlannerMemory, now: Now) -> None:
-        """Check that the object is still where the motions take it."""
+        """Check that the object is still at the place of the planned grasp."""
         if self.config.look_before_grasp:
             self.replanner.compare(now.senses.see(), memory, now.time)
 
@@ -224,7 +224,7 @@ class Close(TaskMode):
     mode: ClassVar[AnyMode] = Mode.CLOSE
 
     def enter(self, memory: PlannerMemory, entry: Entry) -> PlannerMemory:
-        """Close the fingers; how they hold the object is not known yet."""
+        """Close the fingers, and forget any earlier hold."""
         memory.closure = memory.attempt.planned.grasp.closure_closed
         memory.grip.angles = np.zeros(0)
         return super().enter(memory, entry)
@@ -236,7 +236,7 @@ class Close(TaskMode):
 
 
 class Verify(TaskMode):
-    """Makes sure that the fingers hold the object."""
+    """Verifies that the fingers hold the object."""
 
     mode = Mode.VERIFY
 
@@ -246,7 +246,7 @@ class Verify(TaskMode):
 
 
 class Lift(Carrying):
-    """Lifts the object off its support, and makes sure that it is held."""
+    """Lifts the object off its support, and verifies that it is held."""
 
     mode = Mode.LIFT
 
@@ -287,7 +287,7 @@ class Place(Carrying):
     mode = Mode.PLACE
 
     def update(self, memory: PlannerMemory, now: Now) -> PlannerMemory:
-        """End where the object meets its goal early, as one that hangs askew does."""
+        """End if the object meets its goal early, as one that hangs askew does."""
         touched = memory.trouble.touched
         left = np.max(np.abs(memory.motion.destination - now.senses.q))
         memory = super().update(memory, now)
@@ -411,11 +411,11 @@ _KINDS: tuple[type[TaskMode], ...] = (
 def task_modes(
     config: PlannerConfig, replanner: Replanner, repeat: int
 ) -> dict[AnyMode, TaskMode]:
-    """Return what the planner does in each mode.
+    """Return the actions of each mode.
 
     Args:
         config: Times and limits.
-        replanner: Plans from what is seen.
-        repeat: How many cycles the task has.
+        replanner: Plans from sightings.
+        repeat: Number of the task's cycles.
     """
     return {kind.mode: kind(config, replanner, repeat) for kind in _KINDS}

@@ -54,9 +54,9 @@ class PickAndPlacePlanner(PlannerMachine[PlannerMemory, Senses]):
     Inputs: `blobs` (list[Blob]), evaluated only when the planner looks; `arm_state`
     (2N) and `gripper_state` (2n), [q; v] in rad and rad/s; `grasped` (1), nonzero once
     both fingers sense something; `proximity` (m), signed distances [m]; `obstacles`
-    (list[Obstacle]), evaluated with `blobs`, of which motions keep clear;
-    `external_torque` (N) [N m], beyond whose limits `config.max_external_torque` a
-    moving arm stops where it is, and the task fails.
+    (list[Obstacle]), evaluated with `blobs`, from which motions keep clear;
+    `external_torque` (N) [N m]: if it exceeds `config.max_external_torque`, a moving
+    arm stops at once, and the task fails.
 
     Outputs: `position_commanded` (N) [rad]; `closure_commanded` (1), 0 open .. 1
     closed; `mode` (AnyMode); `status` (PlannerStatus).
@@ -65,15 +65,15 @@ class PickAndPlacePlanner(PlannerMachine[PlannerMemory, Senses]):
     idle, the planner looks for the object. It plans all motions at once and moves
     `config.latency` later. `grasped` and the fingers' angles verify the grasp before
     the arm lifts, after it has lifted and before it places. If the object slips out of
-    the hand on the way, the arm stops. If the object is not in the hand, or in the end
-    not seen on its goal, the planner goes home, looks again and tries again, at most
+    the hand on the way, the arm stops. If the object is not in the hand, or not seen on
+    its goal in the end, the planner goes home, looks again and tries again, at most
     `config.max_attempts` times. It then prefers grasps that have not failed yet, and
     closes the hand more firmly.
 
     With `config.look_before_grasp`, the planner looks again when the hand is in front
     of the object, and plans again if the object has moved. With
     `config.look_before_place`, it looks when the object is above its goal, and corrects
-    its placing by where the object is in the hand.
+    its placing by the object's pose in the hand.
 
     `config`, `goal`, `tolerance` and `obstacles` can be read from the system.
 
@@ -81,19 +81,17 @@ class PickAndPlacePlanner(PlannerMachine[PlannerMemory, Senses]):
         task_planner: Plans the motions.
         object_name: Name of the blobs of the object to take.
         shape: The object's known shape.
-        goal: Where the object must go, X_WO [m]; how it is turned about its z does not
-            count.
+        goal: Goal of the object, X_WO [m]; its turn about z does not count.
         tolerance: Distance from the goal that counts as placed [m].
-        obstacles: Names and shapes of the other objects; motions keep clear of where
-            they are seen.
-        repeat: How many cycles. Every second one takes the object back to where it was
-            first found.
+        obstacles: Names and shapes of the other objects. Motions keep clear of them.
+        repeat: Number of cycles. Every second one takes the object back to its first
+            place.
         config: Times, speeds and limits.
-        make_modes: Makes what the planner does in each mode. Add your own modes to
-            those of `task_modes`.
+        make_modes: Makes the actions of each mode. Add your own modes to those of
+            `task_modes`.
         transition: Says which mode follows; with your own modes, `Transitions` of a
             table made from `TRANSITIONS`.
-        make_memory: Class of the memory, with what your own modes remember.
+        make_memory: Class of the memory, including that of your own modes.
 
     Raises:
         ValueError: If `config.max_external_torque` lacks one entry per joint, or the

@@ -1,4 +1,4 @@
-"""Plans, corrections and ways out, from what the planner sees."""
+"""Plans, corrections and ways out, from sightings."""
 
 from __future__ import annotations
 
@@ -33,14 +33,13 @@ from drake_srg.planning.planner_machine import (
 )
 from drake_srg.types import AnyMode, Blob, Failure, Mode, Sphere, Vector
 
-# An object seen this far from where the motions expect it has moved [m], [rad]. That
-# is more than the error of the localisation, and closing fingers still make up for
-# it.
+# An object seen this far from where the motions expect it has moved [m], [rad]. This
+# exceeds the error of the localisation, and closing fingers still compensate for it.
 _MOVED, _TURNED = 0.003, np.deg2rad(5.0)
-# An object seen further than this from its place in the hand is not in it [m].
+# An object seen farther than this from its place in the hand is not in the hand [m].
 _LOST = 0.03
 _ORDER: dict[AnyMode, int] = {mode: i for i, mode in enumerate(Mode)}  # of a cycle
-_STANDING = np.deg2rad(5.0)  # lean of an object that counts as standing on its goal
+_STANDING = np.deg2rad(5.0)  # greatest lean of an object that stands on its goal
 
 
 class Replanner:
@@ -51,7 +50,7 @@ class Replanner:
     Args:
         task_planner: Plans the motions.
         sightings: Reads blobs.
-        goal: Where the object must go, X_WO [m].
+        goal: Goal of the object, X_WO [m].
         tolerance: Distance from the goal that counts as placed [m].
         config: Times and distances.
     """
@@ -72,16 +71,16 @@ class Replanner:
         self._config = config
 
     def goal(self, memory: PlannerMemory) -> RigidTransform:
-        """Return where this cycle takes the object, as it was seen last."""
+        """Return the goal of this cycle, for the object as it was last seen."""
         return memory.seen.X_WO_goal or self._upright_goal(memory)
 
     def _upright_goal(self, memory: PlannerMemory) -> RigidTransform:
-        """Return where the object stands after this cycle: on the goal, or back."""
+        """Return the object's upright pose after this cycle: on the goal, or back."""
         back = memory.seen.X_WO_return if memory.totals.cycles % 2 else None
         return back or self._goal
 
     def judge(self, view: View, memory: PlannerMemory, time: float) -> None:
-        """Check that the object is where this cycle was to take it."""
+        """Check that the object is on the goal of this cycle."""
         blob, goal = self._sightings.best(view, self._rests), self.goal(memory)
         _look(memory, view, blob, time)
         memory.attempt.at_goal = False
@@ -112,7 +111,7 @@ class Replanner:
         memory.seen.obstacles = obstacles
         if isinstance(result, PlanningFailure):
             _fail(memory, result.failure, result.message)
-            # There may be a plan from home even if there is none from here.
+            # From home, there may be a plan even if there is none from here.
             if not self._at_home(q):
                 self.escape(memory, time)
             return
@@ -134,12 +133,12 @@ class Replanner:
             self.escape(memory, time)  # the arm may hide it
 
     def compare(self, view: View, memory: PlannerMemory, time: float) -> None:
-        """Check that the object is where the motions go, and that they are free."""
+        """Check that the object has not moved, and that the motions are free."""
         blob = self._sightings.best(view, self._rests)
         certain = blob if blob is not None and blob.certain else None
         _look(memory, view, certain, time)
         if memory.cycle.detours >= self._config.max_attempts:
-            return  # an object that never stands still must be tried as it is
+            return  # if the object never stands still, try anyway
         motions, X_WO = memory.attempt.planned, memory.attempt.X_WO
         assert X_WO is not None, "motions are planned from a sighting"
         moved = False
@@ -154,7 +153,7 @@ class Replanner:
             X_WO_seen = self._sightings.pose(certain)
             far = distance(X_WO_seen, X_WO, self._shape) > _MOVED
             moved = far or self._turn(X_WO_seen, X_WO) > _TURNED
-        if moved:  # the approach is broken off
+        if moved:  # abandon the approach
             memory.attempt.moved = True
             memory.cycle.detours += 1
 
@@ -163,8 +162,8 @@ class Replanner:
         motions = memory.attempt.planned
         q, grasp = memory.motion.position(time), motions.grasp
         p_WO = self._task_planner.scene.X_WG(q) @ grasp.p_GO
-        # Something similar elsewhere may be seen better than the object that
-        # the hand half hides.
+        # A similar object elsewhere may be seen better than this one, which the hand
+        # half hides.
         blob = self._sightings.nearest(view, p_WO)
         certain = blob if blob is not None and blob.certain else None
         _look(memory, view, certain, time)
@@ -194,7 +193,7 @@ class Replanner:
                 memory.trouble.message = hit
 
     def carry(self, memory: PlannerMemory, time: float) -> None:
-        """Plan the rest of the cycle from where the arm rests with the object held."""
+        """Plan the rest of the cycle, with the arm at rest and the object held."""
         q, grasp = memory.motion.q_rest, memory.attempt.planned.grasp
         with planning_clock.running():
             result = self._task_planner.plan_carry(
@@ -207,7 +206,7 @@ class Replanner:
             memory.attempt.motions = result
 
     def escape(self, memory: PlannerMemory, time: float) -> None:
-        """Plan back from where the arm is, and home; else the arm is trapped."""
+        """Plan a retreat from here, and home; if there is none, the arm is trapped."""
         with planning_clock.running():
             escape = self._task_planner.plan_escape(
                 memory.motion.q_rest, memory.grip.fingers_open, memory.seen.obstacles
@@ -219,13 +218,14 @@ class Replanner:
             memory.attempt.escape = escape
 
     def _take_time(self, memory: PlannerMemory, time: float) -> None:
-        """Let the simulated planning latency pass from now on."""
+        """Begin the simulated planning latency now."""
         memory.attempt.ready_at = time + self._config.latency
 
     def _turn(self, X_1: RigidTransform, X_2: RigidTransform) -> float:
         """Return the angle between the object's axis in two poses [rad].
 
-        That of a solid does not count: what looks alike may have another one.
+        The axis of a solid does not count, because look-alike poses may have different
+        axes.
         """
         if isinstance(self._shape, ConvexPieces):
             return 0.0
@@ -245,7 +245,7 @@ class Replanner:
         fingers: Mapping[str, float],
         p_WO: Vector | None = None,
     ) -> Obstacles:
-        """Return what is seen now, and earlier where the arm may hide it now."""
+        """Return the obstacles seen now, and earlier ones that the arm may hide."""
         seen = self._sightings.obstacles(view, p_WO)
         if seen:
             seen = self._task_planner.others(q, fingers, seen)
@@ -254,7 +254,7 @@ class Replanner:
     def _obstruction(
         self, task: TaskMotions, mode: AnyMode, obstacles: Obstacles
     ) -> str | None:
-        """Return what is in the way of the motions after that of `mode`, in words."""
+        """Describe the obstacle to the motions after that of `mode`."""
         rest = {m: t for m, t in task.motions.items() if _ORDER[m] > _ORDER[mode]}
         task = dc.replace(task, motions=rest)
         return self._task_planner.obstruction(task, self._shape, obstacles)
@@ -291,9 +291,9 @@ def _trap(memory: PlannerMemory, why: PlanningFailure) -> None:
 
 
 def _fail(memory: PlannerMemory, failure: Failure, message: str) -> None:
-    """Remember a failure, unless there is one that says more.
+    """Remember a failure, unless there is a more specific one.
 
-    That is what became of an object that was in the hand.
+    More specific is the fate of an object that was in the hand.
     """
     if memory.trouble.failure is None:
         memory.trouble.failure, memory.trouble.message = failure, message

@@ -14,9 +14,9 @@ from drake_srg.planning.grasps.grasps import pose_along
 from drake_srg.planning.pick_and_place.task_motions import Obstacles
 from drake_srg.types import Blob, Box, Obstacle, Sphere, Vector
 
-# Blobs further apart do not show the same object [m].
+# Blobs farther apart do not show the same object [m].
 _APART = 0.03
-# A solid that leans by less than this from where it would rest on a face does so [rad].
+# A solid within this angle of resting on a face rests on it [rad].
 _NEARLY_RESTS = np.deg2rad(5.0)
 _UP = np.array([0.0, 0.0, 1.0])
 
@@ -57,9 +57,9 @@ class Sightings:
         """Return the most trustworthy blob of the object, None if it is not seen.
 
         Args:
-            view: What is seen.
-            rests: Tells whether the object may rest at a pose X_WO; a look-alike that
-                floats, or is in the table, is something else.
+            view: Present view.
+            rests: Returns whether the object may rest at a pose X_WO. A look-alike that
+                floats, or is inside the table, is something else.
         """
 
         def likely(blob: Blob) -> tuple[bool, bool, tuple[bool, int, bool, float]]:
@@ -69,11 +69,11 @@ class Sightings:
         return max(self._own(view), key=likely, default=None)
 
     def nearest(self, view: View, p_WO: Vector) -> Blob | None:
-        """Return the object's blob nearest to where the object is believed to be.
+        """Return the object's blob nearest to its believed place.
 
         Args:
-            view: What is seen.
-            p_WO: Where the object is believed to be, shape (3,) [m].
+            view: Present view.
+            p_WO: Believed place of the object, shape (3,) [m].
         """
 
         def distance(blob: Blob) -> float:
@@ -94,13 +94,12 @@ class Sightings:
         return p_W
 
     def obstacles(self, view: View, p_WO: Vector | None = None) -> Obstacles:
-        """Return the other objects and the obstacles that are seen.
+        """Return the visible other objects and obstacles.
 
         Args:
-            view: What is seen.
-            p_WO: Where the object's middle is believed to be, shape (3,) [m]. A
-                look-alike elsewhere is an obstacle; an obstacle around this place is
-                the object.
+            view: Present view.
+            p_WO: Believed place of the object's middle, shape (3,) [m]. A look-alike
+                elsewhere is an obstacle. An obstacle around this place is the object.
         """
         known = tuple(
             (shape, self._pose(shape, blob))
@@ -119,8 +118,8 @@ class Sightings:
         return (*known, *apart, *others)
 
     def _pose(self, shape: Solid, blob: Blob) -> RigidTransform:
-        # An object that nearly stands on something level is upright, whatever
-        # an image says.
+        # An object that nearly stands on something level is upright, even if an image
+        # shows a lean.
         if isinstance(shape, Box):
             return _levelled(blob.X_WO, self._upright)
         if isinstance(shape, ConvexPieces):
@@ -176,11 +175,11 @@ def set_down_at(
 ) -> RigidTransform:
     """Return the goal of an object that is now at X_WO [m].
 
-    A solid of several pieces is set down as it is, all others with their z up.
+    A solid of several pieces keeps its orientation, all others end with z up.
 
     Args:
-        goal: Where it would stand with its z up [m].
-        X_WO: Where it is [m].
+        goal: Goal pose with its z up [m].
+        X_WO: Its pose [m].
         shape: Its shape.
     """
     if not isinstance(shape, ConvexPieces):
@@ -196,10 +195,10 @@ def middle_of(shape: Solid) -> Vector:
 
 
 def distance(X_1: RigidTransform, X_2: RigidTransform, shape: Solid) -> float:
-    """Return how far an object is from another pose, whatever its yaw there [m].
+    """Return the distance between two poses of an object, whatever its yaw [m].
 
-    It is the distance between its origins or between its middles, the shorter one:
-    poses in which a solid looks alike may have other origins.
+    It is the shorter one of the distances between its origins and between its middles:
+    look-alike poses of a solid may have different origins.
 
     Args:
         X_1: A pose [m].
@@ -217,7 +216,7 @@ def lean(axis_1: Vector, axis_2: Vector) -> float:
 
 
 def standing_at(X_WO: RigidTransform, shape: Solid) -> RigidTransform:
-    """Return where an object now at X_WO [m] stands upright on the same level."""
+    """Return the pose of an object at X_WO [m], upright on the same level."""
     p_WO, up_O = X_WO.translation(), X_WO.rotation().matrix()[2]
     below = shape.half_extent(-up_O)
     stands = shape.half_extent(-_UP)

@@ -1,4 +1,4 @@
-"""The motions of a pick and place, planned at once from where the object is seen."""
+"""The motions of a pick and place, all planned at once from one sighting."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ from drake_srg.types import AnyMode, Failure, Mode, Vector, mode_name
 _UP = np.array([0.0, 0.0, 1.0])
 # Largest lean of a carried object, beyond its lean at the grasp [rad].
 _UPRIGHT = 0.004
-# The object may be carried this much higher over things in its way [m].
+# Additional heights at which the object may be carried over things in its way [m].
 _HIGHER = (0.0, 0.04, 0.08)
 
 
@@ -49,7 +49,7 @@ class GraspMotions:
     Args:
         scene: The arm, the gripper and what they may hit.
         moves: The moves in that scene.
-        q_home: Where the arm rests, shape (N,) [rad].
+        q_home: Home posture of the arm, shape (N,) [rad].
         config: Distances.
     """
 
@@ -75,9 +75,9 @@ class GraspMotions:
         """Plan all motions from `q_start` to home.
 
         Args:
-            q_start: Where the arm is, at rest, shape (N,) [rad].
+            q_start: Posture of the arm, at rest, shape (N,) [rad].
             shape: The object's shape.
-            X_WO_goal: Where the object must go [m].
+            X_WO_goal: Goal of the object [m].
             candidate: The grasp, and where the object is.
 
         Raises:
@@ -108,7 +108,7 @@ class GraspMotions:
 
         Args:
             shape: The object's shape.
-            X_WO_goal: Where the object must go [m].
+            X_WO_goal: Goal of the object [m].
             candidate: The grasp.
 
         Raises:
@@ -145,10 +145,10 @@ class GraspMotions:
         """Plan the motions onto the goal and home, with the object in the hand.
 
         Args:
-            q_start: Where the arm is, at rest, shape (N,) [rad].
+            q_start: Posture of the arm, at rest, shape (N,) [rad].
             grasp: The grasp, with the object's actual pose in the hand.
             shape: The object's shape.
-            X_WO_goal: Where the object must go [m].
+            X_WO_goal: Goal of the object [m].
 
         Raises:
             NoPathError: If a motion does not exist.
@@ -190,7 +190,7 @@ class GraspMotions:
             self._config.place_height,
             angle_tolerance=_UPRIGHT,
         )
-        # Straight across keeps the object upright. Otherwise, any way will do.
+        # A straight path keeps the object upright. If there is none, any path will do.
         across = self._across(q_lifted, place.shifted(lift))
         with scene.supporting(SUPPORT_OVERLAP):
             if across is not None:
@@ -227,18 +227,18 @@ class GraspMotions:
         else:
             return None
         if not scene.reaches_any_pose and self._config.tip_limits is None:
-            # Without a spare joint, a straight line costs detours of the joints.
+            # Without a redundant joint, a straight line costs detours of the joints.
             ends = np.array([q_lifted, across[-1]])
             line = scene.samples(ends)
             lean = max(above_goal.angle_violation(scene.X_WG(q)) for q in line)
-            kept = lean < 1e-6  # the end of the line uses up the tolerance
+            kept = lean < 1e-6  # the end of the line already uses up the tolerance
             if kept and scene.first_hit(line) is None:
                 return ends
         return across
 
 
-# Grasps whose motions are planned before giving up. There are more only where the hand
-# is turned about the object; each search for a way takes up to 5 s.
+# Number of grasps whose motions are planned before giving up. There are more only if
+# the hand may turn about the object. Each search for a path takes up to 5 s.
 _MOST_CANDIDATES = 8
 
 
@@ -259,8 +259,8 @@ class TaskPlanner:
 
     Args:
         scene: The arm, the gripper and what they may hit.
-        hand: How that gripper takes objects.
-        q_home: Where the arm rests, shape (N,) [rad].
+        hand: The grasps of that gripper.
+        q_home: Home posture of the arm, shape (N,) [rad].
         config: Distances and speeds.
     """
 
@@ -297,10 +297,10 @@ class TaskPlanner:
         """Plan the motions from `q_start` over pick and place to home.
 
         Args:
-            q_start: Where the arm is, at rest, shape (N,) [rad].
+            q_start: Posture of the arm, at rest, shape (N,) [rad].
             X_WO: The object's pose [m]; the turn of a round one does not count.
             shape: The object's shape.
-            X_WO_goal: Where the object must go [m].
+            X_WO_goal: Goal of the object [m].
             obstacles: Other objects and their poses [m].
             tried: Names of grasps that failed.
         """
@@ -316,13 +316,13 @@ class TaskPlanner:
         X_WO_goal: RigidTransform,
         obstacles: Obstacles = (),
     ) -> TaskMotions | PlanningFailure:
-        """Plan from a grasp that holds the object, wherever that is, until home.
+        """Plan from a grasp that holds the object, anywhere, until home.
 
         Args:
-            q_grasp: Where the arm is, at rest, shape (N,) [rad].
+            q_grasp: Posture of the arm, at rest, shape (N,) [rad].
             grasp: The grasp.
             shape: The object's shape.
-            X_WO_goal: Where the object must go [m].
+            X_WO_goal: Goal of the object [m].
             obstacles: Other objects and their poses [m].
         """
         try:
@@ -345,10 +345,10 @@ class TaskPlanner:
         """Plan from above the goal onto it, and home, with the object in the hand.
 
         Args:
-            q_start: Where the arm is, at rest, shape (N,) [rad].
+            q_start: Posture of the arm, at rest, shape (N,) [rad].
             grasp: The grasp, with the object's actual pose in the hand.
             shape: The object's shape.
-            X_WO_goal: Where the object must go [m].
+            X_WO_goal: Goal of the object [m].
             obstacles: Other objects and their poses [m].
         """
         try:
@@ -383,30 +383,29 @@ class TaskPlanner:
                     return TaskMotions(candidate.grasp, motions)
                 except NoPathError as error:
                     no_path.append(error.failure)
-            # The grasps that came furthest show best where the obstacle
-            # is.
+            # The grasps that came farthest show the obstacle best.
             reasons = reasons or no_path or failures
-            # From another side there may be a way past obstacles, but no more reach.
+            # Another side may have a way past obstacles, but not more reach.
             blocked = [f for f in reasons if f.failure is Failure.BLOCKED]
             if not blocked:
                 break
         if not reasons:
             return PlanningFailure(Failure.NO_GRASP, f"no known grasp takes a {shape}")
-        # A grasp that only the surroundings forbid tells more than one that
-        # no posture of the arm reaches.
+        # A grasp that only the surroundings prevent is a better reason than one out of
+        # the arm's reach.
         return (blocked or reasons)[0]
 
     @restores_fingers
     def rests(self, shape: Solid, X_WO: RigidTransform) -> bool:
-        """Return whether an object at `X_WO` [m] is on something, and in nothing."""
+        """Return whether an object at `X_WO` [m] rests on something, inside nothing."""
         lowered = RigidTransform([0.0, 0.0, 2.0 * SUPPORT_OVERLAP]) @ X_WO
         return not self._overlap(shape, X_WO) and bool(self._overlap(shape, lowered))
 
     def _overlap(self, shape: Solid, X_WO: RigidTransform) -> Clearance | None:
-        """Return what an object at `X_WO` [m] is in, None where it fits there.
+        """Return the overlap of an object at `X_WO` [m]; None if it fits there.
 
-        Fixed bodies are checked only against moving ones, so the object is attached to
-        the distant hand of an arm at home.
+        The checker compares fixed bodies only with moving ones. So the object is
+        attached to the distant hand of an arm at home.
         """
         self.scene.SetFingers({})
         X_GO = self.scene.X_WG(self.q_home).inverse() @ X_WO
@@ -419,14 +418,14 @@ class TaskPlanner:
     def others(
         self, q: Vector, fingers: Mapping[str, float], obstacles: Obstacles
     ) -> Obstacles:
-        """Return the obstacles that are not the arm itself, seen by a camera.
+        """Return the obstacles, without those that are views of the arm itself.
 
-        In images the arm is a few pixels, a bent joint and a yielding finger away from
-        where it is believed to be. Whatever is nearer to it than motions come to
-        anything else is the arm.
+        In images, the arm may differ from its model by a few pixels, a bent joint and a
+        yielding finger. Everything closer to the arm than the motions' clearance is the
+        arm.
 
         Args:
-            q: Where the arm is, shape (N,) [rad].
+            q: Posture of the arm, shape (N,) [rad].
             fingers: Angles of the gripper's joints by name [rad].
             obstacles: Shapes and their poses [m].
         """
@@ -441,9 +440,10 @@ class TaskPlanner:
     def obstruction(
         self, task: TaskMotions, shape: Solid, obstacles: Obstacles
     ) -> str | None:
-        """Return what is in the way of motions, in words; None if nothing is.
+        """Describe the obstacle to motions; None if they are free.
 
-        Half of every margin is left to differences between images of the same object.
+        Half of every margin is reserved for differences between images of the same
+        object.
 
         Args:
             task: The motions.
@@ -475,7 +475,7 @@ class TaskPlanner:
         """Plan back out of a failed grasp: away from the object, then home.
 
         Args:
-            q: Where the arm is, shape (N,) [rad].
+            q: Posture of the arm, shape (N,) [rad].
             fingers: Angles of the open gripper's joints by name [rad].
             obstacles: Other objects and their poses [m].
         """

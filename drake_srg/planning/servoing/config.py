@@ -19,57 +19,57 @@ class ServoConfig(Config):
     # images [s], a multiple of it.
     period: float = dc.field(default=0.01, metadata=positive())
     camera_period: float = dc.field(default=0.04, metadata=positive())
-    # Share of the error that the hand makes up for per second. The loop is stable while
-    # the gain times the delay, here `camera_period`, stays well below 1: lower it for a
-    # slower camera.
+    # Share of the error that the hand corrects per second [1/s]. The loop is stable
+    # while the gain times the delay, here `camera_period`, is well below 1. Lower it
+    # for a slower camera.
     gain: float = dc.field(default=5.0, metadata=positive())
     # Largest speed [m/s] and acceleration [m/s²] of the hand relative to a goal at
-    # rest. 0.25 m/s is the usual limit of collaborative arms. The hand turns by at most
-    # 1 rad where it may move by 0.25 m.
+    # rest. 0.25 m/s is the usual limit of collaborative arms. The hand may turn by 1
+    # rad in the time in which it may move by 0.25 m.
     speed: float = dc.field(default=0.25, metadata=positive())
     acceleration: float = dc.field(default=1.5, metadata=positive())
-    # Whether the hand also turns towards its goal; else it keeps its orientation.
+    # Whether the hand also turns towards its goal; otherwise, it keeps its orientation.
     turns: bool = False
-    # Whether the goal's velocity is fed forward. Without, the hand trails a moving goal
-    # by its velocity over `gain`.
+    # Whether the goal's velocity is fed forward. Otherwise, the hand trails a moving
+    # goal by the goal's velocity over `gain`.
     feed_forward: bool = True
     # Delay of the arm beyond one period [s]. The servo aims that far ahead of the
     # goal.
     lag: float = dc.field(default=0.0, metadata={"ge": 0.0})
-    # The hand stays this far behind its goal [m] unless it is aligned: it may come
-    # `funnel` times as near as its distance from the line of approach, less 4 mm. So
-    # the fingers go past the object, not into it.
+    # The hand stays behind its goal until it is aligned: by `funnel` times the part of
+    # its distance from the line of approach beyond 4 mm, and by this at most [m]. So
+    # the fingers pass beside the object, not into it.
     standoff: float = dc.field(default=0.06, metadata={"ge": 0.0})
     funnel: float = dc.field(default=6.0, metadata={"ge": 0.0})
-    # The goal is reached once this many images in a row show the hand within this
+    # The goal is reached once `settled` images in a row show the hand within this
     # distance of it [m].
     tolerance: float = dc.field(default=0.003, metadata=positive())
     settled: int = dc.field(default=6, metadata={"ge": 1})
     # Height by which the hand raises the grasped object before it brakes [m].
     rise: float = dc.field(default=0.02, metadata={"ge": 0.0})
-    # Images without a usable sighting, or equal images of a moving hand, after which
-    # the servo gives up; and how far the hand must have moved meanwhile [m].
+    # Number of images without a usable sighting, or of equal images of a moving hand,
+    # after which the servo gives up; and least motion of the hand for that [m].
     patience: int = dc.field(default=5, metadata={"ge": 1})
     moved: float = dc.field(default=0.002, metadata=positive())
-    # Least singular value of the interaction matrix below which a direction counts as
-    # lost. Image coordinates are those at focal length 1. With `turns`, an image of
-    # small objects needs less, such as 0.01: turns and shifts then look almost alike.
+    # Singular value of the interaction matrix, for image coordinates at focal length 1,
+    # below which a direction counts as lost. With `turns`, small objects need less,
+    # such as 0.01, because turns and shifts then look almost alike.
     least_interaction: float = dc.field(default=0.2, metadata=positive())
-    # Number of images that the servo uses; 0: all. With 1, the hand goes where
-    # the first one showed the goal.
+    # Number of images that the servo uses; 0: all. With 1, the hand goes to the goal in
+    # the first image.
     looks: int = dc.field(default=0, metadata={"ge": 0})
 
 
 @dc.dataclass(kw_only=True)
 class ServoingConfig(ServoConfig):
-    """A visual servo that takes over in front of the object, until it is grasped."""
+    """A visual servo that takes over in front of the object until the grasp."""
 
     # `pbvs`: by the object's pose; `ibvs`: by its silhouette in the image.
     method: str = dc.field(default="pbvs", metadata={"among": ("pbvs", "ibvs")})
     # Name of the camera, which is fixed to the hand.
     camera: str = "hand"
     # Source of the goal. `shown`: the camera's view of an object in the hand; the
-    # camera's place need not be known. `calibrated`: the camera's calibration.
+    # camera's pose need not be known. `calibrated`: the camera's calibration.
     goal: str = dc.field(default="shown", metadata={"among": ("shown", "calibrated")})
     # Time after which the servo counts as failed [s].
     time_limit: float = dc.field(default=6.0, metadata=positive())
@@ -87,7 +87,7 @@ class ServoCommand(enum.Enum):
 
     PASS = "pass"  # pass on the planned positions
     TRACK = "track"  # the images drive the hand
-    FOLLOW = "follow"  # go on as the goal last moved, without the camera
+    FOLLOW = "follow"  # continue with the goal's last motion, without the camera
     RAISE = "raise"  # the same, but upwards; then brake, and hold the hand
     HOLD = "hold"  # brake, and hold the hand
 
@@ -105,7 +105,7 @@ class ServoState(enum.Enum):
 
 
 class ServoFault(enum.Enum):
-    """Why a visual servo holds the hand."""
+    """The reason why a visual servo holds the hand."""
 
     LOST = "the object is not in the image, or not all of it"
     FROZEN = "the image stays the same although the hand moves"
@@ -119,7 +119,7 @@ class ServoStatus(Shared):
     """A visual servo's report."""
 
     state: ServoState = ServoState.PASSING
-    # Why the hand is held now, or why the servo has failed; None: it is not held.
+    # Why the hand is held, or why the servo has failed; None if it moves.
     fault: ServoFault | None = None
     # Joint positions commanded by the servo, shape (N,) [rad]; empty while it passes.
     q: Vector = dc.field(default_factory=lambda: np.zeros(0))

@@ -1,4 +1,4 @@
-"""From a goal of the hand to joint velocities; the interaction matrix of image points.
+"""Joint velocities for a goal of the hand, and the interaction matrix of points.
 
 Notation and equation numbers are those of F. Chaumette and S. Hutchinson, Visual servo
 control, Part I: Basic approaches, IEEE Robotics & Automation Magazine 13(4), 2006. The
@@ -116,8 +116,8 @@ def damped_solution(matrix: Vector, b: Vector, least: float) -> Solution:
 
     Every singular value s counts as s / (s² + d²), where d² grows from 0 to `least`²
     as s falls below `least` (Nakamura and Hanafusa, J. Dyn. Sys. Meas. Control 108,
-    1986). So x is never longer than b over `least`, whatever the matrix, and is exact
-    where all singular values are above `least`.
+    1986). So x is never longer than b over `least` for any matrix, and exact if all
+    singular values exceed `least`.
 
     Args:
         matrix: Shape (n, m).
@@ -143,14 +143,15 @@ def image_displacement(
     """Return the displacement of the camera that takes points to their goals.
 
     It is -L^+ (s - s*) with L the mean of the interaction matrices here and at the
-    goal, which couples large motions in depth and across least (section "Choosing L").
+    goal. This choice couples large motions in depth and sideways the least (section
+    "Choosing L").
 
     Args:
         points: Image coordinates at focal length 1, shape (n, 2).
-        depths: Of the points [m], shape (n,).
-        goal_points: Where they must be, shape (n, 2).
+        depths: Depths of the points [m], shape (n,).
+        goal_points: Their goals, shape (n, 2).
         goal_depths: Their depths there [m], shape (n,).
-        turns: Whether the camera may turn, or only move.
+        turns: Whether the camera may also turn.
         least: See `damped_solution`.
 
     Returns:
@@ -164,7 +165,7 @@ def image_displacement(
     found = damped_solution(0.5 * (here + there)[:, :freedoms], -error, least)
     displacement = np.zeros(6)
     displacement[:freedoms] = found.x
-    # The mean may have directions that the points here do not determine.
+    # The mean may hide directions that the points here do not determine.
     singular_values = np.linalg.svd(here[:, :freedoms], compute_uv=False)
     determined = len(singular_values) == freedoms
     return Solution(displacement, float(singular_values[-1]) if determined else 0.0)
@@ -186,14 +187,14 @@ def limited(vector: Vector, most: float) -> Vector:
 def behind(
     offset: Vector, axis: Vector, *, standoff: float, alignment: float, funnel: float
 ) -> float:
-    """Return how far behind its goal a hand must stay that is not aligned [m].
+    """Return the distance behind its goal that an unaligned hand must keep [m].
 
     Args:
         offset: From the hand to its goal, shape (3,) [m].
         axis: Direction of approach, a unit vector, shape (3,).
         standoff: Greatest distance behind the goal [m].
-        alignment: Distance from the line of approach that leaves the way free [m].
-        funnel: Distance behind the goal per further distance from that line.
+        alignment: Distance from the line of approach at which the way is free [m].
+        funnel: Distance behind the goal over the additional distance from that line.
     """
     aside = float(np.linalg.norm(offset - (offset @ axis) * axis))
     return min(standoff, funnel * max(0.0, aside - alignment))
@@ -207,7 +208,7 @@ def hand_twist(
     speed: float,
     turning: float,
 ) -> Vector:
-    """Return the twist of the hand that lets its error decay.
+    """Return the twist of the hand that makes its error decay.
 
     The error (translation, rotation vector) falls as exp(-gain t), on a straight line,
     as long as the limits allow: the second control law of position-based visual
@@ -250,12 +251,12 @@ def joint_step(
     """Return the joints after a step that moves the hand along a twist.
 
     Near singularities of the arm the step is damped. If a joint would be too fast, all
-    are slowed alike, so that the hand keeps its direction.
+    joints slow down by the same factor, so the hand keeps its direction.
 
     Args:
         q: Positions of the joints, shape (N,) [rad].
-        jacobian: Of the hand's twist [v; w], shape (6, N).
-        twist: What the hand must do, shape (6,) [m/s], [rad/s].
+        jacobian: Jacobian of the hand's twist [v; w], shape (6, N).
+        twist: Desired twist of the hand, shape (6,) [m/s], [rad/s].
         period: Duration of the step [s].
         least: Singular value of the Jacobian below which a direction is damped.
         speed: Largest joint speeds, shape (N,) [rad/s].

@@ -1,4 +1,4 @@
-"""The memory of a visual servo: the goal's filter, and the way back to positions."""
+"""The memory of a visual servo, with the goal's filter and the return to positions."""
 
 from __future__ import annotations
 
@@ -22,24 +22,24 @@ from drake_srg.types import Vector
 
 @dc.dataclass(frozen=True)
 class MovingGoal:
-    """Pose and motion of a goal. It is replaced, never changed."""
+    """Position and velocity of a goal. It is replaced, never changed."""
 
     p_W: Vector  # at `time`, shape (3,) [m]
     v_W: Vector = dc.field(default_factory=lambda: np.zeros(3))  # shape (3,) [m/s]
     time: float = 0.0  # s
 
     def at(self, time: float) -> Vector:
-        """Return where the goal is at a time, shape (3,) [m]."""
+        """Return the goal's position at a time, shape (3,) [m]."""
         return self.p_W + (time - self.time) * self.v_W
 
     def seen(self, p_W: Vector, time: float, alpha: float, beta: float) -> MovingGoal:
         """Return the goal after a sighting.
 
         Args:
-            p_W: Where the goal was seen, shape (3,) [m].
-            time: When, later than the sighting before [s].
-            alpha: Share of the surprise that goes into the position.
-            beta: Share of the surprise that goes into the velocity.
+            p_W: Seen position of the goal, shape (3,) [m].
+            time: Time of the sighting, later than that of the previous one [s].
+            alpha: Gain on the innovation, for the position.
+            beta: Gain on the innovation, for the velocity.
         """
         surprise = p_W - self.at(time)
         elapsed = time - self.time
@@ -50,8 +50,9 @@ class MovingGoal:
         )
 
 
-# Shares of the surprise of a sighting that go into the goal's position and velocity.
-# They are near to critical damping, beta = 2 - alpha - 2 sqrt(1 - alpha).
+# Gains of the alpha-beta filter, which correct the goal's position and velocity by the
+# innovation of a sighting. They are near critical damping, beta = 2 - alpha - 2 sqrt(1
+# - alpha).
 _ALPHA, _BETA = 0.6, 0.135
 _DECAY = 6.0  # 1/s; a hand at 0.25 m/s brakes with less than half the arm's limits
 _GONE = 1e-6  # rad, rad/s
@@ -62,7 +63,7 @@ class HandOver:
     """A deviation from planned positions that fades away, critically damped.
 
     Attributes:
-        offset: Of the commands from the planned positions, shape (N,) [rad].
+        offset: Offset of the commands from the planned positions, shape (N,) [rad].
         rate: Its velocity, shape (N,) [rad/s].
     """
 
@@ -79,10 +80,10 @@ class HandOver:
         return None if gone else HandOver(offset, rate)
 
 
-# A step that makes less than this share of the hand's motion counts as none, unless the
+# A step with less than this share of the hand's motion counts as no step, unless the
 # motion is slower than this [m/s].
 _NO_STEP, _SLOW = 0.1, 0.005
-# A rising hand brakes this far below its top [m]: it comes up to 3 mm higher.
+# A rising hand brakes this far below its top [m]. It stops up to 3 mm higher than that.
 _THERE = 1e-3
 
 
@@ -91,23 +92,23 @@ class Memory(Shared):
     """A servo's memory.
 
     Attributes:
-        status: What the servo reports.
+        status: Status that the servo reports.
         goal: The hand's goal; None before the first sighting.
         R_WG_goal: The hand's orientation at the goal.
-        twist: Of the hand, [v; w] in world, shape (6,) [m/s], [rad/s].
-        next_look: When the next image is due [s].
-        taken: When the latest image was taken [s].
-        heard: When it arrived, or before the first one, when the servo began [s].
-        frame: Of the latest image; None before the first one.
-        p_frame: Where the hand was when that image was new, shape (3,) [m].
-        same: Number of images equal to it since.
+        twist: Twist of the hand, [v; w] in world, shape (6,) [m/s], [rad/s].
+        next_look: Time of the next image [s].
+        taken: Time at which the latest image was taken [s].
+        heard: Time at which it arrived; before the first image, the servo's start [s].
+        frame: Frame of the latest image; None before the first one.
+        p_frame: Position of the hand when that image was new, shape (3,) [m].
+        same: Number of later images that are equal to it.
         missed: Images in a row without a usable sighting.
         near_goal: Images in a row with the hand at its goal.
-        near_since: When the first of them arrived [s].
-        top: Height at which a hand that is raised stops [m]; None before that.
-        stuck: Steps in a row in which the arm did not move the hand as it should.
+        near_since: Time at which the first of them arrived [s].
+        top: Height at which a rising hand stops [m]; None before it rises.
+        stuck: Steps in a row in which the arm did not move the hand.
         v: Velocity of the commands, shape (N,) [rad/s].
-        hand_over: While the servo passes, how far it still is from what is planned.
+        hand_over: While the servo passes, its remaining deviation from the plan.
     """
 
     status: ServoStatus = dc.field(default_factory=ServoStatus)
@@ -167,10 +168,9 @@ class Memory(Shared):
         """Return the memory after an image, and whether it is an old one.
 
         Args:
-            frame: Of the image.
-            p_WG: Where the hand is, shape (3,) [m].
-            config: How far the hand must have moved for an equal image to be an old
-                one.
+            frame: Frame of the image.
+            p_WG: Position of the hand, shape (3,) [m].
+            config: Least motion of the hand after which an equal image is an old one.
         """
         if frame != self.frame:
             return dc.replace(self, frame=frame, p_frame=p_WG, same=0), False
@@ -200,12 +200,12 @@ class Memory(Shared):
         time: float,
         config: ServoConfig,
     ) -> Memory:
-        """Return the memory after an image that shows where the hand must go.
+        """Return the memory after an image that shows the goal.
 
         Args:
-            X_WG: Where the hand was in the image [m].
-            X_WG_goal: Where it must go [m].
-            time: Of the image [s].
+            X_WG: Pose of the hand at the image's time [m].
+            X_WG_goal: Its goal [m].
+            time: Time of the image [s].
             config: Tolerances, and whether the goal moves.
         """
         p_goal = X_WG_goal.translation()
@@ -228,8 +228,8 @@ class Memory(Shared):
         assert self.goal is not None
         near, first = error < config.tolerance, self.near_goal == 0
         near_since = self.heard if first else self.near_since
-        # Images on their way when the first one arrived do not count: the hand could
-        # not yet react to it.
+        # Images that were taken before the first one arrived do not count: the hand
+        # could not react to it yet.
         counts = first or self.taken >= near_since
         near_goal = self.near_goal + counts if near else 0
         reached = near_goal >= config.settled

@@ -53,9 +53,9 @@ COMMANDS: Mapping[AnyMode, ServoCommand] = {
     Mode.GRASP: ServoCommand.TRACK,
     Mode.CLOSE: ServoCommand.FOLLOW,
     Mode.VERIFY: ServoCommand.FOLLOW,
-    Mode.LIFT: ServoCommand.RAISE,  # until the motions from there are planned
+    Mode.LIFT: ServoCommand.RAISE,  # until the rest is planned
 }
-# Transitions of the servo's own come before those of picking and placing.
+# The servo's transitions come before those of picking and placing.
 SERVO_TRANSITIONS: Table = {
     **TRANSITIONS,
     Mode.GRASP: [
@@ -74,15 +74,15 @@ _LATE = "it does not reach the object in time"
 
 @dc.dataclass(frozen=True)
 class ServoSenses(Senses):
-    """Measurements at one time, and what the servo reports."""
+    """Measurements at one time, and the servo's report."""
 
     servo: ServoStatus = dc.field(default_factory=ServoStatus)
 
 
 def servo_command(mode: AnyMode, memory: PlannerMemory) -> ServoCommand:
-    """Return what the servo must do in a mode."""
+    """Return the servo's command in a mode."""
     if mode is Mode.GRASP and memory.trouble.failure is not None:
-        return ServoCommand.HOLD  # the way out begins where the hand rests
+        return ServoCommand.HOLD  # the retreat begins where the hand rests
     if mode is Mode.LIFT and memory.attempt.looked:
         return ServoCommand.PASS
     return COMMANDS.get(mode, ServoCommand.PASS)
@@ -92,11 +92,11 @@ class Servoed(TaskMode):
     """A mode in which the servo moves the arm, and the planner's motion follows it."""
 
     def trajectory(self, memory: PlannerMemory) -> Trajectory | None:
-        """Return None: the servo knows the way."""
+        """Return None, because the servo moves the arm."""
         return None
 
     def update(self, memory: PlannerMemory, now: Now) -> PlannerMemory:
-        """Rest where the servo has taken the arm."""
+        """Rest at the arm's present position."""
         memory, q = super().update(memory, now), _servo(now).q
         if len(q):
             memory.motion = Motion(q)
@@ -108,8 +108,8 @@ class ServoGrasp(Servoed, Grasp):
 
     Args:
         config: Times and limits.
-        replanner: Plans from what is seen.
-        repeat: How many cycles the task has.
+        replanner: Plans from sightings.
+        repeat: Number of the task's cycles.
         time_limit: Time after which the servo counts as failed [s].
     """
 
@@ -126,7 +126,7 @@ class ServoGrasp(Servoed, Grasp):
         self.time_limit = time_limit
 
     def update(self, memory: PlannerMemory, now: Now) -> PlannerMemory:
-        """Plan a way out once the servo has failed, and the hand is at rest."""
+        """Plan a retreat once the servo has failed and the hand rests."""
         memory, servo = super().update(memory, now), _servo(now)
         attempt = memory.attempt
         if attempt.escape is not None:
@@ -143,7 +143,7 @@ class ServoGrasp(Servoed, Grasp):
         return memory
 
     def observe_mode(self, memory: PlannerMemory, now: Now) -> Observation:
-        """Report that the hand has reached the object, or that there is a way out."""
+        """Report that the hand has reached the object, or that a retreat is planned."""
         attempt = memory.attempt
         if attempt.escape is not None:
             return Observation(stuck=now.time >= attempt.ready_at)
@@ -157,7 +157,7 @@ class ServoClose(Servoed, Close):
 
 
 class ServoVerify(Servoed, Verify):
-    """Makes sure that the fingers hold the object while the hand follows it."""
+    """Verifies that the fingers hold the object while the hand follows it."""
 
     mode = Mode.VERIFY
 
@@ -168,7 +168,7 @@ class ServoLift(Lift):
     mode = Mode.LIFT
 
     def enter(self, memory: PlannerMemory, entry: Entry) -> PlannerMemory:
-        """Remember how the fingers hold the object, and brake."""
+        """Remember the fingers' hold on the object, and brake."""
         memory = super().enter(memory, entry)
         memory.motion = Motion(_servo(entry).q)
         return memory
@@ -187,7 +187,7 @@ class ServoLift(Lift):
             )
 
     def observe_mode(self, memory: PlannerMemory, now: Now) -> Observation:
-        """Report a plan that failed, and then what every lift reports."""
+        """Report a failed plan, and otherwise the same as every lift."""
         if memory.attempt.trapped:
             return Observation(failure=memory.trouble.failure)
         if not memory.attempt.looked:
@@ -198,12 +198,12 @@ class ServoLift(Lift):
 def servo_modes(
     config: PlannerConfig, replanner: Replanner, repeat: int, *, time_limit: float
 ) -> dict[AnyMode, TaskMode]:
-    """Return what the planner does in each mode.
+    """Return the actions of each mode.
 
     Args:
         config: Times and limits.
-        replanner: Plans from what is seen.
-        repeat: How many cycles the task has.
+        replanner: Plans from sightings.
+        repeat: Number of the task's cycles.
         time_limit: Time after which the servo counts as failed [s].
     """
     modes = task_modes(config, replanner, repeat)
@@ -245,22 +245,22 @@ class ServoingPlanner(PickAndPlacePlanner):
 
     The other ports are those of `PickAndPlacePlanner`. `servo_status` (ServoStatus) and
     `servo_command` (ServoCommand) connect to a `VisualServo`, which passes on
-    `position_commanded` whenever it is not in charge.
+    `position_commanded` unless it moves the arm itself.
 
     In front of the object, the planner hands over to the servo, and closes the fingers
-    once that has reached the object. Meanwhile the servo follows the object as it last
-    moved. Once the grasp is verified, the servo raises the hand a little and brakes,
-    and the planner plans the rest of the cycle from there. If the servo fails, the
-    planner draws the hand back, goes home and tries again.
+    once the servo has reached the object. Meanwhile, the servo follows the object's
+    last motion. Once the grasp is verified, the servo raises the hand a little and
+    brakes, and the planner plans the rest of the cycle from there. If the servo fails,
+    the planner draws the hand back, goes home and tries again.
 
     Args:
         task_planner: Plans the motions.
         object_name: Name of the blobs of the object to take.
         shape: The object's known shape.
-        goal: Where the object must go, X_WO [m].
+        goal: Goal of the object, X_WO [m].
         tolerance: Distance from the goal that counts as placed [m].
         obstacles: Names and shapes of the other objects.
-        repeat: How many cycles.
+        repeat: Number of cycles.
         config: Times, speeds and limits.
         time_limit: Time after which the servo counts as failed [s].
     """
@@ -300,7 +300,7 @@ class ServoingPlanner(PickAndPlacePlanner):
         )
 
     def sense(self, context: Context) -> ServoSenses:
-        """Return the measurements, and what the servo reports."""
+        """Return the measurements, and the servo's report."""
         senses = super().sense(context)
         return ServoSenses(**vars(senses), servo=self._servo.Eval(context))
 

@@ -35,12 +35,12 @@ class Taken:
 
 @dc.dataclass(frozen=True, eq=False)
 class Sighting(Shared):
-    """Base class of what one image shows."""
+    """Base class of the content of one image."""
 
     frame: int = 0  # equal for equal images
     # When the image was taken, by the clock of camera and arm [s]; NaN: now.
     stamp: float = dc.field(default=np.nan, kw_only=True)
-    # The same by the servo's clock, and where the arm was; None: now.
+    # The same by the servo's clock, with the arm's positions; None: now.
     taken: Taken | None = dc.field(default=None, kw_only=True)
 
 
@@ -48,7 +48,7 @@ class Sighting(Shared):
 class PoseSighting(Sighting):
     """An object's pose in one image."""
 
-    # The object in the colour imager C (z into the scene) [m]; None: it is not seen.
+    # The object in the colour imager C (z into the scene) [m]; None if it is not seen.
     X_CO: RigidTransform | None = None
 
 
@@ -67,9 +67,9 @@ class ArmHistory(Shared):
     """Recent positions of an arm.
 
     Attributes:
-        stamps: When they were measured, by the arm's clock, increasing, shape (K,) [s].
-        times: When they arrived, by ours, shape (K,) [s].
-        positions: Of the joints, shape (K, N) [rad].
+        stamps: Times of measurement by the arm's clock, increasing, shape (K,) [s].
+        times: Times of arrival by our clock, shape (K,) [s].
+        positions: Positions of the joints, shape (K, N) [rad].
     """
 
     stamps: Vector = dc.field(default_factory=lambda: np.zeros(0))
@@ -81,14 +81,14 @@ class ArmHistory(Shared):
     ) -> ArmHistory:
         """Return the history with one more measurement.
 
-        One that is not new changes nothing. If the arm's clock has been set back, the
-        history begins anew.
+        A measurement that is not new changes nothing. If the arm's clock was set back,
+        the history begins anew.
 
         Args:
-            stamp: When it was measured, by the arm's clock [s]; NaN: not known.
-            time: When it arrived, by ours [s].
+            stamp: Time of measurement by the arm's clock [s]; NaN: unknown.
+            time: Time of arrival by our clock [s].
             q: The joints' positions, shape (N,) [rad].
-            span: How far back to remember [s].
+            span: Time for which to remember [s].
         """
         known = self if len(self.stamps) and stamp >= self.stamps[-1] else None
         if np.isnan(stamp) or (known is not None and stamp == known.stamps[-1]):
@@ -103,10 +103,10 @@ class ArmHistory(Shared):
         )
 
     def at(self, stamp: float) -> Taken | None:
-        """Return our time, and where the arm was, at a time by the arm's clock [s].
+        """Return our time and the arm's positions at a time of the arm's clock [s].
 
         Returns:
-            Both, between measurements interpolated; None outside of the history.
+            Both, interpolated between measurements; None outside of the history.
         """
         if not len(self.stamps) or not self.stamps[0] <= stamp <= self.stamps[-1]:
             return None
@@ -126,7 +126,7 @@ class _Seen:
 
 
 class LateSightings(LeafSystem):
-    """Looks up where the arm was when a picture was taken.
+    """Looks up the arm's positions at the time of an image.
 
     .. pydrake_system::
 
@@ -140,14 +140,14 @@ class LateSightings(LeafSystem):
 
     The input `sighting` (a Sighting) has its `stamp`. `arm_state` (2N), [q; v] in rad
     and rad/s, was measured at `arm_stamp` (1) by the same clock [s]. The output
-    `sighting` is the newest one for which there are measurements of the arm, from
-    before and after it, with `taken` filled in. Until there is one, and as long as the
-    input's stamp is NaN, it is one of nothing, taken at minus infinity.
+    `sighting` is the newest one with measurements of the arm before and after it;
+    `taken` is filled in. Until there is one, and while the input's stamp is NaN, it is
+    a sighting of nothing, taken at minus infinity.
 
     Args:
         num_joints: N.
         period: Time between updates [s].
-        span: How late a sighting may be [s].
+        span: Greatest delay of a sighting [s].
     """
 
     def __init__(self, num_joints: int, period: float, span: float = 1.0) -> None:
@@ -221,7 +221,7 @@ def ellipse_ends(region: Mask) -> Vector:
 
     The ellipse has the region's first and second moments, which average over all
     pixels; its ends are two standard deviations from the middle, along the image's
-    axes. A disc's are on its rim.
+    axes. Those of a disc are on its rim.
 
     Args:
         region: Shape (h, w).
@@ -236,10 +236,10 @@ def ellipse_ends(region: Mask) -> Vector:
 
 
 class Tracker(LeafSystem):
-    """Base of the trackers; it declares their ports and finds the object's pixels.
+    """Base class of the trackers: declares their ports and finds the object's pixels.
 
     Args:
-        color: Of the object.
+        color: Colour of the object.
         camera: The camera's model.
         min_area: Smaller regions do not count [pixels].
         nothing: A sighting of nothing, of the type of the port `sighting`.
@@ -307,7 +307,7 @@ _STEPS, _STILL = 20, 1e-5  # Gauss-Newton steps, and the step that ends them [m]
 # Distance from the surface at which a point counts half [m]: pixels on the rim show
 # the background.
 _SOFT = 0.004
-# The position is determined unless the normals are all this near to a plane (root mean
+# The position is determined unless all normals are this near to one plane (root mean
 # square of their sines).
 _LEAST = 0.05
 _DAMPING = 1e-3  # of the mean square of the normals
@@ -317,13 +317,13 @@ _MOST_POINTS = 1500
 def fit_translation(
     points: Vector, solid: Solid, R_CO: RotationMatrix
 ) -> Vector | None:
-    """Return where a solid of known orientation is whose surface has the points.
+    """Return the position of a solid of known orientation from points of its surface.
 
     Gauss-Newton on the robustly weighted distances from the surface, from half of the
     least extent behind the middle of the points.
 
     Args:
-        points: In the camera's frame, shape (n, 3) [m].
+        points: Points in the camera's frame, shape (n, 3) [m].
         solid: The solid.
         R_CO: Its orientation in the camera.
 
@@ -344,7 +344,7 @@ def fit_translation(
         normals = normals @ R.T
         spread = (weight * normals.T) @ normals / weight.sum()
         away = (weight * distance) @ normals / weight.sum()
-        # On the way, all points may be nearest to the same face.
+        # In between, all points may be nearest to the same face.
         step = np.linalg.solve(spread + _DAMPING * np.eye(3), away)
         p_CO = p_CO + step
         if np.linalg.norm(step) < _STILL:
@@ -366,16 +366,17 @@ class SurfaceTracker(Tracker):
         - sighting
 
     Inputs: `color_image` (ImageRgba8U) and `depth_image` (ImageDepth32F) of one camera.
-    Output: `sighting` (PoseSighting), computed when it is evaluated. The object's
-    orientation in the camera is taken to be that at the servo's goal; see
+    Output: `sighting` (PoseSighting), computed when it is evaluated. The tracker
+    assumes the object's orientation in the camera at the servo's goal; see
     `fit_translation`. There is no pose unless the object's colour lies wholly within
     the image. Unlike `BlobLocalizer`, it takes a few milliseconds, looks for no other
     poses, and does not judge its fit.
 
     Args:
         solid: The object's shape.
-        p_OS: Its centre in the object, to which it is parallel, shape (3,) [m].
-        color: Of the object.
+        p_OS: Centre of `solid` in the object's frame, to which it is parallel, shape
+            (3,) [m].
+        color: Colour of the object.
         R_CO: The object's orientation in the colour imager.
         camera: The camera's model.
         min_area: Smaller regions do not count [pixels].
@@ -437,7 +438,7 @@ class SilhouetteTracker(Tracker):
     silhouette lies wholly within the image.
 
     Args:
-        color: Of the object.
+        color: Colour of the object.
         camera: The camera's model.
         min_area: Smaller regions do not count [pixels].
 

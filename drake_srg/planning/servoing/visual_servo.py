@@ -38,8 +38,8 @@ from drake_srg.types import Vector
 
 _UP = np.array([0.0, 0.0, 1.0])
 _PASS = ServoCommand.PASS
-_ROUNDING = 1e-9  # of times of updates, which are multiples of the period [s]
-# The hand turns at 1 rad/s where it moves at 0.25 m/s [rad/m].
+_ROUNDING = 1e-9  # of the times of updates, which are multiples of the period [s]
+# The hand may turn at 1 rad/s if it may move at 0.25 m/s [rad/m].
 _TURNING = 4.0
 # Distance from the line of approach at which the hand is aligned [m]: more than the
 # default `tolerance`, so that the way to the goal is free before it is reached.
@@ -52,11 +52,11 @@ _LEAST_JACOBIAN = 0.05
 
 
 class VisualServo(LeafSystem):
-    """Drives a hand by what the camera in it shows; base class of the servos.
+    """Drives a hand by images of its own camera; base class of the servos.
 
-    It stands between whatever plans the arm's motion and the arm's driver, or the
-    safety monitor before that. Derive from it and override `goal_camera`, which says
-    where the camera must go, seen from where it is.
+    It stands between the planner of the arm's motion and the arm's driver (or the
+    safety monitor before it). Derive from it and override `goal_camera`, which returns
+    the camera's goal in its present frame.
 
     .. pydrake_system::
 
@@ -71,27 +71,28 @@ class VisualServo(LeafSystem):
         - status
 
     Inputs: `command` (ServoCommand); `position_planned` (N) [rad]; `arm_state` (2N),
-    [q; v] in rad and rad/s; `sighting`, what the camera shows, evaluated only while the
-    servo tracks, every `config.camera_period`. A sighting that is `taken` earlier is
-    used once, with the arm as it was then; the servo looks for the next one every
-    `config.period`. Outputs: `position_commanded` (N) [rad]; `status` (ServoStatus).
+    [q; v] in rad and rad/s; `sighting`, the content of the camera's image, evaluated
+    only while the servo tracks, every `config.camera_period`. A sighting that was
+    `taken` earlier is used once, with the arm's positions at that time; the servo looks
+    for the next one every `config.period`. Outputs: `position_commanded` (N) [rad];
+    `status` (ServoStatus).
 
-    With PASS, `position_planned` passes at once and unchanged, if the servo rests;
-    otherwise its commands first go there without a jump. With TRACK, every image
-    gives the hand's goal in world. An alpha-beta filter follows the goal and its
-    velocity, and every `config.period` the hand moves towards where it is by now. With
-    FOLLOW, no image counts, and the hand moves on with the goal's last velocity. With
-    RAISE, it does so upwards by `config.rise`, and then brakes and rests. With HOLD, it
-    brakes and rests at once.
+    With PASS, `position_planned` passes at once and unchanged if the servo rests.
+    Otherwise, its commands first move there without a jump. With TRACK, every image
+    gives the hand's goal in world. An alpha-beta filter estimates the goal and its
+    velocity, and every `config.period` the hand moves towards the goal's present
+    position. With FOLLOW, no image counts, and the hand continues with the goal's last
+    velocity. With RAISE, it also rises by `config.rise`, and then brakes and rests.
+    With HOLD, it brakes and rests at once.
 
     The hand is held while the object is not wholly in the image or the features do not
     determine the motion. After `config.patience` such images, or as many equal images
-    of a moving hand, or as long without a new image or without getting the arm to move,
-    the servo fails: it brakes, holds, and tells why, until the command is PASS.
+    of a moving hand, or as long without a new image or without motion of the arm, the
+    servo fails: it brakes, holds, and reports why, until the command is PASS.
 
     Args:
         arm: Kinematics of arm and hand.
-        X_GC: Where the camera is believed to be in the hand [m].
+        X_GC: Believed pose of the camera in the hand [m].
         axis_G: Direction of approach in the hand, a unit vector, shape (3,).
         sighting: Model value of the input `sighting`.
         config: Gains and limits.
@@ -138,13 +139,13 @@ class VisualServo(LeafSystem):
         self.DeclarePeriodicUnrestrictedUpdateEvent(config.period, 0.0, self._update)
 
     def goal_camera(self, sighting: Any) -> RigidTransform | ServoFault:
-        """Return the camera's goal, seen from where it is, X_CC_goal [m].
+        """Return the camera's goal in its present frame, X_CC_goal [m].
 
         Args:
-            sighting: What the camera shows.
+            sighting: Sighting in the camera's image.
 
         Returns:
-            The pose, or why the image does not determine it.
+            The pose, or the reason why the image does not determine it.
         """
         raise NotImplementedError
 
@@ -160,7 +161,7 @@ class VisualServo(LeafSystem):
         output.SetFromVector(q)
 
     def _passed(self, context: Context, memory: Memory) -> Vector:
-        """Return what a servo that passes commands, shape (N,) [rad]."""
+        """Return the commands of a servo that passes, shape (N,) [rad]."""
         planned: Vector = self._planned.Eval(context)
         over = memory.hand_over
         return planned if over is None else planned + over.offset
@@ -195,7 +196,7 @@ class VisualServo(LeafSystem):
         return EventStatus.Succeeded()
 
     def _looked(self, context: Context, memory: Memory, time: float) -> Memory:
-        """Return the memory after an image, or after the time of one."""
+        """Return the memory after an image, or after its due time without one."""
         config = self.config
         q = self._measured.Eval(context)[: self._arm.n]
         if config.looks and memory.status.images >= config.looks:
@@ -239,7 +240,7 @@ class VisualServo(LeafSystem):
         return memory.stepped(made, twist, config)
 
     def _wanted(self, memory: Memory, time: float) -> Vector:
-        """Return the twist that the hand should have now, shape (6,)."""
+        """Return the hand's desired twist, shape (6,)."""
         config, goal = self.config, memory.goal
         held = memory.status.state in (ServoState.HOLDING, ServoState.FAILED)
         if goal is None or held or memory.status.fault is not None:
@@ -268,7 +269,7 @@ class VisualServo(LeafSystem):
 
 
 class PositionBasedServo(VisualServo):
-    """Drives the hand until the camera sees an object in the pose that it must have.
+    """Drives the hand until the camera sees an object in a given pose.
 
     .. pydrake_system::
 
@@ -283,12 +284,12 @@ class PositionBasedServo(VisualServo):
         - status
 
     The ports are those of `VisualServo`; `sighting` is a PoseSighting. The error is the
-    object's pose in the camera against `X_CO_goal`. Without `config.turns`, only the
-    translation counts.
+    object's pose in the camera relative to `X_CO_goal`. Without `config.turns`, only
+    the translation counts.
 
     Args:
         arm: Kinematics of arm and hand.
-        X_GC: Where the camera is believed to be in the hand [m].
+        X_GC: Believed pose of the camera in the hand [m].
         axis_G: Direction of approach in the hand, a unit vector, shape (3,).
         X_CO_goal: Pose of the object in the camera with the hand at its goal [m].
         config: Gains and limits.
@@ -318,7 +319,7 @@ class PositionBasedServo(VisualServo):
 
 
 class ImageBasedServo(VisualServo):
-    """Drives the hand until image points are where they must be.
+    """Drives the hand until image points are at their goals.
 
     .. pydrake_system::
 
@@ -334,12 +335,12 @@ class ImageBasedServo(VisualServo):
 
     The ports are those of `VisualServo`; `sighting` is a FeatureSighting with as many
     points as `goal`. The error of the points in the image goes through the damped
-    inverse of their interaction matrix (see `image_displacement`). Where that is nearly
-    singular, the hand is held.
+    inverse of their interaction matrix (see `image_displacement`). If the matrix is
+    nearly singular, the hand is held.
 
     Args:
         arm: Kinematics of arm and hand.
-        X_GC: Where the camera is believed to be in the hand [m]; only its orientation
+        X_GC: Believed pose of the camera in the hand [m]; only its orientation
             matters without `config.turns`.
         axis_G: Direction of approach in the hand, a unit vector, shape (3,).
         goal: The points with the hand at its goal.

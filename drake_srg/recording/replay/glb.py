@@ -1,4 +1,4 @@
-"""Animated glTF 2.0 in one binary file, the same bytes for the same scene."""
+"""Animated glTF 2.0 in one binary file, with equal bytes for equal scenes."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ Json = dict[str, Any]
 
 _JSON, _BINARY = 0x4E4F534A, 0x004E4942  # kinds of chunks
 _KINDS = {"f": 5126, "H": 5123, "I": 5125}  # glTF's numbers of component types
-# Smaller motion is not animated: a float32 cannot hold it 1 m from the origin.
+# Smaller motion is not animated: 1 m from the origin, a float32 cannot resolve it.
 _STILL = 1e-7
 # Ours; glTF leaves `extras` to applications.
 EXTRAS = "drake_srg"
@@ -30,7 +30,7 @@ class Part:
 
     Attributes:
         surface: Its triangles.
-        color: Red, green, blue, opacity, 0 .. 1, as cameras see it (sRGB).
+        color: Red, green, blue, opacity, 0 .. 1 (sRGB).
         targets: Displacements of the points, one array (n, 3) per morph target [m].
     """
 
@@ -59,7 +59,7 @@ class Node:
 
     Attributes:
         name: Its unique name.
-        parts: What it looks like.
+        parts: Its visible parts.
         tracks: Its motion, by property: translation, rotation, scale, weights.
         camera: A perspective camera in glTF's form; it looks along the node's -z.
         extras: Anything else in JSON.
@@ -75,7 +75,7 @@ class Node:
 def write_glb(
     nodes: Sequence[Node], extras: Mapping[str, Any], images: Sequence[bytes] = ()
 ) -> bytes:
-    """Return a GLB file; its `Y` is up, as glTF demands, and the nodes' world z.
+    """Return a GLB file; its y is up, as glTF demands, and is the nodes' world z.
 
     Args:
         nodes: The scene.
@@ -234,7 +234,7 @@ class _Writer:
 
 
 def _units(normals: Vector) -> Vector:
-    """Return unit vectors of few significant bits, which compress well."""
+    """Return unit vectors with few significant bits, which compress well."""
     bits = normals.astype(np.float32).view(np.uint32)
     return ((bits + 0x400) & np.uint32(0xFFFFF800)).view(np.float32)
 
@@ -265,7 +265,7 @@ def read_glb(data: bytes) -> tuple[Json, bytes]:
     """Return the JSON document and the binary chunk of a GLB file.
 
     Raises:
-        ValueError: If it is not one, or cut off.
+        ValueError: If it is not a GLB file, or is cut off.
     """
     try:
         magic, version, size = struct.unpack_from("<4sII", data)

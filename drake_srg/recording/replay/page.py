@@ -38,7 +38,7 @@ class RecordedRun:
         binary: Its binary chunk.
         labels: The run's title, and names for its log.
         timeline: Modes and plots of its log.
-        sights: What the planner looked at: `time` [s], `camera`, `image`, an index of
+        sights: The planner's looks: `time` [s], `camera`, `image`, an index of
             `images`, and `blobs` if there is a localizer.
         images: JPEG files.
         video: Path of video.mp4; None if there is no video.
@@ -70,7 +70,7 @@ def read_run(folder: Path) -> RecordedRun:
         images = _images(document, binary)
         sights = list(extras["sights"])
         for sight in sights:
-            images[sight["image"]]  # is there
+            images[sight["image"]]  # raises if it is missing
         video_start = float(extras["video_start"])
     except (ValueError, KeyError, TypeError, IndexError) as error:
         raise ScenarioError(
@@ -124,8 +124,8 @@ _ON_DARK = {"#333333": "#f0f3f6", "#0072b2": "#8c8cff", "#d55e00": "#ff6b2b"}
 def write_page(folder: Path) -> Path:
     """Write replay.html into a folder with the recording of a run.
 
-    It needs replay.glb and log.npz, and shows video.mp4 and the result in metrics.json
-    where they exist.
+    It needs replay.glb and log.npz, and also shows video.mp4 and the result in
+    metrics.json if they exist.
 
     Returns:
         The path of the page.
@@ -185,7 +185,7 @@ def _result(path: Path) -> tuple[bool, str] | None:
         metrics = json.loads(path.read_text(encoding="utf-8"))
         success, word = bool(metrics["success"]), verdict(metrics)
         drawn = dict(metrics.get("kinds", {})).items()
-        # Names are those of the scene's nodes; the seed has drawn the kinds.
+        # Names are those of the scene's nodes; the seed drew the kinds.
         named = ", ".join(f"{name} is {kind}" for name, kind in drawn)
         return success, f"{word}; {named}" if named else word
     except (OSError, ValueError, KeyError, TypeError):
@@ -197,7 +197,7 @@ def _data_url(kind: str, data: bytes) -> str:
 
 
 def _data(timeline: Timeline, sights: list[Json], video_start: float) -> Json:
-    """Return what the page's scripts show, besides the scene and the video."""
+    """Return the data of the page's scripts, except the scene and the video."""
     time, mode = timeline.time, timeline.mode
     changes = mode_changes(mode)
     bands = mode_bands(mode)
@@ -210,7 +210,7 @@ def _data(timeline: Timeline, sights: list[Json], video_start: float) -> Json:
             {"time": _short(time[i], 6), "mode": mode[i].replace("_", " ")}
             for i in changes
         ],
-        # Empty unless there are too many modes to show them all at once.
+        # Empty unless there are too many modes to show at once.
         "cycles": [
             {"time": _short(time[i], 6), "label": label or "start"}
             for i, label in bands
@@ -260,7 +260,7 @@ def _page(
         duration=data["duration"],
         period=data["period"],
         pictures=_pictures(data, video),
-        # A script element ends at the first "</script", wherever it is.
+        # A script element ends at the first "</script", even inside a string.
         data=json.dumps(data, separators=(",", ":")).replace("<", "\\u003c"),
         glb=packed,
         script=script,

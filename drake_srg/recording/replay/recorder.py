@@ -1,4 +1,4 @@
-"""The recorder of a run's replay, and of what the localizer sees."""
+"""The recorder of a run's replay, and of the localizer's images."""
 
 from __future__ import annotations
 
@@ -19,14 +19,14 @@ from drake_srg.recording.replay.glb import Json, write_glb
 from drake_srg.recording.replay.scene import SceneRecorder
 from drake_srg.recording.timeline import Labels
 
-_WIDTH = 640  # pixels; larger images are made smaller
+_WIDTH = 640  # pixels; larger images are scaled down
 
 
 class SightRecorder:
-    """Keeps the localizer's images and blobs of each look of the planner.
+    """Keeps the localizer's images and blobs at each look of the planner.
 
     Args:
-        cell: A cell with the ports of `MakeCell`'s. Without the port `planner.status`,
+        cell: A cell with the ports of `MakeCell`. Without the port `planner.status`,
             nothing is kept.
         cameras: Names of the localizer's cameras.
 
@@ -100,11 +100,11 @@ def _jpeg(rgba: Any) -> bytes:
 
 
 class ReplayRecorder:
-    """Samples scene, contact forces and what the localizer sees, for replay.glb.
+    """Samples scene, contact forces and the localizer's images for replay.glb.
 
     Args:
         root: The root diagram, with a SceneGraph in it.
-        cell: The cell in it, with the ports of `MakeCell`'s; those that exist count.
+        cell: The cell in it, with some of the ports of `MakeCell`.
         objects: Names of the objects, at which contact forces point.
         cameras: Names of the localizer's cameras.
 
@@ -169,7 +169,7 @@ class ReplayRecorder:
 
 
 def _systems(diagram: Diagram) -> Iterator[System]:
-    """Yield the systems of a diagram at any depth; a sensor's own are not looked at."""
+    """Yield the systems of a diagram at any depth, except those within sensors."""
     for system in diagram.GetSystems():
         yield system
         if isinstance(system, Diagram) and not isinstance(system, RgbdSensor):

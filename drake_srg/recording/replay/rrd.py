@@ -29,7 +29,7 @@ _POSE = {"translation": "translation", "rotation": "quaternion", "scale": "scale
 def write_rrd(folder: Path) -> Path:
     """Write replay.rrd into a folder with the recording of a run.
 
-    It has the scene, plots, modes, the localizer's images and, where it exists, the
+    It has the scene, plots, modes, the localizer's images and, if there is one, the
     video, on one timeline of simulated time, and a layout of views.
 
     Returns:
@@ -47,7 +47,7 @@ def write_rrd(folder: Path) -> Path:
     except ValueError as error:
         raise ScenarioError(f"{folder / 'replay.glb'}: {error}") from error
     output = OutputFile(folder / "replay.rrd")
-    # The same recording has the same id, so that a viewer shows it once.
+    # The id depends on the recording, so a viewer shows it once.
     identity = hashlib.sha256(run.glb).hexdigest()[:16]
     stream = rr.RecordingStream("drake_srg", recording_id=identity)
     stream.send_recording_name(run.labels.title)
@@ -55,7 +55,7 @@ def write_rrd(folder: Path) -> Path:
     stream.set_log_tick_enabled(False)
     stream.save(output.path, default_blueprint=_layout(run))
     _Writer(rr, stream).write(run, nodes)
-    stream.disconnect()  # writes what is left
+    stream.disconnect()  # writes the rest
     return output.commit()
 
 

@@ -35,7 +35,7 @@ from drake_srg.types import Vector
 # Length of a force's arrow [m/N].
 METERS_PER_NEWTON = 0.006
 _FORCE_COLOR = (0.05, 0.3, 0.95, 1.0)
-# Shapes of soft bodies are reproduced to this distance [m].
+# Precision of the shapes of soft bodies [m].
 _PRECISION = 2e-6
 # glTF's cameras look along -z with y up, Drake's along z with y down.
 _X_CG = RigidTransform(RollPitchYaw(np.pi, 0, 0), [0, 0, 0])
@@ -92,7 +92,7 @@ def force_node(
     force = np.linalg.norm(rows[:, 3:], axis=1)
     scale = np.zeros((len(time), 3))
     scale[index] = np.stack([force > 0, force > 0, METERS_PER_NEWTON * force], axis=1)
-    # Before, between and after contacts, the arrow waits where it was last.
+    # Before, between and after contacts, the arrow stays at its last place.
     latest = np.searchsorted(index, np.arange(len(time)), side="right") - 1
     held = rows[np.clip(latest, 0, None)]
     turns = np.array([_turn(direction) for direction in held[:, 3:]])
@@ -101,7 +101,7 @@ def force_node(
         "rotation": Track(time, turns),
         "scale": Track(time, scale),
     }
-    # Only where something changes: contacts come and go.
+    # Keep only samples at which something changes: contacts come and go.
     rows_all = np.hstack([track.values for track in tracks.values()])
     changed = np.any(np.diff(rows_all, axis=0) != 0, axis=1)
     kept = np.append(True, changed) | np.append(changed, True)
@@ -124,7 +124,7 @@ def _turn(direction: Vector) -> Vector:
 def soft_node(
     name: str, mesh: VolumeMesh, color: Rgba, time: Vector, p_WV: Vector
 ) -> Node:
-    """Return a soft body's node: its nearest rigid pose, and shapes to morph into.
+    """Return a soft body's node: its nearest rigid pose, and morph targets.
 
     Args:
         name: The node's.
@@ -219,7 +219,7 @@ class SceneRecorder:
     def sample(
         self, time: float, query: QueryObject, contacts: ContactResults | None = None
     ) -> None:
-        """Add a sample. An exception on the way adds nothing.
+        """Add a sample; an exception adds nothing.
 
         Args:
             time: Simulated time [s].
@@ -241,8 +241,8 @@ class SceneRecorder:
     def nodes(self) -> list[Node]:
         """Return the scene with its motion so far; needs a sample.
 
-        A body's node has its scoped name, as `gripper::palm`, a force's the names of
-        both bodies, and a camera's its own.
+        The node of a body has its scoped name, such as `gripper::palm`, that of a force
+        the names of both bodies, and that of a camera the camera's name.
         """
         inspector = self._graph.model_inspector()
         time = np.array(self._time)
@@ -320,7 +320,7 @@ def _color(inspector: SceneGraphInspector, geometry: GeometryId) -> Rgba | None:
 
 
 def frame_parts(inspector: SceneGraphInspector, frame: FrameId) -> list[Part]:
-    """Return what a frame carries, one part per colour."""
+    """Return the visible geometry of a frame, one part per colour."""
     surfaces: dict[tuple[float, float, float, float], list[Triangles]] = {}
     for geometry in sorted(inspector.GetGeometries(frame), key=_number):
         if inspector.IsDeformableGeometry(geometry):

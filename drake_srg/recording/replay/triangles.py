@@ -29,7 +29,7 @@ from drake_srg.types import Vector
 Indices = npt.NDArray[np.int64]
 
 _SEGMENTS = 48  # of a circle
-_HALF_SPACE = 5.0  # half of the side of the square that stands for a half space [m]
+_HALF_SPACE = 5.0  # half of the side of the square that represents a half space [m]
 
 
 @dc.dataclass(frozen=True)
@@ -64,7 +64,7 @@ class Triangles:
 def shape_triangles(shape: Shape) -> Triangles | None:
     """Return the surface of a shape in its own frame; None if it has none.
 
-    A mesh of another format than Wavefront, and a Convex, is drawn as its convex hull.
+    A Convex, and a mesh in another format than Wavefront, is drawn as its convex hull.
     """
     match shape:
         case Mesh() if shape.source().is_path() and shape.extension() == ".obj":
@@ -133,7 +133,7 @@ def read_obj(path: Path) -> Triangles:
     return _parse_obj(path, path.read_text(encoding="utf-8", errors="replace"))
 
 
-# A recorded run shows every mesh in its bag and in its replay, a sweep in every run.
+# A recorded run reads every mesh for its bag and for its replay, a sweep for every run.
 @functools.lru_cache(maxsize=256)
 def _parse_obj(path: Path, text: str) -> Triangles:
     points: list[list[float]] = []
