@@ -55,7 +55,8 @@ def reading_times(tick: int, period: float) -> Vector:
     start, end = (
         math.ceil((tick + more) * PERIOD / period - _ROUNDING) for more in (0, 1)
     )
-    return period * np.arange(start, end)
+    times: Vector = period * np.arange(start, end)
+    return times
 
 
 class Episode:
