@@ -55,7 +55,7 @@ def reading_times(tick: int, period: float) -> Vector:
     start, end = (
         math.ceil((tick + more) * PERIOD / period - _ROUNDING) for more in (0, 1)
     )
-    times: Vector = period * np.arange(start, end)
+    times: Vector = period * np.arange(start, end, dtype=float)
     return times
 
 
