@@ -17,7 +17,7 @@ ROOT = Path(__file__).parents[1]
 FILES = [ROOT / "README.md", ROOT / "CONTRIBUTING.md", *ROOT.glob("docs/**/*.md")]
 PAGES = {str(p.relative_to(ROOT)): p.read_text("utf-8") for p in sorted(FILES)}
 WORDS, LINES = 25, 150
-ALL_LINES = 5100  # of docs, without what `make docs` generates
+ALL_LINES = 5150  # of docs, without what `make docs` generates
 # Openings and words of ours that a reader stumbles over.
 BANNED = re.compile(
     r"^(What|Of|That which)\b(?!.*\?)|\bshall\b|\bis none\b|\bhas not\b|\bof which\b"
