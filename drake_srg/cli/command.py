@@ -145,6 +145,7 @@ COMMAND_PAGES = {
     "evaluate": "docs/training.md",
     "experiment": "docs/experiments.md",
     "export": "docs/export.md",
+    "grasps": "docs/grasp_labels.md",
     "identify": "docs/gripper.md",
     "import": "docs/importing.md",
     "import-arm": "docs/your_arm.md",

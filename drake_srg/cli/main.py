@@ -10,7 +10,17 @@ from pathlib import Path
 from typing import Any, NoReturn
 
 import drake_srg
-from drake_srg.cli import arms, commands, doctor, learn, objects, project, robot, sweep
+from drake_srg.cli import (
+    arms,
+    commands,
+    doctor,
+    grasps,
+    learn,
+    objects,
+    project,
+    robot,
+    sweep,
+)
 from drake_srg.cli import experiment as experiments
 from drake_srg.cli.command import (
     BAD_INPUT,
@@ -218,7 +228,7 @@ COMMANDS: dict[str, tuple[Command, ...]] = {
     "run": (commands.demo, commands.run, commands.bench),
     "see": (commands.list_all, commands.replay, commands.diagram),
     "vary": (sweep.sweep, sweep.report, sweep.dataset, experiments.experiment),
-    "learn": (learn.train, learn.evaluate),
+    "learn": (learn.train, learn.evaluate, grasps.grasps),
     "robots": (robot.serve, robot.twin, robot.identify, robot.calibrate),
     "make": (
         project.new,

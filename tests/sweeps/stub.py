@@ -126,3 +126,12 @@ def run(out, engine=None, told=None, **changes):
         tell=(told if told is not None else []).append,
         **{**arguments, **changes},
     )
+
+
+class InlineEngine(StubEngine):
+    """Runs any functions at once in this process."""
+
+    def submit(self, function, *arguments):
+        future = Future()
+        future.set_result(function(*arguments))
+        return future

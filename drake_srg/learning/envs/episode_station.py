@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from typing import Any
 
 import numpy as np
@@ -63,6 +63,7 @@ class EpisodeStation:
         ]
         self._new = self.plant.CreateDefaultContext()
         self._arm = self.plant.GetModelInstanceByName("arm")
+        self._gripper = self.plant.GetModelInstanceByName("gripper")
         self._pick = scenario.task.pick
         self._model = self.plant.GetModelInstanceByName(self._pick)
         self._body = object_body(self.plant, self._model)
@@ -92,17 +93,40 @@ class EpisodeStation:
             scene: The object and its place.
             q: Positions of the arm's joints, shape (N,), where the arm stays for now.
         """
+        self._forget()
+        # The second one serves the cameras.
+        for scene_graph in self._scene_graphs[: 2 if self.scenario.cameras else 1]:
+            SetObject(self.plant, scene_graph, self.context, self._body, scene.object)
+        height = self.scenario.table.height
+        self._begin(X_FO_start(scene.object, scene.shape, height), q)
+
+    def reset_to(
+        self, X_WO: RigidTransform, q: Vector, fingers: Mapping[str, float]
+    ) -> None:
+        """Begin an episode with the scenario's own object anywhere.
+
+        Args:
+            X_WO: Its pose in world [m].
+            q: Positions of the arm's joints, shape (N,), where the arm stays for now.
+            fingers: Angles of the gripper's joints by name [rad].
+        """
+        self._forget()
+        for name, angle in fingers.items():
+            joint = self.plant.GetJointByName(name, self._gripper)
+            joint.set_angle(self.plant_context, angle)
+        self._begin(X_WO, q)
+
+    def _forget(self) -> None:
+        """Set all but the scene graphs to the defaults."""
         for system, context in self._reset:
             system.SetDefaultContext(context)
         # A discrete plant would keep the contacts of its last step.
         self.plant_context.SetStateAndParametersFrom(self._new)
         self.context.SetTime(0.0)
         self._ticks = 0
-        # The second one serves the cameras.
-        for scene_graph in self._scene_graphs[: 2 if self.scenario.cameras else 1]:
-            SetObject(self.plant, scene_graph, self.context, self._body, scene.object)
-        height = self.scenario.table.height
-        X_WO = X_FO_start(scene.object, scene.shape, height)
+
+    def _begin(self, X_WO: RigidTransform, q: Vector) -> None:
+        """Place the object, hold the arm, and initialize the simulator."""
         self.plant.SetFreeBodyPose(self.plant_context, self._object, X_WO)
         self.plant.SetPositions(self.plant_context, self._arm, q)
         SetInterpolatedPosition(self._interpolator, self.context, q)

@@ -204,7 +204,7 @@ class HandTask:
         check_single_arm(scenario, "an environment")
         assert scenario.arm is not None
         with scenario_errors(origin):
-            self.station = EpisodeStation(_for_episodes(scenario, cameras))
+            self.station = EpisodeStation(episode_scenario(scenario, cameras))
             self._home = np.array(scenario.arm.home)
             self.mover = MakeMover(MakeModelsPlant(scenario), self._home)
             self._sight = Sight(scenario) if sees else None
@@ -344,8 +344,16 @@ class HandTask:
         return np.array(image.data[:, :, :3])
 
 
-def _for_episodes(scenario: Scenario, cameras: Sequence[str]) -> Scenario:
-    """Return a scenario without parts that episodes do not need."""
+def episode_scenario(scenario: Scenario, cameras: Sequence[str]) -> Scenario:
+    """Return a scenario without parts that episodes do not need.
+
+    Args:
+        scenario: With its arm, gripper and object.
+        cameras: Names of the cameras to keep.
+
+    Raises:
+        ScenarioError: If one of them is missing.
+    """
     for name in cameras:
         if name not in scenario.cameras:
             raise ScenarioError(f"cameras: {name!r} is missing, to render images")

@@ -1,0 +1,329 @@
+"""Labelled grasps of one object: sampled, tested on the bench, written to a file.
+
+The YAML is an Isaac grasp file, which GraspGen writes
+(`save_to_isaac_grasp_format` of its grasp_gen/dataset/eval_utils.py) and GraspDataGen
+makes for its training; NVIDIA's specification:
+https://nvidia-isaac-ros.github.io/concepts/manipulation/isaac_grasp.html. A grasp has
+there `confidence`, `position` and `orientation` of the gripper's frame in the object's,
+`cspace_position` and `pregrasp_cspace_position`. We add our labels to these. The
+gripper's frame is our palm: its x approaches and its y closes. In GraspGen's own frame,
+z approaches and x closes: that is the palm turned by the quaternion
+(w, x, y, z) = (0.5, 0.5, 0.5, 0.5).
+"""
+
+from __future__ import annotations
+
+import collections
+import dataclasses as dc
+import functools
+import io
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from concurrent.futures import Future
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import yaml
+from pydrake.geometry import (
+    ClippingRange,
+    ColorRenderCamera,
+    LightParameter,
+    MakeRenderEngineVtk,
+    RenderCameraCore,
+    RenderEngineVtkParams,
+)
+from pydrake.math import RigidTransform
+from pydrake.multibody.parsing import Parser
+from pydrake.multibody.plant import AddMultibodyPlantSceneGraph
+from pydrake.systems.framework import DiagramBuilder
+from pydrake.systems.sensors import CameraInfo
+
+from drake_srg.common.exceptions import ScenarioError
+from drake_srg.common.geometry import look_at
+from drake_srg.learning.grasp_bench import HANDS, GraspBench, GraspLabel
+from drake_srg.objects.config import ObjectConfig
+from drake_srg.objects.household import Image, contact_sheet
+from drake_srg.objects.models import AddObject, object_body
+from drake_srg.objects.solids import object_pieces
+from drake_srg.parsing import configure_parser, resolve_url
+from drake_srg.planning.grasps.sampled_grasps import sample_grasps
+from drake_srg.sweeps.engines import Engine
+from drake_srg.sweeps.files import write_file
+from drake_srg.sweeps.rows import require_sweep
+
+# The hand lies along x, its fingers end here [m]; the camera looks from above.
+_FINGERS_END, _PIXELS, _FIELD_OF_VIEW = 0.2, 200, 0.5
+_EYE = np.array([0.35, -0.5, 0.8])
+_LIGHTS = ([-0.4, 0.8, -1.0], [0.2, 0.3, -0.8])
+
+SUFFIXES = (".yaml", ".yml", ".parquet")
+# Directions without any grasp after which an object counts as too large, or too small.
+_HOPELESS = 40
+
+
+@dc.dataclass(frozen=True)
+class LabelJob:
+    """What is labelled, and how.
+
+    Attributes:
+        name: Of the object, for files and messages.
+        model: Path or URL of its model.
+        scale: Metres per unit of a mesh.
+        hand: One of `HANDS`.
+        physics: `train`, `fast` or `accurate`.
+        seed: Of the samples.
+    """
+
+    name: str
+    model: str
+    scale: float = 1.0
+    hand: str = "srg"
+    physics: str = "train"
+    seed: int = 0
+
+    @property
+    def object(self) -> ObjectConfig:
+        """The object."""
+        return ObjectConfig(model=self.model, scale=self.scale)
+
+
+def label_direction(job: LabelJob, direction: int) -> list[GraspLabel]:
+    """Return the labels of all grasps that are sampled from one direction.
+
+    Samples whose open hand touches the object are left out.
+    """
+    solid, p_OC = object_pieces(job.name, job.object)
+    fingers = HANDS[job.hand].fingers
+    grasps = sample_grasps(fingers, solid.shifted(p_OC), job.seed, direction)
+    labels = map(_bench(job, job.physics).label, grasps)
+    return [label for label in labels if label is not None]
+
+
+def check_label(job: LabelJob, label: GraspLabel) -> GraspLabel | None:
+    """Return the label of the same grasp by the accurate physics."""
+    return _bench(job, "accurate").label(label.grasp)
+
+
+@functools.lru_cache(maxsize=2)
+def _bench(job: LabelJob, physics: str) -> GraspBench:
+    return GraspBench(job.model, job.scale, job.hand, physics)
+
+
+def label_grasps(
+    job: LabelJob, n: int, engine: Engine, tell: Callable[[int], None]
+) -> list[GraspLabel]:
+    """Return n labelled grasps; the same for any number of processes.
+
+    Args:
+        job: What is labelled.
+        n: Number of grasps, at least 1.
+        engine: Runs them; entered.
+        tell: Is called with the number of labels so far.
+
+    Raises:
+        ScenarioError: If the hand does not find a grasp from any of 40 directions.
+    """
+    found: list[GraspLabel] = []
+    tasks = _in_order(engine, lambda k: engine.submit(label_direction, job, k))
+    for direction, labels in enumerate(tasks):
+        found += labels
+        tell(min(len(found), n))
+        if len(found) >= n:
+            break
+        if not found and direction + 1 >= _HOPELESS:
+            raise ScenarioError(_hopeless(job))
+    return found[:n]
+
+
+def check_labels(
+    job: LabelJob,
+    labels: Sequence[GraspLabel],
+    count: int,
+    engine: Engine,
+    tell: Callable[[int], None],
+) -> list[tuple[GraspLabel, GraspLabel]]:
+    """Return some labels, evenly spread, each with that of the accurate physics."""
+    every = np.linspace(0, len(labels) - 1, min(count, len(labels))).astype(int)
+    chosen = [labels[i] for i in dict.fromkeys(every.tolist())]
+
+    def submit(k: int) -> Future[GraspLabel | None] | None:
+        return engine.submit(check_label, job, chosen[k]) if k < len(chosen) else None
+
+    pairs = []
+    for label, checked in zip(chosen, _in_order(engine, submit), strict=True):
+        if checked is not None:
+            pairs.append((label, checked))
+        tell(len(pairs))
+    return pairs
+
+
+def _in_order(
+    engine: Engine, submit: Callable[[int], Future[Any] | None]
+) -> Iterator[Any]:
+    """Yield the results of tasks 0, 1, ... in this order, until there is none."""
+    pending: collections.deque[Future[Any]] = collections.deque()
+    number, more = 0, True
+    while more or pending:
+        while more and len(pending) <= engine.slots():
+            task = submit(number)
+            more, number = task is not None, number + 1
+            if task is not None:
+                pending.append(task)
+        if pending:
+            yield pending.popleft().result()
+
+
+def _hopeless(job: LabelJob) -> str:
+    solid, _ = object_pieces(job.name, job.object)
+    size = " x ".join(f"{1e3 * side:.0f}" for side in solid.bounding_size)
+    most = 1e3 * HANDS[job.hand].fingers.max_width
+    return (
+        f"{job.name}: no grasp from any of {_HOPELESS} directions: the hand "
+        f"{job.hand} takes what is at most {most:.0f} mm wide, the object measures "
+        f"{size} mm"
+    )
+
+
+def write_labels(path: Path, job: LabelJob, labels: Sequence[GraspLabel]) -> None:
+    """Write labels as YAML or Parquet, by the file's suffix; complete or not at all.
+
+    Raises:
+        OSError: If the file cannot be written.
+        ImportError: If PyArrow is missing for Parquet.
+    """
+    content = _parquet if path.suffix == ".parquet" else _yaml
+    write_file(path, content(job, labels))
+
+
+def _row(label: GraspLabel) -> dict[str, Any]:
+    """Return a label as plain data, rounded to micrometres."""
+    X_OG = label.grasp.X_OG
+    return {
+        "position": np.round(X_OG.translation(), 6).tolist(),
+        "orientation": np.round(X_OG.rotation().ToQuaternion().wxyz(), 6).tolist(),
+        "success": label.success,
+        "strength": round(label.strength, 4),
+        "margin": round(label.margin, 4),
+        "epsilon": round(label.epsilon, 5),
+        "force_closure": label.force_closure,
+        "closure": round(label.closure, 4),
+        "opening": round(2.0 * label.grasp.half_gap, 5),
+        "width": round(label.grasp.width, 5),
+        "score": round(label.grasp.score, 3),
+        "shifted": label.grasp.shifted,
+        "failure": label.failure,
+    }
+
+
+def _about(job: LabelJob) -> dict[str, Any]:
+    import importlib.metadata
+
+    return {
+        "created_with": f"drake_srg {importlib.metadata.version('drake_srg')}",
+        "object_file": job.model,
+        "object_scale": job.scale,
+        "object_frame_link": job.name,
+        "gripper_file": f"package://drake_srg/sdf/{HANDS[job.hand].fine}.sdf",
+        "gripper_frame_link": "palm",
+        "physics": job.physics,
+        "seed": job.seed,
+    }
+
+
+def _yaml(job: LabelJob, labels: Sequence[GraspLabel]) -> bytes:
+    grasps = {}
+    for i, label in enumerate(labels):
+        row = _row(label)
+        w, *xyz = row.pop("orientation")
+        grasps[f"grasp_{i}"] = {
+            "confidence": 1.0 if row["success"] else 0.0,
+            "position": row.pop("position"),
+            "orientation": {"w": w, "xyz": xyz},
+            "cspace_position": _rounded(label.closed),
+            "pregrasp_cspace_position": _rounded(label.opened),
+            **row,
+        }
+    tree = {"format": "isaac_grasp", "format_version": 1.0, **_about(job)}
+    dumper = getattr(yaml, "CSafeDumper", yaml.SafeDumper)  # 7 times as fast
+    text = yaml.dump(
+        {**tree, "grasps": grasps}, Dumper=dumper, sort_keys=False, width=1000
+    )
+    return str(text).encode()
+
+
+def _rounded(angles: Mapping[str, float]) -> dict[str, float]:
+    return {name: round(angle, 5) for name, angle in angles.items()}
+
+
+def _parquet(job: LabelJob, labels: Sequence[GraspLabel]) -> bytes:
+    pa, parquet = require_sweep("pyarrow"), require_sweep("pyarrow.parquet")
+    rows = []
+    for label in labels:
+        joints = {
+            f"{when}_{name}": angle
+            for when, angles in (("opened", label.opened), ("closed", label.closed))
+            for name, angle in _rounded(angles).items()
+        }
+        rows.append(_row(label) | joints)
+    table = pa.Table.from_pylist(rows)
+    table = table.replace_schema_metadata({k: str(v) for k, v in _about(job).items()})
+    buffer = io.BytesIO()
+    parquet.write_table(table, buffer)
+    return buffer.getvalue()
+
+
+def best(labels: Sequence[GraspLabel], count: int = 10) -> list[GraspLabel]:
+    """Return the strongest grasps; of equally strong ones those with most epsilon."""
+    return sorted(labels, key=lambda x: (x.strength, x.epsilon), reverse=True)[:count]
+
+
+def draw_labels(job: LabelJob, labels: Sequence[GraspLabel]) -> Image:
+    """Return a sheet with pictures of grasps, RGB, (height, width, 3).
+
+    Raises:
+        ScenarioError: If a model cannot be read.
+    """
+    builder = DiagramBuilder()
+    plant, scene_graph = AddMultibodyPlantSceneGraph(builder, time_step=0.0)
+    lights = [
+        LightParameter(type="directional", frame="world", direction=d) for d in _LIGHTS
+    ]
+    params = RenderEngineVtkParams(default_clear_color=[1.0, 1.0, 1.0], lights=lights)
+    scene_graph.AddRenderer("sheet", MakeRenderEngineVtk(params))
+    parser = Parser(plant)
+    configure_parser(parser)
+    file = resolve_url(f"package://drake_srg/sdf/{HANDS[job.hand].fine}.sdf")
+    (hand,) = parser.AddModels(str(file))
+    plant.WeldFrames(plant.world_frame(), plant.GetFrameByName("palm", hand))
+    body = plant.get_body(object_body(plant, AddObject(plant, job.name, job.object)))
+    plant.Finalize()
+    diagram = builder.Build()
+    context = diagram.CreateDefaultContext()
+    plant_context = plant.GetMyMutableContextFromRoot(context)
+    solid, _ = object_pieces(job.name, job.object)
+    middle = np.array([0.5 * _FINGERS_END, 0.0, 0.0])
+    most = max(0.5 * _FINGERS_END, 0.5 * float(np.linalg.norm(solid.bounding_size)))
+    far = most / np.sin(0.5 * _FIELD_OF_VIEW) + most
+    eye = middle + far * _EYE / np.linalg.norm(_EYE)
+    camera = ColorRenderCamera(
+        RenderCameraCore(
+            "sheet",
+            CameraInfo(_PIXELS, _PIXELS, _FIELD_OF_VIEW),
+            ClippingRange(0.05 * far, 10.0 * far),
+            RigidTransform(),
+        )
+    )
+    pictures = {}
+    for i, label in enumerate(labels):
+        for name, angle in label.closed.items():
+            plant.GetJointByName(name, hand).set_angle(plant_context, angle)
+        plant.SetFreeBodyPose(plant_context, body, label.grasp.X_OG.inverse())
+        query = scene_graph.get_query_output_port().Eval(
+            scene_graph.GetMyContextFromRoot(context)
+        )
+        image = query.RenderColorImage(
+            camera, scene_graph.world_frame_id(), look_at(eye, middle)
+        )
+        text = f"{i + 1}: {label.strength:.1f} g, epsilon {label.epsilon:.2f}"
+        pictures[text] = np.array(image.data[:, :, :3])
+    return contact_sheet(pictures)
