@@ -97,8 +97,8 @@ def end_walls(solid: Solid) -> tuple[EndWall, EndWall] | None:
 class PairGrasp(SrgGrasp):
     """A grasp of an object by two hands, each at its own place.
 
-    Angles, closures and sensors are those of either hand; `p_GO` and `axis_G` are of the
-    first one.
+    Angles, closures and sensors are those of either hand; `p_GO` and `axis_G` are those
+    of the first one.
     """
 
     X_GOs: tuple[RigidTransform, RigidTransform]  # the object in each hand [m]
@@ -505,7 +505,7 @@ class CarryTaskPlanner(TaskPlanner):
             NoPathError: If an arm does not reach a pose, or something is in the way.
         """
         way = object_path(X_WO, X_WO_end)
-        path = self.pair.follow(q, [grasp.X_WGs(X_WO) for X_WO in way])
+        path = self.pair.follow(q, [grasp.X_WGs(X_WO) for X_WO in way], what)
         limits = [moves.holding for moves in self._both_moves]
         motion = minimum_jerk_motion(path, limits)
         return self.pair.checked(motion, what), path[-1]

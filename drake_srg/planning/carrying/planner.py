@@ -26,12 +26,13 @@ from drake_srg.planning.pick_and_place.modes import (
     Carrying,
     Entry,
     Now,
+    Place,
     TaskMode,
     task_modes,
 )
 from drake_srg.planning.pick_and_place.replanning import Replanner
 from drake_srg.planning.pick_and_place.sightings import Sightings, View
-from drake_srg.planning.pick_and_place.task_motions import TaskMotions
+from drake_srg.planning.pick_and_place.task_motions import Obstacles, TaskMotions
 from drake_srg.planning.planner_machine import (
     Observation,
     PlannerMachine,
@@ -53,6 +54,18 @@ CARRY_TRANSITIONS: Table = {
     ],
 }
 carry_transition = Transitions(CARRY_TRANSITIONS, FATAL)
+
+
+class LargeSightings(Sightings):
+    """Reads views for an object that is larger than the distance between look-alikes.
+
+    A part of it that something hides from the rest is a blob, too, but no certain one.
+    """
+
+    def obstacles(self, view: View, p_WO: Vector | None = None) -> Obstacles:
+        """See `Sightings`; a look-alike must be certain to be an obstacle."""
+        certain = [blob for blob in view.blobs if blob.certain]
+        return super().obstacles(View(certain, view.obstacles), p_WO)
 
 
 class CarryReplanner(Replanner):
@@ -140,6 +153,16 @@ class Settle(Carrying):
         )
 
 
+class SetDown(Place):
+    """Sets the object down, and lets arms that yield come to rest with it."""
+
+    @property
+    def wait(self) -> float:
+        """Time for that [s]."""
+        assert isinstance(self.config, CarryTogether)
+        return self.config.settle_time
+
+
 def carry_modes(
     config: CarryTogether, replanner: CarryReplanner, repeat: int
 ) -> dict[AnyMode, TaskMode]:
@@ -151,7 +174,11 @@ def carry_modes(
         repeat: How many cycles the task has.
     """
     modes = task_modes(config, replanner, repeat)
-    return {**modes, CarryMode.SETTLE: Settle(config, replanner, repeat)}
+    return {
+        **modes,
+        CarryMode.SETTLE: Settle(config, replanner, repeat),
+        Mode.PLACE: SetDown(config, replanner, repeat),
+    }
 
 
 class CarryPlanner(PlannerMachine[PlannerMemory, Senses]):
@@ -210,7 +237,7 @@ class CarryPlanner(PlannerMachine[PlannerMemory, Senses]):
         repeat: int = 1,
     ) -> None:
         hand, others = task_planner.hand, dict(obstacles or {})
-        sightings = Sightings(object_name, shape, others, hand.upright_within)
+        sightings = LargeSightings(object_name, shape, others, hand.upright_within)
         replanner = CarryReplanner(task_planner, sightings, goal, tolerance, config)
         self._names = (config.first, config.second)
         super().__init__(

@@ -20,7 +20,11 @@ from pydrake.trajectories import (
     Trajectory,
 )
 
-from drake_srg.planning.motion.inverse_kinematics import HandTarget
+from drake_srg.planning.motion.inverse_kinematics import (
+    HandTarget,
+    IkFailure,
+    solve_inverse_kinematics,
+)
 from drake_srg.planning.motion.limits import MotionLimits
 from drake_srg.planning.motion.paths import follow
 from drake_srg.planning.motion.planning_scene import (
@@ -135,7 +139,10 @@ class ArmPair:
         return q[np.append(np.searchsorted(moved, marks), -1)]
 
     def follow(
-        self, q: Vector, poses: Sequence[tuple[RigidTransform, RigidTransform]]
+        self,
+        q: Vector,
+        poses: Sequence[tuple[RigidTransform, RigidTransform]],
+        what: str,
     ) -> Vector:
         """Return postures in which both hands go through poses, shape (K + 1, 2N).
 
@@ -144,6 +151,7 @@ class ArmPair:
         Args:
             q: Where both are, shape (2N,) [rad].
             poses: K poses X_WG of the hands [m].
+            what: The motion is, for messages.
 
         Raises:
             NoPathError: If an arm does not reach a pose.
@@ -157,8 +165,12 @@ class ArmPair:
                 target = HandTarget.from_pose(X_WG)
                 found = follow(arm.scene, target, before)
                 if found is None:
-                    way = f"{number} of {len(poses)} steps along the way"
-                    message = f"{arm.name}: out of reach, {way}"
+                    why = solve_inverse_kinematics(
+                        arm.scene, target, q_nominal=before, check_clearance=False
+                    )
+                    words = why.message if isinstance(why, IkFailure) else "it jumps"
+                    where = f"{100.0 * number / len(poses):.0f} % along the way"
+                    message = f"{what}, {arm.name}, {where}: {words}"
                     failure = PlanningFailure(Failure.OUT_OF_REACH, message)
                     raise NoPathError(failure)
                 halves.append(found)
