@@ -142,6 +142,7 @@ class CarryTaskPlanner(TaskPlanner):
         self.q_home = np.concatenate([first.q_home, second.q_home])
         self.planners = planners
         self.pair = pair
+        self._press = config.press_depth
         self._both_moves = [Moves(p.scene, p.hand.p_GT, config) for p in planners]
 
     def X_WG(self, q: Vector) -> RigidTransform:
@@ -220,7 +221,7 @@ class CarryTaskPlanner(TaskPlanner):
         """
         assert isinstance(grasp, PairGrasp)
         X_WO = self.X_WG(q_start) @ grasp.X_GOs[0]
-        goal = raised(aligned(X_WO_goal, X_WO), self.config.place_height)
+        goal = aligned(X_WO_goal, X_WO)
         try:
             with self._ready(obstacles):
                 motions = self._place(q_start, grasp, shape, X_WO, goal)
@@ -418,9 +419,9 @@ class CarryTaskPlanner(TaskPlanner):
         """
         X_WO = self.X_WG(q_grasp) @ grasp.X_GOs[0]
         lift = self.config.lift_height
-        goal = raised(aligned(X_WO_goal, X_WO), self.config.place_height)
+        goal = aligned(X_WO_goal, X_WO)
         up, above = raised(X_WO, lift), raised(goal, lift)
-        with self._carrying(grasp, shape, supported=True):
+        with self._carrying(grasp, shape, SUPPORT_OVERLAP):
             lifting, q = self._carried(q_grasp, grasp, X_WO, up, "lift")
         with self._carrying(grasp, shape):
             across, q = self._carried(q, grasp, up, above, "transfer")
@@ -440,8 +441,9 @@ class CarryTaskPlanner(TaskPlanner):
         Raises:
             NoPathError: If one does not exist.
         """
-        with self._carrying(grasp, shape, supported=True):
-            placing, q_place = self._carried(q_start, grasp, X_WO, X_WO_goal, "place")
+        pressed = raised(X_WO_goal, -self._press)
+        with self._carrying(grasp, shape, SUPPORT_OVERLAP - self._press):
+            placing, q_place = self._carried(q_start, grasp, X_WO, pressed, "place")
         self._set_fingers(grasp.fingers_open)
         with self._standing(shape, X_WO_goal, touchable=True):
             aways = [
@@ -472,12 +474,17 @@ class CarryTaskPlanner(TaskPlanner):
 
     @contextlib.contextmanager
     def _carrying(
-        self, grasp: PairGrasp, shape: Solid, *, supported: bool = False
+        self, grasp: PairGrasp, shape: Solid, margin: float | None = None
     ) -> Iterator[None]:
-        """Let both hands hold the object; the first one's scene knows its shape."""
+        """Let both hands hold the object; the first one's scene knows its shape.
+
+        Args:
+            grasp: How they hold it.
+            shape: The object's.
+            margin: Distance that it keeps from furniture [m]; None: the hands'.
+        """
         self._set_fingers(grasp.fingers_closed)
         first, second = self.pair.arms
-        margin = SUPPORT_OVERLAP if supported else None
         with (
             first.scene.holding(shape, grasp.X_GOs[0], margin=margin),
             first.scene.shared_with(second.gripper),
