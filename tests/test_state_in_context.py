@@ -52,6 +52,7 @@ def own_systems(diagram):
         ("kitchen_impedance", []),
         ("insert", []),
         ("handover", []),
+        ("carry_together", []),
         ("assistive_arm", ["gripper.errors={latency: 0.01, encoder_noise: 1.0e-4}"]),
         ("clear_table", []),
         ("thesis_kitchen", []),

@@ -75,8 +75,8 @@ class EndWall:
 def end_walls(solid: Solid) -> tuple[EndWall, EndWall] | None:
     """Return the walls at both ends of a solid along its x; None if it has none.
 
-    They are the convex pieces whose middles are farthest along -x and x, if these rise
-    to the top and are as thick as one another.
+    They are the convex pieces whose middles are farthest along -x and x, if these are
+    boxes along the axes, rise to the top and are as thick as one another.
     """
     if not isinstance(solid, ConvexPieces) or len(solid.pieces) < 2:
         return None
@@ -86,7 +86,8 @@ def end_walls(solid: Solid) -> tuple[EndWall, EndWall] | None:
     top = solid.half_extent(_UP)
     for i in (order[0], order[-1]):
         size = np.ptp(solid.pieces[i], axis=0)
-        if solid.pieces[i][:, 2].max() < top - 1e-6:
+        a_box = np.allclose(np.abs(solid.pieces[i] - middles[i]), 0.5 * size, atol=1e-6)
+        if not a_box or solid.pieces[i][:, 2].max() < top - 1e-6:
             return None
         walls.append(EndWall(RigidTransform(middles[i]), Box(size.tolist())))
     first, second = (wall.box.size[0] for wall in walls)
@@ -327,6 +328,8 @@ class CarryTaskPlanner(TaskPlanner):
             own = {**vars(first.grasp), **_in_first(first.X_GO)}
             grasp = PairGrasp(**own, X_GOs=(first.X_GO, second.X_GO))
             q_pick = np.concatenate([first.q, second.q])
+            # Inverse kinematics has its tolerances; the closed chain has none.
+            grasp = self.regrasped(grasp, q_pick, X_WO)
             try:
                 reach = self._reach(q_start, q_pick, grasp, shape, X_WO)
                 carry = self._carry(q_pick, grasp, shape, X_WO_goal)
