@@ -98,8 +98,8 @@ def test_the_planner_commands_each_arm_by_its_name():
     ("override", "message"),
     [
         (
-            "objects.crate={model: null, shape: !Box {size: [0.7, 0.26, 0.1]}, mass: 1, "
-            "friction: 1}",
+            "objects.crate={model: null, shape: !Box {size: [0.7, 0.26, 0.1]}, "
+            "mass: 1, friction: 1}",
             r"objects\.crate: must be a model with two end walls",
         ),
         (
