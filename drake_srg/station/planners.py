@@ -412,8 +412,9 @@ def MakeCarryPlanner(scenario: Scenario) -> CarryPlanner:
                 f"{arm.key}gripper: knows no grasp from above of an end wall of "
                 f"objects.{name}, {thick:g} mm thick"
             )
-    narrow, most = min(shape.bounding_size[:2]), hand.pinch and hand.pinch.max_width
-    if most is not None and narrow <= most:
+    narrow = float(min(shape.bounding_size[:2]))
+    most = hand.pinch.max_width if hand.pinch else 0.0
+    if narrow <= most:
         raise ScenarioError(
             f"objects.{name}: must be wider than one hand opens ({1e3 * most:.0f} mm) "
             f"with planner: !CarryTogether, got {1e3 * narrow:.0f} mm (use "

@@ -161,7 +161,12 @@ class CarryTaskPlanner(TaskPlanner):
     def regrasped(self, grasp: PairGrasp, q: Vector, X_WO: RigidTransform) -> PairGrasp:
         """Return a grasp with the object as it is in hands whose arms are at `q`."""
         first, second = (X_WG.inverse() @ X_WO for X_WG in self.X_WGs(q))
-        return dc.replace(grasp, **_in_first(first), X_GOs=(first, second))
+        return dc.replace(
+            grasp,
+            p_GO=first.translation(),
+            axis_G=first.rotation().col(2),
+            X_GOs=(first, second),
+        )
 
     def plan(
         self,
@@ -240,12 +245,13 @@ class CarryTaskPlanner(TaskPlanner):
         try:
             with self._ready(obstacles):
                 self._set_fingers(fingers)
-                paths = []
+                paths = list[Vector]()
                 for i, half in enumerate(np.split(q, 2)):
                     moves, scene = self._both_moves[i], self.pair.arms[i].scene
                     path = plan_cartesian_path(scene, half, moves.behind(half))
-                    failed = isinstance(path, PlanningFailure)
-                    paths.append(half[np.newaxis] if failed else path)
+                    if isinstance(path, PlanningFailure):
+                        path = half[np.newaxis]
+                    paths.append(path)
                 away = together([m.timed(p, m.free) for m, p in self._zipped(paths)])
                 return away, self._home([path[-1] for path in paths])
         except NoPathError as error:
@@ -325,8 +331,8 @@ class CarryTaskPlanner(TaskPlanner):
         failures: list[PlanningFailure] = []
         pairs = sorted(itertools.product(*choices), key=_cost)
         for first, second in pairs:
-            own = {**vars(first.grasp), **_in_first(first.X_GO)}
-            grasp = PairGrasp(**own, X_GOs=(first.X_GO, second.X_GO))
+            held = (first.X_GO, second.X_GO)
+            grasp = PairGrasp(**vars(first.grasp), X_GOs=held)
             q_pick = np.concatenate([first.q, second.q])
             # Inverse kinematics has its tolerances; the closed chain has none.
             grasp = self.regrasped(grasp, q_pick, X_WO)
@@ -529,11 +535,6 @@ class _Grip:
     X_GO: RigidTransform
     q: Vector
     cost: float
-
-
-def _in_first(X_GO: RigidTransform) -> dict[str, Vector]:
-    """Return the fields of a grasp that say where the object is in the first hand."""
-    return {"p_GO": X_GO.translation(), "axis_G": X_GO.rotation().col(2)}
 
 
 def _cost(grips: Sequence[_Grip]) -> float:
