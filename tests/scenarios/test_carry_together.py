@@ -11,7 +11,6 @@ pytestmark = pytest.mark.slow
 def test_the_crate_stands_on_its_mark_and_was_level_all_the_way():
     metrics = Simulate(load_scenario("carry_together")).metrics
     assert metrics.success, metrics.failure  # within 3 mm
-    assert metrics.attempts == 1
     assert metrics.max_tilt_deg < 1.0
     assert 0.0 < metrics.internal_force_n < 20.0
     assert metrics.arm_contacts == 0
