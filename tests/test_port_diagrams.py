@@ -27,7 +27,7 @@ from drake_srg.scenario import Scenario, load_scenario
 from drake_srg.simulation.recorders import AddRecorders
 from drake_srg.station import MakeCell, MakeStation
 from drake_srg.station.cameras import MakeRemoteCameras
-from drake_srg.station.planners import MakeHandoverPlanner
+from drake_srg.station.planners import MakeCarryPlanner, MakeHandoverPlanner
 from drake_srg.station.servoing import MakeServoingPlanner
 from drake_srg.station.video_process import RemoteVideoRecorder
 from drake_srg.suite.cell import MakeDrivenCell
@@ -253,6 +253,7 @@ def systems(tmp_path_factory):
     add("GraspPlanner", GraspPlanner(*hand))
     for name, system in [
         ("HandoverPlanner", MakeHandoverPlanner(load_scenario("handover"))),
+        ("CarryPlanner", MakeCarryPlanner(load_scenario("carry_together"))),
         *served_systems(),
         *hardware_systems().items(),
         *servoed_hardware_systems(),

@@ -2,7 +2,7 @@
 
 Run `python tools/make_picture.py [NAME]...`; without a name, it makes all pictures:
 cells (docs/cells.webp), varied (docs/varied.jpg), insertion (docs/insertion.webp),
-lessons (docs/tutorial/*.webp).
+carrying (docs/carrying.webp), lessons (docs/tutorial/*.webp).
 """
 
 import argparse
@@ -84,6 +84,15 @@ def make_insertion_picture() -> None:
     squares = [view.crop((left, 0, left + side, side)) for view in views]
     picture = _joined([_scaled(square, (300, 300)) for square in squares], 3)
     picture.save(DOCS / "insertion.webp", quality=75, method=6)
+
+
+def make_carrying_picture() -> None:
+    """Show the crate in both hands, on its way, and on its mark."""
+    frames, rate, began = _video("carry_together", ["recording.bag_cameras=[]"])
+    moments = (began["settle"], 0.5 * (began["transfer"] + began["place"]))
+    rows = [*(round(rate * moment) for moment in moments), len(frames) - 1]
+    picture = _joined([_scaled(frames[row], SMALL) for row in rows], 3)
+    picture.save(DOCS / "carrying.webp", quality=75, method=6)
 
 
 def make_lesson_pictures() -> None:
@@ -179,6 +188,7 @@ MAKERS = {
     "cells": make_moving_picture,
     "varied": make_varied_picture,
     "insertion": make_insertion_picture,
+    "carrying": make_carrying_picture,
     "lessons": make_lesson_pictures,
 }
 

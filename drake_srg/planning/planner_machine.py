@@ -347,6 +347,8 @@ class PlannerMachine(
         config: Its period is the time between updates.
         arms: Names of the arms, which have equal numbers of joints. The ports of an arm
             with a name begin with `NAME.`.
+        together: Whether the memory's motion has the joints of all arms, one arm after
+            the other.
 
     Raises:
         ValueError: If `transition` is a `Transitions` that leads to a mode without
@@ -363,6 +365,7 @@ class PlannerMachine(
         transition: Callable[[AnyMode, Observation, float, PlannerConfig], AnyMode],
         config: PlannerConfig,
         arms: Sequence[str] = ("",),
+        together: bool = False,
     ) -> None:
         if isinstance(transition, Transitions):
             transition.check_actions(modes)
@@ -374,6 +377,11 @@ class PlannerMachine(
             period=config.period,
         )
         self._n, self._n_fingers = len(memory.motion.q_rest), 0
+        self._own = {arm: slice(None) for arm in arms}  # joints of the motion
+        if together:
+            self._n //= len(arms)
+            for i, arm in enumerate(arms):
+                self._own[arm] = slice(i * self._n, (i + 1) * self._n)
         for arm in arms:
             AddCommandOutputs(
                 self,
@@ -448,7 +456,7 @@ class PlannerMachine(
 
     def _calc_position(self, arm: str, context: Context, output: BasicVector) -> None:
         motion, _ = self.commands(self.state(context).memory, arm)
-        output.SetFromVector(motion.position(context.get_time()))
+        output.SetFromVector(motion.position(context.get_time())[self._own[arm]])
 
     def _calc_closure(self, arm: str, context: Context, output: BasicVector) -> None:
         _, output[0] = self.commands(self.state(context).memory, arm)

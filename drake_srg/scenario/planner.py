@@ -6,6 +6,7 @@ from collections.abc import Iterator, Mapping
 from typing import TYPE_CHECKING, Any
 
 from drake_srg.arm.impedance import ArmImpedanceDriver
+from drake_srg.planning.carrying.config import CarryTogether
 from drake_srg.planning.handover.config import Handover
 from drake_srg.planning.insertion.config import Insert
 from drake_srg.planning.planner_machine import Clear, PickAndPlace
@@ -60,11 +61,17 @@ def planner_problems(scenario: Scenario) -> Iterator[tuple[str, str]]:
         yield from _insertion_problems(scenario, planner)
     if isinstance(planner, Handover):
         yield from _handover_problems(scenario, planner)
+    if isinstance(planner, CarryTogether):
+        yield from _carry_problems(scenario, planner)
+
+
+# Planners that take one object, which `task.pick` names.
+_ONE_OBJECT = (PickAndPlace, Servoing, Insert, Handover, CarryTogether, Taught)
 
 
 def _task_problems(scenario: Scenario) -> Iterator[tuple[str, str]]:
     kind, clears = type(scenario.planner), scenario.task.clear is not None
-    if clears and kind in (PickAndPlace, Servoing, Insert, Handover, Taught):
+    if clears and kind in _ONE_OBJECT:
         problem = (
             f"must have the tag !{Clear.__name__} with this task.pick, got "
             f"!{kind.__name__}: write planner: !{Clear.__name__} {{...}}"
@@ -117,15 +124,40 @@ def _handover_problems(
     if scenario.task.repeat > 1:
         problem = "must be 1 with planner: !Handover, which gives one way only"
         yield "task.repeat", f"{problem}, got {scenario.task.repeat}"
+    yield from _two_arm_problems(scenario, planner, "giver", "receiver")
+
+
+def _carry_problems(
+    scenario: Scenario, planner: CarryTogether
+) -> Iterator[tuple[str, str]]:
+    yield from _two_arm_problems(scenario, planner, "first", "second")
+    for key in (planner.first, planner.second):
+        arm = scenario.arms.get(key)
+        if arm is not None and arm.gripper is None:
+            yield f"arms.{key}.gripper", "must be given with planner: !CarryTogether"
+        if arm is not None and not isinstance(arm.arm, ArmImpedanceDriver):
+            problem = "must be !ArmImpedanceDriver for planner: !CarryTogether, or the "
+            problem += "hands force one another"
+            yield f"arms.{key}.arm", f"{problem}, got !{type(arm.arm).__name__}"
+    if planner.max_external_torque is not None:
+        problem = "must be null with planner: !CarryTogether, which feels nothing"
+        yield "planner.max_external_torque", problem
+
+
+def _two_arm_problems(
+    scenario: Scenario, planner: Handover | CarryTogether, first: str, second: str
+) -> Iterator[tuple[str, str]]:
+    """Yield the problems of a planner that names two arms at these keys."""
+    tag = type(planner).__name__
     allowed = ", ".join(scenario.arms) or "none"
-    for key in ("giver", "receiver"):
+    for key in (first, second):
         if (name := getattr(planner, key)) not in scenario.arms:
             yield f"planner.{key}", f"unknown arm {name!r} (allowed: {allowed})"
-    if planner.giver == planner.receiver:
-        yield "planner.receiver", f"must not be the giver, {planner.giver!r}"
+    if (name := getattr(planner, first)) == getattr(planner, second):
+        yield f"planner.{second}", f"must not be the {first}, {name!r}"
     sizes = {len(each.arm.home) for each in scenario.arms.values() if each.arm}
     if len(sizes) > 1:
-        problem = "must have as many joints each with planner: !Handover"
+        problem = f"must have as many joints each with planner: !{tag}"
         yield "arms", f"{problem}, got {', '.join(map(str, sorted(sizes)))}"
 
 

@@ -29,6 +29,7 @@ from drake_srg.gripper.drivers import DRIVERS
 from drake_srg.objects.config import ClutterConfig, ObjectConfig, SleepingConfig
 from drake_srg.objects.disturber import Force, Push, Topple
 from drake_srg.objects.slides import SlideConfig
+from drake_srg.planning.carrying.config import CarryTogether
 from drake_srg.planning.handover.config import Handover
 from drake_srg.planning.insertion.config import Insert
 from drake_srg.planning.planner_machine import Clear, PickAndPlace, PlannerConfig
@@ -92,6 +93,7 @@ PLANNERS: tuple[type[PlannerConfig], ...] = (
     Servoing,
     Insert,
     Handover,
+    CarryTogether,
     Taught,
     Script,
 )

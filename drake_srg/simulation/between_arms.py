@@ -1,4 +1,4 @@
-"""What happens between several arms of a run: contacts, and how near they came."""
+"""What happens between several arms of a run: contacts, distances, internal forces."""
 
 from __future__ import annotations
 
@@ -12,15 +12,21 @@ from pydrake.multibody.tree import BodyIndex, RigidBody
 from pydrake.planning import RobotDiagramBuilder
 
 from drake_srg.common.contacts import each_contact
+from drake_srg.common.log_format import MODES, pose_key, row_to_pose
 from drake_srg.scenario import RobotArm, Scenario, robot_arms
 from drake_srg.station.plant import Models
-from drake_srg.types import Vector
+from drake_srg.types import Mode, Vector
 
 # Distances within which pairs of geometries are looked for, the nearest first [m]; arms
 # that are farther apart count as being this far apart.
 _REACHES = (0.1, 0.4, 1.6)
 # Column of a log with several arms: the largest contact force between two of them [N].
 ARM_CONTACT = "arm_contact_force"
+# Column of a log with arms that carry together: see `InternalForce` [N].
+INTERNAL_FORCE = "internal_force"
+
+# Modes in which both hands carry the object, or should.
+_CARRIED = (Mode.LIFT, Mode.TRANSFER, Mode.PLACE)
 
 
 class ArmContacts:
@@ -52,6 +58,80 @@ class ArmContacts:
             if None not in pair and pair[0] != pair[1]:
                 forces.append(float(np.linalg.norm(contact.F_Ac_W().translational())))
         return max(forces)
+
+
+class InternalForce:
+    """Reads by how much two hands press against one another through an object.
+
+    It is the internal force of Williams and Khatib, "The Virtual Linkage: A Model for
+    Internal Forces in Multi-Grasp Manipulation", ICRA (1993): the part of the hands'
+    forces along the line between them that cancels out.
+
+    Args:
+        plant: The finalized plant that computes the results.
+        name: Model instance of the object.
+        hands: Those of the two grippers.
+    """
+
+    def __init__(
+        self, plant: MultibodyPlant, name: str, hands: tuple[str, str]
+    ) -> None:
+        self._object = _model_geometries(plant, name)
+        self._hands = [_model_geometries(plant, hand) for hand in hands]
+
+    def force(self, contacts: ContactResults) -> float:
+        """Return the internal force [N], 0 unless both hands touch the object.
+
+        It is positive where the hands press towards one another.
+
+        Args:
+            contacts: Value of the plant's output port `contact_results`.
+        """
+        forces, points = np.zeros((2, 3)), [list[Vector](), list[Vector]()]
+        for contact in each_contact(contacts):
+            pair = (contact.id_A, contact.id_B)
+            for sign, own, other in ((1.0, *pair), (-1.0, *pair[::-1])):
+                if own not in self._object:
+                    continue
+                for i, hand in enumerate(self._hands):
+                    if other in hand:
+                        forces[i] += sign * contact.F_Ac_W().translational()
+                        points[i].append(contact.p_WC())
+        if not all(points):
+            return 0.0
+        first, second = (np.mean(where, axis=0) for where in points)
+        line = (second - first) / np.linalg.norm(second - first)
+        return float(0.5 * (forces[0] - forces[1]) @ line)
+
+
+def largest_internal_force(log: Mapping[str, Vector]) -> float | None:
+    """Return the largest internal force in any sample of a run [N]; None without.
+
+    Args:
+        log: Arrays of log.npz.
+    """
+    force = log.get(INTERNAL_FORCE)
+    return None if force is None else float(np.max(np.abs(force)))
+
+
+def carried_tilt(log: Mapping[str, Vector], pick: str) -> float | None:
+    """Return the largest tilt of a carried object in any sample of a run [degrees].
+
+    It counts from when both hands first hold the object until they have let it go. None
+    if they never carry it together.
+
+    Args:
+        log: Arrays of log.npz.
+        pick: The object's name.
+    """
+    if INTERNAL_FORCE not in log or pose_key(pick) not in log:
+        return None
+    carried = np.isin(log["mode"], [MODES.index(mode) for mode in _CARRIED])
+    if not np.any(carried):
+        return None
+    poses = log[pose_key(pick)][carried]
+    up = np.array([row_to_pose(row).rotation().col(2)[2] for row in poses])
+    return float(np.rad2deg(np.arccos(np.clip(np.min(up), -1.0, 1.0))))
 
 
 def min_arm_distance(scenario: Scenario, log: Mapping[str, Vector]) -> float | None:
@@ -145,6 +225,16 @@ def _bodies(plant: MultibodyPlant, arm: RobotArm) -> list[RigidBody]:
 def _geometries(plant: MultibodyPlant, arm: RobotArm) -> GeometrySet:
     found = map(plant.GetCollisionGeometriesForBody, _bodies(plant, arm))
     return GeometrySet([geometry for those in found for geometry in those])
+
+
+def _model_geometries(plant: MultibodyPlant, name: str) -> set[int]:
+    """Return the numbers of a model's collision geometries."""
+    bodies = plant.GetBodyIndices(plant.GetModelInstanceByName(name))
+    return {
+        geometry.get_value()
+        for body in bodies
+        for geometry in plant.GetCollisionGeometriesForBody(plant.get_body(body))
+    }
 
 
 def _all_geometries(plant: MultibodyPlant) -> GeometrySet:

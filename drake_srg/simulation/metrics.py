@@ -16,7 +16,12 @@ from drake_srg.planning.insertion.config import Insert
 from drake_srg.recording.output import OutputFile, counted, verdict
 from drake_srg.scenario import Scenario, robot_arms
 from drake_srg.simulation import measures
-from drake_srg.simulation.between_arms import count_arm_contacts, min_arm_distance
+from drake_srg.simulation.between_arms import (
+    carried_tilt,
+    count_arm_contacts,
+    largest_internal_force,
+    min_arm_distance,
+)
 from drake_srg.simulation.clearing import clearing_outcome
 from drake_srg.station.planners import final_pose, final_tilt
 from drake_srg.types import Failure, Mode, PlannerStatus, Vector
@@ -36,6 +41,7 @@ OF_INSERTION = ("floor_gap_m", "hole_force_n")
 OF_SOME = (
     *("safety_stops", "claimed", "off_table", "kinds"),
     *("min_arm_distance_m", "arm_contacts"),
+    *("internal_force_n", "max_tilt_deg"),
 )
 
 # Limits for an object that rests upright.
@@ -128,6 +134,11 @@ class Metrics:
     # the log, and how often they touched each other.
     min_arm_distance_m: float | None = None
     arm_contacts: int | None = None
+    # Only with `!CarryTogether`, in any sample of the log: the largest force by which
+    # the hands press against one another, see `InternalForce`, and the largest tilt of
+    # the object from lifting to letting go.
+    internal_force_n: float | None = None
+    max_tilt_deg: float | None = None
 
     def table(self) -> str:
         """Return the most important metrics as text."""
@@ -213,7 +224,12 @@ class Metrics:
             return []
         near = f"{rounded(1e3 * self.min_arm_distance_m)} mm"
         contacts = counted(self.arm_contacts or 0, "contact")
-        return [("between the arms", f"{near} at least, {contacts}")]
+        rows = [("between the arms", f"{near} at least, {contacts}")]
+        if self.internal_force_n is not None:
+            rows.append(("internal force", f"{rounded(self.internal_force_n)} N"))
+        if self.max_tilt_deg is not None:
+            rows.append(("largest tilt", f"{rounded(self.max_tilt_deg)} degrees"))
+        return rows
 
     def _multi_object_rows(self) -> list[tuple[str, str]]:
         if not self.multi_object_picks and not self.multi_object_picks_seen:
@@ -361,6 +377,8 @@ def calc_metrics(
         kinds=kinds_of(scenario) or None,
         min_arm_distance_m=min_arm_distance(scenario, log),
         arm_contacts=count_arm_contacts(log),
+        internal_force_n=largest_internal_force(log),
+        max_tilt_deg=carried_tilt(log, pick),
         **({} if cleared is None else cleared.metrics()),
     )
 

@@ -13,10 +13,16 @@ from drake_srg.common.log_format import mode_columns, pose_key, pose_to_row
 from drake_srg.common.systems import output_ports
 from drake_srg.lifetime import my_context
 from drake_srg.objects.poses import ContactReader
+from drake_srg.planning.carrying.config import CarryTogether
 from drake_srg.recording.recording import SignalLog, write_samples
 from drake_srg.recording.replay import ReplayRecorder
 from drake_srg.scenario import RobotArm, Scenario, robot_arms
-from drake_srg.simulation.between_arms import ARM_CONTACT, ArmContacts
+from drake_srg.simulation.between_arms import (
+    ARM_CONTACT,
+    INTERNAL_FORCE,
+    ArmContacts,
+    InternalForce,
+)
 from drake_srg.simulation.measures import AT_REST, final_speed
 from drake_srg.simulation.recorders import run_labels
 from drake_srg.types import Mode
@@ -63,6 +69,15 @@ def _logged(robots: Sequence[RobotArm], ports: Mapping[str, OutputPort]) -> list
     return [name for name in named if name in ports] + others
 
 
+def _carriers(scenario: Scenario) -> tuple[str, str] | None:
+    """Return the grippers that carry one object together; None: no two do."""
+    planner = scenario.planner
+    if not isinstance(planner, CarryTogether):
+        return None
+    models = {robot.name: robot.gripper_model for robot in robot_arms(scenario)}
+    return models[planner.first], models[planner.second]
+
+
 class RunLog(SignalLog):
     """Samples a cell's ports, the poses of objects and the grip force during a run.
 
@@ -92,6 +107,8 @@ class RunLog(SignalLog):
         self._grasped = frozenset(() if clear is None else clear.objects)
         self._reader: ContactReader | None = None
         self._between: ArmContacts | None = None
+        self._carriers = _carriers(scenario)
+        self._internal: InternalForce | None = None
         picked = scenario.objects.get(self._pick) if self._pick else None
         self._present = picked is not None and picked.present
         self.touching: set[str] = set()
@@ -123,6 +140,13 @@ class RunLog(SignalLog):
             if self._between is None:
                 self._between = ArmContacts(contacts.plant(), self._robots)
             row[ARM_CONTACT] = self._between.force(contacts)
+        if self._carriers and self._present:
+            contacts = port.Eval(context)
+            if self._internal is None:
+                self._internal = InternalForce(
+                    contacts.plant(), self._pick, self._carriers
+                )
+            row[INTERNAL_FORCE] = self._internal.force(contacts)
         pressing = self._grasped if self._grasped else self._grippers
         row["contact_force"] = max(
             (forces[name] for name in forces if name in pressing), default=0.0

@@ -14,6 +14,7 @@ from drake_srg.common.exceptions import ScenarioError, one_line, scenario_errors
 from drake_srg.common.systems import export_outputs, input_ports
 from drake_srg.objects.disturber import Disturber, Target
 from drake_srg.objects.models import object_body, simple_shape
+from drake_srg.planning.carrying.config import CarryTogether
 from drake_srg.planning.handover.config import Handover
 from drake_srg.planning.insertion.config import Insert
 from drake_srg.planning.planner_machine import Clear, PickAndPlace, PlannerConfig
@@ -36,6 +37,7 @@ from drake_srg.station.perception import (
     chooses,
 )
 from drake_srg.station.planners import (
+    MakeCarryPlanner,
     MakeHandoverPlanner,
     MakeInsertionPlanner,
     MakePlanner,
@@ -48,7 +50,7 @@ from drake_srg.theses.script import Script
 from drake_srg.theses.taught import Taught
 
 # Planners that look through the localizer's cameras.
-_LOOKING = (PickAndPlace, Clear, Servoing, Insert, Handover, Taught)
+_LOOKING = (PickAndPlace, Clear, Servoing, Insert, Handover, CarryTogether, Taught)
 _ONE_ARM = (RobotArm(),)
 
 
@@ -291,6 +293,9 @@ _PLANNERS: dict[type[PlannerConfig], AddPlanner] = {
     Taught: functools.partial(AddLocalizingPlanner, make_planner=MakeTaughtPlanner),
     Insert: functools.partial(AddLocalizingPlanner, make_planner=MakeInsertionPlanner),
     Handover: functools.partial(AddLocalizingPlanner, make_planner=MakeHandoverPlanner),
+    CarryTogether: functools.partial(
+        AddLocalizingPlanner, make_planner=MakeCarryPlanner
+    ),
     Clear: AddClearingPlanner,
     Script: AddScriptedPlanner,
 }

@@ -28,18 +28,18 @@ from drake_srg.gripper.srg_position_driver import SrgPositionDriver
 from drake_srg.gripper.srg_tendon_driver import SrgTendonDriver
 from drake_srg.objects.models import object_shape, simple_shape
 from drake_srg.objects.solids import planned_solid
+from drake_srg.planning.carrying.config import CarryTogether
+from drake_srg.planning.carrying.motions import CarryTaskPlanner, end_walls
+from drake_srg.planning.carrying.planner import CarryPlanner
 from drake_srg.planning.grasps.grasps import Hand
 from drake_srg.planning.grasps.linkage_hand import LinkageFingers, LinkageHand
 from drake_srg.planning.grasps.srg_hand import SrgHand
 from drake_srg.planning.handover.config import Handover
-from drake_srg.planning.handover.motions import (
-    ArmName,
-    GivingHand,
-    HandoverTaskPlanner,
-)
+from drake_srg.planning.handover.motions import GivingHand, HandoverTaskPlanner
 from drake_srg.planning.handover.planner import HandoverPlanner
 from drake_srg.planning.insertion.config import Insert
 from drake_srg.planning.insertion.planner import InsertionPlanner
+from drake_srg.planning.motion.arm_pair import ArmPair, PairedArm
 from drake_srg.planning.motion.moves import Moves
 from drake_srg.planning.motion.planning_scene import PlanningScene
 from drake_srg.planning.pick_and_place.planner import PickAndPlacePlanner
@@ -367,6 +367,7 @@ def MakeHandoverPlanner(scenario: Scenario) -> HandoverPlanner:
     arms = {arm.name: arm for arm in robot_arms(scenario)}
     giver, receiver = arms[config.giver], arms[config.receiver]
     plans = MakeTaskPlanner(scenario, giver)
+    receives = MakeTaskPlanner(scenario, receiver)
     arguments = planner_arguments(scenario)
     if not isinstance(arguments["shape"], Cylinder):
         raise ScenarioError(
@@ -378,10 +379,56 @@ def MakeHandoverPlanner(scenario: Scenario) -> HandoverPlanner:
         GivingHand(plans.hand),
         plans.q_home,
         config,
-        MakeTaskPlanner(scenario, receiver),
-        (
-            ArmName(giver.arm_model, giver.gripper_model),
-            ArmName(receiver.arm_model, receiver.gripper_model),
-        ),
+        receives,
+        _pair((giver, receiver), (plans, receives)),
     )
     return HandoverPlanner(**arguments)
+
+
+def MakeCarryPlanner(scenario: Scenario) -> CarryPlanner:
+    """Make the planner of two arms that carry the object of a scenario's task.
+
+    Raises:
+        ScenarioError: If the object has no end walls for two hands, or fits into one.
+    """
+    config, name = scenario.planner, scenario.task.pick
+    assert isinstance(config, CarryTogether)
+    by_name = {arm.name: arm for arm in robot_arms(scenario)}
+    arms = by_name[config.first], by_name[config.second]
+    plans = MakeTaskPlanner(scenario, arms[0]), MakeTaskPlanner(scenario, arms[1])
+    arguments = planner_arguments(scenario)
+    shape, hand = arguments["shape"], plans[0].hand
+    walls = end_walls(shape)
+    if walls is None:
+        raise ScenarioError(
+            f"objects.{name}: must be a model with two end walls, equally thick and as "
+            f"high as itself, to be carried by two hands, got {shape} (allowed: such "
+            "as package://drake_srg/sdf/crate.sdf)"
+        )
+    for arm, plan in zip(arms, plans, strict=True):
+        if any(not wall.grasps(plan.hand) for wall in walls):
+            thick = 1e3 * walls[0].box.size[0]
+            raise ScenarioError(
+                f"{arm.key}gripper: knows no grasp from above of an end wall of "
+                f"objects.{name}, {thick:g} mm thick"
+            )
+    narrow = float(min(shape.bounding_size[:2]))
+    most = hand.pinch.max_width if hand.pinch else 0.0
+    if narrow <= most:
+        raise ScenarioError(
+            f"objects.{name}: must be wider than one hand opens ({1e3 * most:.0f} mm) "
+            f"with planner: !CarryTogether, got {1e3 * narrow:.0f} mm (use "
+            "!PickAndPlace)"
+        )
+    arguments["task_planner"] = CarryTaskPlanner(plans, _pair(arms, plans), config)
+    return CarryPlanner(**arguments)
+
+
+def _pair(
+    arms: tuple[RobotArm, RobotArm], plans: tuple[TaskPlanner, TaskPlanner]
+) -> ArmPair:
+    first, second = (
+        PairedArm(arm.name, arm.arm_model, arm.gripper_model, plan.scene)
+        for arm, plan in zip(arms, plans, strict=True)
+    )
+    return ArmPair(first, second)

@@ -5,7 +5,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from pydrake.geometry import Cylinder, Role
+from pydrake.math import RigidTransform
 
+from drake_srg.planning.grasps.srg_hand import SrgHand
+from drake_srg.types import Box
 from models.built_models import (
     CAN,
     NOT_CONVEX,
@@ -48,6 +51,32 @@ def test_lid_clears_the_can_it_covers():
     for angle in np.linspace(0, 2 * np.pi, 50):
         p = np.array([0.0339 * np.cos(angle), 0.0339 * np.sin(angle), 0.1018])
         assert min(distances.at(p).values()) > 0.02
+
+
+def test_the_crate_is_too_wide_for_one_hand_but_not_its_end_walls():
+    built = build("crate")
+    (body,) = built.bodies()
+    low, high = extent(built, body)
+    np.testing.assert_allclose(high - low, [0.70, 0.26, 0.10], atol=1e-9)
+    assert low[2] == 0.0
+    hand = SrgHand(["above"], [], squeeze=0.4)
+    opening = hand.pinch.max_width
+    assert min(high[:2] - low[:2]) > opening
+    ends = {
+        name: shape.size()
+        for name, shape, _ in built.shapes(body, Role.kProximity)
+        if "_end_" in name
+    }
+    assert len(ends) == 2
+    for size in ends.values():
+        assert size[0] < opening
+        assert hand.grasps(Box(size.tolist()), RigidTransform())
+
+
+def test_the_mark_frames_the_crate():
+    built = build("crate_mark")
+    (body,) = built.bodies()
+    assert not built.shapes(body, Role.kProximity)
 
 
 @pytest.mark.parametrize("name", NOT_CONVEX)

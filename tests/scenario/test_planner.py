@@ -5,6 +5,7 @@ import dataclasses as dc
 import pytest
 
 from drake_srg.common.exceptions import ScenarioError
+from drake_srg.planning.carrying.config import CarryTogether
 from drake_srg.planning.handover.config import Handover
 from drake_srg.planning.insertion.config import Insert
 from drake_srg.planning.planner_machine import Clear, PickAndPlace, PlannerConfig
@@ -114,6 +115,36 @@ def test_a_key_from_before_there_were_tags_is_told_with_its_new_form(
             r"planner\.giver: unknown arm 'left' \(allowed: none\)",
         ),
         (
+            "carry_together",
+            "planner.first=up",
+            r"planner\.first: unknown arm 'up' \(allowed: left, right\)",
+        ),
+        (
+            "carry_together",
+            "planner.second=left",
+            r"planner\.second: must not be the first, 'left'",
+        ),
+        (
+            "carry_together",
+            "arms.left.arm=!ArmPositionDriver {period: 0.01171875}",
+            r"arms\.left\.arm: must be !ArmImpedanceDriver for planner: !CarryTog",
+        ),
+        (
+            "carry_together",
+            "arms.right.gripper=null",
+            r"arms\.right\.gripper: ",
+        ),
+        (
+            "carry_together",
+            "planner.max_external_torque=[1,1,1,1,1,1,1]",
+            r"planner\.max_external_torque: must be null with planner: !CarryTogether",
+        ),
+        (
+            "kitchen_impedance",
+            "planner=!CarryTogether {}",
+            r"planner\.first: unknown arm 'left' \(allowed: none\)",
+        ),
+        (
             "kitchen_servoing",
             "planner.servo.camera=belly",
             r"planner\.servo\.camera: unknown camera 'belly' \(allowed",
@@ -154,5 +185,14 @@ def test_a_planner_of_ones_own_is_loaded_by_its_tag(monkeypatch):
     scenario = load_scenario("kitchen", overrides=["planner=!Juggle {balls: 5}"])
     assert scenario.planner == Juggle(balls=5)
     assert {*module.PLANNERS} == {
-        *(PickAndPlace, Clear, Servoing, Insert, Handover, Taught, Script)
+        *(
+            PickAndPlace,
+            Clear,
+            Servoing,
+            Insert,
+            Handover,
+            CarryTogether,
+            Taught,
+            Script,
+        )
     }

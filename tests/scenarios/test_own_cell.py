@@ -17,6 +17,8 @@ pytestmark = pytest.mark.slow
 CONTINUOUS = {
     "assistive_arm_fast",
     "assistive_arm_varied",
+    "carry_together",
+    "carry_together_varied",
     "handover",
     "handover_varied",
     "kitchen_fast",

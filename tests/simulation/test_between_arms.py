@@ -2,19 +2,30 @@
 
 import numpy as np
 import pytest
+from pydrake.geometry import AddContactMaterial, Box, ProximityProperties, Sphere
+from pydrake.math import RigidTransform, RollPitchYaw
+from pydrake.multibody.plant import AddMultibodyPlantSceneGraph, CoulombFriction
+from pydrake.multibody.tree import SpatialInertia
+from pydrake.systems.framework import DiagramBuilder
 from station.two_arm_station import two_arms
 
+from drake_srg.common.log_format import MODES, pose_key, pose_to_row
 from drake_srg.recording.timeline import Labels, run_timeline, timeline_panels
 from drake_srg.scenario import load_scenario, robot_arms
 from drake_srg.simulation.between_arms import (
     ARM_CONTACT,
+    INTERNAL_FORCE,
+    InternalForce,
+    carried_tilt,
     count_arm_contacts,
+    largest_internal_force,
     min_arm_distance,
 )
 from drake_srg.simulation.measures import arm_states, is_home, safety_stops
 from drake_srg.simulation.recorders import recorded_topics, run_labels
 from drake_srg.simulation.run_log import RunLog
 from drake_srg.station import MakeStation
+from drake_srg.types import Mode
 
 STRAIGHT = np.zeros(7)
 # Each arm stretched towards the other one: fingers on fingers, then through each other.
@@ -88,6 +99,68 @@ def test_contact_forces_between_arms_are_logged():
     assert arrays[ARM_CONTACT][1] == 0.0
     assert arrays["left.state_cheat"].shape == (2, 14)
     assert arrays["right.gripper.grasped"].shape[0] == 2
+
+
+def pressed_ball(along):
+    """Contact results of a ball between two walls that overlap it, moved along y."""
+    builder = DiagramBuilder()
+    plant, _ = AddMultibodyPlantSceneGraph(builder, time_step=0.0)
+    properties = ProximityProperties()
+    AddContactMaterial(10.0, 1e5, CoulombFriction(0.5, 0.5), properties)
+    poses = {"left": [0.0, -0.099, 0.0], "right": [0.0, 0.099, 0.0], "ball": [0.0] * 3}
+    for name, p in poses.items():
+        model = plant.AddModelInstance(name)
+        body = plant.AddRigidBody(name, model, SpatialInertia.SolidSphereWithMass(1, 1))
+        shape = Sphere(0.05) if name == "ball" else Box(0.1, 0.1, 0.1)
+        plant.RegisterCollisionGeometry(body, RigidTransform(), shape, name, properties)
+        if name != "ball":
+            plant.WeldFrames(plant.world_frame(), body.body_frame(), RigidTransform(p))
+    plant.Finalize()
+    diagram = builder.Build()
+    context = diagram.CreateDefaultContext()
+    own = plant.GetMyMutableContextFromRoot(context)
+    ball = plant.GetBodyByName("ball")
+    plant.SetFreeBodyPose(own, ball, RigidTransform([0.0, along, 0.0]))
+    return plant, plant.get_contact_results_output_port().Eval(own)
+
+
+@pytest.mark.parametrize("along", [0.0, 5e-4, -3e-4])
+def test_the_internal_force_is_what_cancels_out(along):
+    plant, results = pressed_ball(along)
+    forces = sorted(
+        float(np.linalg.norm(results.point_pair_contact_info(i).contact_force()))
+        for i in range(results.num_point_pair_contacts())
+    )
+    assert len(forces) == 2
+    for hands in (("left", "right"), ("right", "left")):
+        inner = InternalForce(plant, "ball", hands).force(results)
+        assert inner == pytest.approx(np.mean(forces))
+
+
+def test_one_hand_alone_has_no_internal_force():
+    plant, results = pressed_ball(0.0015)  # it has left the other wall
+    assert results.num_point_pair_contacts() == 1
+    assert InternalForce(plant, "ball", ("left", "right")).force(results) == 0.0
+
+
+def test_the_tilt_counts_while_the_object_is_carried():
+    tilts = [0.5, 0.01, 0.02, 0.3]
+    modes = [Mode.CLOSE, Mode.LIFT, Mode.TRANSFER, Mode.RELEASE]
+    log = {
+        INTERNAL_FORCE: np.array([0.0, -7.0, 3.0, 1.0]),
+        "mode": np.array([MODES.index(mode) for mode in modes]),
+        pose_key("crate"): np.array(
+            [
+                pose_to_row(RigidTransform(RollPitchYaw(tilt, 0.0, 1.0), np.zeros(3)))
+                for tilt in tilts
+            ]
+        ),
+    }
+    assert largest_internal_force(log) == 7.0
+    assert carried_tilt(log, "crate") == pytest.approx(np.rad2deg(0.02))
+    assert carried_tilt({**log, "mode": np.zeros(4)}, "crate") is None
+    assert largest_internal_force({}) is None
+    assert carried_tilt({}, "crate") is None
 
 
 def test_states_of_several_arms_are_one_vector(scenario):

@@ -8,7 +8,7 @@ from drake_srg.objects.sdf import AddChild
 
 from .pieces import Inertial, Piece, Primitive, Proximity, box_piece
 from .sdf import Files, Model
-from .shapes import disc, prism, revolve, rot_x, union_properties
+from .shapes import block, disc, prism, revolve, rot_x, union_properties
 
 # Steel on dry wood: handbooks give 0.4 to 0.6.
 WOOD = Proximity(rigid=True, friction=0.6)
@@ -199,6 +199,59 @@ def bin_() -> Files:
     return model.finish("sdf/bin.sdf")
 
 
+# Outside of the crate, thickness of its end walls, and top of its floor [m].
+CRATE_SIZE, CRATE_GRIP, CRATE_FLOOR = (0.70, 0.26, 0.10), 0.05, 0.015
+# Polypropylene of 900 kg/m3: floor, sides and hollow ends are 0.38 m2 of walls, which
+# are 4.4 mm thick then. Each of two hands lifts 7.4 N.
+CRATE_MASS = 1.5
+# Polypropylene on dry rubber; softer than glaze, so that the crate comes to rest.
+CRATE = Proximity(rigid=False, friction=0.6, modulus=1e6, dissipation=5.0)
+
+
+def crate() -> Files:
+    """Return a long open crate on its two end walls; the origin is underneath it.
+
+    Its end walls are hollow bars, which a hand takes from above. The floor hangs 5 mm
+    above the table.
+    """
+    (x, y, z), grip = (np.array(CRATE_SIZE) / (2, 2, 1)), CRATE_GRIP
+    below, side, rim = 0.005, 0.008, 0.04
+    corners = {
+        "end_left": ((-x, -y, 0), (grip - x, y, z)),
+        "end_right": ((x - grip, -y, 0), (x, y, z)),
+        "floor": ((grip - x, -y, below), (x - grip, y, CRATE_FLOOR)),
+        "side_front": ((grip - x, -y, CRATE_FLOOR), (x - grip, side - y, rim)),
+        "side_rear": ((grip - x, y - side, CRATE_FLOOR), (x - grip, y, rim)),
+    }
+    model = Model("crate", {"plastic": (0.80, 0.10, 0.08)}, "Too wide for one hand.")
+    pieces = [
+        box_piece(f"crate_{name}", "plastic", low, high, 0.001, CRATE)
+        for name, (low, high) in corners.items()
+    ]
+    solids = [piece.solid for piece in pieces]
+    inertial = Inertial.uniform(CRATE_MASS, union_properties(solids))
+    model.AddLink("crate", pieces, inertial)
+    return model.finish("sdf/crate.sdf")
+
+
+def crate_mark() -> Files:
+    """Return the outline of the crate on the table; it has no collision geometry."""
+    x, y, wide = 0.5 * CRATE_SIZE[0], 0.5 * CRATE_SIZE[1], 0.012
+    bars = (
+        ((-x - wide, -y - wide), (x + wide, -y)),
+        ((-x - wide, y), (x + wide, y + wide)),
+        ((-x - wide, -y), (-x, y)),
+        ((x, -y), (x + wide, y)),
+    )
+    looks = {"outline": (0.15, 0.65, 0.25)}
+    model = Model("crate_mark", looks, "Marks a goal of the crate, seen only.")
+    solids = [block((*low, 0), (*high, 0.001)) for low, high in bars]
+    pieces = [Piece(f"outline_{i}", "outline", s) for i, s in enumerate(solids)]
+    inertial = Inertial.uniform(0.01, union_properties(solids))
+    model.AddLink("crate_mark", pieces, inertial)
+    return model.finish("sdf/crate_mark.sdf")
+
+
 def can() -> Files:
     """Return the soup can: red ends and shoulders, a cream band around the middle."""
     name = "005_tomato_soup_can"
@@ -232,6 +285,8 @@ def build() -> Files:
         **can(),
         **cradle(),
         **bin_(),
+        **crate(),
+        **crate_mark(),
         **pedestal(),
         **tray(),
     }

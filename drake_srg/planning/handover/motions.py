@@ -4,15 +4,12 @@ from __future__ import annotations
 
 import contextlib
 import dataclasses as dc
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
+from contextlib import AbstractContextManager
 
 import numpy as np
 from pydrake.math import RigidTransform, RotationMatrix
-from pydrake.trajectories import (
-    PathParameterizedTrajectory,
-    PiecewisePolynomial,
-    Trajectory,
-)
+from pydrake.trajectories import Trajectory
 
 from drake_srg.common.geometry import Solid
 from drake_srg.planning.grasps.grasps import (
@@ -25,6 +22,7 @@ from drake_srg.planning.grasps.grasps import (
 from drake_srg.planning.grasps.srg_hand import Approach, SrgGrasp
 from drake_srg.planning.handover.config import Handover, HandoverMode
 from drake_srg.planning.motion.arm_model import restores_fingers
+from drake_srg.planning.motion.arm_pair import ArmPair, stretched
 from drake_srg.planning.motion.inverse_kinematics import (
     AxisTarget,
     HandTarget,
@@ -60,24 +58,11 @@ _UP = np.array([0.0, 0.0, 1.0])
 
 
 @dc.dataclass(frozen=True)
-class ArmName:
-    """The model instances of an arm and its gripper."""
-
-    arm: str
-    gripper: str
-
-
-@dc.dataclass(frozen=True)
 class HandoverMotions(TaskMotions):
     """The giver's grasp and motions, and the receiver's."""
 
     receiver: TaskMotions
     X_WO: RigidTransform  # of the object that is presented [m]
-
-
-def fingers_of(scene: PlanningScene, angles: Mapping[str, float]) -> Vector:
-    """Return finger angles by name as positions of the gripper [rad]."""
-    return np.array([angles.get(name, 0.0) for name in scene.finger_names])
 
 
 class GivingHand(Hand):
@@ -147,7 +132,7 @@ class HandoverTaskPlanner(TaskPlanner):
         q_home: Home posture of the giver, shape (N,) [rad].
         config: Distances and speeds.
         receiver: Plans the receiver's motions, in a scene with the giver.
-        names: The models of the giver, and of the receiver.
+        pair: The scenes of the giver and of the receiver.
     """
 
     def __init__(
@@ -157,34 +142,26 @@ class HandoverTaskPlanner(TaskPlanner):
         q_home: Vector,
         config: Handover,
         receiver: TaskPlanner,
-        names: tuple[ArmName, ArmName],
+        pair: ArmPair,
     ) -> None:
         super().__init__(scene, hand, q_home, config)
         self.receiver = receiver
-        self.names = names
+        self.pair = pair
         self._handover = config
         self._giver_moves = Moves(scene, hand.p_GT, config)
         self._receiver_moves = Moves(receiver.scene, receiver.hand.p_GT, config)
 
-    @contextlib.contextmanager
-    def giver_beside(self, q: Vector, fingers: Mapping[str, float]) -> Iterator[None]:
+    def giver_beside(
+        self, q: Vector, fingers: Mapping[str, float]
+    ) -> AbstractContextManager[None]:
         """Let the giver plan beside a receiver at `q` within the context."""
-        other = fingers_of(self.receiver.scene, fingers)
-        with self.scene.beside(self._places(1, q, other)):
-            yield
+        return self.pair.beside(0, q, fingers)
 
-    @contextlib.contextmanager
     def receiver_beside(
         self, q: Vector, fingers: Mapping[str, float]
-    ) -> Iterator[None]:
+    ) -> AbstractContextManager[None]:
         """Let the receiver plan beside a giver at `q` within the context."""
-        other = fingers_of(self.scene, fingers)
-        with self.receiver.scene.beside(self._places(0, q, other)):
-            yield
-
-    def _places(self, index: int, q: Vector, fingers: Vector) -> dict[str, Vector]:
-        name = self.names[index]
-        return {name.arm: q, name.gripper: fingers}
+        return self.pair.beside(1, q, fingers)
 
     def plan(
         self,
@@ -440,16 +417,6 @@ class HandoverTaskPlanner(TaskPlanner):
             HandoverMode.WITHDRAW: moves.timed(away, moves.free, straight=True),
             HandoverMode.CLEAR: moves.timed(home, moves.free),
         }
-
-
-def stretched(trajectory: Trajectory, duration: float) -> Trajectory:
-    """Return a motion that takes at least a duration [s], along the same path."""
-    if trajectory.end_time() >= duration:
-        return trajectory
-    share = PiecewisePolynomial.FirstOrderHold(
-        [0.0, duration], [[0.0, trajectory.end_time()]]
-    )
-    return PathParameterizedTrajectory(trajectory, share)
 
 
 def _end(trajectory: Trajectory) -> Vector:

@@ -307,6 +307,26 @@ class PlanningScene(ArmModel):
             self._SetMargin(held, self._hand_margin)
 
     @contextlib.contextmanager
+    def shared_with(self, gripper: str) -> Iterator[None]:
+        """Let another gripper touch what is held within the context.
+
+        Args:
+            gripper: The name of its model instance.
+
+        Raises:
+            RuntimeError: (Drake's) If the name is unknown.
+        """
+        model = self.plant.GetModelInstanceByName(gripper)
+        bodies = [self.plant.get_body(i) for i in self.plant.GetBodyIndices(model)]
+        try:
+            for body in bodies:
+                self._checker.SetCollisionFilteredBetween(self._held, body, True)
+            yield
+        finally:
+            for body in bodies:
+                self._checker.SetCollisionFilteredBetween(self._held, body, False)
+
+    @contextlib.contextmanager
     def reaching(self, margin: float) -> Iterator[None]:
         """Let the hand come within `margin` [m] of its surroundings in the context."""
         hand = self.plant.GetBodyIndices(self._gripper_model)

@@ -161,7 +161,7 @@ class Replanner:
         """Find the object's pose in the hand, and plan the rest from there."""
         motions = memory.attempt.planned
         q, grasp = memory.motion.position(time), motions.grasp
-        p_WO = self._task_planner.scene.X_WG(q) @ grasp.p_GO
+        p_WO = self._task_planner.X_WG(q) @ grasp.p_GO
         # A similar object elsewhere may be seen better than this one, which the hand
         # half hides.
         blob = self._sightings.nearest(view, p_WO)
@@ -261,7 +261,7 @@ class Replanner:
 
     def _in_hand(self, grasp: Grasp, blob: Blob, q: Vector) -> Grasp:
         """Return the grasp as it is seen with the arm at `q`."""
-        X_GW = self._task_planner.scene.X_WG(q).inverse()
+        X_GW = self._task_planner.X_WG(q).inverse()
         if isinstance(self._shape, ConvexPieces):
             seen = X_GW @ self._sightings.middle(blob)
             shift = seen - grasp.X_GO @ self._shape.middle

@@ -284,6 +284,10 @@ class TaskPlanner:
             place_height=config.place_height,
         )
 
+    def X_WG(self, q: Vector) -> RigidTransform:
+        """Return the pose of the hand that holds the object, with the arm at `q`."""
+        return self.scene.X_WG(q)
+
     @restores_fingers
     def plan(
         self,

@@ -8,7 +8,7 @@ from pydrake.math import RigidTransform
 
 from drake_srg.planning.handover.config import HandoverMode
 from drake_srg.planning.handover.modes import Pull
-from drake_srg.planning.handover.motions import fingers_of, taking_grasps
+from drake_srg.planning.handover.motions import taking_grasps
 from drake_srg.planning.motion.planning_scene import PlanningFailure
 from drake_srg.planning.motion.trajectories import motion_samples
 from drake_srg.scenario import load_scenario, robot_arms
@@ -159,11 +159,10 @@ def test_another_arm_is_an_obstacle_only_while_it_is_there(planner):
     scene, q = planner.receiver.scene, planner.receiver.q_home
 
     assert scene.is_free(q)
-    names = planner.names[0]
     # The giver's hand in the receiver's: the receiver's home, seen from its own base.
     reaching = np.array([0.0, 0.9, 0.0, -0.4, 0.0, 0.4, 0.0])
     before = scene.positions(q)
-    with scene.beside({names.arm: reaching, names.gripper: fingers_of(scene, {})}):
+    with planner.receiver_beside(reaching, {}):
         assert np.any(scene.positions(q) != before)
         assert scene.clearance(q, 1.0).spare < 1.0
     np.testing.assert_array_equal(scene.positions(q), before)

@@ -1,0 +1,1 @@
+"""An object too wide for one hand, which two arms carry together."""

@@ -1,0 +1,272 @@
+"""The planner of two arms that carry an object together: modes, transitions, system."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+from pydrake.common.value import AbstractValue
+from pydrake.math import RigidTransform
+from pydrake.systems.framework import Context
+from pydrake.trajectories import PiecewisePolynomial
+
+from drake_srg.common.geometry import Solid
+from drake_srg.planning.carrying.config import CarryMode, CarryTogether
+from drake_srg.planning.carrying.motions import CarryTaskPlanner, PairGrasp
+from drake_srg.planning.grasps.grasps import Grasp
+from drake_srg.planning.motion.arm_motion import Motion
+from drake_srg.planning.pick_and_place.knowledge import (
+    FATAL,
+    TRANSITIONS,
+    PlannerMemory,
+    Senses,
+    holding,
+)
+from drake_srg.planning.pick_and_place.modes import (
+    Carrying,
+    Entry,
+    Now,
+    Place,
+    TaskMode,
+    task_modes,
+)
+from drake_srg.planning.pick_and_place.replanning import Replanner
+from drake_srg.planning.pick_and_place.sightings import Sightings, View
+from drake_srg.planning.pick_and_place.task_motions import Obstacles, TaskMotions
+from drake_srg.planning.planner_machine import (
+    Observation,
+    PlannerMachine,
+    Table,
+    Transitions,
+)
+from drake_srg.types import AnyMode, Blob, Mode, Vector
+
+CARRY_TRANSITIONS: Table = {
+    **TRANSITIONS,
+    Mode.VERIFY: [
+        (lambda o, t, c: not o.holding, Mode.RELEASE),
+        (lambda o, t, c: t >= max(c.verify_time, c.grip_wait), CarryMode.SETTLE),
+    ],
+    CarryMode.SETTLE: [
+        (lambda o, t, c: o.failure is not None, Mode.FAILED),
+        (lambda o, t, c: o.arrived and not o.holding, Mode.RELEASE),
+        (lambda o, t, c: o.arrived and o.ready, Mode.LIFT),
+    ],
+}
+carry_transition = Transitions(CARRY_TRANSITIONS, FATAL)
+
+
+class LargeSightings(Sightings):
+    """Reads views for an object that is larger than the distance between look-alikes.
+
+    A part of it that something hides from the rest is a blob, too, but no certain one.
+    """
+
+    def obstacles(self, view: View, p_WO: Vector | None = None) -> Obstacles:
+        """See `Sightings`; a look-alike must be certain to be an obstacle."""
+        certain = [blob for blob in view.blobs if blob.certain]
+        return super().obstacles(View(certain, view.obstacles), p_WO)
+
+
+class CarryReplanner(Replanner):
+    """Plans for both arms from what is seen and from where the hands are.
+
+    Args: as of `Replanner`.
+    """
+
+    def __init__(
+        self,
+        task_planner: CarryTaskPlanner,
+        sightings: Sightings,
+        goal: RigidTransform,
+        tolerance: float,
+        config: CarryTogether,
+    ) -> None:
+        super().__init__(task_planner, sightings, goal, tolerance, config)
+        self._both = task_planner
+
+    def regrasp(self, memory: PlannerMemory, q: Vector, time: float) -> None:
+        """Plan from hands that hold the object, which stands as it was seen.
+
+        Args:
+            memory: The planner's.
+            q: Where both arms are, shape (2N,) [rad].
+            time: Now [s].
+        """
+        attempt, X_WO = memory.attempt, memory.attempt.X_WO
+        assert X_WO is not None, "motions are planned from a sighting"
+        grasp = self._both.regrasped(_pair_grasp(attempt.planned.grasp), q, X_WO)
+        attempt.motions = TaskMotions(grasp, attempt.planned.motions)
+        self.carry(memory, time)
+
+    def _in_hand(self, grasp: Grasp, blob: Blob, q: Vector) -> PairGrasp:
+        """Return the grasp as it is seen with both arms at `q` (2N,) [rad]."""
+        X_WO = self._sightings.pose(blob)
+        return self._both.regrasped(_pair_grasp(grasp), q, X_WO)
+
+
+def _pair_grasp(grasp: Grasp) -> PairGrasp:
+    assert isinstance(grasp, PairGrasp)
+    return grasp
+
+
+class Settle(Carrying):
+    """Moves the set-points to where the hands are, so that these pull at nothing.
+
+    The hands have met the walls where they are, not where they were believed to be. The
+    rest of the task is planned from there.
+    """
+
+    mode = CarryMode.SETTLE
+
+    def __init__(
+        self, config: CarryTogether, replanner: CarryReplanner, repeat: int
+    ) -> None:
+        super().__init__(config, replanner, repeat)
+        self._time, self._replanner = config.settle_time, replanner
+
+    def enter(self, memory: PlannerMemory, entry: Entry) -> PlannerMemory:
+        """Go there, and plan the rest."""
+        memory = super().enter(memory, entry)
+        q_from, q = memory.motion.position(entry.time), entry.senses.q
+        there = PiecewisePolynomial.CubicWithContinuousSecondDerivatives(
+            [0.0, self._time],
+            np.column_stack([q_from, q]),
+            np.zeros(len(q)),
+            np.zeros(len(q)),
+        )
+        # Plan from where the motion ends.
+        memory.motion = Motion(q.copy())
+        self._replanner.regrasp(memory, q, entry.time)
+        memory.motion = Motion(q_from).followed_by(there, entry.time)
+        return memory
+
+    def trajectory(self, memory: PlannerMemory) -> None:
+        """Return no planned motion: `enter` makes one."""
+
+    def observe_arrived(self, memory: PlannerMemory, now: Now) -> Observation:
+        """Report whether both hands hold the object, and that planning is over."""
+        return Observation(
+            arrived=True,
+            holding=holding(memory, now.senses),
+            ready=now.time >= memory.attempt.ready_at,
+        )
+
+
+class SetDown(Place):
+    """Sets the object down, and lets arms that yield come to rest with it."""
+
+    @property
+    def wait(self) -> float:
+        """Time for that [s]."""
+        assert isinstance(self.config, CarryTogether)
+        return self.config.settle_time
+
+
+def carry_modes(
+    config: CarryTogether, replanner: CarryReplanner, repeat: int
+) -> dict[AnyMode, TaskMode]:
+    """Return what the planner does in each mode.
+
+    Args:
+        config: Times and limits.
+        replanner: Plans from what is seen.
+        repeat: How many cycles the task has.
+    """
+    modes = task_modes(config, replanner, repeat)
+    return {
+        **modes,
+        CarryMode.SETTLE: Settle(config, replanner, repeat),
+        Mode.PLACE: SetDown(config, replanner, repeat),
+    }
+
+
+class CarryPlanner(PlannerMachine[PlannerMemory, Senses]):
+    """Carries an object that is too wide for one hand with two arms.
+
+    .. pydrake_system::
+
+        name: CarryPlanner
+        input_ports:
+        - blobs
+        - FIRST.arm_state
+        - FIRST.gripper_state
+        - FIRST.grasped
+        - FIRST.proximity
+        - SECOND.arm_state
+        - SECOND.gripper_state
+        - SECOND.grasped
+        - SECOND.proximity
+        output_ports:
+        - FIRST.position_commanded
+        - FIRST.closure_commanded
+        - SECOND.position_commanded
+        - SECOND.closure_commanded
+        - mode
+        - status
+
+    FIRST and SECOND stand for the arms' names. The ports are those of
+    `PickAndPlacePlanner`, for each arm.
+
+    Both arms move at once, by one motion of all their joints. Each hand takes an end
+    wall of the object from above. Then object and arms are a closed chain: the object
+    follows a minimum-jerk motion, and both hands keep their places on it. The modes are
+    those of picking and placing, with one more between the check of the grasp and the
+    lift: `Settle`.
+
+    Args:
+        task_planner: Plans the motions of both.
+        object_name: Name of the blobs of the object to take.
+        shape: The object's known shape, with end walls.
+        goal: Where the object must go, X_WO [m].
+        tolerance: Distance from the goal that counts as placed [m].
+        obstacles: Names and shapes of the other objects.
+        repeat: How many cycles.
+        config: Times and limits.
+    """
+
+    def __init__(
+        self,
+        task_planner: CarryTaskPlanner,
+        object_name: str,
+        shape: Solid,
+        goal: RigidTransform,
+        config: CarryTogether,
+        tolerance: float = 0.005,
+        obstacles: Mapping[str, Solid] | None = None,
+        repeat: int = 1,
+    ) -> None:
+        hand, others = task_planner.hand, dict(obstacles or {})
+        sightings = LargeSightings(object_name, shape, others, hand.upright_within)
+        replanner = CarryReplanner(task_planner, sightings, goal, tolerance, config)
+        self._names = (config.first, config.second)
+        super().__init__(
+            carry_modes(config, replanner, repeat),
+            memory=PlannerMemory(Motion(q_rest=task_planner.q_home)),
+            transition=carry_transition,
+            config=config,
+            arms=self._names,
+            together=True,
+        )
+        self.config = config
+        self.goal = goal
+        self.tolerance = tolerance
+        self.obstacles = others
+        self._blobs = self.DeclareAbstractInputPort(
+            name="blobs", model_value=AbstractValue.Make([])
+        )
+        for name in self._names:
+            self.declare_hand_inputs(hand.num_joints, hand.num_sensors, f"{name}.")
+
+    def sense(self, context: Context) -> Senses:
+        """Return the measurements of both arms, as if they were one."""
+
+        def see() -> View:
+            return View(self._blobs.Eval(context))
+
+        hands = [self.hand_senses(context, see, f"{name}.") for name in self._names]
+        joined = {
+            name: np.concatenate([getattr(hand, name) for hand in hands])
+            for name in ("q", "fingers", "finger_speeds", "proximity")
+        }
+        return Senses(grasped=all(hand.grasped for hand in hands), see=see, **joined)
