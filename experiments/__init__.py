@@ -20,11 +20,15 @@ class Found(NamedTuple):
     description: str
 
 
-@functools.cache
 def find_experiments() -> dict[str, Found]:
     """Return every experiment by name, in order; read once per process."""
+    return _find(FOLDER)
+
+
+@functools.cache
+def _find(folder: Path) -> dict[str, Found]:
     found = {}
-    for path in FOLDER.glob("*.py"):
+    for path in folder.glob("*.py"):
         for node in ast.parse(path.read_text(encoding="utf-8")).body:
             match node:
                 case ast.Assign(

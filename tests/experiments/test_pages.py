@@ -80,10 +80,7 @@ def test_the_claim_that_the_docs_add_runs(tmp_path, monkeypatch):
     (tmp_path / "added_claim.py").write_text(code)
     monkeypatch.setattr(experiments, "FOLDER", tmp_path)
     monkeypatch.setattr(experiments, "__path__", [*experiments.__path__, str(tmp_path)])
-    experiments.find_experiments.cache_clear()
     result = run_experiment("closing_time", tmp_path / "out", workers=1)
     assert [row.name for row in result.rows] == ["0.3", "0.8"]
     assert result.passed
     sys.modules.pop("experiments.added_claim")
-    monkeypatch.undo()
-    experiments.find_experiments.cache_clear()

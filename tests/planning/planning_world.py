@@ -61,6 +61,9 @@ class FakeTaskPlanner:
         self.hit = None  # what is in the way
         self.calls, self.places = [], []
 
+    def X_WG(self, q):
+        return self.scene.X_WG(q)
+
     def plan(self, q_start, X_WO, shape, X_WO_goal, obstacles=(), tried=()):
         self.tried = tried
         self.calls.append((q_start, X_WO, shape, X_WO_goal))

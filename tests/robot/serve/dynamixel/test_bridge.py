@@ -244,9 +244,12 @@ def test_sake_s_driver_calibrates_moves_and_holds(station):
     client.goto_position(0, 50)
     assert client.get_position() == 0
     station.sleep(0.1)
-    # Held with 13 % of torque, the limit of 104/800.
+    # Held by a goal torque of 104 units of 4.5 mA. The stall current is 4.1 A, and full
+    # PWM gives 800/1023 of the stall torque.
     assert np.isnan(station.commands["gripper.motor_position_commanded"][0])
-    assert station.commands["gripper.force_limit"] == pytest.approx([0.13])
+    torque = station.commands["gripper.motor_torque_commanded"]
+    assert torque == pytest.approx([104 * 4.5e-3 / 4.1 * 1023 / 800])
+    assert station.commands["gripper.force_limit"] == pytest.approx([1.0])
     assert client.get_temperature() == 30
     client.release()
     assert station.warnings == []
@@ -398,8 +401,10 @@ def test_sake_s_driver_moves_the_simulated_gripper():
         assert client.get_position() <= 1
         assert gripper.q[:2] == pytest.approx(closed[:2], abs=0.05)
         gripper.sleep(1.0)
-        # 13 % of 308 N per wire.
-        assert gripper.force == pytest.approx([40.0, 40.0], rel=0.05)
+        # 104 units of 4.5 mA, of 4.1 A at stall; 800/1023 of the stall torque pull each
+        # wire with 308 N.
+        held = 308.0 * 104 * 4.5e-3 / 4.1 * 1023 / 800
+        assert gripper.force == pytest.approx([held, held], rel=0.05)
 
         client.goto_position(50, 50)
         assert client.get_position() == pytest.approx(50, abs=1)
