@@ -50,7 +50,7 @@ class Driver:
             result = self.servo.regWriteTxRx(self.port, 1, address, size, data)
             assert result == (sdk.COMM_SUCCESS, 0), address
         assert self.servo.action(self.port, 1) == sdk.COMM_SUCCESS
-        # The SDK does not wait for this reply; late, it would be taken for the next one.
+        # The SDK does not wait for this reply, and could take it for the next one.
         self.port.setPacketTimeout(11)
         status, result = self.servo.rxPacket(self.port, False)
         assert (status[2 + 2], result) == (1, sdk.COMM_SUCCESS)
