@@ -3,7 +3,6 @@
 import errno
 import os
 import signal
-import tempfile
 import time
 from concurrent.futures import BrokenExecutor, Future
 from pathlib import Path
@@ -104,13 +103,6 @@ class Drawn:
 def slow(*arguments):
     time.sleep(0.5)
     return trial(*arguments)
-
-
-def recorded(*arguments):
-    """A trial whose recording is in a folder on the machine that it ran on."""
-    folder = Path(tempfile.mkdtemp(prefix="drake_srg_"))
-    (folder / "video.mp4").write_bytes(b"%d" % arguments[3])
-    return TrialResult(trial(*arguments).row, folder)
 
 
 def no_space(*_, **__):

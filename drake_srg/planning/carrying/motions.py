@@ -75,21 +75,21 @@ class EndWall:
 def end_walls(solid: Solid) -> tuple[EndWall, EndWall] | None:
     """Return the walls at both ends of a solid along its x; None if it has none.
 
-    They are the convex pieces whose middles are farthest along -x and x, if these are
+    They are the convex pieces whose centers are farthest along -x and x, if these are
     boxes along the axes, rise to the top and are as thick as one another.
     """
     if not isinstance(solid, ConvexPieces) or len(solid.pieces) < 2:
         return None
-    middles = [0.5 * (p.min(axis=0) + p.max(axis=0)) for p in solid.pieces]
-    order = sorted(range(len(middles)), key=lambda i: float(middles[i][0]))
+    centers = [0.5 * (p.min(axis=0) + p.max(axis=0)) for p in solid.pieces]
+    order = sorted(range(len(centers)), key=lambda i: float(centers[i][0]))
     walls = []
     top = solid.half_extent(_UP)
     for i in (order[0], order[-1]):
         size = np.ptp(solid.pieces[i], axis=0)
-        a_box = np.allclose(np.abs(solid.pieces[i] - middles[i]), 0.5 * size, atol=1e-6)
+        a_box = np.allclose(np.abs(solid.pieces[i] - centers[i]), 0.5 * size, atol=1e-6)
         if not a_box or solid.pieces[i][:, 2].max() < top - 1e-6:
             return None
-        walls.append(EndWall(RigidTransform(middles[i]), Box(size.tolist())))
+        walls.append(EndWall(RigidTransform(centers[i]), Box(size.tolist())))
     first, second = (wall.box.size[0] for wall in walls)
     return (walls[0], walls[1]) if abs(first - second) < 1e-4 else None
 
