@@ -12,6 +12,7 @@ from typing import Any, NoReturn
 import drake_srg
 from drake_srg.cli import (
     arms,
+    calibrate,
     commands,
     doctor,
     grasps,
@@ -229,7 +230,7 @@ COMMANDS: dict[str, tuple[Command, ...]] = {
     "see": (commands.list_all, commands.replay, commands.diagram),
     "vary": (sweep.sweep, sweep.report, sweep.dataset, experiments.experiment),
     "learn": (learn.train, learn.evaluate, grasps.grasps),
-    "robots": (robot.serve, robot.twin, robot.identify, robot.calibrate),
+    "robots": (robot.serve, robot.twin, calibrate.identify, calibrate.calibrate),
     "make": (
         project.new,
         objects.import_object,

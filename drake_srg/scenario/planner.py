@@ -167,6 +167,10 @@ def _servo_problems(scenario: Scenario, planner: Servoing) -> Iterator[tuple[str
         allowed = ", ".join(scenario.cameras) or "none"
         problem = f"unknown camera {servo.camera!r} (allowed: {allowed})"
         yield "planner.servo.camera", problem
+    window = planner.window
+    if window and any(a >= b for a, b in zip(window.min, window.max, strict=True)):
+        problem = f"min must be below max, got {window.min} .. {window.max}"
+        yield "planner.window", problem
     images = servo.camera_period / servo.period
     if images < 1.0 or abs(images - round(images)) > 1e-6:
         yield (

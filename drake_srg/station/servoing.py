@@ -17,7 +17,7 @@ from drake_srg.common.exceptions import ScenarioError, scenario_errors
 from drake_srg.common.systems import input_ports, output_ports
 from drake_srg.objects.models import object_shape
 from drake_srg.planning.grasps.grasps import Grasp
-from drake_srg.planning.servoing.config import ServoConfig
+from drake_srg.planning.servoing.config import ServoConfig, Servoing
 from drake_srg.planning.servoing.hand_motion import ServoArm
 from drake_srg.planning.servoing.planner import ServoingPlanner
 from drake_srg.planning.servoing.tracker import (
@@ -247,10 +247,13 @@ def MakeServoingPlanner(scenario: Scenario) -> Diagram:
 
 def MakeServoTaskPlanner(scenario: Scenario) -> ServoingPlanner:
     """Make the planner of a scenario with a visual servo, whose servo is elsewhere."""
-    servo = servo_of(scenario)
-    assert servo is not None
-    limit = servo.time_limit
-    return ServoingPlanner(**planner_arguments(scenario), time_limit=limit)
+    config = scenario.planner
+    assert isinstance(config, Servoing)
+    return ServoingPlanner(
+        **planner_arguments(scenario),
+        time_limit=config.servo.time_limit,
+        window=config.window,
+    )
 
 
 def ConnectHandCamera(

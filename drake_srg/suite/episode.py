@@ -21,7 +21,7 @@ from drake_srg.learning.rules import pick_by_touch
 from drake_srg.lifetime import free_diagrams, my_context
 from drake_srg.objects.household import object_facts
 from drake_srg.objects.poses import ContactReader
-from drake_srg.scenario import Scenario, perception_cameras
+from drake_srg.scenario import Scenario, perception_cameras, servo_of
 from drake_srg.simulation.clearing import resting_places
 from drake_srg.simulation.flat import MakeRoot
 from drake_srg.simulation.metrics import is_placed
@@ -265,5 +265,7 @@ def with_cameras(scenario: Scenario, cameras: Sequence[str]) -> Scenario:
             localizer stay, too.
     """
     needed = {*cameras, *perception_cameras(scenario)}
+    if (servo := servo_of(scenario)) is not None:
+        needed.add(servo.camera)
     kept = {name: c for name, c in scenario.cameras.items() if name in needed}
     return dc.replace(scenario, cameras=kept)

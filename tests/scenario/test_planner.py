@@ -150,6 +150,11 @@ def test_a_key_from_before_there_were_tags_is_told_with_its_new_form(
             r"planner\.servo\.camera: unknown camera 'belly' \(allowed",
         ),
         (
+            "conveyor",
+            "planner.window.min=[0.8, 0.0]",
+            r"planner\.window: min must be below max, got \[0\.8",
+        ),
+        (
             "kitchen_servoing",
             "planner.servo.method=guess",
             r"planner\.servo\.method: must be one of ibvs, pbvs",

@@ -19,6 +19,7 @@ CONTINUOUS = {
     "assistive_arm_varied",
     "carry_together",
     "carry_together_varied",
+    "conveyor",
     "handover",
     "handover_varied",
     "kitchen_fast",

@@ -1,4 +1,4 @@
-"""Props around the robots: tables, floor, pedestal, tray, marker, lid, bin, can."""
+"""Props around the robots: tables, floor, tray, belt, marker, lid, bin, can."""
 
 from __future__ import annotations
 
@@ -61,37 +61,65 @@ def floor() -> Files:
 
 
 def tray() -> Files:
-    """Return a tray on a linear axis along y; its origin is the middle of its top.
+    """Return a tray on a linear axis along y; its origin is the middle of its top."""
+    return _slide("tray", "A tray on a linear axis", (-0.30, 0.62), 0.2, (-0.05, 0.45))
 
-    It moves 2 mm above its rails, which lie TRAY_HEIGHT below the origin.
+
+def belt() -> Files:
+    """Return a piece of a conveyor's belt, which moves along y as a whole.
+
+    Drake 1.51 has no moving surfaces. The origin is the middle of the top.
     """
-    looks = {"tray": (0.30, 0.34, 0.40), "rail": (0.62, 0.63, 0.65)}
-    model = Model("tray", looks, "A tray on a linear axis; tools/models/props.py.")
-    rails = [
+    comment = "A piece of a conveyor's belt"
+    return _slide("belt", comment, (-0.78, 0.78), 0.6, (-0.55, 0.55))
+
+
+def _slide(
+    name: str,
+    comment: str,
+    rails: tuple[float, float],
+    half: float,
+    travel: tuple[float, float],
+) -> Files:
+    """Return a plate that moves along y, 2 mm above its rails.
+
+    The rails lie TRAY_HEIGHT below the origin.
+
+    Args:
+        name: Of the model.
+        comment: What it is.
+        rails: Their ends along y [m].
+        half: Half the plate's length along y [m].
+        travel: Limits of the joint [m].
+    """
+    looks = {name: (0.30, 0.34, 0.40), "rail": (0.62, 0.63, 0.65)}
+    model = Model(name, looks, f"{comment}; tools/models/props.py.")
+    pieces = [
         box_piece(
             f"rail_{side}",
             "rail",
-            (x - 0.01, -0.30, -TRAY_HEIGHT),
-            (x + 0.01, 0.62, -TRAY_HEIGHT + 0.008),
+            (x - 0.01, rails[0], -TRAY_HEIGHT),
+            (x + 0.01, rails[1], -TRAY_HEIGHT + 0.008),
             0.0,
             WOOD,
         )
         for side, x in (("near", -0.08), ("far", 0.08))
     ]
-    low, high = (-0.15, -0.2, -TRAY_HEIGHT + 0.01), (0.15, 0.2, 0.0)
-    plate = [box_piece("plate", "tray", low, high, 0.0015, WOOD)]
+    low, high = (-0.15, -half, -TRAY_HEIGHT + 0.01), (0.15, half, 0.0)
+    plate = [box_piece("plate", name, low, high, 0.0015, WOOD)]
     # Welded to the world, so the rails' mass [kg] has no effect. The plate is of
-    # aluminium honeycomb.
-    rail_mass = union_properties([p.solid for p in rails])
-    model.AddLink("rails", rails, Inertial.uniform(1.0, rail_mass))
+    # aluminium honeycomb, 17 kg/m2.
+    rail_mass = union_properties([p.solid for p in pieces])
+    model.AddLink("rails", pieces, Inertial.uniform(1.0, rail_mass))
     plate_mass = union_properties([p.solid for p in plate])
-    model.AddLink("plate", plate, Inertial.uniform(2.0, plate_mass))
-    limits = {"lower": -0.05, "upper": 0.45, "effort": 200.0, "velocity": 0.5}
+    model.AddLink("plate", plate, Inertial.uniform(10.0 * half, plate_mass))
+    lower, upper = travel
+    limits = {"lower": lower, "upper": upper, "effort": 200.0, "velocity": 0.5}
     model.AddJoint(
         "slide", "rails", "plate", [0.0, 1.0, 0.0], limits, 0.0, kind="prismatic"
     )
     model.AddFrame("top", "plate")
-    return model.finish("sdf/tray.sdf")
+    return model.finish(f"sdf/{name}.sdf")
 
 
 def pedestal() -> Files:
@@ -289,4 +317,5 @@ def build() -> Files:
         **crate_mark(),
         **pedestal(),
         **tray(),
+        **belt(),
     }

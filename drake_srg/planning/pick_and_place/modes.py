@@ -171,8 +171,12 @@ class Idle(BetweenAttempts):
         """Look, and plan, whenever a look is due."""
         memory = super().update(memory, now)
         if now.time >= memory.attempt.next_look:
-            self.replanner.plan(now.senses.see(), memory, now.time)
+            self.look(memory, now)
         return memory
+
+    def look(self, memory: PlannerMemory, now: Now) -> None:
+        """Look, and plan from what is seen."""
+        self.replanner.plan(now.senses.see(), memory, now.time)
 
     def observe_mode(self, memory: PlannerMemory, now: Now) -> Observation:
         """Report motions, a way out or a failure, once planning has taken its time."""

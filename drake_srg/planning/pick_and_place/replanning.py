@@ -79,9 +79,13 @@ class Replanner:
         back = memory.seen.X_WO_return if memory.totals.cycles % 2 else None
         return back or self._goal
 
+    def find(self, view: View) -> Blob | None:
+        """Return the most trustworthy sighting of the object, None without one."""
+        return self._sightings.best(view, self._rests)
+
     def judge(self, view: View, memory: PlannerMemory, time: float) -> None:
         """Check that the object is on the goal of this cycle."""
-        blob, goal = self._sightings.best(view, self._rests), self.goal(memory)
+        blob, goal = self.find(view), self.goal(memory)
         _look(memory, view, blob, time)
         memory.attempt.at_goal = False
         if blob is not None:
@@ -89,15 +93,32 @@ class Replanner:
             near = distance(X_WO, goal, self._shape) <= self._tolerance
             memory.attempt.at_goal = near and self._turn(X_WO, goal) <= _STANDING
 
-    def plan(self, view: View, memory: PlannerMemory, time: float) -> None:
-        """Look for the object, and plan the whole cycle from where the arm is."""
-        blob, attempt = self._sightings.best(view, self._rests), memory.attempt
+    def plan(
+        self,
+        view: View,
+        memory: PlannerMemory,
+        time: float,
+        travel: Vector | None = None,
+    ) -> None:
+        """Look for the object, and plan the whole cycle from where the arm is.
+
+        Args:
+            view: Present view.
+            memory: The planner's memory.
+            time: Present time [s].
+            travel: How far the object will have moved before the hand is there, shape
+                (3,) [m]; None: it rests.
+        """
+        blob, attempt = self.find(view), memory.attempt
         _look(memory, view, blob, time)
         attempt.next_look = np.inf
         if blob is None:
-            self._miss_object(memory, time)
+            message = f"no {self._sightings.object_name} in any image"
+            self._miss_object(memory, time, message)
             return
         q, X_WO = memory.motion.q_rest, self._sightings.pose(blob)
+        if travel is not None:
+            X_WO = RigidTransform(X_WO.rotation(), X_WO.translation() + travel)
         with planning_clock.running():
             memory.seen.X_WO_goal = set_down_at(
                 self._upright_goal(memory), X_WO, self._shape
@@ -121,12 +142,17 @@ class Replanner:
         attempt.motions, attempt.X_WO = result, X_WO
         memory.trouble = Trouble()
 
-    def _miss_object(self, memory: PlannerMemory, time: float) -> None:
+    def wait(self, view: View, memory: PlannerMemory, time: float, place: str) -> None:
+        """Look again later for an object that is not at a place, or give up."""
+        _look(memory, view, None, time)
+        memory.attempt.next_look = np.inf
+        self._miss_object(memory, time, f"no {self._sightings.object_name} in {place}")
+
+    def _miss_object(self, memory: PlannerMemory, time: float, message: str) -> None:
         attempt = memory.attempt
         if time < attempt.began + self._config.search_time:
             attempt.next_look = time + SEARCH_PERIOD
             return
-        message = f"no {self._sightings.object_name} in any image"
         _fail(memory, Failure.NOT_SEEN, message)
         attempt.ready_at = time
         if not self._at_home(memory.motion.q_rest):
@@ -134,7 +160,7 @@ class Replanner:
 
     def compare(self, view: View, memory: PlannerMemory, time: float) -> None:
         """Check that the object has not moved, and that the motions are free."""
-        blob = self._sightings.best(view, self._rests)
+        blob = self.find(view)
         certain = blob if blob is not None and blob.certain else None
         _look(memory, view, certain, time)
         if memory.cycle.detours >= self._config.max_attempts:

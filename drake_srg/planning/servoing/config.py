@@ -7,6 +7,7 @@ import numpy as np
 
 from drake_srg.common.shared import Shared
 from drake_srg.config import Config, positive
+from drake_srg.objects.config import RegionConfig
 from drake_srg.planning.planner_machine import PlannerConfig
 from drake_srg.types import Vector
 
@@ -76,9 +77,29 @@ class ServoingConfig(ServoConfig):
 
 
 @dc.dataclass(kw_only=True)
+class WindowConfig(RegionConfig):
+    """Where the planner takes an object that moves: a rectangle in world [m].
+
+    It waits for `search_time` until the object is seen there, and twice in all.
+    """
+
+    # The hand goes to where the object will be by then [s]: the time for planning and
+    # for the way there. The servo corrects the rest.
+    lead: float = dc.field(default=1.5, metadata={"ge": 0.0})
+
+    def has(self, p_W: Vector) -> bool:
+        """Return whether a position, shape (3,) [m], is above the rectangle."""
+        inside = (self.min <= p_W[:2]) & (p_W[:2] <= self.max)
+        return bool(inside.all())
+
+
+@dc.dataclass(kw_only=True)
 class Servoing(PlannerConfig):
     """Picks and places as `PickAndPlace` does, with a visual servo for the grasp."""
 
+    # Where an object on a belt is taken; null: the object is taken anywhere, and its
+    # motion is not known before the servo sees it.
+    window: WindowConfig | None = None
     servo: ServoingConfig = dc.field(default_factory=ServoingConfig)
 
 

@@ -25,6 +25,7 @@ from drake_srg.planning.pick_and_place.modes import (
     Close,
     Entry,
     Grasp,
+    Idle,
     Lift,
     Now,
     TaskMode,
@@ -45,8 +46,9 @@ from drake_srg.planning.servoing.config import (
     ServoFault,
     ServoState,
     ServoStatus,
+    WindowConfig,
 )
-from drake_srg.types import AnyMode, Failure, Mode, Shape
+from drake_srg.types import AnyMode, Blob, Failure, Mode, Shape
 
 # The servo's command in each mode; it passes in all others.
 COMMANDS: Mapping[AnyMode, ServoCommand] = {
@@ -86,6 +88,54 @@ def servo_command(mode: AnyMode, memory: PlannerMemory) -> ServoCommand:
     if mode is Mode.LIFT and memory.attempt.looked:
         return ServoCommand.PASS
     return COMMANDS.get(mode, ServoCommand.PASS)
+
+
+@dc.dataclass
+class ServoingMemory(PlannerMemory):
+    """The memory of picking and placing, and the latest sighting while idle."""
+
+    before: Blob | None = None
+    before_at: float = 0.0  # s
+
+
+class ServoIdle(Idle):
+    """Waits for the object to be in the window, and plans all motions.
+
+    Args:
+        config: Times and limits.
+        replanner: Plans from sightings.
+        repeat: Number of the task's cycles.
+        window: Where the object is taken; None: anywhere, at rest.
+    """
+
+    mode = Mode.IDLE
+
+    def __init__(
+        self,
+        config: PlannerConfig,
+        replanner: Replanner,
+        repeat: int,
+        window: WindowConfig | None,
+    ) -> None:
+        super().__init__(config, replanner, repeat)
+        self.window = window
+
+    def look(self, memory: PlannerMemory, now: Now) -> None:
+        """Look twice, and plan from where the object will be."""
+        if self.window is None:
+            super().look(memory, now)
+            return
+        assert isinstance(memory, ServoingMemory), "these modes need its memory"
+        view = now.senses.see()
+        blob, elapsed = self.replanner.find(view), now.time - memory.before_at
+        # A sighting of an earlier attempt does not count.
+        before = memory.before if memory.before_at >= memory.attempt.began else None
+        memory.before, memory.before_at = blob, now.time
+        if blob is None or before is None or not self.window.has(blob.position):
+            self.replanner.wait(view, memory, now.time, "planner.window")
+            return
+        v_WO = (blob.position - before.position) / elapsed
+        self.replanner.plan(view, memory, now.time, self.window.lead * v_WO)
 
 
 class Servoed(TaskMode):
@@ -196,7 +246,12 @@ class ServoLift(Lift):
 
 
 def servo_modes(
-    config: PlannerConfig, replanner: Replanner, repeat: int, *, time_limit: float
+    config: PlannerConfig,
+    replanner: Replanner,
+    repeat: int,
+    *,
+    time_limit: float,
+    window: WindowConfig | None = None,
 ) -> dict[AnyMode, TaskMode]:
     """Return the actions of each mode.
 
@@ -205,8 +260,10 @@ def servo_modes(
         replanner: Plans from sightings.
         repeat: Number of the task's cycles.
         time_limit: Time after which the servo counts as failed [s].
+        window: Where the object is taken; None: anywhere, at rest.
     """
     modes = task_modes(config, replanner, repeat)
+    modes[Mode.IDLE] = ServoIdle(config, replanner, repeat, window)
     modes[Mode.GRASP] = ServoGrasp(config, replanner, repeat, time_limit)
     for kind in (ServoClose, ServoVerify, ServoLift):
         modes[kind.mode] = kind(config, replanner, repeat)
@@ -263,6 +320,7 @@ class ServoingPlanner(PickAndPlacePlanner):
         repeat: Number of cycles.
         config: Times, speeds and limits.
         time_limit: Time after which the servo counts as failed [s].
+        window: Where the object is taken; None: anywhere, at rest.
     """
 
     def __init__(
@@ -276,6 +334,7 @@ class ServoingPlanner(PickAndPlacePlanner):
         repeat: int = 1,
         config: PlannerConfig | None = None,
         time_limit: float = 6.0,
+        window: WindowConfig | None = None,
     ) -> None:
         super().__init__(
             task_planner,
@@ -286,8 +345,11 @@ class ServoingPlanner(PickAndPlacePlanner):
             obstacles,
             repeat,
             config,
-            make_modes=functools.partial(servo_modes, time_limit=time_limit),
+            make_modes=functools.partial(
+                servo_modes, time_limit=time_limit, window=window
+            ),
             transition=servo_transition,
+            make_memory=ServoingMemory,
         )
         self._servo = self.DeclareAbstractInputPort(
             name="servo_status", model_value=AbstractValue.Make(ServoStatus())

@@ -1,9 +1,12 @@
 """What the planner does while a servo moves the arm."""
 
+import dataclasses as dc
+
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from pydrake.math import RigidTransform
 
 from drake_srg.planning.motion.arm_motion import Motion
 from drake_srg.planning.pick_and_place.knowledge import PlannerMemory, transition
@@ -13,17 +16,20 @@ from drake_srg.planning.servoing.config import (
     ServoFault,
     ServoState,
     ServoStatus,
+    WindowConfig,
 )
 from drake_srg.planning.servoing.planner import (
     SERVO_TRANSITIONS,
     ServoGrasp,
+    ServoIdle,
+    ServoingMemory,
     ServoLift,
     ServoSenses,
     servo_command,
     servo_transition,
 )
 from drake_srg.planning.state_machine import Entry, Moment
-from drake_srg.types import Failure, Mode
+from drake_srg.types import Blob, Failure, Mode
 
 CONFIG = PlannerConfig()
 Q = np.array([0.1, 0.2])
@@ -35,6 +41,17 @@ class FakeReplanner:
 
     def __init__(self):
         self.escapes = self.carries = 0
+
+        self.travels, self.waits = [], []
+
+    def find(self, view):
+        return view
+
+    def plan(self, view, memory, time, travel=None):
+        self.travels.append(travel)
+
+    def wait(self, view, memory, time, place):
+        self.waits.append(time)
 
     def escape(self, memory, time):
         self.escapes += 1
@@ -159,3 +176,53 @@ def test_the_servo_is_in_charge_from_the_grasp_until_the_lift_is_planned():
     assert set(commands.values()) == {ServoCommand.PASS}
     memory.attempt.looked = True  # it is planned
     assert servo_command(Mode.LIFT, memory) is ServoCommand.PASS
+
+
+def blob_at(x):
+    return Blob("can", "ceiling", (0.0, 0.0), RigidTransform([x, 0.0, 0.1]), 1.0)
+
+
+def look_at(sightings, window):
+    """Look once for each x of the object, or None, 0.5 s apart; return what it did."""
+    replanner = FakeReplanner()
+    mode = ServoIdle(CONFIG, replanner, 1, window)
+    memory = ServoingMemory(Motion(np.zeros(2)))
+    for i, x in enumerate(sightings):
+        blob = x if x is None else blob_at(x)
+        seen = dc.replace(senses(ServoStatus()), see=lambda blob=blob: blob)
+        mode.look(memory, Moment(0.5 * i, seen))
+    return replanner
+
+
+def test_without_a_window_it_plans_at_once_and_knows_no_motion():
+    replanner = look_at([0.0], None)
+    assert (replanner.travels, replanner.waits) == ([None], [])
+
+
+@given(st.floats(-0.5, 0.5), st.floats(0.0, 3.0))
+def test_it_plans_from_where_the_object_will_be(speed, lead):
+    window = WindowConfig(min=[-1.0, -1.0], max=[1.0, 1.0], lead=lead)
+    replanner = look_at([0.1, 0.1 + 0.5 * speed], window)
+    assert replanner.waits == [0.0]
+    (travel,) = replanner.travels
+    assert travel == pytest.approx([lead * speed, 0.0, 0.0])
+
+
+def test_it_waits_until_the_object_is_in_the_window():
+    window = WindowConfig(min=[0.0, -1.0], max=[1.0, 1.0])
+    replanner = look_at([None, -0.2, None, -0.1, 0.0], window)
+    assert replanner.waits == [0.0, 0.5, 1.0, 1.5]
+    assert len(replanner.travels) == 1
+
+
+def test_a_sighting_of_an_earlier_attempt_does_not_count():
+    replanner = FakeReplanner()
+    mode = ServoIdle(
+        CONFIG, replanner, 1, WindowConfig(min=[0.0, -1.0], max=[1.0, 1.0])
+    )
+    memory = ServoingMemory(Motion(np.zeros(2)))
+    memory.before, memory.before_at = blob_at(0.0), 1.0
+    memory.attempt.began = 4.0
+    blob = blob_at(0.5)
+    mode.look(memory, Moment(4.0, dc.replace(senses(ServoStatus()), see=lambda: blob)))
+    assert replanner.waits == [4.0]

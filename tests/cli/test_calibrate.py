@@ -5,8 +5,8 @@ import numpy as np
 import pytest
 from pydrake.math import RigidTransform
 
+from drake_srg.cli.calibrate import parse_board, parse_count
 from drake_srg.cli.main import main
-from drake_srg.cli.robot import parse_board, parse_count
 from drake_srg.common.exceptions import ScenarioError
 from drake_srg.scenario import load_scenario
 from experiments.stands.scenes import Eye
