@@ -15,13 +15,16 @@ LESSONS = re.findall(r"\]\((\w+)\.md\)", INDEX)
 PAGES = {name: (FOLDER / f"{name}.md").read_text("utf-8") for name in LESSONS}
 BLOCK = re.compile(r"^```(sh|python|yaml)\n(.*?)^```", re.DOTALL | re.M)
 # A few trials and episodes show what twenty do, a recorded run of the fast cell what one
-# of the accurate cell does, and a frame every two seconds what eight a second do.
+# of the accurate cell does, and a picture every two seconds what eight a second do.
 SHORTER = {
     "--trials 20": "--trials 2",
     "episodes=20": "episodes=5",
     "run kitchen ": "run kitchen_fast ",
 }
-FEW_FRAMES = ["--set", "recording.video_fps=0.5"]
+FEW_PICTURES = [
+    *("--set", "recording.video_fps=0.5"),
+    *("--set", "recording.bag_camera_period=2.0"),
+]
 
 
 @pytest.fixture(scope="module")
@@ -63,7 +66,7 @@ def follow(line):
     program, *words = shlex.split(shorten(command))
     assert program == "drake-srg"
     if words[0] in ("run", "sweep") and "--no-record" not in words:
-        words += FEW_FRAMES
+        words += FEW_PICTURES
     assert str(main(words)) in (re.findall(r"\d", comment) or "0"), line
 
 
