@@ -14,8 +14,8 @@ INDEX = (FOLDER / "index.md").read_text("utf-8")
 LESSONS = re.findall(r"\]\((\w+)\.md\)", INDEX)
 PAGES = {name: (FOLDER / f"{name}.md").read_text("utf-8") for name in LESSONS}
 BLOCK = re.compile(r"^```(sh|python|yaml)\n(.*?)^```", re.DOTALL | re.M)
-# A few trials and episodes show what twenty do, a recorded run of the fast cell what one
-# of the accurate cell does, and a picture every two seconds what eight a second do.
+# A few trials and episodes show what twenty do, a recorded run of the fast cell what
+# one of the accurate cell does, and a picture every two seconds what eight a second do.
 SHORTER = {
     "--trials 20": "--trials 2",
     "episodes=20": "episodes=5",
