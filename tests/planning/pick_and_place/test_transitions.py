@@ -56,7 +56,8 @@ def all_observations():
 def successors(mode):
     """Modes that follow a mode by any observation at all, at once or after long."""
     observed = itertools.product(all_observations(), (0.0, LONG))
-    return {transition(mode, o, t) for o, t in observed} - {mode}
+    config = PlannerConfig()
+    return {transition(mode, o, t, config) for o, t in observed} - {mode}
 
 
 def reachable(mode, avoiding=()):
