@@ -43,17 +43,20 @@ settings.load_profile("drake_srg")
 LONGEST = (
     "test_notebooks.py",
     "test_lessons.py",
-    "scenarios/test_thesis_kitchen.py",
     "scenarios/test_assistive_arm.py",
     "simulation/test_simulate.py",
     "sweeps/test_engines.py",
-    "test_readme.py",
+    "scenarios/test_thesis_kitchen.py",
+    "robot/serve/test_loop.py",
+    "models/test_every_model.py",
     "scenarios/test_own_cell.py",
-    "scenarios/test_fast.py",
-    "planning/pick_and_place/test_protective_stop.py",
+    "scenarios/test_insert.py",
+    "scenarios/test_carry_together.py",
+    "robot/identify/test_fits.py",
+    "simulation/test_benchmark.py",
     "simulation/test_recorders.py",
-    "vision/test_convex_pieces.py",
-    "vision/test_shape_fit.py",
+    "test_state_in_context.py",
+    "scenarios/test_handover.py",
 )
 
 

@@ -116,10 +116,8 @@ def test_a_bad_value_is_refused_in_the_words_of_the_scenario_reader(
         assert str(read.value).split(": ", 2)[2].lower() == problem.lower()
 
 
-@pytest.mark.parametrize(("config", "field", "kind", "entry"), FIELDS)
-@settings(max_examples=10)
-@given(data=st.data())
-def test_a_value_within_its_bounds_is_taken(config, field, kind, entry, data):
+def good_values(field, kind, entry):
+    """Values that a field may have."""
     bounds = field.metadata
     if "among" in bounds:
         values = st.sampled_from(sorted(bounds["among"]))
@@ -134,10 +132,27 @@ def test_a_value_within_its_bounds_is_taken(config, field, kind, entry, data):
     if kind is not entry:
         size = bounds.get("length", 3)
         values = st.lists(values, min_size=size, max_size=size)
-    value = data.draw(values)
-    made = object.__new__(config)
-    setattr(made, field.name, value)
-    assert getattr(made, field.name) == value
+    return values
+
+
+# One test a configuration: to begin one takes Hypothesis longer than ten examples.
+@pytest.mark.parametrize("config", {param.values[0]: None for param in FIELDS})
+def test_values_within_their_bounds_are_taken(config):
+    good = {
+        param.values[1].name: good_values(*param.values[1:])
+        for param in FIELDS
+        if param.values[0] is config
+    }
+
+    @settings(max_examples=10)
+    @given(st.fixed_dictionaries(good))
+    def check(values):
+        made = object.__new__(config)
+        for name, value in values.items():
+            setattr(made, name, value)
+            assert getattr(made, name) == value, name
+
+    check()
 
 
 @pytest.mark.parametrize(

@@ -123,6 +123,10 @@ TendonDrive(0.001)
 """
 
 
+# It stays, so that only what has changed is checked anew.
+CACHE = ROOT / ".mypy_cache" / "face"
+
+
 @pytest.mark.slow
 def test_type_checkers_see_classes(tmp_path):
     text = (ROOT / "docs/reference/index.md").read_text("utf-8")
@@ -130,7 +134,7 @@ def test_type_checkers_see_classes(tmp_path):
     (tmp_path / "pyproject.toml").write_text("[tool.mypy]\nstrict = true\n" + lines)
     (tmp_path / "program.py").write_text(PROGRAM)
     done = subprocess.run(
-        [sys.executable, "-m", "mypy", "program.py"],
+        [sys.executable, "-m", "mypy", "--cache-dir", str(CACHE), "program.py"],
         cwd=tmp_path,
         env={"MYPYPATH": str(ROOT), "PATH": ""},
         capture_output=True,

@@ -64,6 +64,8 @@ CELLS = {
     ],
     "thesis_kitchen": ["gripper.underactuation.evaluate=per_message"],
 }
+# One with an inset in its video, and one without.
+RECORDED = ("kitchen", "clear_table")
 SPONGE = (
     "objects={sponge: {shape: !Box {size: [0.1, 0.06, 0.04]}, soft: {}, mass: 0.01,"
     " friction: 1, position: [0, 0]}}"
@@ -193,6 +195,11 @@ NO_GRIPPER = ["gripper=null"]
 NO_GRIPPER += ["directives.gripper=null", "directives.gripper::palm=null"]
 
 
+def recorders(name, *arguments):
+    """The recorders of a cell, if it is one of those that are recorded."""
+    return AddRecorders(*arguments).values() if name in RECORDED else ()
+
+
 @pytest.fixture(scope="module")
 def systems(tmp_path_factory):
     """Real systems by the names of the blocks that document them."""
@@ -206,12 +213,10 @@ def systems(tmp_path_factory):
         scenario = load_scenario(name, overrides=overrides)
         builder = DiagramBuilder()
         cell = builder.AddNamedSystem("cell", MakeCell(scenario))
-        recorders = AddRecorders(
-            builder, cell, scenario, tmp_path_factory.mktemp("recorded")
-        )
-        alive.append(builder.Build())
-        for recorder in recorders.values():
+        folder = tmp_path_factory.mktemp("recorded")
+        for recorder in recorders(name, builder, cell, scenario, folder):
             add(type(recorder).__name__, recorder)
+        alive.append(builder.Build())
         add("Cell", cell)
         station = cell.GetSubsystemByName("station")
         add("Station", station)

@@ -5,10 +5,13 @@ import types
 
 import numpy as np
 import pytest
-from pydrake.systems.analysis import Simulator
 
+from drake_srg.common.systems import MakeSimulator, output_ports
+from drake_srg.lifetime import my_context
 from drake_srg.scenario import load_scenario
+from drake_srg.simulation.flat import MakeRoot
 from drake_srg.station import MakeCell
+from drake_srg.station.cell import AddCell
 
 
 def snapshot(value, seen):
@@ -73,16 +76,18 @@ def own_systems(diagram):
     ],
 )
 def test_a_simulation_changes_no_system(scenario, overrides):
-    cell = MakeCell(load_scenario(scenario, overrides=overrides))
-    simulator = Simulator(cell)
-    systems = dict(own_systems(cell))
+    config = load_scenario(scenario, overrides=overrides)
+    builder, cell = MakeRoot("cell", MakeCell, AddCell, config, scenario)
+    root = builder.Build()
+    simulator = MakeSimulator(root, config.simulator_config)  # as every run does
+    systems = dict(own_systems(root))
     assert len(systems) > 5
     before = {name: snapshot(vars(system), {}) for name, system in systems.items()}
     simulator.AdvanceTo(1.5 if scenario == "clear_table" else 0.15)  # plans are made
-    for i in range(cell.num_output_ports()):
-        port = cell.get_output_port(i)
-        if not port.get_name().startswith("camera"):
-            port.Eval(simulator.get_context())
+    context = my_context(cell, simulator.get_context())
+    for name, port in output_ports(cell).items():
+        if not name.startswith("camera"):
+            port.Eval(context)
     after = {name: snapshot(vars(system), {}) for name, system in systems.items()}
     changed = [name for name in systems if before[name] != after[name]]
     assert not changed

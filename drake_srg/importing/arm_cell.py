@@ -21,8 +21,7 @@ from drake_srg.objects.household import Image
 from drake_srg.planning.motion.inverse_kinematics import (
     AxisTarget,
     HandTarget,
-    IkSolution,
-    solve_inverse_kinematics,
+    find_posture,
 )
 from drake_srg.planning.motion.planning_scene import PlanningScene
 from drake_srg.scenario.load import load_scenario
@@ -189,10 +188,8 @@ class _Hand:
         target = HandTarget(
             np.asarray(p_WC, float), axes=(down,), p_GT=self._X_GC.translation()
         )
-        found = solve_inverse_kinematics(
-            self.scene, target, q_nominal=nominal, max_starts=starts
-        )
-        return found.q if isinstance(found, IkSolution) else None
+        found = find_posture(self.scene, target, q_nominal=nominal, max_starts=starts)
+        return None if found is None else found.q
 
     def reaches(self, p_WC: Sequence[float], nominal: Vector) -> bool:
         """Return whether the hand can point down at a place."""

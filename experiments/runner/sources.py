@@ -11,7 +11,7 @@ import ast
 import functools
 import hashlib
 import re
-from collections.abc import Collection, Iterable, Iterator
+from collections.abc import Collection, Iterable
 from pathlib import Path
 from typing import Any
 
@@ -130,7 +130,7 @@ def _file(module: str, root: Path) -> Path | None:
 def _imported(module: str, path: Path, root: Path) -> list[str]:
     """Return what a module imports of ours, faces resolved, but for types alone."""
     names = {module.rpartition(".")[0]}
-    for node in _nodes(_tree(path)):
+    for node in _running(path):
         match node:
             case ast.Import(names=aliases):
                 names |= {alias.name for alias in aliases}
@@ -159,18 +159,30 @@ def _tree(path: Path) -> ast.Module:
     return ast.parse(path.read_text(encoding="utf-8"))
 
 
-def _nodes(node: ast.AST) -> Iterator[ast.AST]:
-    """Yield what runs in a tree: neither docstrings nor what types alone need."""
-    yield node
-    if isinstance(node, ast.If) and ast.unparse(node.test).endswith("TYPE_CHECKING"):
-        children: list[ast.AST] = [*node.orelse]
-    else:
-        children = list(ast.iter_child_nodes(node))
-    for child in children:
-        match child:
+@functools.cache
+def _running(path: Path) -> list[ast.AST]:
+    """Return the imports and strings that run: not docstrings, nor for types alone."""
+    found: list[ast.AST] = []
+    waiting: list[ast.AST] = [_tree(path)]
+    while waiting:
+        node = waiting.pop()
+        match node:
+            case ast.Import() | ast.ImportFrom():
+                found.append(node)
+            case ast.Constant(value):
+                if isinstance(value, str):
+                    found.append(node)
             case ast.Expr(value=ast.Constant(value=str())):
-                continue
-        yield from _nodes(child)
+                pass
+            case ast.If() if ast.unparse(node.test).endswith("TYPE_CHECKING"):
+                waiting += node.orelse
+            case _:
+                for value in map(vars(node).get, node._fields):
+                    if isinstance(value, ast.AST):
+                        waiting.append(value)
+                    elif isinstance(value, list):
+                        waiting += (item for item in value if isinstance(item, ast.AST))
+    return found
 
 
 @functools.cache
@@ -186,17 +198,20 @@ def _content(path: Path) -> str:
 
 def _plain(node: Any) -> Any:
     """Return a tree as tuples, the same with each version of Python."""
+    if isinstance(node, ast.AST):
+        kept = []
+        for name in node._fields:
+            value = _plain(getattr(node, name, None))
+            if value is not None and value != []:
+                kept.append((name, value))
+        return type(node).__name__, kept
     if isinstance(node, list):
         return [
             _plain(item)
             for item in node
             if not (isinstance(item, ast.Expr) and isinstance(item.value, ast.Constant))
         ]
-    if not isinstance(node, ast.AST):
-        return node
-    fields = ((name, _plain(value)) for name, value in ast.iter_fields(node))
-    kept = [(name, value) for name, value in fields if value not in (None, [])]
-    return type(node).__name__, kept
+    return node
 
 
 @functools.cache
@@ -209,8 +224,8 @@ def _names_in(path: Path) -> frozenset[str]:
     """Return what a file may name other files by: words, of code those in strings."""
     text = _text(path)
     if path.suffix == ".py":
-        nodes = (n for n in _nodes(_tree(path)) if isinstance(n, ast.Constant))
-        text = "\n".join(node.value for node in nodes if isinstance(node.value, str))
+        nodes = (n for n in _running(path) if isinstance(n, ast.Constant))
+        text = "\n".join(str(node.value) for node in nodes)
     return frozenset(re.split(r"[^\w.-]+", text)) - {""}
 
 

@@ -1,5 +1,6 @@
 """docs/own_diagram.md and its programs: they run, are short, and are typed."""
 
+import functools
 import re
 import subprocess
 import sys
@@ -13,7 +14,7 @@ from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import DiagramBuilder
 
 from drake_srg.planning import HandTarget
-from drake_srg.recording import read_log
+from drake_srg.recording import AddRecording, read_log
 from drake_srg.scenario import load_scenario
 from drake_srg.station import MakeTaskPlanner
 
@@ -110,7 +111,10 @@ def test_a_camera_of_ones_own_shows_the_localizer_a_box(program):
 
 @pytest.mark.slow
 def test_the_planner_places_a_box_without_a_scenario(program, tmp_path):
-    report, error = program("planner").main(tmp_path)
+    planner = program("planner")
+    # The notebook `compose` shows the whole video.
+    planner.AddRecording = functools.partial(AddRecording, frame_rate=1.0)
+    report, error = planner.main(tmp_path)
     assert report.done, report
     assert report.attempts == 1
     assert error < 2e-3

@@ -16,9 +16,13 @@ CENIC = "simulator_config.integration_scheme=cenic"
 
 @pytest.fixture(scope="module")
 def run(tmp_path_factory):
-    """Return a whole cycle, recorded with a small video."""
+    """Return a whole cycle, recorded with few and small pictures."""
     out = tmp_path_factory.mktemp("fast")
-    overrides = ["cameras.overview.width=160", "cameras.overview.height=90"]
+    overrides = [
+        "cameras.overview.width=160",
+        "cameras.overview.height=90",
+        "recording={video_fps: 1.0, bag_camera_period: 1.0}",
+    ]
     scenario = load_scenario("kitchen_fast", seed=1, overrides=overrides)
     return Simulate(scenario, name="kitchen_fast", out=out), out
 

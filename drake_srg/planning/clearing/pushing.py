@@ -18,8 +18,7 @@ from drake_srg.planning.grasps.top_grasps import Reach, palm_pose
 from drake_srg.planning.motion.arm_model import restores_fingers
 from drake_srg.planning.motion.inverse_kinematics import (
     HandTarget,
-    IkSolution,
-    solve_inverse_kinematics,
+    find_posture,
 )
 from drake_srg.planning.motion.moves import Moves
 from drake_srg.planning.motion.planning_scene import NoPathError, PlanningScene
@@ -223,14 +222,14 @@ class PushMotions:
                 HandTarget.from_pose(palm_pose(p + up, yaw))
                 for p in (push.start_W, push.end_W)
             )
-            ik = solve_inverse_kinematics(
+            ik = find_posture(
                 self.scene,
                 start,
                 q_nominal=self._q_over,
                 q_guess=turned_to(self.scene, self._q_over, push.start_W),
                 max_starts=_STARTS,
             )
-            if not isinstance(ik, IkSolution):
+            if ik is None:
                 continue
             highest = highest_near(height_map, push.start_W, np.inf)
             rise = highest + _OVER - push.start_W[2]

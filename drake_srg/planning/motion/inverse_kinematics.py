@@ -173,44 +173,90 @@ def solve_inverse_kinematics(
     Raises:
         ValueError: If a vector does not have N entries.
     """
-    guess = q_nominal if q_guess is None else q_guess
-    for name, vector in (("q_nominal", q_nominal), ("q_guess", guess)):
-        if np.shape(vector) != (scene.num_joints,):
-            raise ValueError(
-                f"{name} needs one entry per joint ({', '.join(scene.joint_names)}), "
-                f"got shape {np.shape(vector)}"
-            )
-    limits = (scene.lower + joint_margin, scene.upper - joint_margin)
-    program = _Program(scene, target, limits, extend=extend)
-    best: IkSolution | None = None
-    blocked: list[tuple[Clearance, Vector]] = []
-    for count, start in enumerate(
-        _starts(limits, guess, default_rng(seed), max_starts), 1
-    ):
-        q, solved, own_cost = program.solve(start, q_nominal if count == 1 else start)
-        if not solved:
-            continue
-        clearance = scene.clearance(q) if check_clearance else None
-        if clearance and clearance.spare < 0.0:
-            blocked.append((clearance, q))
-            continue
-        cost = float(np.sum((q - q_nominal) ** 2)) + own_cost
-        if best is None or cost < best.cost:
-            best = IkSolution(q, cost, clearance, count)
-        if best.cost <= good_cost:
-            break
-    if best:
+    search = _Search(scene, target, q_nominal, q_guess, joint_margin, extend)
+    best = search.best(max_starts, good_cost, check_clearance, seed)
+    return best or search.failure()
+
+
+def find_posture(
+    scene: PlanningScene,
+    target: HandTarget,
+    *,
+    q_nominal: Vector,
+    q_guess: Vector | None = None,
+    max_starts: int = 12,
+    seed: int = 0,
+) -> IkSolution | None:
+    """Return the solution of `solve_inverse_kinematics`; None without.
+
+    Why there is none takes as long to find as several solutions.
+    """
+    search = _Search(scene, target, q_nominal, q_guess, _JOINT_MARGIN, None)
+    return search.best(max_starts, np.inf, check_clearance=True, seed=seed)
+
+
+class _Search:
+    """A search for a posture; see `solve_inverse_kinematics`."""
+
+    def __init__(
+        self,
+        scene: PlanningScene,
+        target: HandTarget,
+        q_nominal: Vector,
+        q_guess: Vector | None,
+        joint_margin: float,
+        extend: Extend | None,
+    ) -> None:
+        guess = q_nominal if q_guess is None else q_guess
+        for name, vector in (("q_nominal", q_nominal), ("q_guess", guess)):
+            if np.shape(vector) != (scene.num_joints,):
+                raise ValueError(
+                    f"{name} needs one entry per joint "
+                    f"({', '.join(scene.joint_names)}), got shape {np.shape(vector)}"
+                )
+        self._scene, self._target, self._extend = scene, target, extend
+        self._q_nominal, self._guess = q_nominal, guess
+        self._limits = (scene.lower + joint_margin, scene.upper - joint_margin)
+        self._blocked: list[tuple[Clearance, Vector]] = []
+
+    def best(
+        self, max_starts: int, good_cost: float, check_clearance: bool, seed: int
+    ) -> IkSolution | None:
+        """Return the cheapest free solution; None without."""
+        scene, q_nominal = self._scene, self._q_nominal
+        program = _Program(scene, self._target, self._limits, extend=self._extend)
+        best: IkSolution | None = None
+        for count, start in enumerate(
+            _starts(self._limits, self._guess, default_rng(seed), max_starts), 1
+        ):
+            pull = q_nominal if count == 1 else start
+            q, solved, own_cost = program.solve(start, pull)
+            if not solved:
+                continue
+            clearance = scene.clearance(q) if check_clearance else None
+            if clearance and clearance.spare < 0.0:
+                self._blocked.append((clearance, q))
+                continue
+            cost = float(np.sum((q - q_nominal) ** 2)) + own_cost
+            if best is None or cost < best.cost:
+                best = IkSolution(q, cost, clearance, count)
+            if best.cost <= good_cost:
+                break
         return best
-    if blocked:
-        clearance, q = max(blocked, key=lambda item: item[0].spare)
-        return IkFailure(
-            Requirement.MINIMUM_DISTANCE,
-            -clearance.spare,
-            f"minimum_distance: the pose is reached, but {clearance}",
-            q,
-            clearance,
-        )
-    return _diagnose(scene, target, limits, guess, extend)
+
+    def failure(self) -> IkFailure:
+        """Return why there was no free solution."""
+        if self._blocked:
+            clearance, q = max(self._blocked, key=lambda item: item[0].spare)
+            return IkFailure(
+                Requirement.MINIMUM_DISTANCE,
+                -clearance.spare,
+                f"minimum_distance: the pose is reached, but {clearance}",
+                q,
+                clearance,
+            )
+        scene, target = self._scene, self._target
+        return _diagnose(scene, target, self._limits, self._guess, self._extend)
 
 
 def solve_from(

@@ -23,8 +23,7 @@ from drake_srg.common.tables import read_table
 from drake_srg.planning.motion.inverse_kinematics import (
     AxisTarget,
     HandTarget,
-    IkSolution,
-    solve_inverse_kinematics,
+    find_posture,
 )
 from drake_srg.planning.motion.limits import MotionLimits
 from drake_srg.planning.motion.paths import plan_joint_path
@@ -206,10 +205,10 @@ def plan_visits(
         held = scene.holding(box, mounting.X_QO @ X_OB)
     with held:
         for i, target in enumerate(_targets(mounting, scene, home, count, seed)):
-            found = solve_inverse_kinematics(
+            found = find_posture(
                 scene, target, q_nominal=home, q_guess=at, max_starts=4, seed=i
             )
-            if not isinstance(found, IkSolution):
+            if found is None:
                 continue
             path = plan_joint_path(scene, at, found.q, max_iterations=100, seed=seed)
             if isinstance(path, PlanningFailure):

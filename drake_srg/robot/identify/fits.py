@@ -124,28 +124,30 @@ def predict_stops(
     free = zero + values["slack"]
     reads = _APPROACH_TIME + _FIRST_READ + POLL * np.arange(_MOST_POLLS + 1)
     read_at = {round(t / _STEP) for t in reads}
+    total = inertia + _STEP * damping
     seen = []
-    w = np.zeros(np.broadcast(free, setpoint).shape)
-    x, torque_pwm = w + zero + _START, w
+    # All rows approach alike, so one column stands for them until they press.
+    w = np.zeros(np.broadcast(free, setpoint[:1]).shape)
+    x = w + zero + _START
+    torque_pwm = np.zeros(np.broadcast(free, setpoint).shape)
     for k in range(max(read_at) + 1):
         t = k * _STEP - _APPROACH_TIME
         if t < 0.0:
-            pwm = np.clip(gain * (x - zero - _APPROACH), -motor.most, motor.most)
+            pwm = _within(gain * (x - zero - _APPROACH), -motor.most, motor.most)
         else:
             goal = zero + (_PRESS if t >= _GOAL_AT else _APPROACH)
             wanted = goal_current if t >= _GOAL_AT else 0.0
             missing = (wanted - motor.current(torque_pwm)) / motor.stall_current
             rise = _STEP * missing / values["torque_rise"]
-            torque_pwm = np.clip(torque_pwm + rise, 0.0, motor.most)
-            position_pwm = np.clip(gain * (x - goal), -limit, limit)
+            torque_pwm = _within(torque_pwm + rise, 0.0, motor.most)
+            position_pwm = _within(gain * (x - goal), -limit, limit)
             pwm = np.where(by_torque, torque_pwm, position_pwm)
         drive = stall * motor.current(pwm) / motor.stall_current
         load = values["stiffness"] * np.maximum(free - x, 0.0) / COUNTS_PER_RAD
-        total = inertia + _STEP * damping
         rests = w == 0.0
         w = (inertia * w + _STEP * (drive - load)) / total
         most = _STEP * (gear + share * load) / total
-        rests &= np.abs(w) <= stiction * most
+        rests = rests & (np.abs(w) <= stiction * most)
         w = np.maximum(w - most, 0.0) + np.minimum(w + most, 0.0)
         w = np.where(rests, 0.0, w)
         x = x - _STEP * w * COUNTS_PER_RAD
@@ -154,6 +156,12 @@ def predict_stops(
     chosen = [polls(row) for row in rows]
     columns = np.arange(len(rows))
     result: Vector = np.array(seen)[chosen, ..., columns].T
+    return result
+
+
+def _within(values: Vector, low: Vector | float, high: Vector | float) -> Vector:
+    """Return what np.clip does, in a fifth of its time on a few values."""
+    result: Vector = np.minimum(np.maximum(values, low), high)
     return result
 
 

@@ -42,6 +42,12 @@ from planning.planning_world import (
 )
 
 BLOBS = AbstractValue.Make([])
+# Of the recording, only what names modes is looked at.
+FEW_PICTURES = [
+    "cameras.overview.width=160",
+    "cameras.overview.height=90",
+    "recording={video_fps: 1.0, bag_camera_period: 1.0}",
+]
 
 
 # The mode that docs/state_machine.md adds.
@@ -131,7 +137,7 @@ def test_a_mode_that_needs_a_plan_says_so():
 
 @pytest.mark.slow
 def test_a_run_with_an_own_mode_is_logged_recorded_and_judged(tmp_path):
-    scenario = load_scenario("kitchen_fast")
+    scenario = load_scenario("kitchen_fast", overrides=FEW_PICTURES)
     result = Simulate(scenario, out=tmp_path, make_planner=SHOWN["make_planner"])
     assert result.metrics.success, result.metrics.table()
     assert set(result.log["mode"]) >= {float(len(MODES)), 0.0}
@@ -182,7 +188,7 @@ def waiting_machine(scenario):
 
 @pytest.mark.slow
 def test_a_machine_of_ones_own_ends_the_run_by_the_name_of_its_mode(tmp_path):
-    scenario = load_scenario("kitchen_fast")
+    scenario = load_scenario("kitchen_fast", overrides=FEW_PICTURES)
     result = Simulate(scenario, out=tmp_path, make_planner=waiting_machine)
     assert list(dict.fromkeys(logged_modes(result.log))) == [
         "idle",

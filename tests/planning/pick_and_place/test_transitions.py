@@ -44,14 +44,20 @@ under_way = st.sampled_from([mode for mode in MODES if mode not in ENDS])
 
 
 @functools.cache
+def all_observations():
+    return [
+        Observation(failure=failure, **dict(zip(FLAGS, flags, strict=True)))
+        for failure in (None, *Failure)
+        for flags in itertools.product([False, True], repeat=len(FLAGS))
+    ]
+
+
+@functools.cache
 def successors(mode):
     """Modes that follow a mode by any observation at all, at once or after long."""
-    found = set()
-    for failure in (None, *Failure):
-        for flags in itertools.product([False, True], repeat=len(FLAGS)):
-            o = Observation(failure=failure, **dict(zip(FLAGS, flags, strict=True)))
-            found |= {transition(mode, o, t) for t in (0.0, LONG)}
-    return found - {mode}
+    observed = itertools.product(all_observations(), (0.0, LONG))
+    config = PlannerConfig()
+    return {transition(mode, o, t, config) for o, t in observed} - {mode}
 
 
 def reachable(mode, avoiding=()):
