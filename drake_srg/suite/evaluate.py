@@ -32,6 +32,7 @@ from drake_srg.suite.tasks import (
     scenario_seed,
 )
 from drake_srg.sweeps.statistics import wilson_interval
+from drake_srg.sweeps.trial import resident_memory
 
 EXPERT, RANDOM = "expert", "random"
 
@@ -47,7 +48,8 @@ def evaluate_expert(
     """Play episodes of a task, and yield a row for each.
 
     A row has `task`, `episode`, `policy`, `success`, `failure`, why the simulator gave
-    up, `expert`, what the expert says of itself, `steps` and `wall_s`.
+    up, `expert`, what the expert says of itself, `steps`, `wall_s` and `memory_mb`, the
+    process's resident memory.
 
     Args:
         task: Its name.
@@ -106,6 +108,7 @@ def evaluate_expert(
             "expert": said,
             "steps": steps,
             "wall_s": round(wall.perf_counter() - begun, 1),
+            "memory_mb": resident_memory(),
         }
     env.close()
 
