@@ -35,7 +35,8 @@ PERIOD = 1 / 16  # between actions [s]
 # What must hold is held for so many samples: half a second.
 HELD = 8
 _ROUNDING = 1e-9
-# Share of an error that the rule which searches by touch corrects per control period.
+# Share of an error that the rule which searches by touch corrects per control period,
+# before it grasps a cylinder.
 # In its environment, the hand lags by up to 2 periods; here by 4/3 more: actions last
 # 1/16 s. With a lag of d, shares below 2 sin(pi / (4 d + 2)) are stable (Levin and
 # May, Theoretical Population Biology 9:178, 1976). The rule's own 0.4 is 0.65 of that,
