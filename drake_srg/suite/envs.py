@@ -66,8 +66,7 @@ class StateEnv(gymnasium.Env[Array, Array]):
             render_mode=render_mode,
         )
         self.render_mode = render_mode
-        shown = self.suite.observation_space
-        size = sum(shown[part].shape[0] for part in ("agent_pos", "touch"))
+        size = gymnasium.spaces.flatdim(self.suite.observation_space)
         box = gymnasium.spaces.Box
         self.observation_space = box(-1.0, 1.0, (size,), np.float32)
         self.action_space = box(-1.0, 1.0, self.suite.actions.shape, np.float32)
