@@ -27,8 +27,8 @@ test-learn: .venv/ready  ## run the tests of the extra `learn`, in an environmen
 	$(BIN)/uv pip install --quiet --python .venv-learn -r requirements.lock
 	.venv-learn/bin/python -m pip install --quiet --disable-pip-version-check $(TORCH)
 	.venv-learn/bin/python -m pip install --quiet --disable-pip-version-check \
-		--no-build-isolation --editable ".[learn]"
-	.venv-learn/bin/python -m pytest -m learn tests/learning tests/cli/test_learn.py
+		--no-build-isolation --editable ".[learn]" array-api-compat moviepy
+	.venv-learn/bin/python -m pytest -m learn tests/learning tests/suite tests/cli/test_learn.py
 
 # LeRobot bounds packages below requirements.lock, so pip chooses here. `LEROBOT_PYTHON`
 # is 3.12 or newer.

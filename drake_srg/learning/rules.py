@@ -59,7 +59,12 @@ def grasp_one_shot(observation: Array) -> Array:
     return np.array([0.0, 0.0, z, turn, -1.0, 2.0 * CLOSED - 1.0], np.float32)
 
 
-def pick(observation: Array, still: float = _STILL, narrower: float = 0.0) -> Array:
+def pick(
+    observation: Array,
+    still: float = _STILL,
+    narrower: float = 0.0,
+    gain: float = _GAIN,
+) -> Array:
     """Come from above, close across the nearer side, wait for still fingers, lift.
 
     The rule takes the nearer side, not the narrower one. A network that imitates it
@@ -71,6 +76,7 @@ def pick(observation: Array, still: float = _STILL, narrower: float = 0.0) -> Ar
         observation: Observation of `PickEnv`.
         still: Scaled speed of the joints below which the fingers are still.
         narrower: Additional turn of the hand that a narrower side is worth [rad/m].
+        gain: Share of an error that one action corrects.
     """
     o = observation.astype(float)
     along = _NEAR * o[:2]
@@ -96,13 +102,13 @@ def pick(observation: Array, still: float = _STILL, narrower: float = 0.0) -> Ar
     if closing:
         along, turn = np.zeros(2), 0.0
         if resting and pressed:
-            rise = _STEP[2] / _GAIN
+            rise = _STEP[2] / gain
     else:
         aligned = np.abs(along).max() < _ALIGNED and abs(turn) < _TURNED
         down = grasp_height(size_z) - height
         rise = down if aligned else 0.0
         closing = aligned and abs(down) < _LEVEL
-    motion = _GAIN * np.array([*along, rise, turn]) / _STEP
+    motion = gain * np.array([*along, rise, turn]) / _STEP
     closure = 2.0 * CLOSED - 1.0 if closing else -1.0
     return np.clip(np.append(motion, closure), -1.0, 1.0).astype(np.float32)
 
@@ -179,10 +185,16 @@ _LIFT = np.array([0.0, 0.0, 1.0, 0.0, 2.0 * CLOSED - 1.0], np.float32)
 _EMPTY = np.array([0.0, 0.0, 0.5, 0.0, -1.0], np.float32)  # open, and rise by 1 cm
 
 
-def pick_by_touch(observation: Array) -> Array:
-    """Find an object by touch, and pick it up; see the module."""
+def pick_by_touch(observation: Array, gain: float = _GAIN) -> Array:
+    """Find an object by touch, and pick it up; see the module.
+
+    Args:
+        observation: Observation of `PickEnv`.
+        gain: Share of an error that one action corrects before a cylinder is grasped.
+            (The steps at which a box is tried suit the rule's own alone.)
+    """
     o = observation.astype(float)
-    return _sweep(o) if o[9] > 0.5 else _retry(o)
+    return _sweep(o, gain) if o[9] > 0.5 else _retry(o)
 
 
 TOUCH_RULES = dict.fromkeys(
@@ -190,13 +202,13 @@ TOUCH_RULES = dict.fromkeys(
 )
 
 
-def _sweep(o: Array) -> Array:
+def _sweep(o: Array, gain: float) -> Array:
     """Sweep a cylinder to a known place, and then pick it up."""
     step = _step(o)
     if step >= _LIFTED_AT and o[22] > 0.0:
         return _LIFT.copy()
     if step >= _OPENED_AT:
-        return _pick_beside(o, np.array([_BEYOND - _SHORT, 0.0]))
+        return _pick_beside(o, np.array([_BEYOND - _SHORT, 0.0]), gain)
     x, y = -_NEAR * o[:2]  # of the hand, from the estimate
     end = _BEYOND - _HALF_FINGER - 0.5 * _SIZE * o[6]
     height = max(LOWEST, _SIZE * o[8] - _PALM)
@@ -232,12 +244,11 @@ def _retry(o: Array) -> Array:
     return _pick_beside(o, aside * np.array([np.cos(yaw), np.sin(yaw)]))
 
 
-def _pick_beside(o: Array, away: Array) -> Array:
+def _pick_beside(o: Array, away: Array, gain: float = _GAIN) -> Array:
     """Pick as if the estimate were shifted by `away`, (2,) [m]."""
     place = o[:2] + away / _NEAR
-    return pick(
-        np.append(place, o[2:]).astype(np.float32), _STILL_BY_TOUCH, _TURN_PER_WIDTH
-    )
+    seen = np.append(place, o[2:]).astype(np.float32)
+    return pick(seen, _STILL_BY_TOUCH, _TURN_PER_WIDTH, gain)
 
 
 def _step(observation: Array) -> int:

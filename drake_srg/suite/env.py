@@ -45,6 +45,9 @@ class SuiteEnv(gymnasium.Env[Observation, npt.NDArray[np.float32]]):
 
     Attributes:
         actions: The action space.
+        limits: Least and greatest values of `agent_pos`, each of shape (N + n,) [rad].
+        motion: Largest motion of each joint's command in a step, shape (N,) [rad].
+        failure: As in `info`, of the present episode.
 
     Args:
         task: Name of the task.
@@ -107,10 +110,16 @@ class SuiteEnv(gymnasium.Env[Observation, npt.NDArray[np.float32]]):
         self._low = of_arm(plant.GetPositionLowerLimits())
         self._high = of_arm(plant.GetPositionUpperLimits())
         speeds = plant.GetVelocitiesFromArray(arm, plant.GetVelocityUpperLimits())
-        self._most = np.array(speeds) * PERIOD
+        self.motion = np.array(speeds) * PERIOD
         joints = len(self._low)
         assert first.gripper is not None
-        self._fingers = len(first.gripper.joint_names)
+        hand = plant.GetModelInstanceByName("gripper")
+        fingers = [plant.GetJointByName(n, hand) for n in first.gripper.joint_names]
+        self._fingers = len(fingers)
+        self.limits = (
+            np.append(self._low, [joint.position_lower_limit() for joint in fingers]),
+            np.append(self._high, [joint.position_upper_limit() for joint in fingers]),
+        )
         sensors = len(first.gripper.sensor_names)
         box = gymnasium.spaces.Box
         self.actions = box(
@@ -136,7 +145,7 @@ class SuiteEnv(gymnasium.Env[Observation, npt.NDArray[np.float32]]):
         self._episode: Episode | None = None
         self._number = 0
         self._steps = 0
-        self._failure = ""
+        self.failure = ""
         self._last = _zeros(self._parts)
 
     @property
@@ -169,14 +178,14 @@ class SuiteEnv(gymnasium.Env[Observation, npt.NDArray[np.float32]]):
         if self.render_mode is not None:
             cameras.append(self._video)
         scenario = with_cameras(scenario, cameras)
-        self._episode, self._steps, self._failure = None, 0, ""
+        self._episode, self._steps, self.failure = None, 0, ""
         expert = self.config.expert if self.expert else None
         try:
             self._episode = Episode(self.config.goal, scenario, self.task, expert)
             self._last = self._observe(self._episode)
         except EpisodeError as error:
             # The first step ends the episode.
-            self._failure = str(error)
+            self.failure = str(error)
             self._last = _zeros(self._parts)
         return self._last, self._info(success=False)
 
@@ -190,18 +199,18 @@ class SuiteEnv(gymnasium.Env[Observation, npt.NDArray[np.float32]]):
         success = lost = False
         self._steps += 1
         try:
-            if not self._failure:
+            if not self.failure:
                 values = _checked(action, self._joints + 1)
                 episode = self.episode
                 goal = np.clip(values[:-1], self._low, self._high)
-                near = episode.position + np.array([-1.0, 1.0])[:, None] * self._most
+                near = episode.position + np.array([-1.0, 1.0])[:, None] * self.motion
                 episode.advance(np.clip(goal, *near), float(np.clip(values[-1], 0, 1)))
                 self._last = self._observe(episode)
                 success, lost = episode.succeeds(), episode.lost()
         except EpisodeError as error:
-            self._failure = str(error)
-        truncated = bool(self._failure) or self._steps >= self._max_episode_steps
-        terminated = (success or lost) and not self._failure
+            self.failure = str(error)
+        truncated = bool(self.failure) or self._steps >= self._max_episode_steps
+        terminated = (success or lost) and not self.failure
         truncated = truncated and not terminated
         return self._last, float(success), terminated, truncated, self._info(success)
 
@@ -240,7 +249,7 @@ class SuiteEnv(gymnasium.Env[Observation, npt.NDArray[np.float32]]):
         return seen
 
     def _info(self, success: bool) -> dict[str, Any]:
-        return {"is_success": success, "failure": self._failure}
+        return {"is_success": success, "failure": self.failure}
 
 
 def _zeros(space: gymnasium.spaces.Dict) -> Observation:

@@ -1,9 +1,9 @@
-"""Plays tasks of the suite with their experts, or with random actions.
+"""Plays tasks of the suite with their experts, a policy's file, or random actions.
 
     python -m drake_srg.suite.evaluate all --episodes 20 --out out/suite.jsonl
 
-The file gets a line of JSON per episode; those that it has are not played again. Give
-`--policy random` a file of its own.
+The file gets a line of JSON per episode; those that it has are not played again. Each
+`--policy` needs a file of its own.
 """
 
 from __future__ import annotations
@@ -20,9 +20,19 @@ from typing import Any
 import numpy as np
 
 from drake_srg.common.exceptions import ScenarioError
+from drake_srg.learning.episodes import NAMESPACE
+from drake_srg.learning.policy import Policy, check_sizes, load_policy
 from drake_srg.suite.env import SuiteEnv
-from drake_srg.suite.tasks import EPISODES, EVALUATION_SPLIT, SPLITS, find_tasks
+from drake_srg.suite.envs import StateEnv
+from drake_srg.suite.tasks import (
+    EPISODES,
+    EVALUATION_SPLIT,
+    SPLITS,
+    find_tasks,
+    scenario_seed,
+)
 from drake_srg.sweeps.statistics import wilson_interval
+from drake_srg.sweeps.trial import resident_memory
 
 EXPERT, RANDOM = "expert", "random"
 
@@ -33,37 +43,57 @@ def evaluate_expert(
     *,
     policy: str = EXPERT,
     split: str = EVALUATION_SPLIT,
+    episode_length: int | None = None,
 ) -> Iterator[dict[str, Any]]:
     """Play episodes of a task, and yield a row for each.
 
     A row has `task`, `episode`, `policy`, `success`, `failure`, why the simulator gave
-    up, `expert`, what the expert says of itself, `steps` and `wall_s`.
+    up, `expert`, what the expert says of itself, `steps`, `wall_s` and `memory_mb`, the
+    process's resident memory.
 
     Args:
         task: Its name.
         episodes: Numbers of the episodes.
-        policy: `expert`, or `random` for actions drawn evenly from the action space.
+        policy: `expert`, `random` for actions drawn evenly from the action space, or
+            the file of a policy that was trained in the task's `StateEnv`.
         split: `evaluation` or `training`.
+        episode_length: Longest episode, in steps; None: the task's.
 
     Raises:
-        ScenarioError: If there is no such task.
+        ScenarioError: If there is no such task, or the policy is not for it.
     """
     expert = policy == EXPERT
-    env = SuiteEnv(task, split=split, cameras=(), render_mode=None, expert=expert)
+    played = None if policy in (EXPERT, RANDOM) else _policy_of(policy, task)
+    env: Any
+    if played is not None:
+        env = StateEnv(task, episode_length=episode_length)
+        sizes = env.observation_space.shape[0], env.action_space.shape[0]
+        check_sizes(policy, played, *sizes)
+    else:
+        env = SuiteEnv(
+            task,
+            split=split,
+            cameras=(),
+            render_mode=None,
+            expert=expert,
+            episode_length=episode_length,
+        )
     for episode in episodes:
         begun = wall.perf_counter()
         # The environment draws from the number itself.
         rng = np.random.default_rng([episode, 1])
-        space = env.actions
-        _, info = env.reset(seed=episode)
+        space = env.action_space
+        seed = episode if played is None else scenario_seed(split, episode)
+        observation, info = env.reset(seed=seed)
         steps, ended = 0, False
         while not ended:
-            action = (
-                env.expert_action()
-                if expert and not info["failure"]
-                else rng.uniform(space.low, space.high).astype(np.float32)
-            )
-            *_, terminated, truncated, info = env.step(action)
+            if played is not None:
+                action = played(observation)
+            elif expert and not info["failure"]:
+                action = env.expert_action()
+            else:
+                action = rng.uniform(space.low, space.high).astype(np.float32)
+            observation, _, terminated, truncated, info = env.step(action)
             steps, ended = steps + 1, terminated or truncated
         said = ""
         if expert and not info["failure"]:
@@ -78,8 +108,22 @@ def evaluate_expert(
             "expert": said,
             "steps": steps,
             "wall_s": round(wall.perf_counter() - begun, 1),
+            "memory_mb": resident_memory(),
         }
     env.close()
+
+
+def _policy_of(file: str, task: str) -> Policy:
+    """Return a policy for a task.
+
+    Raises:
+        ScenarioError: If it cannot be read, or is for another environment.
+    """
+    policy = load_policy(file)
+    own = policy.info.environment.rpartition(":")[2]
+    if own != f"{NAMESPACE}{task}_state-v0":
+        raise ScenarioError(f"{file}: is a policy for {own}, not for {task}")
+    return policy
 
 
 def read_rows(path: Path) -> list[dict[str, Any]]:
@@ -94,7 +138,7 @@ def read_rows(path: Path) -> list[dict[str, Any]]:
     for number, line in enumerate(path.read_text(encoding="utf-8").splitlines(), 1):
         try:
             row = json.loads(line)
-            row["task"], row["episode"], row["success"]
+            row["task"], row["episode"], row["policy"], row["success"]
         except (ValueError, KeyError, TypeError):
             raise ScenarioError(f"{path}:{number}: is no row of an episode") from None
         rows.append(row)
@@ -118,16 +162,31 @@ def main(arguments: Sequence[str] | None = None) -> int:
     """Run the command."""
     parser = argparse.ArgumentParser(prog="python -m drake_srg.suite.evaluate")
     parser.add_argument("tasks", help="names with commas between them, or `all`")
-    parser.add_argument("--policy", choices=(EXPERT, RANDOM), default=EXPERT)
+    parser.add_argument(
+        "--policy", default=EXPERT, help="`expert`, `random`, or a policy.npz"
+    )
     parser.add_argument("--episodes", type=int, default=20, help=f"1 to {EPISODES}")
     parser.add_argument("--split", choices=SPLITS, default=EVALUATION_SPLIT)
+    parser.add_argument("--episode-length", type=int, help="in steps")
     parser.add_argument("--out", type=Path, required=True, help="a file of rows")
     options = parser.parse_args(arguments)
     if not 1 <= options.episodes <= EPISODES:
         parser.error(f"--episodes: must be 1 to {EPISODES}, got {options.episodes}")
+    length = options.episode_length
+    if length is not None and length < 1:
+        parser.error(f"--episode-length: must be at least 1, got {length}")
     try:
         names = find_tasks(options.tasks)
+        if options.policy not in (EXPERT, RANDOM):
+            for name in names:
+                _policy_of(options.policy, name)
         rows = read_rows(options.out)
+        for row in rows:
+            if row["policy"] != options.policy:
+                raise ScenarioError(
+                    f"{options.out}: has rows of --policy {row['policy']}; "
+                    f"choose another file for {options.policy}"
+                )
         options.out.parent.mkdir(parents=True, exist_ok=True)
         with contextlib.ExitStack() as stack:
             file = stack.enter_context(options.out.open("a", encoding="utf-8"))
@@ -135,7 +194,11 @@ def main(arguments: Sequence[str] | None = None) -> int:
                 done = {row["episode"] for row in rows if row["task"] == name}
                 todo = [i for i in range(options.episodes) if i not in done]
                 for row in evaluate_expert(
-                    name, todo, policy=options.policy, split=options.split
+                    name,
+                    todo,
+                    policy=options.policy,
+                    split=options.split,
+                    episode_length=options.episode_length,
                 ):
                     rows.append(row)
                     file.write(json.dumps(row) + "\n")

@@ -7,7 +7,7 @@ from pathlib import Path
 
 from drake_srg.common.exceptions import ScenarioError, suggest
 from drake_srg.config import Config, positive
-from drake_srg.learning.episodes import EVALUATION, VALIDATION
+from drake_srg.learning.episodes import EVALUATION
 from drake_srg.scenario.typed_yaml import load_typed, parse_yaml
 
 FILE = Path(__file__).with_name("tasks.yaml")
@@ -98,8 +98,8 @@ def scenario_seed(split: str, episode: int) -> int:
         raise ScenarioError(f"seed: must be at least 0, got {episode}")
     if split == EVALUATION_SPLIT:
         return EVALUATION + episode % EPISODES
-    if episode >= VALIDATION:
+    if episode >= EVALUATION:
         raise ScenarioError(
-            f"seed: {episode} is out of range (allowed: 0 to {VALIDATION - 1})"
+            f"seed: {episode} is out of range (allowed: 0 to {EVALUATION - 1})"
         )
     return episode

@@ -49,6 +49,13 @@ def test_a_hand_off_to_the_side_moves_before_it_comes_down():
     assert action[4] == -1.0
 
 
+@given(st.floats(0.05, 1.0))
+def test_a_gain_is_the_share_of_an_error_that_is_corrected(gain):
+    x = np.zeros(len(PickEnv.observation_names), np.float32)
+    x[[0, 3, 5, 6, 7, 8, 22]] = 0.08, 1.0, 0.85, 0.3, 0.3, 0.5, -1.0  # 16 mm away
+    assert pick(x, gain=gain)[0] == pytest.approx(gain * 0.016 / 0.02)
+
+
 def turn_towards(yaw, size_x, size_y, **options):
     """The turn of a hand right over a box that is turned by `yaw`."""
     x = np.zeros(len(PickEnv.observation_names), np.float32)

@@ -7,13 +7,15 @@ import numpy as np
 import pytest
 
 from drake_srg.common.exceptions import ScenarioError
+from drake_srg.learning.episodes import EVALUATION
 from drake_srg.suite import evaluate
+from tests.learning.made_policies import made_policy
 
 
 class Counting(gymnasium.Env):
     """Its expert succeeds in even episodes after two steps; others never do."""
 
-    actions = gymnasium.spaces.Box(-1.0, 1.0, (2,), np.float32)
+    action_space = gymnasium.spaces.Box(-1.0, 1.0, (2,), np.float32)
     episode = SimpleNamespace(status=SimpleNamespace(mode="done", failure=None))
     acted: ClassVar[list] = []
 
@@ -75,9 +77,61 @@ def test_the_command_goes_on_where_it_was_cut_off(tmp_path, capsys):
     assert last[0].split()[:4] == ["pick_can", "2", "of", "3"]
 
 
+def test_a_file_keeps_the_rows_of_one_policy(tmp_path, capsys):
+    out = tmp_path / "rows.jsonl"
+    words = ["pick_can", "--episodes", "1", "--out", str(out)]
+    assert evaluate.main(words) == 0
+    before = out.read_text()
+    assert evaluate.main([*words, "--policy", "random"]) == 2
+    error = capsys.readouterr().err
+    assert "has rows of --policy expert; choose another file for random" in error
+    assert out.read_text() == before
+
+
+class Still(Counting):
+    """Ends with success if nothing moves; a `StateEnv`'s seeds are the scenario's."""
+
+    observation_space = gymnasium.spaces.Box(-1.0, 1.0, (2,), np.float32)
+    seeds: ClassVar[list] = []
+
+    def __init__(self, task, **keywords):
+        assert keywords == {"episode_length": 3}
+
+    def reset(self, *, seed=None, options=None):
+        self.seeds.append(seed)
+        _, info = super().reset(seed=0)
+        return np.zeros(2, np.float32), info
+
+    def step(self, action):
+        _, *rest = super().step(np.where(action == 0.0, 0.5, action))
+        return np.zeros(2, np.float32), *rest
+
+
+def test_a_policy_acts_on_the_episodes_of_evaluation(tmp_path, monkeypatch, capsys):
+    monkeypatch.setattr(evaluate, "StateEnv", Still)
+    monkeypatch.setattr(Still, "seeds", [])
+    policy = made_policy(environment="drake_srg.suite.envs:drake_srg/pick_can_state-v0")
+    for value in policy.network.parameters:
+        value[:] = 0.0
+    file, out = tmp_path / "policy.npz", tmp_path / "rows.jsonl"
+    policy.save(file)
+    words = ["--policy", str(file), "--episodes", "2", "--out", str(out)]
+    assert evaluate.main(["pick_can", *words, "--episode-length", "3"]) == 0
+    rows = [json.loads(line) for line in out.read_text().splitlines()]
+    assert [(row["success"], row["policy"]) for row in rows] == [(True, str(file))] * 2
+    assert Still.seeds == [EVALUATION, EVALUATION + 1]
+    other = tmp_path / "other.jsonl"
+    assert evaluate.main(["pick_can,pick_box", *words[:-1], str(other)]) == 2
+    assert "is a policy for drake_srg/pick_can_state-v0" in capsys.readouterr().err
+    assert not other.exists()
+
+
 @pytest.mark.parametrize(
     ("words", "message"),
     [
+        (["pick_can", "--policy", "none.npz"], "none.npz: cannot be read"),
+        (["pick_can", "--policy", "rule"], "rule: unknown policy"),
+        (["pick_can", "--episode-length", "0"], "--episode-length: must be at least 1"),
         (["pick_cn"], "task: unknown 'pick_cn'"),
         (["pick_can", "--episodes", "201"], "--episodes: must be 1 to 200, got 201"),
     ],
@@ -95,6 +149,7 @@ def test_bad_input_is_one_line_and_ends_with_2(tmp_path, capsys, words, message)
 
 def test_a_damaged_file_of_rows_is_named(tmp_path):
     path = tmp_path / "rows.jsonl"
-    path.write_text('{"task": "pick_can", "episode": 0, "success": true}\n{"ta\n')
+    row = {"task": "pick_can", "episode": 0, "policy": "random", "success": True}
+    path.write_text(f'{json.dumps(row)}\n{{"ta\n')
     with pytest.raises(ScenarioError, match=r"rows.jsonl:2: is no row"):
         evaluate.read_rows(path)

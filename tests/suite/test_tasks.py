@@ -5,7 +5,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from drake_srg.common.exceptions import ScenarioError
-from drake_srg.learning.episodes import EVALUATION, VALIDATION
+from drake_srg.learning.episodes import EVALUATION
 from drake_srg.scenario.load import draw_scenario, load_tree
 from drake_srg.suite.tasks import (
     EPISODES,
@@ -17,7 +17,7 @@ from drake_srg.suite.tasks import (
 )
 
 TASKS = load_tasks()
-NUMBERS = st.integers(0, VALIDATION - 1)
+NUMBERS = st.integers(0, EVALUATION - 1)
 
 
 def test_there_are_at_least_twelve_tasks_and_every_goal_has_one():
@@ -56,7 +56,7 @@ def test_a_task_draws_different_episodes_of_a_valid_scenario(name, split):
 def test_no_training_has_an_episode_of_evaluation(evaluated, trained):
     seed = scenario_seed("evaluation", evaluated)
     assert EVALUATION <= seed < EVALUATION + EPISODES
-    assert scenario_seed("training", trained) == trained < VALIDATION
+    assert scenario_seed("training", trained) == trained < EVALUATION
 
 
 def test_evaluation_begins_anew_after_its_last_episode():
@@ -69,7 +69,7 @@ def test_evaluation_begins_anew_after_its_last_episode():
     ("split", "number", "message"),
     [
         ("evaluation", -1, "seed: must be at least 0, got -1"),
-        ("training", VALIDATION, "seed: .* is out of range"),
+        ("training", EVALUATION, "seed: .* is out of range"),
     ],
 )
 def test_seeds_out_of_range_are_named(split, number, message):

@@ -6,6 +6,7 @@ import gymnasium
 import numpy as np
 import pytest
 from gymnasium.utils.env_checker import check_env
+from gymnasium.wrappers import RecordEpisodeStatistics, RecordVideo
 
 from drake_srg.learning.envs import ENVIRONMENTS
 from drake_srg.learning.envs.episode_station import SimulationError
@@ -244,3 +245,62 @@ def test_vector_environments_are_made():
     envs.close()
     assert observations.shape == (2, 4)
     assert not np.array_equal(*observations)
+
+
+@pytest.mark.slow
+def test_workers_of_a_vector_see_what_one_process_sees():
+    seen = []
+    for mode, options in (("sync", {}), ("async", {"context": "spawn"})):
+        envs = gymnasium.make_vec(
+            "drake_srg.learning.envs:drake_srg/Pick-v0",
+            num_envs=2,
+            vectorization_mode=mode,
+            vector_kwargs=options,
+        )
+        envs.action_space.seed(0)
+        rows = [envs.reset(seed=0)[0]]
+        rows += [envs.step(envs.action_space.sample())[0] for _ in range(3)]
+        envs.close()
+        seen.append(rows)
+    assert same(*seen)
+
+
+def test_statistics_of_an_episode_are_recorded():
+    env = RecordEpisodeStatistics(gymnasium.make("drake_srg/GraspOneShot-v0"))
+    env.reset(seed=0)
+    _, reward, *_, info = env.step(one_shot(env.unwrapped))
+    assert (info["episode"]["l"], info["episode"]["r"]) == (1, reward)
+
+
+@pytest.mark.learn
+def test_stable_baselines3_learns_and_evaluates():
+    from stable_baselines3 import PPO
+    from stable_baselines3.common.env_checker import check_env as check
+    from stable_baselines3.common.evaluation import evaluate_policy
+    from stable_baselines3.common.monitor import Monitor
+
+    env = Monitor(gymnasium.make("drake_srg/Pick-v0"))
+    check(env)
+    model = PPO("MlpPolicy", env, n_steps=64, batch_size=32, seed=0, device="cpu")
+    before = model.policy.state_dict()["action_net.weight"].clone()
+    model.learn(128)
+    assert not before.equal(model.policy.state_dict()["action_net.weight"])
+    _, lengths = evaluate_policy(
+        model, env, n_eval_episodes=2, return_episode_rewards=True
+    )
+    assert all(1 <= length <= 100 for length in lengths)
+
+
+@pytest.mark.learn
+def test_gymnasium_records_a_video(tmp_path):
+    import cv2
+
+    env = gymnasium.make("drake_srg/GraspOneShot-v0", render_mode="rgb_array")
+    env = RecordVideo(env, str(tmp_path / "videos"), disable_logger=True)
+    env.reset(seed=0)
+    env.step(np.zeros(6, np.float32))
+    env.close()
+    (file,) = tmp_path.rglob("*.mp4")
+    video = cv2.VideoCapture(str(file))
+    assert video.get(cv2.CAP_PROP_FPS) == env.metadata["render_fps"]
+    assert video.get(cv2.CAP_PROP_FRAME_COUNT) == 2

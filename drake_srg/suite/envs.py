@@ -1,0 +1,163 @@
+"""The suite's tasks for gymnasium, by name, and without images for learners.
+
+Importing this module makes the environments known: for each task, such as `pick_can`,
+`drake_srg/pick_can-v0` is a `SuiteEnv`, and `drake_srg/pick_can_state-v0` a `StateEnv`.
+`gymnasium.make("drake_srg.suite.envs:drake_srg/pick_can-v0")` imports it itself, as the
+workers of a vector environment need it.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import gymnasium
+import numpy as np
+import numpy.typing as npt
+
+from drake_srg.common.exceptions import ScenarioError
+from drake_srg.learning.episodes import EVALUATION, NAMESPACE, VALIDATION
+from drake_srg.suite.env import Observation, SuiteEnv
+from drake_srg.suite.tasks import EPISODES, EVALUATION_SPLIT, TRAINING_SPLIT, load_tasks
+
+Array = npt.NDArray[np.float32]
+_FORCE = 20.0  # scale of the fingers' forces, as in `drake_srg.learning.envs` [N]
+
+
+class StateEnv(gymnasium.Env[Array, Array]):
+    """A task of the suite in flat vectors, as learners want them, without images.
+
+    An observation (N + n + m), each entry within -1 .. 1, has the measured positions of
+    the arm's N joints and the hand's n between their limits, and the normal forces of
+    the m finger links [20 N]. It does not tell where an object is.
+
+    An action (N + 1), each entry within -1 .. 1, has the motion of each joint's command
+    as a share of its fastest one, and the closure, -1 open .. 1 closed.
+
+    The seed is the scenario's. Seeds from `EVALUATION` on are the 200 episodes of
+    evaluation; without a seed, one of training is drawn. `info["success"]` is
+    `info["is_success"]`.
+
+    Args:
+        task: Name of the task.
+        expert: Whether the task's expert watches, for `rule`. It costs time.
+        episode_length: Longest episode, in steps; None: the task's.
+        render_mode: See `SuiteEnv`.
+
+    Raises:
+        ScenarioError: If the task or another argument is unknown.
+    """
+
+    metadata = SuiteEnv.metadata
+
+    def __init__(
+        self,
+        task: str,
+        *,
+        expert: bool = False,
+        episode_length: int | None = None,
+        render_mode: str | None = None,
+    ) -> None:
+        self.suite = SuiteEnv(
+            task,
+            split=TRAINING_SPLIT,
+            cameras=(),
+            expert=expert,
+            episode_length=episode_length,
+            render_mode=render_mode,
+        )
+        self.render_mode = render_mode
+        size = gymnasium.spaces.flatdim(self.suite.observation_space)
+        box = gymnasium.spaces.Box
+        self.observation_space = box(-1.0, 1.0, (size,), np.float32)
+        self.action_space = box(-1.0, 1.0, self.suite.actions.shape, np.float32)
+        self._last = np.zeros(size, np.float32)
+
+    def reset(
+        self, *, seed: int | None = None, options: dict[str, Any] | None = None
+    ) -> tuple[Array, dict[str, Any]]:
+        """Begin an episode of the scenario's seed; without one, it is drawn."""
+        super().reset(seed=seed)
+        if seed is None:
+            seed = int(self.np_random.integers(VALIDATION))
+        judged = seed >= EVALUATION
+        self.suite.split = EVALUATION_SPLIT if judged else TRAINING_SPLIT
+        number = (seed - EVALUATION) % EPISODES if judged else seed
+        observation, info = self.suite.reset(seed=number, options=options)
+        return self._flat(observation), self._info(info)
+
+    def step(self, action: Array) -> tuple[Array, float, bool, bool, dict[str, Any]]:
+        """Move for 1/16 s; see `SuiteEnv.step`."""
+        values = np.asarray(action, dtype=float)
+        if values.shape != self.action_space.shape:
+            shape = self.action_space.shape
+            raise ValueError(f"action: must have shape {shape}, got {values.shape}")
+        values = np.clip(values, -1.0, 1.0)
+        if not self.suite.failure:  # else the step ends the episode, whatever it does
+            moved = self.suite.episode.position + values[:-1] * self.suite.motion
+            values = np.append(moved, 0.5 * (values[-1] + 1.0))
+        observation, reward, terminated, truncated, info = self.suite.step(
+            values.astype(np.float32)
+        )
+        return (
+            self._flat(observation),
+            reward,
+            terminated,
+            truncated,
+            self._info(info),
+        )
+
+    def rule(self, observation: Array) -> Array:
+        """Return the action (N + 1) that the expert proposes now.
+
+        Args:
+            observation: The last one: the expert has memory, and knows no other moment.
+
+        Raises:
+            ScenarioError: If the observation is another one, or the environment was
+                made without `expert`.
+        """
+        if not np.array_equal(observation, self._last):
+            raise ScenarioError(
+                "rule: the expert of a task answers only at the present moment "
+                "(allowed: --algo bc)"
+            )
+        if self.suite.failure:
+            return np.zeros(self.action_space.shape or (), np.float32)
+        proposed = self.suite.expert_action()
+        motion = (proposed[:-1] - self.suite.episode.position) / self.suite.motion
+        action = np.append(motion, 2.0 * proposed[-1] - 1.0)
+        return np.clip(action, -1.0, 1.0).astype(np.float32)
+
+    def render(self) -> npt.NDArray[np.uint8] | None:
+        """Return an image (height, width, 3) of the video camera."""
+        return self.suite.render()
+
+    def close(self) -> None:
+        """Free the simulation."""
+        self.suite.close()
+
+    def _flat(self, observation: Observation) -> Array:
+        low, high = self.suite.limits
+        positions = 2.0 * (observation["agent_pos"] - low) / (high - low) - 1.0
+        state = np.concatenate([positions, observation["touch"] / _FORCE])
+        self._last = np.clip(state, -1.0, 1.0).astype(np.float32)
+        return self._last
+
+    def _info(self, info: dict[str, Any]) -> dict[str, Any]:
+        return {**info, "success": info["is_success"]}
+
+
+def register_envs() -> None:
+    """Make the environments known to gymnasium, in the namespace `drake_srg`."""
+    for task in load_tasks():
+        for name, kind in ((task, "env:SuiteEnv"), (f"{task}_state", "envs:StateEnv")):
+            env_id = f"{NAMESPACE}{name}-v0"
+            if env_id not in gymnasium.registry:
+                gymnasium.register(
+                    env_id,
+                    entry_point=f"drake_srg.suite.{kind}",
+                    kwargs={"task": task},
+                )
+
+
+register_envs()

@@ -1,0 +1,207 @@
+"""What gymnasium and learners ask of the suite's environments, made by their names."""
+
+import gymnasium
+import numpy as np
+import pytest
+from gymnasium.utils.env_checker import check_env
+from gymnasium.wrappers import RecordEpisodeStatistics
+
+from drake_srg.common.exceptions import ScenarioError
+from drake_srg.learning.episodes import EVALUATION, VALIDATION, make_environment
+from drake_srg.learning.rules import rule_of
+from drake_srg.suite import SuiteEnv, load_tasks
+from drake_srg.suite.envs import StateEnv
+
+MODULE = "drake_srg.suite.envs"
+IMAGES, STATES = "drake_srg/pick_can-v0", "drake_srg/pick_can_state-v0"
+
+
+@pytest.fixture(scope="module")
+def env():
+    env = StateEnv("pick_can", episode_length=4)
+    env.reset(seed=1)
+    return env
+
+
+def test_every_task_has_two_names():
+    for task in load_tasks():
+        for name, kind in ((task, "env:SuiteEnv"), (f"{task}_state", "envs:StateEnv")):
+            spec = gymnasium.spec(f"drake_srg/{name}-v0")
+            assert spec.entry_point == f"drake_srg.suite.{kind}"
+            assert spec.kwargs == {"task": task}
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", [IMAGES, STATES])
+def test_gymnasiums_own_checks_pass(name):
+    env = gymnasium.make(name, episode_length=3, render_mode="rgb_array")
+    check_env(env.unwrapped)
+
+
+@pytest.mark.slow
+def test_vectors_of_both_kinds_are_made_by_name_and_equal():
+    seen = []
+    for mode, options in (("sync", {}), ("async", {"context": "forkserver"})):
+        vector = gymnasium.make_vec(
+            f"{MODULE}:{STATES}",
+            num_envs=2,
+            vectorization_mode=mode,
+            vector_kwargs=options,
+            episode_length=2,
+        )
+        vector.action_space.seed(0)
+        rows = [vector.reset(seed=[3, 4])[0]]
+        # The episodes end in the second step, and begin anew in the third.
+        rows += [vector.step(vector.action_space.sample())[0] for _ in range(3)]
+        vector.close()
+        seen.append(np.array(rows))
+    np.testing.assert_array_equal(*seen)
+    assert not np.array_equal(seen[0][2, 0], seen[0][2, 1])
+    np.testing.assert_array_equal(seen[0][3], seen[0][0])
+
+
+def test_statistics_of_an_episode_are_recorded():
+    env = RecordEpisodeStatistics(gymnasium.make(STATES, episode_length=2))
+    env.reset(seed=0)
+    env.step(np.zeros(8, np.float32))
+    *_, truncated, info = env.step(np.zeros(8, np.float32))
+    assert truncated
+    assert (info["episode"]["l"], info["episode"]["r"]) == (2, 0.0)
+
+
+def test_a_state_is_what_the_task_measures_between_its_limits(env):
+    observation, info = env.reset(seed=1)
+    suite = SuiteEnv("pick_can", split="training", cameras=(), render_mode=None)
+    measured, _ = suite.reset(seed=1)
+    low, high = suite.limits
+    back = low + 0.5 * (observation[:11] + 1.0) * (high - low)
+    np.testing.assert_allclose(back, measured["agent_pos"], atol=1e-5)
+    np.testing.assert_allclose(20.0 * observation[11:], measured["touch"], atol=1e-5)
+    assert info["success"] is info["is_success"] is False
+
+
+def test_actions_are_shares_of_the_fastest_motion(env):
+    env.reset(seed=1)
+    start = env.suite.episode.position
+    env.step(np.array([0.5, -1.0, 0.0, 0.0, 0.0, 0.0, 2.0, 0.0], np.float32))
+    moved = env.suite.episode.position - start
+    share = np.array([0.5, -1.0, 0.0, 0.0, 0.0, 0.0, 1.0])
+    np.testing.assert_allclose(moved, share * env.suite.motion, atol=1e-6)
+    with pytest.raises(ValueError, match=r"action: must have shape \(8,\)"):
+        env.step(np.zeros(5))
+    *_, truncated, info = env.step(np.full(8, np.nan))
+    assert truncated
+    assert "the action is not finite" in info["failure"]
+
+
+@pytest.mark.parametrize(
+    ("seed", "split", "number"),
+    [
+        (7, "training", 7),
+        (VALIDATION + 1, "training", VALIDATION + 1),
+        (EVALUATION + 3, "evaluation", 3),
+        (EVALUATION + 203, "evaluation", 3),
+    ],
+)
+def test_the_seed_says_the_split(env, seed, split, number):
+    env.reset(seed=seed)
+    assert (env.suite.split, env.suite._number) == (split, number)
+    env.reset()
+    assert env.suite.split == "training"
+
+
+def test_an_episode_that_cannot_begin_is_truncated_by_its_first_step(monkeypatch):
+    from drake_srg.suite import env as module
+
+    def fail(*_):
+        raise module.EpisodeError("no start")
+
+    env = StateEnv("pick_can", expert=True)
+    monkeypatch.setattr(module, "Episode", fail)
+    observation, _ = env.reset(seed=0)
+    *_, truncated, info = env.step(env.rule(observation))
+    assert (truncated, info["failure"], info["success"]) == (True, "no start", False)
+
+
+@pytest.mark.slow
+def test_the_expert_is_the_rule_of_the_present_moment():
+    name = f"{MODULE}:{STATES}"
+    env = make_environment(name, {"expert": True, "episode_length": 12})
+    rule = rule_of(env)
+    first, _ = env.reset(seed=5)
+    observation = first
+    for _ in range(8):
+        proposed = env.unwrapped.suite.expert_action()
+        observation, *_ = env.step(rule(observation))
+        done = env.unwrapped.suite.episode.position
+        np.testing.assert_allclose(done, proposed[:-1], atol=1e-5)
+    assert np.abs(observation - first).max() > 0.01
+    with pytest.raises(ScenarioError, match="answers only at the present moment"):
+        rule(first)
+
+
+def test_without_the_expert_there_is_no_rule(env):
+    observation, _ = env.reset(seed=1)
+    with pytest.raises(ScenarioError, match="expert: must be True"):
+        env.rule(observation)
+
+
+@pytest.mark.learn
+@pytest.mark.parametrize(
+    ("kind", "keywords"),
+    [("MultiInputPolicy", {"task": "pick_can", "cameras": ()}), ("MlpPolicy", None)],
+)
+def test_stable_baselines3_learns_and_evaluates(kind, keywords):
+    from stable_baselines3 import PPO
+    from stable_baselines3.common.env_checker import check_env as check
+    from stable_baselines3.common.evaluation import evaluate_policy
+    from stable_baselines3.common.monitor import Monitor
+
+    name = STATES if keywords is None else IMAGES
+    env = gymnasium.make(name, episode_length=3, **(keywords or {}))
+    check(env)
+    model = PPO(kind, env, n_steps=4, batch_size=4, n_epochs=1, seed=0, device="cpu")
+    before = model.policy.state_dict()["action_net.weight"].clone()
+    model.learn(8)
+    assert model.num_timesteps == 8
+    assert not before.equal(model.policy.state_dict()["action_net.weight"])
+    rewards, lengths = evaluate_policy(
+        model, Monitor(env), n_eval_episodes=2, return_episode_rewards=True
+    )
+    assert (rewards, lengths) == ([0.0, 0.0], [3, 3])
+
+
+@pytest.mark.learn
+def test_observations_become_tensors():
+    import torch
+
+    # Its wrapper of vectors converts no booleans of info, since DLPack knows none.
+    env = gymnasium.wrappers.NumpyToTorch(
+        gymnasium.make(IMAGES, episode_length=1, render_mode=None)
+    )
+    observation, info = env.reset(seed=0)
+    assert (observation["agent_pos"].dtype, len(info)) == (torch.float32, 2)
+    assert observation["pixels"]["ceiling"].dtype == torch.uint8
+    _, reward, terminated, truncated, _ = env.step(torch.zeros(8))
+    assert (reward, terminated, truncated) == (0.0, False, True)
+    env.close()
+
+
+@pytest.mark.learn
+def test_gymnasium_records_a_video(tmp_path):
+    import cv2
+
+    env = gymnasium.wrappers.RecordVideo(
+        gymnasium.make(STATES, episode_length=4, render_mode="rgb_array"),
+        str(tmp_path / "videos"),
+        disable_logger=True,
+    )
+    env.reset(seed=0)
+    for _ in range(4):
+        env.step(np.zeros(8, np.float32))
+    env.close()
+    (file,) = tmp_path.rglob("*.mp4")
+    video = cv2.VideoCapture(str(file))
+    assert video.get(cv2.CAP_PROP_FPS) == 16.0
+    assert video.get(cv2.CAP_PROP_FRAME_COUNT) == 5
+    assert video.read()[1].shape == (270, 480, 3)
