@@ -12,7 +12,6 @@ import abc
 import dataclasses as dc
 
 import numpy as np
-from pydrake.common.eigen_geometry import AngleAxis
 from pydrake.math import RigidTransform, RotationMatrix
 from pydrake.trajectories import PiecewisePolynomial
 
@@ -36,6 +35,7 @@ from drake_srg.planning.servoing.hand_motion import (
     joint_step,
     limited,
     rotation_vector,
+    turned,
 )
 from drake_srg.types import AnyMode, Box, Cylinder, Failure, Mode, Vector
 
@@ -178,9 +178,9 @@ class Inserting(Carrying, abc.ABC):
         R_WT = _leaning(tip)
         if self.turns_with:
             R_WT, R_measured = tip.X_WT.rotation(), tip.X_WT_measured.rotation()
-            R_WT = _turned(R_WT, share * rotation_vector(R_measured @ R_WT.inverse()))
+            R_WT = turned(R_WT, share * rotation_vector(R_measured @ R_WT.inverse()))
             twist = self.twist_to(tip, now.time)
-            R_WT = _turned(R_WT, twist - tip.twist)
+            R_WT = turned(R_WT, twist - tip.twist)
             tip.twist = twist
         p, target = tip.X_WT.translation(), self.pull_to(tip, now.time)
         p = p + limited(target - p, self.speed * config.period)
@@ -201,7 +201,7 @@ class Inserting(Carrying, abc.ABC):
         turn = rotation_vector(X_WT.rotation() @ X_WM.rotation().inverse())
         p = X_WM.translation() + limited(pull, config.force_limit / config.stiffness)
         most = config.torque_limit / config.turning_stiffness
-        tip.X_WT = RigidTransform(_turned(X_WM.rotation(), limited(turn, most)), p)
+        tip.X_WT = RigidTransform(turned(X_WM.rotation(), limited(turn, most)), p)
         assert tip.X_TG is not None
         q_before = tip.q
         twist = hand_twist(
@@ -597,23 +597,15 @@ def _unit(vector: Vector) -> Vector:
     return unit
 
 
-def _turned(R: RotationMatrix, turn: Vector) -> RotationMatrix:
-    """Return a rotation turned by a rotation vector in world [rad]."""
-    angle = float(np.linalg.norm(turn))
-    if angle < 1e-12:
-        return R
-    return RotationMatrix(AngleAxis(angle, turn / angle)) @ R
-
-
 def _upright(R_WT: RotationMatrix) -> RotationMatrix:
     """Return the nearest rotation whose z is vertical."""
     z = R_WT.col(2)
     turn = np.cross(z, _UP)
     sine = float(np.linalg.norm(turn))
-    return R_WT if sine < 1e-9 else _turned(R_WT, np.arctan2(sine, z[2]) / sine * turn)
+    return R_WT if sine < 1e-9 else turned(R_WT, np.arctan2(sine, z[2]) / sine * turn)
 
 
 def _leaning(tip: Insertion) -> RotationMatrix:
     """Return the orientation of the set-point [the side towards `along` is lower]."""
     assert tip.X_WU is not None
-    return _turned(tip.X_WU.rotation(), tip.angle * np.cross(_UP, tip.along))
+    return turned(tip.X_WU.rotation(), tip.angle * np.cross(_UP, tip.along))

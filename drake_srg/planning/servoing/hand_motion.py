@@ -12,6 +12,7 @@ from __future__ import annotations
 import dataclasses as dc
 
 import numpy as np
+from pydrake.common.eigen_geometry import AngleAxis
 from pydrake.math import RigidTransform, RotationMatrix
 from pydrake.multibody.plant import MultibodyPlant
 from pydrake.multibody.tree import JacobianWrtVariable
@@ -176,6 +177,14 @@ def rotation_vector(R: RotationMatrix) -> Vector:
     turn = R.ToAngleAxis()
     vector: Vector = turn.angle() * turn.axis()
     return vector
+
+
+def turned(R: RotationMatrix, turn: Vector) -> RotationMatrix:
+    """Return a rotation turned by a rotation vector in world [rad]."""
+    angle = float(np.linalg.norm(turn))
+    if angle < 1e-12:
+        return R
+    return RotationMatrix(AngleAxis(angle, turn / angle)) @ R
 
 
 def limited(vector: Vector, most: float) -> Vector:
