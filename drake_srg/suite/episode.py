@@ -36,10 +36,10 @@ PERIOD = 1 / 16  # between actions [s]
 HELD = 8
 _ROUNDING = 1e-9
 # Share of an error that the rule which searches by touch corrects per control period,
-# before it grasps a cylinder. In its environment, the hand lags by up to 2 periods; here
-# by 4/3 more: actions last 1/16 s. With a lag of d, shares below 2 sin(pi / (4 d + 2))
-# are stable (Levin and May, Theoretical Population Biology 9:178, 1976). The rule's own
-# 0.4 is 0.65 of that, and so is this.
+# before it grasps a cylinder. In its environment, the hand lags by up to 2 periods, and
+# here by 4/3 more: actions last 1/16 s. With a lag of d, shares below
+# 2 sin(pi / (4 d + 2)) are stable (Levin and May, Theoretical Population Biology 9:178,
+# 1976). The rule's own 0.4 is 0.65 of that, and so is this.
 _TOUCH_GAIN = 0.263
 LIFTED = 0.05  # a lifted object is this much higher than at the start [m]
 _FELL = 0.2  # what is this far below the table has fallen off it [m]
