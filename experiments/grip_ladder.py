@@ -8,8 +8,8 @@ import numpy as np
 
 import experiments.runner as ex
 from drake_srg.common.srg_geometry import SRG
-from drake_srg.gripper.motor_temperature import motor_load
 from drake_srg.gripper.srg_tendon_driver import SpoolCommandConfig, spool_angle
+from drake_srg.gripper.tendon import motor_load
 from drake_srg.simulation.rig import Rig, bench_scenario
 from experiments.grasp_width import HEIGHT, box
 

@@ -15,7 +15,7 @@ import numpy as np
 from pydrake.systems.analysis import Simulator
 
 import experiments.runner as ex
-from drake_srg.gripper.motor_temperature import MotorTemperature
+from drake_srg.gripper.tendon import MotorTemperature
 from drake_srg.robot.identify.fits import FULL_LOAD, NEVER, calibrated_zero, polls
 from drake_srg.robot.identify.log import RISE, LogRow, vendor_log
 from drake_srg.robot.identify.press_test import PressTest

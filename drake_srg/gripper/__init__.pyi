@@ -12,10 +12,6 @@ from drake_srg.gripper.linkage_driver import MasterSlaveConfig as MasterSlaveCon
 from drake_srg.gripper.linkage_driver import (
     MasterSlaveReference as MasterSlaveReference,
 )
-from drake_srg.gripper.motor_temperature import MotorTemperature as MotorTemperature
-from drake_srg.gripper.motor_temperature import (
-    MotorTemperatureConfig as MotorTemperatureConfig,
-)
 from drake_srg.gripper.plant_servo_driver import (
     AddPlantServoDriver as AddPlantServoDriver,
 )
@@ -42,6 +38,8 @@ from drake_srg.gripper.srg_tendon_driver import SetTendonDynamics as SetTendonDy
 from drake_srg.gripper.srg_tendon_driver import SpoolCommand as SpoolCommand
 from drake_srg.gripper.srg_tendon_driver import SpoolCommandConfig as SpoolCommandConfig
 from drake_srg.gripper.srg_tendon_driver import SrgTendonDriver as SrgTendonDriver
+from drake_srg.gripper.tendon import MotorTemperature as MotorTemperature
+from drake_srg.gripper.tendon import MotorTemperatureConfig as MotorTemperatureConfig
 from drake_srg.gripper.tendon import TendonDrive as TendonDrive
 from drake_srg.gripper.tendon import TendonDriveConfig as TendonDriveConfig
 from drake_srg.gripper.tendon import base_moment_arm as base_moment_arm

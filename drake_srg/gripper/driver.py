@@ -24,7 +24,6 @@ from drake_srg.common.exceptions import ScenarioError
 from drake_srg.common.joint_errors import AddEncoderNoise, AddLatency, JointErrorsConfig
 from drake_srg.common.systems import AddUnique, check_prepared, output_ports
 from drake_srg.config import Config, positive
-from drake_srg.gripper.motor_temperature import MotorTemperatureConfig
 from drake_srg.gripper.sensors import (
     FingerLayout,
     FingerSensorConfig,
@@ -32,7 +31,7 @@ from drake_srg.gripper.sensors import (
     TouchConfig,
 )
 from drake_srg.gripper.servo import GripperServoConfig
-from drake_srg.gripper.tendon import TendonDriveConfig
+from drake_srg.gripper.tendon import MotorTemperatureConfig, TendonDriveConfig
 from drake_srg.lifetime import LeafSystem
 from drake_srg.types import Vector
 

@@ -20,7 +20,6 @@ from drake_srg.gripper.driver import (
     GripperDriver,
     WireMotor,
 )
-from drake_srg.gripper.motor_temperature import MotorTemperature, MotorTemperatureConfig
 from drake_srg.gripper.sensors import SRG_FINGERS, FingerLayout
 from drake_srg.gripper.servo import (
     GripperServo_,
@@ -28,7 +27,13 @@ from drake_srg.gripper.servo import (
     MinimumJerkConfig,
     MinimumJerkReference,
 )
-from drake_srg.gripper.tendon import TendonDrive_, TendonDriveConfig, empty_hand
+from drake_srg.gripper.tendon import (
+    MotorTemperature,
+    MotorTemperatureConfig,
+    TendonDrive_,
+    TendonDriveConfig,
+    empty_hand,
+)
 from drake_srg.lifetime import LeafSystem
 from drake_srg.types import Vector
 

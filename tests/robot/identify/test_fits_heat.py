@@ -5,8 +5,11 @@ from helpers import fix, read, update
 from hypothesis import assume, given
 from hypothesis import strategies as st
 
-from drake_srg.gripper.motor_temperature import MotorTemperature, MotorTemperatureConfig
-from drake_srg.gripper.tendon import TendonDriveConfig
+from drake_srg.gripper.tendon import (
+    MotorTemperature,
+    MotorTemperatureConfig,
+    TendonDriveConfig,
+)
 from drake_srg.robot.identify.fits import (
     AIR,
     HEAT_PARAMETERS,

@@ -9,7 +9,7 @@ import math
 from collections.abc import Callable
 
 from drake_srg.gripper.driver import WireMotor
-from drake_srg.gripper.motor_temperature import motor_load
+from drake_srg.gripper.tendon import motor_load
 from drake_srg.robot.serve.dynamixel.protocol import (
     BROADCAST,
     GROUP_READING,

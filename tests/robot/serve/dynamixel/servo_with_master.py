@@ -1,7 +1,7 @@
 """An MX-64 of either protocol whose registers tests write and read through packets."""
 
 from drake_srg.gripper import SrgTendonDriver
-from drake_srg.gripper.motor_temperature import MotorTemperatureConfig
+from drake_srg.gripper.tendon import MotorTemperatureConfig
 from drake_srg.robot.serve.dynamixel.mx64 import Mx64, Mx64P2
 from drake_srg.robot.serve.dynamixel.protocol import (
     BROADCAST,

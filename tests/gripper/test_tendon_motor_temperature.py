@@ -5,12 +5,12 @@ from helpers import fix, port_table, read, update
 from hypothesis import given
 from hypothesis import strategies as st
 
-from drake_srg.gripper.motor_temperature import (
+from drake_srg.gripper.tendon import (
     MotorTemperature,
     MotorTemperatureConfig,
+    TendonDriveConfig,
     motor_load,
 )
-from drake_srg.gripper.tendon import TendonDriveConfig
 
 DRIVE = TendonDriveConfig()
 # A period so long that the motor settles within a few updates.
