@@ -27,6 +27,11 @@ FEW_PICTURES = [
 ]
 
 
+@pytest.mark.parametrize("long", SHORTER)
+def test_what_is_shortened_occurs(long):
+    assert any(long in page for page in PAGES.values())
+
+
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory):
     return tmp_path_factory.mktemp("lessons")

@@ -133,18 +133,6 @@ class ObjectConfig(Config):
 
 
 @dc.dataclass(kw_only=True)
-class RegionConfig(Config):
-    """A rectangle on the table: its corners [x, y] in world [m]."""
-
-    min: list[float] = dc.field(
-        default_factory=lambda: [0.0, 0.0], metadata={"length": 2}
-    )
-    max: list[float] = dc.field(
-        default_factory=lambda: [0.0, 0.0], metadata={"length": 2}
-    )
-
-
-@dc.dataclass(kw_only=True)
 class ClutterConfig(Config):
     """Additional objects named `clutter_1` and so on, each of a randomly drawn kind.
 

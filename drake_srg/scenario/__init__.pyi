@@ -1,4 +1,3 @@
-from drake_srg.objects.config import RegionConfig as RegionConfig
 from drake_srg.scenario.load import SCENARIOS as SCENARIOS
 from drake_srg.scenario.load import Drawn as Drawn
 from drake_srg.scenario.load import draw_scenario as draw_scenario
@@ -9,6 +8,7 @@ from drake_srg.scenario.schema import ArmConfig as ArmConfig
 from drake_srg.scenario.schema import LocalizerConfig as LocalizerConfig
 from drake_srg.scenario.schema import PlaceConfig as PlaceConfig
 from drake_srg.scenario.schema import RecordingConfig as RecordingConfig
+from drake_srg.scenario.schema import RegionConfig as RegionConfig
 from drake_srg.scenario.schema import RobotArm as RobotArm
 from drake_srg.scenario.schema import Scenario as Scenario
 from drake_srg.scenario.schema import TableConfig as TableConfig

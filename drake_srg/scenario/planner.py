@@ -9,8 +9,8 @@ from drake_srg.arm.impedance import ArmImpedanceDriver
 from drake_srg.planning.carrying.config import CarryTogether
 from drake_srg.planning.handover.config import Handover
 from drake_srg.planning.insertion.config import Insert
-from drake_srg.planning.planner_machine import Clear, PickAndPlace
-from drake_srg.planning.servoing.config import Servoing
+from drake_srg.planning.planner_machine import SEARCH_PERIOD, Clear, PickAndPlace
+from drake_srg.planning.servoing.config import Servoing, WindowConfig
 from drake_srg.scenario.typed_yaml import fail
 from drake_srg.theses.script import Script
 from drake_srg.theses.taught import Taught
@@ -161,16 +161,32 @@ def _two_arm_problems(
         yield "arms", f"{problem}, got {', '.join(map(str, sorted(sizes)))}"
 
 
+def _window_problems(
+    scenario: Scenario, planner: Servoing, window: WindowConfig
+) -> Iterator[tuple[str, str]]:
+    corners = {"min": window.min, "max": window.max}
+    short = [key for key, corner in corners.items() if len(corner) != 2]
+    for key in short:
+        yield f"planner.window.{key}", f"must be [x, y], got {corners[key]}"
+    if not short and any(a >= b for a, b in zip(window.min, window.max, strict=True)):
+        problem = f"min must be below max, got {window.min} .. {window.max}"
+        yield "planner.window", problem
+    if planner.search_time <= SEARCH_PERIOD:
+        problem = f"must be above {SEARCH_PERIOD:g} s, to look twice"
+        yield "planner.search_time", f"{problem}, got {planner.search_time:g}"
+    if scenario.task.repeat > 1:
+        problem = "must be 1 with planner.window, because the goal is outside it"
+        yield "task.repeat", f"{problem}, got {scenario.task.repeat}"
+
+
 def _servo_problems(scenario: Scenario, planner: Servoing) -> Iterator[tuple[str, str]]:
     servo = planner.servo
     if servo.camera not in scenario.cameras:
         allowed = ", ".join(scenario.cameras) or "none"
         problem = f"unknown camera {servo.camera!r} (allowed: {allowed})"
         yield "planner.servo.camera", problem
-    window = planner.window
-    if window and any(a >= b for a, b in zip(window.min, window.max, strict=True)):
-        problem = f"min must be below max, got {window.min} .. {window.max}"
-        yield "planner.window", problem
+    if planner.window is not None:
+        yield from _window_problems(scenario, planner, planner.window)
     images = servo.camera_period / servo.period
     if images < 1.0 or abs(images - round(images)) > 1e-6:
         yield (

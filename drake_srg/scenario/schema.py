@@ -26,12 +26,7 @@ from drake_srg.common.exceptions import ScenarioError
 from drake_srg.config import Config, positive
 from drake_srg.gripper.driver import GripperDriver
 from drake_srg.gripper.drivers import DRIVERS
-from drake_srg.objects.config import (
-    ClutterConfig,
-    ObjectConfig,
-    RegionConfig,
-    SleepingConfig,
-)
+from drake_srg.objects.config import ClutterConfig, ObjectConfig, SleepingConfig
 from drake_srg.objects.disturber import Force, Push, Topple
 from drake_srg.objects.slides import SlideConfig
 from drake_srg.planning.carrying.config import CarryTogether
@@ -169,6 +164,18 @@ class PlaceConfig(Config):
     # Cameras that see where loads go, besides those of the localizer. Only with `bin`,
     # `bins` or `row`.
     cameras: list[str] = dc.field(default_factory=list)
+
+
+@dc.dataclass(kw_only=True)
+class RegionConfig(Config):
+    """A rectangle on the table: its corners [x, y] in world [m]."""
+
+    min: list[float] = dc.field(
+        default_factory=lambda: [0.0, 0.0], metadata={"length": 2}
+    )
+    max: list[float] = dc.field(
+        default_factory=lambda: [0.0, 0.0], metadata={"length": 2}
+    )
 
 
 @dc.dataclass(kw_only=True)

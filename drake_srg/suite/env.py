@@ -11,6 +11,7 @@ import numpy.typing as npt
 
 from drake_srg.common.exceptions import ScenarioError, scenario_errors, suggest
 from drake_srg.learning.envs.scenes import choose
+from drake_srg.learning.episodes import VALIDATION
 from drake_srg.scenario.load import draw_scenario, load_tree
 from drake_srg.station.plant import MakeModelsPlant
 from drake_srg.suite.episode import PERIOD, Episode, EpisodeError, with_cameras
@@ -170,7 +171,7 @@ class SuiteEnv(gymnasium.Env[Observation, npt.NDArray[np.float32]]):
         """Begin an episode; `seed` is its number, else one is drawn."""
         del options  # LeRobot's own
         super().reset(seed=seed)
-        most = EPISODES if self.split == EVALUATION_SPLIT else 10**9
+        most = EPISODES if self.split == EVALUATION_SPLIT else VALIDATION
         self._number = int(self.np_random.integers(most)) if seed is None else seed
         number = scenario_seed(self.split, self._number)
         scenario = draw_scenario(self._tree, self.task, number).scenario
@@ -215,7 +216,7 @@ class SuiteEnv(gymnasium.Env[Observation, npt.NDArray[np.float32]]):
         return self._last, float(success), terminated, truncated, self._info(success)
 
     def expert_action(self) -> npt.NDArray[np.float32]:
-        """Return the action (8) that the expert proposes.
+        """Return the action (N + 1) that the expert proposes.
 
         Raises:
             ScenarioError: If the environment was made without `expert`.

@@ -1,7 +1,8 @@
 """The suite's tasks for gymnasium, by name, and without images for learners.
 
 Importing this module makes the environments known: for each task, such as `pick_can`,
-`drake_srg/pick_can-v0` is a `SuiteEnv`, and `drake_srg/pick_can_state-v0` a `StateEnv`.
+`drake_srg/pick_can-v0` is a `SuiteEnv`, and `drake_srg/pick_can_proprio-v0` a
+`ProprioceptionEnv`.
 `gymnasium.make("drake_srg.suite.envs:drake_srg/pick_can-v0")` imports it itself, as the
 workers of a vector environment need it.
 """
@@ -23,7 +24,7 @@ Array = npt.NDArray[np.float32]
 _FORCE = 20.0  # scale of the fingers' forces, as in `drake_srg.learning.envs` [N]
 
 
-class StateEnv(gymnasium.Env[Array, Array]):
+class ProprioceptionEnv(gymnasium.Env[Array, Array]):
     """A task of the suite in flat vectors, as learners want them, without images.
 
     An observation (N + n + m), each entry within -1 .. 1, has the measured positions of
@@ -141,7 +142,7 @@ class StateEnv(gymnasium.Env[Array, Array]):
         positions = 2.0 * (observation["agent_pos"] - low) / (high - low) - 1.0
         state = np.concatenate([positions, observation["touch"] / _FORCE])
         self._last = np.clip(state, -1.0, 1.0).astype(np.float32)
-        return self._last
+        return self._last.copy()
 
     def _info(self, info: dict[str, Any]) -> dict[str, Any]:
         return {**info, "success": info["is_success"]}
@@ -150,7 +151,10 @@ class StateEnv(gymnasium.Env[Array, Array]):
 def register_envs() -> None:
     """Make the environments known to gymnasium, in the namespace `drake_srg`."""
     for task in load_tasks():
-        for name, kind in ((task, "env:SuiteEnv"), (f"{task}_state", "envs:StateEnv")):
+        for name, kind in (
+            (task, "env:SuiteEnv"),
+            (f"{task}_proprio", "envs:ProprioceptionEnv"),
+        ):
             env_id = f"{NAMESPACE}{name}-v0"
             if env_id not in gymnasium.registry:
                 gymnasium.register(

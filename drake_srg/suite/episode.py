@@ -268,8 +268,8 @@ def with_cameras(scenario: Scenario, cameras: Sequence[str]) -> Scenario:
 
     Args:
         scenario: The scenario.
-        cameras: Names of the cameras for observations and videos. Those of the
-            localizer stay, too.
+        cameras: Names of the cameras for observations and videos. Those by which the
+            planner sees stay, too.
     """
     needed = {*cameras, *perception_cameras(scenario)}
     if (servo := servo_of(scenario)) is not None:

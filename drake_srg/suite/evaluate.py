@@ -3,7 +3,7 @@
     python -m drake_srg.suite.evaluate all --episodes 20 --out out/suite.jsonl
 
 The file gets a line of JSON per episode; those that it has are not played again. Each
-`--policy` needs a file of its own.
+`--policy`, `--split` and `--episode-length` needs a file of its own.
 """
 
 from __future__ import annotations
@@ -21,9 +21,14 @@ import numpy as np
 
 from drake_srg.common.exceptions import ScenarioError
 from drake_srg.learning.episodes import NAMESPACE
-from drake_srg.learning.policy import Policy, check_sizes, load_policy
+from drake_srg.learning.policy import (
+    Policy,
+    check_sizes,
+    load_policy,
+    policy_digest,
+)
 from drake_srg.suite.env import SuiteEnv
-from drake_srg.suite.envs import StateEnv
+from drake_srg.suite.envs import ProprioceptionEnv
 from drake_srg.suite.tasks import (
     EPISODES,
     EVALUATION_SPLIT,
@@ -35,9 +40,11 @@ from drake_srg.sweeps.statistics import wilson_interval
 from drake_srg.sweeps.trial import resident_memory
 
 EXPERT, RANDOM = "expert", "random"
+# The entries of a row that are read again.
+_KINDS = {"task": str, "episode": int, "policy": str, "success": bool}
 
 
-def evaluate_expert(
+def play_episodes(
     task: str,
     episodes: Sequence[int],
     *,
@@ -47,15 +54,15 @@ def evaluate_expert(
 ) -> Iterator[dict[str, Any]]:
     """Play episodes of a task, and yield a row for each.
 
-    A row has `task`, `episode`, `policy`, `success`, `failure`, why the simulator gave
-    up, `expert`, what the expert says of itself, `steps`, `wall_s` and `memory_mb`, the
-    process's resident memory.
+    A row has the arguments, with `digest`, which tells policies of one name apart;
+    `success`; `failure`, why the simulator gave up; `expert`, what the expert says of
+    itself; `steps`, `wall_s` and `memory_mb`, the process's resident memory.
 
     Args:
         task: Its name.
         episodes: Numbers of the episodes.
         policy: `expert`, `random` for actions drawn evenly from the action space, or
-            the file of a policy that was trained in the task's `StateEnv`.
+            the file of a policy that was trained in the task's `ProprioceptionEnv`.
         split: `evaluation` or `training`.
         episode_length: Longest episode, in steps; None: the task's.
 
@@ -66,7 +73,7 @@ def evaluate_expert(
     played = None if policy in (EXPERT, RANDOM) else _policy_of(policy, task)
     env: Any
     if played is not None:
-        env = StateEnv(task, episode_length=episode_length)
+        env = ProprioceptionEnv(task, episode_length=episode_length)
         sizes = env.observation_space.shape[0], env.action_space.shape[0]
         check_sizes(policy, played, *sizes)
     else:
@@ -78,39 +85,57 @@ def evaluate_expert(
             expert=expert,
             episode_length=episode_length,
         )
-    for episode in episodes:
-        begun = wall.perf_counter()
-        # The environment draws from the number itself.
-        rng = np.random.default_rng([episode, 1])
-        space = env.action_space
-        seed = episode if played is None else scenario_seed(split, episode)
-        observation, info = env.reset(seed=seed)
-        steps, ended = 0, False
-        while not ended:
-            if played is not None:
-                action = played(observation)
-            elif expert and not info["failure"]:
-                action = env.expert_action()
-            else:
-                action = rng.uniform(space.low, space.high).astype(np.float32)
-            observation, _, terminated, truncated, info = env.step(action)
-            steps, ended = steps + 1, terminated or truncated
-        said = ""
-        if expert and not info["failure"]:
-            status = env.episode.status
-            said = f"{status.mode}" if status.failure is None else f"{status.failure}"
-        yield {
-            "task": task,
-            "episode": episode,
-            "policy": policy,
-            "success": info["is_success"],
-            "failure": info["failure"],
-            "expert": said,
-            "steps": steps,
-            "wall_s": round(wall.perf_counter() - begun, 1),
-            "memory_mb": resident_memory(),
-        }
-    env.close()
+    settings = settings_of(policy, split, episode_length)
+    with contextlib.closing(env):
+        for episode in episodes:
+            begun = wall.perf_counter()
+            # The environment draws from the number itself.
+            rng = np.random.default_rng([episode, 1])
+            space = env.action_space
+            seed = episode if played is None else scenario_seed(split, episode)
+            observation, info = env.reset(seed=seed)
+            steps, ended = 0, False
+            while not ended:
+                if played is not None:
+                    action = played(observation)
+                elif expert and not info["failure"]:
+                    action = env.expert_action()
+                else:
+                    action = rng.uniform(space.low, space.high).astype(np.float32)
+                observation, _, terminated, truncated, info = env.step(action)
+                steps, ended = steps + 1, terminated or truncated
+            said = ""
+            if expert and not info["failure"]:
+                status = env.episode.status
+                said = str((status.failure or status.mode).value)
+            yield {
+                "task": task,
+                "episode": episode,
+                **settings,
+                "success": bool(info["is_success"]),
+                "failure": info["failure"],
+                "expert": said,
+                "steps": steps,
+                "wall_s": round(wall.perf_counter() - begun, 1),
+                "memory_mb": resident_memory(),
+            }
+
+
+def settings_of(
+    policy: str, split: str, episode_length: int | None
+) -> dict[str, str | int | None]:
+    """Return the part of a row that all rows of a file share.
+
+    Raises:
+        ScenarioError: If the policy's file cannot be read.
+    """
+    own = policy not in (EXPERT, RANDOM)
+    return {
+        "policy": policy,
+        "digest": policy_digest(policy)[:12] if own else "",
+        "split": split,
+        "episode_length": episode_length,
+    }
 
 
 def _policy_of(file: str, task: str) -> Policy:
@@ -119,9 +144,13 @@ def _policy_of(file: str, task: str) -> Policy:
     Raises:
         ScenarioError: If it cannot be read, or is for another environment.
     """
+    if not file.endswith(".npz"):
+        raise ScenarioError(
+            f"--policy: must be {EXPERT}, {RANDOM} or a .npz file, got {file!r}"
+        )
     policy = load_policy(file)
     own = policy.info.environment.rpartition(":")[2]
-    if own != f"{NAMESPACE}{task}_state-v0":
+    if own != f"{NAMESPACE}{task}_proprio-v0":
         raise ScenarioError(f"{file}: is a policy for {own}, not for {task}")
     return policy
 
@@ -134,13 +163,19 @@ def read_rows(path: Path) -> list[dict[str, Any]]:
     """
     if not path.exists():
         return []
+    try:
+        lines = path.read_text(encoding="utf-8").splitlines()
+    except UnicodeDecodeError:
+        raise ScenarioError(f"{path}: is no file of rows") from None
     rows = []
-    for number, line in enumerate(path.read_text(encoding="utf-8").splitlines(), 1):
+    for number, line in enumerate(lines, 1):
         try:
             row = json.loads(line)
-            row["task"], row["episode"], row["policy"], row["success"]
+            whole = all(type(row[key]) is kind for key, kind in _KINDS.items())
         except (ValueError, KeyError, TypeError):
-            raise ScenarioError(f"{path}:{number}: is no row of an episode") from None
+            whole = False
+        if not whole:
+            raise ScenarioError(f"{path}:{number}: is no row of an episode")
         rows.append(row)
     return rows
 
@@ -181,24 +216,25 @@ def main(arguments: Sequence[str] | None = None) -> int:
             for name in names:
                 _policy_of(options.policy, name)
         rows = read_rows(options.out)
+        settings = settings_of(options.policy, options.split, length)
         for row in rows:
-            if row["policy"] != options.policy:
-                raise ScenarioError(
-                    f"{options.out}: has rows of --policy {row['policy']}; "
-                    f"choose another file for {options.policy}"
-                )
+            for key, value in settings.items():
+                if row.get(key) != value:
+                    raise ScenarioError(
+                        f"{options.out}: has rows of {key} {row.get(key)!r}, not "
+                        f"{value!r}; choose another --out"
+                    )
         options.out.parent.mkdir(parents=True, exist_ok=True)
-        with contextlib.ExitStack() as stack:
-            file = stack.enter_context(options.out.open("a", encoding="utf-8"))
+        with options.out.open("a", encoding="utf-8") as file:
             for name in names:
                 done = {row["episode"] for row in rows if row["task"] == name}
                 todo = [i for i in range(options.episodes) if i not in done]
-                for row in evaluate_expert(
+                for row in play_episodes(
                     name,
                     todo,
                     policy=options.policy,
                     split=options.split,
-                    episode_length=options.episode_length,
+                    episode_length=length,
                 ):
                     rows.append(row)
                     file.write(json.dumps(row) + "\n")
@@ -206,7 +242,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
     except (ScenarioError, OSError) as error:
         print(f"drake_srg.suite.evaluate: {error}", file=sys.stderr)
         return 2
-    print(table([row for row in rows if row["task"] in names]))
+    asked = [row for row in rows if row["episode"] < options.episodes]
+    print(table([row for row in asked if row["task"] in names]))
     return 0
 
 

@@ -156,6 +156,21 @@ def test_a_key_from_before_there_were_tags_is_told_with_its_new_form(
         ),
         (
             "kitchen_servoing",
+            "planner.window={min: [0.4, -0.4]}",
+            r"planner\.window\.max: must be \[x, y\], got \[\]",
+        ),
+        (
+            "conveyor",
+            "planner.search_time=0",
+            r"planner\.search_time: must be above 0\.25 s, to look twice, got 0",
+        ),
+        (
+            "conveyor",
+            "task.repeat=2",
+            r"task\.repeat: must be 1 with planner\.window, because .* got 2",
+        ),
+        (
+            "kitchen_servoing",
             "planner.servo.method=guess",
             r"planner\.servo\.method: must be one of ibvs, pbvs",
         ),

@@ -8,8 +8,9 @@ import pytest
 from gymnasium.vector import AsyncVectorEnv, AutoresetMode, SyncVectorEnv
 
 from drake_srg.common.exceptions import ScenarioError
+from drake_srg.scenario import load_scenario
 from drake_srg.suite import SuiteEnv
-from drake_srg.suite.episode import reading_times
+from drake_srg.suite.episode import reading_times, with_cameras
 
 SEEDS = [3, 4]
 STEPS = 6
@@ -233,3 +234,11 @@ def test_an_episode_is_freed_when_another_begins_or_the_environment_closes(leake
     assert leaked() == alive
     env.close()
     assert leaked() == []
+
+
+@pytest.mark.parametrize(
+    ("scenario", "kept"),
+    [("kitchen_varied", {"ceiling"}), ("kitchen_servoing", {"ceiling", "hand"})],
+)
+def test_the_planner_keeps_the_cameras_by_which_it_sees(scenario, kept):
+    assert with_cameras(load_scenario(scenario), ()).cameras.keys() == kept

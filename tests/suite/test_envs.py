@@ -10,22 +10,25 @@ from drake_srg.common.exceptions import ScenarioError
 from drake_srg.learning.episodes import EVALUATION, VALIDATION, make_environment
 from drake_srg.learning.rules import rule_of
 from drake_srg.suite import SuiteEnv, load_tasks
-from drake_srg.suite.envs import StateEnv
+from drake_srg.suite.envs import ProprioceptionEnv
 
 MODULE = "drake_srg.suite.envs"
-IMAGES, STATES = "drake_srg/pick_can-v0", "drake_srg/pick_can_state-v0"
+IMAGES, STATES = "drake_srg/pick_can-v0", "drake_srg/pick_can_proprio-v0"
 
 
 @pytest.fixture(scope="module")
 def env():
-    env = StateEnv("pick_can", episode_length=4)
+    env = ProprioceptionEnv("pick_can", episode_length=4)
     env.reset(seed=1)
     return env
 
 
 def test_every_task_has_two_names():
     for task in load_tasks():
-        for name, kind in ((task, "env:SuiteEnv"), (f"{task}_state", "envs:StateEnv")):
+        for name, kind in (
+            (task, "env:SuiteEnv"),
+            (f"{task}_proprio", "envs:ProprioceptionEnv"),
+        ):
             spec = gymnasium.spec(f"drake_srg/{name}-v0")
             assert spec.entry_point == f"drake_srg.suite.{kind}"
             assert spec.kwargs == {"task": task}
@@ -116,7 +119,7 @@ def test_an_episode_that_cannot_begin_is_truncated_by_its_first_step(monkeypatch
     def fail(*_):
         raise module.EpisodeError("no start")
 
-    env = StateEnv("pick_can", expert=True)
+    env = ProprioceptionEnv("pick_can", expert=True)
     monkeypatch.setattr(module, "Episode", fail)
     observation, _ = env.reset(seed=0)
     *_, truncated, info = env.step(env.rule(observation))

@@ -9,6 +9,7 @@ import pytest
 from drake_srg.common.exceptions import ScenarioError
 from drake_srg.learning.episodes import EVALUATION
 from drake_srg.suite import evaluate
+from drake_srg.types import Failure, Mode
 from tests.learning.made_policies import made_policy
 
 
@@ -16,7 +17,7 @@ class Counting(gymnasium.Env):
     """Its expert succeeds in even episodes after two steps; others never do."""
 
     action_space = gymnasium.spaces.Box(-1.0, 1.0, (2,), np.float32)
-    episode = SimpleNamespace(status=SimpleNamespace(mode="done", failure=None))
+    episode = SimpleNamespace(status=SimpleNamespace(mode=Mode.DONE, failure=None))
     acted: ClassVar[list] = []
 
     def __init__(self, task, **keywords):
@@ -33,6 +34,9 @@ class Counting(gymnasium.Env):
         info = {"is_success": bool(done), "failure": ""}
         return {}, float(done), done, self.steps == 3, info
 
+    def close(self):
+        pass
+
     def expert_action(self):
         assert self.expert
         return np.full(2, 0.5, np.float32)
@@ -45,17 +49,24 @@ def counting(monkeypatch):
 
 
 def test_rows_tell_success_and_what_the_expert_says():
-    rows = list(evaluate.evaluate_expert("pick_can", [0, 1]))
+    rows = list(evaluate.play_episodes("pick_can", [0, 1]))
     assert [row["success"] for row in rows] == [True, False]
     assert [row["steps"] for row in rows] == [2, 3]
     assert [row["expert"] for row in rows] == ["done", "done"]
+
+
+def test_a_failure_of_the_expert_is_told_by_its_name(monkeypatch):
+    status = SimpleNamespace(mode=Mode.FAILED, failure=Failure.NO_GRASP)
+    monkeypatch.setattr(Counting, "episode", SimpleNamespace(status=status))
+    (row,) = evaluate.play_episodes("pick_can", [1])
+    assert row["expert"] == "no_grasp"
 
 
 def test_random_actions_depend_on_the_episode_alone():
     played = []
     for episodes in ([0, 1], [1]):
         Counting.acted = []
-        rows = list(evaluate.evaluate_expert("pick_can", episodes, policy="random"))
+        rows = list(evaluate.play_episodes("pick_can", episodes, policy="random"))
         assert not any(row["success"] or row["expert"] for row in rows)
         played.append(np.array(Counting.acted))
     np.testing.assert_array_equal(played[0][3:], played[1])
@@ -77,19 +88,32 @@ def test_the_command_goes_on_where_it_was_cut_off(tmp_path, capsys):
     assert last[0].split()[:4] == ["pick_can", "2", "of", "3"]
 
 
-def test_a_file_keeps_the_rows_of_one_policy(tmp_path, capsys):
+@pytest.mark.parametrize(
+    ("other", "message"),
+    [
+        (["--policy", "random"], "has rows of policy 'expert', not 'random'"),
+        (["--split", "training"], "has rows of split 'evaluation', not 'training'"),
+        (["--episode-length", "3"], "has rows of episode_length None, not 3"),
+    ],
+)
+def test_a_file_keeps_the_rows_of_one_setting(tmp_path, capsys, other, message):
     out = tmp_path / "rows.jsonl"
     words = ["pick_can", "--episodes", "1", "--out", str(out)]
     assert evaluate.main(words) == 0
     before = out.read_text()
-    assert evaluate.main([*words, "--policy", "random"]) == 2
-    error = capsys.readouterr().err
-    assert "has rows of --policy expert; choose another file for random" in error
+    assert evaluate.main([*words, *other]) == 2
+    assert message in capsys.readouterr().err
     assert out.read_text() == before
 
 
+def test_only_the_episodes_asked_for_are_counted(tmp_path, capsys):
+    words = ["pick_can", "--out", str(tmp_path / "rows.jsonl"), "--episodes"]
+    assert evaluate.main([*words, "4"]) == evaluate.main([*words, "2"]) == 0
+    assert "1 of 2" in capsys.readouterr().out.splitlines()[-1]
+
+
 class Still(Counting):
-    """Ends with success if nothing moves; a `StateEnv`'s seeds are the scenario's."""
+    """Ends with success if nothing moves; its seeds are the scenario's."""
 
     observation_space = gymnasium.spaces.Box(-1.0, 1.0, (2,), np.float32)
     seeds: ClassVar[list] = []
@@ -108,9 +132,11 @@ class Still(Counting):
 
 
 def test_a_policy_acts_on_the_episodes_of_evaluation(tmp_path, monkeypatch, capsys):
-    monkeypatch.setattr(evaluate, "StateEnv", Still)
+    monkeypatch.setattr(evaluate, "ProprioceptionEnv", Still)
     monkeypatch.setattr(Still, "seeds", [])
-    policy = made_policy(environment="drake_srg.suite.envs:drake_srg/pick_can_state-v0")
+    policy = made_policy(
+        environment="drake_srg.suite.envs:drake_srg/pick_can_proprio-v0"
+    )
     for value in policy.network.parameters:
         value[:] = 0.0
     file, out = tmp_path / "policy.npz", tmp_path / "rows.jsonl"
@@ -120,9 +146,13 @@ def test_a_policy_acts_on_the_episodes_of_evaluation(tmp_path, monkeypatch, caps
     rows = [json.loads(line) for line in out.read_text().splitlines()]
     assert [(row["success"], row["policy"]) for row in rows] == [(True, str(file))] * 2
     assert Still.seeds == [EVALUATION, EVALUATION + 1]
+    policy.network.parameters[0][:] = 0.1
+    policy.save(file)
+    assert evaluate.main(["pick_can", *words, "--episode-length", "3"]) == 2
+    assert "has rows of digest" in capsys.readouterr().err
     other = tmp_path / "other.jsonl"
     assert evaluate.main(["pick_can,pick_box", *words[:-1], str(other)]) == 2
-    assert "is a policy for drake_srg/pick_can_state-v0" in capsys.readouterr().err
+    assert "is a policy for drake_srg/pick_can_proprio-v0" in capsys.readouterr().err
     assert not other.exists()
 
 
@@ -130,7 +160,8 @@ def test_a_policy_acts_on_the_episodes_of_evaluation(tmp_path, monkeypatch, caps
     ("words", "message"),
     [
         (["pick_can", "--policy", "none.npz"], "none.npz: cannot be read"),
-        (["pick_can", "--policy", "rule"], "rule: unknown policy"),
+        (["pick_can", "--policy", "rule"], "must be expert, random or a .npz file"),
+        (["pick_can", "--policy", ""], "must be expert, random or a .npz file, got ''"),
         (["pick_can", "--episode-length", "0"], "--episode-length: must be at least 1"),
         (["pick_cn"], "task: unknown 'pick_cn'"),
         (["pick_can", "--episodes", "201"], "--episodes: must be 1 to 200, got 201"),
@@ -147,9 +178,23 @@ def test_bad_input_is_one_line_and_ends_with_2(tmp_path, capsys, words, message)
     assert not (tmp_path / "rows.jsonl").exists()
 
 
-def test_a_damaged_file_of_rows_is_named(tmp_path):
+@pytest.mark.parametrize(
+    ("content", "message"),
+    [
+        (
+            b'{"task": "a", "episode": 0, "policy": "random", "success": true}\n{"ta',
+            ":2: is no row",
+        ),
+        (
+            b'{"task": "pick_can", "episode": 0, "policy": "random", "success": "yes"}',
+            ":1: is no row",
+        ),
+        (b"[]", ":1: is no row"),
+        (b"PK\x03\x04\xff", ": is no file of rows"),
+    ],
+)
+def test_a_damaged_file_of_rows_is_named(tmp_path, content, message):
     path = tmp_path / "rows.jsonl"
-    row = {"task": "pick_can", "episode": 0, "policy": "random", "success": True}
-    path.write_text(f'{json.dumps(row)}\n{{"ta\n')
-    with pytest.raises(ScenarioError, match=r"rows.jsonl:2: is no row"):
+    path.write_bytes(content)
+    with pytest.raises(ScenarioError, match=f"rows.jsonl{message}"):
         evaluate.read_rows(path)

@@ -187,9 +187,20 @@ def find_posture(
     max_starts: int = 12,
     seed: int = 0,
 ) -> IkSolution | None:
-    """Return the solution of `solve_inverse_kinematics`; None without.
+    """Return a free solution of `solve_inverse_kinematics`, None without one.
 
-    Why there is none takes as long to find as several solutions.
+    It does not look for the reason, which would take as long as several solutions.
+
+    Args:
+        scene: See `solve_inverse_kinematics`, as for the other arguments.
+        target: Where the hand has to be.
+        q_nominal: Preferred joint positions, shape (N,) [rad].
+        q_guess: First start, shape (N,) [rad]; None: `q_nominal`.
+        max_starts: Number of starts.
+        seed: Seed of the random starts.
+
+    Raises:
+        ValueError: If a vector does not have N entries.
     """
     search = _Search(scene, target, q_nominal, q_guess, _JOINT_MARGIN, None)
     return search.best(max_starts, np.inf, check_clearance=True, seed=seed)

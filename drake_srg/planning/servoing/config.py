@@ -7,7 +7,6 @@ import numpy as np
 
 from drake_srg.common.shared import Shared
 from drake_srg.config import Config, positive
-from drake_srg.objects.config import RegionConfig
 from drake_srg.planning.planner_machine import PlannerConfig
 from drake_srg.types import Vector
 
@@ -77,17 +76,20 @@ class ServoingConfig(ServoConfig):
 
 
 @dc.dataclass(kw_only=True)
-class WindowConfig(RegionConfig):
-    """Where the planner takes an object that moves: a rectangle in world [m].
+class WindowConfig(Config):
+    """Where the planner takes an object that moves: a rectangle in world.
 
     It waits for `search_time` until the object is seen there, and twice in all.
     """
 
-    # The hand goes to where the object will be by then [s]: the time for planning and
-    # for the way there. The servo corrects the rest.
-    lead: float = dc.field(default=1.5, metadata={"ge": 0.0})
+    # Corners [x, y] in world [m].
+    min: list[float] = dc.field(default_factory=list)
+    max: list[float] = dc.field(default_factory=list)
+    # The hand goes to where the object will be after this time [s]: that for planning
+    # and for the way there. The servo corrects the rest.
+    lead_time: float = dc.field(default=1.5, metadata={"ge": 0.0})
 
-    def has(self, p_W: Vector) -> bool:
+    def contains(self, p_W: Vector) -> bool:
         """Return whether a position, shape (3,) [m], is above the rectangle."""
         inside = (self.min <= p_W[:2]) & (p_W[:2] <= self.max)
         return bool(inside.all())

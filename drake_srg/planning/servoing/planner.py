@@ -131,11 +131,12 @@ class ServoIdle(Idle):
         # A sighting of an earlier attempt does not count.
         before = memory.before if memory.before_at >= memory.attempt.began else None
         memory.before, memory.before_at = blob, now.time
-        if blob is None or before is None or not self.window.has(blob.position):
-            self.replanner.wait(view, memory, now.time, "planner.window")
+        if blob is None or before is None or not self.window.contains(blob.position):
+            place = "planner.window that was seen twice"
+            self.replanner.wait(view, memory, now.time, place)
             return
         v_WO = (blob.position - before.position) / elapsed
-        self.replanner.plan(view, memory, now.time, self.window.lead * v_WO)
+        self.replanner.plan(view, memory, now.time, self.window.lead_time * v_WO)
 
 
 class Servoed(TaskMode):

@@ -12,6 +12,7 @@ from drake_srg.planning.motion.inverse_kinematics import (
     IkFailure,
     IkSolution,
     Requirement,
+    find_posture,
     solve_inverse_kinematics,
 )
 from drake_srg.types import Failure, Sphere
@@ -301,3 +302,13 @@ def test_a_target_out_of_reach_is_not_blamed_on_ones_own(iiwa, home):
         extend=lambda ik: elbow_of(iiwa, ik, -9.0, 9.0),
     )
     assert failure.requirement is Requirement.POSITION
+
+
+@pytest.mark.parametrize("x", [0.45, 0.6, 0.75, 1.2])
+def test_a_posture_is_the_solution_or_none(iiwa, home, x):
+    target = HandTarget(np.array([x, 0.1, 0.3]), axes=(DOWN,))
+    solution = solve_inverse_kinematics(iiwa, target, q_nominal=home, max_starts=3)
+    found = find_posture(iiwa, target, q_nominal=home, max_starts=3)
+    assert (found is None) == isinstance(solution, IkFailure)
+    if found is not None:
+        np.testing.assert_array_equal(found.q, solution.q)

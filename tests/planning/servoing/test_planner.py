@@ -201,7 +201,7 @@ def test_without_a_window_it_plans_at_once_and_knows_no_motion():
 
 @given(st.floats(-0.5, 0.5), st.floats(0.0, 3.0))
 def test_it_plans_from_where_the_object_will_be(speed, lead):
-    window = WindowConfig(min=[-1.0, -1.0], max=[1.0, 1.0], lead=lead)
+    window = WindowConfig(min=[-1.0, -1.0], max=[1.0, 1.0], lead_time=lead)
     replanner = look_at([0.1, 0.1 + 0.5 * speed], window)
     assert replanner.waits == [0.0]
     (travel,) = replanner.travels
