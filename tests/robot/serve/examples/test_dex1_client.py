@@ -22,27 +22,20 @@ def test_the_example_closes_and_opens_both_hands():
     served = subprocess.Popen(
         [*serve, *options], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
     )
-    clients = []
     try:
-        clients += [
-            subprocess.Popen(
+        for side in ("left", "right"):
+            ended = subprocess.run(
                 [sys.executable, str(EXAMPLE), side, domain],
-                stdout=subprocess.PIPE,
-                stderr=subprocess.PIPE,
+                capture_output=True,
                 text=True,
+                timeout=120,
+                check=True,
             )
-            for side in ("left", "right")
-        ]
-        for client in clients:
-            told, errors = client.communicate(timeout=120)
-            assert client.returncode == 0, errors
-            closed, opened = told.splitlines()
+            closed, opened = ended.stdout.splitlines()
             # An empty hand; the spool stops a little before 0 %.
             assert -1.0 < float(closed.partition("%")[0]) < 5.0, closed
             assert 47.0 < float(opened.partition("%")[0]) < 53.0, opened
     finally:
-        for client in clients:
-            client.kill()
         served.send_signal(signal.SIGINT)
         out, errors = served.communicate(timeout=60)
     assert served.returncode == 0, errors
