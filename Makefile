@@ -21,13 +21,14 @@ test-fast: .venv/ready  ## run the tests that take a minute, for every save
 	$(PYTEST) -m "not slow"
 
 # TORCH="torch==VERSION", with options of pip, chooses a build: PyPI's newest brings CUDA.
+# gymnasium's wrappers NumpyToTorch and RecordVideo need the last two packages.
 TORCH ?= torch
 test-learn: .venv/ready  ## run the tests of the extra `learn`, in an environment of its own
 	test -x .venv-learn/bin/python || $(PYTHON) -m venv .venv-learn
 	$(BIN)/uv pip install --quiet --python .venv-learn -r requirements.lock
 	.venv-learn/bin/python -m pip install --quiet --disable-pip-version-check $(TORCH)
 	.venv-learn/bin/python -m pip install --quiet --disable-pip-version-check \
-		--no-build-isolation --editable ".[learn]" array-api-compat moviepy
+		--no-build-isolation --editable ".[learn]" array-api-compat==1.16.0 moviepy==2.2.1
 	.venv-learn/bin/python -m pytest -m learn tests/learning tests/suite tests/cli/test_learn.py
 
 # LeRobot bounds packages below requirements.lock, so pip chooses here. `LEROBOT_PYTHON`

@@ -85,7 +85,7 @@ def play_episodes(
             expert=expert,
             episode_length=episode_length,
         )
-    settings = settings_of(policy, split, episode_length)
+    settings = _settings(policy, split, episode_length)
     with contextlib.closing(env):
         for episode in episodes:
             begun = wall.perf_counter()
@@ -121,7 +121,7 @@ def play_episodes(
             }
 
 
-def settings_of(
+def _settings(
     policy: str, split: str, episode_length: int | None
 ) -> dict[str, str | int | None]:
     """Return the part of a row that all rows of a file share.
@@ -216,7 +216,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
             for name in names:
                 _policy_of(options.policy, name)
         rows = read_rows(options.out)
-        settings = settings_of(options.policy, options.split, length)
+        settings = _settings(options.policy, options.split, length)
         for row in rows:
             for key, value in settings.items():
                 if row.get(key) != value:
