@@ -1,3 +1,5 @@
+import dataclasses as dc
+
 import numpy as np
 import pytest
 from helpers import check_reads_or_refuses, damaged
@@ -29,7 +31,11 @@ def test_the_vendors_rows_ship_with_the_package():
 
 
 def test_what_is_written_is_read():
-    np.testing.assert_equal(parse_log(log_text(ROWS), "log"), ROWS)
+    read = parse_log(log_text(ROWS), "log")
+    # As tuples: from Python 3.13 on, rows with a NaN differ from themselves.
+    np.testing.assert_equal(
+        *([dc.astuple(row) for row in rows] for rows in (read, ROWS))
+    )
 
 
 def test_a_row_of_heating_goes_on_where_the_one_before_ended():
