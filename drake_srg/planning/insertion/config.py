@@ -9,8 +9,9 @@ from pydrake.math import RigidTransform
 from drake_srg.config import positive
 from drake_srg.planning.pick_and_place.knowledge import PlannerMemory
 from drake_srg.planning.planner_machine import PlannerConfig
+from drake_srg.planning.servoing.hand_motion import ServoArm
 from drake_srg.planning.state_machine import Memory
-from drake_srg.types import Failure, Vector
+from drake_srg.types import Box, Cylinder, Failure, Vector
 
 
 @dc.dataclass(kw_only=True)
@@ -40,9 +41,10 @@ class Insert(PlannerConfig):
     tip: float | None = dc.field(default=None, metadata=positive())
     # Whether the peg is a cap that goes over a pin.
     over: bool = False
-    # Amplitude of the turns about its axis by which a peg with a key finds its way
-    # while it goes no deeper [rad]; 0: no turns.
-    twist: float = dc.field(default=0.0, metadata={"ge": 0.0, "le": 0.2})
+    # Amplitude of the turns about its axis [rad]. A pressed cylinder always turns, so
+    # that friction hardly resists its way down. A box, the proxy of a peg with a key or
+    # corners, turns while it goes no deeper, to find its way.
+    twist: float = dc.field(default=0.15, metadata={"ge": 0.0, "le": 0.2})
     # Height over the hole at which the insertion begins [m].
     hover: float = dc.field(default=0.008, metadata=positive())
     # Stiffness of the hand, as in `arm.cartesian` [N/m], [N m/rad].
@@ -56,6 +58,9 @@ class Insert(PlannerConfig):
     push_force: float = dc.field(default=6.0, metadata=positive())
     force_limit: float = dc.field(default=15.0, metadata=positive())
     torque_limit: float = dc.field(default=4.0, metadata=positive())
+    # Torque that puts a pressed peg upright while it is so shallow that it can wedge
+    # [N m]; the fingers hold it along the pinch axis against about 3 N at its end.
+    upright_torque: float = dc.field(default=0.15, metadata={"ge": 0.0})
     # Tilt of the peg [rad], and its turning rate [rad/s].
     tilt: float = dc.field(default=0.105, metadata=positive(le=0.3))
     turning: float = dc.field(default=0.105, metadata=positive())
@@ -118,3 +123,48 @@ class InsertMemory(PlannerMemory):
     """The planner's memory."""
 
     insertion: Insertion = dc.field(default_factory=Insertion)
+
+
+@dc.dataclass(frozen=True)
+class Task:
+    """The knowledge of all modes of an insertion.
+
+    Attributes:
+        config: Forces, speeds and limits.
+        arm: The arm's kinematics.
+        peg: The peg's shape.
+        X_WO_goal: The seated peg [m].
+    """
+
+    config: Insert
+    arm: ServoArm
+    peg: Cylinder | Box
+    X_WO_goal: RigidTransform
+
+    @property
+    def radius(self) -> float:
+        """Half the width of the peg's end, or of the bore that goes over a pin [m]."""
+        return self.config.tip or 0.5 * float(self.peg.bounding_size[0])
+
+    @property
+    def round(self) -> bool:
+        """Whether the peg may turn about its axis."""
+        return isinstance(self.peg, Cylinder)
+
+    @property
+    def inset(self) -> float:
+        """Distance of the lower edge inside the hole's outline [m].
+
+        The edge of a bore is outside the pin's outline.
+        """
+        inset = self.config.inset if self.config.strategy == "tilt" else 0.0
+        return -inset if self.config.over else inset
+
+    @property
+    def tilt(self) -> float:
+        """Lean of the peg when it is set down on the rim [rad]."""
+        return self.config.tilt if self.config.strategy == "tilt" else 0.0
+
+    def wall(self, tip: Insertion) -> Vector:
+        """Return the direction in which the lower edge meets the wall, shape (3,)."""
+        return -tip.along if self.config.over else tip.along

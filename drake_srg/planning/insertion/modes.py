@@ -16,7 +16,7 @@ from pydrake.math import RigidTransform, RotationMatrix
 from pydrake.trajectories import PiecewisePolynomial
 
 from drake_srg.planning.grasps.grasps import pose_along
-from drake_srg.planning.insertion.config import Insert, Insertion, InsertMode
+from drake_srg.planning.insertion.config import Insertion, InsertMode, Task
 from drake_srg.planning.motion.arm_motion import Motion
 from drake_srg.planning.pick_and_place.knowledge import PlannerMemory
 from drake_srg.planning.pick_and_place.modes import (
@@ -30,14 +30,13 @@ from drake_srg.planning.pick_and_place.modes import (
 from drake_srg.planning.pick_and_place.replanning import Replanner
 from drake_srg.planning.planner_machine import Observation
 from drake_srg.planning.servoing.hand_motion import (
-    ServoArm,
     hand_twist,
     joint_step,
     limited,
     rotation_vector,
     turned,
 )
-from drake_srg.types import AnyMode, Box, Cylinder, Failure, Mode, Vector
+from drake_srg.types import AnyMode, Failure, Mode, Vector
 
 _UP = np.array([0.0, 0.0, 1.0])
 _LEAST = 0.02  # singular value of the arm's Jacobian below which it is damped
@@ -50,8 +49,10 @@ _DITHER, _FREQUENCY = 6e-4, 3.0  # across the way to the wall [m], [Hz]
 # Tilt at which the hand stops when it puts the peg upright [rad]. Between the pads, the
 # peg lags by 3 to 7 degrees.
 _PAST = -0.035
-_TWISTING = 2.0  # period of the turns back and forth [s]
+_TWISTING = 1.0  # period of the turns back and forth [s]
 _WOBBLE, _WOBBLING = 0.015, 1.5  # in a circle, of a peg that is pressed [rad], [Hz]
+# A leaning peg wedges down to this share of its diameter, its friction (Whitney, 1982).
+_WEDGING = 0.35
 _FALLEN = 0.0005  # a peg this much deeper than the rim has found the hole [m]
 _SINKING = 0.6  # time from then until the edge is at the wall and has sunk [s]
 # Longest pressing [s]. Pegs that go in take up to 6 s; later, the hand slips along the
@@ -63,46 +64,6 @@ _SHALLOW = 0.003  # depth from which a peg has entered [m]
 # The wall is at most this much farther than twice the inset [m]. A peg that slides
 # farther has met no hole.
 _STRAY = 0.002
-
-
-@dc.dataclass(frozen=True)
-class Task:
-    """The knowledge of all modes of an insertion.
-
-    Attributes:
-        config: Forces, speeds and limits.
-        arm: The arm's kinematics.
-        peg: The peg's shape.
-        X_WO_goal: The seated peg [m].
-    """
-
-    config: Insert
-    arm: ServoArm
-    peg: Cylinder | Box
-    X_WO_goal: RigidTransform
-
-    @property
-    def radius(self) -> float:
-        """Half the width of the peg's end, or of the bore that goes over a pin [m]."""
-        return self.config.tip or 0.5 * float(self.peg.bounding_size[0])
-
-    @property
-    def inset(self) -> float:
-        """Distance of the lower edge inside the hole's outline [m].
-
-        The edge of a bore is outside the pin's outline.
-        """
-        inset = self.config.inset if self.config.strategy == "tilt" else 0.0
-        return -inset if self.config.over else inset
-
-    @property
-    def tilt(self) -> float:
-        """Lean of the peg when it is set down on the rim [rad]."""
-        return self.config.tilt if self.config.strategy == "tilt" else 0.0
-
-    def wall(self, tip: Insertion) -> Vector:
-        """Return the direction in which the lower edge meets the wall, shape (3,)."""
-        return -tip.along if self.config.over else tip.along
 
 
 def insertion_of(memory: PlannerMemory) -> Insertion:
@@ -119,8 +80,6 @@ class Inserting(Carrying, abc.ABC):
         replanner: Plans from sightings.
         repeat: Number of the task's cycles.
     """
-
-    turns_with: bool = False  # whether the set-point turns to the measured orientation
 
     def __init__(self, task: Task, replanner: Replanner, repeat: int) -> None:
         super().__init__(task.config, replanner, repeat)
@@ -172,16 +131,7 @@ class Inserting(Carrying, abc.ABC):
         progress = self.progress(tip)
         if progress > tip.progress + _PROGRESS:
             tip.progress, tip.progress_at = progress, now.time
-        step = self.turn_to(tip) - tip.angle
-        most = config.turning * config.period
-        tip.angle += float(np.clip(step, -most, most))
-        R_WT = _leaning(tip)
-        if self.turns_with:
-            R_WT, R_measured = tip.X_WT.rotation(), tip.X_WT_measured.rotation()
-            R_WT = turned(R_WT, share * rotation_vector(R_measured @ R_WT.inverse()))
-            twist = self.twist_to(tip, now.time)
-            R_WT = turned(R_WT, twist - tip.twist)
-            tip.twist = twist
+        R_WT = self.rotation(tip, now.time, share)
         p, target = tip.X_WT.translation(), self.pull_to(tip, now.time)
         p = p + limited(target - p, self.speed * config.period)
         self._command(memory, tip, RigidTransform(R_WT, p), now.time)
@@ -235,9 +185,13 @@ class Inserting(Carrying, abc.ABC):
         """Return the tilt to which the set-point turns [rad]."""
         return tip.angle
 
-    def twist_to(self, tip: Insertion, time: float) -> Vector:
-        """Return the set-point's turn from its drifting orientation, (3,) [rad]."""
-        return np.zeros(3)
+    def rotation(self, tip: Insertion, time: float, share: float) -> RotationMatrix:
+        """Turn the set-point towards its tilt, and return its orientation R_WT."""
+        assert tip.X_WU is not None
+        step = self.turn_to(tip) - tip.angle
+        most = self.task.config.turning * self.task.config.period
+        tip.angle += float(np.clip(step, -most, most))
+        return turned(tip.X_WU.rotation(), tip.angle * np.cross(_UP, tip.along))
 
     def progress(self, tip: Insertion) -> float:
         """Return the mode's progress [m]; while it is constant, the peg rests."""
@@ -435,7 +389,6 @@ class Press(Inserting):
     """Presses the peg down, and yields sideways and in angle."""
 
     mode = InsertMode.PRESS
-    turns_with = True
 
     def enter(self, memory: PlannerMemory, entry: Entry) -> PlannerMemory:
         """Record the start of the pressing."""
@@ -447,21 +400,47 @@ class Press(Inserting):
         """Return the set-point that pulls down, (3,) [m]."""
         return self.forward(tip, self.task.config.push_force, held=True)
 
-    def twist_to(self, tip: Insertion, time: float) -> Vector:
-        """Let the peg wobble, so that it does not wedge, and turn to find its way."""
+    def rotation(self, tip: Insertion, time: float, share: float) -> RotationMatrix:
+        """Follow the peg's orientation R_WT, and put it upright, wobble and turn it."""
+        R_WT, R_measured = tip.X_WT.rotation(), tip.X_WT_measured.rotation()
+        R_to = turned(R_measured, self._to_upright(tip))
+        R_WT = turned(R_WT, share * rotation_vector(R_to @ R_WT.inverse()))
+        before, tip.twist = tip.twist, self._twist(tip, time)
+        return turned(R_WT, tip.twist - before)
+
+    def _to_upright(self, tip: Insertion) -> Vector:
+        """Return the turn that puts a peg upright that may wedge, (3,) [rad].
+
+        Deeper, the hole guides the peg along its true axis.
+        """
+        config, depth = self.task.config, tip.rim - float(tip.p[2])
+        if depth > _WEDGING * 2.0 * self.task.radius:
+            return np.zeros(3)
+        turn = np.cross(tip.X_WT_measured.rotation().col(2), _UP)
+        return limited(turn, config.upright_torque / config.turning_stiffness)
+
+    def _twist(self, tip: Insertion, time: float) -> Vector:
+        """Return the wobble, and the turn about the peg's axis, (3,) [rad].
+
+        While the peg turns, friction acts along the turn and hardly against the way
+        down. A key that has found its way stays there.
+        """
         if self._deep(tip):
             return tip.twist
         phase = 2.0 * np.pi * _WOBBLING * (time - tip.pressed_at)
         growth = min((time - tip.pressed_at) * _WOBBLING, 1.0)
         wobble = growth * _WOBBLE * np.array([np.cos(phase), np.sin(phase)])
-        since, turn = time - tip.progress_at - 0.5 * _WITHOUT, tip.twist[2]
-        if since > 0.0:  # a key that has found its way stays there
-            turn = self.task.config.twist * np.sin(2.0 * np.pi * since / _TWISTING)
+        turn, began = tip.twist[2], tip.pressed_at
+        if not self.task.round:
+            began = tip.progress_at + 0.5 * _WITHOUT
+        if time > began:
+            turn = np.sin(2.0 * np.pi * (time - began) / _TWISTING)
+            turn *= self.task.config.twist
         return np.array([*wobble, turn])
 
     def stalled(self, tip: Insertion, time: float) -> bool:
         """Return whether the peg rests, with its key turned once to both sides."""
-        twists = self.task.config.twist and not self._deep(tip)
+        twists = not (self.task.round or self._deep(tip))
         return time - tip.progress_at > _PATIENCE + (_TWISTING if twists else 0.0)
 
     def _deep(self, tip: Insertion) -> bool:
@@ -603,9 +582,3 @@ def _upright(R_WT: RotationMatrix) -> RotationMatrix:
     turn = np.cross(z, _UP)
     sine = float(np.linalg.norm(turn))
     return R_WT if sine < 1e-9 else turned(R_WT, np.arctan2(sine, z[2]) / sine * turn)
-
-
-def _leaning(tip: Insertion) -> RotationMatrix:
-    """Return the orientation of the set-point [the side towards `along` is lower]."""
-    assert tip.X_WU is not None
-    return turned(tip.X_WU.rotation(), tip.angle * np.cross(_UP, tip.along))

@@ -7,19 +7,18 @@ import numpy as np
 import pytest
 from pydrake.math import RigidTransform, RollPitchYaw
 
-from drake_srg.planning.insertion.config import Insert, Insertion, InsertMemory
+from drake_srg.planning.insertion.config import Insert, Insertion, InsertMemory, Task
 from drake_srg.planning.insertion.modes import (
     Press,
     Search,
     Slide,
     Spiral,
-    Task,
     Tilt,
     Withdraw,
 )
 from drake_srg.planning.motion.arm_motion import Motion
 from drake_srg.planning.state_machine import Entry, Moment
-from drake_srg.types import Cylinder, Failure
+from drake_srg.types import Box, Cylinder, Failure
 
 CONFIG = Insert()
 PEG = Cylinder(0.0124, 0.1)
@@ -224,22 +223,55 @@ def test_a_bore_meets_the_pin_with_the_other_side():
     assert edge == pytest.approx(0.01 + CONFIG.inset)
 
 
-def test_a_key_is_turned_to_both_sides_before_the_peg_counts_as_blocked():
-    task = dc.replace(TASK, config=dc.replace(CONFIG, twist=0.03))
-    mode, memory = Press(task, None, 1), make_memory(RIM - 0.006 * UP)
-
-    def deep(memory):
-        return RIM - 0.006 * UP
-
-    memory, seen = run(mode, memory, deep, 1.7)
-    assert not seen.arrived
-    twists = []
-    for i in range(200):
-        now = moment(1.7 + i * CONFIG.period, joints(deep(memory)))
+def pressed(task, p_WT, duration, roll=0.0):
+    """Set-points' turns [rad] of a tip that is pressed and rests, leaning by `roll`."""
+    mode, memory, turns = Press(task, None, 1), make_memory(p_WT), []
+    lean = RollPitchYaw(roll, 0.0, 0.0)
+    hand = RigidTransform(lean, p_WT) @ X_TG
+    q = np.concatenate([hand.translation(), lean.vector()])
+    memory.insertion.X_WT = RigidTransform(lean, p_WT)
+    memory = mode.enter(memory, Entry(0.0, moment(0.0, q).senses, None, None))
+    for i in range(1, round(duration / CONFIG.period)):
+        now = moment(i * CONFIG.period, q)
         memory = mode.update(memory, now)
-        twists.append(memory.insertion.twist[2])
-    assert min(twists) == pytest.approx(-0.03, abs=1e-3)
-    assert mode.observe_tip(memory.insertion, 3.7).arrived
+        measured = memory.insertion.X_WT_measured.rotation()
+        turn = memory.insertion.X_WT.rotation() @ measured.inverse()
+        turns.append(RollPitchYaw(turn).vector())
+    return np.array(turns), mode.observe_tip(memory.insertion, duration)
+
+
+def test_a_key_is_turned_to_both_sides_before_the_peg_counts_as_blocked():
+    config, proxy = dc.replace(CONFIG, twist=0.03), Box([0.02, 0.02, 0.1])
+    task = dc.replace(TASK, config=config, peg=proxy)
+    turns, seen = pressed(task, RIM - 0.006 * UP, 1.7)
+    assert not seen.arrived
+    turns, seen = pressed(task, RIM - 0.006 * UP, 2.7)
+    assert seen.arrived
+    yaw = turns[:, 2]
+    assert np.all(np.abs(yaw[:10]) < 1e-6)  # not while it may still go deeper
+    assert yaw.min() < -0.01
+    assert yaw.max() > 0.01
+
+
+def test_a_pressed_cylinder_always_turns_about_its_axis():
+    yaw = pressed(TASK, RIM - 0.006 * UP, 1.4)[0][:, 2]
+    assert abs(yaw[5]) > 1e-3
+    most = CONFIG.torque_limit / CONFIG.turning_stiffness
+    assert yaw.min() == pytest.approx(-most, rel=0.2)
+    assert yaw.max() == pytest.approx(most, rel=0.2)
+
+
+@pytest.mark.parametrize("roll", [0.03, -0.03])
+def test_a_leaning_peg_that_may_wedge_is_put_upright(roll):
+    period = 2.0 / 3.0  # of the wobble
+    task = dc.replace(TASK, config=dc.replace(CONFIG, twist=0.0))
+    shallow, _ = pressed(task, RIM - 0.004 * UP, 4 * period, roll)
+    deep, _ = pressed(task, RIM - 0.012 * UP, 4 * period, roll)
+    last = round(period / CONFIG.period)
+    torque = CONFIG.turning_stiffness * shallow[-last:, 0].mean()
+    assert torque == pytest.approx(-np.sign(roll) * CONFIG.upright_torque, rel=0.2)
+    guided = CONFIG.turning_stiffness * deep[-last:, 0].mean()
+    assert abs(guided) < 0.2 * CONFIG.upright_torque
 
 
 @pytest.mark.parametrize(
