@@ -134,12 +134,14 @@ class Task:
         arm: The arm's kinematics.
         peg: The peg's shape.
         X_WO_goal: The seated peg [m].
+        tolerance: Height over it above which a seen peg is not seated [m].
     """
 
     config: Insert
     arm: ServoArm
     peg: Cylinder | Box
     X_WO_goal: RigidTransform
+    tolerance: float
 
     @property
     def radius(self) -> float:

@@ -425,8 +425,6 @@ class Press(Inserting):
         While the peg turns, friction acts along the turn and hardly against the way
         down. A key that has found its way stays there.
         """
-        if self._deep(tip):
-            return tip.twist
         phase = 2.0 * np.pi * _WOBBLING * (time - tip.pressed_at)
         growth = min((time - tip.pressed_at) * _WOBBLING, 1.0)
         wobble = growth * _WOBBLE * np.array([np.cos(phase), np.sin(phase)])
@@ -532,12 +530,27 @@ class ReleaseSeated(Release):
 
 
 class HomeInserted(Home):
-    """Moves the arm home; touch has already shown that the peg is seated."""
+    """Moves the arm home, and looks from there whether the peg is as deep as it felt.
+
+    Args:
+        task: All that is known.
+        replanner: Plans from sightings.
+        repeat: Number of the task's cycles.
+    """
+
+    def __init__(self, task: Task, replanner: Replanner, repeat: int) -> None:
+        super().__init__(task.config, replanner, repeat)
+        self.task = task
 
     def look(self, memory: PlannerMemory, now: Now) -> None:
-        """Judge by touch, because the error of sight exceeds the tolerance."""
+        """Judge by touch, unless the peg is seen too high: the hand slipped."""
         super().look(memory, now)
-        memory.attempt.at_goal = insertion_of(memory).seated
+        task, view = self.task, now.senses.see()
+        peg = self.replanner.find(view)
+        high = peg is not None and (
+            peg.X_WO.translation()[2] - task.X_WO_goal.translation()[2] > task.tolerance
+        )
+        memory.attempt.at_goal = insertion_of(memory).seated and not high
 
 
 def insertion_modes(
@@ -556,7 +569,7 @@ def insertion_modes(
         **modes,
         **{kind.mode: kind(task, replanner, repeat) for kind in kinds},
         Mode.RELEASE: ReleaseSeated(task.config, replanner, repeat),
-        Mode.HOME: HomeInserted(task.config, replanner, repeat),
+        Mode.HOME: HomeInserted(task, replanner, repeat),
     }
 
 

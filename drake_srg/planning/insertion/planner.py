@@ -111,7 +111,8 @@ class InsertionPlanner(PickAndPlacePlanner):
                 f"objects.{object_name}: must be a cylinder or a box to be inserted, "
                 f"or have such a proxy, got {shape}"
             )
-        task = Task(config, ServoArm(task_planner.scene.plant), shape, goal)
+        arm = ServoArm(task_planner.scene.plant)
+        task = Task(config, arm, shape, goal, tolerance)
 
         def make_modes(
             config: PlannerConfig, replanner: Replanner, repeat: int

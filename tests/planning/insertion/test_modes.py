@@ -9,6 +9,7 @@ from pydrake.math import RigidTransform, RollPitchYaw
 
 from drake_srg.planning.insertion.config import Insert, Insertion, InsertMemory, Task
 from drake_srg.planning.insertion.modes import (
+    HomeInserted,
     Press,
     Search,
     Slide,
@@ -33,6 +34,9 @@ X_TG = RigidTransform([0.0, 0.0, 0.1])
 class Measured:
     """What the modes read of the senses."""
 
+    def see(self):
+        return None
+
     q: np.ndarray
     grasped: bool = True
     fingers: np.ndarray = dc.field(default_factory=lambda: np.zeros(4))
@@ -52,7 +56,7 @@ class FreeHand:
         return np.eye(6)  # as long as it only rolls
 
 
-TASK = Task(CONFIG, FreeHand(), PEG, GOAL)
+TASK = Task(CONFIG, FreeHand(), PEG, GOAL, 0.003)
 
 
 def joints(p_WT):
@@ -344,3 +348,28 @@ def test_modes_change_only_their_draft_of_the_memory():
     run(Press(TASK, None, 1), memory.__copy__(), lambda memory: RIM, 0.1)
     assert memory.insertion.X_WT is before[0]
     assert np.array_equal(memory.insertion.q, before[1])
+
+
+@pytest.mark.parametrize(
+    ("felt", "seen_above", "at_goal"),
+    [
+        (True, 0.001, True),
+        (True, None, True),  # hidden
+        (True, 0.008, False),  # the hand slipped along the peg
+        (False, 0.001, False),
+    ],
+)
+def test_sight_contradicts_a_hand_that_slipped_along_the_peg(felt, seen_above, at_goal):
+    blob = None
+    if seen_above is not None:
+        p = GOAL.translation() + seen_above * UP
+        blob = types.SimpleNamespace(X_WO=RigidTransform(p))
+    memory = make_memory(RIM)
+    memory.insertion.seated = felt
+    memory.trouble.failure = Failure.DROPPED if not felt else None
+    replanner = types.SimpleNamespace(
+        find=lambda view: blob, judge=lambda view, memory, time: None
+    )
+    now = moment(1.0, joints(RIM))
+    HomeInserted(TASK, replanner, 1).look(memory, now)
+    assert memory.attempt.at_goal is at_goal
