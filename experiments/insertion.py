@@ -1,0 +1,160 @@
+"""Pegs and holes with 0.1 mm of room: what inserts them, and what cannot be inserted.
+
+`insertion` compares strategies: a straight push, a spiral over the rim, and a peg that
+leans against the wall. In `insertion_told`, what is no hole for the peg is told by
+name: a plate without a hole, a hole 0.05 mm too narrow, and a hole with a plug in it.
+`insertion_turn` presses on the end of a held peg. Soft fingers alone might lead it into
+a hole, if they gave way and came back.
+"""
+
+from collections.abc import Sequence
+
+import numpy as np
+from pydrake.common.value import AbstractValue
+from pydrake.multibody.math import SpatialForce
+from pydrake.multibody.plant import ExternallyAppliedSpatialForce
+
+import experiments.runner as ex
+from drake_srg.common.srg_geometry import SRG
+from drake_srg.objects.config import ObjectConfig
+from drake_srg.planning.grasps.srg_hand import pinch_angles
+from drake_srg.scenario import load_scenario
+from drake_srg.simulation import Simulate
+from drake_srg.simulation.rig import Rig, bench_scenario
+from drake_srg.types import Cylinder
+
+STRATEGIES = ("push", "spiral", "tilt")
+HOLES = {
+    "no_hole": "directives.hole.add_model.file=package://drake_srg/sdf/hole_none.sdf",
+    "too_tight": "objects.peg.shape.radius=0.01255",
+    "hole_blocked": (
+        "objects.plug={shape: !Cylinder {radius: 0.01, length: 0.01}, mass: 0.05,"
+        " friction: 0.3, known: false, color: [0.2, 0.2, 0.2],"
+        " pose: {translation: [0.55, -0.3, 0.0151]}}"
+    ),
+}
+MOST_FORCE = 30.0  # between peg and hole [N]
+FORCES = (1.5, 3.0, 6.0, 15.0)  # on the end of a held peg [N]
+_PALM = 0.226  # height of the palm over the table; the pads hold the peg's middle [m]
+
+
+def cases(
+    clearances: Sequence[str] = ("0.3 mm", "0.1 mm"),
+    trials: int = 10,
+    seed: int = 45000,
+) -> list[ex.Case]:
+    """Insert the pegs of `insert_varied` by each strategy, with the same seeds.
+
+    Args:
+        clearances: As in `chosen.clearance`.
+    """
+    seeds = range(seed, seed + trials)
+    return ex.grid(strategy=STRATEGIES, clearance=clearances, seed=seeds)
+
+
+def trial(strategy: str, clearance: str, seed: int) -> ex.Measures:
+    # Turns of a spiral miss the hole if they are more than two clearances apart.
+    pitch = 1.5e-3 * float(clearance.removesuffix(" mm"))
+    changes = [
+        f'chosen.clearance="{clearance}"',
+        f"planner.strategy={strategy}",
+        f"planner.spiral_pitch={pitch}",
+    ]
+    scenario = load_scenario("insert_varied", seed=seed, overrides=changes)
+    metrics = Simulate(scenario).metrics
+    return {
+        "inserted": float(metrics.success),
+        "force on the hole [N]": metrics.hole_force_n,
+        "time [s]": metrics.cycle_time_s or np.nan,
+    }
+
+
+def rates(own: ex.Trials) -> ex.Values:
+    inserted = own["inserted"]
+    return {
+        **ex.share("inserted", sum(inserted), len(inserted), spread=0.2),
+        "force on the hole, largest [N]": max(own["force on the hole [N]"]),
+    }
+
+
+insertion = ex.Experiment(
+    "Which strategy inserts a peg, by the clearance of its hole.",
+    cases,
+    trial,
+    by=("strategy", "clearance"),
+    summary=rates,
+    picture=[ex.Bars(["inserted"])],
+)
+
+
+def told_cases() -> list[ex.Case]:
+    """Try each."""
+    return ex.grid(failure=HOLES)
+
+
+def told_trial(failure: str) -> ex.Measures:
+    changes = [HOLES[failure], "planner.tries=1"]
+    metrics = Simulate(load_scenario("insert", overrides=changes)).metrics
+    return {
+        "told by name [-]": float(metrics.failure == failure),
+        "force on the hole [N]": metrics.hole_force_n,
+    }
+
+
+insertion_told = ex.Experiment(
+    "What is no hole for the peg is told by name, with no more force than allowed.",
+    told_cases,
+    told_trial,
+    {
+        "told by name": ex.at_least(1.0),
+        "force on the hole": ex.at_most(MOST_FORCE),
+    },
+    by=("failure",),
+)
+
+
+def turn_cases() -> list[ex.Case]:
+    """Press on the end of pegs of two sizes, along the pinch axis and across it."""
+    return ex.grid(direction=("along", "across"), radius=(0.0124, 0.0059))
+
+
+def turn_trial(direction: str, radius: float) -> ex.Measures:
+    """Return how far a peg has turned in the hand under each force [degrees]."""
+    peg = ObjectConfig(shape=Cylinder(radius, 0.1), mass=0.1, friction=0.35)
+    peg.modulus = 1e7  # as in `insert`
+    bench = bench_scenario(
+        peg,
+        gripper_rpy=[0.0, 90.0, 0.0],
+        home=[0.0, 0.0, _PALM],
+        overrides=["gripper=!SrgPositionDriver {}"],
+    )
+    closure = (sum(pinch_angles(radius)) + bench.planner.squeeze) / SRG.full_scale
+    turns: ex.Measures = {}
+    with Rig(bench, name="insertion_turn") as rig:
+        rig.advance(2.0, closure=closure)
+        home = rig.commanded("arm.position_commanded")
+        rig.move(home + np.array([0.0, 0.0, 0.05]), 1.0)
+        axis, height = rig.X_GO().rotation().col(2).copy(), rig.X_WO().translation()[2]
+        for force in FORCES:
+            push = ExternallyAppliedSpatialForce()
+            push.body_index = rig.plant.GetBodyByName("object").index()
+            push.p_BoBq_B = np.array([0.0, 0.0, -0.05])
+            aside = np.array(
+                [0.0, 1.0, 0.0] if direction == "along" else [1.0, 0.0, 0.0]
+            )
+            push.F_Bq_W = SpatialForce(tau=np.zeros(3), f=force * aside)
+            forces = rig.diagram.GetInputPort("object_forces_cheat")
+            forces.FixValue(rig.context, AbstractValue.Make([push]))
+            rig.advance(1.0)
+            cosine = float(np.clip(axis @ rig.X_GO().rotation().col(2), -1.0, 1.0))
+            turns[f"turn at {force:g} N [degrees]"] = np.rad2deg(np.arccos(cosine))
+        turns["fallen [mm]"] = 1e3 * (height - rig.X_WO().translation()[2])
+    return turns
+
+
+insertion_turn = ex.Experiment(
+    "How far a peg turns between the pads when a force presses on its end.",
+    turn_cases,
+    turn_trial,
+    by=("direction", "radius"),
+)
