@@ -140,6 +140,7 @@ STATE = {
     "/gripper/closure_commanded",
     "/gripper/proximity",
     "/gripper/contact_force",
+    "/gripper/pwm",
 }
 COMMANDS = ("gripper.closure_commanded", "arm.position_commanded")
 
