@@ -249,6 +249,8 @@ class RecordingConfig(Config):
     # Cameras whose images go into recording.mcap, and the time between images [s].
     bag_cameras: list[str] = dc.field(default_factory=list)
     bag_camera_period: float = dc.field(default=0.5, metadata=positive())
+    # Whether these cameras' depth images go there, too.
+    bag_depth: bool = False
     # Whether recording.mcap shows the run in 3D: topics /tf and /scene.
     bag_scene: bool = True
 

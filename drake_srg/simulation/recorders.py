@@ -4,19 +4,30 @@ from __future__ import annotations
 
 import contextlib
 import dataclasses as dc
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
+from typing import Any
 
 from pydrake.geometry import SceneGraph
 from pydrake.math import RigidTransform
 from pydrake.multibody.plant import MultibodyPlant
 from pydrake.multibody.tree import Joint, PrismaticJoint
-from pydrake.systems.framework import Diagram, DiagramBuilder
+from pydrake.systems.framework import Diagram, DiagramBuilder, OutputPort
 
 from drake_srg.common.systems import output_ports
+from drake_srg.gripper.tendon import motor_load
+from drake_srg.recording.camera_topics import calibration_topics
 from drake_srg.recording.output import Recorder
 from drake_srg.recording.recording import FILES
-from drake_srg.recording.rosbag import ArmNames, RosbagRecorder, Topic, cell_topics
+from drake_srg.recording.rosbag import (
+    ArmNames,
+    MakeMessage,
+    RosbagRecorder,
+    Topic,
+    cell_topics,
+    float64,
+    float64_array,
+)
 from drake_srg.recording.scene_topics import scene_topics as topics_of_scene
 from drake_srg.recording.timeline import ArmLabels, Labels
 from drake_srg.recording.video import VideoRecorder, View
@@ -26,6 +37,7 @@ from drake_srg.simulation.metrics import kinds_of
 from drake_srg.station.plant import AddDirectives, AddObjects, MakeModelsPlant
 from drake_srg.station.video_process import RemoteVideoRecorder, VideoProcess
 from drake_srg.types import Vector
+from drake_srg.vision.camera import calibrated_model
 
 _STATE = "plant_state_cheat"
 
@@ -187,7 +199,47 @@ def recorded_topics(cell: Diagram, scenario: Scenario) -> list[Topic]:
         dict.fromkeys(config.bag_cameras, config.bag_camera_period),
         located=scenario.task.clear is None and not script_of(scenario),
     )
+    for robot in robot_arms(scenario):
+        topics += _motor_topics(robot, ports)
+    for name in config.bag_cameras:
+        if f"camera_{name}.color_image" in ports:
+            calibration = scenario.camera_calibrations.get(name)
+            topics += calibration_topics(
+                name,
+                calibrated_model(scenario.cameras[name], calibration),
+                config.bag_camera_period,
+                depth=config.bag_depth,
+            )
     return [t for t in topics if t.ports.keys() - t.optional <= ports.keys()]
+
+
+def _motor_topics(robot: RobotArm, ports: Mapping[str, OutputPort]) -> list[Topic]:
+    """Return the topics of the motors of an arm's gripper, as far as it has the ports.
+
+    The current [A] is what the servo's register shows; see `motor_load`.
+    """
+    root = "/" + robot.gripper_model.replace(".", "/")
+    pwm, state, temperature = (
+        f"{robot.gripper_model}.{name}"
+        for name in ("pwm", "motor_state", "motor_temperature")
+    )
+    if pwm not in ports:
+        return []
+    topics = [float64_array(f"{root}/pwm", pwm, ports[pwm].size())]
+    motor = None if robot.gripper is None else robot.gripper.wire_motor
+    if motor is None or not {state, temperature} <= ports.keys():
+        return topics
+    kind = "std_msgs/msg/Float64"
+
+    def current(make: MakeMessage, time: float, duty: Vector, spool: Vector) -> Any:
+        load = motor_load(motor.drive, float(duty[0]), float(spool[1]))
+        return make(kind, data=load * motor.temperature.stall_current)
+
+    return [
+        *topics,
+        Topic(f"{root}/motor_current", kind, {pwm: 1, state: 2}, current),
+        float64(f"{root}/motor_temperature", temperature),
+    ]
 
 
 def _arm_joints(scenario: Scenario, robot: RobotArm) -> list[Joint]:

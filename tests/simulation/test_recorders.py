@@ -38,6 +38,8 @@ def run(tmp_path_factory):
             "object.present=false",
             "cameras.overview.width=320",
             "cameras.overview.height=180",
+            "recording.bag_depth=true",
+            "camera_errors.ceiling.translation=[0.01, 0.0, 0.0]",
         ],
     )
     return Simulate(scenario, name="kitchen", out=out), out
@@ -84,6 +86,8 @@ def test_the_bag_holds_commands_measurements_and_images(run, messages):
         "/gripper/contact_force",
         "/planner/mode",
         "/camera_ceiling/color/image_raw",
+        "/camera_ceiling/color/camera_info",
+        "/gripper/pwm",
         *("/tf", "/scene"),
     }
     states = messages["/joint_states"]
@@ -92,6 +96,42 @@ def test_the_bag_holds_commands_measurements_and_images(run, messages):
     assert [m.data for _, m in messages["/planner/mode"]][-1] == Mode.FAILED.value
     image = messages["/camera_ceiling/color/image_raw"][0][1]
     assert (image.width, image.height, image.encoding) == (640, 480, "rgb8")
+
+
+def test_the_bag_has_depth_and_where_the_robot_believes_the_camera(messages):
+    depths = messages["/camera_ceiling/depth/image_rect_raw"]
+    colors = messages["/camera_ceiling/color/image_raw"]
+    assert [time for time, _ in depths] == [time for time, _ in colors]
+    image = depths[0][1]
+    depth = image.data.view("<u2").reshape(image.height, image.width)
+    assert np.median(depth) == 1550  # the table [mm]
+    position = messages["/camera_ceiling/pose"][0][1].pose.position
+    # The image's x is the world's -y.
+    found = [position.x, position.y, position.z]
+    np.testing.assert_allclose(found, [0.72, -0.01, 1.55], atol=1e-9)
+
+
+def test_a_motor_on_wires_has_its_current_and_temperature(tmp_path):
+    overrides = [
+        "object.present=false",
+        "recording={video_camera: '', bag_cameras: []}",
+        "gripper.temperature={supply_voltage: 11.5}",
+    ]
+    scenario = load_scenario("kitchen_tendon", overrides=overrides)
+    Simulate(scenario, name="kitchen_tendon", out=tmp_path)
+    store, found = get_typestore(Stores.ROS2_HUMBLE), {}
+    with Reader(tmp_path / "recording.mcap") as reader:
+        for connection, stamp, data in reader.messages():
+            message = store.deserialize_cdr(data, connection.msgtype)
+            found.setdefault(connection.topic, {})[stamp] = message
+    motor = scenario.gripper.wire_motor
+    for stamp, current in found["/gripper/motor_current"].items():
+        (pwm,) = found["/gripper/pwm"][stamp].data
+        load = motor.drive.full_scale * motor.drive.useful_pwm(pwm)
+        stalled = motor.temperature.stall_current * load
+        # The spool stands still, or turns slowly.
+        assert current.data == pytest.approx(stalled, abs=0.5)
+    assert all(20 < m.data < 30 for m in found["/gripper/motor_temperature"].values())
 
 
 def test_an_object_that_is_never_seen_has_a_topic_without_messages(run, messages):

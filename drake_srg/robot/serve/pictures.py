@@ -18,10 +18,10 @@ from pydrake.systems.sensors import CameraInfo
 
 from drake_srg.common.real_time import Companion, lower_priority
 from drake_srg.common.systems import export_outputs
+from drake_srg.recording.camera_topics import camera_info_message
 from drake_srg.recording.rosbag import (
     MakeMessage,
     Topic,
-    header,
     image_message,
     pose_message,
 )
@@ -32,7 +32,6 @@ from drake_srg.scenario.typed_yaml import read_typed
 from drake_srg.station.cameras import MakeRemoteCameras
 from drake_srg.station.perception import AddLocalizer
 from drake_srg.types import Blob, Vector
-from drake_srg.vision.camera import DRAKE_PIXEL_CENTER
 
 COLOR, DEPTH = "/camera/color/image_raw", "/camera/depth/image_raw"
 CAMERA_INFO, BLOBS = "/camera/color/camera_info", "/blobs"
@@ -67,7 +66,7 @@ def image_topics(
         return image_message(make, time, frame_id, "32FC1", pixels)
 
     def info(make: MakeMessage, time: float) -> Any:
-        return _camera_info(make, time, frame_id, intrinsics)
+        return camera_info_message(make, time, frame_id, intrinsics)
 
     image = "sensor_msgs/msg/Image"
     return {
@@ -104,38 +103,6 @@ def camera_topics(
         BLOBS: Topic(BLOBS, "std_msgs/msg/String", {}, _blobs),
         OBJECT_POSE: Topic(OBJECT_POSE, "geometry_msgs/msg/PoseStamped", {}, pose),
     }
-
-
-def _camera_info(
-    make: MakeMessage, time: float, frame_id: str, intrinsics: CameraInfo
-) -> Any:
-    # ROS counts pixels from the centre of the first one, Drake's renderers from the
-    # point where they sample it.
-    cx = intrinsics.center_x() - DRAKE_PIXEL_CENTER
-    cy = intrinsics.center_y() - DRAKE_PIXEL_CENTER
-    fx, fy = intrinsics.focal_x(), intrinsics.focal_y()
-    region = make(
-        "sensor_msgs/msg/RegionOfInterest",
-        x_offset=0,
-        y_offset=0,
-        height=0,
-        width=0,
-        do_rectify=False,
-    )
-    return make(
-        "sensor_msgs/msg/CameraInfo",
-        header(make, time, frame_id),
-        intrinsics.height(),
-        intrinsics.width(),
-        "plumb_bob",
-        np.zeros(5),
-        np.array([fx, 0.0, cx, 0.0, fy, cy, 0.0, 0.0, 1.0]),
-        np.eye(3).reshape(-1),
-        np.array([fx, 0.0, cx, 0.0, 0.0, fy, cy, 0.0, 0.0, 0.0, 1.0, 0.0]),
-        0,
-        0,
-        region,
-    )
 
 
 def _orientation(blob: Blob) -> dict[str, float]:

@@ -2,11 +2,12 @@
 
 For each feature and dimension: min, max, mean, std, count and the quantiles q01, q10,
 q50, q90 and q99. For images, they are per color channel, with values from 0 to 1, shape
-(3, 1, 1). LeRobot estimates them from samples; here they cover all values.
+(3, 1, 1), for depth in millimetres, shape (1, 1, 1). LeRobot estimates them from
+samples; here they cover all values.
 
 It is described in https://huggingface.co/docs/lerobot/lerobot-dataset-v3 and by
-LeRobot's own reader and writer (https://github.com/huggingface/lerobot, 0.4 and
-later). Its files, and what is in them::
+LeRobot's own reader and writer (https://github.com/huggingface/lerobot). Depth and
+language are as in LeRobot 0.6. Its files, and what is in them::
 
     meta/info.json                            version, features, frame rate, paths
     meta/stats.json                           statistics over all frames
@@ -32,7 +33,7 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 
 from drake_srg.recording.output import require
-from drake_srg.sweeps.dataset.recording import SIGHTING, Image, Layout
+from drake_srg.sweeps.dataset.recording import SIGHTING, DepthImage, Image, Layout
 
 CHUNK_SIZE = 1000  # files per folder, as in LeRobot
 
@@ -130,16 +131,22 @@ def column_statistics(column: pa.ChunkedArray | pa.Array) -> Statistics:
 
 
 class ImageStatistics:
-    """Exact statistics of images in constant memory: counts how often values occur."""
+    """Exact statistics of images in constant memory: counts how often values occur.
 
-    def __init__(self) -> None:
-        self._histogram = np.zeros((3, 256), dtype=np.int64)
+    Args:
+        depth: Whether the images hold depths [mm], up to `DEPTH_MAX`.
+    """
+
+    def __init__(self, depth: bool = False) -> None:
+        self._scale, size = (1.0, DEPTH_MAX + 1) if depth else (1.0 / 255.0, 256)
+        self._histogram = np.zeros((1 if depth else 3, size), dtype=np.int64)
         self._images = 0
 
-    def add(self, image: Image) -> None:
-        """Count the values of an image, shape (height, width, 3)."""
-        for channel in range(3):
-            counts = cv2.calcHist([image], [channel], None, [256], [0, 256])
+    def add(self, image: Image | DepthImage) -> None:
+        """Count the values of an image, shape (height, width, 3 if it has colors)."""
+        channels, size = self._histogram.shape
+        for channel in range(channels):
+            counts = cv2.calcHist([image], [channel], None, [size], [0, size])
             self._histogram[channel] += counts.ravel().astype(np.int64)
         self._images += 1
 
@@ -150,11 +157,11 @@ class ImageStatistics:
 
     def statistics(self) -> Statistics:
         """Return the statistics; needs at least one image."""
-        value = np.arange(256) / 255.0
+        value = self._scale * np.arange(self._histogram.shape[1], dtype=np.float64)
         channels = [_weighted(value, counts) for counts in self._histogram]
         shaped = {
             name: np.reshape(
-                [channel[name] for channel in channels], (3, 1, 1)
+                [channel[name] for channel in channels], (-1, 1, 1)
             ).tolist()
             for name in channels[0]
         }
@@ -179,29 +186,67 @@ def _weighted(
     }
 
 
-CODEC, PIXEL_FORMAT = "h264", "yuv420p"
+# As in LeRobot, depth is video of 12 bits. LeRobot also has a logarithmic scale. Here,
+# one count is a millimetre, so nothing is lost up to the largest depth.
+DEPTH_MAX = 4095  # mm
 
-_ENCODER = {
-    "crf": "23",  # constant rate factor of x264, its own default
-    "preset": "veryfast",
-    # Every second frame is a key frame, as in LeRobot's own videos, because learning
-    # reads frames in random order. Without B-frames, the file is in order of time.
-    "g": "2",
-    "bf": "0",
-}
+
+class Encoding(NamedTuple):
+    """An encoding of videos.
+
+    Every second frame is a key frame, as in LeRobot's own videos, because learning
+    reads frames in random order. Without B-frames, the file is in order of time.
+
+    Attributes:
+        codec: Its name in info.json.
+        pixels: Format of the video's pixels.
+        encoder: Name of the encoder.
+        options: Its options.
+        source: Format of the images.
+    """
+
+    codec: str
+    pixels: str
+    encoder: str
+    options: dict[str, str]
+    source: str
+
+
+COLOR = Encoding(
+    "h264",
+    "yuv420p",
+    "libx264",
+    # Constant rate factor of x264, its own default.
+    {"crf": "23", "preset": "veryfast", "g": "2", "bf": "0"},
+    "rgb24",
+)
+# Slower presets give equal sizes. Threads and messages are off: equal images, equal
+# bytes.
+_X265 = "lossless=1:keyint=2:bframes=0:pools=none:frame-threads=1:log-level=none"
+DEPTH = Encoding(
+    "hevc",
+    "gray12le",
+    "libx265",
+    {"preset": "ultrafast", "x265-params": _X265},
+    "gray12le",
+)
 # ISO/IEC 23091-2 (and ffmpeg's AVCOL_*): ITU-R BT.601 in its limited range, to which
 # RGB is converted below. Without the tags, players would guess by the image size.
 _BT601, _LIMITED = 6, 1
 
 
-def encode_episode(images: Iterable[Image], fps: int) -> tuple[bytes, int]:
+def encode_episode(
+    images: Iterable[Image | DepthImage], fps: int, encoding: Encoding = COLOR
+) -> tuple[bytes, int]:
     """Encode images as an MP4 file that starts with a key frame.
 
     Equal images give equal bytes.
 
     Args:
-        images: RGB, shape (height, width, 3), with even height and width.
+        images: RGB, shape (height, width, 3), or depth up to `DEPTH_MAX` [mm], shape
+            (height, width). Height and width are even.
         fps: Frames per second.
+        encoding: COLOR or DEPTH.
 
     Returns:
         The file, and its number of frames.
@@ -210,15 +255,19 @@ def encode_episode(images: Iterable[Image], fps: int) -> tuple[bytes, int]:
     file = io.BytesIO()
     frames = 0
     with av.open(file, "w", format="mp4") as container:
-        stream = container.add_stream("libx264", rate=fps, options=_ENCODER)
-        stream.pix_fmt = PIXEL_FORMAT
+        stream = container.add_stream(
+            encoding.encoder, rate=fps, options=encoding.options
+        )
+        stream.pix_fmt = encoding.pixels
         codec = stream.codec_context
         codec.thread_count = 1  # the number of threads changes the bytes
-        codec.colorspace, codec.color_range = _BT601, _LIMITED
+        if encoding is COLOR:
+            codec.colorspace, codec.color_range = _BT601, _LIMITED
         for image in images:
             if not frames:
                 stream.height, stream.width = image.shape[:2]
-            frame = av.VideoFrame.from_ndarray(np.ascontiguousarray(image), "rgb24")
+            pixels = np.ascontiguousarray(image)
+            frame = av.VideoFrame.from_ndarray(pixels, encoding.source)
             frame.pts, frame.time_base = frames, Fraction(1, fps)
             container.mux(stream.encode(frame))
             frames += 1
@@ -319,38 +368,88 @@ _SCALARS = {
 _ARROW = {"bool": pa.bool_(), "float32": pa.float32(), "int64": pa.int64()}
 
 
-def video_key(camera: str) -> str:
-    """Return the name of the feature with a camera's images."""
-    return f"observation.images.{camera}"
+# LeRobot's column for what holds for a while: here, the planner's mode as the subtask.
+# Each frame has all of its episode's rows, each with the time from which it holds.
+LANGUAGE = "language_persistent"
 
 
-def make_features(layout: Layout, fps: int) -> dict[str, Feature]:
-    """Return the features of a data set, as in info.json."""
+def video_key(camera: str, depth: bool = False) -> str:
+    """Return the name of the feature with a camera's color or depth images."""
+    return f"observation.images.{camera}{'_depth' if depth else ''}"
+
+
+def videos(layout: Layout) -> dict[str, tuple[str, bool]]:
+    """Return the features with images: name to camera, and whether it is depth."""
+    pairs = [(camera, False) for camera in layout.cameras]
+    pairs += [(camera, True) for camera in layout.depths]
+    return {video_key(camera, depth): (camera, depth) for camera, depth in pairs}
+
+
+def make_features(
+    layout: Layout, fps: int, names: Mapping[str, Sequence[str]] | None = None
+) -> dict[str, Feature]:
+    """Return the features of a data set, as in info.json.
+
+    Args:
+        layout: Layout of the recordings.
+        fps: Frames per second.
+        names: Names of the dimensions of features, where the layout has numbers.
+    """
     features: dict[str, Feature] = {
         "observation.state": _vector(layout.joints),
         "action": _vector(layout.commands),
     }
     if layout.located:
         features[SIGHTING_KEY] = _vector(SIGHTING)
-    for camera, (height, width) in layout.cameras.items():
-        features[video_key(camera)] = {
-            "dtype": "video",
-            "shape": [height, width, 3],
-            "names": ["height", "width", "channels"],
-            "info": {
-                "video.height": height,
-                "video.width": width,
-                "video.codec": CODEC,
-                "video.pix_fmt": PIXEL_FORMAT,
-                "video.is_depth_map": False,
-                "video.fps": fps,
-                "video.channels": 3,
-                "has_audio": False,
-            },
-        }
+    for name, vectors in layout.more.items():
+        own = (names or {}).get(name, ())
+        known = own if len(own) == len(vectors.names) else vectors.names
+        features[name] = {**_vector(known), "info": {"units": list(vectors.units)}}
+    for key, (camera, depth) in videos(layout).items():
+        size, intrinsics = layout.cameras[camera], layout.intrinsics.get(camera)
+        features[key] = _video(*size, fps, intrinsics, depth)
+    if layout.modes:
+        features[LANGUAGE] = {"dtype": "language", "shape": [1], "names": None}
     for name, dtype in _SCALARS.items():
         features[name] = {"dtype": dtype, "shape": [1], "names": None}
     return features
+
+
+def _video(
+    height: int,
+    width: int,
+    fps: int,
+    intrinsics: Sequence[float] | None,
+    depth: bool,
+) -> Feature:
+    encoding, channels = (DEPTH, 1) if depth else (COLOR, 3)
+    info = {
+        "video.height": height,
+        "video.width": width,
+        "video.codec": encoding.codec,
+        "video.pix_fmt": encoding.pixels,
+        "video.fps": fps,
+        "video.channels": channels,
+        "has_audio": False,
+        "is_depth_map": depth,
+    }
+    if depth:
+        info |= {  # in metres, linear
+            "depth_unit": "mm",  # of statistics
+            "video.depth_min": 0.0,
+            "video.depth_max": DEPTH_MAX / 1000,
+            "video.shift": 0.0,
+            "video.use_log": False,
+        }
+    if intrinsics is not None:  # ours
+        names = ("fx", "fy", "cx", "cy")
+        info["intrinsics"] = dict(zip(names, intrinsics, strict=True))
+    return {
+        "dtype": "video",
+        "shape": [height, width, channels],
+        "names": ["height", "width", "channels"],
+        "info": info,
+    }
 
 
 def _vector(names: Sequence[str]) -> Feature:
@@ -387,6 +486,39 @@ def make_info(
     }
 
 
+_LANGUAGE_ROW = pa.struct(
+    [
+        pa.field("role", pa.string(), nullable=False),
+        pa.field("content", pa.string()),
+        pa.field("style", pa.string()),
+        pa.field("timestamp", pa.float32(), nullable=False),
+        pa.field("camera", pa.string()),
+        pa.field("tool_calls", pa.list_(pa.string())),
+    ]
+)
+
+
+def subtask_rows(modes: Sequence[str], fps: int) -> list[dict[str, Any]]:
+    """Return the rows of an episode's subtasks: one where the mode changes.
+
+    Args:
+        modes: The mode of each frame, in words.
+        fps: Frames per second.
+    """
+    return [
+        {
+            "role": "assistant",
+            "content": mode,
+            "style": "subtask",
+            "timestamp": k / fps,
+            "camera": None,
+            "tool_calls": None,
+        }
+        for k, mode in enumerate(modes)
+        if not k or mode != modes[k - 1]
+    ]
+
+
 def data_schema(features: Mapping[str, Feature]) -> pa.Schema:
     """Return the schema of frames."""
     return pa.schema(
@@ -395,6 +527,8 @@ def data_schema(features: Mapping[str, Feature]) -> pa.Schema:
 
 
 def _column(feature: Feature) -> pa.DataType:
+    if feature["dtype"] == "language":
+        return pa.list_(_LANGUAGE_ROW)
     kind, (size,) = _ARROW[feature["dtype"]], feature["shape"]
     return kind if feature["names"] is None else pa.list_(kind, size)
 
@@ -418,7 +552,7 @@ def episode_schema(features: Mapping[str, Feature]) -> pa.Schema:
             columns[f"videos/{name}/from_timestamp"] = number
             columns[f"videos/{name}/to_timestamp"] = number
     for name, feature in features.items():
-        for statistic in STATISTICS:
+        for statistic in STATISTICS if feature["dtype"] != "language" else ():
             kind = _statistic(feature, statistic)
             columns[f"stats/{name}/{statistic}"] = kind
     columns["meta/episodes/chunk_index"] = integer

@@ -10,7 +10,7 @@ import contextlib
 import dataclasses as dc
 import json
 import tempfile
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from fractions import Fraction
 from pathlib import Path
 from typing import Any
@@ -23,7 +23,7 @@ from drake_srg.common.exceptions import ScenarioError
 from drake_srg.common.status_line import StatusLine
 from drake_srg.common.tables import read_json
 from drake_srg.objects.models import known_shape
-from drake_srg.scenario import draw_scenario
+from drake_srg.scenario import Scenario, draw_scenario
 from drake_srg.scenario.typed_yaml import parse_yaml
 from drake_srg.sweeps.dataset import format as fmt
 from drake_srg.sweeps.dataset.format import (
@@ -35,9 +35,13 @@ from drake_srg.sweeps.dataset.format import (
     encode_episode,
 )
 from drake_srg.sweeps.dataset.recording import (
+    PWM,
+    TOUCH,
+    DepthImage,
     Image,
     Layout,
     Signals,
+    read_depths,
     read_images,
     read_signals,
 )
@@ -59,6 +63,7 @@ class DatasetWriter:
         fps: Frames per second.
         task: The task in words.
         robot: The robot's type.
+        names: See `format.make_features`.
         data_limit: Largest size of a Parquet file [bytes].
         video_limit: Largest size of a video [bytes].
         episodes_at_once: Episodes whose metadata form one row group.
@@ -76,6 +81,7 @@ class DatasetWriter:
         *,
         task: str,
         robot: str,
+        names: Mapping[str, Sequence[str]] | None = None,
         data_limit: int = fmt.DATA_MB * fmt.MEGABYTE,
         video_limit: int = fmt.VIDEO_MB * fmt.MEGABYTE,
         episodes_at_once: int = 100,
@@ -83,20 +89,22 @@ class DatasetWriter:
         self._root, self._layout, self._fps = root, layout, fps
         self._task, self._robot = task, robot
         self._episodes_at_once = episodes_at_once
-        self._features = fmt.make_features(layout, fps)
+        self._features = fmt.make_features(layout, fps, names)
         self._data_schema = fmt.data_schema(self._features)
+        self._numbers = [n for n in self._data_schema.names if n != fmt.LANGUAGE]
         self._episode_schema = fmt.episode_schema(self._features)
         self._data = ParquetFiles(root / "data", self._data_schema, data_limit)
         self._episodes = ParquetFiles(
             root / "meta" / "episodes", self._episode_schema, data_limit
         )
         self._videos = {
-            camera: VideoFiles(
-                root / "videos" / fmt.video_key(camera), fps, video_limit
-            )
-            for camera in layout.cameras
+            key: VideoFiles(root / "videos" / key, fps, video_limit)
+            for key in fmt.videos(layout)
         }
-        self._images = {camera: ImageStatistics() for camera in layout.cameras}
+        self._images = {
+            key: ImageStatistics(depth)
+            for key, (_, depth) in fmt.videos(layout).items()
+        }
         self._rows: list[dict[str, Any]] = []
         self._count = 0
         self._frames = 0
@@ -115,14 +123,15 @@ class DatasetWriter:
     def add(
         self,
         signals: Signals,
-        images: Mapping[str, Iterator[Image]],
+        images: Mapping[str, Iterator[Image | DepthImage]],
         about: Mapping[str, Any],
     ) -> None:
         """Add an episode.
 
         Args:
             signals: One row per frame.
-            images: Camera name to its images, one per frame.
+            images: Name of each feature of `format.videos` to its images, one per
+                frame.
             about: Values of the columns in `format.TRIAL`.
         """
         table = self._table(signals, about["success"])
@@ -138,10 +147,10 @@ class DatasetWriter:
             "dataset_to_index": self._frames + length,
             **about,
         }
-        for name in table.column_names:
+        for name in self._numbers:
             row |= _flat(name, column_statistics(table[name]))
-        for camera, stream in images.items():
-            row |= self._add_video(camera, stream, length)
+        for key, stream in images.items():
+            row |= self._add_video(key, stream, length)
         self._rows.append(row)
         self._count += 1
         self._frames += length
@@ -163,10 +172,10 @@ class DatasetWriter:
                     pq.ParquetFile(path).read(columns=[name]) for path in paths
                 )[name]
             )
-            for name in self._data_schema.names
+            for name in self._numbers
         }
-        for camera, images in self._images.items():
-            statistics[fmt.video_key(camera)] = images.statistics()
+        for key, images in self._images.items():
+            statistics[key] = images.statistics()
         _write_json(self._root / "meta" / "stats.json", statistics)
         pq.write_table(
             fmt.tasks_table([self._task]), self._root / "meta" / "tasks.parquet"
@@ -196,25 +205,32 @@ class DatasetWriter:
         }
         if self._layout.located:
             columns[fmt.SIGHTING_KEY] = _vectors(signals.sighting)
+        for name, values in signals.more.items():
+            columns[name] = _vectors(values)
+        if self._layout.modes:
+            rows = fmt.subtask_rows(signals.modes, self._fps)
+            columns[fmt.LANGUAGE] = [rows] * length
         return pa.table(columns, schema=self._data_schema)
 
     def _add_video(
-        self, camera: str, images: Iterator[Image], length: int
+        self, key: str, images: Iterator[Image | DepthImage], length: int
     ) -> dict[str, Any]:
-        """Add an episode's images from a camera; returns their metadata."""
-        statistics = ImageStatistics()
+        """Add an episode's images of a feature; returns their metadata."""
+        _, depth = fmt.videos(self._layout)[key]
+        statistics = ImageStatistics(depth)
 
-        def counted() -> Iterator[Image]:
+        def counted() -> Iterator[Image | DepthImage]:
             for image in images:
-                statistics.add(image)
-                yield image
+                shown = np.minimum(image, fmt.DEPTH_MAX) if depth else image
+                statistics.add(shown)
+                yield shown
 
-        episode, frames = encode_episode(counted(), self._fps)
+        encoding = fmt.DEPTH if depth else fmt.COLOR
+        episode, frames = encode_episode(counted(), self._fps, encoding)
         if frames != length:
-            raise ValueError(f"{camera}: needs {length} images, got {frames}")
-        self._images[camera].merge(statistics)
-        place, first = self._videos[camera].append(episode)
-        key = fmt.video_key(camera)
+            raise ValueError(f"{key}: needs {length} images, got {frames}")
+        self._images[key].merge(statistics)
+        place, first = self._videos[key].append(episode)
         return {
             f"videos/{key}/chunk_index": place.chunk,
             f"videos/{key}/file_index": place.file,
@@ -311,7 +327,10 @@ def make_dataset(
     successes = 0
     with tempfile.TemporaryDirectory(prefix=f".{out.name}.", dir=out.parent) as folder:
         root = Path(folder) / out.name
-        with DatasetWriter(root, layout, fps, task=task, robot=robot) as writer:
+        names = _finger_names(_scenario(info, int(trials[0].name)))
+        with DatasetWriter(
+            root, layout, fps, task=task, robot=robot, names=names
+        ) as writer:
             with StatusLine(shown=progress) as line:
                 for number, trial in enumerate(trials, 1):
                     about = {**_metrics(trial), **_known_object(info, int(trial.name))}
@@ -350,20 +369,37 @@ def _add_trial(
     writer.add(
         signals.every(every),
         {
-            camera: read_images(trial / _RECORDING, camera, every)
-            for camera in layout.cameras
+            key: (read_depths if depth else read_images)(
+                trial / _RECORDING, camera, every
+            )
+            for key, (camera, depth) in fmt.videos(layout).items()
         },
         about={"trial": int(trial.name), **about},
     )
 
 
+def _scenario(info: SweepInfo, trial: int) -> Scenario | None:
+    """Return a trial's scenario; None if it has no objects, as in a script's."""
+    tree = parse_yaml(info.tree, info.scenario)
+    if not (tree.get("objects") or tree.get("clutter")):
+        return None
+    return draw_scenario(tree, info.scenario, info.seed + trial).scenario
+
+
+def _finger_names(scenario: Scenario | None) -> dict[str, Sequence[str]]:
+    """Return the names of the features with a number per link or joint of the hand."""
+    gripper = None if scenario is None else scenario.gripper
+    if gripper is None:
+        return {}
+    return {TOUCH: gripper.sensor_names, PWM: gripper.joint_names}
+
+
 def _known_object(info: SweepInfo, trial: int) -> dict[str, Any]:
     """Return what the robot knows of a trial's picked object, as in `format.TRIAL`."""
     unknown = {"object_size": None, "object_round": None}
-    tree = parse_yaml(info.tree, info.scenario)
-    if not (tree.get("objects") or tree.get("clutter")):
+    scenario = _scenario(info, trial)
+    if scenario is None:
         return unknown
-    scenario = draw_scenario(tree, info.scenario, info.seed + trial).scenario
     config = scenario.objects.get(scenario.task.pick)
     shape = None if config is None else known_shape(scenario.task.pick, config)
     if shape is None:

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import contextlib
 import dataclasses as dc
+import itertools
 import re
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from fractions import Fraction
 from functools import partial
-from itertools import islice
 from pathlib import Path
 from typing import Any
 
@@ -18,13 +18,25 @@ import numpy.typing as npt
 from drake_srg.common.exceptions import ScenarioError, one_line
 from drake_srg.recording.output import require
 from drake_srg.recording.rosbag import OBJECT_POSE
+from drake_srg.types import mode_words
 
 Image = npt.NDArray[np.uint8]
+DepthImage = npt.NDArray[np.uint16]
 
 _JOINTS = "/joint_states"
-_ARM = "/arm/position_commanded"
-_CLOSURE = "/gripper/closure_commanded"
-_CAMERA = "/camera_(.+)/color/image_raw"
+_COMMANDS = "/arm/position_commanded", "/gripper/closure_commanded"
+_MODE = "/planner/mode"
+_COLOR, _DEPTH = "/camera_{}/color/image_raw", "/camera_{}/depth/image_rect_raw"
+_INFO, _POSE = "/camera_{}/color/camera_info", "/camera_{}/pose"
+
+TOUCH, PWM = "observation.touch", "observation.motor_pwm"
+# More numbers per frame: topic to the feature's name and unit. They may be missing.
+_NUMBERS = {
+    "/gripper/contact_force": (TOUCH, "N"),
+    "/gripper/pwm": (PWM, "1"),
+    "/gripper/motor_current": ("observation.motor_current", "A"),
+    "/gripper/motor_temperature": ("observation.motor_temperature", "degC"),
+}
 
 # Place where the object was last seen in world [m], and whether it has been seen:
 # without a sighting, all are 0. No rotation has a quaternion of zeros.
@@ -32,6 +44,19 @@ SIGHTING = ("x", "y", "z", "qx", "qy", "qz", "qw", "seen")
 
 # Simulated time adds up steps, and stamps are whole nanoseconds.
 _STAMP_TOLERANCE = 1e-6  # s
+
+
+@dc.dataclass(frozen=True)
+class Vectors:
+    """A feature with a vector per frame.
+
+    Attributes:
+        names: Names of its dimensions.
+        units: Their units, one each.
+    """
+
+    names: tuple[str, ...]
+    units: tuple[str, ...]
 
 
 @dc.dataclass(frozen=True)
@@ -44,6 +69,11 @@ class Layout:
         cameras: Camera name to (height, width) of its images [pixels], sorted.
         rate: Images per simulated second.
         located: Whether the planner locates an object: `SIGHTING` is known.
+        depths: Names of the cameras with depth images, sorted.
+        intrinsics: Camera name to focal lengths fx, fy and principal point cx, cy
+            [pixels], counted from the centre of the first pixel, as in ROS.
+        more: Features besides states and actions, by name.
+        modes: Whether the planner's mode is known.
     """
 
     joints: tuple[str, ...]
@@ -51,6 +81,10 @@ class Layout:
     cameras: dict[str, tuple[int, int]]
     rate: Fraction
     located: bool = False
+    depths: tuple[str, ...] = ()
+    intrinsics: dict[str, tuple[float, ...]] = dc.field(default_factory=dict)
+    more: dict[str, Vectors] = dc.field(default_factory=dict)
+    modes: bool = False
 
     def __str__(self) -> str:
         """Return the layout in one line, for messages."""
@@ -59,6 +93,9 @@ class Layout:
             f"{', '.join(sizes)} at {float(self.rate):g} Hz, "
             f"{len(self.joints)} joints, {len(self.commands)} commands"
             f"{', object pose' if self.located else ''}"
+            f"{''.join(f', depth of {name}' for name in self.depths)}"
+            f"{''.join(f', {name}' for name in self.more)}"
+            f"{''.join(f', f = {f[0]:g} of {n}' for n, f in self.intrinsics.items())}"
         )
 
 
@@ -74,17 +111,28 @@ class Signals:
             (K, commands), from the last message up to the image.
         sighting: `SIGHTING`, shape (K, 8), from the last message up to the image; (K,
             0) if no object is located.
+        more: Values of `Layout.more`, shape (K, n) each, from the last message up to
+            the image.
+        modes: The planner's mode at each image, in words; empty if unknown.
     """
 
     layout: Layout
     state: npt.NDArray[np.float32]
     action: npt.NDArray[np.float32]
     sighting: npt.NDArray[np.float32]
+    more: dict[str, npt.NDArray[np.float32]] = dc.field(default_factory=dict)
+    modes: list[str] = dc.field(default_factory=list)
 
     def every(self, count: int) -> Signals:
         """Return every `count`-th row, from the first."""
-        values = (self.state, self.action, self.sighting)
-        return Signals(self.layout, *(rows[::count] for rows in values))
+        return dc.replace(
+            self,
+            state=self.state[::count],
+            action=self.action[::count],
+            sighting=self.sighting[::count],
+            more={name: rows[::count] for name, rows in self.more.items()},
+            modes=self.modes[::count],
+        )
 
 
 def read_signals(path: Path) -> Signals:
@@ -99,50 +147,107 @@ def read_signals(path: Path) -> Signals:
             values that are not finite, or its images are not evenly spaced.
     """
     times: dict[str, list[float]] = {}
-    values: dict[str, list[Any]] = {_JOINTS: [], _ARM: [], _CLOSURE: []}
-    sightings = [np.zeros(len(SIGHTING))]  # nothing is seen at first
+    values: dict[str, list[Any]] = {}
     joints: tuple[str, ...] = ()
     with _readable(path):
         located = OBJECT_POSE in _topics(path)
-        wanted = "|".join([*values, OBJECT_POSE, _CAMERA])
-        for topic, time, decode in _messages(path, wanted):
+        wanted = [_JOINTS, *_COMMANDS, _MODE, *_NUMBERS, OBJECT_POSE, "/camera_.+"]
+        for topic, time, decode in _messages(path, "|".join(wanted)):
             times.setdefault(topic, []).append(time)
+            if _camera(topic, _COLOR) or _camera(topic, _DEPTH):
+                continue
+            message = decode()
+            values.setdefault(topic, []).append(_value(topic, message))
             if topic == _JOINTS:
-                message = decode()
                 joints = tuple(message.name)
-                values[topic].append(message.position)
-            elif topic == OBJECT_POSE:
-                sightings.append(_sighting(decode().pose))
-            elif topic in values:  # not an image
-                values[topic].append(np.atleast_1d(decode().data))
-    for topic, rows in values.items():
-        if not rows:
+    for topic in (_JOINTS, *_COMMANDS):
+        if topic not in values:
             raise ScenarioError(f"{path}: contains no messages on {topic}")
 
-    cameras = sorted(
-        match[1] for topic in times if (match := re.fullmatch(_CAMERA, topic))
-    )
+    cameras = _cameras(times, _COLOR)
     if not cameras:
         raise ScenarioError(
             f"{path}: contains no images; recording.bag_cameras must name a camera"
         )
-    rate, image_times = _even_times(path, {c: times[_topic(c)] for c in cameras})
-    sizes = {c: next(read_images(path, c)).shape[:2] for c in cameras}
+    depths = _cameras(times, _DEPTH)
+    images = [_COLOR.format(name) for name in cameras]
+    images += [_DEPTH.format(name) for name in depths]
+    rate, image_times = _even_times(path, {topic: times[topic] for topic in images})
 
-    measured, arm = np.array(values[_JOINTS]), np.array(values[_ARM])
+    def held(topic: str) -> npt.NDArray[Any]:
+        return _held(image_times, times[topic], np.array(values[topic]))
+
+    measured = np.array(values[_JOINTS])[:, 0]
     state = [np.interp(image_times, times[_JOINTS], q) for q in measured.T]
-    action = [
-        _held(image_times, times[_ARM], arm),
-        _held(image_times, times[_CLOSURE], np.array(values[_CLOSURE])),
-    ]
-    commands = (*joints[: arm.shape[1]], "gripper_closure")
+    action = [held(topic) for topic in _COMMANDS]
+    sightings = [np.zeros(len(SIGHTING)), *values.get(OBJECT_POSE, [])]  # not at first
     seen = _held(image_times, [0.0, *times.get(OBJECT_POSE, [])], np.array(sightings))
+    more = {
+        name: (vectors, _float32(path, name, rows))
+        for name, vectors, rows in _more(values, held, joints)
+    }
     return Signals(
-        Layout(joints, commands, sizes, rate, located),
+        Layout(
+            joints,
+            (*joints[: action[0].shape[1]], "gripper_closure"),
+            {c: next(read_images(path, c)).shape[:2] for c in cameras},
+            rate,
+            located,
+            depths,
+            {
+                name: tuple(values[_INFO.format(name)][0].tolist())
+                for name in _cameras(times, _INFO)
+            },
+            {name: vectors for name, (vectors, _) in more.items()},
+            modes=_MODE in values,
+        ),
         _float32(path, "joints", np.stack(state, axis=1)),
         _float32(path, "commands", np.hstack(action)),
         _float32(path, OBJECT_POSE, seen if located else seen[:, :0]),
+        {name: rows for name, (_, rows) in more.items()},
+        held(_MODE).tolist() if _MODE in values else [],
     )
+
+
+def _value(topic: str, message: Any) -> Any:
+    """Return what a data set needs of a message: an array, or the mode in words."""
+    if topic == _JOINTS:
+        return np.stack([message.position, message.effort])
+    if topic == OBJECT_POSE:
+        return np.append(_pose(message.pose), 1.0)
+    if topic == _MODE:
+        return mode_words(message.data)
+    if _camera(topic, _INFO):
+        return message.k[[0, 4, 2, 5]]
+    if _camera(topic, _POSE):
+        return _pose(message.pose)
+    return np.atleast_1d(message.data)
+
+
+def _more(
+    values: Mapping[str, list[Any]],
+    held: Callable[[str], npt.NDArray[Any]],
+    joints: Sequence[str],
+) -> Iterator[tuple[str, Vectors, npt.NDArray[Any]]]:
+    """Yield the features besides states and actions: name, dimensions and values.
+
+    Args:
+        values: Values by topic, as from `_value`.
+        held: Returns a topic's values at the times of the images.
+        joints: Names of the joints.
+    """
+    measured = np.isfinite(np.array(values[_JOINTS])[:, 1]).all(axis=0)
+    if measured.any():
+        names = tuple(itertools.compress(joints, measured))
+        efforts = held(_JOINTS)[:, 1, measured]
+        yield "observation.effort", Vectors(names, ("N m",) * len(names)), efforts
+    for topic, (feature, unit) in _NUMBERS.items():
+        if topic in values and (size := values[topic][0].size):
+            names = tuple(map(str, range(size)))
+            yield feature, Vectors(names, (unit,) * size), held(topic)
+    for camera in _cameras(values, _POSE):
+        vectors = Vectors(SIGHTING[:7], ("m",) * 3 + ("1",) * 4)
+        yield f"camera_pose.{camera}", vectors, held(_POSE.format(camera))
 
 
 def _float32(
@@ -167,19 +272,42 @@ def read_images(path: Path, camera: str, every: int = 1) -> Iterator[Image]:
         camera: Name of the camera.
         every: Yield the first image, and then every image that is so many further on.
     """
+    for message in _image_messages(path, _COLOR.format(camera), every):
+        yield _even(message.data.reshape(message.height, message.width, 3))
+
+
+def read_depths(path: Path, camera: str, every: int = 1) -> Iterator[DepthImage]:
+    """Yield the depth images of a camera in order [mm], shape (height, width).
+
+    0 is no depth. Arguments and the rest are as for `read_images`.
+    """
+    for message in _image_messages(path, _DEPTH.format(camera), every):
+        if message.encoding != "16UC1" or message.is_bigendian:
+            raise ScenarioError(
+                f"{path}: depth images of {camera} must be 16UC1 in little endian, got "
+                f"{message.encoding}"
+            )
+        depth = message.data.view("<u2").reshape(message.height, message.width)
+        yield _even(depth)
+
+
+def _image_messages(path: Path, topic: str, every: int) -> Iterator[Any]:
     with _readable(path):
-        messages = _messages(path, re.escape(_topic(camera)))
-        for _, _, decode in islice(messages, 0, None, every):
-            message = decode()
-            height, width = message.height, message.width
-            image = message.data.reshape(height, width, 3)
-            yield image[: height // 2 * 2, : width // 2 * 2]
+        messages = _messages(path, re.escape(topic))
+        for _, _, decode in itertools.islice(messages, 0, None, every):
+            yield decode()
 
 
-def _sighting(pose: Any) -> npt.NDArray[np.float64]:
-    """Return `SIGHTING` of a geometry_msgs/msg/Pose."""
+def _even(image: npt.NDArray[Any]) -> npt.NDArray[Any]:
+    """Return an image without an odd last row or column."""
+    height, width = image.shape[:2]
+    return image[: height // 2 * 2, : width // 2 * 2]
+
+
+def _pose(pose: Any) -> npt.NDArray[np.float64]:
+    """Return x, y, z, qx, qy, qz, qw of a geometry_msgs/msg/Pose."""
     p, q = pose.position, pose.orientation
-    return np.array([p.x, p.y, p.z, q.x, q.y, q.z, q.w, 1.0])
+    return np.array([p.x, p.y, p.z, q.x, q.y, q.z, q.w])
 
 
 def _topics(path: Path) -> set[str]:
@@ -188,8 +316,15 @@ def _topics(path: Path) -> set[str]:
         return {connection.topic for connection in reader.connections}
 
 
-def _topic(camera: str) -> str:
-    return f"/camera_{camera}/color/image_raw"
+def _camera(topic: str, kind: str) -> str:
+    """Return the camera of a topic; "" if the topic is of another kind."""
+    match = re.fullmatch(kind.format("(.+)"), topic)
+    return match[1] if match else ""
+
+
+def _cameras(topics: Iterable[str], kind: str) -> tuple[str, ...]:
+    """Return the names of the cameras with a topic of a kind, sorted."""
+    return tuple(sorted(name for topic in topics if (name := _camera(topic, kind))))
 
 
 def _messages(
@@ -228,11 +363,11 @@ def _even_times(
     first = next(iter(stamps.values()))
     rate = Fraction(1.0 / first[0]).limit_denominator(1000)
     times = np.arange(1, len(first) + 1) / float(rate)
-    for camera, found in stamps.items():
+    for topic, found in stamps.items():
         if len(found) != len(times) or np.abs(found - times).max() > _STAMP_TOLERANCE:
             raise ScenarioError(
-                f"{path}: images of camera {camera} must be evenly spaced and at the "
-                "times of the other cameras' images"
+                f"{path}: images on {topic} must be evenly spaced and at the times of "
+                "the other images"
             )
     return rate, times
 

@@ -1,8 +1,9 @@
 """Checks a folder against the published description of LeRobotDataset v3.0.
 
 https://huggingface.co/docs/lerobot/lerobot-dataset-v3 describes the files. Types and
-columns are those that LeRobot 0.4.4 writes with `LeRobotDataset.create`, `add_frame`,
-`save_episode` and `finalize`. Nothing here uses our own writer.
+columns are those that LeRobot 0.6.1 writes with `LeRobotDataset.create`, `add_frame`,
+`save_episode` and `finalize`, with our `units` and `intrinsics` in features' `info`.
+Nothing here uses our own writer.
 """
 
 import json
@@ -43,10 +44,22 @@ VIDEO_INFO = {
     "video.width",
     "video.codec",
     "video.pix_fmt",
-    "video.is_depth_map",
+    "is_depth_map",
     "video.fps",
     "video.channels",
     "has_audio",
+}
+DEPTH_INFO = {
+    "depth_unit",
+    *(f"video.{name}" for name in ("depth_min", "depth_max", "shift", "use_log")),
+}
+LANGUAGE = {
+    "role": pa.string(),
+    "content": pa.string(),
+    "style": pa.string(),
+    "timestamp": pa.float32(),
+    "camera": pa.string(),
+    "tool_calls": pa.list_(pa.string()),
 }
 
 
@@ -70,9 +83,11 @@ def read_video_frames(root, episode, key):
     """Find an episode's frames in a video by time: frame k at from_timestamp + k / fps.
 
     Yields:
-        The deviation of the frame's time [s], and the frame, RGB.
+        The deviation of the frame's time [s], and the frame, RGB or depth [m].
     """
     info = read_info(root)
+    about = info["features"][key]["info"]
+    pixels = "gray12le" if about["is_depth_map"] else "rgb24"
     path = root / info["video_path"].format(
         video_key=key,
         chunk_index=episode[f"videos/{key}/chunk_index"],
@@ -89,7 +104,12 @@ def read_video_frames(root, episode, key):
                 (next(frames), next(frames, None)),
                 key=lambda f: abs(f.time - time) if f else np.inf,
             )
-            yield frame.time - time, frame.to_ndarray(format="rgb24")
+            image = frame.to_ndarray(format=pixels)
+            if about["is_depth_map"]:
+                assert not about["video.use_log"]
+                low, high = about["video.depth_min"], about["video.depth_max"]
+                image = low + image * ((high - low) / 4095)
+            yield frame.time - time, image
 
 
 def check(root):
@@ -128,10 +148,18 @@ def _check_info(info):
         assert "/" not in key
         assert {"dtype", "shape", "names"} <= feature.keys()
         if feature["dtype"] == "video":
-            assert feature["info"].keys() == VIDEO_INFO
+            own = feature["info"].keys() - {"intrinsics"}
+            depth = feature["info"]["is_depth_map"]
+            assert own == VIDEO_INFO | (DEPTH_INFO if depth else set())
             assert feature["names"] == ["height", "width", "channels"]
             continue
+        if feature["dtype"] == "language":
+            assert key == "language_persistent"
+            assert feature == {"dtype": "language", "shape": [1], "names": None}
+            continue
         assert feature["dtype"] in ("float32", "int64", "bool")
+        units = feature.get("info", {}).get("units", feature["names"])
+        assert feature["names"] is None or len(units) == len(feature["names"])
         assert len(feature["shape"]) == 1
         assert feature["names"] is None or len(feature["names"]) == feature["shape"][0]
     for key, dtype in DEFAULT_FEATURES.items():
@@ -140,9 +168,15 @@ def _check_info(info):
 
 
 def _arrow(feature):
+    if feature["dtype"] == "language":
+        required = ("role", "timestamp")
+        fields = [
+            pa.field(n, t, nullable=n not in required) for n, t in LANGUAGE.items()
+        ]
+        return pa.list_(pa.struct(fields))
     kind = {"float32": pa.float32(), "int64": pa.int64(), "bool": pa.bool_()}
     one = kind[feature["dtype"]]
-    return one if feature["shape"] == [1] else pa.list_(one, feature["shape"][0])
+    return one if feature["names"] is None else pa.list_(one, feature["shape"][0])
 
 
 def _check_tasks(root, info):
@@ -215,12 +249,16 @@ def _check_videos(root, info, key, feature, episodes):
         with av.open(str(path)) as container:
             (stream,) = container.streams
             said = feature["info"]
-            assert feature["shape"] == [stream.height, stream.width, 3]
+            depth = said["is_depth_map"]
+            channels = said["video.channels"]
+            assert channels == (1 if depth else 3)
+            assert feature["shape"] == [stream.height, stream.width, channels]
             assert [said["video.height"], said["video.width"]] == feature["shape"][:2]
             assert stream.codec_context.codec.canonical_name == said["video.codec"]
-            assert stream.codec_context.pix_fmt == said["video.pix_fmt"] == "yuv420p"
+            pixels = "gray12le" if depth else "yuv420p"
+            assert stream.codec_context.pix_fmt == said["video.pix_fmt"] == pixels
             assert stream.base_rate == said["video.fps"] == info["fps"]
-            assert not said["video.is_depth_map"] and not said["has_audio"]
+            assert not said["has_audio"]
             times = [frame.time for frame in container.decode(stream)]
         assert len(times) == round(end * info["fps"])
         np.testing.assert_allclose(times, np.arange(len(times)) / info["fps"])
@@ -233,13 +271,15 @@ def _column(frames, key):
 
 def _check_statistics(root, info, frames, episodes):
     stats = json.loads((root / "meta/stats.json").read_text())
-    assert stats.keys() == info["features"].keys()
-    for key, feature in info["features"].items():
+    features = dict(info["features"])
+    features.pop("language_persistent", None)
+    assert stats.keys() == features.keys()
+    for key, feature in features.items():
         ours = [{s: e[f"stats/{key}/{s}"] for s in STATISTICS} for e in episodes]
         assert stats[key].keys() == STATISTICS
         if feature["dtype"] == "video":
             for one in (stats[key], *ours):
-                _check_image_statistics(one)
+                _check_image_statistics(one, feature["info"]["is_depth_map"])
             counts = [episode["length"] for episode in episodes]
             assert [one["count"] for one in ours] == [[n] for n in counts]
             assert stats[key]["count"] == [frames.num_rows]
@@ -264,10 +304,11 @@ def _check_numbers(statistics, values):
         np.testing.assert_allclose(statistics[name], value, atol=1e-12, err_msg=name)
 
 
-def _check_image_statistics(statistics):
-    """Check per-channel values from 0 to 1, shape (3, 1, 1), with ordered quantiles."""
+def _check_image_statistics(statistics, depth):
+    """Check ordered values per channel: from 0 to 1, or up to 4095 mm."""
+    shape, most = ((1, 1, 1), 4095) if depth else ((3, 1, 1), 1)
     for name in STATISTICS - {"count"}:
-        assert np.shape(statistics[name]) == (3, 1, 1)
+        assert np.shape(statistics[name]) == shape
     ordered = [statistics[name] for name in ("min", *QUANTILES, "max")]
     assert np.all(np.diff(ordered, axis=0) >= 0)
-    assert np.all(np.array(ordered) >= 0) and np.all(np.array(ordered) <= 1)
+    assert np.all(np.array(ordered) >= 0) and np.all(np.array(ordered) <= most)

@@ -1,5 +1,6 @@
 """Sweeps with recordings of known signals, made by our recorder."""
 
+import functools
 import json
 
 import numpy as np
@@ -7,14 +8,16 @@ from pydrake.common.value import AbstractValue
 from pydrake.math import RigidTransform, RollPitchYaw
 from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import DiagramBuilder
-from pydrake.systems.primitives import ConstantValueSource, ConstantVectorSource
-from pydrake.systems.sensors import ImageRgba8U
+from pydrake.systems.primitives import ConstantVectorSource
+from pydrake.systems.sensors import CameraInfo, ImageDepth32F, ImageRgba8U
 
 from drake_srg.lifetime import LeafSystem
+from drake_srg.recording.camera_topics import calibration_topics
 from drake_srg.recording.rosbag import ArmNames, RosbagRecorder, cell_topics
 from drake_srg.sweeps.rows import row_path, write_row
 from drake_srg.sweeps.trial import empty_row
 from drake_srg.types import Blob, Mode, PlannerStatus
+from drake_srg.vision.camera import CameraModel
 
 ARM, GRIPPER = ["a1", "a2"], ["left_base", "right_base"]
 SLOPE = np.array([1.0, -2.0, 0.3, 0.4])  # of the joints [rad/s]
@@ -79,6 +82,58 @@ def picture(time, width, height, shade):
     return image
 
 
+def depth_picture(time, width, height):
+    """Return depths [m]: a slope, a disc that moves, and pixels without depth."""
+    y, x = np.mgrid[:height, :width]
+    depth = 0.4 + (y * width + x) * 0.001
+    depth[(x - 20 - 20 * time) ** 2 + (y - height / 2) ** 2 < 15**2] = 0.3
+    depth[:, 0] = np.inf
+    depth[0] = 0.0
+    return depth.astype(np.float32)
+
+
+def camera_pose(time):
+    """Return the pose of the camera that moves, with its calibration's error."""
+    return RigidTransform(RollPitchYaw(3.0, 0.0, 0.1 * time), [0.5, 0.0, 1.0 + time])
+
+
+def effort(time):
+    """Return the torques of the arm's joints [N m]."""
+    return np.array([3.0, -2.0 * time])
+
+
+def touch(time):
+    """Return the normal forces of the fingers' links [N]."""
+    return np.array([10.0 * time, 0.0])
+
+
+MODES = ((0.0, Mode.IDLE), (0.2, Mode.PRE_GRASP), (0.6, Mode.GRASP))
+
+
+def mode(time):
+    return [mode for start, mode in MODES if time >= start - 1e-9][-1]
+
+
+class Abstract(LeafSystem):
+    """Outputs a function of time as an abstract value."""
+
+    def __init__(self, function):
+        super().__init__()
+        self.function = function
+        self.DeclareAbstractOutputPort(
+            "y", lambda: AbstractValue.Make(function(0.0)), self.calc
+        )
+
+    def calc(self, context, output):
+        output.set_value(self.function(context.get_time()))
+
+
+def depth_image(time, width, height):
+    image = ImageDepth32F(width, height)
+    image.mutable_data[..., 0] = depth_picture(time, width, height)
+    return image
+
+
 class Camera(LeafSystem):
     def __init__(self, width, height, shade):
         super().__init__()
@@ -94,21 +149,43 @@ class Camera(LeafSystem):
 
 
 def record(
-    path, until, *, cameras, shade=0, image_period=0.125, period=0.025, located=True
+    path,
+    until,
+    *,
+    cameras,
+    shade=0,
+    image_period=0.125,
+    period=0.025,
+    located=True,
+    rich=(),
+    sensors=2,
 ):
-    """Record a trial of `until` seconds; `cameras` maps names to (width, height)."""
+    """Record a trial of `until` seconds; `cameras` maps names to (width, height).
+
+    Those of `rich` have calibrations and depth, and with any, the arm measures torque.
+    """
     periods = dict.fromkeys(cameras, image_period)
-    topics = cell_topics([ArmNames(ARM, GRIPPER, 2)], periods, located=located)
+    topics = cell_topics([ArmNames(ARM, GRIPPER, sensors)], periods, located=located)
     q = joint_positions
     sources = {
         "arm.state_measured": Signal(lambda t: np.r_[q(t)[:2], 0.0, 0.0]),
         "gripper.state_measured": Signal(lambda t: np.r_[q(t)[2:], 0.0, 0.0]),
         "arm.position_commanded": Signal(lambda t: q(t)[:2] + 0.01),
         "gripper.closure_commanded": Signal(closure),
-        "gripper.proximity": ConstantVectorSource([0.01, 0.02]),
-        "gripper.contact_force": ConstantVectorSource([0.0, 3.0]),
-        "planner.mode": ConstantValueSource(AbstractValue.Make(Mode.PRE_GRASP)),
+        "gripper.proximity": ConstantVectorSource(np.full(sensors, 0.01)),
+        "gripper.contact_force": Signal(lambda t: np.resize(touch(t), sensors)),
+        "planner.mode": Abstract(mode),
     }
+    if rich:
+        sources["arm.torque_measured"] = Signal(effort)
+    for name in rich:
+        width, height = cameras[name]
+        info = CameraInfo(width, height, 100.0, 101.0, 80.5, 64.5)
+        model = CameraModel(info)
+        topics += calibration_topics(name, model, image_period, depth=True)
+        image = functools.partial(depth_image, width=width, height=height)
+        sources[f"camera_{name}.depth_image"] = Abstract(image)
+        sources[f"camera_{name}.body_pose_in_world"] = Abstract(camera_pose)
     if located:
         sources["planner.status"] = Status()
     for name, size in cameras.items():

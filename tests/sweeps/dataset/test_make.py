@@ -258,12 +258,15 @@ def test_large_data_sets_have_several_files(sweep, tmp_path):
         FPS,
         task="wait",
         robot="arm",
-        data_limit=2250,  # an episode has 96 bytes per frame, and more metadata
+        data_limit=6100,  # an episode has 247 bytes per frame, and more metadata
         video_limit=int(2.5 * len(episode)),
         episodes_at_once=3,
     ) as writer:
         for _ in range(7):
-            images = {camera: read_images(path, camera) for camera in CAMERAS}
+            images = {
+                f"observation.images.{camera}": read_images(path, camera)
+                for camera in CAMERAS
+            }
             writer.add(signals, images, about)
         writer.finish()
     lerobot.check(tmp_path / "made")
