@@ -16,11 +16,11 @@ from drake_srg.planning.handover.config import (
     HandoverMode,
     Side,
 )
+from drake_srg.planning.handover.motions import HandoverMotions
 from drake_srg.planning.handover.planner import (
     HANDOVER_TRANSITIONS,
     handover_transition,
 )
-from drake_srg.planning.handover.motions import HandoverMotions
 from drake_srg.planning.motion.arm_motion import Motion
 from drake_srg.planning.pick_and_place.knowledge import Attempt
 from drake_srg.planning.pick_and_place.task_motions import TaskMotions
