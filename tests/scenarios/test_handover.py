@@ -17,6 +17,14 @@ def test_the_bottle_stands_on_its_mark_and_the_arms_never_touch():
     assert metrics.min_arm_distance_m > 0.005
 
 
+def test_fingers_do_not_open_against_the_giver():
+    """They opened on the approach, and touched the giver's wrist."""
+    metrics = Simulate(load_scenario("handover_varied", seed=6019)).metrics
+    assert metrics.success, metrics.failure
+    assert metrics.arm_contacts == 0
+    assert metrics.min_arm_distance_m > 0.005
+
+
 def test_without_friction_nothing_is_taken():
     slippery = ["object.friction=0", "planner.max_attempts=1"]
     metrics = Simulate(load_scenario("handover", overrides=slippery)).metrics

@@ -141,6 +141,14 @@ class Begin(Idle):
         mine.takes, mine.taken = 0, False
         return mine
 
+    def update(self, memory: PlannerMemory, now: Now) -> PlannerMemory:
+        """Once there is a plan, open the receiver's fingers as far as it needs."""
+        mine = memory_of(super().update(memory, now))
+        plan = mine.attempt.motions
+        if isinstance(plan, HandoverMotions):
+            mine.other.closure = plan.receiver.grasp.closure_open
+        return mine
+
 
 class Carry(_Turn, Carrying):
     """Carries the object near the meeting point."""

@@ -186,9 +186,9 @@ class HandoverTaskPlanner(TaskPlanner):
         if out_of_reach is not None:
             return out_of_reach
         failures: list[PlanningFailure] = []
-        q_waiting = self.receiver.q_home
+        q_waiting, waiting = self.receiver.q_home, self.waiting_fingers(shape)
         for X_WO_met in self.meetings():
-            with self.giver_beside(q_waiting, {}):
+            with self.giver_beside(q_waiting, waiting):
                 given = super().plan(q_start, X_WO, shape, X_WO_met, obstacles, tried)
             if isinstance(given, PlanningFailure):
                 failures.append(given)
@@ -201,6 +201,15 @@ class HandoverTaskPlanner(TaskPlanner):
                 failures.append(error.failure)
         blocked = [f for f in failures if f.failure is Failure.BLOCKED]
         return (blocked or failures)[0]
+
+    def waiting_fingers(self, shape: Solid) -> Mapping[str, float]:
+        """Return the receiver's fingers, by name [rad], while it waits for an object.
+
+        They are as open as the grasp needs. Opened no earlier than on the way, they
+        would sweep space beside the giver that no plan has checked.
+        """
+        height = self._handover.grip_height
+        return taking_grasps(self.receiver.hand, shape, height)[0].fingers_open
 
     def _no_goal(
         self, shape: Solid, X_WO_goal: RigidTransform, obstacles: Obstacles

@@ -7,6 +7,7 @@ from hypothesis import strategies as st
 from pydrake.math import RigidTransform, RollPitchYaw, RotationMatrix
 
 from drake_srg.common.geometry import ConvexPieces
+from drake_srg.common.srg_geometry import SRG
 from drake_srg.planning.carrying.motions import (
     CarryTaskPlanner,
     PairGrasp,
@@ -137,6 +138,21 @@ def test_both_hands_must_hold(plan):
     assert grasp.holds(np.array([*held, *held]), near)
     assert not grasp.holds(np.array([*held, *empty]), near)
     assert not grasp.holds(np.array([*empty, *held]), near)
+
+
+def test_the_bases_sensors_keep_a_wall_that_creeps_in_the_hands(planner, shape):
+    """Algorithm 1 sends a base that loses it to the whole command, and the grip jumps.
+
+    Crates of up to 2 kg creep down by up to 2 mm on the longest way.
+    """
+    wall = end_walls(shape)[0]
+    ends = SRG.hinge_x + SRG.base_length
+    found = wall.grasps(planner.hand)
+    assert found
+    for grasp in found:
+        top = grasp.X_GO @ np.array([0.0, 0.0, 0.5 * wall.box.size[2]])
+        assert top[0] + 0.002 < ends
+        assert top[0] > SRG.palm_face_x + planner.scene.step  # clear of the palm
 
 
 def test_end_walls_are_found_and_odd_ones_refused(shape):

@@ -42,6 +42,15 @@ def plan(scenario, planner):
     return found
 
 
+def test_the_receiver_waits_with_its_fingers_as_open_as_the_grasp_needs(planner, plan):
+    """Opened on its way, they would sweep space that no plan has checked."""
+    waiting = planner.waiting_fingers(BOTTLE)
+    needed = plan.receiver.grasp.fingers_open
+    assert waiting.keys() == needed.keys()
+    # Grasps differ a little. Within 0.05 rad, a fingertip is within the hand's margin.
+    assert all(abs(waiting[name] - needed[name]) < 0.05 for name in needed)
+
+
 def test_only_the_giver_reaches_the_object_and_only_the_receiver_the_goal(scenario):
     goal = goal_pose(scenario, BOTTLE)
     near = {

@@ -2,6 +2,7 @@
 
 import copy
 import itertools
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -15,12 +16,16 @@ from drake_srg.planning.handover.config import (
     HandoverMode,
     Side,
 )
+from drake_srg.planning.handover.motions import HandoverMotions
 from drake_srg.planning.handover.planner import (
     HANDOVER_TRANSITIONS,
     handover_transition,
 )
 from drake_srg.planning.motion.arm_motion import Motion
+from drake_srg.planning.pick_and_place.knowledge import Attempt
+from drake_srg.planning.pick_and_place.task_motions import TaskMotions
 from drake_srg.planning.planner_machine import Observation
+from drake_srg.planning.state_machine import Moment
 from drake_srg.scenario import Scenario, load_scenario
 from drake_srg.scenario.typed_yaml import read_typed
 from drake_srg.station.planners import MakeHandoverPlanner
@@ -114,6 +119,19 @@ def test_a_draft_shares_nothing_that_modes_change():
     assert memory.commands("left")[1] == 0.25
     assert memory.commands("right")[1] == 0.75
     assert not memory.other.attempt.lost
+
+
+def test_the_receivers_fingers_open_as_soon_as_there_is_a_plan():
+    """The arm waits for seconds then; on the approach, fingers were late by 0.7 s."""
+    begin = MakeHandoverPlanner(load_scenario("handover"))._modes[Mode.IDLE]
+    grasp = SimpleNamespace(closure_open=0.47)
+    plan = HandoverMotions(grasp, {}, TaskMotions(grasp, {}), RigidTransform())
+    memory = make_memory()
+    memory.attempt = Attempt(motions=plan, next_look=np.inf)
+    nothing = SimpleNamespace(external_torque=None)
+    after = begin.update(memory, Moment(0.0, nothing))
+    assert after.commands("right")[1] == 0.47
+    assert after.commands("left")[1] == 0.25
 
 
 def test_only_cylinders_are_handed_over():
