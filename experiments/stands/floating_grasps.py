@@ -10,10 +10,8 @@ from __future__ import annotations
 
 import dataclasses as dc
 import functools
-import tempfile
 import time
 from collections.abc import Callable, Mapping
-from pathlib import Path
 from typing import Any, Protocol
 
 import mujoco
@@ -25,7 +23,6 @@ from pydrake.multibody.math import SpatialForce
 from pydrake.multibody.plant import ExternallyAppliedSpatialForce
 
 import experiments.runner as ex
-from drake_srg.export.files import export_scenario
 from drake_srg.learning.grasp_bench import HANDS
 from drake_srg.objects.household import household_object, object_facts
 from drake_srg.objects.solids import object_pieces
@@ -318,9 +315,7 @@ class InMujoco:
         return [-float(d) for d in contacts.dist[own]]
 
 
-def in_mujoco(
-    drawn: Shake, bench: Scenario, options: Mapping[str, Any]
-) -> ex.Measures:
+def in_mujoco(drawn: Shake, bench: Scenario, options: Mapping[str, Any]) -> ex.Measures:
     """Judge a shake on the exported bench, in MuJoCo; for `options`, see `change`."""
     limit = bench.gripper.wire_motor.drive.force_limit_of(drawn.wire_force)
     model = scene(bench)
