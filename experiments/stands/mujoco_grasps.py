@@ -103,16 +103,13 @@ def simulate(
 
 
 def _combine_friction(model: Any) -> None:
-    """Give pads and object the friction that Drake would have between them."""
-    owners = [model.body(body).name for body in model.geom_bodyid]
-    solid = np.array(model.geom_contype) > 0
-    pads = solid & [owner.endswith("tip_link") for owner in owners]
-    thing = solid & [owner.startswith("thing") for owner in owners]
-    pads &= np.array(model.geom_condim) == 4
+    """Give all that touches the object the friction that Drake would have there."""
+    thing = np.array(model.geom_bodyid) == model.body(body_name(model)).id
     friction = model.geom_friction
-    ours, theirs = friction[pads, 0].max(), friction[thing, 0].max()
-    friction[pads] *= (mean := 2.0 * ours * theirs / (ours + theirs)) / ours
-    friction[thing, 0] = np.minimum(friction[thing, 0], mean)
+    theirs = friction[thing, 0].max()
+    ours = friction[~thing, 0]
+    friction[~thing, 0] = 2.0 * ours * theirs / (ours + theirs)
+    friction[thing, 0] = 0.0  # MuJoCo takes the larger one
 
 
 def body_name(model: Any) -> str:
