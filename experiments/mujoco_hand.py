@@ -4,7 +4,7 @@ Of two coefficients of friction, MuJoCo takes the larger one and Drake the harmo
 mean, so the payload is found with either. The trials are those of `payload_wrap`,
 `payload_pinch`, `free_closing` and `closing_sequence`, judged alike. An empty finger
 closes without gravity and contact, with the vendor's stops, against the vendor's
-statics. MuJoCo has the motor's PWM alone, so its wires are wound by small steps of it.
+statics, its spool wound step by step.
 """
 
 from collections.abc import Mapping
@@ -15,6 +15,7 @@ import numpy as np
 
 import experiments.runner as ex
 from drake_srg.common.geometry import minimum_jerk_blend
+from drake_srg.gripper.tendon import wire_travel
 from drake_srg.gripper.underactuation import FINGERS
 from drake_srg.scenario import Scenario
 from drake_srg.simulation.rig import bench_scenario
@@ -39,7 +40,8 @@ from experiments.stands.mujoco_grasps import body_name, change, scene
 _WIRE_FORCES = {"wrap": 200.0, "pinch": 125.0}  # as in payload_wrap, payload_pinch [N]
 _DRAKES = ", friction as in Drake"
 _FREE, _CAN = "closing on nothing", "closing on a can"
-_STEPS, _SETTLE = 200, 0.5  # of PWM, of an empty hand; time to come to rest [s]
+_STEPS, _FINE_STEPS = 250, 60  # of an empty hand's spool
+_SETTLE = 2.0  # in which it comes to rest [s]
 _LINKS = ("left_base", "right_base", "left_tip", "right_tip")
 _COUNT = 2.0 * np.pi / 4096.0  # of a 12-bit encoder: less is no motion [rad]
 _LOG = 0.01  # s
@@ -149,13 +151,26 @@ def _close_free() -> ex.Measures:
     hand.model.opt.gravity[:] = 0.0
     hand.model.geom_contype[:] = hand.model.geom_conaffinity[:] = 0
     hand.limit(STOPS[VENDOR])
-    last = drive.force_limit_of(vendors()[0][-1])
-    slide = hand.model.jnt_dofadr[hand.model.actuator_trnid[hand.wire, 0]]
+    slide = hand.model.actuator_trnid[hand.wire, 0]
+    place, dof = hand.model.jnt_qposadr[slide], hand.model.jnt_dofadr[slide]
+    last = vendors()[0][-1]
+    # The force rises steeply from the base's stop until the tip starts, and at the end.
+    stops = STOPS[VENDOR]
+    end = wire_travel(*stops) + 1.05 * last / drive.wire_stiffness
+    steep = 8.0 / drive.wire_stiffness
+    wounds = np.concatenate(
+        [
+            np.linspace(0.0, end, _STEPS + 1),
+            wire_travel(stops[0], 0.0) + np.linspace(0.0, steep, _FINE_STEPS),
+            end - np.linspace(0.0, steep, _FINE_STEPS),
+        ]
+    )
     force, angles = [], []
-    for pwm in np.linspace(0.0, last, _STEPS + 1):
-        hand.advance(hand.data.time + _SETTLE, pwm)
-        # At rest, the motor's force on the spool's slide is that of both wires.
-        force.append(0.5 * hand.data.qfrc_actuator[slide])
+    for wound in np.sort(wounds):
+        for _ in range(round(_SETTLE / hand.model.opt.timestep)):
+            hand.data.qpos[place], hand.data.qvel[dof] = wound, 0.0
+            mujoco.mj_step(hand.model, hand.data)
+        force.append(-0.5 * float(hand.data.qfrc_passive[dof]))  # of both wires
         angles.append(hand.q())
     left, right = (np.array(angles)[:, list(finger)].T for finger in FINGERS)
     found: dict[str, Any] = {
@@ -182,13 +197,13 @@ def _close_on_can() -> ex.Measures:
         forces = hand.touched()
         touch = [forces.get(f"gripper_{link}_link", 0.0) for link in _LINKS]
         rows.append((t, touch, hand.q()))
-    time, touch, q = (np.array(x) for x in zip(*rows, strict=True))
+    time, touches, q = (np.array(x) for x in zip(*rows, strict=True))
     return {
-        "base touches at [s]": first(time, touch[:, 0] > 0.0),
+        "base touches at [s]": first(time, touches[:, 0] > 0.0),
         "tip starts after the base touches [s]": first(time, q[:, 2] > _COUNT),
-        "tip touches after the base [s]": first(time, touch[:, 2] > 0.0),
-        "base force at the end [N]": np.mean(touch[-1, :2]),
-        "tip force at the end [N]": np.mean(touch[-1, 2:]),
+        "tip touches after the base [s]": first(time, touches[:, 2] > 0.0),
+        "base force at the end [N]": np.mean(touches[-1, :2]),
+        "tip force at the end [N]": np.mean(touches[-1, 2:]),
         "base at the end [rad]": np.mean(q[-1, :2]),
         "tip at the end [rad]": np.mean(q[-1, 2:]),
         "motion of the can [mm]": 1e3 * float(np.linalg.norm(hand.p_GO() - start)),

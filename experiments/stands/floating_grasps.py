@@ -87,7 +87,7 @@ class Shake:
         return bench_scenario(
             thing,
             gripper_rpy=self.rpy,
-            home=_HOME,
+            home=[*_HOME],
             scenario=scenario,
             overrides=overrides,
         )
@@ -122,7 +122,7 @@ def draw(name: str, number: int) -> Shake:
 class Engine(Protocol):
     """What the procedure needs of an engine."""
 
-    def float(self, floats: bool) -> None:
+    def levitate(self, floats: bool) -> None:
         """Let the object float in the medium, or no longer."""
 
     def close(self, limit: float) -> None:
@@ -163,7 +163,7 @@ def judge(engine: Engine, drawn: Shake, limit: float) -> ex.Measures:
         wall = time.process_time() - begin
         return {"touched": False, "held": False, "wall": wall} | found
 
-    engine.float(True)
+    engine.levitate(True)
     if engine.depths():
         return end(touched=True)
     engine.close(limit)
@@ -175,7 +175,7 @@ def judge(engine: Engine, drawn: Shake, limit: float) -> ex.Measures:
     start = engine.p_GO()
     if not depths:
         return end()
-    engine.float(False)
+    engine.levitate(False)
     shaken = shake(_HOME, drawn.a_W, _FREQUENCY, _SHAKE)
 
     def arm(t: float) -> Vector:
@@ -211,7 +211,7 @@ class InDrake:
         )
         self._floats = False
 
-    def float(self, floats: bool) -> None:
+    def levitate(self, floats: bool) -> None:
         self._floats = floats
         self._push()
 
@@ -283,7 +283,7 @@ class InMujoco:
         hinges = np.array(model.jnt_type) == mujoco.mjtJoint.mjJNT_HINGE
         self._fingers = np.array(model.jnt_dofadr)[hinges]
 
-    def float(self, floats: bool) -> None:
+    def levitate(self, floats: bool) -> None:
         # A free joint turns in the axes of the body, near those of its inertia.
         body = self._model.body(self._thing.id)
         mass, inertia = float(body.mass[0]), body.inertia.max()
