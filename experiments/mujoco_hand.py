@@ -7,6 +7,7 @@ closes without gravity and contact, with the vendor's stops, against the vendor'
 statics, its spool wound step by step.
 """
 
+import dataclasses as dc
 from collections.abc import Mapping
 from typing import Any
 
@@ -45,6 +46,7 @@ _SETTLE = 2.0  # in which it comes to rest [s]
 _LINKS = ("left_base", "right_base", "left_tip", "right_tip")
 _COUNT = 2.0 * np.pi / 4096.0  # of a 12-bit encoder: less is no motion [rad]
 _LOG = 0.01  # s
+_TIP = "off by 0.15 degrees just after the tip starts, which we have not explained"
 
 
 class Hand:
@@ -216,9 +218,8 @@ mujoco_hand = ex.Experiment(
     trial,
     {
         **{f"{mass:g} kg held for": VENDORS for mass in MASSES.values()},
-        **{
-            f"{joint}: angle at equal force": THREE_PERCENT for joint in ("base", "tip")
-        },
+        "base: angle at equal force": THREE_PERCENT,
+        "tip: angle at equal force": dc.replace(THREE_PERCENT, known=_TIP),
     },
     picture=[
         ex.Bars(["largest mass held"]),

@@ -84,14 +84,6 @@ def test_a_label_does_not_depend_on_those_before(bench, good):
         assert getattr(again, field) == getattr(good, field)
 
 
-def test_only_the_shake_takes_shorter_steps(bench):
-    assert not bench.label(moved([0.0, 0.0, 0.07])).success  # closes on nothing
-    integrator = bench.simulator.get_integrator()
-    assert integrator.get_num_steps_taken() == 4 * round(bench.time * 64 / 3)
-    bench.label(PINCH)
-    assert integrator.get_maximum_step_size() == 3 / 64 / 6
-
-
 def test_the_object_floats_until_the_fingers_touch_it(bench):
     bench.label(moved([0.0, 0.0, 0.07]))  # it is not touched, and floats on
     start = bench._X_WG @ moved([0.0, 0.0, 0.07]).X_OG.inverse()
