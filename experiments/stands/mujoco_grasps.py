@@ -104,7 +104,8 @@ def simulate(
 
 def _combine_friction(model: Any) -> None:
     """Give all that touches the object the friction that Drake would have there."""
-    thing = np.array(model.geom_bodyid) == model.body(body_name(model)).id
+    own = np.array(model.geom_bodyid) == model.body(body_name(model)).id
+    thing = own & (np.array(model.geom_contype) > 0)  # not what is only seen
     friction = model.geom_friction
     theirs = friction[thing, 0].max()
     ours = friction[~thing, 0]
