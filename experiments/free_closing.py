@@ -100,9 +100,7 @@ def against_vendor(trials: ex.Trials) -> dict[str, ex.Values]:
     Forces are compared where the joint is between its stops.
     """
     ours = trials.where(stops=VENDOR)[0]
-    lines = read_csv("tendon_free_closing.csv")[1:]
-    table = np.array([[float(x) for x in line.split(",")] for line in lines]).T
-    force, angles = table[0], dict(zip(("base", "tip"), table[1:], strict=True))
+    force, _ = vendors()
     reached = ours["wire force [N]"][-1]
     arms = [line.split(",") for line in read_csv("tendon_moment_arms.csv")[1:]]
     found: dict[str, ex.Values] = {
@@ -113,23 +111,38 @@ def against_vendor(trials: ex.Trials) -> dict[str, ex.Values]:
         }
     }
     for joint, arm_of in (("base", base_moment_arm), ("tip", tip_moment_arm)):
-        q, expected = ours[f"{joint} [rad]"], angles[joint]
-        off = np.abs(np.interp(force, ours["wire force [N]"], q) - expected)
-        moving = (expected > 0.0) & (expected < expected[-1])
-        at_angle = np.interp(expected[moving], q, ours["wire force [N]"])
         of_joint = [(float(x), float(y)) for name, x, y in arms if name == joint]
         angle, arm = np.array(of_joint).T
-        same, share = max(off), 100 * max(off / np.maximum(expected, SMALL))
-        below = 100 * max(off[moving] / expected[moving])
         found[joint] = {
             "moment arm, largest deviation [%]": 100
             * max(abs(arm_of(angle) / arm - 1)),
-            "angle at equal force [%]": (share, THREE_PERCENT),
-            "force at equal angle [%]": 100 * max(abs(at_angle / force[moving] - 1.0)),
-            "angle at equal force [degrees]": (np.rad2deg(same), ex.number()),
-            "angle at equal force, also below 3 degrees [%]": below,
+            **deviations(joint, ours["wire force [N]"], ours[f"{joint} [rad]"]),
         }
     return found
+
+
+def vendors() -> tuple[Vector, dict[str, Vector]]:
+    """Return the vendor's wire forces (K) [N] and the angles (K) of base and tip."""
+    lines = read_csv("tendon_free_closing.csv")[1:]
+    table = np.array([[float(x) for x in line.split(",")] for line in lines]).T
+    return table[0], dict(zip(("base", "tip"), table[1:], strict=True))
+
+
+def deviations(joint: str, wire_force: Vector, q: Vector) -> ex.Values:
+    """Return how a joint's angles q (N) [rad] at wire forces (N) [N] deviate."""
+    force, angles = vendors()
+    expected = angles[joint]
+    off = np.abs(np.interp(force, wire_force, q) - expected)
+    moving = (expected > 0.0) & (expected < expected[-1])
+    at_angle = np.interp(expected[moving], q, wire_force)
+    same, share = max(off), 100 * max(off / np.maximum(expected, SMALL))
+    below = 100 * max(off[moving] / expected[moving])
+    return {
+        "angle at equal force [%]": (share, THREE_PERCENT),
+        "force at equal angle [%]": 100 * max(abs(at_angle / force[moving] - 1.0)),
+        "angle at equal force [degrees]": (np.rad2deg(same), ex.number()),
+        "angle at equal force, also below 3 degrees [%]": below,
+    }
 
 
 free_closing = ex.Experiment(

@@ -7,6 +7,7 @@ between the pads. The arm lifts it slowly off its support and holds it for 10 s.
 vendor's log pulls its wires less than the data-sheet model. Does it still hold as much?
 """
 
+from collections.abc import Callable
 from typing import Any, Literal
 
 import numpy as np
@@ -20,7 +21,7 @@ from drake_srg.gripper.underactuation import FINGERS
 from drake_srg.objects.config import ObjectConfig
 from drake_srg.scenario import Scenario, load_scenario
 from drake_srg.simulation.rig import Rig, bench_scenario
-from drake_srg.types import Cylinder
+from drake_srg.types import Cylinder, Vector
 from experiments.hold_drift import creep, things
 from experiments.stands.holding import in_hand, is_free, weld_model
 
@@ -44,9 +45,9 @@ _CRADLE_Z = _POST_HEIGHT + np.sqrt(RADIUS**2 - _POST_Y**2)
 # The fingers close and the wire force settles (7 time constants of 0.3 s). Then the arm
 # lifts the object off its support and holds it. The lift is slow, so that momentum does
 # not add to slip [s].
-_CLOSE, _LIFT, HOLD = 3.5, 3.0, 10.0
+CLOSE, LIFT, HOLD = 3.5, 3.0, 10.0
 VENDORS = ex.at_least(HOLD, source="vendor")
-_LIFT_HEIGHT = 0.06  # m
+LIFT_HEIGHT = 0.06  # m
 # An object counts as held while it moves less than this in the hand [m]. Pinched,
 # motion counts from when the load comes on. Wrapped, it counts from the end of the
 # lift, because heavy cylinders settle from the base links onto the tips (palm down;
@@ -97,26 +98,41 @@ def hold(
     bench = payload_scenario(grip, direction, mass, scenario)
     limit = bench.gripper.wire_motor.drive.force_limit_of(wire_force)
     with Rig(bench, name="payload") as rig:
-        rig.advance(_CLOSE, closure=1.0, force_limit=limit)
+        rig.advance(CLOSE, closure=1.0, force_limit=limit)
         home = rig.commanded("arm.position_commanded")
-        rig.move(home + np.array([0.0, 0.0, _LIFT_HEIGHT]), _LIFT)
+        rig.move(home + np.array([0.0, 0.0, LIFT_HEIGHT]), LIFT)
         free = is_free(rig)
         rig.advance(HOLD)
         log = rig.log()
-    p_GO, time = in_hand(log), log["time"] - _CLOSE
-    closed, lifted = (int(np.argmin(np.abs(time - t))) for t in (0.0, _LIFT))
-    q = log["gripper.state_measured"][:, :4]
+    angles, force = log["gripper.state_measured"][:, :4], log["gripper.wire_force"]
+    found = judge_hold(grip, log["time"], in_hand(log), angles)
+    if not free:
+        found["held_for"] = 0.0
+    return found | {"wire_force": np.max(force)}
+
+
+def judge_hold(grip: str, time: Vector, p_GO: Vector, q: Vector) -> ex.Measures:
+    """Return what `hold` returns, but for the wire force, if nothing else touches.
+
+    Args:
+        grip: `wrap` or `pinch`.
+        time: (K) [s].
+        p_GO: The object's place in the hand (K, 3) [m].
+        q: Joint angles (K, 4) [rad].
+    """
+    time = time - CLOSE
+    closed, lifted = (int(np.argmin(np.abs(time - t))) for t in (0.0, LIFT))
     angle = np.min([q[:, base] + q[:, tip] for base, tip in FINGERS], axis=0)
     since = closed if grip == "pinch" else lifted
     lost = np.linalg.norm(p_GO - p_GO[since], axis=1)[lifted:] > _MOST_MOTION
     if grip == "wrap":
         lost |= angle[lifted:] < 0.5 * np.pi
-    held_for = float(time[lifted + np.argmax(lost)] - _LIFT) if lost.any() else HOLD
     return {
-        "held_for": held_for if free else 0.0,
+        "held_for": float(time[lifted + np.argmax(lost)] - LIFT)
+        if lost.any()
+        else HOLD,
         "slip": 1e3 * np.linalg.norm(p_GO[lifted] - p_GO[closed]),
         "creep": 1e6 * np.linalg.norm(p_GO[-1] - p_GO[lifted]) / HOLD,
-        "wire_force": np.max(log["gripper.wire_force"]),
         "time since the lift began [s]": time[closed:],
         "motion in the hand [mm]": 1e3
         * np.linalg.norm(p_GO[closed:] - p_GO[closed], axis=1),
@@ -142,7 +158,12 @@ def cases(
 def trial(
     grip: str, direction: str, scenario: str, mass: float, wire_force: float
 ) -> ex.Measures:
-    """Hold the claimed mass, then bisect for the largest mass that the grip holds.
+    """Hold the claimed mass, and find the largest mass that the grip holds."""
+    return largest(lambda m: hold(grip, direction, scenario, m, wire_force), mass)
+
+
+def largest(holds: Callable[[float], ex.Measures], mass: float) -> ex.Measures:
+    """Hold a mass [kg], then bisect for the largest that is held, `largest`.
 
     At the end, the heaviest mass held is within `_RESOLUTION` of the lightest mass
     lost. The search gives up when a hundredth of the claimed mass is lost.
@@ -150,7 +171,7 @@ def trial(
     first: ex.Measures = {}
     held, lost, next_mass = 0.0, np.inf, mass
     while lost > max(held * (1.0 + _RESOLUTION), 0.01 * mass):
-        result = hold(grip, direction, scenario, next_mass, wire_force)
+        result = holds(next_mass)
         first = first or result
         if result["held_for"] >= HOLD:
             held = next_mass

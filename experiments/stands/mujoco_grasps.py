@@ -35,6 +35,31 @@ _LIFTED = ARRIVE + CLOSE + LIFT  # s
 _SHAKEN = _LIFTED + 3.0 * SHAKE + REST
 
 
+def scene(scenario: Scenario) -> Any:
+    """Return MuJoCo's model of a scenario, as `drake-srg export` writes it."""
+    with tempfile.TemporaryDirectory() as folder:
+        export_scenario(scenario, "mjcf", Path(folder))
+        return mujoco.MjModel.from_xml_path(f"{folder}/scene.xml")
+
+
+def change(model: Any, options: Mapping[str, Any]) -> None:
+    """Replace options of an exported model.
+
+    Args:
+        model: MuJoCo's model.
+        options: Fields of its `mjOption`; `condim` is that of all contacts; `harmonic`:
+            pads and object meet with the harmonic mean of their coefficients of
+            friction.
+    """
+    for name, value in options.items():
+        if name == "condim":
+            model.geom_condim[:] = value
+        elif name == "harmonic":
+            _combine_friction(model)
+        else:
+            setattr(model.opt, name, value)
+
+
 def simulate(
     scenario: Scenario, grasp: GraspConfig, options: Mapping[str, Any], hold: float
 ) -> ex.Measures:
@@ -43,24 +68,14 @@ def simulate(
     Args:
         scenario: Of `grasps.present`.
         grasp: The grasp.
-        options: Fields of MuJoCo's `mjOption` that replace those of the exported file;
-            `condim` is that of all contacts; `harmonic`: pads and object meet with the
-            harmonic mean of their coefficients of friction.
+        options: See `change`.
         hold: How long the hand waits at the end [s].
 
     Returns:
         `slip`, `creep` and `wall`, as from `grasps.simulate`.
     """
-    with tempfile.TemporaryDirectory() as folder:
-        export_scenario(scenario, "mjcf", Path(folder))
-        model = mujoco.MjModel.from_xml_path(f"{folder}/scene.xml")
-    for name, value in options.items():
-        if name == "condim":
-            model.geom_condim[:] = value
-        elif name == "harmonic":
-            _combine_friction(model)
-        else:
-            setattr(model.opt, name, value)
+    model = scene(scenario)
+    change(model, options)
     data = mujoco.MjData(model)
     mujoco.mj_resetDataKeyframe(model, data, 0)
     names = [model.actuator(i).name for i in range(model.nu)]
@@ -68,7 +83,7 @@ def simulate(
     wire = names.index("wire_motor")
     limit = scenario.gripper.wire_motor.drive.force_limit_of(grasp.wire_force)
     command = _commands(scenario, grasp)
-    palm, thing = (data.body(name) for name in ("gripper_palm", _body(model)))
+    palm, thing = (data.body(name) for name in ("gripper_palm", body_name(model)))
     time, p_GO = [], []
     start = wall_clock.perf_counter()
     while data.time < _SHAKEN + hold:
@@ -88,19 +103,17 @@ def simulate(
 
 
 def _combine_friction(model: Any) -> None:
-    """Give pads and object the friction that Drake would have between them."""
-    owners = [model.body(body).name for body in model.geom_bodyid]
-    solid = np.array(model.geom_contype) > 0
-    pads = solid & [owner.endswith("tip_link") for owner in owners]
-    thing = solid & [owner.startswith("thing") for owner in owners]
-    pads &= np.array(model.geom_condim) == 4
+    """Give all that touches the object the friction that Drake would have there."""
+    own = np.array(model.geom_bodyid) == model.body(body_name(model)).id
+    thing = own & (np.array(model.geom_contype) > 0)  # not what is only seen
     friction = model.geom_friction
-    ours, theirs = friction[pads, 0].max(), friction[thing, 0].max()
-    friction[pads] *= (mean := 2.0 * ours * theirs / (ours + theirs)) / ours
-    friction[thing, 0] = np.minimum(friction[thing, 0], mean)
+    theirs = friction[thing, 0].max()
+    ours = friction[~thing, 0]
+    friction[~thing, 0] = 2.0 * ours * theirs / (ours + theirs)
+    friction[thing, 0] = 0.0  # MuJoCo takes the larger one
 
 
-def _body(model: Any) -> str:
+def body_name(model: Any) -> str:
     """Return the name of the object's body."""
     names = [model.body(i).name for i in range(model.nbody)]
     return next(name for name in names if name.startswith("thing"))

@@ -139,6 +139,18 @@ def test_two_points_resist_no_torsion_but_two_pads_do():
     assert wrench_space(pinch(), BODY).epsilon > 0.0
 
 
+@HULLS
+@given(st.floats(0.1, 1.0), st.floats(0.002, 0.02))
+def test_the_hull_is_that_of_exact_points(friction, half):
+    from scipy.spatial import ConvexHull
+
+    patches = pinch(friction=friction, half=half)
+    exact = ConvexHull(cone_wrenches(patches, BODY).reshape(-1, 6))
+    found = wrench_space(patches, BODY)
+    assert found.epsilon == pytest.approx(-exact.equations[:, -1].max(), abs=1e-8)
+    assert found.volume == pytest.approx(exact.volume, rel=1e-6)
+
+
 def test_one_side_has_no_force_closure():
     assert not wrench_space([pad(1.0)], BODY).closed
 

@@ -1,0 +1,137 @@
+"""Verdicts of Drake's solvers and of MuJoCo about the same shaken grasps.
+
+Twenty household objects are grasped as drawn by `drake-srg grasps`: from all sides, and
+half of the grasps are moved at random. Wire force, mass, friction and shake are drawn
+as in `grasp_measures`. All engines get the same models, commands and times, and are
+judged alike (`floating_grasps`): the object is lost once it has moved by 15 mm in the
+hand. The verdicts are compared with those of the bench with finely meshed pads and
+steps of 1 ms. Times are those of the processor.
+
+Wires need a discrete plant. So the convex integrator (CENIC) is tested with joint
+servos, on the bench of `drake-srg grasps`, and compared with `accurate` there: a grasp
+holds if it withstands 1 g.
+"""
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+
+import experiments.runner as ex
+from drake_srg.common.exceptions import ScenarioError
+from drake_srg.learning.grasp_bench import GraspBench
+from drake_srg.objects.household import HOUSEHOLD, household_object
+from experiments.engines import DRAKE as COARSE
+from experiments.engines import MUJOCO as OPTIONS
+from experiments.stands.floating_grasps import draw, in_drake, in_mujoco
+
+REFERENCE, SERVOS = "Drake, accurate", "Drake, accurate, joint servos"
+CENIC = "Drake, CENIC, joint servos"
+# Scenario and overrides.
+DRAKE: Mapping[str, tuple[str, tuple[str, ...]]] = {
+    REFERENCE: ("gripper_bench_accurate", ()),
+    **COARSE,
+    "Drake, lagged": (
+        "gripper_bench",
+        ("plant_config.discrete_contact_approximation=lagged",),
+    ),
+}
+PHYSICS = {SERVOS: "accurate", CENIC: "train"}
+MUJOCO = {
+    name: OPTIONS[name]
+    for name in (
+        "MuJoCo, as exported",
+        "MuJoCo, friction as in Drake",
+        "MuJoCo, without torsion",
+        "MuJoCo, its defaults",
+    )
+}
+ENGINES = (*DRAKE, *PHYSICS, *MUJOCO)
+
+
+def cases(
+    objects: Sequence[str] = (), engines: Sequence[str] = (), shakes: int = 1
+) -> list[ex.Case]:
+    """Shake every object in every engine.
+
+    Args:
+        engines: Names of the engines; all by default.
+        shakes: Of each object; 100 take 7 hours of one core.
+    """
+    return ex.grid(
+        shake=range(shakes),
+        object=ex.chosen("objects", objects, HOUSEHOLD),
+        engine=ex.chosen("engines", engines, ENGINES),
+    )
+
+
+def trial(shake: int, object: str, engine: str) -> ex.Measures:
+    drawn = draw(object, shake)
+    if engine in PHYSICS:
+        model = str(household_object(object).model)
+        label = GraspBench(model, 1.0, "srg", PHYSICS[engine]).label(drawn.grasp)
+        return {"touched": label is None, "held": bool(label and label.success)}
+    scenario, overrides = DRAKE.get(engine, ("gripper_bench", ()))
+    bench = drawn.scenario(object, scenario, overrides)
+    try:
+        if engine in MUJOCO:
+            return in_mujoco(drawn, bench, MUJOCO[engine])
+        return in_drake(drawn, bench)
+    except ScenarioError:
+        return {"touched": False, "held": False, "aborted": True}
+
+
+def agreement(trials: ex.Trials) -> dict[str, ex.Values]:
+    """Compare the verdicts of each engine with those of its reference."""
+    engines, found = trials.groups("engine"), {}
+    for name, own in engines.items():
+        reference = engines.get(SERVOS if name in PHYSICS else REFERENCE)
+        held = np.array(own["held"])
+        values: ex.Values = _costs(own)
+        if reference is not None:
+            tested = ~(np.array(own["touched"]) | np.array(reference["touched"]))
+            values["grasps that hold []"] = np.sum(held & tested)
+            values["grasps tested []"] = np.sum(tested)
+            if name not in (REFERENCE, SERVOS):
+                theirs = np.array(reference["held"])
+                values |= _compare(held[tested], theirs[tested])
+        found[name] = values
+    return found
+
+
+def _compare(held: Any, theirs: Any) -> ex.Values:
+    same = int(np.sum(held == theirs))
+    return {
+        **ex.share("same verdict", same, len(held), spread=0.05),
+        "holds what the reference loses []": np.sum(held & ~theirs),
+        "loses what the reference holds []": np.sum(theirs & ~held),
+    }
+
+
+def _costs(own: ex.Trials) -> ex.Values:
+    found: ex.Values = {}
+    held = [t for t in own if t["held"]]
+    for measure, unit in (("creep", "um/s"), ("depth", "mm"), ("moved", "mm")):
+        values = [t[measure] for t in held if measure in t]
+        if values:
+            found[f"median {measure} [{unit}]"] = np.median(values)
+    walls = [t["wall"] for t in own if not t["touched"] and "wall" in t]
+    if walls:
+        found["processor time of a grasp [s]"] = np.mean(walls)
+    return found
+
+
+engine_shakes = ex.Experiment(
+    "Twenty household objects, grasped anyhow and shaken, in Drake and MuJoCo.",
+    cases,
+    trial,
+    {"processor time of a grasp": ex.number(clock="time")},
+    by=("engine",),
+    summary=lambda own: {},
+    whole=agreement,
+    picture=[
+        ex.Bars(["same verdict"]),
+        ex.Bars(["holds what the reference loses", "loses what the reference holds"]),
+    ],
+    serial=True,
+)

@@ -1,0 +1,225 @@
+"""The exported hand in MuJoCo: payload, and closing on nothing and on a can.
+
+Of two coefficients of friction, MuJoCo takes the larger one and Drake the harmonic
+mean, so the payload is found with either. The trials are those of `payload_wrap`,
+`payload_pinch`, `free_closing` and `closing_sequence`, judged alike. An empty finger
+closes without gravity and contact, with the vendor's stops, against the vendor's
+statics, its spool wound step by step.
+"""
+
+import dataclasses as dc
+from collections.abc import Mapping
+from typing import Any
+
+import mujoco
+import numpy as np
+
+import experiments.runner as ex
+from drake_srg.common.geometry import minimum_jerk_blend
+from drake_srg.gripper.tendon import wire_travel
+from drake_srg.gripper.underactuation import FINGERS
+from drake_srg.scenario import Scenario
+from drake_srg.simulation.rig import bench_scenario
+from drake_srg.types import Vector
+from experiments.closing import DURATION, START, can_in_hand, first
+from experiments.free_closing import STOPS, THREE_PERCENT, VENDOR, deviations, vendors
+from experiments.payload import (
+    BENCH,
+    CLOSE,
+    DIRECTIONS,
+    HOLD,
+    LIFT,
+    LIFT_HEIGHT,
+    MASSES,
+    VENDORS,
+    judge_hold,
+    largest,
+    payload_scenario,
+)
+from experiments.stands.mujoco_grasps import body_name, change, scene
+
+_WIRE_FORCES = {"wrap": 200.0, "pinch": 125.0}  # as in payload_wrap, payload_pinch [N]
+_DRAKES = ", friction as in Drake"
+_FREE, _CAN = "closing on nothing", "closing on a can"
+_STEPS, _FINE_STEPS = 250, 60  # of an empty hand's spool
+_SETTLE = 2.0  # in which it comes to rest [s]
+_LINKS = ("left_base", "right_base", "left_tip", "right_tip")
+_COUNT = 2.0 * np.pi / 4096.0  # of a 12-bit encoder: less is no motion [rad]
+_LOG = 0.01  # s
+_TIP = "off by 0.15 degrees just after the tip starts, which we have not explained"
+
+
+class Hand:
+    """The exported hand, with the gantry and the object of a scenario."""
+
+    def __init__(self, scenario: Scenario, options: Mapping[str, Any]) -> None:
+        self.model = model = scene(scenario)
+        change(model, options)
+        self.data = mujoco.MjData(model)
+        mujoco.mj_resetDataKeyframe(model, self.data, 0)
+        names = [model.actuator(i).name for i in range(model.nu)]
+        self._arm = [i for i, name in enumerate(names) if name.startswith("arm_")]
+        self.wire = names.index("wire_motor")
+        self._joints = [model.joint(f"gripper_{link}_joint") for link in _LINKS]
+        self._home = np.array(scenario.arm.home)
+        self._palm = self.data.body("gripper_palm")
+
+    def advance(self, until: float, pwm: float, rise: float = 0.0) -> None:
+        """Simulate until a time [s], the gantry `rise` above its home [m]."""
+        while self.data.time < until:
+            self.data.ctrl[self._arm] = self._home + np.array([0.0, 0.0, rise])
+            self.data.ctrl[self.wire] = pwm
+            mujoco.mj_step(self.model, self.data)
+
+    def q(self) -> Vector:
+        """Return the joint angles (4) [rad]."""
+        return np.array([self.data.qpos[j.qposadr[0]] for j in self._joints])
+
+    def limit(self, stops: tuple[float, float]) -> None:
+        """Set the upper stops of base and tip [rad]."""
+        for joint, stop in zip(self._joints, np.repeat(stops, 2), strict=True):
+            self.model.jnt_range[joint.id] = 0.0, stop
+
+    def p_GO(self) -> Vector:
+        """Return the object's place in the hand (3) [m]."""
+        thing = self.data.body(body_name(self.model))
+        R_GW = self._palm.xmat.reshape(3, 3).T
+        p_GO: Vector = R_GW @ (thing.xpos - self._palm.xpos)
+        return p_GO
+
+    def touched(self) -> dict[str, float]:
+        """Return the normal force on the object by the body that touches it [N]."""
+        own, found = self.data.body(body_name(self.model)).id, dict[str, float]()
+        for i, contact in enumerate(self.data.contact):
+            bodies = [int(self.model.geom_bodyid[geom]) for geom in contact.geom]
+            if own in bodies:
+                (other,) = {*bodies} - {own}
+                force = np.zeros(6)
+                mujoco.mj_contactForce(self.model, self.data, i, force)
+                name = self.model.body(other).name
+                found[name] = found.get(name, 0.0) + force[0]
+        return found
+
+
+def cases() -> list[ex.Case]:
+    """Hold in both ways and directions, wrapped with each friction, and close."""
+    holds = [f"{grip}, {direction}" for grip in MASSES for direction in DIRECTIONS]
+    # Pads and cylinder have the same friction, which is also its mean.
+    other = [f"{name}{_DRAKES}" for name in holds if name.startswith("wrap")]
+    return ex.grid(what=[*holds, *other, _FREE, _CAN])
+
+
+def trial(what: str) -> ex.Measures:
+    if what == _FREE:
+        return _close_free()
+    if what == _CAN:
+        return _close_on_can()
+    grip, direction = what.removesuffix(_DRAKES).split(", ")
+    mass, options = MASSES[grip], {"harmonic": True} if _DRAKES in what else {}
+    found = largest(lambda m: _hold(grip, direction, m, options), mass)
+    return {
+        f"{mass:g} kg held for [s]": found["held_for"],
+        "slip while the load comes on [mm]": found["slip"],
+        "creep while held [um/s]": found["creep"],
+        "largest mass held [kg]": found["largest"],
+    }
+
+
+def _hold(
+    grip: str, direction: str, mass: float, options: Mapping[str, Any]
+) -> ex.Measures:
+    bench = payload_scenario(grip, direction, mass, BENCH)
+    limit = bench.gripper.wire_motor.drive.force_limit_of(_WIRE_FORCES[grip])
+    hand, rows = Hand(bench, options), []
+    others = set[str]()
+    for t in np.arange(_LOG, CLOSE + LIFT + HOLD + 0.5 * _LOG, _LOG):
+        rise = LIFT_HEIGHT * float(minimum_jerk_blend((t - CLOSE) / LIFT))
+        hand.advance(t, limit, rise)
+        rows.append((t, hand.p_GO(), hand.q()))
+        if abs(t - CLOSE - LIFT) < 0.5 * _LOG:
+            others = {n for n in hand.touched() if not n.startswith("gripper")}
+    time, p_GO, q = (np.array(x) for x in zip(*rows, strict=True))
+    found = judge_hold(grip, time, p_GO, q)
+    return found | ({"held_for": 0.0} if others else {})
+
+
+def _close_free() -> ex.Measures:
+    """Wind the wires of the empty hand in small steps to the vendor's largest force."""
+    bench = bench_scenario(overrides=["object.present=false"])
+    drive, hand = bench.gripper.wire_motor.drive, Hand(bench, {})
+    hand.model.opt.gravity[:] = 0.0
+    hand.model.geom_contype[:] = hand.model.geom_conaffinity[:] = 0
+    hand.limit(STOPS[VENDOR])
+    slide = hand.model.actuator_trnid[hand.wire, 0]
+    place, dof = hand.model.jnt_qposadr[slide], hand.model.jnt_dofadr[slide]
+    last = vendors()[0][-1]
+    # The force rises steeply from the base's stop until the tip starts, and at the end.
+    stops = STOPS[VENDOR]
+    end = wire_travel(*stops) + 1.05 * last / drive.wire_stiffness
+    steep = 8.0 / drive.wire_stiffness
+    wounds = np.concatenate(
+        [
+            np.linspace(0.0, end, _STEPS + 1),
+            wire_travel(stops[0], 0.0) + np.linspace(0.0, steep, _FINE_STEPS),
+            end - np.linspace(0.0, steep, _FINE_STEPS),
+        ]
+    )
+    force, angles = [], []
+    for wound in np.sort(wounds):
+        for _ in range(round(_SETTLE / hand.model.opt.timestep)):
+            hand.data.qpos[place], hand.data.qvel[dof] = wound, 0.0
+            mujoco.mj_step(hand.model, hand.data)
+        force.append(-0.5 * float(hand.data.qfrc_passive[dof]))  # of both wires
+        angles.append(hand.q())
+    left, right = (np.array(angles)[:, list(finger)].T for finger in FINGERS)
+    found: dict[str, Any] = {
+        "wire force [N]": np.array(force),
+        "base [rad]": left[0],
+        "tip [rad]": left[1],
+        "wire force reached [N]": force[-1],
+        "largest left-right difference [rad]": np.max(np.abs(left - right)),
+    }
+    for name, q in zip(("base", "tip"), left, strict=True):
+        for key, value in deviations(name, np.array(force), q).items():
+            # Claims are made elsewhere.
+            found[f"{name}: {key}"] = value[0] if isinstance(value, tuple) else value
+    return found
+
+
+def _close_on_can() -> ex.Measures:
+    bench = can_in_hand("!SrgTendonDriver {}")
+    hand, limit = Hand(bench, {}), bench.gripper.servo.force_limit
+    hand.advance(START, 0.0)
+    start, rows = hand.p_GO(), []
+    for t in np.arange(0.0, DURATION, 0.2 * _LOG):
+        hand.advance(START + t, limit)
+        forces = hand.touched()
+        touch = [forces.get(f"gripper_{link}_link", 0.0) for link in _LINKS]
+        rows.append((t, touch, hand.q()))
+    time, touches, q = (np.array(x) for x in zip(*rows, strict=True))
+    return {
+        "base touches at [s]": first(time, touches[:, 0] > 0.0),
+        "tip starts after the base touches [s]": first(time, q[:, 2] > _COUNT),
+        "tip touches after the base [s]": first(time, touches[:, 2] > 0.0),
+        "base force at the end [N]": np.mean(touches[-1, :2]),
+        "tip force at the end [N]": np.mean(touches[-1, 2:]),
+        "base at the end [rad]": np.mean(q[-1, :2]),
+        "tip at the end [rad]": np.mean(q[-1, 2:]),
+        "motion of the can [mm]": 1e3 * float(np.linalg.norm(hand.p_GO() - start)),
+    }
+
+
+mujoco_hand = ex.Experiment(
+    "The exported hand in MuJoCo: payload, and closing on nothing and on a can.",
+    cases,
+    trial,
+    {
+        **{f"{mass:g} kg held for": VENDORS for mass in MASSES.values()},
+        "base: angle at equal force": THREE_PERCENT,
+        "tip: angle at equal force": dc.replace(THREE_PERCENT, known=_TIP),
+    },
+    picture=[
+        ex.Bars(["largest mass held"]),
+        ex.Curves("wire force [N]", ("base [rad]", "tip [rad]"), where={"what": _FREE}),
+    ],
+)
