@@ -41,9 +41,9 @@ class Insert(PlannerConfig):
     tip: float | None = dc.field(default=None, metadata=positive())
     # Whether the peg is a cap that goes over a pin.
     over: bool = False
-    # Amplitude of the turns about its axis [rad]. A pressed cylinder always turns, so
-    # that friction hardly resists its way down. A box, the proxy of a peg with a key or
-    # corners, turns while it goes no deeper, to find its way.
+    # Amplitude of the turns about its axis [rad]. A cylinder turns once it has entered,
+    # so that friction hardly resists its way down. A box, the proxy of a peg with a key
+    # or corners, turns while it goes no deeper, to find its way.
     twist: float = dc.field(default=0.15, metadata={"ge": 0.0, "le": 0.2})
     # Height over the hole at which the insertion begins [m].
     hover: float = dc.field(default=0.008, metadata=positive())
@@ -99,6 +99,7 @@ class Insertion(Memory):
     spiral_at: float = 0.0  # when the spiral began [s]
     fallen_at: float = 0.0  # until then, the edge was no deeper than at first [s]
     pressed_at: float = 0.0  # start of the pressing [s]
+    entered_at: float = 0.0  # until then, the peg had not entered the hole [s]
     q: Vector = dc.field(default_factory=lambda: np.zeros(0))  # commanded (N,) [rad]
     X_TG: RigidTransform | None = None  # the hand in the tip's frame [m]
     X_WU: RigidTransform | None = None  # the tip, upright on the goal's rim [m]

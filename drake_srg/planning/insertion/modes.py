@@ -51,12 +51,10 @@ _DITHER, _FREQUENCY = 6e-4, 3.0  # across the way to the wall [m], [Hz]
 _PAST = -0.035
 _TWISTING = 1.0  # period of the turns back and forth [s]
 _WOBBLE, _WOBBLING = 0.015, 1.5  # in a circle, of a peg that is pressed [rad], [Hz]
-# A leaning peg wedges down to this share of its diameter, its friction (Whitney, 1982).
-_WEDGING = 0.35
+_WEDGING = 0.35  # depth to which a leaning peg wedges: friction times diameter (Whitney)
 _FALLEN = 0.0005  # a peg this much deeper than the rim has found the hole [m]
 _SINKING = 0.6  # time from then until the edge is at the wall and has sunk [s]
-# Longest pressing [s]. Pegs that go in take up to 6 s; later, the hand slips along the
-# peg.
+# Longest pressing [s]. Pegs that go in take 6 s; later, the hand slips along the peg.
 _PRESSING = 10.0
 # The hole guides a peg that is deeper than this [m] and leans less than this [rad].
 _ENTERED, _NEARLY = 0.004, 0.03
@@ -393,7 +391,8 @@ class Press(Inserting):
     def enter(self, memory: PlannerMemory, entry: Entry) -> PlannerMemory:
         """Record the start of the pressing."""
         memory = super().enter(memory, entry)
-        insertion_of(memory).pressed_at = entry.time
+        tip = insertion_of(memory)
+        tip.pressed_at = tip.entered_at = entry.time
         return memory
 
     def pull_to(self, tip: Insertion, time: float) -> Vector:
@@ -413,8 +412,8 @@ class Press(Inserting):
 
         Deeper, the hole guides the peg along its true axis.
         """
-        config, depth = self.task.config, tip.rim - float(tip.p[2])
-        if depth > _WEDGING * 2.0 * self.task.radius:
+        config = self.task.config
+        if self._depth(tip) > _WEDGING * 2.0 * self.task.radius:
             return np.zeros(3)
         turn = np.cross(tip.X_WT_measured.rotation().col(2), _UP)
         return limited(turn, config.upright_torque / config.turning_stiffness)
@@ -422,13 +421,15 @@ class Press(Inserting):
     def _twist(self, tip: Insertion, time: float) -> Vector:
         """Return the wobble, and the turn about the peg's axis, (3,) [rad].
 
-        While the peg turns, friction acts along the turn and hardly against the way
-        down. A key that has found its way stays there.
+        While a peg that has entered turns, friction acts along the turn and hardly
+        against the way down. A key that has found its way stays there.
         """
         phase = 2.0 * np.pi * _WOBBLING * (time - tip.pressed_at)
         growth = min((time - tip.pressed_at) * _WOBBLING, 1.0)
         wobble = growth * _WOBBLE * np.array([np.cos(phase), np.sin(phase)])
-        turn, began = tip.twist[2], tip.pressed_at
+        if self._depth(tip) < _SHALLOW:
+            tip.entered_at = time
+        turn, began = tip.twist[2], tip.entered_at
         if not self.task.round:
             began = tip.progress_at + 0.5 * _WITHOUT
         if time > began:
@@ -443,11 +444,15 @@ class Press(Inserting):
 
     def _deep(self, tip: Insertion) -> bool:
         config = self.task.config
-        return tip.rim - float(tip.p[2]) >= config.depth - config.depth_tolerance
+        return self._depth(tip) >= config.depth - config.depth_tolerance
+
+    def _depth(self, tip: Insertion) -> float:
+        """Return how deep the peg is, unless the hand has slipped along it [m]."""
+        return tip.rim - float(tip.p[2])
 
     def observe_tip(self, tip: Insertion, time: float) -> Observation:
         """Report that the peg is seated, or why it goes no deeper."""
-        config, depth = self.task.config, tip.rim - float(tip.p[2])
+        config, depth = self.task.config, self._depth(tip)
         # A hand deeper than the hole has slipped along a resting peg.
         slips = depth > config.depth + config.depth_tolerance
         late = time - tip.pressed_at > _PRESSING
@@ -456,8 +461,7 @@ class Press(Inserting):
         if not late and depth >= config.depth - config.depth_tolerance:
             tip.seated = True
             return Observation(arrived=True, at_goal=True)
-        shallow = depth < _SHALLOW
-        why = Failure.TOO_TIGHT if shallow else Failure.HOLE_BLOCKED
+        why = Failure.TOO_TIGHT if depth < _SHALLOW else Failure.HOLE_BLOCKED
         tip.stops = (*tip.stops, why)
         tip.deepest = max(tip.deepest, depth)
         return Observation(arrived=True)
@@ -585,8 +589,7 @@ def _centred(q: Vector) -> Vector:
 
 
 def _unit(vector: Vector) -> Vector:
-    unit: Vector = vector / np.linalg.norm(vector)
-    return unit
+    return np.asarray(vector / np.linalg.norm(vector))
 
 
 def _upright(R_WT: RotationMatrix) -> RotationMatrix:
