@@ -51,7 +51,7 @@ _DITHER, _FREQUENCY = 6e-4, 3.0  # across the way to the wall [m], [Hz]
 _PAST = -0.035
 _TWISTING = 1.0  # period of the turns back and forth [s]
 _WOBBLE, _WOBBLING = 0.015, 1.5  # in a circle, of a peg that is pressed [rad], [Hz]
-_WEDGING = 0.35  # depth to which a leaning peg wedges: friction times diameter (Whitney)
+_WEDGING = 0.35  # share of its diameter down to which a leaning peg wedges: friction
 _FALLEN = 0.0005  # a peg this much deeper than the rim has found the hole [m]
 _SINKING = 0.6  # time from then until the edge is at the wall and has sunk [s]
 # Longest pressing [s]. Pegs that go in take 6 s; later, the hand slips along the peg.
