@@ -1,13 +1,10 @@
-"""Pegs and holes with 0.1 mm of room: what inserts them, and what cannot be inserted.
+"""What cannot be inserted, and how the hand holds what can.
 
-`insertion` compares strategies: a straight push, a spiral over the rim, and a peg that
-leans against the wall. In `insertion_told`, what is no hole for the peg is told by
-name: a plate without a hole, a hole 0.05 mm too narrow, and a hole with a plug in it.
+In `insertion_told`, what is no hole for the peg is told by name: a plate without a
+hole, a hole 0.05 mm too narrow, and a hole with a plug in it.
 `insertion_turn` presses on the end of a held peg. Soft fingers alone might lead it into
 a hole, if they gave way and came back.
 """
-
-from collections.abc import Sequence
 
 import numpy as np
 from pydrake.common.value import AbstractValue
@@ -23,7 +20,6 @@ from drake_srg.simulation import Simulate
 from drake_srg.simulation.rig import Rig, bench_scenario
 from drake_srg.types import Cylinder
 
-STRATEGIES = ("push", "spiral", "tilt")
 HOLES = {
     "no_hole": "directives.hole.add_model.file=package://drake_srg/sdf/hole_none.sdf",
     "too_tight": "objects.peg.shape.radius=0.01255",
@@ -36,55 +32,6 @@ HOLES = {
 MOST_FORCE = 30.0  # between peg and hole [N]
 FORCES = (1.5, 3.0, 6.0, 15.0)  # on the end of a held peg [N]
 _PALM = 0.226  # height of the palm over the table; the pads hold the peg's middle [m]
-
-
-def cases(
-    clearances: Sequence[str] = ("0.3 mm", "0.1 mm"),
-    trials: int = 10,
-    seed: int = 45000,
-) -> list[ex.Case]:
-    """Insert the pegs of `insert_varied` by each strategy, with the same seeds.
-
-    Args:
-        clearances: As in `chosen.clearance`.
-    """
-    seeds = range(seed, seed + trials)
-    return ex.grid(strategy=STRATEGIES, clearance=clearances, seed=seeds)
-
-
-def trial(strategy: str, clearance: str, seed: int) -> ex.Measures:
-    # Turns of a spiral miss the hole if they are more than two clearances apart.
-    pitch = 1.5e-3 * float(clearance.removesuffix(" mm"))
-    changes = [
-        f'chosen.clearance="{clearance}"',
-        f"planner.strategy={strategy}",
-        f"planner.spiral_pitch={pitch}",
-    ]
-    scenario = load_scenario("insert_varied", seed=seed, overrides=changes)
-    metrics = Simulate(scenario).metrics
-    return {
-        "inserted": float(metrics.success),
-        "force on the hole [N]": metrics.hole_force_n,
-        "time [s]": metrics.cycle_time_s or np.nan,
-    }
-
-
-def rates(own: ex.Trials) -> ex.Values:
-    inserted = own["inserted"]
-    return {
-        **ex.share("inserted", sum(inserted), len(inserted), spread=0.2),
-        "force on the hole, largest [N]": max(own["force on the hole [N]"]),
-    }
-
-
-insertion = ex.Experiment(
-    "Which strategy inserts a peg, by the clearance of its hole.",
-    cases,
-    trial,
-    by=("strategy", "clearance"),
-    summary=rates,
-    picture=[ex.Bars(["inserted"])],
-)
 
 
 def told_cases() -> list[ex.Case]:
