@@ -1,12 +1,12 @@
 import json
 
 import pytest
+from learning.made_policies import made_policy
+from sweeps.stub import StubEngine
 
 from drake_srg.cli.learn import keywords
 from drake_srg.cli.main import main
 from drake_srg.common.exceptions import ScenarioError
-from tests.learning.made_policies import made_policy
-from tests.sweeps.stub import StubEngine
 
 HIT = "tests.learning.toy:toy/Hit-v0"
 

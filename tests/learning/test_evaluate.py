@@ -1,11 +1,11 @@
 import dataclasses as dc
 
 import pytest
+from sweeps.stub import StubEngine
 
 from drake_srg.common.exceptions import ScenarioError
 from drake_srg.learning.episodes import EVALUATION, VALIDATION
 from drake_srg.learning.evaluate import evaluate, run_trial
-from tests.sweeps.stub import StubEngine
 
 from .made_policies import made_policy
 

@@ -1,13 +1,13 @@
 import dataclasses as dc
 
 import pytest
+from sweeps.stub import StubEngine
 
 from drake_srg.common.exceptions import ScenarioError
 from drake_srg.learning.episodes import EVALUATION
 from drake_srg.learning.evaluate_in_cell import ONE_SHOT, cell_policy, evaluate_in_cell
 from drake_srg.learning.policy import load_policy
 from drake_srg.learning.rules import pick_by_touch
-from tests.sweeps.stub import StubEngine
 
 from .made_policies import made_policy
 

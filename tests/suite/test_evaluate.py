@@ -5,12 +5,12 @@ from typing import ClassVar
 import gymnasium
 import numpy as np
 import pytest
+from learning.made_policies import made_policy
 
 from drake_srg.common.exceptions import ScenarioError
 from drake_srg.learning.episodes import EVALUATION
 from drake_srg.suite import evaluate
 from drake_srg.types import Failure, Mode
-from tests.learning.made_policies import made_policy
 
 
 class Counting(gymnasium.Env):
