@@ -21,7 +21,7 @@ from drake_srg.gripper.underactuation import FINGERS
 from drake_srg.scenario import Scenario
 from drake_srg.simulation.rig import bench_scenario
 from drake_srg.types import Vector
-from experiments.closing import DURATION, START, can_in_hand, first
+from experiments.closing import DURATION, START, TOUCHED, can_in_hand, first
 from experiments.free_closing import STOPS, THREE_PERCENT, VENDOR, deviations, vendors
 from experiments.payload import (
     BENCH,
@@ -181,8 +181,9 @@ def _close_free() -> ex.Measures:
     }
     for name, q in zip(("base", "tip"), left, strict=True):
         for key, value in deviations(name, np.array(force), q).items():
-            # Claims are made elsewhere.
-            found[f"{name}: {key}"] = value[0] if isinstance(value, tuple) else value
+            # Claims are made by name, below; that of angles is about shares.
+            quantity = f"{name}: {key.replace(' [degrees]', ', absolute [degrees]')}"
+            found[quantity] = value[0] if isinstance(value, tuple) else value
     return found
 
 
@@ -198,9 +199,9 @@ def _close_on_can() -> ex.Measures:
         rows.append((t, touch, hand.q()))
     time, touches, q = (np.array(x) for x in zip(*rows, strict=True))
     return {
-        "base touches at [s]": first(time, touches[:, 0] > 0.0),
+        "base touches at [s]": first(time, touches[:, 0] >= TOUCHED),
         "tip starts after the base touches [s]": first(time, q[:, 2] > _COUNT),
-        "tip touches after the base [s]": first(time, touches[:, 2] > 0.0),
+        "tip touches after the base [s]": first(time, touches[:, 2] >= TOUCHED),
         "base force at the end [N]": np.mean(touches[-1, :2]),
         "tip force at the end [N]": np.mean(touches[-1, 2:]),
         "base at the end [rad]": np.mean(q[-1, :2]),

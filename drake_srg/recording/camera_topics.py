@@ -30,8 +30,7 @@ def millimetres(depth: Vector) -> Any:
     Args:
         depth: Depths [m], any shape.
     """
-    with np.errstate(invalid="ignore"):  # infinity times 0 is no depth either
-        scaled = np.rint(np.nan_to_num(depth, posinf=0.0, neginf=0.0) * 1000.0)
+    scaled = np.rint(np.nan_to_num(depth, posinf=0.0, neginf=0.0) * 1000.0)
     return np.where((scaled > 0.0) & (scaled <= _FARTHEST), scaled, 0).astype(np.uint16)
 
 

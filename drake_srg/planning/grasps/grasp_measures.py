@@ -275,7 +275,7 @@ def wrench_space(
         weighted: Whether each point presses with its present normal force, in units of
             the object's weight, instead of with 1 (Krug et al., ICRA 2017).
     """
-    from scipy.spatial import ConvexHull
+    from scipy.spatial import ConvexHull, QhullError
 
     if not patches:
         return WrenchSpace()
@@ -286,9 +286,12 @@ def wrench_space(
     points = wrenches.reshape(-1, 6)
     if np.linalg.matrix_rank(points - points[0]) < 6:  # flat, or too few points
         return WrenchSpace()
-    # Pads are flat, so many points share a facet. Moving all by 1e-10 ("QJ") takes half
+    # Pads are flat, so many points share a facet. Moving all a little ("QJ") takes half
     # of the time of merging facets.
-    hull = ConvexHull(points, qhull_options="QJ")
+    try:
+        hull = ConvexHull(points, qhull_options="QJ")
+    except QhullError:  # nearly flat
+        return WrenchSpace()
     epsilon = float(np.min(-hull.equations[:, -1]))
     return WrenchSpace(max(epsilon, 0.0), float(hull.volume))
 

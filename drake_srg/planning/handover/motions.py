@@ -209,7 +209,8 @@ class HandoverTaskPlanner(TaskPlanner):
         would sweep space beside the giver that no plan has checked.
         """
         height = self._handover.grip_height
-        return taking_grasps(self.receiver.hand, shape, height)[0].fingers_open
+        grasps = taking_grasps(self.receiver.hand, shape, height)
+        return min(grasps, key=lambda grasp: grasp.closure_open).fingers_open
 
     def _no_goal(
         self, shape: Solid, X_WO_goal: RigidTransform, obstacles: Obstacles

@@ -392,7 +392,7 @@ class Press(Inserting):
         """Record the start of the pressing."""
         memory = super().enter(memory, entry)
         tip = insertion_of(memory)
-        tip.pressed_at = tip.entered_at = entry.time
+        tip.pressed_at, tip.entered_at = entry.time, np.inf
         return memory
 
     def pull_to(self, tip: Insertion, time: float) -> Vector:
@@ -408,10 +408,7 @@ class Press(Inserting):
         return turned(R_WT, tip.twist - before)
 
     def _to_upright(self, tip: Insertion) -> Vector:
-        """Return the turn that puts a peg upright that may wedge, (3,) [rad].
-
-        Deeper, the hole guides the peg along its true axis.
-        """
+        """Return the turn that puts a peg upright that may wedge, (3,) [rad]."""
         config = self.task.config
         if self._depth(tip) > _WEDGING * 2.0 * self.task.radius:
             return np.zeros(3)
@@ -427,8 +424,8 @@ class Press(Inserting):
         phase = 2.0 * np.pi * _WOBBLING * (time - tip.pressed_at)
         growth = min((time - tip.pressed_at) * _WOBBLING, 1.0)
         wobble = growth * _WOBBLE * np.array([np.cos(phase), np.sin(phase)])
-        if self._depth(tip) < _SHALLOW:
-            tip.entered_at = time
+        if self._depth(tip) > _SHALLOW:
+            tip.entered_at = min(tip.entered_at, time)
         turn, began = tip.twist[2], tip.entered_at
         if not self.task.round:
             began = tip.progress_at + 0.5 * _WITHOUT
@@ -439,7 +436,8 @@ class Press(Inserting):
 
     def stalled(self, tip: Insertion, time: float) -> bool:
         """Return whether the peg rests, with its key turned once to both sides."""
-        twists = not (self.task.round or self._deep(tip))
+        free = self.task.round or self._deep(tip)
+        twists = self.task.config.twist and not free
         return time - tip.progress_at > _PATIENCE + (_TWISTING if twists else 0.0)
 
     def _deep(self, tip: Insertion) -> bool:
@@ -549,12 +547,13 @@ class HomeInserted(Home):
     def look(self, memory: PlannerMemory, now: Now) -> None:
         """Judge by touch, unless the peg is seen too high: the hand slipped."""
         super().look(memory, now)
-        task, view = self.task, now.senses.see()
-        peg = self.replanner.find(view)
+        task, tip = self.task, insertion_of(memory)
+        peg = self.replanner.find(now.senses.see()) if tip.seated else None
         high = peg is not None and (
             peg.X_WO.translation()[2] - task.X_WO_goal.translation()[2] > task.tolerance
         )
-        memory.attempt.at_goal = insertion_of(memory).seated and not high
+        memory.attempt.at_goal = tip.seated and not high
+        tip.seated = False  # a next attempt must feel it anew
 
 
 def insertion_modes(

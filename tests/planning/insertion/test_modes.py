@@ -268,6 +268,21 @@ def test_a_cylinder_turns_about_its_axis_once_it_has_entered():
     assert yaw.max() == pytest.approx(most, rel=0.2)
 
 
+def test_a_peg_that_goes_to_and_fro_at_the_rim_does_not_turn_in_jumps():
+    mode, memory = Press(TASK, None, 1), make_memory(RIM)
+    memory = mode.enter(memory, Entry(0.0, moment(0.0, joints(RIM)).senses, None, None))
+    yaw = []
+    for i in range(1, 300):
+        time = i * CONFIG.period
+        depth = 0.003 + 0.002 * np.sin(2.0 * np.pi * time)
+        memory = mode.update(memory, moment(time, joints(RIM - depth * UP)))
+        yaw.append(memory.insertion.twist[2])
+    assert max(yaw) > 0.9 * CONFIG.twist
+    # Its speed is that of one turn back and forth a second.
+    steps = np.abs(np.diff(yaw))
+    assert steps.max() < 1.05 * 2.0 * np.pi * CONFIG.twist * CONFIG.period
+
+
 @pytest.mark.parametrize("roll", [0.03, -0.03])
 def test_a_leaning_peg_that_may_wedge_is_put_upright(roll):
     period = 2.0 / 3.0  # of the wobble
@@ -374,5 +389,8 @@ def test_sight_contradicts_a_hand_that_slipped_along_the_peg(felt, seen_above, a
         find=lambda view: blob, judge=lambda view, memory, time: None
     )
     now = moment(1.0, joints(RIM))
-    HomeInserted(TASK, replanner, 1).look(memory, now)
+    home = HomeInserted(TASK, replanner, 1)
+    home.look(memory, now)
     assert memory.attempt.at_goal is at_goal
+    home.look(memory, now)  # after an attempt that never reached the hole
+    assert memory.attempt.at_goal is False
