@@ -45,9 +45,9 @@ _STEP, _TURN = 0.02, 0.05
 _LEAST_STEPS = 4  # of a path, however short
 _UP = np.array([0.0, 0.0, 1.0])
 _FIRMER = 1.5  # factor on the squeeze once a grasp has failed
-# How much farther a wall reaches into the hand than other things do [m]. They end 2 mm
-# beyond the base links, whose sensors then just see the wall's edge. A heavy crate
-# creeps by up to 2 mm in the hands; once a base loses the edge, Algorithm 1 sends it to
+# How much farther a wall reaches into the hand than other things do [m]. Other things
+# end 2 mm beyond the base links, whose sensors just see their edge. A heavy crate
+# creeps by up to 2 mm in the hands. Once a base loses the edge, Algorithm 1 sends it to
 # the whole command, and the grip jumps by some millimetres.
 _DEEPER = 0.005
 

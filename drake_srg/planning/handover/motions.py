@@ -205,8 +205,8 @@ class HandoverTaskPlanner(TaskPlanner):
     def waiting_fingers(self, shape: Solid) -> Mapping[str, float]:
         """Return the receiver's fingers, by name [rad], while it waits for an object.
 
-        They are as open as the grasp needs. Opened no earlier than on the way, they
-        would sweep space beside the giver that no plan has checked.
+        They are as open as the grasp needs. If they opened on the way, they would sweep
+        space beside the giver that no plan has checked.
         """
         height = self._handover.grip_height
         grasps = taking_grasps(self.receiver.hand, shape, height)

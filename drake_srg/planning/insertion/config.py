@@ -1,4 +1,4 @@
-"""Configuration and memory of the planner that inserts pegs into holes."""
+"""What the planner that inserts pegs into holes is told, knows and remembers."""
 
 import dataclasses as dc
 import enum
@@ -99,7 +99,7 @@ class Insertion(Memory):
     spiral_at: float = 0.0  # when the spiral began [s]
     fallen_at: float = 0.0  # until then, the edge was no deeper than at first [s]
     pressed_at: float = 0.0  # start of the pressing [s]
-    entered_at: float = np.inf  # when the pressed peg had entered the hole [s]
+    entered_at: float = 0.0  # until then, the peg had not entered the hole [s]
     q: Vector = dc.field(default_factory=lambda: np.zeros(0))  # commanded (N,) [rad]
     X_TG: RigidTransform | None = None  # the hand in the tip's frame [m]
     X_WU: RigidTransform | None = None  # the tip, upright on the goal's rim [m]

@@ -51,10 +51,11 @@ _DITHER, _FREQUENCY = 6e-4, 3.0  # across the way to the wall [m], [Hz]
 _PAST = -0.035
 _TWISTING = 1.0  # period of the turns back and forth [s]
 _WOBBLE, _WOBBLING = 0.015, 1.5  # in a circle, of a peg that is pressed [rad], [Hz]
-_WEDGING = 0.35  # share of its diameter down to which a leaning peg wedges: friction
+# A leaning peg can wedge down to a depth of friction times diameter (Whitney, 1982).
+_WEDGING = 0.35
 _FALLEN = 0.0005  # a peg this much deeper than the rim has found the hole [m]
 _SINKING = 0.6  # time from then until the edge is at the wall and has sunk [s]
-# Longest pressing [s]. Pegs that go in take 6 s; later, the hand slips along the peg.
+# Longest pressing [s]. Pegs go in within 7 s; later, the hand slips along the peg.
 _PRESSING = 10.0
 # The hole guides a peg that is deeper than this [m] and leans less than this [rad].
 _ENTERED, _NEARLY = 0.004, 0.03
@@ -392,7 +393,7 @@ class Press(Inserting):
         """Record the start of the pressing."""
         memory = super().enter(memory, entry)
         tip = insertion_of(memory)
-        tip.pressed_at, tip.entered_at = entry.time, np.inf
+        tip.pressed_at = tip.entered_at = entry.time
         return memory
 
     def pull_to(self, tip: Insertion, time: float) -> Vector:
@@ -424,8 +425,8 @@ class Press(Inserting):
         phase = 2.0 * np.pi * _WOBBLING * (time - tip.pressed_at)
         growth = min((time - tip.pressed_at) * _WOBBLING, 1.0)
         wobble = growth * _WOBBLE * np.array([np.cos(phase), np.sin(phase)])
-        if self._depth(tip) > _SHALLOW:
-            tip.entered_at = min(tip.entered_at, time)
+        if self._depth(tip) < _SHALLOW and tip.twist[2] == 0.0:  # no turn has begun
+            tip.entered_at = time
         turn, began = tip.twist[2], tip.entered_at
         if not self.task.round:
             began = tip.progress_at + 0.5 * _WITHOUT

@@ -7,12 +7,7 @@ from collections.abc import Mapping
 from pydrake.math import RigidTransform
 
 from drake_srg.common.geometry import Solid
-from drake_srg.planning.insertion.config import (
-    Insert,
-    InsertMemory,
-    InsertMode,
-    Task,
-)
+from drake_srg.planning.insertion.config import Insert, InsertMemory, InsertMode, Task
 from drake_srg.planning.insertion.modes import insertion_modes
 from drake_srg.planning.pick_and_place.knowledge import FATAL, TRANSITIONS
 from drake_srg.planning.pick_and_place.modes import TaskMode, task_modes

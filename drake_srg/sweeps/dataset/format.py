@@ -223,13 +223,8 @@ COLOR = Encoding(
 # Slower presets give equal sizes. Threads and messages are off: equal images, equal
 # bytes.
 _X265 = "lossless=1:keyint=2:bframes=0:pools=none:frame-threads=1:log-level=none"
-DEPTH = Encoding(
-    "hevc",
-    "gray12le",
-    "libx265",
-    {"preset": "ultrafast", "x265-params": _X265},
-    "gray12le",
-)
+_LOSSLESS = {"preset": "ultrafast", "x265-params": _X265}
+DEPTH = Encoding("hevc", "gray12le", "libx265", _LOSSLESS, "gray12le")
 # ISO/IEC 23091-2 (and ffmpeg's AVCOL_*): ITU-R BT.601 in its limited range, to which
 # RGB is converted below. Without the tags, players would guess by the image size.
 _BT601, _LIMITED = 6, 1
