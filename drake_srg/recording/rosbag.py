@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import dataclasses as dc
 from collections.abc import Callable, Mapping, Sequence
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -279,6 +280,42 @@ class ArmNames:
             *(_safety_topics(self.safety) if self.safety else ()),
             *([torque] if self.felt else []),
         ]
+
+
+def finger_topics(gripper: str, links: Mapping[str, str]) -> list[Topic]:
+    """Return the topics of a grasp and of the wrench of all contacts on each link.
+
+    Args:
+        gripper: Prefix of the gripper's ports, and the name of its model.
+        links: The link of each finger sensor, by the sensor's name. The wrench is at
+            its origin, in its frame.
+    """
+    kind, port = "geometry_msgs/msg/WrenchStamped", f"{gripper}.contact_wrench"
+
+    def convert(index: int, make: MakeMessage, time: float, value: Any) -> Any:
+        torque, force = (
+            make("geometry_msgs/msg/Vector3", **dict(zip("xyz", xyz, strict=True)))
+            for xyz in np.reshape(value, (-1, 2, 3))[index].tolist()
+        )
+        frame = f"{gripper}/{list(links.values())[index]}"  # as in /tf
+        wrench = make("geometry_msgs/msg/Wrench", force=force, torque=torque)
+        return make(kind, header=header(make, time, frame), wrench=wrench)
+
+    def grasped(make: MakeMessage, time: float, value: Any) -> Any:
+        return make("std_msgs/msg/Bool", data=bool(value[0]))
+
+    root, size = _topic(gripper), 6 * len(links)
+    return [
+        Topic(
+            f"{root}/grasped", "std_msgs/msg/Bool", {f"{gripper}.grasped": 1}, grasped
+        ),
+        *(
+            Topic(
+                f"{root}/contact_wrench/{name}", kind, {port: size}, partial(convert, i)
+            )
+            for i, name in enumerate(links)
+        ),
+    ]
 
 
 def _topic(ports: str) -> str:

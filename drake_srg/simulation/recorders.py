@@ -25,6 +25,7 @@ from drake_srg.recording.rosbag import (
     RosbagRecorder,
     Topic,
     cell_topics,
+    finger_topics,
     float64,
     float64_array,
 )
@@ -200,6 +201,9 @@ def recorded_topics(cell: Diagram, scenario: Scenario) -> list[Topic]:
         located=scenario.task.clear is None and not script_of(scenario),
     )
     for robot in robot_arms(scenario):
+        if robot.gripper is not None:
+            links = robot.gripper.layout.sensor_links
+            topics += finger_topics(robot.gripper_model, links)
         topics += _motor_topics(robot, ports)
     for name in config.bag_cameras:
         if f"camera_{name}.color_image" in ports:

@@ -111,6 +111,35 @@ def test_the_bag_has_depth_and_where_the_robot_believes_the_camera(messages):
     np.testing.assert_allclose(found, [0.72, -0.01, 1.55], atol=1e-9)
 
 
+def test_the_bag_has_the_wrench_on_each_link_and_the_grasp(tmp_path):
+    overrides = [
+        "recording={video_camera: '', bag_cameras: []}",
+        "planner=!Script {steps: [{mode: grasp, duration: 1.0, arm: [0, 0, 0.22], "
+        "closure: 0}, {mode: close, duration: 1.5, closure: 0.66}]}",
+    ]
+    scenario = load_scenario("gripper_bench_fast", overrides=overrides)
+    Simulate(scenario, name="gripper_bench_fast", out=tmp_path)
+    store, found = get_typestore(Stores.ROS2_HUMBLE), {}
+    with Reader(tmp_path / "recording.mcap") as reader:
+        for connection, _, data in reader.messages():
+            message = store.deserialize_cdr(data, connection.msgtype)
+            found.setdefault(connection.topic, []).append(message)
+    frames = {t.child_frame_id for t in found["/tf"][0].transforms}
+    forces = np.array([message.data for message in found["/gripper/contact_force"]])
+    assert np.sum(np.max(forces, axis=0) > 1.0) >= 2  # both fingers hold
+    for force, link in zip(forces.T, scenario.gripper.sensor_names, strict=True):
+        wrenches = found[f"/gripper/contact_wrench/{link}"]
+        assert wrenches[0].header.frame_id == f"gripper/{link}_link"
+        assert wrenches[0].header.frame_id in frames
+        # The link's y points inward.
+        outward = np.array([-message.wrench.force.y for message in wrenches])
+        np.testing.assert_array_equal(np.maximum(outward, 0.0), force)
+    grasped = [message.data for message in found["/gripper/grasped"]]
+    logged = read_log(tmp_path / "log.npz")["gripper.grasped"][1:, 0].tolist()
+    # The log has an instant's state after its updates, a bag before them.
+    assert grasped.index(True) - logged.index(1.0) in (0, 1)
+
+
 def test_a_motor_on_wires_has_its_current_and_temperature(tmp_path):
     overrides = [
         "object.present=false",

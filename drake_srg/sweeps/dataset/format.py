@@ -525,7 +525,7 @@ def _column(feature: Feature) -> pa.DataType:
     if feature["dtype"] == "language":
         return pa.list_(_LANGUAGE_ROW)
     kind, (size,) = _ARROW[feature["dtype"]], feature["shape"]
-    return kind if feature["names"] is None else pa.list_(kind, size)
+    return kind if size == 1 else pa.list_(kind, size)  # as LeRobot expects
 
 
 def episode_schema(features: Mapping[str, Feature]) -> pa.Schema:

@@ -252,8 +252,9 @@ class DatasetWriter:
         self._episodes.append(pa.Table.from_pylist(rows, schema=self._episode_schema))
 
 
-def _vectors(values: Any) -> pa.FixedSizeListArray:
-    return pa.FixedSizeListArray.from_arrays(values.reshape(-1), values.shape[1])
+def _vectors(values: Any) -> Any:
+    flat, size = values.reshape(-1), values.shape[1]
+    return flat if size == 1 else pa.FixedSizeListArray.from_arrays(flat, size)
 
 
 def _flat(name: str, statistics: Statistics) -> dict[str, Any]:

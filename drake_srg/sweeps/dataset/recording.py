@@ -28,11 +28,13 @@ _COMMANDS = "/arm/position_commanded", "/gripper/closure_commanded"
 _MODE = "/planner/mode"
 _COLOR, _DEPTH = "/camera_{}/color/image_raw", "/camera_{}/depth/image_rect_raw"
 _INFO, _POSE = "/camera_{}/color/camera_info", "/camera_{}/pose"
+_WRENCH = "/gripper/contact_wrench/{}"
 
 TOUCH, PWM = "observation.touch", "observation.motor_pwm"
 # More numbers per frame: topic to the feature's name and unit. They may be missing.
 _NUMBERS = {
     "/gripper/contact_force": (TOUCH, "N"),
+    "/gripper/grasped": ("observation.grasped", "1"),
     "/gripper/pwm": (PWM, "1"),
     "/gripper/motor_current": ("observation.motor_current", "A"),
     "/gripper/motor_temperature": ("observation.motor_temperature", "degC"),
@@ -151,10 +153,11 @@ def read_signals(path: Path) -> Signals:
     joints: tuple[str, ...] = ()
     with _readable(path):
         located = OBJECT_POSE in _topics(path)
-        wanted = [_JOINTS, *_COMMANDS, _MODE, *_NUMBERS, OBJECT_POSE, "/camera_.+"]
+        wanted = [_JOINTS, *_COMMANDS, _MODE, *_NUMBERS, OBJECT_POSE]
+        wanted += ["/camera_.+", _WRENCH.format(".+")]
         for topic, time, decode in _messages(path, "|".join(wanted)):
             times.setdefault(topic, []).append(time)
-            if _camera(topic, _COLOR) or _camera(topic, _DEPTH):
+            if _owner(topic, _COLOR) or _owner(topic, _DEPTH):
                 continue
             message = decode()
             values.setdefault(topic, []).append(_value(topic, message))
@@ -164,12 +167,12 @@ def read_signals(path: Path) -> Signals:
         if topic not in values:
             raise ScenarioError(f"{path}: contains no messages on {topic}")
 
-    cameras = _cameras(times, _COLOR)
+    cameras = _owners(times, _COLOR)
     if not cameras:
         raise ScenarioError(
             f"{path}: contains no images; recording.bag_cameras must name a camera"
         )
-    depths = _cameras(times, _DEPTH)
+    depths = _owners(times, _DEPTH)
     images = [_COLOR.format(name) for name in cameras]
     images += [_DEPTH.format(name) for name in depths]
     rate, image_times = _even_times(path, {topic: times[topic] for topic in images})
@@ -196,7 +199,7 @@ def read_signals(path: Path) -> Signals:
             depths,
             {
                 name: tuple(values[_INFO.format(name)][0].tolist())
-                for name in _cameras(times, _INFO)
+                for name in _owners(times, _INFO)
             },
             {name: vectors for name, (vectors, _) in more.items()},
             modes=_MODE in values,
@@ -213,14 +216,16 @@ def _value(topic: str, message: Any) -> Any:
     """Return what a data set needs of a message: an array, or the mode in words."""
     if topic == _JOINTS:
         return np.stack([message.position, message.effort])
-    if topic == OBJECT_POSE:
-        return np.append(_pose(message.pose), 1.0)
+    if topic == OBJECT_POSE or _owner(topic, _POSE):
+        pose = _pose(message.pose)
+        return np.append(pose, 1.0) if topic == OBJECT_POSE else pose
     if topic == _MODE:
         return mode_words(message.data)
-    if _camera(topic, _INFO):
+    if _owner(topic, _INFO):
         return message.k[[0, 4, 2, 5]]
-    if _camera(topic, _POSE):
-        return _pose(message.pose)
+    if _owner(topic, _WRENCH):
+        parts = message.wrench.torque, message.wrench.force
+        return np.array([[part.x, part.y, part.z] for part in parts]).ravel()
     return np.atleast_1d(message.data)
 
 
@@ -245,9 +250,13 @@ def _more(
         if topic in values and (size := values[topic][0].size):
             names = tuple(map(str, range(size)))
             yield feature, Vectors(names, (unit,) * size), held(topic)
-    for camera in _cameras(values, _POSE):
+    for camera in _owners(values, _POSE):
         vectors = Vectors(SIGHTING[:7], ("m",) * 3 + ("1",) * 4)
         yield f"camera_pose.{camera}", vectors, held(_POSE.format(camera))
+    for link in _owners(values, _WRENCH):
+        names, units = ("tx", "ty", "tz", "fx", "fy", "fz"), ("N m",) * 3 + ("N",) * 3
+        feature = f"observation.contact_wrench.{link}"
+        yield feature, Vectors(names, units), held(_WRENCH.format(link))
 
 
 def _float32(
@@ -316,15 +325,15 @@ def _topics(path: Path) -> set[str]:
         return {connection.topic for connection in reader.connections}
 
 
-def _camera(topic: str, kind: str) -> str:
-    """Return the camera of a topic; "" if the topic is of another kind."""
+def _owner(topic: str, kind: str) -> str:
+    """Return a topic's camera or link; "" if the topic is of another kind."""
     match = re.fullmatch(kind.format("(.+)"), topic)
     return match[1] if match else ""
 
 
-def _cameras(topics: Iterable[str], kind: str) -> tuple[str, ...]:
-    """Return the names of the cameras with a topic of a kind, sorted."""
-    return tuple(sorted(name for topic in topics if (name := _camera(topic, kind))))
+def _owners(topics: Iterable[str], kind: str) -> tuple[str, ...]:
+    """Return the cameras or links with a topic of a kind, sorted."""
+    return tuple(sorted(name for topic in topics if (name := _owner(topic, kind))))
 
 
 def _messages(

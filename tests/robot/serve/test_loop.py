@@ -141,6 +141,7 @@ STATE = {
     "/gripper/proximity",
     "/gripper/contact_force",
     "/gripper/pwm",
+    "/gripper/grasped",
 }
 COMMANDS = ("gripper.closure_commanded", "arm.position_commanded")
 
@@ -162,6 +163,12 @@ def serve(act, until, *, name="kitchen", overrides=(), **options):
     scenario = load_scenario(name, overrides=overrides)
     options = {"name": name, "rate": 0.0, "stop": stop, **options}
     return bridge, Serve(scenario, bridge.connect, **options)
+
+
+def states(name="kitchen"):
+    """Return the topics of a scenario's state."""
+    links = load_scenario(name).gripper.sensor_names
+    return STATE | {f"/gripper/contact_wrench/{link}" for link in links}
 
 
 def do_nothing(bridge):
@@ -189,7 +196,7 @@ def series(bridge, port):
 
 def test_topics_are_published_every_control_period(commanded):
     bridge, served = commanded
-    assert set(bridge.messages) == STATE
+    assert set(bridge.messages) == states()
     times = [time for time, _ in bridge.messages["/joint_states"]]
     # After the first step of each period, 2 ms.
     np.testing.assert_allclose(times, 0.005 * np.arange(len(times)) + 0.002)
@@ -262,7 +269,7 @@ def test_other_scenarios_are_served_too(name):
     bridge, _ = serve(act, until=0.06, name=name)
     motor = {"/gripper/motor_current", "/gripper/motor_temperature"}
     wound = name == "kitchen_tendon"
-    assert set(bridge.messages) == (STATE | motor if wound else STATE)
+    assert set(bridge.messages) == states(name) | (motor if wound else set())
     assert series(bridge, "gripper.closure_commanded")[1][-1] == 0.2
 
 
@@ -310,7 +317,7 @@ def test_the_recording_has_every_topic(tmp_path):
     assert served.recording == tmp_path / "recording.mcap"
     with Reader(served.recording) as reader:
         counts = {c.topic: c.msgcount for c in reader.connections}
-    assert counts == dict.fromkeys(STATE, 10)  # every 0.02 s
+    assert counts == dict.fromkeys(states(), 10)  # every 0.02 s
     assert served.replay == tmp_path / "replay.html"
     assert {path.name for path in tmp_path.iterdir()} == {
         *("recording.mcap", "log.npz", "timeline.png", "replay.glb", "replay.html")

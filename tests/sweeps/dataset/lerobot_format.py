@@ -176,7 +176,7 @@ def _arrow(feature):
         return pa.list_(pa.struct(fields))
     kind = {"float32": pa.float32(), "int64": pa.int64(), "bool": pa.bool_()}
     one = kind[feature["dtype"]]
-    return one if feature["names"] is None else pa.list_(one, feature["shape"][0])
+    return one if feature["shape"] == [1] else pa.list_(one, feature["shape"][0])
 
 
 def _check_tasks(root, info):

@@ -13,7 +13,12 @@ from pydrake.systems.sensors import CameraInfo, ImageDepth32F, ImageRgba8U
 
 from drake_srg.lifetime import LeafSystem
 from drake_srg.recording.camera_topics import calibration_topics
-from drake_srg.recording.rosbag import ArmNames, RosbagRecorder, cell_topics
+from drake_srg.recording.rosbag import (
+    ArmNames,
+    RosbagRecorder,
+    cell_topics,
+    finger_topics,
+)
 from drake_srg.sweeps.rows import row_path, write_row
 from drake_srg.sweeps.trial import empty_row
 from drake_srg.types import Blob, Mode, PlannerStatus
@@ -107,6 +112,15 @@ def touch(time):
     return np.array([10.0 * time, 0.0])
 
 
+def contact_wrench(time):
+    """Return the wrenches on the fingers' links: torque [N m], force [N]."""
+    return np.arange(12) * (time - 0.5)
+
+
+def grasped(time):
+    return float(time > 0.4)
+
+
 MODES = ((0.0, Mode.IDLE), (0.2, Mode.PRE_GRASP), (0.6, Mode.GRASP))
 
 
@@ -162,7 +176,8 @@ def record(
 ):
     """Record a trial of `until` seconds; `cameras` maps names to (width, height).
 
-    Those of `rich` have calibrations and depth, and with any, the arm measures torque.
+    Those of `rich` have calibrations and depth, and with any, the arm measures torque
+    and the hand wrenches.
     """
     periods = dict.fromkeys(cameras, image_period)
     topics = cell_topics([ArmNames(ARM, GRIPPER, sensors)], periods, located=located)
@@ -178,6 +193,9 @@ def record(
     }
     if rich:
         sources["arm.torque_measured"] = Signal(effort)
+        sources["gripper.contact_wrench"] = Signal(contact_wrench)
+        sources["gripper.grasped"] = Signal(grasped)
+        topics += finger_topics("gripper", dict(zip(GRIPPER, GRIPPER, strict=True)))
     for name in rich:
         width, height = cameras[name]
         info = CameraInfo(width, height, 100.0, 101.0, 80.5, 64.5)

@@ -12,10 +12,13 @@ from sweeps.dataset import lerobot_format as lerobot
 from sweeps.dataset.recorded_sweep import (
     ARM,
     CAMERAS,
+    GRIPPER,
     MODES,
     camera_pose,
+    contact_wrench,
     depth_picture,
     effort,
+    grasped,
     mode,
     touch,
     write_sweep,
@@ -108,6 +111,25 @@ def test_frames_tell_forces(features, frames, name, function, unit):
     np.testing.assert_array_equal(frames[name].to_pylist(), expected)
 
 
+WRENCHES = [f"observation.contact_wrench.{link}" for link in GRIPPER]
+
+
+def test_frames_tell_the_wrench_on_each_link(features, frames):
+    for number, name in enumerate(WRENCHES):
+        assert features[name]["shape"] == [6]
+        assert features[name]["names"] == ["tx", "ty", "tz", "fx", "fy", "fz"]
+        assert features[name]["info"]["units"] == ["N m"] * 3 + ["N"] * 3
+        expected = [contact_wrench(time).reshape(2, 6)[number] for time in times()]
+        np.testing.assert_array_equal(frames[name].to_pylist(), np.float32(expected))
+
+
+def test_frames_tell_whether_the_hand_has_grasped(features, frames):
+    assert features["observation.grasped"]["shape"] == [1]
+    found = frames["observation.grasped"].to_pylist()
+    assert found == [grasped(time) for time in times()]
+    assert set(found) == {0.0, 1.0}
+
+
 def test_efforts_are_of_the_joints_that_measure_torque(features):
     assert features["observation.effort"]["names"] == ARM
 
@@ -150,6 +172,7 @@ def test_recordings_without_them_lack_the_features(tmp_path):
     assert "intrinsics" not in features["observation.images.ceiling"]["info"]
     for name in ("observation.effort", "camera_pose.ceiling", "observation.motor_pwm"):
         assert name not in features
+    assert not features.keys() & {"observation.grasped", *WRENCHES}
 
 
 def test_touch_has_the_names_of_the_links_with_sensors(tmp_path):
@@ -187,6 +210,9 @@ def test_lerobot_gives_everything_back(root):
         depth = item[DEPTH][0].numpy()  # [mm]
         np.testing.assert_array_equal(depth, np.float32(1000 * expected_depth(time)))
         np.testing.assert_allclose(item["observation.touch"], touch(time), atol=1e-6)
+        wrenches = np.concatenate([item[name] for name in WRENCHES])
+        np.testing.assert_array_equal(wrenches, np.float32(contact_wrench(time)))
+        assert item["observation.grasped"].item() == grasped(time)
         rows, now = item["language_persistent"], item["timestamp"].item()
         active = active_at(now, persistent=rows, style="subtask")
         assert active["content"] == mode(time).value.replace("_", " ")
