@@ -292,12 +292,14 @@ def finger_topics(gripper: str, links: Mapping[str, str]) -> list[Topic]:
     """
     kind, port = "geometry_msgs/msg/WrenchStamped", f"{gripper}.contact_wrench"
 
-    def convert(index: int, make: MakeMessage, time: float, value: Any) -> Any:
+    def convert(
+        index: int, link: str, make: MakeMessage, time: float, value: Any
+    ) -> Any:
         torque, force = (
             make("geometry_msgs/msg/Vector3", **dict(zip("xyz", xyz, strict=True)))
             for xyz in np.reshape(value, (-1, 2, 3))[index].tolist()
         )
-        frame = f"{gripper}/{list(links.values())[index]}"  # as in /tf
+        frame = f"{gripper}/{link}"  # as in /tf
         wrench = make("geometry_msgs/msg/Wrench", force=force, torque=torque)
         return make(kind, header=header(make, time, frame), wrench=wrench)
 
@@ -311,9 +313,12 @@ def finger_topics(gripper: str, links: Mapping[str, str]) -> list[Topic]:
         ),
         *(
             Topic(
-                f"{root}/contact_wrench/{name}", kind, {port: size}, partial(convert, i)
+                f"{root}/contact_wrench/{sensor}",
+                kind,
+                {port: size},
+                partial(convert, i, link),
             )
-            for i, name in enumerate(links)
+            for i, (sensor, link) in enumerate(links.items())
         ),
     ]
 

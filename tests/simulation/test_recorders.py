@@ -45,16 +45,20 @@ def run(tmp_path_factory):
     return Simulate(scenario, name="kitchen", out=out), out
 
 
-@pytest.fixture(scope="module")
-def messages(run):
-    """Lists of (time [s], message) by topic."""
+def read_bag(folder):
+    """Return the bag's lists of (time [s], message) by topic."""
     store = get_typestore(Stores.ROS2_HUMBLE)
     found = {}
-    with Reader(run[1] / "recording.mcap") as reader:
+    with Reader(folder / "recording.mcap") as reader:
         for connection, stamp, data in reader.messages():
             message = store.deserialize_cdr(data, connection.msgtype)
             found.setdefault(connection.topic, []).append((1e-9 * stamp, message))
     return found
+
+
+@pytest.fixture(scope="module")
+def messages(run):
+    return read_bag(run[1])
 
 
 def test_every_artifact_is_where_the_metrics_say(run):
@@ -119,11 +123,10 @@ def test_the_bag_has_the_wrench_on_each_link_and_the_grasp(tmp_path):
     ]
     scenario = load_scenario("gripper_bench_fast", overrides=overrides)
     Simulate(scenario, name="gripper_bench_fast", out=tmp_path)
-    store, found = get_typestore(Stores.ROS2_HUMBLE), {}
-    with Reader(tmp_path / "recording.mcap") as reader:
-        for connection, _, data in reader.messages():
-            message = store.deserialize_cdr(data, connection.msgtype)
-            found.setdefault(connection.topic, []).append(message)
+    found = {
+        topic: [message for _, message in series]
+        for topic, series in read_bag(tmp_path).items()
+    }
     frames = {t.child_frame_id for t in found["/tf"][0].transforms}
     forces = np.array([message.data for message in found["/gripper/contact_force"]])
     assert np.sum(np.max(forces, axis=0) > 1.0) >= 2  # both fingers hold
@@ -148,11 +151,7 @@ def test_a_motor_on_wires_has_its_current_and_temperature(tmp_path):
     ]
     scenario = load_scenario("kitchen_tendon", overrides=overrides)
     Simulate(scenario, name="kitchen_tendon", out=tmp_path)
-    store, found = get_typestore(Stores.ROS2_HUMBLE), {}
-    with Reader(tmp_path / "recording.mcap") as reader:
-        for connection, stamp, data in reader.messages():
-            message = store.deserialize_cdr(data, connection.msgtype)
-            found.setdefault(connection.topic, {})[stamp] = message
+    found = {topic: dict(series) for topic, series in read_bag(tmp_path).items()}
     motor = scenario.gripper.wire_motor
     for stamp, current in found["/gripper/motor_current"].items():
         (pwm,) = found["/gripper/pwm"][stamp].data
