@@ -2,11 +2,22 @@
 
 import numpy as np
 import pytest
-from pydrake.geometry import Box, Role
-from pydrake.math import RigidTransform
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from pydrake.geometry import (
+    Box,
+    FramePoseVector,
+    GeometryFrame,
+    GeometryInstance,
+    ProximityProperties,
+    Role,
+    SceneGraph,
+)
+from pydrake.math import RigidTransform, RollPitchYaw, RotationMatrix
 
 from models.built_models import build
 
+UP = np.array([0.0, 0.0, 1.0])
 DEEP, SHALLOW = -0.019, -0.0005  # m
 CLEARANCES = (1000, 300, 100, 50)  # um
 
@@ -110,3 +121,97 @@ def test_a_seated_peg_touches_nothing_but_its_rest(peg, hole, seated, c):
         bottom = X @ [0.0, 0.0, -half[2]] + [0.0, 0.0, seated]
         found = room(blocks, outline + bottom[:2], bottom[2] + 1e-6)
         assert found > -1e-9
+
+
+def reach(shape, X, direction):
+    """Largest distance of a box or a cylinder from the origin in a direction [m]."""
+    d = X.rotation().inverse() @ direction
+    if isinstance(shape, Box):
+        far = 0.5 * np.abs(d) @ shape.size()
+    else:
+        far = shape.radius() * np.hypot(*d[:2]) + 0.5 * shape.length() * abs(d[2])
+    return direction @ X.translation() + far
+
+
+@pytest.mark.parametrize("c", CLEARANCES)
+def test_each_flat_of_a_square_hole_faces_an_edge_of_the_peg_at_the_clearance(c):
+    square = np.array([[-0.5, -0.5], [0.5, -0.5], [0.5, 0.5], [-0.5, 0.5]])
+    edges = [
+        corner * shape.size()[:2]
+        for shape, _ in walls(f"peg_square_{c:04}")
+        if isinstance(shape, Box)
+        for corner in square
+    ]
+    gaps = [
+        min(distance([*edge, DEEP], shape, X) for edge in edges)
+        for shape, X in walls("hole_square")
+        if reach(shape, X, UP) > DEEP  # not the floor
+    ]
+    assert gaps == pytest.approx(np.full(len(gaps), 1e-6 * c), abs=1e-9)
+
+
+class Pair:
+    """A peg that moves relative to its hole."""
+
+    def __init__(self, peg, hole):
+        self._scene_graph = SceneGraph()
+        self._source = self._scene_graph.RegisterSource("models")
+        self._frame = self._scene_graph.RegisterFrame(
+            self._source, GeometryFrame("peg")
+        )
+        for i, (shape, X) in enumerate([*walls(peg), *walls(hole)]):
+            instance = GeometryInstance(X, shape, str(i))
+            instance.set_proximity_properties(ProximityProperties())
+            if i < len(walls(peg)):
+                self._scene_graph.RegisterGeometry(self._source, self._frame, instance)
+            else:
+                self._scene_graph.RegisterAnchoredGeometry(self._source, instance)
+        self._context = self._scene_graph.CreateDefaultContext()
+
+    def contacts(self, X_HP):
+        """Return the depth of each contact, and the least overlap of the pair [m].
+
+        Two convex shapes can be moved apart along any direction by their overlap in
+        it. The directions here are the normals of the faces and of pairs of edges.
+        """
+        poses = FramePoseVector()
+        poses.set_value(self._frame, X_HP)
+        port = self._scene_graph.get_source_pose_port(self._source)
+        port.FixValue(self._context, poses)
+        query = self._scene_graph.get_query_output_port().Eval(self._context)
+        found = []
+        for pair in query.ComputePointPairPenetration():
+            shapes = [
+                (query.inspector().GetShape(g), query.GetPoseInWorld(g))
+                for g in (pair.id_A, pair.id_B)
+            ]
+            one, other = (list(X.rotation().matrix().T) for _, X in shapes)
+            across = [np.cross(a, b) for a in one for b in other]
+            normals = [*one, *other, *(n for n in across if np.linalg.norm(n) > 1e-3)]
+            overlaps = [
+                reach(*shapes[0], s * n) + reach(*shapes[1], -s * n)
+                for n in (n / np.linalg.norm(n) for n in normals)
+                for s in (-1.0, 1.0)
+            ]
+            found.append((pair.depth, min(overlaps)))
+        return found
+
+
+@pytest.fixture(scope="module")
+def pair():
+    return Pair("peg_square_0050", "hole_square_chamfer")
+
+
+@settings(max_examples=50)
+@given(
+    rpy=st.tuples(st.floats(-0.2, 0.2), st.floats(-0.2, 0.2), st.floats(-0.05, 0.05)),
+    offset=st.tuples(st.floats(-1e-3, 1e-3), st.floats(-1e-3, 1e-3)),
+    height=st.floats(-0.004, 0.002),
+)
+def test_a_contact_is_as_deep_as_peg_and_hole_overlap(pair, rpy, offset, height):
+    """A peg leans at the rim, where contacts with cylinders were 10 times as deep."""
+    R = RotationMatrix(RollPitchYaw(rpy))
+    tip = np.array([*offset, height])
+    X_HP = RigidTransform(R, tip + R @ [0.0, 0.0, 0.05])
+    for depth, overlap in pair.contacts(X_HP):
+        assert depth < 1.05 * overlap + 1e-7  # a twentieth: box-box prefers faces

@@ -5,6 +5,11 @@ a peg is its middle. Walls are boxes tangent to the outline of a hole, which the
 narrow. They have point contact alone, so that a fit of a hundredth of a millimetre
 keeps its width: hydroelastic contact at the moduli of rubber and tableware would be
 softer than the clearance.
+
+A square peg consists of boxes where its hole guides it. Between a cylinder and a box,
+Drake's point contact takes the overlap along the line between their middles
+(FCL's portal refinement): 0.06 mm sideways became 0.75 mm along the peg, and the walls
+threw the peg back. Between two boxes, depth and normal are right.
 """
 
 from __future__ import annotations
@@ -32,6 +37,7 @@ PIN = 0.010  # radius of the pin, and of the keyed plug [m]
 KEY, KEYWAY, KEY_REACH = 0.006, 0.014, 0.0135
 STEP_LENGTH = 0.0195  # of the stepped shaft's end: its shoulder meets the rim [m]
 LEAD = 0.006  # of the keyed plug's end, where it has no key yet [m]
+GUIDED = 0.03  # of a peg's end, which a hole guides [m]
 
 # The stiffness is the scenario's, one for pegs and holes: 1e8 N/m in `insert`. There, a
 # rim gives way by force / (half of this): 0.4 um at 20 N. A corner is rounded off by as
@@ -242,19 +248,25 @@ def _peg(name: str, what: str, c: float, pieces: Sequence[Piece], box: Points) -
 def _pegs(c: float) -> Files:
     """Return the files of the pegs with a clearance [m]."""
     end, top = -0.5 * LENGTH, 0.5 * LENGTH
+    guided = end + GUIDED
     a, r = 0.5 * SQUARE - c, CORNER - c
     corners = []
     for i, (x, y) in enumerate([(1, 1), (-1, 1), (-1, -1), (1, -1)]):
-        rod = _rod(f"corner_{i}", "peg", r, end, top, PEG)
+        rod = _rod(f"corner_{i}", "peg", r, guided, top, PEG)
         at = np.array([x, y, 0.0]) * (a - r)
         assert isinstance(rod.collision, Primitive)
-        moved = rod.solid.moved(p=at)
-        shape = dc.replace(rod.collision, xyz=tuple(at))
-        corners.append(dc.replace(rod, solid=moved, collision=shape))
+        seen = prism(disc(r, count=48), end, top).moved(p=at)
+        shape = dc.replace(rod.collision, xyz=(*at[:2], rod.collision.xyz[2]))
+        corners.append(dc.replace(rod, solid=seen, collision=shape))
     cross = [
         _bar("along_x", (-a, r - a, end), (a, a - r, top)),
         _bar("along_y", (r - a, -a, end), (a - r, a, top)),
     ]
+    # Their edges lie on the round corners, where these face the flats of the hole.
+    for j in range(1, SIDES // 4):
+        x, y = a - r + r * np.array([np.cos(j * STEP), np.sin(j * STEP)])
+        edges = _bar(f"edges_{j}", (-x, -y, end), (x, y, guided))
+        cross.append(dc.replace(edges, look=None))
     files = _peg(
         "square",
         f"A square peg of {1e3 * SQUARE:.0f} mm with round corners of "
@@ -282,8 +294,8 @@ def _pegs(c: float) -> Files:
         f"{1e3 * LEAD:.0f} mm above its end, and a square head",
         c,
         [
-            _bar("head", (-head, -head, end + 0.03), (head, head, top)),
-            _rod("plug", "peg", plug, end, end + 0.03, PEG),
+            _bar("head", (-head, -head, guided), (head, head, top)),
+            _rod("plug", "peg", plug, end, guided, PEG),
             _bar(
                 "key",
                 (0.0, c - 0.5 * KEY, end + LEAD),
