@@ -101,10 +101,10 @@ def test_the_attributes_that_lerobot_asks_for(env, monkeypatch):
 
 def test_joints_follow_the_commands_no_faster_than_they_can(env):
     env.reset(seed=1)
-    start = env.episode.position
+    start = env.episode.command[:-1]
     far = np.append(env.action_space.high[:-1], 1.0)
     env.step(far)
-    moved = env.episode.position - start
+    moved = env.episode.command[:-1] - start
     # KUKA's data sheet of the iiwa 14: 85, 85, 100, 75, 130, 135, 135 degrees/s.
     fastest = np.deg2rad([85, 85, 100, 75, 130, 135, 135]) / 16
     assert np.all(moved <= fastest + 1e-9)
@@ -117,11 +117,11 @@ def test_joints_follow_the_commands_no_faster_than_they_can(env):
 
 @pytest.mark.parametrize("period", [0.005, 0.002, 1 / 64, 12 / 1024])
 def test_the_command_moves_between_all_readings_of_the_driver(period):
-    times = np.concatenate([reading_times(tick, period) for tick in range(320)])
+    times = np.concatenate([reading_times(tick, [period]) for tick in range(320)])
     np.testing.assert_array_equal(times, period * np.arange(len(times)))
     assert times[-1] < 20.0 <= times[-1] + period
     for tick in range(320):
-        own = reading_times(tick, period)
+        own = reading_times(tick, [period])
         assert np.all((own > tick / 16 - 1e-9) & (own < (tick + 1) / 16 - 1e-9))
 
 
