@@ -97,6 +97,17 @@ def test_actions_are_shares_of_the_fastest_motion(env):
     assert "the action is not finite" in info["failure"]
 
 
+def test_of_two_arms_every_closure_is_no_share_of_a_motion():
+    env = ProprioceptionEnv("handover")
+    env.reset(seed=1)
+    start = env.suite.episode.command
+    action = np.full(16, 0.5, np.float32)
+    env.step(action)
+    expected = start + action * env.suite.motion
+    expected[[7, 15]] = 0.75
+    np.testing.assert_allclose(env.suite.episode.command, expected, atol=1e-6)
+
+
 @pytest.mark.parametrize(
     ("seed", "split", "number"),
     [
