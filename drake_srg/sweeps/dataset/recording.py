@@ -25,7 +25,7 @@ Image = npt.NDArray[np.uint8]
 DepthImage = npt.NDArray[np.uint16]
 
 _JOINTS = "/joint_states"
-_CLOSURE = "/{}/closure_commanded"
+_POSITION = "/{}/position_commanded"
 _MODE = "/planner/mode"
 _COLOR, _DEPTH = "/camera_{}/color/image_raw", "/camera_{}/depth/image_rect_raw"
 _INFO, _POSE = "/camera_{}/color/camera_info", "/camera_{}/pose"
@@ -350,15 +350,14 @@ def _topics(path: Path) -> list[str]:
 
 def _robots(topics: Iterable[str]) -> list[RobotArm]:
     """Return the arms of a recording by name, in their order; one without topics."""
-    hands = filter(None, (_owner(topic, _CLOSURE) for topic in topics))
-    names = [hand.rpartition("gripper")[0].rstrip("/") for hand in hands]
-    return [RobotArm(name) for name in names or [""]]
+    models = [model for topic in topics if (model := _owner(topic, _POSITION))]
+    return [RobotArm("" if model == "arm" else model) for model in models or ["arm"]]
 
 
 def _commands(robot: RobotArm) -> tuple[str, str]:
     """Return the topics of an arm's position and of its hand's closure."""
     hand = topic_of(robot.gripper_model)
-    return f"{topic_of(robot.arm_model)}/position_commanded", _CLOSURE.format(hand[1:])
+    return _POSITION.format(robot.arm_model), f"{hand}/closure_commanded"
 
 
 def _owner(topic: str, kind: str) -> str:
