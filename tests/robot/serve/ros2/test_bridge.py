@@ -12,6 +12,7 @@ from pydrake.systems.sensors import CameraInfo
 from rosbags.typesys import Stores, get_typestore
 
 from drake_srg.recording import rosbag
+from drake_srg.robot.serve.action_server import with_actions
 from drake_srg.robot.serve.commands import CommandInbox, Warnings
 from drake_srg.robot.serve.pictures import camera_topics
 from drake_srg.robot.serve.ros2.bridge import (
@@ -348,7 +349,7 @@ def test_a_cyclonedds_uri_replaces_the_interface(monkeypatch, capfd):
         pass
 
 
-STORE = get_typestore(Stores.ROS2_HUMBLE)
+STORE = with_actions(get_typestore(Stores.ROS2_HUMBLE))
 
 
 @pytest.mark.parametrize(
@@ -370,8 +371,8 @@ def test_names_without_a_slash_are_those_of_dds():
 
 @pytest.mark.parametrize("cls", dds_peer.TYPES.values(), ids=dds_peer.TYPES.keys())
 def test_types_equal_those_written_by_hand(cls):
-    package, _, _, name = cls.__idl_typename__.split("::")
-    made = payload_type(STORE, f"{package}/msg/{name.rstrip('_')}")
+    package, kind, _, name = cls.__idl_typename__.split("::")
+    made = payload_type(STORE, f"{package}/{kind}/{name.rstrip('_')}")
     # The identifier contains a hash of the whole type.
     assert made.__idl__.get_type_id() == cls.__idl__.get_type_id()
 
