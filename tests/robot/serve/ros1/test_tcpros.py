@@ -86,13 +86,6 @@ def test_frames_do_not_depend_on_how_the_stream_is_cut(messages, pieces):
     assert frames.pending == 0
 
 
-def test_half_a_frame_waits_for_the_rest():
-    frames = Frames()
-    assert list(frames.feed(frame(b"12") + frame(b"345")[:-1])) == [b"12"]
-    assert frames.pending == 6
-    assert list(frames.feed(b"5")) == [b"345"]
-
-
 def test_a_frame_longer_than_the_limit_is_refused_at_once():
     frames = Frames()
     assert list(frames.feed(struct.pack("<I", FRAME_LIMIT))) == []
@@ -249,18 +242,6 @@ def test_a_message_becomes_a_command(bridge, inbox, master, publisher, told):
     connection.sendall(int32(42))
     assert taken(inbox, "closure") == [0.42]
     assert told == []
-
-
-def test_a_message_may_arrive_in_pieces(bridge, inbox, master, publisher):
-    master.tell("/kuka", publisher.uri)
-    connection = publisher.accept(**ARRAY)
-    message = array(1.0, -2.0, 3.5)
-    for piece in (message[:2], message[2:20], message[20:-1]):
-        connection.sendall(piece)
-        time.sleep(0.02)
-        assert inbox.take() == {}
-    connection.sendall(message[-1:])
-    assert taken(inbox, "arm") == [1.0, -2.0, 3.5]
 
 
 def test_a_burst_of_messages_keeps_the_last_value(bridge, inbox, master, publisher):
