@@ -270,16 +270,6 @@ def test_malformed_messages_are_refused_and_counted(
     assert warning.startswith("/kuka: must be a std_msgs/Float64MultiArray: ")
 
 
-def test_a_command_out_of_range_is_refused_with_one_warning(
-    bridge, inbox, master, publisher, told
-):
-    master.tell("/grasp", publisher.uri)
-    publisher.accept(**INT32).sendall(int32(50) + int32(101) + int32(-1))
-    assert wait_until(lambda: inbox.received == 3)
-    assert inbox.take()["closure"] == [0.5]
-    assert told == ["/grasp: is 101; the last good command holds"]
-
-
 @pytest.mark.parametrize(
     ("answer", "sent", "warning"),
     [
