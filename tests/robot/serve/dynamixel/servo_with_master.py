@@ -6,9 +6,9 @@ from drake_srg.robot.serve.dynamixel.mx64 import Mx64, Mx64P2
 from drake_srg.robot.serve.dynamixel.protocol import (
     BROADCAST,
     Error1,
-    Error2,
     Instruction,
     PacketReader,
+    Refusal,
 )
 from drake_srg.robot.serve.dynamixel.servo import SpoolMotor
 
@@ -81,7 +81,7 @@ class ServoWithMaster(WithMaster, Mx64):
 class ServoWithMaster2(WithMaster, Mx64P2):
     """With Protocol 2.0."""
 
-    errors, wrong_checksum, identity = Error2, Error2.CRC, b"\x37\x01\x2d"
+    errors, wrong_checksum, identity = Refusal, Refusal.CHECKSUM, b"\x37\x01\x2d"
 
     def error(self, status):
         assert status.code == Instruction.STATUS

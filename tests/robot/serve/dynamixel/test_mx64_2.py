@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from drake_srg.robot.serve.dynamixel.protocol import ALERT, Error2, Instruction
+from drake_srg.robot.serve.dynamixel.protocol import ALERT, Instruction, Refusal
 from drake_srg.robot.serve.dynamixel.registers import Mode
 from robot.serve.dynamixel.servo_with_master import ServoWithMaster2
 
@@ -88,7 +88,7 @@ def test_turns_cannot_be_cleared_in_motion(servo):
     servo.write("operating_mode", Mode.EXTENDED_POSITION)
     servo.move(angle=2 * math.tau, speed=1.0)
     (status,) = servo.send(Instruction.CLEAR, b"\x01\x44\x58\x4c\x22")
-    assert servo.error(status) == Error2.RESULT_FAIL
+    assert servo.error(status) == Refusal.FAILED
     assert servo.read("present_position") == OPEN - 8192
 
 
@@ -306,6 +306,6 @@ def test_the_bus_watchdog_stops_the_motor(servo, mode):
     command = servo.command()
     held = command.torque if math.isnan(command.position) else command.position - 1.0
     assert held == pytest.approx(0.0, abs=COUNT)
-    assert servo.write(goal, 400) == Error2.DATA_RANGE
+    assert servo.write(goal, 400) == Refusal.RANGE
     assert servo.write("bus_watchdog", 0) == 0
     assert servo.write(goal, 400) == 0

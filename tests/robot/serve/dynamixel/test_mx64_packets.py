@@ -8,7 +8,6 @@ import pytest
 from drake_srg.robot.serve.dynamixel.protocol import (
     BROADCAST,
     Error1,
-    Error2,
     Instruction,
     Packet2,
     PacketReader,
@@ -94,7 +93,7 @@ def test_it_answers_its_part_of_a_group_read(servo, code, parameters, data):
 @TWO
 def test_a_group_read_beyond_the_table_is_an_error(servo):
     (status,) = servo.broadcast(Instruction.SYNC_READ, words(660, 4) + b"\x01")
-    assert (servo.error(status), servo.data(status)) == (Error2.ACCESS, b"")
+    assert (servo.error(status), servo.data(status)) == (Refusal.ACCESS, b"")
 
 
 @TWO
@@ -161,19 +160,19 @@ def test_a_broadcast_resets_no_ids(servo):
         (1, Instruction.READ, b"\x00\xff", Error1.RANGE),
         (1, Instruction.WRITE, b"\x24\x00\x00", Error1.RANGE),
         (1, Instruction.WRITE, b"\x1e\x00\x10", Error1.ANGLE_LIMIT),
-        (2, 0x77, b"", Error2.INSTRUCTION),
-        (2, Instruction.READ, b"\x00\x00\x01", Error2.INSTRUCTION),
-        (2, Instruction.WRITE, b"\x41\x00", Error2.INSTRUCTION),
-        (2, Instruction.REBOOT, b"\x00", Error2.INSTRUCTION),
-        (2, Instruction.CLEAR, b"\x01", Error2.INSTRUCTION),
-        (2, Instruction.FACTORY_RESET, b"\x03", Error2.DATA_RANGE),
-        (2, Instruction.READ, b"\x00\x00\xff\xff", Error2.ACCESS),
-        (2, Instruction.WRITE, b"\x00\x00\x00\x00", Error2.ACCESS),
-        (2, Instruction.WRITE, b"\x74\x00\x00\x00", Error2.DATA_LENGTH),
-        (2, Instruction.WRITE, b"\x74\x00\x00\x10\x00\x00", Error2.DATA_LIMIT),
-        (2, Instruction.WRITE, b"\x40\x00\x02", Error2.DATA_RANGE),
-        (2, Instruction.SYNC_WRITE, b"\x40\x00\x00\x00\x01", Error2.ACCESS),
-        (2, Instruction.BULK_WRITE, b"\x01\x40\x00\x00\x00", Error2.ACCESS),
+        (2, 0x77, b"", Refusal.INSTRUCTION),
+        (2, Instruction.READ, b"\x00\x00\x01", Refusal.INSTRUCTION),
+        (2, Instruction.WRITE, b"\x41\x00", Refusal.INSTRUCTION),
+        (2, Instruction.REBOOT, b"\x00", Refusal.INSTRUCTION),
+        (2, Instruction.CLEAR, b"\x01", Refusal.INSTRUCTION),
+        (2, Instruction.FACTORY_RESET, b"\x03", Refusal.RANGE),
+        (2, Instruction.READ, b"\x00\x00\xff\xff", Refusal.ACCESS),
+        (2, Instruction.WRITE, b"\x00\x00\x00\x00", Refusal.ACCESS),
+        (2, Instruction.WRITE, b"\x74\x00\x00\x00", Refusal.LENGTH),
+        (2, Instruction.WRITE, b"\x74\x00\x00\x10\x00\x00", Refusal.LIMIT),
+        (2, Instruction.WRITE, b"\x40\x00\x02", Refusal.RANGE),
+        (2, Instruction.SYNC_WRITE, b"\x40\x00\x00\x00\x01", Refusal.ACCESS),
+        (2, Instruction.BULK_WRITE, b"\x01\x40\x00\x00\x00", Refusal.ACCESS),
     ],
 )
 @pytest.mark.parametrize("torque", [0, 1])
