@@ -308,8 +308,8 @@ def identify(rows: Sequence[LogRow]) -> Identification:
         Error(
             row.label,
             quantity,
-            _UNITS[quantity],
-            measured := _measured(row, quantity),
+            _QUANTITIES[quantity][1],
+            measured := getattr(row, _QUANTITIES[quantity][0]),
             value,
             other[quantity, id(row)],
             6.0 if quantity == "stop" else 0.1 * measured,
@@ -319,15 +319,12 @@ def identify(rows: Sequence[LogRow]) -> Identification:
     return Identification(motor, zero, fits, errors)
 
 
-_UNITS = {"current": "mA", "stop": "counts", "heating": "s"}
-
-
-def _measured(row: LogRow, quantity: str) -> float:
-    return {
-        "current": row.current_ma,
-        "stop": row.stop_counts,
-        "heating": row.seconds,
-    }[quantity]
+# Column of a row and unit, by quantity.
+_QUANTITIES = {
+    "current": ("current_ma", "mA"),
+    "stop": ("stop_counts", "counts"),
+    "heating": ("seconds", "s"),
+}
 
 
 def _pressing(rows: Sequence[LogRow]) -> list[LogRow]:
