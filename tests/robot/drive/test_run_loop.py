@@ -67,6 +67,16 @@ def test_the_arm_may_follow_as_late_as_its_link_says():
     assert furthest(unexpected) < 1.5
 
 
+def test_the_emergency_stop_ends_the_run():
+    stand = Stand()
+    stand.planner.say(MOVING, motion_to(GOAL), time=0.0)
+    stand.run(1.0)
+    stand.loop.press_estop()
+    assert not stand.run(1.0)
+    assert not steps(stand)[round(1.2 / PERIOD) :].any()
+    assert stand.loop.safety[0] is SafetyState.EMERGENCY_STOP
+
+
 def test_a_run_ends_some_time_after_its_planner_is_done():
     stand = Stand()
     stand.planner.say(Mode.DONE)

@@ -57,6 +57,7 @@ def test_columns_may_stand_in_any_order():
     [
         (lambda s: s.replace("stop_counts", "stop"), "missing column stop_counts"),
         (lambda s: s.replace("test,", "test,note,", 1), "column note"),
+        (lambda s: s + "\n" + "9" * 200_000, "not a CSV file: field larger"),
         (
             lambda s: s.replace("558.0", "nan"),
             "line 3: current_ma: must be 10 .. 20000",

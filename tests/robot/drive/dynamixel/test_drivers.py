@@ -98,6 +98,12 @@ def test_zero_and_direction_of_a_joint_are_configured(bench):
     assert robot.line.q == pytest.approx(expected, abs=1e-3)
 
 
+def test_an_arm_may_follow_as_late_as_its_servos_do(bench):
+    # The emulated servos of the five-axis arm follow 0.11 s late at 2.7 rad/s.
+    assert bench().arm.lag > 0.11
+    assert bench({"lag": 0.3}).arm.lag == 0.3
+
+
 def test_a_command_that_is_not_finite_is_ignored(bench):
     robot = bench()
     robot.cycle([0.5, 0.5, 0.5], 0.5)

@@ -81,6 +81,24 @@ def test_a_read_beyond_the_table_is_refused(kind):
     assert refused.value.kind is Refusal.ACCESS
 
 
+@pytest.mark.parametrize(
+    ("address", "data", "kind", "words"),
+    [
+        (0, "01", Refusal.ACCESS, "model_number is read only"),
+        (36, "01", Refusal.ACCESS, "present_position is read only"),
+        (73, "00 00", Refusal.ACCESS, "no register there"),
+        (60, "00", Refusal.ACCESS, "no register there"),
+        (34, "00 04", Refusal.RANGE, "torque_limit must be 0 to 1023, got 1024"),
+        (8, "00 00", Refusal.RANGE, "endless turning"),
+        (30, "00 10", Refusal.LIMIT, "goal_position must be 0 to 4095, got 4096"),
+    ],
+)
+def test_an_invalid_write_is_refused_by_protocol_1(address, data, kind, words):
+    with pytest.raises(RefusedError, match=words) as refused:
+        ControlTable1().write(address, bytes.fromhex(data))
+    assert refused.value.kind is kind
+
+
 def test_a_locked_eeprom_cannot_be_written():
     table = ControlTable1()
     table.write(47, b"\x01")
