@@ -39,8 +39,11 @@ def hand_poses(scenario: Scenario, arm_states: Vector) -> list[RigidTransform]:
     return poses
 
 
-def floor_gap(scenario: Scenario, X_WO: RigidTransform) -> float | None:
-    """Return how far the end of an inserted peg is above the floor of its hole [m].
+def end_error(scenario: Scenario, X_WO: RigidTransform) -> Vector | None:
+    """Return how far the end of an inserted peg is from its place, shape (3,) [m].
+
+    That place is in the middle of the true hole, at the planner's depth. The axes are
+    those of the hole.
 
     Args:
         scenario: The scenario; its models tell where the hole truly is.
@@ -61,7 +64,7 @@ def floor_gap(scenario: Scenario, X_WO: RigidTransform) -> float | None:
         plant.get_body(hole).body_frame().CalcPoseInWorld(plant.CreateDefaultContext())
     )
     p_HE = X_WH.inverse() @ X_WO @ [0.0, 0.0, -0.5 * shape.height]
-    return float(p_HE[2] + planner.depth)
+    return np.asarray(p_HE) + np.array([0.0, 0.0, planner.depth])
 
 
 def hole_force(log: Mapping[str, Vector]) -> float | None:

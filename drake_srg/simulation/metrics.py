@@ -300,7 +300,7 @@ def calc_metrics(
     poses = log.get(pose_key(pick))
     placed, error, tilt, turn = False, None, None, None
     off_table = measures.off_table(scenario, log)
-    localization = shift = drift = peak = cycle = lifted = to_placement = gap = None
+    localization = shift = drift = peak = cycle = lifted = to_placement = end = None
     if poses is not None:
         final = row_to_pose(poses[-1])
         first = 0  # row at which the object was first found
@@ -316,7 +316,7 @@ def calc_metrics(
         if pick not in off_table:
             error = final.translation() - goal.translation()
             tilt = final_tilt(scenario, start, final)
-        gap = measures.floor_gap(scenario, final)
+        end = measures.end_error(scenario, final)
         placed = (
             error is not None
             and is_placed(scenario, start, time, poses, touching)
@@ -371,7 +371,7 @@ def calc_metrics(
         real_time_factor=times.simulated / times.wall,
         artifacts=artifacts,
         safety_stops=measures.safety_stops(log, arms),
-        floor_gap_m=gap,
+        floor_gap_m=None if end is None else float(end[2]),
         hole_force_n=measures.hole_force(log),
         off_table=off_table or None,
         kinds=kinds_of(scenario) or None,
@@ -384,7 +384,7 @@ def calc_metrics(
 
 
 def _at_goal(
-    scenario: Scenario, error: Vector, tilt: float | None, gap: float | None
+    scenario: Scenario, error: Vector, tilt: float | None, end: Vector | None
 ) -> bool:
     """Return whether an object is where it belongs.
 
@@ -392,10 +392,10 @@ def _at_goal(
         scenario: The scenario.
         error: Of its position, shape (3,) [m].
         tilt: From its goal [rad]; None: it has none.
-        gap: Of an inserted peg, see `measures.floor_gap` [m]; None: it is none.
+        end: Of an inserted peg, see `measures.end_error` [m]; None: it is none.
     """
-    if gap is not None and isinstance(scenario.planner, Insert):
-        return abs(gap) <= scenario.planner.depth_tolerance
+    if end is not None and isinstance(scenario.planner, Insert):
+        return bool(np.all(np.abs(end) <= scenario.planner.depth_tolerance))
     tolerance = scenario.task.place.tolerance
     near = bool(np.linalg.norm(error) <= tolerance)
     return near and (tilt is None or tilt <= _MAX_TILT)
@@ -420,9 +420,9 @@ def is_placed(
     final = row_to_pose(poses[-1])
     error = final.translation() - final_pose(scenario, start).translation()
     tilt = final_tilt(scenario, start, final)
-    gap = measures.floor_gap(scenario, final)
+    end = measures.end_error(scenario, final)
     return bool(
-        _at_goal(scenario, error, tilt, gap)
+        _at_goal(scenario, error, tilt, end)
         and measures.final_speed(time, poses) <= _MAX_SPEED
         and set(touching) == {"support"}
     )

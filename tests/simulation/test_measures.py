@@ -2,7 +2,7 @@ import dataclasses as dc
 
 import numpy as np
 import pytest
-from pydrake.math import RigidTransform
+from pydrake.math import RigidTransform, RotationMatrix
 from pydrake.multibody.plant import MultibodyPlant
 
 from drake_srg.common.log_format import MODES, pose_to_row
@@ -10,6 +10,7 @@ from drake_srg.common.safety_states import SafetyState, StopReason, state_indice
 from drake_srg.scenario import load_scenario
 from drake_srg.simulation import measures
 from drake_srg.simulation.measures import hand_poses
+from drake_srg.simulation.metrics import is_placed
 from drake_srg.simulation.rig import Rig, bench_scenario
 from drake_srg.station.plant import AddDirectives
 from drake_srg.types import Mode, PlannerStatus
@@ -182,15 +183,33 @@ def test_each_safety_stop_is_told_once():
     assert measures.safety_stops({"time": np.arange(6.0)}) is None
 
 
-def test_the_gap_is_above_the_floor_of_the_true_hole():
+def hole_and_peg():
+    """Return a scenario with a hole, and the pose of its seated peg, X_WO [m]."""
     scenario = load_scenario("insert_varied", seed=1, overrides=["chosen.part=keyed"])
     welds = [d.add_weld for d in scenario.directives if d.add_weld is not None]
     (weld,) = [weld for weld in welds if weld.child == "hole::block"]
     X_WH = weld.X_PC.GetDeterministicValue()
-    for gap in (0.0, 0.005, 0.03):
-        X_WO = X_WH @ RigidTransform([0.0, 0.0, 0.05 - 0.02 + gap])
-        assert measures.floor_gap(scenario, X_WO) == pytest.approx(gap, abs=1e-9)
-    assert measures.floor_gap(SCENARIO, RigidTransform()) is None
+    return scenario, X_WH @ RigidTransform([0.0, 0.0, 0.05 - 0.02])
+
+
+def test_the_end_of_a_peg_is_compared_with_its_place_in_the_true_hole():
+    scenario, X_WO = hole_and_peg()
+    for p in ([0.0, 0.0, 0.0], [0.0, 0.0, 0.005], [0.001, -0.002, 0.03]):
+        error = measures.end_error(scenario, X_WO @ RigidTransform(p))
+        assert error == pytest.approx(p, abs=1e-9)
+    assert measures.end_error(SCENARIO, RigidTransform()) is None
+
+
+def test_a_peg_that_lies_beside_its_hole_is_not_inserted():
+    """Its end can be as high as the floor of the hole."""
+    scenario, X_WO = hole_and_peg()
+    R = RotationMatrix.MakeXRotation(0.5 * np.pi)
+    lying = RigidTransform(R, [-0.026, 0.036, -0.05] + R @ [0.0, 0.0, 0.05])
+    for X, inserted in ((X_WO, True), (X_WO @ lying, False)):
+        assert measures.end_error(scenario, X)[2] == pytest.approx(0.0, abs=1e-9)
+        poses = np.array(2 * [pose_to_row(X)])
+        found = is_placed(scenario, X_WO, np.array([0.0, 0.1]), poses, ["support"])
+        assert found is inserted
 
 
 def test_the_force_on_the_hole_is_the_peak_so_far():
