@@ -242,7 +242,7 @@ def systems(tmp_path_factory):
     add("Station", MakeStation(Scenario()))
     soft = MakeStation(load_scenario("gripper_bench", overrides=SOFT))
     add("ObjectPoses", soft.GetSubsystemByName("object_poses"))
-    process = SimpleNamespace(send=lambda *message: None, finish=lambda: 0)
+    process = SimpleNamespace(send=lambda *message: None, finish=lambda _: 0)
     folder = tmp_path_factory.mktemp("video")
     video = RemoteVideoRecorder(process, folder / "video.mp4", 3, 20.0)
     add("RemoteVideoRecorder", video)

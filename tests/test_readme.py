@@ -10,7 +10,7 @@ import pyarrow.parquet as pq
 import pytest
 
 from drake_srg.cli.main import make_parser
-from drake_srg.robot.drive import load_hardware
+from drake_srg.robot import load_hardware
 from drake_srg.scenario import load_scenario
 from experiments import find_experiments
 

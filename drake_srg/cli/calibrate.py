@@ -218,7 +218,7 @@ def calibrate(options: argparse.Namespace) -> int:
         ScenarioError: If images, poses or scenario are invalid, or writing fails.
     """
     from drake_srg.robot.calibrate.mounting import mount
-    from drake_srg.robot.calibrate.overlay import answer, overlay, report, true_errors
+    from drake_srg.robot.calibrate.overlay import answer, overlay, report
     from drake_srg.robot.calibrate.shots import (
         find_views,
         read_shots,
@@ -250,16 +250,15 @@ def calibrate(options: argparse.Namespace) -> int:
 
             shots = take_shots(scenario, mounting, scene, count, tell)
     result = solve(find_views(shots, mounting), mounting.focal, mounting.center)
-    errors = None if count is None else true_errors(result, mounting)
+    found = answer(result, mounting, simulated=count is not None)
     default = Path("out") / f"calibrate_{name_of(options)}"
     with results_folder(options, default, CALIBRATION) as out:
         base = _base(options.scenario, out)
         if count is not None:
             write_folder(out / "images", shot_files(shots))
         file = out / "calibration.yaml"
-        write_file(file, overlay(result, mounting, base).encode("utf-8"))
-    options.console.say(*report(result, mounting, errors), "", file)
-    found = answer(result, mounting, errors)
+        write_file(file, overlay(found, base).encode("utf-8"))
+    options.console.say(*report(result, mounting, found), "", file)
     options.console.answer({**found, "scenario": file})
     return SUCCESS
 

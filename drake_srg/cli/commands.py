@@ -54,7 +54,8 @@ def run_hardware(options: argparse.Namespace) -> int:
     """
     # Imported under the signal handlers, so that a signal ends the command cleanly.
     with stop_on_signals() as stop:
-        from drake_srg.robot.drive import load_hardware, run_on_hardware
+        from drake_srg.robot.drive.config import load_hardware
+        from drake_srg.robot.drive.run import run_on_hardware
         from drake_srg.robot.serve.connecting import own_terminal
 
         config = load_hardware(options.hardware)

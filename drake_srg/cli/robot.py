@@ -36,7 +36,7 @@ from drake_srg.common.exceptions import ScenarioError
 from drake_srg.common.status_line import StatusLine
 
 if TYPE_CHECKING:
-    from drake_srg.robot.drive import HardwareConfig
+    from drake_srg.robot.drive.config import HardwareConfig
     from drake_srg.robot.serve.connecting import BridgeOptions
     from drake_srg.robot.serve.loop import Served
 
@@ -298,8 +298,8 @@ def _recordings(options: argparse.Namespace, default: Path) -> Iterator[Path | N
 
 def _config(options: argparse.Namespace) -> HardwareConfig:
     """Return where the robot's topics are."""
-    from drake_srg.robot.drive import HardwareConfig, load_hardware
     from drake_srg.robot.drive.arm import Ros1Arm, Ros2Arm
+    from drake_srg.robot.drive.config import HardwareConfig, load_hardware
     from drake_srg.robot.drive.gripper import Ros1Gripper, Ros2Gripper
     from drake_srg.robot.serve.connecting import Ros1Config, Ros2Config
 

@@ -120,7 +120,7 @@ def _safety_topics(safety: str) -> tuple[Topic, Topic]:
     Args:
         safety: Prefix of the monitor's ports.
     """
-    topic = _topic(safety)
+    topic = topic_of(safety)
     kind = "std_msgs/msg/String"
 
     def convert(make: MakeMessage, time: float, value: Any) -> Any:
@@ -267,7 +267,7 @@ class ArmNames:
         return [
             _array(arm, "position_commanded", size),
             float64(
-                f"{_topic(gripper)}/closure_commanded", f"{gripper}.closure_commanded"
+                f"{topic_of(gripper)}/closure_commanded", f"{gripper}.closure_commanded"
             ),
             _array(gripper, "proximity", self.sensors),
             _array(gripper, "contact_force", self.sensors),
@@ -306,7 +306,7 @@ def finger_topics(gripper: str, links: Mapping[str, str]) -> list[Topic]:
     def grasped(make: MakeMessage, time: float, value: Any) -> Any:
         return make("std_msgs/msg/Bool", data=bool(value[0]))
 
-    root, size = _topic(gripper), 6 * len(links)
+    root, size = topic_of(gripper), 6 * len(links)
     return [
         Topic(
             f"{root}/grasped", "std_msgs/msg/Bool", {f"{gripper}.grasped": 1}, grasped
@@ -323,13 +323,13 @@ def finger_topics(gripper: str, links: Mapping[str, str]) -> list[Topic]:
     ]
 
 
-def _topic(ports: str) -> str:
+def topic_of(ports: str) -> str:
     """Return the topic of a prefix of ports: /left/gripper for `left.gripper`."""
     return "/" + ports.replace(".", "/")
 
 
 def _array(ports: str, name: str, size: int) -> Topic:
-    return float64_array(f"{_topic(ports)}/{name}", f"{ports}.{name}", size)
+    return float64_array(f"{topic_of(ports)}/{name}", f"{ports}.{name}", size)
 
 
 def cell_topics(

@@ -28,6 +28,7 @@ from drake_srg.recording.rosbag import (
     finger_topics,
     float64,
     float64_array,
+    topic_of,
 )
 from drake_srg.recording.scene_topics import scene_topics as topics_of_scene
 from drake_srg.recording.timeline import ArmLabels, Labels
@@ -222,7 +223,7 @@ def _motor_topics(robot: RobotArm, ports: Mapping[str, OutputPort]) -> list[Topi
 
     The current [A] is what the servo's register shows; see `motor_load`.
     """
-    root = "/" + robot.gripper_model.replace(".", "/")
+    root = topic_of(robot.gripper_model)
     pwm, state, temperature = (
         f"{robot.gripper_model}.{name}"
         for name in ("pwm", "motor_state", "motor_temperature")

@@ -54,7 +54,7 @@ _LOOKING = (PickAndPlace, Clear, Servoing, Insert, Handover, CarryTogether, Taug
 _ONE_ARM = (RobotArm(),)
 
 
-def _commands(arms: Sequence[RobotArm]) -> list[tuple[str, str]]:
+def command_ports(arms: Sequence[RobotArm]) -> list[tuple[str, str]]:
     """Return the planner's output ports of commands, and the station's input ports."""
     return [
         pair
@@ -163,7 +163,7 @@ def AddCell(
     for name, exported in (
         ("mode", "planner.mode"),
         ("status", "planner.status"),
-        *_commands(arms),
+        *command_ports(arms),
     ):
         builder.ExportOutput(planner.GetOutputPort(name), exported)
 
@@ -431,7 +431,7 @@ def ConnectCommands(
     Raises:
         ScenarioError: If a gripper waits for messages, and the planner sends none.
     """
-    for source, target in _commands(arms):
+    for source, target in command_ports(arms):
         builder.Connect(planner.GetOutputPort(source), station.GetInputPort(target))
     for arm in arms:
         counted = f"{arm.gripper_model}.{_MESSAGES}"

@@ -7,15 +7,9 @@ from collections.abc import Callable
 from pydrake.systems.framework import Diagram, DiagramBuilder, System
 
 from drake_srg.common.systems import export_outputs
-from drake_srg.scenario import Scenario
+from drake_srg.scenario import Scenario, robot_arms
 from drake_srg.station import MakeStation
-from drake_srg.station.cell import AddDisturber, AddScenarioPlanner
-
-# The station's inputs that are commanded from outside, and the planner's outputs.
-COMMANDS = {
-    "arm.position_commanded": "position_commanded",
-    "gripper.closure_commanded": "closure_commanded",
-}
+from drake_srg.station.cell import AddDisturber, AddScenarioPlanner, command_ports
 
 
 def MakeDrivenCell(
@@ -39,6 +33,9 @@ def MakeDrivenCell(
         - planner.status
         - planner.position_commanded
         - planner.closure_commanded
+
+    With `arms`, those of the arm NAME are called `NAME.` in place of `arm.`,
+    `NAME.gripper.` in place of `gripper.` and `planner.NAME.` in place of `planner.`.
 
     The planner senses what the robot does, and plans from there, as in `MakeCell`.
 
@@ -66,9 +63,10 @@ def AddDrivenCell(
     """Add the systems of `MakeDrivenCell` to a diagram and export their ports."""
     station = builder.AddNamedSystem("station", make_station(scenario))
     export_outputs(builder, station)
-    for name in COMMANDS:
-        builder.ExportInput(station.GetInputPort(name), name)
     planner = AddScenarioPlanner(builder, scenario, station, make_planner)
     AddDisturber(builder, scenario, station, planner)
-    for name in ("mode", "status", *COMMANDS.values()):
+    proposed, commanded = zip(*command_ports(robot_arms(scenario)), strict=True)
+    for name in commanded:
+        builder.ExportInput(station.GetInputPort(name), name)
+    for name in ("mode", "status", *proposed):
         builder.ExportOutput(planner.GetOutputPort(name), f"planner.{name}")

@@ -12,6 +12,7 @@ import numpy.typing as npt
 from drake_srg.common.exceptions import ScenarioError, scenario_errors, suggest
 from drake_srg.learning.envs.scenes import choose
 from drake_srg.learning.episodes import VALIDATION
+from drake_srg.scenario import robot_arms
 from drake_srg.scenario.load import draw_scenario, load_tree
 from drake_srg.station.plant import MakeModelsPlant
 from drake_srg.suite.episode import PERIOD, Episode, EpisodeError, with_cameras
@@ -29,7 +30,7 @@ Observation = dict[str, Any]
 
 
 class SuiteEnv(gymnasium.Env[Observation, npt.NDArray[np.float32]]):
-    """A task of the suite: an arm with a gripper at a table.
+    """A task of the suite: an arm with a gripper at a table, or several.
 
     An action (N + 1) lasts 1/16 s: positions of the arm's N joints [rad], to which the
     command moves evenly, and the hand's closure, 0 open .. 1 closed. The command of a
@@ -40,6 +41,8 @@ class SuiteEnv(gymnasium.Env[Observation, npt.NDArray[np.float32]]):
     `pixels`, an image by camera. For the iiwa 14 with the SRG, N is 7, n and m are 4. A
     data set of `drake-srg dataset` holds the same positions, actions and images.
 
+    Several arms follow one another in all three vectors, in the scenario's order.
+
     Success is judged from ground truth; see `Task`. It ends the episode, with reward 1,
     as does an object that falls off the table, with reward 0. `info` has `is_success`
     and `failure`, the reason for which the simulator ended an episode, or "".
@@ -47,7 +50,8 @@ class SuiteEnv(gymnasium.Env[Observation, npt.NDArray[np.float32]]):
     Attributes:
         actions: The action space.
         limits: Least and greatest values of `agent_pos`, each of shape (N + n,) [rad].
-        motion: Largest motion of each joint's command in a step, shape (N,) [rad].
+        motion: Largest change of each entry of the command in a step, shape (N + 1,)
+            [rad]; 1 for a closure.
         failure: As in `info`, of the present episode.
 
     Args:
@@ -103,33 +107,34 @@ class SuiteEnv(gymnasium.Env[Observation, npt.NDArray[np.float32]]):
             )
         with scenario_errors(self.task):
             plant = MakeModelsPlant(first)
-        arm = plant.GetModelInstanceByName("arm")
-
-        def of_arm(values: Vector) -> Vector:
-            return np.array(plant.GetPositionsFromArray(arm, values))
-
-        self._low = of_arm(plant.GetPositionLowerLimits())
-        self._high = of_arm(plant.GetPositionUpperLimits())
-        speeds = plant.GetVelocitiesFromArray(arm, plant.GetVelocityUpperLimits())
-        self.motion = np.array(speeds) * PERIOD
-        joints = len(self._low)
-        assert first.gripper is not None
-        hand = plant.GetModelInstanceByName("gripper")
-        fingers = [plant.GetJointByName(n, hand) for n in first.gripper.joint_names]
-        self._fingers = len(fingers)
-        self.limits = (
-            np.append(self._low, [joint.position_lower_limit() for joint in fingers]),
-            np.append(self._high, [joint.position_upper_limit() for joint in fingers]),
-        )
-        sensors = len(first.gripper.sensor_names)
+        # Limits of the measured positions by model, shape (2, n) [rad].
+        self._joints: dict[str, Vector] = {}
+        self._hands: list[str] = []
+        commands, motions, sensors = [], [], 0
+        for robot in robot_arms(first):
+            assert robot.gripper is not None
+            arm = plant.GetModelInstanceByName(robot.arm_model)
+            hand = plant.GetModelInstanceByName(robot.gripper_model)
+            bounds = plant.GetPositionLowerLimits(), plant.GetPositionUpperLimits()
+            limits = np.array([plant.GetPositionsFromArray(arm, q) for q in bounds])
+            speeds = plant.GetVelocitiesFromArray(arm, plant.GetVelocityUpperLimits())
+            fingers = [plant.GetJointByName(n, hand) for n in robot.gripper.joint_names]
+            self._joints[robot.arm_model] = limits
+            self._joints[robot.gripper_model] = np.array(
+                [(j.position_lower_limit(), j.position_upper_limit()) for j in fingers]
+            ).T
+            self._hands.append(robot.gripper_model)
+            commands.append(np.column_stack([limits, [0.0, 1.0]]))
+            motions.append(np.append(np.array(speeds) * PERIOD, 1.0))
+            sensors += len(robot.gripper.sensor_names)
+        self._low, self._high = np.hstack(commands)
+        self.motion = np.concatenate(motions)
+        self.limits = tuple(np.hstack([*self._joints.values()]))
         box = gymnasium.spaces.Box
-        self.actions = box(
-            np.append(self._low, 0.0).astype(np.float32),
-            np.append(self._high, 1.0).astype(np.float32),
-        )
+        self.actions = box(self._low.astype(np.float32), self._high.astype(np.float32))
         self.action_space = self.actions
         parts: dict[str, gymnasium.Space[Any]] = {
-            "agent_pos": box(-np.inf, np.inf, (joints + self._fingers,), np.float32),
+            "agent_pos": box(-np.inf, np.inf, self.limits[0].shape, np.float32),
             "touch": box(0.0, np.inf, (sensors,), np.float32),
         }
         if self.cameras:
@@ -142,7 +147,6 @@ class SuiteEnv(gymnasium.Env[Observation, npt.NDArray[np.float32]]):
             )
         self._parts = gymnasium.spaces.Dict(parts)
         self.observation_space = self._parts
-        self._joints = joints
         self._episode: Episode | None = None
         self._number = 0
         self._steps = 0
@@ -201,11 +205,10 @@ class SuiteEnv(gymnasium.Env[Observation, npt.NDArray[np.float32]]):
         self._steps += 1
         try:
             if not self.failure:
-                values = _checked(action, self._joints + 1)
+                goal = np.clip(_checked(action, len(self._low)), self._low, self._high)
                 episode = self.episode
-                goal = np.clip(values[:-1], self._low, self._high)
-                near = episode.position + np.array([-1.0, 1.0])[:, None] * self.motion
-                episode.advance(np.clip(goal, *near), float(np.clip(values[-1], 0, 1)))
+                near = episode.command + np.array([-1.0, 1.0])[:, None] * self.motion
+                episode.advance(np.clip(goal, *near))
                 self._last = self._observe(episode)
                 success, lost = episode.succeeds(), episode.lost()
         except EpisodeError as error:
@@ -223,8 +226,7 @@ class SuiteEnv(gymnasium.Env[Observation, npt.NDArray[np.float32]]):
         """
         if not self.expert:
             raise ScenarioError("expert: must be True, for the expert's actions")
-        position, closure = self.episode.proposal()
-        return np.append(position, closure).astype(np.float32)
+        return self.episode.proposal().astype(np.float32)
 
     def render(self) -> npt.NDArray[np.uint8] | None:
         """Return an image (height, width, 3) of the video camera."""
@@ -237,13 +239,14 @@ class SuiteEnv(gymnasium.Env[Observation, npt.NDArray[np.float32]]):
         self._episode = None
 
     def _observe(self, episode: Episode) -> Observation:
-        arm = episode.measured("arm.state_measured")[: self._joints]
-        fingers = episode.measured("gripper.state_measured")[: self._fingers]
+        positions = [
+            episode.measured(f"{model}.state_measured")[: limits.shape[1]]
+            for model, limits in self._joints.items()
+        ]
+        touch = [episode.measured(f"{hand}.contact_force") for hand in self._hands]
         seen: Observation = {
-            "agent_pos": np.concatenate([arm, fingers]).astype(np.float32),
-            "touch": np.array(
-                episode.measured("gripper.contact_force"), dtype=np.float32
-            ),
+            "agent_pos": np.concatenate(positions).astype(np.float32),
+            "touch": np.concatenate(touch).astype(np.float32),
         }
         if self.cameras:
             seen["pixels"] = {name: episode.image(name) for name in self.cameras}

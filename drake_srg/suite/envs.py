@@ -32,7 +32,8 @@ class ProprioceptionEnv(gymnasium.Env[Array, Array]):
     the m finger links [20 N]. It does not tell where an object is.
 
     An action (N + 1), each entry within -1 .. 1, has the motion of each joint's command
-    as a share of its fastest one, and the closure, -1 open .. 1 closed.
+    as a share of its fastest one, and the closure, -1 open .. 1 closed. Several arms
+    follow one another, as in `SuiteEnv`.
 
     The seed is the scenario's. Seeds from `EVALUATION` on are the 200 episodes of
     evaluation; without a seed, one of training is drawn. `info["success"]` is
@@ -94,8 +95,10 @@ class ProprioceptionEnv(gymnasium.Env[Array, Array]):
             raise ValueError(f"action: must have shape {shape}, got {values.shape}")
         values = np.clip(values, -1.0, 1.0)
         if not self.suite.failure:  # else the step ends the episode, whatever it does
-            moved = self.suite.episode.position + values[:-1] * self.suite.motion
-            values = np.append(moved, 0.5 * (values[-1] + 1.0))
+            episode = self.suite.episode
+            moved = episode.command + values * self.suite.motion
+            moved[episode.closures] = 0.5 * (values[episode.closures] + 1.0)
+            values = moved
         observation, reward, terminated, truncated, info = self.suite.step(
             values.astype(np.float32)
         )
@@ -124,9 +127,9 @@ class ProprioceptionEnv(gymnasium.Env[Array, Array]):
             )
         if self.suite.failure:
             return np.zeros(self.action_space.shape or (), np.float32)
-        proposed = self.suite.expert_action()
-        motion = (proposed[:-1] - self.suite.episode.position) / self.suite.motion
-        action = np.append(motion, 2.0 * proposed[-1] - 1.0)
+        proposed, episode = self.suite.expert_action(), self.suite.episode
+        action = (proposed - episode.command) / self.suite.motion
+        action[episode.closures] = 2.0 * proposed[episode.closures] - 1.0
         return np.clip(action, -1.0, 1.0).astype(np.float32)
 
     def render(self) -> npt.NDArray[np.uint8] | None:

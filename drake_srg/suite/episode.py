@@ -6,7 +6,7 @@ import collections
 import dataclasses as dc
 import functools
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from typing import Any
 
 import numpy as np
@@ -21,14 +21,15 @@ from drake_srg.learning.rules import pick_by_touch
 from drake_srg.lifetime import free_diagrams, my_context
 from drake_srg.objects.household import object_facts
 from drake_srg.objects.poses import ContactReader
-from drake_srg.scenario import Scenario, perception_cameras, servo_of
+from drake_srg.scenario import Scenario, perception_cameras, robot_arms, servo_of
 from drake_srg.simulation.clearing import resting_places
 from drake_srg.simulation.flat import MakeRoot
 from drake_srg.simulation.metrics import is_placed
 from drake_srg.station import AddStation, MakeStation
+from drake_srg.station.cell import command_ports
 from drake_srg.station.perception import destinations
 from drake_srg.station.sleeping import MakeAdvance
-from drake_srg.suite.cell import COMMANDS, AddDrivenCell, MakeDrivenCell
+from drake_srg.suite.cell import AddDrivenCell, MakeDrivenCell
 from drake_srg.types import PlannerStatus, Vector
 
 PERIOD = 1 / 16  # between actions [s]
@@ -49,24 +50,34 @@ class EpisodeError(Exception):
     """Drake could not advance an episode; the message is one line."""
 
 
-def reading_times(tick: int, period: float) -> Vector:
-    """Return when an arm's driver reads its command within a period of actions [s].
+def reading_times(tick: int, periods: Iterable[float]) -> Vector:
+    """Return when arms' drivers read their commands within a period of actions [s].
 
     The command must move between any two readings, or the driver gets a wrong speed.
 
     Args:
         tick: Number of the period of actions.
-        period: Of the driver [s].
+        periods: Of the drivers [s].
     """
-    start, end = (
-        math.ceil((tick + more) * PERIOD / period - _ROUNDING) for more in (0, 1)
-    )
-    times: Vector = period * np.arange(start, end, dtype=float)
-    return times
+    times = []
+    for period in periods:
+        start, end = (
+            math.ceil((tick + more) * PERIOD / period - _ROUNDING) for more in (0, 1)
+        )
+        times.append(period * np.arange(start, end, dtype=float))
+    return np.unique(np.concatenate(times))
 
 
 class Episode:
     """One episode of a task.
+
+    A command (K) has, for each arm in the scenario's order, the positions of its joints
+    [rad], and then its hand's closure, 0 open .. 1 closed.
+
+    Attributes:
+        scenario: The scenario.
+        command: The present command (K): at first, the arms' home and open hands.
+        closures: Indices of the closures in a command, one for each arm.
 
     Args:
         task_goal: `lift`, `place` or `clear`; see `Task`.
@@ -97,13 +108,21 @@ class Episode:
         self._simulator = MakeSimulator(diagram, scenario.simulator_config)
         self._root = self._simulator.get_mutable_context()
         self._context = my_context(self._cell, self._root)
-        assert scenario.arm is not None
-        self.position = np.array(scenario.arm.home)  # commanded
-        self._arm_period = scenario.arm.period
-        self._set = {
-            port: self._fix(port, value)
-            for port, value in zip(COMMANDS, (self.position, np.zeros(1)), strict=True)
-        }
+        self._arms = robot_arms(scenario)
+        drivers = [arm.arm for arm in self._arms if arm.arm is not None]
+        homes = [np.array(driver.home) for driver in drivers]
+        self._hands = [arm.gripper_model for arm in self._arms]
+        self._periods = {driver.period for driver in drivers}
+        self.command = np.concatenate([np.append(home, 0.0) for home in homes])
+        self.closures = np.cumsum([len(home) + 1 for home in homes]) - 1
+        self._set_positions = [
+            self._fix(f"{arm.arm_model}.position_commanded", home)
+            for arm, home in zip(self._arms, homes, strict=True)
+        ]
+        self._set_closures = [
+            self._fix(f"{arm.gripper_model}.closure_commanded", np.zeros(1))
+            for arm in self._arms
+        ]
         self._advance = MakeAdvance(self._simulator, self._cell, scenario)
         self._ticks = 0
         self._reader: ContactReader | None = None
@@ -151,25 +170,26 @@ class Episode:
         image = self.measured(f"camera_{camera}.color_image")
         return np.array(image.data[:, :, :3])
 
-    def advance(self, position: Vector, closure: float) -> None:
-        """Move the arm's command evenly to a position (N) [rad], for one period.
+    def advance(self, command: Vector) -> None:
+        """Move the joints' command evenly to another one (K), for one period.
 
-        Args:
-            position: Of the arm's joints, shape (N,) [rad].
-            closure: Commanded from now on, 0 open .. 1 closed.
+        Closures count from now on.
 
         Raises:
             EpisodeError: If Drake gives up, or the state is not finite any more.
         """
-        before, self.position = self.position, position
-        set_position, set_closure = self._set.values()
-        set_closure(np.array([closure]))
+        before, self.command = self.command, command
+        for set_closure, index in zip(self._set_closures, self.closures, strict=True):
+            set_closure(command[[index]])
         try:
-            for time in reading_times(self._ticks, self._arm_period):
+            for time in reading_times(self._ticks, self._periods):
                 if time > self.time:
                     self._advance(time)
                 share = (time - self.time) / PERIOD
-                set_position(before + share * (position - before))
+                moved = before + share * (command - before)
+                parts = np.split(moved, self.closures[:-1] + 1)
+                for set_position, part in zip(self._set_positions, parts, strict=True):
+                    set_position(part[:-1])
             self._ticks += 1
             self._advance(self._ticks * PERIOD)
             self._sample()
@@ -186,7 +206,10 @@ class Episode:
             return
         contacts = self.measured("contact_results_cheat")
         if self._reader is None:
-            self._reader = ContactReader(contacts.plant(), self.scenario.task.pick)
+            arms = [arm.arm_model for arm in self._arms]
+            robots = (*arms, *self._hands)
+            pick = self.scenario.task.pick
+            self._reader = ContactReader(contacts.plant(), pick, robots)
         self._touching = set(self._reader.forces(contacts))
 
     # What is true.
@@ -205,7 +228,8 @@ class Episode:
         start = self._start[pick]
         if self._goal == "lift":
             return bool(
-                np.all(poses[:, 2] > start[2] + LIFTED) and "gripper" in self._touching
+                np.all(poses[:, 2] > start[2] + LIFTED)
+                and self._touching.intersection(self._hands)
             )
         time = np.array(self._times)
         return is_placed(self.scenario, row_to_pose(start), time, poses, self._touching)
@@ -230,16 +254,16 @@ class Episode:
 
     # The expert.
 
-    def proposal(self) -> tuple[Vector, float]:
-        """Return the position (N) [rad] and closure that the expert wants next.
+    def proposal(self) -> Vector:
+        """Return the command (K) that the expert wants next.
 
-        The position is that at the end of the coming period, as planned by now.
+        The positions are those at the end of the coming period, as planned by now.
         """
-        position, closure = (f"planner.{name}" for name in COMMANDS.values())
         now = self._root.get_time()
         self._root.SetTime(now + PERIOD)
         try:
-            return self.measured(position), float(self.measured(closure)[0])
+            ports = [f"planner.{name}" for name, _ in command_ports(self._arms)]
+            return np.concatenate([self.measured(port) for port in ports])
         finally:
             self._root.SetTime(now)
 

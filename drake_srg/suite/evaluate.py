@@ -20,7 +20,7 @@ from typing import Any
 import numpy as np
 
 from drake_srg.common.exceptions import ScenarioError
-from drake_srg.learning.episodes import NAMESPACE
+from drake_srg.learning.episodes import EVALUATION, NAMESPACE
 from drake_srg.learning.policy import (
     Policy,
     check_sizes,
@@ -200,13 +200,14 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser.add_argument(
         "--policy", default=EXPERT, help="`expert`, `random`, or a policy.npz"
     )
-    parser.add_argument("--episodes", type=int, default=20, help=f"1 to {EPISODES}")
+    parser.add_argument("--episodes", type=int, default=20, help="from the first")
     parser.add_argument("--split", choices=SPLITS, default=EVALUATION_SPLIT)
     parser.add_argument("--episode-length", type=int, help="in steps")
     parser.add_argument("--out", type=Path, required=True, help="a file of rows")
     options = parser.parse_args(arguments)
-    if not 1 <= options.episodes <= EPISODES:
-        parser.error(f"--episodes: must be 1 to {EPISODES}, got {options.episodes}")
+    most = EPISODES if options.split == EVALUATION_SPLIT else EVALUATION
+    if not 1 <= options.episodes <= most:
+        parser.error(f"--episodes: must be 1 to {most}, got {options.episodes}")
     length = options.episode_length
     if length is not None and length < 1:
         parser.error(f"--episode-length: must be at least 1, got {length}")

@@ -8,7 +8,7 @@ import pytest
 from gymnasium.vector import AsyncVectorEnv, AutoresetMode, SyncVectorEnv
 
 from drake_srg.common.exceptions import ScenarioError
-from drake_srg.scenario import load_scenario
+from drake_srg.scenario import load_scenario, robot_arms
 from drake_srg.suite import SuiteEnv
 from drake_srg.suite.episode import reading_times, with_cameras
 
@@ -72,7 +72,10 @@ def test_single_sync_and_async_are_equal_byte_for_byte():
     env.close()
     assert single == sync[0]
     assert single[0] != single[1]
-    assert "pixels/ceiling" in single[0][0]
+    # Equal bytes say nothing if nothing moves.
+    for first, *_, last in single:
+        for part in ("agent_pos", "pixels/ceiling"):
+            assert first[part] != last[part]
 
 
 def test_reset_and_step_tell_the_success(env):
@@ -98,10 +101,10 @@ def test_the_attributes_that_lerobot_asks_for(env, monkeypatch):
 
 def test_joints_follow_the_commands_no_faster_than_they_can(env):
     env.reset(seed=1)
-    start = env.episode.position
+    start = env.episode.command[:-1]
     far = np.append(env.action_space.high[:-1], 1.0)
     env.step(far)
-    moved = env.episode.position - start
+    moved = env.episode.command[:-1] - start
     # KUKA's data sheet of the iiwa 14: 85, 85, 100, 75, 130, 135, 135 degrees/s.
     fastest = np.deg2rad([85, 85, 100, 75, 130, 135, 135]) / 16
     assert np.all(moved <= fastest + 1e-9)
@@ -112,14 +115,37 @@ def test_joints_follow_the_commands_no_faster_than_they_can(env):
     )
 
 
+def test_of_two_arms_each_follows_its_own_part_of_the_action():
+    env = SuiteEnv("handover", split="training", cameras=(), render_mode=None)
+    before, _ = env.reset(seed=1)
+    assert env.observation_space.contains(before)
+    assert env.action_space.shape == env.motion.shape == (16,)
+    assert (before["agent_pos"].shape, before["touch"].shape) == ((22,), (8,))
+    action = env.episode.command.copy()
+    action[[1, 15]] += [0.1, 1.0]  # a joint of the left arm, and the right hand
+    for _ in range(8):
+        after, *_ = env.step(action)
+    moved = after["agent_pos"] - before["agent_pos"]
+    assert moved[1] == pytest.approx(0.1, abs=0.01)
+    assert np.abs(moved[18:20]).min() > 0.2  # the base joints
+    still = np.abs(np.delete(moved, [1, *range(18, 22)]))
+    assert still.max() < 0.01
+
+
 @pytest.mark.parametrize("period", [0.005, 0.002, 1 / 64, 12 / 1024])
 def test_the_command_moves_between_all_readings_of_the_driver(period):
-    times = np.concatenate([reading_times(tick, period) for tick in range(320)])
+    times = np.concatenate([reading_times(tick, [period]) for tick in range(320)])
     np.testing.assert_array_equal(times, period * np.arange(len(times)))
     assert times[-1] < 20.0 <= times[-1] + period
     for tick in range(320):
-        own = reading_times(tick, period)
+        own = reading_times(tick, [period])
         assert np.all((own > tick / 16 - 1e-9) & (own < (tick + 1) / 16 - 1e-9))
+
+
+def test_the_command_moves_between_the_readings_of_all_drivers():
+    both = reading_times(3, [0.005, 1 / 64])
+    each = {*reading_times(3, [0.005]), *reading_times(3, [1 / 64])}
+    assert both.tolist() == sorted(each)
 
 
 def test_an_action_that_is_not_finite_truncates_with_the_reason(env):
@@ -181,17 +207,21 @@ def test_an_object_off_the_table_ends_the_episode_without_success(env):
 # the hand swung beside it by 6 cm until the time was over.
 @pytest.mark.slow
 @pytest.mark.parametrize(
-    ("task", "seed"), [("pick_can", 5), ("place_can", 5), ("pick_by_touch", 125)]
+    ("task", "seed"),
+    [("pick_can", 5), ("place_can", 5), ("pick_by_touch", 125), ("handover", 5)],
 )
 def test_the_expert_solves_a_task(task, seed):
     env = SuiteEnv(task, split="training", cameras=(), render_mode=None, expert=True)
     env.reset(seed=seed)
-    ended = False
+    ended, touching = False, set()
     while not ended:
         action = env.expert_action()
         assert env.action_space.contains(action)
         _, reward, terminated, truncated, info = env.step(action)
+        touching |= env.episode._touching
         ended = terminated or truncated
+    # All hands have held the object.
+    assert touching >= {arm.gripper_model for arm in robot_arms(env.episode.scenario)}
     assert info == {"is_success": True, "failure": ""}
     assert (reward, terminated) == (1.0, True)
 

@@ -85,16 +85,27 @@ def test_a_state_is_what_the_task_measures_between_its_limits(env):
 
 def test_actions_are_shares_of_the_fastest_motion(env):
     env.reset(seed=1)
-    start = env.suite.episode.position
+    start = env.suite.episode.command[:-1]
     env.step(np.array([0.5, -1.0, 0.0, 0.0, 0.0, 0.0, 2.0, 0.0], np.float32))
-    moved = env.suite.episode.position - start
+    moved = env.suite.episode.command[:-1] - start
     share = np.array([0.5, -1.0, 0.0, 0.0, 0.0, 0.0, 1.0])
-    np.testing.assert_allclose(moved, share * env.suite.motion, atol=1e-6)
+    np.testing.assert_allclose(moved, share * env.suite.motion[:-1], atol=1e-6)
     with pytest.raises(ValueError, match=r"action: must have shape \(8,\)"):
         env.step(np.zeros(5))
     *_, truncated, info = env.step(np.full(8, np.nan))
     assert truncated
     assert "the action is not finite" in info["failure"]
+
+
+def test_of_two_arms_every_closure_is_no_share_of_a_motion():
+    env = ProprioceptionEnv("handover")
+    env.reset(seed=1)
+    start = env.suite.episode.command
+    action = np.full(16, 0.5, np.float32)
+    env.step(action)
+    expected = start + action * env.suite.motion
+    expected[[7, 15]] = 0.75
+    np.testing.assert_allclose(env.suite.episode.command, expected, atol=1e-6)
 
 
 @pytest.mark.parametrize(
@@ -136,7 +147,7 @@ def test_the_expert_is_the_rule_of_the_present_moment():
     for _ in range(8):
         proposed = env.unwrapped.suite.expert_action()
         observation, *_ = env.step(rule(observation))
-        done = env.unwrapped.suite.episode.position
+        done = env.unwrapped.suite.episode.command[:-1]
         np.testing.assert_allclose(done, proposed[:-1], atol=1e-5)
     assert np.abs(observation - first).max() > 0.01
     with pytest.raises(ScenarioError, match="answers only at the present moment"):

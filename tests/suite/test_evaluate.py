@@ -156,6 +156,12 @@ def test_a_policy_acts_on_the_episodes_of_evaluation(tmp_path, monkeypatch, caps
     assert not other.exists()
 
 
+def test_training_has_more_episodes_than_evaluation(tmp_path, capsys):
+    words = ["pick_can", "--split", "training", "--episodes", "201"]
+    assert evaluate.main([*words, "--out", str(tmp_path / "rows.jsonl")]) == 0
+    assert "101 of 201" in capsys.readouterr().out
+
+
 @pytest.mark.parametrize(
     ("words", "message"),
     [

@@ -49,8 +49,9 @@ def test_tasks_of_different_arms_take_different_commands():
     import drake_srg.suite.lerobot  # noqa: F401 (makes the tasks known)
     from drake_srg.common.exceptions import ScenarioError
 
-    config = make_env_config("drake_srg", task="stand_up")
-    assert config.features["action"].shape == (6,)
+    for task, size in (("stand_up", 6), ("handover", 16)):
+        config = make_env_config("drake_srg", task=task)
+        assert config.features["action"].shape == (size,)
     with pytest.raises(ScenarioError, match=r"stand_up has another arm .* than pick_c"):
         make_env_config("drake_srg", task="pick_can,stand_up")
 

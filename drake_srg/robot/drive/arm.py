@@ -533,21 +533,13 @@ class _ArmLink(Link):
             node.subscribe(config.external_torque, ARRAY, self._receive_external)
 
     def take(self) -> PortValues:
-        """Return what has been measured since the last call, by output port.
-
-        An arm that stops publishing any required measurement counts as silent.
-        """
+        # An arm that stops publishing any required measurement counts as silent.
         return {} if self._stream.fails else self._mail.take(self._needed)
 
     def close(self) -> None:
-        """Disconnect, leaving the hardware where it is. A second call does nothing.
-
-        The node that it shares is closed elsewhere.
-        """
-        self._stream.close()
+        self._stream.close()  # the node that it shares is closed elsewhere
 
     def send(self, commands: PortValues) -> None:
-        """Command the hardware; a failure to do so must not raise."""
         self._stream.send(
             commands["arm.position_commanded"],
             self._joints.stamp,

@@ -253,7 +253,6 @@ class _RosCamera(Camera):
             node.subscribe(config.info, _INFO, self._check_info)
 
     def picture(self, after: float, patience: float | None = None) -> Picture:
-        """Return a picture that is newer than a time; waits for it."""
         config = self._config
         patience = patience or config.patience
         found = self._album.wait(after, patience)
@@ -267,7 +266,6 @@ class _RosCamera(Camera):
         return found
 
     def newest(self) -> Picture | None:
-        """Return the newest picture, if there is one; does not wait."""
         self._check()
         return self._album.newest
 

@@ -88,17 +88,12 @@ class _GripperLink(Link):
             node.publish(self._obeys)
 
     def take(self) -> PortValues:
-        """Return what has been measured since the last call, by output port."""
         return self._mail.take()
 
     def close(self) -> None:
-        """Disconnect, leaving the hardware where it is. A second call does nothing.
-
-        The node that it shares is closed elsewhere.
-        """
+        pass  # the node that it shares is closed elsewhere
 
     def send(self, commands: PortValues) -> None:
-        """Command the hardware; a failure to do so must not raise."""
         closure = float(commands["gripper.closure_commanded"][0])
         hold = float(commands["gripper.hold"][0])
         self._ticks += 1

@@ -75,9 +75,11 @@ class Motor:
 
     def current(self, pwm: Vector) -> Vector:
         """Return the estimated current at rest [A] for PWMs of -1 .. 1."""
-        useful = np.sign(pwm) * np.maximum(np.abs(pwm) - self.dead_band, 0.0)
-        result: Vector = self.stall_current * useful / (1.0 - self.dead_band)
-        return result
+        return self.stall_current * self.useful(pwm)
+
+    def useful(self, pwm: Vector) -> Vector:
+        """Return the same as a fraction of the stall current."""
+        return _shrunk(pwm, self.dead_band) / (1.0 - self.dead_band)
 
 
 def calibrated_zero(rows: Sequence[LogRow]) -> float:
@@ -115,13 +117,14 @@ def predict_stops(
     setpoint = np.array([row.setpoint_pct for row in rows]) / 100.0
     by_torque = np.array([row.test == "torque" for row in rows])
     limit = np.minimum(setpoint, motor.most)
-    goal_current = setpoint * FULL_LOAD * TORQUE_UNIT
+    # Of the stall current.
+    goal = setpoint * FULL_LOAD * TORQUE_UNIT / motor.stall_current
     share, gear = values["gear_load"], values["gear"]
     stall = TORQUE_CONSTANT * motor.stall_current * (1.0 + share) + gear
     inertia, damping = values["inertia"], stall / NO_LOAD_SPEED
     gain = values["position_gain"] / FULL_LOAD
     stiction = np.maximum(values["stiction"], 1.0)
-    free = zero + values["slack"]
+    free, stiffness = zero + values["slack"], values["stiffness"] / COUNTS_PER_RAD
     reads = _APPROACH_TIME + _FIRST_READ + POLL * np.arange(_MOST_POLLS + 1)
     read_at = {round(t / _STEP) for t in reads}
     total = inertia + _STEP * damping
@@ -135,21 +138,21 @@ def predict_stops(
         if t < 0.0:
             pwm = _within(gain * (x - zero - _APPROACH), -motor.most, motor.most)
         else:
-            goal = zero + (_PRESS if t >= _GOAL_AT else _APPROACH)
-            wanted = goal_current if t >= _GOAL_AT else 0.0
-            missing = (wanted - motor.current(torque_pwm)) / motor.stall_current
+            pressed = t >= _GOAL_AT
+            wanted = goal if pressed else 0.0
+            missing = wanted - motor.useful(torque_pwm)
             rise = _STEP * missing / values["torque_rise"]
             torque_pwm = _within(torque_pwm + rise, 0.0, motor.most)
-            position_pwm = _within(gain * (x - goal), -limit, limit)
+            way = x - zero - (_PRESS if pressed else _APPROACH)
+            position_pwm = _within(gain * way, -limit, limit)
             pwm = np.where(by_torque, torque_pwm, position_pwm)
-        drive = stall * motor.current(pwm) / motor.stall_current
-        load = values["stiffness"] * np.maximum(free - x, 0.0) / COUNTS_PER_RAD
+        drive = stall * motor.useful(pwm)
+        load = stiffness * np.maximum(free - x, 0.0)
         rests = w == 0.0
         w = (inertia * w + _STEP * (drive - load)) / total
-        most = _STEP * (gear + share * load) / total
+        most = (gear + share * load) * (_STEP / total)
         rests = rests & (np.abs(w) <= stiction * most)
-        w = np.maximum(w - most, 0.0) + np.minimum(w + most, 0.0)
-        w = np.where(rests, 0.0, w)
+        w = np.where(rests, 0.0, _shrunk(w, most))
         x = x - _STEP * w * COUNTS_PER_RAD
         if k in read_at:
             seen.append(x.copy())
@@ -157,6 +160,11 @@ def predict_stops(
     columns = np.arange(len(rows))
     result: Vector = np.array(seen)[chosen, ..., columns].T
     return result
+
+
+def _shrunk(values: Vector, by: Vector | float) -> Vector:
+    """Return values that are nearer to 0 by an amount, or 0."""
+    return values - _within(values, -by, by)
 
 
 def _within(values: Vector, low: Vector | float, high: Vector | float) -> Vector:
@@ -300,8 +308,8 @@ def identify(rows: Sequence[LogRow]) -> Identification:
         Error(
             row.label,
             quantity,
-            _UNITS[quantity],
-            measured := _measured(row, quantity),
+            _QUANTITIES[quantity][1],
+            measured := getattr(row, _QUANTITIES[quantity][0]),
             value,
             other[quantity, id(row)],
             6.0 if quantity == "stop" else 0.1 * measured,
@@ -311,15 +319,12 @@ def identify(rows: Sequence[LogRow]) -> Identification:
     return Identification(motor, zero, fits, errors)
 
 
-_UNITS = {"current": "mA", "stop": "counts", "heating": "s"}
-
-
-def _measured(row: LogRow, quantity: str) -> float:
-    return {
-        "current": row.current_ma,
-        "stop": row.stop_counts,
-        "heating": row.seconds,
-    }[quantity]
+# Column of a row and unit, by quantity.
+_QUANTITIES = {
+    "current": ("current_ma", "mA"),
+    "stop": ("stop_counts", "counts"),
+    "heating": ("seconds", "s"),
+}
 
 
 def _pressing(rows: Sequence[LogRow]) -> list[LogRow]:

@@ -18,7 +18,7 @@ import dataclasses as dc
 import enum
 from collections import deque
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from pydrake.multibody.plant import MultibodyPlant
@@ -114,68 +114,44 @@ class CancelCode(enum.IntEnum):
     GOAL_TERMINATED = 3
 
 
-@dc.dataclass(frozen=True)
-class Service:
-    """A service of ROS 2.
+class Service(NamedTuple):
+    """The topics of a service on DDS, and their types."""
 
-    Attributes:
-        name: Its name, with the slash.
-        type: Its type, such as "action_msgs/srv/CancelGoal".
-    """
-
-    name: str
-    type: str
-
-    @property
-    def request(self) -> str:
-        """The DDS topic of the requests."""
-        return f"rq{self.name}Request"
-
-    @property
-    def reply(self) -> str:
-        """The DDS topic of the replies."""
-        return f"rr{self.name}Reply"
-
-    @property
-    def request_type(self) -> str:
-        """The type of the requests."""
-        return f"{self.type}_Request"
-
-    @property
-    def reply_type(self) -> str:
-        """The type of the replies."""
-        return f"{self.type}_Response"
+    request: str
+    reply: str
+    request_type: str
+    reply_type: str
 
 
-@dc.dataclass(frozen=True)
 class FollowJointTrajectory:
     """The services and topics of an action.
 
-    Attributes:
+    Args:
         name: Of the action, with the slash.
+
+    Attributes:
+        name: The same.
+        send_goal: Accepts or rejects a goal.
+        get_result: Replies once a goal has ended.
+        cancel_goal: Stops following goals.
+        status: The topic of the status of all goals.
     """
 
-    name: str
-
-    @property
-    def send_goal(self) -> Service:
-        """Accepts or rejects a goal."""
-        return Service(f"{self.name}/_action/send_goal", f"{_FOLLOW}_SendGoal")
-
-    @property
-    def get_result(self) -> Service:
-        """Replies once a goal has ended."""
-        return Service(f"{self.name}/_action/get_result", f"{_FOLLOW}_GetResult")
-
-    @property
-    def cancel_goal(self) -> Service:
-        """Stops following goals."""
-        return Service(f"{self.name}/_action/cancel_goal", _CANCEL)
-
-    @property
-    def status(self) -> str:
-        """The topic of the status of all goals."""
-        return f"{self.name}/_action/status"
+    def __init__(self, name: str) -> None:
+        self.name, self.status = name, f"{name}/_action/status"
+        self.send_goal, self.get_result, self.cancel_goal = (
+            Service(
+                f"rq{name}/_action/{part}Request",
+                f"rr{name}/_action/{part}Reply",
+                f"{kind}_Request",
+                f"{kind}_Response",
+            )
+            for part, kind in (
+                ("send_goal", f"{_FOLLOW}_SendGoal"),
+                ("get_result", f"{_FOLLOW}_GetResult"),
+                ("cancel_goal", _CANCEL),
+            )
+        )
 
 
 def goal_id(make: MakeMessage, id: bytes) -> Any:

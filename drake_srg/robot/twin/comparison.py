@@ -146,21 +146,22 @@ class TwinMonitor(LeafSystem):
                 ("object_error", objects),
             )
         }
-        # Since when the arm is still, since when each difference exceeds its limit
-        # [s], `parted` and `difference`.
-        start = np.concatenate([np.full(5, np.inf), np.zeros(8)])
-        self._state = int(self.DeclareDiscreteState(start))
+        # Since when the arm is still, and each difference exceeds its limit [s].
+        self._still_since = int(self.DeclareDiscreteState([np.inf]))
+        self._since = int(self.DeclareDiscreteState(np.full(len(KINDS), np.inf)))
         inputs = {port.ticket() for port in self._inputs.values()}
-        state = self.xd_ticket()
-        for name, size, calc, tickets in (
-            ("joint_error", n, self._calc_joint_error, inputs),
-            ("finger_error", fingers, self._calc_finger_error, inputs),
-            ("difference", 4, self._calc_difference, {state}),
-            ("parted", 4, self._calc_parted, {state}),
+        for name, size, calc in (
+            ("joint_error", n, self._calc_joint_error),
+            ("finger_error", fingers, self._calc_finger_error),
         ):
             self.DeclareVectorOutputPort(
-                name=name, size=size, calc=calc, prerequisites_of_calc=tickets
+                name=name, size=size, calc=calc, prerequisites_of_calc=inputs
             )
+        self._shown = {}
+        for name in ("difference", "parted"):
+            index = self.DeclareDiscreteState(np.zeros(len(KINDS)))
+            self.DeclareStateOutputPort(name, index)
+            self._shown[name] = int(index)
         self.DeclarePeriodicDiscreteUpdateEvent(period, 0.0, self._update)
 
     def _eval(self, context: Context, name: str) -> Vector:
@@ -178,8 +179,8 @@ class TwinMonitor(LeafSystem):
     def _calc_finger_error(self, context: Context, output: BasicVector) -> None:
         output.SetFromVector(self._error(context, "gripper_state", self._fingers))
 
-    def _difference(self, context: Context) -> Vector:
-        still_since = context.get_discrete_state(self._state).value()[0]
+    def _differences(self, context: Context) -> Vector:
+        (still_since,) = context.get_discrete_state(self._still_since).value()
         still = context.get_time() - still_since >= self._config.still_time
         shares = self._eval(context, "torque_residual") / self._efforts
         return np.array(
@@ -191,26 +192,24 @@ class TwinMonitor(LeafSystem):
             ]
         )
 
-    def _calc_difference(self, context: Context, output: BasicVector) -> None:
-        output.SetFromVector(context.get_discrete_state(self._state).value()[9:])
-
-    def _calc_parted(self, context: Context, output: BasicVector) -> None:
-        output.SetFromVector(context.get_discrete_state(self._state).value()[5:9])
-
     def _update(self, context: Context, discrete_state: DiscreteValues) -> None:
         config, time = self._config, context.get_time()
-        before = context.get_discrete_state(self._state).value()
         speed = self._eval(context, "arm_state_measured")[self._n :]
+        (still_since,) = context.get_discrete_state(self._still_since).value()
         still = (np.abs(speed) <= config.still_speed).all()
-        still_since = min(before[0], time) if still else np.inf
-        difference = self._difference(context)
-        exceeded = difference > self._limits
-        since = np.where(exceeded, np.minimum(before[1:5], time), np.inf)
-        parted = before[5:9] * (difference > _OVER * self._limits)
-        parted = np.where(time - since >= self._patience, 1.0, parted)
-        discrete_state.set_value(
-            self._state, np.concatenate([[still_since], since, parted, difference])
-        )
+        difference = self._differences(context)
+        since = context.get_discrete_state(self._since).value()
+        since = np.where(difference > self._limits, np.minimum(since, time), np.inf)
+        parted = context.get_discrete_state(self._shown["parted"]).value()
+        parted = parted * (difference > _OVER * self._limits)
+        lasts = time - since >= self._patience
+        for index, value in (
+            (self._still_since, [min(still_since, time) if still else np.inf]),
+            (self._since, since),
+            (self._shown["parted"], np.where(lasts, 1.0, parted)),
+            (self._shown["difference"], difference),
+        ):
+            discrete_state.set_value(index, value)
 
 
 def _largest(values: Vector) -> float:

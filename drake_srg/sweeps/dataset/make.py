@@ -23,7 +23,7 @@ from drake_srg.common.exceptions import ScenarioError
 from drake_srg.common.status_line import StatusLine
 from drake_srg.common.tables import read_json
 from drake_srg.objects.models import known_shape
-from drake_srg.scenario import Scenario, draw_scenario
+from drake_srg.scenario import Scenario, draw_scenario, robot_arms
 from drake_srg.scenario.typed_yaml import parse_yaml
 from drake_srg.sweeps.dataset import format as fmt
 from drake_srg.sweeps.dataset.format import (
@@ -387,12 +387,14 @@ def _scenario(info: SweepInfo, trial: int) -> Scenario | None:
     return draw_scenario(tree, info.scenario, info.seed + trial).scenario
 
 
-def _finger_names(scenario: Scenario | None) -> dict[str, Sequence[str]]:
+def _finger_names(scenario: Scenario | None) -> dict[str, list[str]]:
     """Return the names of the features with a number per link or joint of the hand."""
-    gripper = None if scenario is None else scenario.gripper
-    if gripper is None:
-        return {}
-    return {TOUCH: gripper.sensor_names, PWM: gripper.joint_names}
+    names: dict[str, list[str]] = {TOUCH: [], PWM: []}
+    for robot in [] if scenario is None else robot_arms(scenario):
+        if robot.gripper is not None:
+            names[TOUCH] += map(robot.system, robot.gripper.sensor_names)
+            names[PWM] += map(robot.system, robot.gripper.joint_names)
+    return names
 
 
 def _known_object(info: SweepInfo, trial: int) -> dict[str, Any]:

@@ -17,27 +17,29 @@ import numpy.typing as npt
 
 from drake_srg.common.exceptions import ScenarioError, one_line
 from drake_srg.recording.output import require
-from drake_srg.recording.rosbag import OBJECT_POSE
+from drake_srg.recording.rosbag import OBJECT_POSE, topic_of
+from drake_srg.scenario import RobotArm
 from drake_srg.types import mode_words
 
 Image = npt.NDArray[np.uint8]
 DepthImage = npt.NDArray[np.uint16]
 
 _JOINTS = "/joint_states"
-_COMMANDS = "/arm/position_commanded", "/gripper/closure_commanded"
+_POSITION = "/{}/position_commanded"
 _MODE = "/planner/mode"
 _COLOR, _DEPTH = "/camera_{}/color/image_raw", "/camera_{}/depth/image_rect_raw"
 _INFO, _POSE = "/camera_{}/color/camera_info", "/camera_{}/pose"
-_WRENCH = "/gripper/contact_wrench/{}"
+_WRENCH = "/contact_wrench/"
 
 TOUCH, PWM = "observation.touch", "observation.motor_pwm"
-# More numbers per frame: topic to the feature's name and unit. They may be missing.
+# More numbers per frame: a hand's topic to the feature's name and unit. They may be
+# missing.
 _NUMBERS = {
-    "/gripper/contact_force": (TOUCH, "N"),
-    "/gripper/grasped": ("observation.grasped", "1"),
-    "/gripper/pwm": (PWM, "1"),
-    "/gripper/motor_current": ("observation.motor_current", "A"),
-    "/gripper/motor_temperature": ("observation.motor_temperature", "degC"),
+    "contact_force": (TOUCH, "N"),
+    "grasped": ("observation.grasped", "1"),
+    "pwm": (PWM, "1"),
+    "motor_current": ("observation.motor_current", "A"),
+    "motor_temperature": ("observation.motor_temperature", "degC"),
 }
 
 # Place where the object was last seen in world [m], and whether it has been seen:
@@ -66,8 +68,9 @@ class Layout:
     """The layout that all recordings of a data set share.
 
     Attributes:
-        joints: Names of the measured joints, arm first.
-        commands: Names of the commanded values: the arm's joints, then the gripper.
+        joints: Names of the measured joints: an arm's, then its gripper's.
+        commands: Names of the commanded values: an arm's joints, then its gripper's
+            closure. As in `joints`, several arms follow one another.
         cameras: Camera name to (height, width) of its images [pixels], sorted.
         rate: Images per simulated second.
         located: Whether the planner locates an object: `SIGHTING` is known.
@@ -152,9 +155,15 @@ def read_signals(path: Path) -> Signals:
     values: dict[str, list[Any]] = {}
     joints: tuple[str, ...] = ()
     with _readable(path):
-        located = OBJECT_POSE in _topics(path)
-        wanted = [_JOINTS, *_COMMANDS, _MODE, *_NUMBERS, OBJECT_POSE]
-        wanted += ["/camera_.+", _WRENCH.format(".+")]
+        topics = _topics(path)
+        located = OBJECT_POSE in topics
+        robots = _robots(topics)
+        commands = [topic for robot in robots for topic in _commands(robot)]
+        wanted = [_JOINTS, *commands, _MODE, OBJECT_POSE, "/camera_.+"]
+        for robot in robots:
+            hand = topic_of(robot.gripper_model)
+            wanted += [f"{hand}/{name}" for name in _NUMBERS]
+            wanted.append(f"{hand}{_WRENCH}.+")
         for topic, time, decode in _messages(path, "|".join(wanted)):
             times.setdefault(topic, []).append(time)
             if _owner(topic, _COLOR) or _owner(topic, _DEPTH):
@@ -163,7 +172,7 @@ def read_signals(path: Path) -> Signals:
             values.setdefault(topic, []).append(_value(topic, message))
             if topic == _JOINTS:
                 joints = tuple(message.name)
-    for topic in (_JOINTS, *_COMMANDS):
+    for topic in (_JOINTS, *commands):
         if topic not in values:
             raise ScenarioError(f"{path}: contains no messages on {topic}")
 
@@ -182,17 +191,21 @@ def read_signals(path: Path) -> Signals:
 
     measured = np.array(values[_JOINTS])[:, 0]
     state = [np.interp(image_times, times[_JOINTS], q) for q in measured.T]
-    action = [held(topic) for topic in _COMMANDS]
+    action = [held(topic) for topic in commands]
     sightings = [np.zeros(len(SIGHTING)), *values.get(OBJECT_POSE, [])]  # not at first
     seen = _held(image_times, [0.0, *times.get(OBJECT_POSE, [])], np.array(sightings))
     more = {
         name: (vectors, _float32(path, name, rows))
-        for name, vectors, rows in _more(values, held, joints)
+        for name, vectors, rows in _more(values, held, joints, robots)
     }
+    names: list[str] = []
+    for robot, position in zip(robots, action[::2], strict=True):
+        own = [name for name in joints if name.startswith(robot.system(""))]
+        names += [*own[: position.shape[1]], robot.system("gripper_closure")]
     return Signals(
         Layout(
             joints,
-            (*joints[: action[0].shape[1]], "gripper_closure"),
+            tuple(names),
             {c: next(read_images(path, c)).shape[:2] for c in cameras},
             rate,
             located,
@@ -223,7 +236,7 @@ def _value(topic: str, message: Any) -> Any:
         return mode_words(message.data)
     if _owner(topic, _INFO):
         return message.k[[0, 4, 2, 5]]
-    if _owner(topic, _WRENCH):
+    if _WRENCH in topic:
         parts = message.wrench.torque, message.wrench.force
         return np.array([[part.x, part.y, part.z] for part in parts]).ravel()
     return np.atleast_1d(message.data)
@@ -233,6 +246,7 @@ def _more(
     values: Mapping[str, list[Any]],
     held: Callable[[str], npt.NDArray[Any]],
     joints: Sequence[str],
+    robots: Sequence[RobotArm],
 ) -> Iterator[tuple[str, Vectors, npt.NDArray[Any]]]:
     """Yield the features besides states and actions: name, dimensions and values.
 
@@ -240,23 +254,32 @@ def _more(
         values: Values by topic, as from `_value`.
         held: Returns a topic's values at the times of the images.
         joints: Names of the joints.
+        robots: The arms.
     """
     measured = np.isfinite(np.array(values[_JOINTS])[:, 1]).all(axis=0)
     if measured.any():
-        names = tuple(itertools.compress(joints, measured))
+        felt = tuple(itertools.compress(joints, measured))
         efforts = held(_JOINTS)[:, 1, measured]
-        yield "observation.effort", Vectors(names, ("N m",) * len(names)), efforts
-    for topic, (feature, unit) in _NUMBERS.items():
-        if topic in values and (size := values[topic][0].size):
-            names = tuple(map(str, range(size)))
-            yield feature, Vectors(names, (unit,) * size), held(topic)
+        yield "observation.effort", Vectors(felt, ("N m",) * len(felt)), efforts
+    hands = {robot: topic_of(robot.gripper_model) for robot in robots}
+    for number, (feature, unit) in _NUMBERS.items():
+        rows: list[npt.NDArray[Any]] = []
+        names: tuple[str, ...] = ()
+        for robot, hand in hands.items():
+            if (topic := f"{hand}/{number}") in values:
+                rows.append(held(topic))
+                names += tuple(map(robot.system, map(str, range(rows[-1].shape[1]))))
+        if names:
+            yield feature, Vectors(names, (unit,) * len(names)), np.hstack(rows)
     for camera in _owners(values, _POSE):
         vectors = Vectors(SIGHTING[:7], ("m",) * 3 + ("1",) * 4)
         yield f"camera_pose.{camera}", vectors, held(_POSE.format(camera))
-    for link in _owners(values, _WRENCH):
-        names, units = ("tx", "ty", "tz", "fx", "fy", "fz"), ("N m",) * 3 + ("N",) * 3
-        feature = f"observation.contact_wrench.{link}"
-        yield feature, Vectors(names, units), held(_WRENCH.format(link))
+    axes = ("tx", "ty", "tz", "fx", "fy", "fz")
+    wrench = Vectors(axes, ("N m",) * 3 + ("N",) * 3)
+    for robot, hand in hands.items():
+        for link in _owners(values, f"{hand}{_WRENCH}{{}}"):
+            feature = f"observation.contact_wrench.{robot.system(link)}"
+            yield feature, wrench, held(f"{hand}{_WRENCH}{link}")
 
 
 def _float32(
@@ -319,10 +342,22 @@ def _pose(pose: Any) -> npt.NDArray[np.float64]:
     return np.array([p.x, p.y, p.z, q.x, q.y, q.z, q.w])
 
 
-def _topics(path: Path) -> set[str]:
-    """Return the topics of a recording, also those without messages."""
+def _topics(path: Path) -> list[str]:
+    """Return the topics of a recording in their order, also those without messages."""
     with require("rosbags.rosbag2").Reader(path) as reader:
-        return {connection.topic for connection in reader.connections}
+        return [connection.topic for connection in reader.connections]
+
+
+def _robots(topics: Iterable[str]) -> list[RobotArm]:
+    """Return the arms of a recording by name, in their order; one without topics."""
+    models = [model for topic in topics if (model := _owner(topic, _POSITION))]
+    return [RobotArm("" if model == "arm" else model) for model in models or ["arm"]]
+
+
+def _commands(robot: RobotArm) -> tuple[str, str]:
+    """Return the topics of an arm's position and of its hand's closure."""
+    hand = topic_of(robot.gripper_model)
+    return _POSITION.format(robot.arm_model), f"{hand}/closure_commanded"
 
 
 def _owner(topic: str, kind: str) -> str:

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from drake_srg.robot.calibrate.mounting import Board, mount
-from drake_srg.robot.calibrate.overlay import X_PB, answer, overlay, report, true_errors
+from drake_srg.robot.calibrate.overlay import X_PB, answer, overlay, report
 from drake_srg.robot.calibrate.solve import Unknowns, calibrate
 from drake_srg.scenario import load_scenario
 from drake_srg.station.planners import own_scene
@@ -23,7 +23,8 @@ def calibrated():
 def test_a_scenario_takes_the_overlay(calibrated, tmp_path):
     result, mounting = calibrated
     path = tmp_path / "calibration.yaml"
-    path.write_text(overlay(result, mounting, "kitchen_hand_camera"))
+    found = answer(result, mounting, simulated=False)
+    path.write_text(overlay(found, "kitchen_hand_camera"))
     config = load_scenario(path).camera_calibrations["hand"]
     assert config.X_PB.base_frame == "gripper::palm"
     pose = config.X_PB.GetDeterministicValue()
@@ -35,13 +36,14 @@ def test_a_scenario_takes_the_overlay(calibrated, tmp_path):
 
 def test_the_report_says_how_certain_and_how_wrong_it_is(calibrated):
     result, mounting = calibrated
-    errors = true_errors(result, mounting)
-    assert 0.0 < np.linalg.norm(errors.position) < 4.0 * result.position_std
-    assert 0.0 < errors.rotation < 4.0 * result.rotation_std
-    lines = list(report(result, mounting, errors))
+    found = json.loads(json.dumps(answer(result, mounting, simulated=True)))
+    errors = found["errors"]
+    assert 0.0 < errors["position_m"] < 4.0 * found["position_std_m"]
+    assert 0.0 < errors["rotation_deg"] < 4.0 * found["rotation_std_deg"]
+    lines = list(report(result, mounting, found))
     assert lines[0].startswith("camera hand, in the hand: 160 corners in 8 images")
-    assert any("true error" in line for line in lines)
-    assert not any("true error" in line for line in report(result, mounting, None))
-    words = json.loads(json.dumps(answer(result, mounting, errors)))
-    assert words["errors"]["rotation_deg"] == np.degrees(errors.rotation)
-    assert answer(result, mounting, None)["errors"] is None
+    assert lines[2].endswith("true error")
+    assert lines[6].endswith(f" {errors['rotation_deg']:.4f}")
+    found = answer(result, mounting, simulated=False)
+    assert found["errors"] is None
+    assert not any("true error" in line for line in report(result, mounting, found))

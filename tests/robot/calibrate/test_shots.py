@@ -62,13 +62,6 @@ def test_a_folder_gives_back_what_was_written(tmp_path):
         assert after.X_WH.IsNearlyEqualTo(before.X_WH, 1e-8)
 
 
-def test_a_spreadsheet_s_byte_order_mark_is_passed_over(tmp_path):
-    files = shot_files(shots(np.zeros((6, 8, 3), np.uint8)))
-    files["poses.csv"] = b"\xef\xbb\xbf" + files["poses.csv"]
-    (shot,) = read_shots(write(tmp_path, files))
-    assert shot.name in files
-
-
 @pytest.mark.parametrize(
     ("name", "old", "new", "message"),
     [

@@ -203,7 +203,7 @@ def test_a_sighting_is_forgotten_once_the_servo_tracks_no_more():
 SERVED = "kitchen_fast"
 SERVOED = load_scenario("kitchen_servoing")
 # Slower than real time, so that a busy machine keeps up.
-RATE = 0.05
+RATE = 0.1
 
 
 @pytest.mark.parametrize(

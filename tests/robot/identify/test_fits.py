@@ -141,3 +141,11 @@ def test_a_made_gripper_is_recovered():
         name = e.parameter.name
         if name != "slack":
             assert 0.8 * e.low <= truth[name] <= 1.2 * e.high, name
+
+
+def test_both_specimens_have_the_same_gripper():
+    blocks = {
+        (SCENARIOS / f"{name}.yaml").read_text(encoding="utf-8").split("gripper: ")[1]
+        for name in SPECIMENS.values()
+    }
+    assert len(blocks) == 1

@@ -63,12 +63,6 @@ def test_a_station_without_arm_or_gripper_lacks_their_topics(kitchen):
     }
 
 
-@given(percent=st.integers(0, 100))
-def test_grasp_takes_percent_closed(kitchen, percent):
-    (topic,) = station_topics(kitchen, ["gripper.closure_commanded"])
-    assert topic.convert(percent) == {"gripper.closure_commanded": [percent / 100]}
-
-
 def test_startgrasp_false_holds_and_true_releases(inbox):
     inbox.receive("/startgrasp", False)
     assert inbox.take() == {"gripper.hold": [1.0]}

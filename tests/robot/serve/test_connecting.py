@@ -65,6 +65,7 @@ def test_the_terminal_is_given_back(terminal, inbox):
     before = termios.tcgetattr(terminal[1])
     bridge = KeyboardBridge(inbox, terminal[1])
     assert termios.tcgetattr(terminal[1]) != before
+    assert bridge.closed  # it keeps no station alive
     bridge.close()
     bridge.close()
     assert termios.tcgetattr(terminal[1]) == before
@@ -84,12 +85,6 @@ def test_keys_are_for_stations_with_a_monitor(terminal, topics, count):
     assert len(bridges) == count
     for bridge in bridges:
         bridge.close()
-
-
-def test_it_keeps_no_station_alive(terminal, inbox):
-    bridge = KeyboardBridge(inbox, terminal[1])
-    assert bridge.closed
-    bridge.close()
 
 
 def test_only_a_terminal_in_the_foreground_has_keys(terminal):

@@ -31,10 +31,10 @@ class Wall:
 
 
 def run(wall, rate, steps, work, period=0.005):
-    """Pace steps that take `work` [s] each, a number or a function of the step."""
+    """Pace steps that take `work(step)` [s] each."""
     pacer = Pacer(rate, wall, clock=wall)
     for step in range(1, steps + 1):
-        wall.time += work(step) if callable(work) else work
+        wall.time += work(step)
         pacer.wait(step * period)
     return pacer
 
@@ -42,7 +42,7 @@ def run(wall, rate, steps, work, period=0.005):
 @pytest.mark.parametrize("rate", [0.1, 1.0, 2.5])
 def test_simulated_time_passes_at_the_rate(rate):
     wall = Wall()
-    pacer = run(wall, rate, 2000, work=0.0005)
+    pacer = run(wall, rate, 2000, lambda step: 0.0005)
     assert wall.time - 100.0 == pytest.approx(10.0 / rate)
     assert pacer.factor == pytest.approx(rate, rel=0.01)
     assert pacer.lost == 0.0
@@ -50,35 +50,26 @@ def test_simulated_time_passes_at_the_rate(rate):
 
 def test_an_infinite_rate_never_waits():
     wall = Wall()
-    pacer = run(wall, math.inf, 2000, work=0.0005)
+    pacer = run(wall, math.inf, 2000, lambda step: 0.0005)
     assert wall.time - 100.0 == pytest.approx(1.0)
     assert pacer.factor == pytest.approx(10.0, rel=0.01)
 
 
-def test_a_short_stall_is_caught_up_with():
+@pytest.mark.parametrize(
+    ("work", "lost", "too_slow"),
+    [
+        (lambda step: 0.4 if step == 500 else 0.001, 0.0, None),  # caught up with
+        (lambda step: 3.0 if step == 500 else 0.001, 3.0 - 0.005, None),
+        (lambda step: 0.011 if step < 500 else 0.001, 5 * 0.504, None),  # at first
+        (lambda step: 0.011, 23 * 0.504, 5 / 11),
+    ],
+)
+def test_what_cannot_be_caught_up_with_is_given_up(work, lost, too_slow):
     wall = Wall()
-    pacer = run(wall, 1.0, 2000, work=lambda step: 0.4 if step == 500 else 0.001)
-    assert wall.time - 100.0 == pytest.approx(10.0)
-    assert pacer.lost == 0.0
-
-
-def test_a_long_stall_is_given_up():
-    wall = Wall()
-    pacer = run(wall, 1.0, 2000, work=lambda step: 3.0 if step == 500 else 0.001)
-    assert pacer.lost == pytest.approx(3.0 - 0.005)
-    assert pacer.too_slow is None
-    assert wall.time - 100.0 == pytest.approx(10.0 + pacer.lost)
-
-
-def test_a_run_that_is_too_slow_tells_its_rate():
-    pacer = run(Wall(), 1.0, 2000, work=0.010)
-    assert pacer.factor == pytest.approx(0.5, rel=0.01)
-    assert pacer.too_slow == pytest.approx(0.5, rel=0.01)
-
-
-def test_a_run_that_is_slow_only_at_its_start_is_not_too_slow():
-    pacer = run(Wall(), 1.0, 4000, work=lambda step: 0.010 if step < 500 else 0.001)
-    assert pacer.too_slow is None
+    pacer = run(wall, 1.0, 2000, work)
+    assert pacer.lost == pytest.approx(lost)
+    assert wall.time - 100.0 == pytest.approx(10.0 + lost, abs=0.51)
+    assert pacer.too_slow == (too_slow and pytest.approx(too_slow, rel=0.01))
 
 
 def test_a_stop_ends_a_wait():
@@ -111,19 +102,6 @@ def test_it_has_the_station_s_ports_without_the_cameras(station):
         "gripper.closure_commanded",
     }
     assert not [name for name in output_ports(station) if name.startswith("camera_")]
-
-
-def test_the_commanded_arm_starts_at_home(station):
-    context = station.CreateDefaultContext()
-    port = station.GetOutputPort("arm.position_commanded")
-    np.testing.assert_allclose(port.Eval(context), SCENARIO.arm.home)
-
-
-def test_the_closure_is_shown_as_commanded(station):
-    context = station.CreateDefaultContext()
-    station.GetInputPort("gripper.closure_commanded").FixValue(context, [0.3])
-    port = station.GetOutputPort("gripper.closure_commanded")
-    assert port.Eval(context) == [0.3]
 
 
 PICTURES = {
@@ -211,6 +189,7 @@ def test_a_command_takes_effect_within_one_control_period(commanded):
     time, closure = series(bridge, "gripper.closure_commanded")
     np.testing.assert_array_equal(closure[:, 0], np.where(time > 0.1045, 0.4, 0.0))
     time, arm = series(bridge, "arm.position_commanded")
+    np.testing.assert_allclose(arm[0], SCENARIO.arm.home)
     moved = time[np.flatnonzero(arm[:, 0])[0]]
     assert moved <= 0.102 + 0.005 + 1e-9
 
@@ -245,19 +224,6 @@ def test_a_gripper_that_waits_for_messages_gets_them():
     bridge, _ = serve(act, until=0.3, overrides=overrides)
     _, (_, _, gripper, _) = bridge.messages["/joint_states"][-1]
     assert np.all(gripper[:2] > 0.1)
-
-
-def test_invalid_commands_are_reported_and_change_nothing():
-    told = []
-
-    def act(bridge):
-        bridge.inbox.receive("/kuka", [np.nan] * 7)
-        bridge.inbox.receive("/grasp", 1000)
-
-    bridge, served = serve(act, until=0.1, tell=told.append)
-    assert len(told) == 2
-    assert served.commands == 2 * len(bridge.updates)
-    assert not series(bridge, "gripper.closure_commanded")[1].any()
 
 
 @pytest.mark.slow
@@ -379,32 +345,6 @@ def test_a_rate_out_of_reach_is_reported_once(monkeypatch):
     serve(do_nothing, until=1.0, rate=1e6, tell=told.append)
     (text,) = told
     assert "cannot keep 1e+06 x real time with kitchen" in text
-
-
-def test_a_failing_bridge_is_reported_once_and_stops_no_other():
-    class Failing(FakeBridge):
-        def publish(self, topic, time, values):
-            raise KeyError("unforeseen")
-
-    told, stop = [], threading.Event()
-    good = FakeBridge(
-        wanted=lambda name: name == "/clock",
-        act=lambda bridge: stop.set() if bridge.time > 0.05 else None,
-    )
-    bad = Failing(wanted=lambda name: name == "/clock")
-    Serve(
-        load_scenario("kitchen"),
-        lambda inbox, topics: [
-            *bad.connect(inbox, topics),
-            *good.connect(inbox, topics),
-        ],
-        rate=0.0,
-        stop=stop,
-        tell=told.append,
-    )
-    assert len(good.messages["/clock"]) > 10
-    (text,) = told
-    assert text.startswith("Failing /clock: ") and "unforeseen" in text
 
 
 def test_the_station_ends_with_its_last_bridge():

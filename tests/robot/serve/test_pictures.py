@@ -249,19 +249,19 @@ def test_the_process_starts_with_the_first_subscription(made):
     assert process.is_closed
 
 
-def test_pictures_of_subscribed_topics_are_due_every_tenth_of_a_second(made):
-    pictures = Pictures(KITCHEN, Warnings(print))
-    for time in (0.0, 0.05, 0.1, 0.16, 0.2):
+@pytest.mark.parametrize(
+    ("options", "times", "due"),
+    [
+        ({}, (0.0, 0.05, 0.1, 0.16, 0.2), [0.05, 0.16]),
+        ({"period": 0.2}, (0.0, 0.05, 0.16, 0.24, 0.26), [0.05, 0.26]),
+    ],
+)
+def test_pictures_of_subscribed_topics_are_due_once_a_period(made, options, times, due):
+    pictures = Pictures(KITCHEN, Warnings(print), **options)
+    for time in times:
         look(pictures, time, COLOR, BLOBS)
-    look(pictures, 0.3)
-    assert made[0].looks == [(0.05, [COLOR, BLOBS]), (0.16, [COLOR, BLOBS])]
-
-
-def test_pictures_may_be_due_less_often(made):
-    pictures = Pictures(KITCHEN, Warnings(print), period=0.2)
-    for time in (0.0, 0.05, 0.16, 0.24, 0.26):
-        look(pictures, time, COLOR)
-    assert [time for time, _ in made[0].looks] == [0.05, 0.26]
+    look(pictures, 0.5)
+    assert made[0].looks == [(time, [COLOR, BLOBS]) for time in due]
 
 
 def test_a_busy_process_gets_no_work(made):

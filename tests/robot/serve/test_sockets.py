@@ -92,16 +92,6 @@ async def _name():
     return threading.current_thread().name
 
 
-def test_coroutines_run_in_the_named_thread(io):
-    assert io.call(_name()) == "test"
-
-
-def test_a_posted_function_runs(io):
-    done = threading.Event()
-    io.post(done.set)
-    assert done.wait(20.0)
-
-
 def test_a_call_that_times_out_leaves_the_thread_running(io):
     with pytest.raises(TimeoutError):
         io.call(asyncio.sleep(3600.0), timeout=0.05)

@@ -127,17 +127,11 @@ def test_a_difference_above_its_limit_that_lasts_is_reported(kind):
 
 
 @pytest.mark.parametrize("kind", KINDS)
-def test_a_difference_below_its_limit_is_none(kind):
+def test_it_begins_above_the_limit_and_is_over_well_below(kind):
     stand = Stand()
     port, value = CASES[kind]
     stand.fix(port, 0.98 * np.array(value))
     assert stand.parted(2.0) == []
-
-
-@pytest.mark.parametrize("kind", KINDS)
-def test_it_is_over_well_below_the_limit_only(kind):
-    stand = Stand()
-    port, value = CASES[kind]
     stand.fix(port, value)
     assert stand.parted(1.0) == [kind]
     stand.fix(port, 0.9 * np.array(value))

@@ -8,7 +8,6 @@ from pydrake.common.value import AbstractValue
 from pydrake.math import RigidTransform, RollPitchYaw
 from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import DiagramBuilder
-from pydrake.systems.primitives import ConstantVectorSource
 from pydrake.systems.sensors import CameraInfo, ImageDepth32F, ImageRgba8U
 
 from drake_srg.lifetime import LeafSystem
@@ -19,6 +18,7 @@ from drake_srg.recording.rosbag import (
     cell_topics,
     finger_topics,
 )
+from drake_srg.scenario import RobotArm
 from drake_srg.sweeps.rows import row_path, write_row
 from drake_srg.sweeps.trial import empty_row
 from drake_srg.types import Blob, Mode, PlannerStatus
@@ -173,29 +173,45 @@ def record(
     located=True,
     rich=(),
     sensors=2,
+    arms=("",),
 ):
     """Record a trial of `until` seconds; `cameras` maps names to (width, height).
 
     Those of `rich` have calibrations and depth, and with any, the arm measures torque
-    and the hand wrenches.
+    and the hand wrenches. Of several `arms`, the signals of the second are twice those
+    of the first, and so on.
     """
     periods = dict.fromkeys(cameras, image_period)
-    topics = cell_topics([ArmNames(ARM, GRIPPER, sensors)], periods, located=located)
-    q = joint_positions
-    sources = {
-        "arm.state_measured": Signal(lambda t: np.r_[q(t)[:2], 0.0, 0.0]),
-        "gripper.state_measured": Signal(lambda t: np.r_[q(t)[2:], 0.0, 0.0]),
-        "arm.position_commanded": Signal(lambda t: q(t)[:2] + 0.01),
-        "gripper.closure_commanded": Signal(closure),
-        "gripper.proximity": ConstantVectorSource(np.full(sensors, 0.01)),
-        "gripper.contact_force": Signal(lambda t: np.resize(touch(t), sensors)),
-        "planner.mode": Abstract(mode),
-    }
-    if rich:
-        sources["arm.torque_measured"] = Signal(effort)
-        sources["gripper.contact_wrench"] = Signal(contact_wrench)
-        sources["gripper.grasped"] = Signal(grasped)
-        topics += finger_topics("gripper", dict(zip(GRIPPER, GRIPPER, strict=True)))
+    robots = [RobotArm(name) for name in arms]
+    names = [
+        ArmNames(
+            [*map(robot.system, ARM)],
+            [*map(robot.system, GRIPPER)],
+            sensors,
+            robot.arm_model,
+            robot.gripper_model,
+        )
+        for robot in robots
+    ]
+    topics = cell_topics(names, periods, located=located)
+    sources = {"planner.mode": Abstract(mode)}
+    for scale, robot in enumerate(robots, 1):
+        arm, hand = robot.arm_model, robot.gripper_model
+        signals = {
+            f"{arm}.state_measured": lambda t: np.r_[joint_positions(t)[:2], 0.0, 0.0],
+            f"{hand}.state_measured": lambda t: np.r_[joint_positions(t)[2:], 0.0, 0.0],
+            f"{arm}.position_commanded": lambda t: joint_positions(t)[:2] + 0.01,
+            f"{hand}.closure_commanded": closure,
+            f"{hand}.proximity": lambda t: np.full(sensors, 0.01),
+            f"{hand}.contact_force": lambda t: np.resize(touch(t), sensors),
+        }
+        if rich:
+            signals[f"{arm}.torque_measured"] = effort
+            signals[f"{hand}.contact_wrench"] = contact_wrench
+            signals[f"{hand}.grasped"] = grasped
+            topics += finger_topics(hand, dict(zip(GRIPPER, GRIPPER, strict=True)))
+        for name, function in signals.items():
+            sources[name] = Signal(lambda t, f=function, k=scale: k * np.asarray(f(t)))
     for name in rich:
         width, height = cameras[name]
         info = CameraInfo(width, height, 100.0, 101.0, 80.5, 64.5)

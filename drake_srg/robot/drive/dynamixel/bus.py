@@ -331,7 +331,7 @@ class ServoBus:
         Raises:
             RefusedByServoError: If a servo refuses.
         """
-        reader: PacketReader[Packet] = PacketReader(self.table.packets)
+        reader = PacketReader(self.table.packets)
         replies: list[Packet] = []
         while len(replies) < len(expected):
             data = self._line.read(self._timeout)

@@ -352,11 +352,9 @@ class _ArmLink(Link):
         bus.add(self._group)
 
     def take(self) -> PortValues:
-        """Return what has been measured since the last call, by output port."""
         return self._mail.take()
 
     def send(self, commands: PortValues) -> None:
-        """Command the hardware; a failure to do so must not raise."""
         q = commands["arm.position_commanded"]
         if np.isfinite(q).all():
             counts = np.rint(self._zero + self._direction * q / _COUNT)
@@ -364,7 +362,6 @@ class _ArmLink(Link):
             self._group.goals = dict(zip(self._ids, goals, strict=True))
 
     def close(self) -> None:
-        """Disconnect, leaving the hardware where it is. A second call does nothing."""
         self._bus.remove(self._group)
 
     def _receive(self, states: Sequence[ServoState]) -> None:
@@ -443,11 +440,9 @@ class _GripperLink(Link):
         bus.add(self._group)
 
     def take(self) -> PortValues:
-        """Return what has been measured since the last call, by output port."""
         return self._mail.take()
 
     def send(self, commands: PortValues) -> None:
-        """Command the hardware; a failure to do so must not raise."""
         (closure,) = commands["gripper.closure_commanded"]
         if commands["gripper.hold"][0] > 0.5:
             # Fingers that press on something keep their goal, and so their grip.
@@ -463,7 +458,6 @@ class _GripperLink(Link):
             self._group.goals = {self._config.id: goal}
 
     def close(self) -> None:
-        """Disconnect, leaving the hardware where it is. A second call does nothing."""
         self._bus.remove(self._group)
 
     def _receive(self, states: Sequence[ServoState]) -> None:

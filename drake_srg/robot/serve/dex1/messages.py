@@ -2,15 +2,11 @@
 
 from typing import Any
 
-from drake_srg.common.installing import pip_install, this_package
+from drake_srg.common.installing import require
 
-try:
-    from cyclonedds import idl
-except ImportError as error:
-    raise ImportError(
-        f"the hand's topics need {error.name!r}, which is not installed. "
-        f"Run: {pip_install(*this_package('ros2'))}"
-    ) from error
+require("cyclonedds", "ros2", "the hand's topics need")
+
+from cyclonedds import idl  # noqa: E402 # once it is known to be there
 
 types: Any = idl.types  # mypy does not understand its generic aliases
 

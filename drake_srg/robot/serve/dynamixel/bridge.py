@@ -438,10 +438,10 @@ class ServoBridge(Bridge):
         """Report an unexpected error; the loop goes on."""
         self._warn("fault", repr(context.get("exception") or context["message"]))
 
-    def _reader(self) -> PacketReader[Packet]:
+    def _reader(self) -> PacketReader:
         return PacketReader(self.bus.packets)
 
-    def _answer(self, reader: PacketReader[Packet], data: bytes) -> list[bytes]:
+    def _answer(self, reader: PacketReader, data: bytes) -> list[bytes]:
         """Take bytes from a client and return the packets for it."""
         dropped = reader.dropped
         # Before the lock: the simulation waits for it, and noise takes time.

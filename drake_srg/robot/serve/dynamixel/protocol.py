@@ -6,11 +6,10 @@ Numbers of several bytes begin with the lowest byte.
 
 from __future__ import annotations
 
-import abc
 import dataclasses as dc
 import enum
 from collections.abc import Iterator, Mapping, Sequence
-from typing import ClassVar, Generic, Self, TypeVar
+from typing import ClassVar, Self, TypeAlias
 
 BROADCAST = 254
 
@@ -57,16 +56,16 @@ class Fault(enum.IntFlag):
         return ", ".join((fault.name or "").lower() for fault in self)
 
 
-class Refusal(enum.Enum):
-    """Why a servo refuses an instruction."""
+class Refusal(enum.IntEnum):
+    """Why a servo refuses an instruction, as Protocol 2.0 numbers its errors."""
 
-    FAILED = enum.auto()
-    INSTRUCTION = enum.auto()
-    CHECKSUM = enum.auto()
-    RANGE = enum.auto()  # a value that its register never takes
-    LENGTH = enum.auto()  # a part of a register
-    LIMIT = enum.auto()  # beyond a limit that another register sets
-    ACCESS = enum.auto()  # no such register, read only, or locked
+    FAILED = 1
+    INSTRUCTION = 2
+    CHECKSUM = 3
+    RANGE = 4  # a value that its register never takes
+    LENGTH = 5  # a part of a register
+    LIMIT = 6  # beyond a limit that another register sets
+    ACCESS = 7  # no such register, read only, or locked
 
 
 class RefusedError(Exception):
@@ -97,8 +96,8 @@ class Status:
 
 
 @dc.dataclass(frozen=True)
-class Packet(abc.ABC):
-    """An instruction or a status packet. Each protocol has its own subclass.
+class _Packet:
+    """An instruction or a status packet, as both protocols have them.
 
     Attributes:
         width: Bytes of an address or a length in its parameters.
@@ -115,53 +114,6 @@ class Packet(abc.ABC):
     code: int
     parameters: bytes = b""
     intact: bool = True
-
-    @abc.abstractmethod
-    def encode(self) -> bytes:
-        """Return the bytes that go over the wire."""
-
-    @classmethod
-    @abc.abstractmethod
-    def size(cls, data: bytearray) -> int | None:
-        """Return the length of the packet that begins with `data`, a header first.
-
-        None if that needs more bytes, and 0 if no packet begins like this.
-        """
-
-    @classmethod
-    @abc.abstractmethod
-    def decode(cls, data: bytes) -> Self:
-        """Return the packet with exactly these bytes."""
-
-    @classmethod
-    @abc.abstractmethod
-    def answer(
-        cls,
-        number: int,
-        code: int,
-        fault: Fault,
-        refused: Refusal | None,
-        data: bytes,
-    ) -> Packet:
-        """Return the status packet of a servo's ID for an instruction code."""
-
-    @property
-    @abc.abstractmethod
-    def status(self) -> Status | None:
-        """Return a status packet's content; None if it is broken or no status."""
-
-    @classmethod
-    @abc.abstractmethod
-    def group_read(cls, numbers: Sequence[int], address: int, size: int) -> Packet:
-        """Return the instruction that reads the same block of several servos."""
-
-    @property
-    @abc.abstractmethod
-    def asked(self) -> list[tuple[int, int, int]]:
-        """Return the ID, address and length asked of each of several servos.
-
-        In the order in which they reply. Empty if the packet is no group read.
-        """
 
     @classmethod
     def number(cls, data: bytes) -> int:
@@ -202,7 +154,7 @@ _ERRORS1: Mapping[Refusal, Error1] = {
 }
 
 
-class Packet1(Packet):
+class Packet1(_Packet):
     """A packet of Protocol 1.0, of up to 259 bytes.
 
     An instruction is FF FF ID LENGTH CODE PARAMETERS CHECKSUM; a status packet has an
@@ -219,7 +171,10 @@ class Packet1(Packet):
 
     @classmethod
     def size(cls, data: bytearray) -> int | None:
-        """Return the length of the packet that begins with `data`, a header first."""
+        """Return the length of the packet that begins with `data`, a header first.
+
+        None if that needs more bytes, and 0 if no packet begins like this.
+        """
         if len(data) < 4:
             return None
         number, length = data[2:4]
@@ -260,7 +215,10 @@ class Packet1(Packet):
 
     @property
     def asked(self) -> list[tuple[int, int, int]]:
-        """Return the ID, address and length asked of each of several servos."""
+        """Return the ID, address and length asked of each of several servos.
+
+        In the order in which they reply. Empty if the packet is no group read.
+        """
         if self.code != Instruction.BULK_READ:
             return []
         blocks = self.parameters[1:]
@@ -281,33 +239,11 @@ _RESERVED = 0x00
 _BEFORE_LENGTH = 5  # bytes
 
 
-class Error2(enum.IntEnum):
-    """Error numbers of a status packet of Protocol 2.0."""
-
-    RESULT_FAIL = 1
-    INSTRUCTION = 2
-    CRC = 3
-    DATA_RANGE = 4
-    DATA_LENGTH = 5
-    DATA_LIMIT = 6
-    ACCESS = 7
-
-
 # Bit beside the error number of Protocol 2.0: the hardware has an error.
 ALERT = 0x80
 
-_ERRORS2: Mapping[Refusal, Error2] = {
-    Refusal.FAILED: Error2.RESULT_FAIL,
-    Refusal.INSTRUCTION: Error2.INSTRUCTION,
-    Refusal.CHECKSUM: Error2.CRC,
-    Refusal.RANGE: Error2.DATA_RANGE,
-    Refusal.LENGTH: Error2.DATA_LENGTH,
-    Refusal.LIMIT: Error2.DATA_LIMIT,
-    Refusal.ACCESS: Error2.ACCESS,
-}
 
-
-class Packet2(Packet):
+class Packet2(_Packet):
     """A packet of Protocol 2.0, of up to 1024 bytes.
 
     It is FF FF FD 00 ID LENGTH CODE PARAMETERS CRC, with two bytes for LENGTH and for
@@ -350,9 +286,7 @@ class Packet2(Packet):
         data: bytes,
     ) -> Packet2:
         """Return the status packet of a servo's ID for an instruction code."""
-        error = _ERRORS2[refused] if refused else 0
-        if fault:
-            error |= ALERT
+        error = (refused or 0) | (ALERT if fault else 0)
         if code in FAST_READING:
             body = bytes([error, number]) + data
             return FastStatus(BROADCAST, Instruction.STATUS, body)
@@ -364,12 +298,11 @@ class Packet2(Packet):
         if not self.intact or self.code != Instruction.STATUS or not self.parameters:
             return None
         error, data = self.parameters[0], self.parameters[1:]
-        refusals = {int(number): why for why, number in _ERRORS2.items()}
         number = error & ~ALERT
-        if number and number not in refusals:
+        if number > max(Refusal):
             return None
         fault = "hardware error" if error & ALERT else ""
-        return Status(fault, refusals.get(number), data)
+        return Status(fault, Refusal(number) if number else None, data)
 
     @classmethod
     def group_read(cls, numbers: Sequence[int], address: int, size: int) -> Packet2:
@@ -437,10 +370,10 @@ def _crc(data: bytes) -> int:
 # a packet.
 _PATIENCE = 0.1
 
-P = TypeVar("P", bound=Packet)
+Packet: TypeAlias = Packet1 | Packet2
 
 
-class PacketReader(Generic[P]):
+class PacketReader:
     """Finds packets in a stream of bytes, whatever pieces and noise it arrives in.
 
     A packet that is incomplete after 0.1 s is dropped, so that half a packet never
@@ -453,7 +386,7 @@ class PacketReader(Generic[P]):
         dropped: Number of bytes so far that belonged to no packet.
     """
 
-    def __init__(self, kind: type[P]):
+    def __init__(self, kind: type[Packet1] | type[Packet2]):
         self.dropped = 0
         self._kind = kind
         self._buffer = bytearray()
@@ -464,7 +397,7 @@ class PacketReader(Generic[P]):
         """Number of bytes of the incomplete packet."""
         return len(self._buffer)
 
-    def feed(self, data: bytes, time: float) -> Iterator[P]:
+    def feed(self, data: bytes, time: float) -> Iterator[Packet]:
         """Yield the packets that `data`, received at a time [s], completes."""
         if time - self._last > _PATIENCE:
             self._drop(len(self._buffer))
@@ -473,7 +406,7 @@ class PacketReader(Generic[P]):
         while (packet := self._next()) is not None:
             yield packet
 
-    def _next(self) -> P | None:
+    def _next(self) -> Packet | None:
         buffer, header = self._buffer, self._kind.header
         while True:
             start = buffer.find(header)

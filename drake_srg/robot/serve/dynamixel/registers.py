@@ -14,7 +14,6 @@ from typing import ClassVar
 
 from drake_srg.robot.serve.dynamixel.protocol import (
     Fault,
-    Packet,
     Packet1,
     Packet2,
     Refusal,
@@ -116,7 +115,7 @@ class ControlTable(abc.ABC):
         current_unit: Of currents in registers [A].
     """
 
-    packets: ClassVar[type[Packet]]
+    packets: ClassVar[type[Packet1] | type[Packet2]]
     registers: ClassVar[Sequence[Register]]
     ram: ClassVar[int]
     size: ClassVar[int]
@@ -247,7 +246,7 @@ CLOCKWISE = 1024  # direction bit of speeds, loads and torques
 class ControlTable1(ControlTable):
     """The registers of an MX-64 with Protocol 1.0."""
 
-    packets: ClassVar[type[Packet]] = Packet1
+    packets: ClassVar[type[Packet1]] = Packet1
     registers: ClassVar[Sequence[Register]] = (
         # EEPROM
         Register(0, "model_number", 2, 310),
@@ -406,7 +405,7 @@ def _indirect(first: int, address: int, data: int) -> list[Register]:
 class ControlTable2(ControlTable):
     """The registers of an MX-64 with Protocol 2.0."""
 
-    packets: ClassVar[type[Packet]] = Packet2
+    packets: ClassVar[type[Packet2]] = Packet2
     registers: ClassVar[Sequence[Register]] = (
         # EEPROM
         Register(0, "model_number", 2, 311),

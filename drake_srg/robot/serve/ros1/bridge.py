@@ -5,14 +5,14 @@ from __future__ import annotations
 import asyncio
 import contextlib
 import functools
-import importlib
 import os
 import socket
 from collections.abc import Sequence
 from typing import Any
 from urllib.parse import urlsplit
 
-from drake_srg.common.installing import pip_install, this_package
+from rosbags.typesys import Stores, get_typestore
+
 from drake_srg.recording.rosbag import Topic
 from drake_srg.robot.serve.bridge import RosBridge
 from drake_srg.robot.serve.commands import CommandInbox, CommandTopic
@@ -58,7 +58,6 @@ class Ros1Bridge(RosBridge):
         timing: Waiting times; None takes the defaults.
 
     Raises:
-        ImportError: If rosbags is missing; the message says how to install it.
         ValueError: If `master` or `host` is invalid.
         OSError: If the node cannot listen at `host`.
     """
@@ -73,7 +72,7 @@ class Ros1Bridge(RosBridge):
         name: str = "/drake_srg",
         timing: Timing | None = None,
     ):
-        super().__init__(_load_noetic_types(), inbox)
+        super().__init__(get_typestore(Stores.ROS1_NOETIC), inbox)
         # ROS 1 has no services of ROS 2.
         topics = [topic for topic in topics if _is_ours(topic)]
         self._sequence = {topic.name: 0 for topic in topics}
@@ -301,15 +300,3 @@ def _check_uri(uri: str) -> None:
             "ROS 1 master: must be http://HOST:PORT, such as http://localhost:11311, "
             f"got {uri!r}"
         )
-
-
-def _load_noetic_types() -> Any:
-    """Return ROS 1's message types."""
-    try:
-        typesys = importlib.import_module("rosbags.typesys")
-    except ImportError as error:
-        raise ImportError(
-            "ROS 1 needs 'rosbags', which is not installed. "
-            f"Run: {pip_install(*this_package('ros1'))}"
-        ) from error
-    return typesys.get_typestore(typesys.Stores.ROS1_NOETIC)

@@ -6,9 +6,7 @@ import os
 from collections.abc import Callable, Mapping
 from typing import Any
 
-from drake_srg.robot.serve.ros1.tcpros import Connection, Publication, Subscription
-
-_XMLRPC_INT_MAX = 2**31 - 1
+from drake_srg.robot.serve.ros1.tcpros import Publication, Subscription
 
 
 class SlaveApi:
@@ -16,7 +14,7 @@ class SlaveApi:
 
     Each method takes the caller's name first and returns [code, message, value]. The
     code is 1 for success, -1 for an error of the caller and 0 for a failure. Source:
-    wiki.ros.org/ROS/Slave_API.
+    wiki.ros.org/ROS/Slave_API, but for getBusStats, which no tool of ROS calls.
 
     Args:
         master: The master's URI.
@@ -48,23 +46,6 @@ class SlaveApi:
         if method == "answer" or method.startswith("_") or function is None:
             raise TypeError(f"unknown method {method!r}")
         return list(function(*arguments))
-
-    def getBusStats(self, caller: str) -> list[Any]:
-        """Return messages and bytes of each connection."""
-        sent = [
-            [
-                topic,
-                _xmlrpc_int(sum(c.info.bytes for c in publication.connections)),
-                [_stats(c.info) for c in publication.connections],
-            ]
-            for topic, publication in self._publications.items()
-        ]
-        received = [
-            # The third entry is the number of lost messages; -1 means unknown.
-            [topic, [[*_stats(c)[:2], -1, True] for c in subscription.connections]]
-            for topic, subscription in self._subscriptions.items()
-        ]
-        return [1, "bus stats", [sent, received, []]]
 
     def getBusInfo(self, caller: str) -> list[Any]:
         """Return the connected peers."""
@@ -121,15 +102,6 @@ class SlaveApi:
         if not any(protocol[:1] == ["TCPROS"] for protocol in protocols):
             return [0, "only TCPROS is supported", 0]
         return [1, "", ["TCPROS", *self._address]]
-
-
-def _xmlrpc_int(number: int) -> int:
-    return min(number, _XMLRPC_INT_MAX)
-
-
-def _stats(connection: Connection) -> list[Any]:
-    size, messages = _xmlrpc_int(connection.bytes), _xmlrpc_int(connection.messages)
-    return [connection.id, size, messages, True]
 
 
 def _types(

@@ -59,17 +59,10 @@ class MessageType:
 
 @dc.dataclass
 class Connection:
-    """Statistics of a connection, as `rosnode info` shows them."""
+    """A connection as `rosnode info` shows it."""
 
     peer: str  # subscriber's name, or publisher's URI
-    messages: int = 0
-    bytes: int = 0
     id: int = dc.field(default_factory=lambda: next(_ids))
-
-    def count(self, size: int) -> None:
-        """Count a message of `size` bytes."""
-        self.messages += 1
-        self.bytes += size
 
 
 def frame(content: bytes | memoryview) -> bytes:
@@ -209,7 +202,7 @@ class SubscriberConnection(asyncio.Protocol):
         connections: All open connections; this one adds and removes itself.
 
     Attributes:
-        info: Statistics.
+        info: For other nodes.
     """
 
     def __init__(
@@ -282,9 +275,7 @@ class SubscriberConnection(asyncio.Protocol):
 
     def _flush(self) -> None:
         while self._queue and not self._paused:
-            framed = self._queue.popleft()
-            self.info.count(len(framed))
-            self._transport.write(framed)
+            self._transport.write(self._queue.popleft())
 
     def _accept(self, header: Mapping[str, str]) -> None:
         """Answer a subscriber's header.
@@ -445,7 +436,6 @@ class Subscription:
                         self._check(decode_header(content))
                         publisher.connection = Connection(uri)
                     else:
-                        publisher.connection.count(len(content))
                         self._receive(content)
             if frames.pending:
                 raise TcprosError("the connection ended in the middle of a message")

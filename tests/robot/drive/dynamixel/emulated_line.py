@@ -45,6 +45,10 @@ class EmulatedLine:
         wanted = taken.get(POSITION, np.full(len(self.q), np.nan))
         self.q = np.where(np.isfinite(wanted), wanted, self.q)
         self.closure = taken.get(CLOSURE, [self.closure])[0]
+        self.sense(duration)
+
+    def sense(self, duration=0.01):
+        """Tell the servos where their motors are."""
         self._time += duration
         angles = np.full(2, self.closure * TRAVEL)
         self.bus.sense(
@@ -56,6 +60,12 @@ class EmulatedLine:
                 "gripper.pwm": np.full(2, self.load),
             },
         )
+
+    def ask(self, number, code, parameters=b""):
+        """Return the replies to a packet."""
+        packet = self.bus.packets(number, code, bytes(parameters))
+        (reply,) = self.bus.answer([packet])
+        return list(PacketReader(self.bus.packets).feed(reply, 0.0))
 
     def write(self, data):
         if self.closed:

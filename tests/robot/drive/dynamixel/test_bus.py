@@ -16,7 +16,7 @@ from drake_srg.robot.drive.dynamixel.bus import (
     open_line,
 )
 from drake_srg.robot.serve.dynamixel.servo import JOINT
-from robot.drive.dynamixel.emulated_line import POSITION, EmulatedLine
+from robot.drive.dynamixel.emulated_line import EmulatedLine
 
 
 @pytest.fixture
@@ -159,17 +159,6 @@ def test_a_group_read_gives_each_servo_its_own(protocol, numbers, count):
     assert list(replies) == asked
     for number in asked:
         assert replies[number] == bus.read_all([number], "present_position")[number]
-
-
-@PROTOCOLS
-def test_a_sync_write_moves_all_joints(protocol):
-    line, bus = bus_with(protocol)
-    for number in (1, 2, 3):
-        bus.write(number, "torque_enable", 1)
-    bus.sync_write("goal_position", {1: 2148, 2: 1948, 3: 2048})
-    taken = line.inbox.take()[POSITION]
-    expected = [-JOINT.to_angle(counts) for counts in (2148, 1948, 2048)]
-    assert taken == pytest.approx(expected, abs=1e-9)
 
 
 @PROTOCOLS

@@ -6,6 +6,7 @@ import time
 import pytest
 from helpers import NEEDS_DDS
 
+from drake_srg.robot.serve.dex1.hand import Phase
 from robot.serve.ros2.peers import free_domain
 
 pytestmark = NEEDS_DDS
@@ -21,7 +22,7 @@ class Peer:
 
         from drake_srg.robot.serve.dex1 import messages
         from drake_srg.robot.serve.dex1.bridge import Dex1Bridge
-        from robot.serve.dex1.fake_motor import FakeMotor
+        from robot.serve.dynamixel.fake_station import FakeMotor
 
         def topic(name, type):
             return Topic(participant, name, type)
@@ -89,6 +90,32 @@ def peer(inbox, gripper, participant):
     return peer
 
 
+def test_it_starts_by_calibrating(peer, told):
+    assert peer.last["telemetry"]["calibration"] == {
+        "is_calibrated": True,
+        "offset": 1473,  # 2.8 rad from 3298
+    }
+    assert told == []
+
+
+def test_a_calibration_that_does_not_open_half_is_told(
+    inbox, gripper, participant, told
+):
+    peer = Peer(inbox, gripper, "left", participant)
+    step = peer.motor.step
+
+    def stuck():  # once the fingers meet
+        time, values = step()
+        if peer.bridge.hand.phase is Phase.SETTLING:
+            peer.motor.angle = peer.motor.meets
+        return time, values
+
+    peer.motor.step = stuck
+    peer.run(8.0)
+    assert peer.last["telemetry"]["calibration"]["is_calibrated"] is False
+    assert told == ["hand: has not opened half; calibrate again"]
+
+
 def test_states_come_at_200_hz_and_telemetry_at_30(peer):
     states, reports = peer.run(2.0)
     assert states == pytest.approx(400, abs=2)
@@ -113,11 +140,17 @@ def test_a_grasp_is_seen_on_every_topic(peer):
     assert (peer.last["state"].mode, peer.last["state"].tau_est) == (3, 1.5)
     telemetry = peer.last["telemetry"]
     assert (telemetry["state"], telemetry["contact"]) == ("grasping", True)
+    assert telemetry["position"]["actual_pct"] == pytest.approx(33.9, abs=0.1)
+    # 15 % of 1600 units of 3.36 mA.
+    assert telemetry["hardware"]["current_ma"] == pytest.approx(806, abs=10)
     assert (
         telemetry["hardware"] | {"temperature_c": 30, "error_code": 0}
         == (telemetry["hardware"])
     )
     assert peer.last["state_direct"]["force_limit_pct"] == 15.0
+    peer.move(0.6 * 5.4)
+    peer.run(3.0)
+    assert peer.last["state_direct"]["position_pct"] == pytest.approx(60.0, abs=1.0)
 
 
 def test_the_most_recent_of_both_commands_wins(peer):
@@ -129,18 +162,23 @@ def test_the_most_recent_of_both_commands_wins(peer):
     assert peer.last["state_direct"]["force_limit_pct"] == 40.0
 
 
-def test_faults_are_shown_until_they_are_cleared(peer):
+def test_a_faulty_hand_obeys_nothing_until_its_errors_are_cleared(peer, told):
     peer.motor.temperature = 90.0
     peer.run(0.2)
     peer.motor.temperature = 30.0
-    peer.run(0.2)
+    peer.move(0.0)
+    peer.run(1.0)
+    assert peer.motor.pwm == 0.0
+    assert any("hand: overheating; it waits for action 3" in text for text in told)
     state = peer.last["state"]
     assert (state.mode, state.lost, state.q) == (255, 2**32 - 1, 0.0)
     assert peer.last["telemetry"]["state"] == "error"
     assert peer.last["telemetry"]["hardware"]["error_code"] == 4
     peer.say("admin", '{"action": 3, "parameters": {}}')
-    peer.run(1.0)
+    peer.run(5.0)
     assert peer.last["state"].mode != 255
+    assert peer.last["state"].q == pytest.approx(0.0, abs=0.06)
+    assert peer.bridge.hand.zero == 1473
 
 
 def test_it_calibrates_on_request(peer):

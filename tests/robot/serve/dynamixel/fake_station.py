@@ -21,48 +21,59 @@ PING_2 = Packet2(1, Instruction.PING).encode()
 PONG_2 = Packet2(1, Instruction.STATUS, b"\x00\x37\x01\x2d").encode()
 
 
-class FakeStation(threading.Thread):
-    """A bridge to a motor without inertia, ten times as fast as real time."""
+STEP = 0.005  # of a fake motor [s]
+
+
+class FakeMotor:
+    """A motor without inertia whose fingers meet, or an object that they hold.
+
+    Attributes:
+        commands: That it obeys, by input port.
+        angle: Of the spool [rad].
+        pwm: As a fraction of full scale.
+        time: Simulated [s].
+        meets: Angle at which the fingers stop [rad].
+        temperature: [degrees Celsius].
+    """
+
+    def __init__(self, inbox, ports):
+        self.inbox, self._ports = inbox, ports
+        self.commands = {}
+        self.angle = self.time = self.pwm = 0.0
+        self.meets, self.temperature = CLOSED, 30.0
+
+    def step(self):
+        """Return the time and the values of the station's ports after a step."""
+        self.commands.update(self.inbox.take())
+        values = {k.split(".")[1]: v[0] for k, v in self.commands.items()}
+        limit = values.get("force_limit", 1.0)
+        pull = 5.0 * (values.get("motor_position_commanded", np.nan) - self.angle)
+        torque = values.get("motor_torque_commanded", np.nan)
+        wanted = torque if np.isfinite(torque) else np.nan_to_num(pull)
+        self.pwm = float(np.clip(wanted, -limit, limit))
+        moved = min(self.angle + STEP * 10.0 * self.pwm, self.meets)
+        speed, self.angle = (moved - self.angle) / STEP, moved
+        self.time += STEP
+        values = [self.angle, speed], [self.pwm], [self.temperature]
+        return self.time, dict(zip(self._ports, map(np.array, values), strict=True))
+
+
+class FakeStation(FakeMotor, threading.Thread):
+    """A bridge to a fake motor, ten times as fast as real time."""
 
     def __init__(self, where, protocol=1):
-        super().__init__(daemon=True)
+        threading.Thread.__init__(self, daemon=True)
         if where == "pty":
             needs_pty()
         self.warnings = []
-        self.inbox = CommandInbox([], Warnings(self.warnings.append))
-        self.bridge = ServoBridge(self.inbox, where, protocol=protocol)
-        self.time = self.angle = 0.0
-        self.commands = {}
+        inbox = CommandInbox([], Warnings(self.warnings.append))
+        self.bridge = ServoBridge(inbox, where, protocol=protocol)
+        FakeMotor.__init__(self, inbox, self.bridge.ports)
         self._done = threading.Event()
 
     def run(self):
         while not self._done.wait(0.0005):
-            self.commands.update(self.inbox.take())
-            self.step(**{k.split(".")[1]: v[0] for k, v in self.commands.items()})
-
-    def step(
-        self,
-        *,
-        motor_position_commanded=np.nan,
-        motor_torque_commanded=np.nan,
-        force_limit=1.0,
-    ):
-        if np.isfinite(motor_torque_commanded):
-            torque = np.clip(motor_torque_commanded, -force_limit, force_limit)
-            pwm, speed = torque, 20.0 * torque
-        else:
-            pull = 5.0 * (motor_position_commanded - self.angle)
-            pwm = np.clip(np.nan_to_num(pull), -force_limit, force_limit)
-            speed = 5.0 * pwm
-        if self.angle + 0.005 * speed > CLOSED:
-            speed = (CLOSED - self.angle) / 0.005
-        self.angle += 0.005 * speed
-        self.time += 0.005
-        values = [self.angle, speed], [pwm], [30.0]
-        self.bridge.update(
-            self.time,
-            dict(zip(self.bridge.ports, map(np.array, values), strict=True)),
-        )
+            self.bridge.update(*self.step())
 
     def sleep(self, duration):
         end = self.time + duration

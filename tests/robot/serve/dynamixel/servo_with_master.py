@@ -8,6 +8,7 @@ from drake_srg.robot.serve.dynamixel.protocol import (
     Error1,
     Instruction,
     PacketReader,
+    Refusal,
 )
 from drake_srg.robot.serve.dynamixel.servo import SpoolMotor
 
@@ -16,6 +17,9 @@ class WithMaster:
     """A servo whose registers can be written and read by name through packets.
 
     Attributes:
+        errors: Of the protocol's status packets.
+        wrong_checksum: The one for that.
+        identity: What a ping tells.
         warned: Kinds of the warnings so far.
         now: Simulated time [s].
     """
@@ -31,6 +35,13 @@ class WithMaster:
     def send(self, code, parameters=b"", number=1, intact=True):
         packet = self.table.packets(number, code, bytes(parameters), intact)
         return list(PacketReader(self.table.packets).feed(self.answer(packet), 0.0))
+
+    def broadcast(self, code, parameters=b"", **options):
+        return self.send(code, parameters, BROADCAST, **options)
+
+    def words(self, *values):
+        """Return the bytes of addresses and lengths."""
+        return b"".join(map(self.number, values))
 
     def number(self, value, size=None):
         """Return the bytes of an address, a length or a value."""
@@ -58,6 +69,8 @@ class WithMaster:
 class ServoWithMaster(WithMaster, Mx64):
     """With Protocol 1.0."""
 
+    errors, wrong_checksum, identity = Error1, Error1.CHECKSUM, b""
+
     def error(self, status):
         return Error1(status.code)
 
@@ -68,12 +81,11 @@ class ServoWithMaster(WithMaster, Mx64):
 class ServoWithMaster2(WithMaster, Mx64P2):
     """With Protocol 2.0."""
 
+    errors, wrong_checksum, identity = Refusal, Refusal.CHECKSUM, b"\x37\x01\x2d"
+
     def error(self, status):
         assert status.code == Instruction.STATUS
         return status.parameters[0]
 
     def data(self, status):
         return status.parameters[1:]
-
-    def broadcast(self, code, parameters=b""):
-        return self.send(code, parameters, BROADCAST)

@@ -20,6 +20,9 @@ from drake_srg.robot.serve.dynamixel.protocol import Instruction, Packet1, Packe
 from drake_srg.robot.serve.dynamixel.servo import Servo
 from robot.serve.dynamixel.fake_station import (
     PING,
+    PING_2,
+    PONG,
+    PONG_2,
     FakeStation,
     answers,
     client_of,
@@ -45,6 +48,11 @@ def test_the_status_has_the_terminal_s_device():
 def test_an_invalid_address_is_refused(where):
     with pytest.raises(ValueError, match="must be tcp:PORT, tcp:HOST:PORT or pty, got"):
         ServoBridge(CommandInbox([], Warnings(print)), where)
+
+
+def test_an_unknown_protocol_is_refused():
+    with pytest.raises(ValueError, match="protocol: must be 1 or 2, got 3"):
+        ServoBridge(CommandInbox([], Warnings(print)), "tcp:0", protocol=3)
 
 
 @pytest.mark.parametrize("host", ["nowhere.invalid", "a..b"])  # .invalid: RFC 6761
@@ -108,21 +116,28 @@ def test_several_clients_are_answered(line):
 
 @pytest.mark.slow
 @pytest.mark.parametrize(
-    "abuse",
+    ("protocol", "abuse"),
     [
-        b"\xff" * 10_000,
-        b"\xff\xff\x01\xfe\x02" * 5000,
-        np.random.default_rng(0).bytes(50_000),
-        PING[:4],
-        PING[:-1] + b"\x00",
+        (1, b"\xff" * 10_000),
+        (1, b"\xff\xff\x01\xfe\x02" * 5000),
+        (1, np.random.default_rng(0).bytes(50_000)),
+        (1, PING[:4]),
+        (1, PING[:-1] + b"\x00"),
+        (2, b"\xff\xff\xfd" * 3000),
+        (2, b"\xff\xff\xfd\x00\x01\xff\x03\x02" * 2000),
+        (2, np.random.default_rng(0).bytes(20_000)),
+        (2, PING_2[:8]),
+        (2, PING_2[:-1] + b"\x00"),
     ],
 )
-def test_garbage_is_reported_once_and_skipped(station, line, abuse):
-    connection = line()
-    for _ in range(3):
-        connection.sendall(abuse)
-        assert answers(connection)
-    assert answers(line())
+def test_garbage_is_reported_once_and_skipped(protocol, abuse):
+    ping, pong = {1: (PING, PONG), 2: (PING_2, PONG_2)}[protocol]
+    with FakeStation("tcp:0", protocol) as station, connect(station.bridge) as line:
+        for _ in range(3):
+            line.sendall(abuse)
+            assert answers(line, ping, pong)
+        with connect(station.bridge) as other:
+            assert answers(other, ping, pong)
     assert 1 <= len(station.warnings) == len(set(station.warnings))
 
 

@@ -24,10 +24,6 @@ def test_a_node_answers_questions_about_itself(bridge, inbox, master, publisher)
     info = {topic: row for row in node.getBusInfo("/x")[2] for topic in [row[4]]}
     assert info["/clock"][1:4] == ["/peer", "o", "TCPROS"]
     assert info["/grasp"][1:4] == [publisher.uri, "i", "TCPROS"]
-    sent, received, services = node.getBusStats("/x")[2]
-    assert ["/clock", 12, [[info["/clock"][0], 12, 1, True]]] in sent
-    assert ["/grasp", [[info["/grasp"][0], 4, -1, True]]] in received
-    assert services == []
     assert node.requestTopic("/x", "/clock", [["UDPROS"]])[0] == 0
     assert node.requestTopic("/x", "/nothing", [["TCPROS"]])[0] == -1
     assert node.publisherUpdate("/x", "/nothing", [])[0] == -1

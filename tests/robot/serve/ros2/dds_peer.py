@@ -10,6 +10,7 @@ import json
 import sys
 import time
 
+from cyclonedds import idl
 from cyclonedds.builtin import (
     BuiltinDataReader,
     BuiltinTopicDcpsParticipant,
@@ -18,118 +19,165 @@ from cyclonedds.builtin import (
 )
 from cyclonedds.core import InstanceState, ReadCondition, SampleState, ViewState
 from cyclonedds.domain import Domain, DomainParticipant
-from cyclonedds.idl import IdlStruct
-from cyclonedds.idl.types import array, float64, int32, sequence, uint8, uint32
+from cyclonedds.idl.types import (
+    array,
+    float64,
+    int8,
+    int32,
+    int64,
+    sequence,
+    uint8,
+    uint16,
+    uint32,
+    uint64,
+)
 from cyclonedds.pub import DataWriter
 from cyclonedds.qos import Policy, Qos
 from cyclonedds.sub import DataReader
 from cyclonedds.topic import Topic
 
 
-@dc.dataclass
-class Int32(IdlStruct, typename="std_msgs::msg::dds_::Int32_"):
-    data: int32
+def struct(name, /, **members):
+    """Return a type of ROS, such as "std_msgs/msg/Int32", with these members."""
+    package, kind, short = name.split("/")
+    return idl.make_idl_struct(short, f"{package}::{kind}::dds_::{short}_", members)
 
 
-@dc.dataclass
-class Bool(IdlStruct, typename="std_msgs::msg::dds_::Bool_"):
-    data: bool
+Int32 = struct("std_msgs/msg/Int32", data=int32)
+Bool = struct("std_msgs/msg/Bool", data=bool)
+Float64 = struct("std_msgs/msg/Float64", data=float64)
+String = struct("std_msgs/msg/String", data=str)
+Dimension = struct(
+    "std_msgs/msg/MultiArrayDimension", label=str, size=uint32, stride=uint32
+)
+Layout = struct(
+    "std_msgs/msg/MultiArrayLayout", dim=sequence[Dimension], data_offset=uint32
+)
+Float64MultiArray = struct(
+    "std_msgs/msg/Float64MultiArray", layout=Layout, data=sequence[float64]
+)
+Time = struct("builtin_interfaces/msg/Time", sec=int32, nanosec=uint32)
+Duration = struct("builtin_interfaces/msg/Duration", sec=int32, nanosec=uint32)
+Clock = struct("rosgraph_msgs/msg/Clock", clock=Time)
+Header = struct("std_msgs/msg/Header", stamp=Time, frame_id=str)
+JointState = struct(
+    "sensor_msgs/msg/JointState",
+    header=Header,
+    name=sequence[str],
+    position=sequence[float64],
+    velocity=sequence[float64],
+    effort=sequence[float64],
+)
+Image = struct(
+    "sensor_msgs/msg/Image",
+    header=Header,
+    height=uint32,
+    width=uint32,
+    encoding=str,
+    is_bigendian=uint8,
+    step=uint32,
+    data=sequence[uint8],
+)
+RegionOfInterest = struct(
+    "sensor_msgs/msg/RegionOfInterest",
+    **dict.fromkeys(("x_offset", "y_offset", "height", "width"), uint32),
+    do_rectify=bool,
+)
+CameraInfo = struct(
+    "sensor_msgs/msg/CameraInfo",
+    header=Header,
+    height=uint32,
+    width=uint32,
+    distortion_model=str,
+    d=sequence[float64],
+    k=array[float64, 9],
+    r=array[float64, 9],
+    p=array[float64, 12],
+    binning_x=uint32,
+    binning_y=uint32,
+    roi=RegionOfInterest,
+)
 
-
-@dc.dataclass
-class Float64(IdlStruct, typename="std_msgs::msg::dds_::Float64_"):
-    data: float64
-
-
-@dc.dataclass
-class String(IdlStruct, typename="std_msgs::msg::dds_::String_"):
-    data: str
-
-
-@dc.dataclass
-class MultiArrayDimension(
-    IdlStruct, typename="std_msgs::msg::dds_::MultiArrayDimension_"
-):
-    label: str
-    size: uint32
-    stride: uint32
-
-
-@dc.dataclass
-class MultiArrayLayout(IdlStruct, typename="std_msgs::msg::dds_::MultiArrayLayout_"):
-    dim: sequence[MultiArrayDimension]
-    data_offset: uint32
-
-
-@dc.dataclass
-class Float64MultiArray(IdlStruct, typename="std_msgs::msg::dds_::Float64MultiArray_"):
-    layout: MultiArrayLayout
-    data: sequence[float64]
-
-
-@dc.dataclass
-class Time(IdlStruct, typename="builtin_interfaces::msg::dds_::Time_"):
-    sec: int32
-    nanosec: uint32
-
-
-@dc.dataclass
-class Clock(IdlStruct, typename="rosgraph_msgs::msg::dds_::Clock_"):
-    clock: Time
-
-
-@dc.dataclass
-class Header(IdlStruct, typename="std_msgs::msg::dds_::Header_"):
-    stamp: Time
-    frame_id: str
-
-
-@dc.dataclass
-class JointState(IdlStruct, typename="sensor_msgs::msg::dds_::JointState_"):
-    header: Header
-    name: sequence[str]
-    position: sequence[float64]
-    velocity: sequence[float64]
-    effort: sequence[float64]
-
-
-@dc.dataclass
-class Image(IdlStruct, typename="sensor_msgs::msg::dds_::Image_"):
-    header: Header
-    height: uint32
-    width: uint32
-    encoding: str
-    is_bigendian: uint8
-    step: uint32
-    data: sequence[uint8]
-
-
-@dc.dataclass
-class RegionOfInterest(IdlStruct, typename="sensor_msgs::msg::dds_::RegionOfInterest_"):
-    x_offset: uint32
-    y_offset: uint32
-    height: uint32
-    width: uint32
-    do_rectify: bool
-
-
-@dc.dataclass
-class CameraInfo(IdlStruct, typename="sensor_msgs::msg::dds_::CameraInfo_"):
-    header: Header
-    height: uint32
-    width: uint32
-    distortion_model: str
-    d: sequence[float64]
-    k: array[float64, 9]
-    r: array[float64, 9]
-    p: array[float64, 12]
-    binning_x: uint32
-    binning_y: uint32
-    roi: RegionOfInterest
-
-
+# Of the action FollowJointTrajectory.
+Uuid = struct("unique_identifier_msgs/msg/UUID", uuid=array[uint8, 16])
+GoalInfo = struct("action_msgs/msg/GoalInfo", goal_id=Uuid, stamp=Time)
+Vector3 = struct("geometry_msgs/msg/Vector3", **dict.fromkeys("xyz", float64))
+Quaternion = struct("geometry_msgs/msg/Quaternion", **dict.fromkeys("xyzw", float64))
+Transform = struct(
+    "geometry_msgs/msg/Transform", translation=Vector3, rotation=Quaternion
+)
+Twist = struct("geometry_msgs/msg/Twist", linear=Vector3, angular=Vector3)
+Point = struct(
+    "trajectory_msgs/msg/JointTrajectoryPoint",
+    positions=sequence[float64],
+    velocities=sequence[float64],
+    accelerations=sequence[float64],
+    effort=sequence[float64],
+    time_from_start=Duration,
+)
+MultiPoint = struct(
+    "trajectory_msgs/msg/MultiDOFJointTrajectoryPoint",
+    transforms=sequence[Transform],
+    velocities=sequence[Twist],
+    accelerations=sequence[Twist],
+    time_from_start=Duration,
+)
+Trajectory, MultiTrajectory = (
+    struct(
+        f"trajectory_msgs/msg/{name}",
+        header=Header,
+        joint_names=sequence[str],
+        points=sequence[point],
+    )
+    for name, point in (
+        ("JointTrajectory", Point),
+        ("MultiDOFJointTrajectory", MultiPoint),
+    )
+)
+_LIMITS = dict.fromkeys(("position", "velocity", "acceleration"), float64)
+Tolerance = struct("control_msgs/msg/JointTolerance", name=str, **_LIMITS)
+Component = struct(
+    "control_msgs/msg/JointComponentTolerance",
+    joint_name=str,
+    component=uint16,
+    **_LIMITS,
+)
+_FOLLOW = "control_msgs/action/FollowJointTrajectory"
+# Each message of a service begins with the header of rmw_cyclonedds_cpp.
+_CALL = {"client": uint64, "number": int64}
+CALLS = (
+    struct(
+        f"{_FOLLOW}_SendGoal_Request",
+        **_CALL,
+        goal_id=Uuid,
+        trajectory=Trajectory,
+        multi_dof_trajectory=MultiTrajectory,
+        path_tolerance=sequence[Tolerance],
+        component_path_tolerance=sequence[Component],
+        goal_tolerance=sequence[Tolerance],
+        component_goal_tolerance=sequence[Component],
+        goal_time_tolerance=Duration,
+    ),
+    struct(f"{_FOLLOW}_SendGoal_Response", **_CALL, accepted=bool, stamp=Time),
+    struct(f"{_FOLLOW}_GetResult_Request", **_CALL, goal_id=Uuid),
+    struct(
+        f"{_FOLLOW}_GetResult_Response",
+        **_CALL,
+        status=int8,
+        error_code=int32,
+        error_string=str,
+    ),
+    struct("action_msgs/srv/CancelGoal_Request", **_CALL, goal_info=GoalInfo),
+    struct(
+        "action_msgs/srv/CancelGoal_Response",
+        **_CALL,
+        return_code=int8,
+        goals_canceling=sequence[GoalInfo],
+    ),
+)
 MESSAGES = (Int32, Bool, Float64, String, Float64MultiArray, Clock, JointState, Image)
-TYPES = {cls.__name__: cls for cls in (*MESSAGES, CameraInfo)}
+TYPES = {cls.__name__: cls for cls in (*MESSAGES, CameraInfo, *CALLS)}
+
 # With a lease of one second, others soon notice when this process has vanished.
 CONFIGURATION = """
 <CycloneDDS><Domain>
@@ -140,10 +188,25 @@ CONFIGURATION = """
 ANY = SampleState.Any | ViewState.Any | InstanceState.Any
 
 
-def message(kind, data):
-    if kind != "Float64MultiArray":
-        return TYPES[kind](data)
-    return Float64MultiArray(MultiArrayLayout([], 0), data)
+def message(cls, data):
+    """Return a message of the value of its only field, or of fields by name."""
+    if cls is Float64MultiArray:
+        data = {"layout": {"dim": [], "data_offset": 0}, "data": data}
+    if not isinstance(data, dict):
+        return cls(data)
+    return cls(
+        **{
+            field.name: message(field.type, data[field.name])
+            if dc.is_dataclass(field.type)
+            else data[field.name]
+            for field in dc.fields(cls)
+        }
+    )
+
+
+def named(topic):
+    """Return the name on DDS of a topic, which has a slash, or of a service's."""
+    return f"rt{topic}" if topic.startswith("/") else topic
 
 
 def qos(reliable, depth):
@@ -165,7 +228,7 @@ class Peer:
         self.readers, self.writers = {}, {}
 
     def subscribe(self, name, kind, reliable=True):
-        topic = Topic(self.participant, f"rt{name}", TYPES[kind])
+        topic = Topic(self.participant, named(name), TYPES[kind])
         self.readers[name] = DataReader(self.participant, topic, qos(reliable, 1000))
 
     def matched(self, name):
@@ -176,7 +239,7 @@ class Peer:
         return [dc.asdict(s) for s in samples if dc.is_dataclass(s)]
 
     def advertise(self, name, kind, reliable=True):
-        topic = Topic(self.participant, f"rt{name}", TYPES[kind])
+        topic = Topic(self.participant, named(name), TYPES[kind])
         # A whole burst, so that what is lost on the way can be sent again.
         writer = DataWriter(self.participant, topic, qos(reliable, 100))
         self.writers[name] = (writer, kind)
@@ -200,7 +263,7 @@ class Peer:
     def publish(self, name, *values):
         writer, kind = self.writers[name]
         for value in values:
-            writer.write(message(kind, value))
+            writer.write(message(TYPES[kind], value))
 
     def burst(self, count, values):
         """Publish `count` messages a topic at once; `values` are the last ones."""
@@ -237,7 +300,8 @@ def main():
     print(json.dumps("ready"), flush=True)
     for line in sys.stdin:
         order, *arguments = json.loads(line)
-        print(json.dumps(getattr(peer, order)(*arguments)), flush=True)
+        answer = getattr(peer, order)(*arguments)
+        print(json.dumps(answer, default=list), flush=True)  # arrays of uint8 are bytes
 
 
 if __name__ == "__main__":

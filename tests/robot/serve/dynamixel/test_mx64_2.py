@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from drake_srg.robot.serve.dynamixel.protocol import ALERT, Error2, Instruction
+from drake_srg.robot.serve.dynamixel.protocol import ALERT, Instruction, Refusal
 from drake_srg.robot.serve.dynamixel.registers import Mode
 from robot.serve.dynamixel.servo_with_master import ServoWithMaster2
 
@@ -88,7 +88,7 @@ def test_turns_cannot_be_cleared_in_motion(servo):
     servo.write("operating_mode", Mode.EXTENDED_POSITION)
     servo.move(angle=2 * math.tau, speed=1.0)
     (status,) = servo.send(Instruction.CLEAR, b"\x01\x44\x58\x4c\x22")
-    assert servo.error(status) == Error2.RESULT_FAIL
+    assert servo.error(status) == Refusal.FAILED
     assert servo.read("present_position") == OPEN - 8192
 
 
@@ -198,6 +198,32 @@ def test_the_profile_moves_the_target(servo):
     assert servo.read("moving_status") == 0x10  # the motor is not there
 
 
+@pytest.mark.parametrize("registers", [{"drive_mode": 4}, {"acceleration_limit": 0}])
+def test_a_goal_where_the_target_is_ends_the_motion(servo, registers):
+    """With ramps that last, or that allow no acceleration."""
+    ramps = {"profile_velocity": 100, "profile_acceleration": 20}
+    switch_on(servo, **registers, **ramps)
+    for _ in range(2):
+        servo.write("goal_position", OPEN)
+        servo.move(lasting=0.5)
+        assert servo.read("moving") == 0
+        assert servo.command().position == 0.0
+    # Switching on moves the goal, and makes no new profile.
+    servo.write("torque_enable", 0)
+    servo.move(angle=0.7)
+    servo.write("torque_enable", 1)
+    servo.move(angle=0.7, lasting=0.5)
+    assert servo.read("moving") == 0
+
+
+def test_without_acceleration_the_target_stays(servo):
+    ramps = {"profile_velocity": 100, "profile_acceleration": 20}
+    switch_on(servo, acceleration_limit=0, **ramps)
+    servo.write("goal_position", OPEN - 2048)
+    servo.move(lasting=0.5)
+    assert servo.command().position == 0.0
+
+
 def test_a_new_operating_mode_resets_goals_and_profile(servo):
     for name in ("profile_velocity", "goal_pwm", "goal_current"):
         servo.write(name, 50)
@@ -280,6 +306,6 @@ def test_the_bus_watchdog_stops_the_motor(servo, mode):
     command = servo.command()
     held = command.torque if math.isnan(command.position) else command.position - 1.0
     assert held == pytest.approx(0.0, abs=COUNT)
-    assert servo.write(goal, 400) == Error2.DATA_RANGE
+    assert servo.write(goal, 400) == Refusal.RANGE
     assert servo.write("bus_watchdog", 0) == 0
     assert servo.write(goal, 400) == 0
