@@ -9,8 +9,9 @@ from gymnasium.wrappers import RecordEpisodeStatistics
 from drake_srg.common.exceptions import ScenarioError
 from drake_srg.learning.episodes import EVALUATION, VALIDATION, make_environment
 from drake_srg.learning.rules import rule_of
+from drake_srg.station.plant import MakeModelsPlant
 from drake_srg.suite import SuiteEnv, load_tasks
-from drake_srg.suite.envs import ProprioceptionEnv
+from drake_srg.suite.envs import ProprioceptionEnv, StateEnv
 
 MODULE = "drake_srg.suite.envs"
 IMAGES, STATES = "drake_srg/pick_can-v0", "drake_srg/pick_can_proprio-v0"
@@ -23,15 +24,19 @@ def env():
     return env
 
 
-def test_every_task_has_two_names():
-    for task in load_tasks():
-        for name, kind in (
-            (task, "env:SuiteEnv"),
-            (f"{task}_proprio", "envs:ProprioceptionEnv"),
-        ):
-            spec = gymnasium.spec(f"drake_srg/{name}-v0")
-            assert spec.entry_point == f"drake_srg.suite.{kind}"
-            assert spec.kwargs == {"task": task}
+def test_every_task_has_its_names():
+    for task, config in load_tasks().items():
+        kinds = {task: "env:SuiteEnv", f"{task}_proprio": "envs:ProprioceptionEnv"}
+        if config.goal != "clear":
+            kinds[f"{task}_state"] = "envs:StateEnv"
+        found = {
+            name: gymnasium.spec(f"drake_srg/{name}-v0")
+            for name in (task, f"{task}_proprio", f"{task}_state")
+            if f"drake_srg/{name}-v0" in gymnasium.registry
+        }
+        entries = {name: spec.entry_point for name, spec in found.items()}
+        assert entries == {n: f"drake_srg.suite.{kind}" for n, kind in kinds.items()}
+        assert all(spec.kwargs == {"task": task} for spec in found.values())
 
 
 @pytest.mark.slow
@@ -81,6 +86,51 @@ def test_a_state_is_what_the_task_measures_between_its_limits(env):
     np.testing.assert_allclose(back, measured["agent_pos"], atol=1e-5)
     np.testing.assert_allclose(20.0 * observation[11:], measured["touch"], atol=1e-5)
     assert info["success"] is info["is_success"] is False
+
+
+def test_a_state_also_tells_where_the_object_is():
+    env = StateEnv("pick_can", episode_length=4)
+    known, _ = env.reset(seed=1)
+    own, _ = ProprioceptionEnv("pick_can").reset(seed=1)
+    np.testing.assert_array_equal(known[:15], own)
+    p_PO, x_P, z_P = 0.5 * known[15:18], known[18:21], known[21:24]
+    p_OG_W = 0.5 * known[24:]
+    episode = env.suite.episode
+    scenario = episode.scenario
+    plant = MakeModelsPlant(scenario)
+    context = plant.CreateDefaultContext()
+    arm = plant.GetModelInstanceByName("arm")
+    plant.SetPositions(context, arm, episode.measured("arm.state_measured")[:7])
+    X_WP = plant.GetFrameByName("palm").CalcPoseInWorld(context)
+    X_WO = episode.measured("object_poses_cheat")["soup_can"]
+    expected = X_WP.inverse() @ X_WO.translation()
+    assert expected[0] > 0.5
+    np.testing.assert_allclose(p_PO, np.clip(expected, -0.5, 0.5), atol=1e-6)
+    for seen, axis in ((x_P, 0), (z_P, 2)):
+        expected = X_WO.rotation().col(axis)
+        np.testing.assert_allclose(X_WP.rotation() @ seen, expected, atol=1e-6)
+    goal = X_WO.translation() + p_OG_W
+    np.testing.assert_allclose(goal[:2], scenario.task.place.position, atol=1e-6)
+    with pytest.raises(ScenarioError, match="task: into_bin has no object of its own"):
+        StateEnv("into_bin")
+
+
+def test_noise_disturbs_a_fifth_of_the_steps_and_no_closure():
+    def commands(noise):
+        env = ProprioceptionEnv("pick_can", noise=noise)
+        env.reset(seed=3)
+        found = []
+        for _ in range(20):
+            env.step(np.zeros(8, np.float32))
+            found.append(env.suite.episode.command)
+        return np.array(found)
+
+    still, kicked, again = (commands(noise) for noise in (0.0, 0.1, 0.1))
+    np.testing.assert_array_equal(kicked, again)
+    np.testing.assert_array_equal(still[:, :7], np.tile(still[0, :7], (20, 1)))
+    np.testing.assert_array_equal(kicked[:, 7], still[:, 7])
+    moves = np.any(np.diff(kicked[:, :7], axis=0) != 0.0, axis=1)
+    assert 1 <= np.count_nonzero(moves) <= 10
 
 
 def test_actions_are_shares_of_the_fastest_motion(env):
