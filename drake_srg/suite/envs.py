@@ -10,6 +10,7 @@ workers of a vector environment need it.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from typing import Any
 
@@ -20,7 +21,14 @@ import numpy.typing as npt
 from drake_srg.common.exceptions import ScenarioError
 from drake_srg.learning.episodes import EVALUATION, NAMESPACE, VALIDATION
 from drake_srg.suite.env import Observation, SuiteEnv
-from drake_srg.suite.tasks import EPISODES, EVALUATION_SPLIT, TRAINING_SPLIT, load_tasks
+from drake_srg.suite.tasks import (
+    EPISODES,
+    EVALUATION_SPLIT,
+    TRAINING_SPLIT,
+    find_tasks,
+    load_tasks,
+)
+from drake_srg.types import Vector
 
 Array = npt.NDArray[np.float32]
 _REACH = 0.5  # scale of distances [m]
@@ -48,7 +56,8 @@ class ProprioceptionEnv(gymnasium.Env[Array, Array]):
         expert: Whether the task's expert watches, for `rule`. It costs time.
         noise: Standard deviation of a disturbance of the joints' motions, as a share of
             the fastest ones, in a fifth of the steps. The expert then also shows how to
-            correct errors (M. Laskey et al., DART, CoRL 2017).
+            correct errors (M. Laskey et al., DART, CoRL 2017). Episodes of validation
+            and evaluation have none.
         episode_length: Longest episode, in steps; None: the task's.
         render_mode: See `SuiteEnv`.
 
@@ -67,7 +76,9 @@ class ProprioceptionEnv(gymnasium.Env[Array, Array]):
         episode_length: int | None = None,
         render_mode: str | None = None,
     ) -> None:
-        self.noise = noise
+        if not 0.0 <= noise < math.inf:
+            raise ScenarioError(f"noise: must be 0 or more, and finite, got {noise}")
+        self.noise, self._disturbed = noise, False
         self.suite = SuiteEnv(
             task,
             split=TRAINING_SPLIT,
@@ -90,7 +101,7 @@ class ProprioceptionEnv(gymnasium.Env[Array, Array]):
         super().reset(seed=seed)
         if seed is None:
             seed = int(self.np_random.integers(VALIDATION))
-        judged = seed >= EVALUATION
+        judged, self._disturbed = seed >= EVALUATION, seed < VALIDATION
         self.suite.split = EVALUATION_SPLIT if judged else TRAINING_SPLIT
         number = (seed - EVALUATION) % EPISODES if judged else seed
         observation, info = self.suite.reset(seed=number, options=options)
@@ -151,17 +162,22 @@ class ProprioceptionEnv(gymnasium.Env[Array, Array]):
 
     def _kick(self) -> Array | float:
         """Return the disturbance of a step; a share of each joint's fastest motion."""
-        if self.noise == 0.0 or self.np_random.random() >= _KICKED:
+        disturbed = self._disturbed and self.noise > 0.0
+        if not disturbed or self.np_random.random() >= _KICKED:
             return 0.0
         size = self.action_space.shape
         return self.noise * self.np_random.normal(size=size).astype(np.float32)
 
     def _flat(self, observation: Observation) -> Array:
+        parts = np.concatenate(self._parts(observation))
+        self._last = np.clip(parts, -1.0, 1.0).astype(np.float32)
+        return self._last.copy()
+
+    def _parts(self, observation: Observation) -> list[Vector]:
+        """Return the parts of a flat observation, each to be clipped to -1 .. 1."""
         low, high = self.suite.limits
         positions = 2.0 * (observation["agent_pos"] - low) / (high - low) - 1.0
-        state = np.concatenate([positions, observation["touch"] / _FORCE])
-        self._last = np.clip(state, -1.0, 1.0).astype(np.float32)
-        return self._last.copy()
+        return [positions, observation["touch"] / _FORCE]
 
     def _info(self, info: dict[str, Any]) -> dict[str, Any]:
         return {**info, "success": info["is_success"]}
@@ -183,32 +199,31 @@ class StateEnv(ProprioceptionEnv):
     """
 
     def __init__(self, task: str, **options: Any) -> None:
-        super().__init__(task, **options)
-        if not self.suite.config.picks:
+        (name,) = find_tasks([task])
+        if not load_tasks()[name].picks:
             raise ScenarioError(
                 f"task: {task} has no object of its own to pick "
                 "(allowed: tasks whose goal is `lift` or `place`)"
             )
-        size = len(self._last) + 9 * len(self.suite.hands) + 3
+        super().__init__(task, **options)
+        size = len(self._last) + self._known
         self.observation_space = gymnasium.spaces.Box(-1.0, 1.0, (size,), np.float32)
         self._last = np.zeros(size, np.float32)
 
-    def _flat(self, observation: Observation) -> Array:
-        own = super()._flat(observation)
-        known = np.zeros(len(self._last) - len(own))
-        if not self.suite.failure:
-            X_POs, p_OG_W = self.suite.episode.picked()
-            parts = [
-                part
-                for X_PO in X_POs
-                for part in (
-                    X_PO.translation() / _REACH,
-                    *X_PO.rotation().matrix().T[[0, 2]],
-                )
-            ]
-            known = np.concatenate([*parts, p_OG_W / _REACH])
-        self._last = np.clip([*own, *known], -1.0, 1.0).astype(np.float32)
-        return self._last.copy()
+    @property
+    def _known(self) -> int:
+        """Number of the entries that this class adds."""
+        return 9 * len(self.suite.hands) + 3
+
+    def _parts(self, observation: Observation) -> list[Vector]:
+        parts = super()._parts(observation)
+        if self.suite.failure:
+            return [*parts, np.zeros(self._known)]
+        X_POs, p_OG_W = self.suite.episode.picked()
+        for X_PO in X_POs:
+            parts.append(X_PO.translation() / _REACH)
+            parts.extend(X_PO.rotation().matrix().T[[0, 2]])
+        return [*parts, p_OG_W / _REACH]
 
 
 # Environments of flat vectors, by the ends of their names.

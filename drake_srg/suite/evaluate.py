@@ -202,7 +202,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser.add_argument(
         "--policy", default=EXPERT, help="`expert`, `random`, or a policy.npz"
     )
-    parser.add_argument("--episodes", type=int, default=20, help="from the first")
+    parser.add_argument(
+        "--episodes", type=int, default=20, help=f"1 to {EPISODES}; more in `training`"
+    )
     parser.add_argument("--split", choices=SPLITS, default=EVALUATION_SPLIT)
     parser.add_argument("--episode-length", type=int, help="in steps")
     parser.add_argument("--out", type=Path, required=True, help="a file of rows")

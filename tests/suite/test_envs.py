@@ -9,9 +9,11 @@ from gymnasium.wrappers import RecordEpisodeStatistics
 from drake_srg.common.exceptions import ScenarioError
 from drake_srg.learning.episodes import EVALUATION, VALIDATION, make_environment
 from drake_srg.learning.rules import rule_of
+from drake_srg.scenario import robot_arms
+from drake_srg.station.planners import final_pose
 from drake_srg.station.plant import MakeModelsPlant
 from drake_srg.suite import SuiteEnv, load_tasks
-from drake_srg.suite.envs import ProprioceptionEnv, StateEnv
+from drake_srg.suite.envs import VECTOR_ENVS, ProprioceptionEnv, StateEnv
 
 MODULE = "drake_srg.suite.envs"
 IMAGES, STATES = "drake_srg/pick_can-v0", "drake_srg/pick_can_proprio-v0"
@@ -88,49 +90,69 @@ def test_a_state_is_what_the_task_measures_between_its_limits(env):
     assert info["success"] is info["is_success"] is False
 
 
-def test_a_state_also_tells_where_the_object_is():
-    env = StateEnv("pick_can", episode_length=4)
-    known, _ = env.reset(seed=1)
-    own, _ = ProprioceptionEnv("pick_can").reset(seed=1)
-    np.testing.assert_array_equal(known[:15], own)
-    p_PO, x_P, z_P = 0.5 * known[15:18], known[18:21], known[21:24]
-    p_OG_W = 0.5 * known[24:]
-    episode = env.suite.episode
+@pytest.mark.parametrize("task", ["pick_can", "stand_up", "handover"])
+def test_a_state_also_tells_where_the_object_is(task):
+    env = StateEnv(task)
+    env.reset(seed=1)
+    rng = np.random.default_rng(0)
+    for _ in range(3):
+        action = rng.uniform(-1.0, 1.0, env.action_space.shape)
+        observation, *_ = env.step(action)
+    assert env.observation_space.contains(observation)
+    episode, hands = env.suite.episode, env.suite.hands
+    own = len(env.suite.limits[0]) + env.suite.observation_space["touch"].shape[0]
+    seen = observation[own:]
     scenario = episode.scenario
     plant = MakeModelsPlant(scenario)
     context = plant.CreateDefaultContext()
-    arm = plant.GetModelInstanceByName("arm")
-    plant.SetPositions(context, arm, episode.measured("arm.state_measured")[:7])
-    X_WP = plant.GetFrameByName("palm").CalcPoseInWorld(context)
-    X_WO = episode.measured("object_poses_cheat")["soup_can"]
-    expected = X_WP.inverse() @ X_WO.translation()
-    assert expected[0] > 0.5
-    np.testing.assert_allclose(p_PO, np.clip(expected, -0.5, 0.5), atol=1e-6)
-    for seen, axis in ((x_P, 0), (z_P, 2)):
-        expected = X_WO.rotation().col(axis)
-        np.testing.assert_allclose(X_WP.rotation() @ seen, expected, atol=1e-6)
-    goal = X_WO.translation() + p_OG_W
-    np.testing.assert_allclose(goal[:2], scenario.task.place.position, atol=1e-6)
+    for robot in robot_arms(scenario):
+        arm = plant.GetModelInstanceByName(robot.arm_model)
+        q = episode.measured(f"{robot.arm_model}.state_cheat")
+        plant.SetPositions(context, arm, q[: plant.num_positions(arm)])
+    X_WO = episode.measured("object_poses_cheat")[scenario.task.pick]
+    for hand, known in zip(hands, seen[:-3].reshape(-1, 9), strict=True):
+        model = plant.GetModelInstanceByName(hand)
+        X_WP = plant.GetFrameByName("palm", model).CalcPoseInWorld(context)
+        X_PO = X_WP.inverse() @ X_WO
+        near = np.clip(2.0 * X_PO.translation(), -1.0, 1.0)
+        np.testing.assert_allclose(known[:3], near, atol=1e-5)
+        for axis, i in ((known[3:6], 0), (known[6:], 2)):
+            np.testing.assert_allclose(axis, X_PO.rotation().col(i), atol=1e-5)
+    p_OG_W = final_pose(scenario, X_WO).translation() - X_WO.translation()
+    np.testing.assert_allclose(seen[-3:], np.clip(2.0 * p_OG_W, -1, 1), atol=1e-5)
+
+
+def test_a_task_without_an_object_to_pick_has_no_state():
     with pytest.raises(ScenarioError, match="task: into_bin has no object of its own"):
         StateEnv("into_bin")
 
 
-def test_noise_disturbs_a_fifth_of_the_steps_and_no_closure():
-    def commands(noise):
-        env = ProprioceptionEnv("pick_can", noise=noise)
-        env.reset(seed=3)
-        found = []
-        for _ in range(20):
-            env.step(np.zeros(8, np.float32))
-            found.append(env.suite.episode.command)
-        return np.array(found)
+def test_noise_disturbs_a_fifth_of_the_steps_of_training(env, monkeypatch):
+    monkeypatch.setattr(env, "noise", 0.1)
+    for seed in (VALIDATION, EVALUATION):
+        env.reset(seed=seed)
+        assert [env._kick() for _ in range(100)] == [0.0] * 100
+    env.reset(seed=1)
+    kicks = np.array([env._kick() * np.ones(8) for _ in range(2000)])
+    disturbed = kicks[np.any(kicks != 0.0, axis=1)]
+    assert len(disturbed) / len(kicks) == pytest.approx(0.2, abs=0.04)
+    assert np.std(disturbed) == pytest.approx(0.1, rel=0.1)
 
-    still, kicked, again = (commands(noise) for noise in (0.0, 0.1, 0.1))
-    np.testing.assert_array_equal(kicked, again)
-    np.testing.assert_array_equal(still[:, :7], np.tile(still[0, :7], (20, 1)))
-    np.testing.assert_array_equal(kicked[:, 7], still[:, 7])
-    moves = np.any(np.diff(kicked[:, :7], axis=0) != 0.0, axis=1)
-    assert 1 <= np.count_nonzero(moves) <= 10
+
+def test_noise_moves_the_joints_and_no_closure(env, monkeypatch):
+    env.reset(seed=1)
+    start = env.suite.episode.command
+    monkeypatch.setattr(env, "_kick", lambda: np.full(8, 0.1))
+    env.step(np.zeros(8, np.float32))
+    expected = start + 0.1 * env.suite.motion
+    expected[7] = 0.5
+    np.testing.assert_allclose(env.suite.episode.command, expected, atol=1e-6)
+
+
+@pytest.mark.parametrize("noise", [-0.1, np.nan, np.inf])
+def test_noise_is_a_finite_share(noise):
+    with pytest.raises(ScenarioError, match="noise: must be 0 or more, and finite"):
+        ProprioceptionEnv("pick_can", noise=noise)
 
 
 def test_actions_are_shares_of_the_fastest_motion(env):
@@ -142,9 +164,16 @@ def test_actions_are_shares_of_the_fastest_motion(env):
     np.testing.assert_allclose(moved, share * env.suite.motion[:-1], atol=1e-6)
     with pytest.raises(ValueError, match=r"action: must have shape \(8,\)"):
         env.step(np.zeros(5))
-    *_, truncated, info = env.step(np.full(8, np.nan))
+
+
+@pytest.mark.parametrize("kind", VECTOR_ENVS.values())
+def test_an_episode_that_cannot_go_on_is_truncated(kind):
+    env = kind("pick_can")
+    env.reset(seed=1)
+    observation, _, _, truncated, info = env.step(np.full(8, np.nan))
     assert truncated
     assert "the action is not finite" in info["failure"]
+    assert env.observation_space.contains(observation)
 
 
 def test_of_two_arms_every_closure_is_no_share_of_a_motion():
@@ -174,15 +203,17 @@ def test_the_seed_says_the_split(env, seed, split, number):
     assert env.suite.split == "training"
 
 
-def test_an_episode_that_cannot_begin_is_truncated_by_its_first_step(monkeypatch):
+@pytest.mark.parametrize("kind", VECTOR_ENVS.values())
+def test_an_episode_that_cannot_begin_is_truncated_by_its_first_step(monkeypatch, kind):
     from drake_srg.suite import env as module
 
     def fail(*_):
         raise module.EpisodeError("no start")
 
-    env = ProprioceptionEnv("pick_can", expert=True)
+    env = kind("pick_can", expert=True)
     monkeypatch.setattr(module, "Episode", fail)
     observation, _ = env.reset(seed=0)
+    assert env.observation_space.contains(observation)
     *_, truncated, info = env.step(env.rule(observation))
     assert (truncated, info["failure"], info["success"]) == (True, "no start", False)
 
