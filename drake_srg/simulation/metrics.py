@@ -47,6 +47,9 @@ OF_SOME = (
 # Limits for an object that rests upright.
 _MAX_SPEED = 1e-3  # m/s
 _MAX_TILT = np.deg2rad(5.0)
+# Farther from the middle of its hole, the end of a peg is not in it [m]. The clearance
+# is at most 1 mm, and the narrowest hole has a radius of 6 mm.
+_INSIDE = 0.005
 
 
 def rounded(value: float) -> str:
@@ -122,7 +125,8 @@ class Metrics:
     claimed: bool | None = None
     # Only with `!Insert`, by ground truth: height of the peg's end over the hole's
     # floor, and the greatest force between peg and hole, see `PeakForce`. In place of
-    # the error and the tilt, the gap decides whether the peg counts as placed.
+    # the error and the tilt, the place of this end decides whether the peg counts as
+    # placed.
     floor_gap_m: float | None = None
     hole_force_n: float | None = None
     # Only if objects fell off the table: their names. If the picked one did, it has no
@@ -395,7 +399,8 @@ def _at_goal(
         end: Of an inserted peg, see `measures.end_error` [m]; None: it is none.
     """
     if end is not None and isinstance(scenario.planner, Insert):
-        return bool(np.all(np.abs(end) <= scenario.planner.depth_tolerance))
+        inside = bool(np.linalg.norm(end[:2]) <= _INSIDE)
+        return inside and abs(end[2]) <= scenario.planner.depth_tolerance
     tolerance = scenario.task.place.tolerance
     near = bool(np.linalg.norm(error) <= tolerance)
     return near and (tilt is None or tilt <= _MAX_TILT)

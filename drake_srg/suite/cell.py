@@ -34,8 +34,8 @@ def MakeDrivenCell(
         - planner.position_commanded
         - planner.closure_commanded
 
-    With `arms`, those of the arm NAME are called `NAME.` in place of `arm.`,
-    `NAME.gripper.` in place of `gripper.` and `planner.NAME.` in place of `planner.`.
+    With `arms`, the commands of the arm NAME begin with `NAME.` in place of `arm.` and
+    `NAME.gripper.` in place of `gripper.`; the planner's with `planner.NAME.`.
 
     The planner senses what the robot does, and plans from there, as in `MakeCell`.
 

@@ -52,6 +52,7 @@ class SuiteEnv(gymnasium.Env[Observation, npt.NDArray[np.float32]]):
         limits: Least and greatest values of `agent_pos`, each of shape (N + n,) [rad].
         motion: Largest change of each entry of the command in a step, shape (N + 1,)
             [rad]; 1 for a closure.
+        hands: Names of the hands' models.
         failure: As in `info`, of the present episode.
 
     Args:
@@ -109,7 +110,7 @@ class SuiteEnv(gymnasium.Env[Observation, npt.NDArray[np.float32]]):
             plant = MakeModelsPlant(first)
         # Limits of the measured positions by model, shape (2, n) [rad].
         self._joints: dict[str, Vector] = {}
-        self._hands: list[str] = []
+        self.hands: list[str] = []
         commands, motions, sensors = [], [], 0
         for robot in robot_arms(first):
             assert robot.gripper is not None
@@ -123,7 +124,7 @@ class SuiteEnv(gymnasium.Env[Observation, npt.NDArray[np.float32]]):
             self._joints[robot.gripper_model] = np.array(
                 [(j.position_lower_limit(), j.position_upper_limit()) for j in fingers]
             ).T
-            self._hands.append(robot.gripper_model)
+            self.hands.append(robot.gripper_model)
             commands.append(np.column_stack([limits, [0.0, 1.0]]))
             motions.append(np.append(np.array(speeds) * PERIOD, 1.0))
             sensors += len(robot.gripper.sensor_names)
@@ -243,7 +244,7 @@ class SuiteEnv(gymnasium.Env[Observation, npt.NDArray[np.float32]]):
             episode.measured(f"{model}.state_measured")[: limits.shape[1]]
             for model, limits in self._joints.items()
         ]
-        touch = [episode.measured(f"{hand}.contact_force") for hand in self._hands]
+        touch = [episode.measured(f"{hand}.contact_force") for hand in self.hands]
         seen: Observation = {
             "agent_pos": np.concatenate(positions).astype(np.float32),
             "touch": np.concatenate(touch).astype(np.float32),

@@ -1,14 +1,17 @@
 """The suite's tasks for gymnasium, by name, and without images for learners.
 
 Importing this module makes the environments known: for each task, such as `pick_can`,
-`drake_srg/pick_can-v0` is a `SuiteEnv`, and `drake_srg/pick_can_proprio-v0` a
-`ProprioceptionEnv`.
+`drake_srg/pick_can-v0` is a `SuiteEnv`, `drake_srg/pick_can_proprio-v0` a
+`ProprioceptionEnv`, and, if the task has an object to pick, `pick_can_state-v0` a
+`StateEnv`.
 `gymnasium.make("drake_srg.suite.envs:drake_srg/pick_can-v0")` imports it itself, as the
 workers of a vector environment need it.
 """
 
 from __future__ import annotations
 
+import math
+from collections.abc import Mapping
 from typing import Any
 
 import gymnasium
@@ -18,9 +21,18 @@ import numpy.typing as npt
 from drake_srg.common.exceptions import ScenarioError
 from drake_srg.learning.episodes import EVALUATION, NAMESPACE, VALIDATION
 from drake_srg.suite.env import Observation, SuiteEnv
-from drake_srg.suite.tasks import EPISODES, EVALUATION_SPLIT, TRAINING_SPLIT, load_tasks
+from drake_srg.suite.tasks import (
+    EPISODES,
+    EVALUATION_SPLIT,
+    TRAINING_SPLIT,
+    find_tasks,
+    load_tasks,
+)
+from drake_srg.types import Vector
 
 Array = npt.NDArray[np.float32]
+_REACH = 0.5  # scale of distances [m]
+_KICKED = 0.2  # share of the steps with a disturbance
 _FORCE = 20.0  # scale of the fingers' forces, as in `drake_srg.learning.envs` [N]
 
 
@@ -42,6 +54,10 @@ class ProprioceptionEnv(gymnasium.Env[Array, Array]):
     Args:
         task: Name of the task.
         expert: Whether the task's expert watches, for `rule`. It costs time.
+        noise: Standard deviation of a disturbance of the joints' motions, as a share of
+            the fastest ones, in a fifth of the steps. The expert then also shows how to
+            correct errors (M. Laskey et al., DART, CoRL 2017). Episodes of validation
+            and evaluation have none.
         episode_length: Longest episode, in steps; None: the task's.
         render_mode: See `SuiteEnv`.
 
@@ -56,9 +72,13 @@ class ProprioceptionEnv(gymnasium.Env[Array, Array]):
         task: str,
         *,
         expert: bool = False,
+        noise: float = 0.0,
         episode_length: int | None = None,
         render_mode: str | None = None,
     ) -> None:
+        if not 0.0 <= noise < math.inf:
+            raise ScenarioError(f"noise: must be 0 or more, and finite, got {noise}")
+        self.noise, self._disturbed = noise, False
         self.suite = SuiteEnv(
             task,
             split=TRAINING_SPLIT,
@@ -81,7 +101,7 @@ class ProprioceptionEnv(gymnasium.Env[Array, Array]):
         super().reset(seed=seed)
         if seed is None:
             seed = int(self.np_random.integers(VALIDATION))
-        judged = seed >= EVALUATION
+        judged, self._disturbed = seed >= EVALUATION, seed < VALIDATION
         self.suite.split = EVALUATION_SPLIT if judged else TRAINING_SPLIT
         number = (seed - EVALUATION) % EPISODES if judged else seed
         observation, info = self.suite.reset(seed=number, options=options)
@@ -96,7 +116,7 @@ class ProprioceptionEnv(gymnasium.Env[Array, Array]):
         values = np.clip(values, -1.0, 1.0)
         if not self.suite.failure:  # else the step ends the episode, whatever it does
             episode = self.suite.episode
-            moved = episode.command + values * self.suite.motion
+            moved = episode.command + (values + self._kick()) * self.suite.motion
             moved[episode.closures] = 0.5 * (values[episode.closures] + 1.0)
             values = moved
         observation, reward, terminated, truncated, info = self.suite.step(
@@ -140,29 +160,92 @@ class ProprioceptionEnv(gymnasium.Env[Array, Array]):
         """Free the simulation."""
         self.suite.close()
 
+    def _kick(self) -> Array | float:
+        """Return the disturbance of a step; a share of each joint's fastest motion."""
+        disturbed = self._disturbed and self.noise > 0.0
+        if not disturbed or self.np_random.random() >= _KICKED:
+            return 0.0
+        size = self.action_space.shape
+        return self.noise * self.np_random.normal(size=size).astype(np.float32)
+
     def _flat(self, observation: Observation) -> Array:
+        parts = np.concatenate(self._parts(observation))
+        self._last = np.clip(parts, -1.0, 1.0).astype(np.float32)
+        return self._last.copy()
+
+    def _parts(self, observation: Observation) -> list[Vector]:
+        """Return the parts of a flat observation, each to be clipped to -1 .. 1."""
         low, high = self.suite.limits
         positions = 2.0 * (observation["agent_pos"] - low) / (high - low) - 1.0
-        state = np.concatenate([positions, observation["touch"] / _FORCE])
-        self._last = np.clip(state, -1.0, 1.0).astype(np.float32)
-        return self._last.copy()
+        return [positions, observation["touch"] / _FORCE]
 
     def _info(self, info: dict[str, Any]) -> dict[str, Any]:
         return {**info, "success": info["is_success"]}
 
 
+class StateEnv(ProprioceptionEnv):
+    """The same with the true place of the object that the task picks.
+
+    An observation ends with 9 K + 3 more entries for K hands: for each hand, in its
+    palm's frame, the object's position [0.5 m] and x and z axes; and then the vector
+    from the object to its goal in world [0.5 m]. What is farther away counts as 0.5 m.
+
+    Args:
+        task: Name of a task whose goal is `lift` or `place`.
+        options: See `ProprioceptionEnv`.
+
+    Raises:
+        ScenarioError: If the task or another argument is unknown.
+    """
+
+    def __init__(self, task: str, **options: Any) -> None:
+        (name,) = find_tasks([task])
+        if not load_tasks()[name].picks:
+            raise ScenarioError(
+                f"task: {task} has no object of its own to pick "
+                "(allowed: tasks whose goal is `lift` or `place`)"
+            )
+        super().__init__(task, **options)
+        size = len(self._last) + self._known
+        self.observation_space = gymnasium.spaces.Box(-1.0, 1.0, (size,), np.float32)
+        self._last = np.zeros(size, np.float32)
+
+    @property
+    def _known(self) -> int:
+        """Number of the entries that this class adds."""
+        return 9 * len(self.suite.hands) + 3
+
+    def _parts(self, observation: Observation) -> list[Vector]:
+        parts = super()._parts(observation)
+        if self.suite.failure:
+            return [*parts, np.zeros(self._known)]
+        X_POs, p_OG_W = self.suite.episode.picked()
+        for X_PO in X_POs:
+            parts.append(X_PO.translation() / _REACH)
+            parts.extend(X_PO.rotation().matrix().T[[0, 2]])
+        return [*parts, p_OG_W / _REACH]
+
+
+# Environments of flat vectors, by the ends of their names.
+VECTOR_ENVS: Mapping[str, type[ProprioceptionEnv]] = {
+    "proprio": ProprioceptionEnv,
+    "state": StateEnv,
+}
+
+
 def register_envs() -> None:
     """Make the environments known to gymnasium, in the namespace `drake_srg`."""
-    for task in load_tasks():
-        for name, kind in (
-            (task, "env:SuiteEnv"),
-            (f"{task}_proprio", "envs:ProprioceptionEnv"),
-        ):
+    for task, config in load_tasks().items():
+        kinds = {task: "env:SuiteEnv"}
+        for suffix, kind in VECTOR_ENVS.items():
+            if config.picks or kind is not StateEnv:
+                kinds[f"{task}_{suffix}"] = f"envs:{kind.__name__}"
+        for name, entry in kinds.items():
             env_id = f"{NAMESPACE}{name}-v0"
             if env_id not in gymnasium.registry:
                 gymnasium.register(
                     env_id,
-                    entry_point=f"drake_srg.suite.{kind}",
+                    entry_point=f"drake_srg.suite.{entry}",
                     kwargs={"task": task},
                 )
 

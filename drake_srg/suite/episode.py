@@ -11,6 +11,7 @@ from typing import Any
 
 import numpy as np
 import numpy.typing as npt
+from pydrake.math import RigidTransform
 from pydrake.systems.framework import Diagram, DiagramBuilder, System
 
 from drake_srg.common.exceptions import ScenarioError, one_line
@@ -28,6 +29,7 @@ from drake_srg.simulation.metrics import is_placed
 from drake_srg.station import AddStation, MakeStation
 from drake_srg.station.cell import command_ports
 from drake_srg.station.perception import destinations
+from drake_srg.station.planners import final_pose
 from drake_srg.station.sleeping import MakeAdvance
 from drake_srg.suite.cell import AddDrivenCell, MakeDrivenCell
 from drake_srg.types import PlannerStatus, Vector
@@ -251,6 +253,23 @@ class Episode:
             row[2] < floor or math.hypot(*row[:2]) > 3.0
             for row in self._poses[-1].values()
         )
+
+    def picked(self) -> tuple[list[RigidTransform], Vector]:
+        """Return where the picked object is: in each palm X_PO, and before its goal.
+
+        The latter is the vector to its goal p_OG_W, shape (3,) [m].
+        """
+        pick = self.scenario.task.pick
+        X_WO = row_to_pose(self._poses[-1][pick])
+        X_WG = final_pose(self.scenario, row_to_pose(self._start[pick]))
+        plant = self.measured("contact_results_cheat").plant()
+        context = plant.GetMyContextFromRoot(self._root)
+        palms = [
+            plant.GetFrameByName("palm", plant.GetModelInstanceByName(hand))
+            for hand in self._hands
+        ]
+        X_POs = [palm.CalcPoseInWorld(context).InvertAndCompose(X_WO) for palm in palms]
+        return X_POs, X_WG.translation() - X_WO.translation()
 
     # The expert.
 

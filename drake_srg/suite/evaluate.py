@@ -28,7 +28,7 @@ from drake_srg.learning.policy import (
     policy_digest,
 )
 from drake_srg.suite.env import SuiteEnv
-from drake_srg.suite.envs import ProprioceptionEnv
+from drake_srg.suite.envs import VECTOR_ENVS, ProprioceptionEnv
 from drake_srg.suite.tasks import (
     EPISODES,
     EVALUATION_SPLIT,
@@ -62,7 +62,7 @@ def play_episodes(
         task: Its name.
         episodes: Numbers of the episodes.
         policy: `expert`, `random` for actions drawn evenly from the action space, or
-            the file of a policy that was trained in the task's `ProprioceptionEnv`.
+            the file of a policy that was trained in one of the task's `VECTOR_ENVS`.
         split: `evaluation` or `training`.
         episode_length: Longest episode, in steps; None: the task's.
 
@@ -70,10 +70,11 @@ def play_episodes(
         ScenarioError: If there is no such task, or the policy is not for it.
     """
     expert = policy == EXPERT
-    played = None if policy in (EXPERT, RANDOM) else _policy_of(policy, task)
+    played: Policy | None = None
     env: Any
-    if played is not None:
-        env = ProprioceptionEnv(task, episode_length=episode_length)
+    if policy not in (EXPERT, RANDOM):
+        played, kind = _policy_of(policy, task)
+        env = kind(task, episode_length=episode_length)
         sizes = env.observation_space.shape[0], env.action_space.shape[0]
         check_sizes(policy, played, *sizes)
     else:
@@ -138,8 +139,8 @@ def _settings(
     }
 
 
-def _policy_of(file: str, task: str) -> Policy:
-    """Return a policy for a task.
+def _policy_of(file: str, task: str) -> tuple[Policy, type[ProprioceptionEnv]]:
+    """Return a policy for a task, and the kind of its environment.
 
     Raises:
         ScenarioError: If it cannot be read, or is for another environment.
@@ -150,9 +151,10 @@ def _policy_of(file: str, task: str) -> Policy:
         )
     policy = load_policy(file)
     own = policy.info.environment.rpartition(":")[2]
-    if own != f"{NAMESPACE}{task}_proprio-v0":
-        raise ScenarioError(f"{file}: is a policy for {own}, not for {task}")
-    return policy
+    for suffix, kind in VECTOR_ENVS.items():
+        if own == f"{NAMESPACE}{task}_{suffix}-v0":
+            return policy, kind
+    raise ScenarioError(f"{file}: is a policy for {own}, not for {task}")
 
 
 def read_rows(path: Path) -> list[dict[str, Any]]:
@@ -200,7 +202,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser.add_argument(
         "--policy", default=EXPERT, help="`expert`, `random`, or a policy.npz"
     )
-    parser.add_argument("--episodes", type=int, default=20, help="from the first")
+    parser.add_argument(
+        "--episodes", type=int, default=20, help=f"1 to {EPISODES}; more in `training`"
+    )
     parser.add_argument("--split", choices=SPLITS, default=EVALUATION_SPLIT)
     parser.add_argument("--episode-length", type=int, help="in steps")
     parser.add_argument("--out", type=Path, required=True, help="a file of rows")

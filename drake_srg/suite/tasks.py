@@ -46,6 +46,11 @@ class Task(Config):
     seconds: float = dc.field(default=20.0, metadata=positive())
     expert: str = dc.field(default="planner", metadata={"among": EXPERTS})
 
+    @property
+    def picks(self) -> bool:
+        """Whether one object is picked, and not all of them."""
+        return self.goal != "clear"
+
 
 @functools.cache
 def load_tasks() -> dict[str, Task]:

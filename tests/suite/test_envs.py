@@ -9,8 +9,11 @@ from gymnasium.wrappers import RecordEpisodeStatistics
 from drake_srg.common.exceptions import ScenarioError
 from drake_srg.learning.episodes import EVALUATION, VALIDATION, make_environment
 from drake_srg.learning.rules import rule_of
+from drake_srg.scenario import robot_arms
+from drake_srg.station.planners import final_pose
+from drake_srg.station.plant import MakeModelsPlant
 from drake_srg.suite import SuiteEnv, load_tasks
-from drake_srg.suite.envs import ProprioceptionEnv
+from drake_srg.suite.envs import VECTOR_ENVS, ProprioceptionEnv, StateEnv
 
 MODULE = "drake_srg.suite.envs"
 IMAGES, STATES = "drake_srg/pick_can-v0", "drake_srg/pick_can_proprio-v0"
@@ -23,15 +26,19 @@ def env():
     return env
 
 
-def test_every_task_has_two_names():
-    for task in load_tasks():
-        for name, kind in (
-            (task, "env:SuiteEnv"),
-            (f"{task}_proprio", "envs:ProprioceptionEnv"),
-        ):
-            spec = gymnasium.spec(f"drake_srg/{name}-v0")
-            assert spec.entry_point == f"drake_srg.suite.{kind}"
-            assert spec.kwargs == {"task": task}
+def test_every_task_has_its_names():
+    for task, config in load_tasks().items():
+        kinds = {task: "env:SuiteEnv", f"{task}_proprio": "envs:ProprioceptionEnv"}
+        if config.goal != "clear":
+            kinds[f"{task}_state"] = "envs:StateEnv"
+        found = {
+            name: gymnasium.spec(f"drake_srg/{name}-v0")
+            for name in (task, f"{task}_proprio", f"{task}_state")
+            if f"drake_srg/{name}-v0" in gymnasium.registry
+        }
+        entries = {name: spec.entry_point for name, spec in found.items()}
+        assert entries == {n: f"drake_srg.suite.{kind}" for n, kind in kinds.items()}
+        assert all(spec.kwargs == {"task": task} for spec in found.values())
 
 
 @pytest.mark.slow
@@ -83,6 +90,71 @@ def test_a_state_is_what_the_task_measures_between_its_limits(env):
     assert info["success"] is info["is_success"] is False
 
 
+@pytest.mark.parametrize("task", ["pick_can", "stand_up", "handover"])
+def test_a_state_also_tells_where_the_object_is(task):
+    env = StateEnv(task)
+    env.reset(seed=1)
+    rng = np.random.default_rng(0)
+    for _ in range(3):
+        action = rng.uniform(-1.0, 1.0, env.action_space.shape)
+        observation, *_ = env.step(action)
+    assert env.observation_space.contains(observation)
+    episode, hands = env.suite.episode, env.suite.hands
+    own = len(env.suite.limits[0]) + env.suite.observation_space["touch"].shape[0]
+    seen = observation[own:]
+    scenario = episode.scenario
+    plant = MakeModelsPlant(scenario)
+    context = plant.CreateDefaultContext()
+    for robot in robot_arms(scenario):
+        arm = plant.GetModelInstanceByName(robot.arm_model)
+        q = episode.measured(f"{robot.arm_model}.state_cheat")
+        plant.SetPositions(context, arm, q[: plant.num_positions(arm)])
+    X_WO = episode.measured("object_poses_cheat")[scenario.task.pick]
+    for hand, known in zip(hands, seen[:-3].reshape(-1, 9), strict=True):
+        model = plant.GetModelInstanceByName(hand)
+        X_WP = plant.GetFrameByName("palm", model).CalcPoseInWorld(context)
+        X_PO = X_WP.inverse() @ X_WO
+        near = np.clip(2.0 * X_PO.translation(), -1.0, 1.0)
+        np.testing.assert_allclose(known[:3], near, atol=1e-5)
+        for axis, i in ((known[3:6], 0), (known[6:], 2)):
+            np.testing.assert_allclose(axis, X_PO.rotation().col(i), atol=1e-5)
+    p_OG_W = final_pose(scenario, X_WO).translation() - X_WO.translation()
+    np.testing.assert_allclose(seen[-3:], np.clip(2.0 * p_OG_W, -1, 1), atol=1e-5)
+
+
+def test_a_task_without_an_object_to_pick_has_no_state():
+    with pytest.raises(ScenarioError, match="task: into_bin has no object of its own"):
+        StateEnv("into_bin")
+
+
+def test_noise_disturbs_a_fifth_of_the_steps_of_training(env, monkeypatch):
+    monkeypatch.setattr(env, "noise", 0.1)
+    for seed in (VALIDATION, EVALUATION):
+        env.reset(seed=seed)
+        assert [env._kick() for _ in range(100)] == [0.0] * 100
+    env.reset(seed=1)
+    kicks = np.array([env._kick() * np.ones(8) for _ in range(2000)])
+    disturbed = kicks[np.any(kicks != 0.0, axis=1)]
+    assert len(disturbed) / len(kicks) == pytest.approx(0.2, abs=0.04)
+    assert np.std(disturbed) == pytest.approx(0.1, rel=0.1)
+
+
+def test_noise_moves_the_joints_and_no_closure(env, monkeypatch):
+    env.reset(seed=1)
+    start = env.suite.episode.command
+    monkeypatch.setattr(env, "_kick", lambda: np.full(8, 0.1))
+    env.step(np.zeros(8, np.float32))
+    expected = start + 0.1 * env.suite.motion
+    expected[7] = 0.5
+    np.testing.assert_allclose(env.suite.episode.command, expected, atol=1e-6)
+
+
+@pytest.mark.parametrize("noise", [-0.1, np.nan, np.inf])
+def test_noise_is_a_finite_share(noise):
+    with pytest.raises(ScenarioError, match="noise: must be 0 or more, and finite"):
+        ProprioceptionEnv("pick_can", noise=noise)
+
+
 def test_actions_are_shares_of_the_fastest_motion(env):
     env.reset(seed=1)
     start = env.suite.episode.command[:-1]
@@ -92,9 +164,16 @@ def test_actions_are_shares_of_the_fastest_motion(env):
     np.testing.assert_allclose(moved, share * env.suite.motion[:-1], atol=1e-6)
     with pytest.raises(ValueError, match=r"action: must have shape \(8,\)"):
         env.step(np.zeros(5))
-    *_, truncated, info = env.step(np.full(8, np.nan))
+
+
+@pytest.mark.parametrize("kind", VECTOR_ENVS.values())
+def test_an_episode_that_cannot_go_on_is_truncated(kind):
+    env = kind("pick_can")
+    env.reset(seed=1)
+    observation, _, _, truncated, info = env.step(np.full(8, np.nan))
     assert truncated
     assert "the action is not finite" in info["failure"]
+    assert env.observation_space.contains(observation)
 
 
 def test_of_two_arms_every_closure_is_no_share_of_a_motion():
@@ -124,15 +203,17 @@ def test_the_seed_says_the_split(env, seed, split, number):
     assert env.suite.split == "training"
 
 
-def test_an_episode_that_cannot_begin_is_truncated_by_its_first_step(monkeypatch):
+@pytest.mark.parametrize("kind", VECTOR_ENVS.values())
+def test_an_episode_that_cannot_begin_is_truncated_by_its_first_step(monkeypatch, kind):
     from drake_srg.suite import env as module
 
     def fail(*_):
         raise module.EpisodeError("no start")
 
-    env = ProprioceptionEnv("pick_can", expert=True)
+    env = kind("pick_can", expert=True)
     monkeypatch.setattr(module, "Episode", fail)
     observation, _ = env.reset(seed=0)
+    assert env.observation_space.contains(observation)
     *_, truncated, info = env.step(env.rule(observation))
     assert (truncated, info["failure"], info["success"]) == (True, "no start", False)
 

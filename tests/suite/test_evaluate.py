@@ -131,12 +131,14 @@ class Still(Counting):
         return np.zeros(2, np.float32), *rest
 
 
-def test_a_policy_acts_on_the_episodes_of_evaluation(tmp_path, monkeypatch, capsys):
-    monkeypatch.setattr(evaluate, "ProprioceptionEnv", Still)
+@pytest.mark.parametrize("kind", ["proprio", "state"])
+def test_a_policy_acts_on_the_episodes_of_evaluation(
+    tmp_path, monkeypatch, capsys, kind
+):
+    monkeypatch.setattr(evaluate, "VECTOR_ENVS", {kind: Still})
     monkeypatch.setattr(Still, "seeds", [])
-    policy = made_policy(
-        environment="drake_srg.suite.envs:drake_srg/pick_can_proprio-v0"
-    )
+    name = f"drake_srg/pick_can_{kind}-v0"
+    policy = made_policy(environment=f"drake_srg.suite.envs:{name}")
     for value in policy.network.parameters:
         value[:] = 0.0
     file, out = tmp_path / "policy.npz", tmp_path / "rows.jsonl"
@@ -152,7 +154,7 @@ def test_a_policy_acts_on_the_episodes_of_evaluation(tmp_path, monkeypatch, caps
     assert "has rows of digest" in capsys.readouterr().err
     other = tmp_path / "other.jsonl"
     assert evaluate.main(["pick_can,pick_box", *words[:-1], str(other)]) == 2
-    assert "is a policy for drake_srg/pick_can_proprio-v0" in capsys.readouterr().err
+    assert f"is a policy for {name}, not for pick_box" in capsys.readouterr().err
     assert not other.exists()
 
 

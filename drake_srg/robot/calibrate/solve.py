@@ -244,7 +244,7 @@ def calibrate(views: Sequence[View], focal: Vector, center: Vector) -> Calibrati
 
     Raises:
         ScenarioError: If too few views are left, if they are too alike to tell the
-            parameters apart, or if no parameters fit them.
+            parameters apart, if no parameters fit them, or if the fit does not end.
     """
     few = {view.name: reason for view in views if (reason := _too_few(view))}
     used = tuple(view for view in views if view.name not in few)
@@ -254,7 +254,7 @@ def calibrate(views: Sequence[View], focal: Vector, center: Vector) -> Calibrati
             f"{len(used)} usable views, needs at least {MIN_VIEWS} (got {len(views)} "
             f"images, {seen} show the board, usable from {MIN_CORNERS} corners)"
         )
-    estimate, noise = _fit(used, first_estimate(used, focal, center))
+    estimate, noise, ended = _fit(used, first_estimate(used, focal, center))
     error = np.concatenate([residuals(estimate, view) for view in used])
     rms = float(np.sqrt(np.mean(np.sum(error**2, axis=1))))
     if rms > _MOST_ERROR:
@@ -276,6 +276,11 @@ def calibrate(views: Sequence[View], focal: Vector, center: Vector) -> Calibrati
             f"{1e3 * MOST_POSITION_STD:g} mm and {np.degrees(MOST_ROTATION_STD):g} "
             "degrees); turn the hand about two axes at least"
         )
+    if not ended:
+        raise ScenarioError(
+            f"the fit to {len(used)} views does not end within {_ROUNDS * _MOST_STEPS} "
+            "steps; start from better focal lengths, or add views"
+        )
     return result
 
 
@@ -289,12 +294,16 @@ def _too_few(view: View) -> str:
     return ""
 
 
-def _fit(views: Sequence[View], estimate: Unknowns) -> tuple[Unknowns, Vector]:
-    """Return the estimate that minimises Huber's loss, and the noise of each view."""
+def _fit(views: Sequence[View], estimate: Unknowns) -> tuple[Unknowns, Vector, bool]:
+    """Return the estimate that minimises Huber's loss, and the noise of each view.
+
+    The last value is whether the fit has found the minimum.
+    """
+    ended = False
     for _ in range(_ROUNDS):
         noise = _noise(views, estimate)
-        estimate = _minimize(views, estimate, noise)
-    return estimate, _noise(views, estimate)
+        estimate, ended = _minimize(views, estimate, noise)
+    return estimate, _noise(views, estimate), ended
 
 
 def _noise(views: Sequence[View], estimate: Unknowns) -> Vector:
@@ -308,7 +317,9 @@ def _noise(views: Sequence[View], estimate: Unknowns) -> Vector:
     return np.maximum(np.array(medians) / _MEDIAN, _LEAST_NOISE)
 
 
-def _minimize(views: Sequence[View], estimate: Unknowns, noise: Vector) -> Unknowns:
+def _minimize(
+    views: Sequence[View], estimate: Unknowns, noise: Vector
+) -> tuple[Unknowns, bool]:
     """Return the estimate that minimises Huber's loss of the corners' distances.
 
     It is the sum of squares of the errors e times s, with s = 1 up to Huber's limit h
@@ -336,7 +347,7 @@ def _minimize(views: Sequence[View], estimate: Unknowns, noise: Vector) -> Unkno
         x_scale="jac",
         max_nfev=_MOST_STEPS,
     )
-    return estimate.moved(found.x)
+    return estimate.moved(found.x), bool(found.success)
 
 
 def _shrinking(error: Vector) -> tuple[Vector, Vector]:

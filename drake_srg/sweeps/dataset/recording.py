@@ -198,10 +198,15 @@ def read_signals(path: Path) -> Signals:
         name: (vectors, _float32(path, name, rows))
         for name, vectors, rows in _more(values, held, joints, robots)
     }
+    # An arm's name may begin with that of another.
+    prefixes = [robot.system("") for robot in robots]
+    arms = [
+        max(filter(name.startswith, prefixes), key=len, default="") for name in joints
+    ]
     names: list[str] = []
-    for robot, position in zip(robots, action[::2], strict=True):
-        own = [name for name in joints if name.startswith(robot.system(""))]
-        names += [*own[: position.shape[1]], robot.system("gripper_closure")]
+    for prefix, position in zip(prefixes, action[::2], strict=True):
+        own = [name for name, arm in zip(joints, arms, strict=True) if arm == prefix]
+        names += [*own[: position.shape[1]], f"{prefix}gripper_closure"]
     return Signals(
         Layout(
             joints,

@@ -56,19 +56,20 @@ def test_an_infinite_rate_never_waits():
 
 
 @pytest.mark.parametrize(
-    ("work", "lost", "too_slow"),
+    ("work", "lost", "late", "too_slow"),
     [
-        (lambda step: 0.4 if step == 500 else 0.001, 0.0, None),  # caught up with
-        (lambda step: 3.0 if step == 500 else 0.001, 3.0 - 0.005, None),
-        (lambda step: 0.011 if step < 500 else 0.001, 5 * 0.504, None),  # at first
-        (lambda step: 0.011, 23 * 0.504, 5 / 11),
+        (lambda step: 0.4 if step == 500 else 0.001, 0.0, 0.0, None),  # caught up with
+        (lambda step: 3.0 if step == 500 else 0.001, 3.0 - 0.005, 0.0, None),
+        (lambda step: 0.011 if step < 500 else 0.001, 5 * 0.504, 0.0, None),  # at first
+        (lambda step: 0.011, 23 * 0.504, 12.0 - 23 * 0.504, 5 / 11),
     ],
 )
-def test_what_cannot_be_caught_up_with_is_given_up(work, lost, too_slow):
+def test_what_cannot_be_caught_up_with_is_given_up(work, lost, late, too_slow):
     wall = Wall()
     pacer = run(wall, 1.0, 2000, work)
     assert pacer.lost == pytest.approx(lost)
-    assert wall.time - 100.0 == pytest.approx(10.0 + lost, abs=0.51)
+    assert wall.time - 100.0 == pytest.approx(10.0 + lost + late)
+    assert pacer.factor == pytest.approx(too_slow or 1.0, rel=0.01)
     assert pacer.too_slow == (too_slow and pytest.approx(too_slow, rel=0.01))
 
 

@@ -79,6 +79,15 @@ def test_wrenches_have_the_names_of_arm_and_link(root):
     assert "observation.contact_wrench.left_base" not in frames.column_names
 
 
+def test_the_name_of_an_arm_may_begin_with_that_of_another(tmp_path):
+    sweep = write_sweep(tmp_path)
+    arms = ("left_2", "left")
+    write_trial(sweep, 0, 0.2, cameras=CAMERAS, arms=arms)
+    features = lerobot.read_info(make_dataset(sweep).path)["features"]
+    names = [f"{arm}_{name}" for arm in arms for name in ACTION]
+    assert features["action"]["names"] == names
+
+
 def test_touch_has_the_names_of_the_links_with_sensors(tmp_path):
     sweep = write_sweep(tmp_path)
     info = json.loads((sweep / "sweep.json").read_text())

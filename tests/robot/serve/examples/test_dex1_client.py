@@ -22,8 +22,9 @@ def test_the_example_closes_and_opens_both_hands():
     served = subprocess.Popen(
         [*serve, *options], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
     )
+    clients = []
     try:
-        clients = [
+        clients += [
             subprocess.Popen(
                 [sys.executable, str(EXAMPLE), side, domain],
                 stdout=subprocess.PIPE,
@@ -32,12 +33,15 @@ def test_the_example_closes_and_opens_both_hands():
             for side in ("left", "right")
         ]
         for client in clients:
-            closed, opened = client.communicate(timeout=120)[0].splitlines()
+            out, _ = client.communicate(timeout=120)
             assert client.returncode == 0
+            closed, opened = out.splitlines()
             # An empty hand; the spool stops a little before 0 %.
             assert -1.0 < float(closed.partition("%")[0]) < 5.0, closed
             assert 47.0 < float(opened.partition("%")[0]) < 53.0, opened
     finally:
+        for client in clients:
+            client.kill()
         served.send_signal(signal.SIGINT)
         out, errors = served.communicate(timeout=60)
     assert served.returncode == 0, errors
