@@ -57,8 +57,6 @@ _FALLEN = 0.0005  # a peg this much deeper than the rim has found the hole [m]
 _SINKING = 0.6  # time from then until the edge is at the wall and has sunk [s]
 # Longest pressing [s]. Pegs go in within 7 s; later, the hand slips along the peg.
 _PRESSING = 10.0
-# The hole guides a peg that is deeper than this [m] and leans less than this [rad].
-_ENTERED, _NEARLY = 0.004, 0.03
 _SHALLOW = 0.003  # depth from which a peg has entered [m]
 # The wall is at most this much farther than twice the inset [m]. A peg that slides
 # farther has met no hole.
@@ -303,7 +301,8 @@ class Slide(Inserting):
         config = self.task.config
         wiggle = _DITHER * np.sin(2.0 * np.pi * _FREQUENCY * time)
         across = wiggle * np.cross(_UP, tip.along)
-        return self.forward(tip, config.search_force, config.side_force) + across
+        force, side = config.search_force, config.side_force
+        return self.forward(tip, force, side, held=True) + across
 
     def progress(self, tip: Insertion) -> float:
         """Return the tip's way to the wall [m]."""
@@ -379,9 +378,8 @@ class Upright(Inserting):
         return self.forward(tip, config.search_force, config.side_force, held=True)
 
     def observe_tip(self, tip: Insertion, time: float) -> Observation:
-        """Report that the hole guides the peg, or that the hand is upright."""
-        entered = tip.rim - tip.p[2] > _ENTERED and tip.angle < _NEARLY
-        return Observation(arrived=bool(entered or abs(tip.angle - _PAST) < 1e-3))
+        """Report that the hand has turned past upright, as the peg lags."""
+        return Observation(arrived=abs(tip.angle - _PAST) < 1e-3)
 
 
 class Press(Inserting):
