@@ -13,7 +13,7 @@ import pytest
 from recording.replay.tiny_scene import record
 from simulation.made_logs import BLOB, judge, make_log
 
-import drake_srg.robot.drive
+import drake_srg.robot.drive.run
 import drake_srg.simulation
 from drake_srg.cli import commands
 from drake_srg.cli.main import main, make_parser
@@ -161,7 +161,7 @@ def test_the_exit_code_follows_what_is_claimed(
         metrics.write(out / "metrics.json")
         return Result(metrics, {}, status)
 
-    monkeypatch.setattr(drake_srg.robot.drive, "run_on_hardware", run)
+    monkeypatch.setattr(drake_srg.robot.drive.run, "run_on_hardware", run)
     (tmp_path / "robot.yaml").write_text(PARTS)
     out = tmp_path / "out"
     command = ["run", "kitchen", "--hardware", str(tmp_path / "robot.yaml")]
