@@ -31,7 +31,7 @@ HOLES = {
 }
 MOST_FORCE = 30.0  # between peg and hole [N]
 # A case is known to miss it.
-_THROWN = "a contact of one step that is too deep; 19 N with half the step"
+_THROWN = "a peak of a single step, of unknown cause; 19 N with half the step"
 FORCES = (1.5, 3.0, 6.0, 15.0)  # on the end of a held peg [N]
 _PALM = 0.226  # height of the palm over the table; the pads hold the peg's middle [m]
 

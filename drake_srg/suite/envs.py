@@ -76,8 +76,8 @@ class ProprioceptionEnv(gymnasium.Env[Array, Array]):
         episode_length: int | None = None,
         render_mode: str | None = None,
     ) -> None:
-        if not 0.0 <= noise < math.inf:
-            raise ScenarioError(f"noise: must be 0 or more, and finite, got {noise}")
+        if not (isinstance(noise, int | float) and 0.0 <= noise < math.inf):
+            raise ScenarioError(f"noise: must be 0 or more, and finite, got {noise!r}")
         self.noise, self._disturbed = noise, False
         self.suite = SuiteEnv(
             task,

@@ -149,7 +149,7 @@ def test_noise_moves_the_joints_and_no_closure(env, monkeypatch):
     np.testing.assert_allclose(env.suite.episode.command, expected, atol=1e-6)
 
 
-@pytest.mark.parametrize("noise", [-0.1, np.nan, np.inf])
+@pytest.mark.parametrize("noise", [-0.1, np.nan, np.inf, "0.2"])
 def test_noise_is_a_finite_share(noise):
     with pytest.raises(ScenarioError, match="noise: must be 0 or more, and finite"):
         ProprioceptionEnv("pick_can", noise=noise)

@@ -107,10 +107,20 @@ types: Any = idl.types  # mypy does not understand its generic aliases
 
 # By rosbags' names. byte and char are uint8 on the wire, as in rmw_cyclonedds_cpp.
 _PRIMITIVES: dict[str, Any] = {
-    **{"bool": bool, "string": str, "byte": types.uint8, "char": types.uint8},
-    **{f"int{bits}": getattr(types, f"int{bits}") for bits in (8, 16, 32, 64)},
-    **{f"uint{bits}": getattr(types, f"uint{bits}") for bits in (8, 16, 32, 64)},
-    **{"float32": types.float32, "float64": types.float64},
+    "bool": bool,
+    "byte": types.uint8,
+    "char": types.uint8,
+    "int8": types.int8,
+    "int16": types.int16,
+    "int32": types.int32,
+    "int64": types.int64,
+    "uint8": types.uint8,
+    "uint16": types.uint16,
+    "uint32": types.uint32,
+    "uint64": types.uint64,
+    "float32": types.float32,
+    "float64": types.float64,
+    "string": str,
 }
 
 
