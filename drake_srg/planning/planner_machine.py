@@ -83,8 +83,8 @@ class PlannerConfig(MotionConfig):
     # 0.42 kg needs at friction 0.6.
     squeeze: float = dc.field(default=0.4, metadata=positive())
     # Distances that the arm and the hand keep from their surroundings [m].
-    clearance: float = dc.field(default=0.01, metadata={"ge": 0.0})
-    hand_clearance: float = dc.field(default=0.005, metadata={"ge": 0.0})
+    clearance: float = dc.field(default=0.01, metadata=positive())
+    hand_clearance: float = dc.field(default=0.005, metadata=positive())
     # Height above the table at which to let go of the object [m]: more than the error
     # of the localisation, so that the object is not pressed into the table. Raise it
     # for cameras with larger errors.

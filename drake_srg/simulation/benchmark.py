@@ -160,8 +160,8 @@ def MakeBarePlant(
 # Importing toppra is left to planners that use it.
 _IMPORTS = """
 from drake_srg import Simulate, load_scenario
-from drake_srg.planning.motion.time_parameterization import MakeTimeParameterization
-MakeTimeParameterization("toppra")
+from drake_srg.planning.motion.time_parameterization import load_toppra
+load_toppra()
 """
 
 

@@ -73,7 +73,7 @@ class HandTarget:
 # A solvable call needs 5 to 20 major iterations. One that needs more will fail.
 _OPTIONS = SolverOptions()
 _OPTIONS.SetOption(SnoptSolver.id(), "Major iterations limit", 60)
-_JOINT_MARGIN = 0.02  # distance kept from the joint limits [rad]
+JOINT_MARGIN = 0.02  # distance kept from the joint limits [rad]
 # The cosine of an angle has no slope at 0, and SNOPT meets constraints to 1e-6: an axis
 # with a smaller tolerance [rad] is constrained perpendicular to two normals of its
 # direction.
@@ -133,33 +133,27 @@ def solve_inverse_kinematics(
     *,
     q_nominal: Vector,
     q_guess: Vector | None = None,
-    joint_margin: float = _JOINT_MARGIN,
     max_starts: int = 12,
-    good_cost: float = np.inf,
     check_clearance: bool = True,
-    seed: int = 0,
     extend: Extend | None = None,
 ) -> IkSolution | IkFailure:
-    """Solve for the posture nearest to a nominal one that reaches `target`.
+    """Solve for a posture near a nominal one that reaches `target`.
 
     SNOPT solves a program of position, orientation and joint limits, and the scene
     judges the solution. Minimum distance is not part of the program: one solution with
     it takes ten times as long as another start without it. The first start is
     `q_guess`. Further ones are drawn at random, farther and farther away. Each also
     replaces the nominal posture of its program, which spreads the solutions of a
-    redundant arm over its null space.
+    redundant arm over its null space. The first free solution counts. The same call
+    returns the same result.
 
     Args:
         scene: The arm, and what to keep clear of.
         target: Target of the hand.
         q_nominal: The posture with cost 0, shape (N,) [rad].
         q_guess: The first start, shape (N,) [rad]; None: `q_nominal`.
-        joint_margin: Distance kept from the joint limits [rad].
         max_starts: Largest number of starts.
-        good_cost: Stop at the first solution that costs no more [rad²]; the default
-            takes the first solution found.
         check_clearance: Whether solutions must be free in `scene`.
-        seed: Seed of the random starts; the same call returns the same result.
         extend: Adds your own constraints and costs to the problem before it is solved.
             Its argument is the `InverseKinematics` of the scene's plant. The arm's
             joints are `ik.q()[scene.arm_indices]`; no others move. Give constraints a
@@ -167,15 +161,13 @@ def solve_inverse_kinematics(
             cannot be met.
 
     Returns:
-        The cheapest free solution among those tried, or the requirement that cannot be
-        met.
+        The solution, or the requirement that cannot be met.
 
     Raises:
         ValueError: If a vector does not have N entries.
     """
-    search = _Search(scene, target, q_nominal, q_guess, joint_margin, extend)
-    best = search.best(max_starts, good_cost, check_clearance, seed)
-    return best or search.failure()
+    search = _Search(scene, target, q_nominal, q_guess, extend)
+    return search.solution(max_starts, check_clearance) or search.failure()
 
 
 def find_posture(
@@ -202,8 +194,8 @@ def find_posture(
     Raises:
         ValueError: If a vector does not have N entries.
     """
-    search = _Search(scene, target, q_nominal, q_guess, _JOINT_MARGIN, None)
-    return search.best(max_starts, np.inf, check_clearance=True, seed=seed)
+    search = _Search(scene, target, q_nominal, q_guess, None)
+    return search.solution(max_starts, check_clearance=True, seed=seed)
 
 
 class _Search:
@@ -215,7 +207,6 @@ class _Search:
         target: HandTarget,
         q_nominal: Vector,
         q_guess: Vector | None,
-        joint_margin: float,
         extend: Extend | None,
     ) -> None:
         guess = q_nominal if q_guess is None else q_guess
@@ -227,16 +218,15 @@ class _Search:
                 )
         self._scene, self._target, self._extend = scene, target, extend
         self._q_nominal, self._guess = q_nominal, guess
-        self._limits = (scene.lower + joint_margin, scene.upper - joint_margin)
+        self._limits = (scene.lower + JOINT_MARGIN, scene.upper - JOINT_MARGIN)
         self._blocked: list[tuple[Clearance, Vector]] = []
 
-    def best(
-        self, max_starts: int, good_cost: float, check_clearance: bool, seed: int
+    def solution(
+        self, max_starts: int, check_clearance: bool, seed: int = 0
     ) -> IkSolution | None:
-        """Return the cheapest free solution; None without."""
+        """Return the first free solution; None without."""
         scene, q_nominal = self._scene, self._q_nominal
         program = _Program(scene, self._target, self._limits, extend=self._extend)
-        best: IkSolution | None = None
         for count, start in enumerate(
             _starts(self._limits, self._guess, default_rng(seed), max_starts), 1
         ):
@@ -249,11 +239,8 @@ class _Search:
                 self._blocked.append((clearance, q))
                 continue
             cost = float(np.sum((q - q_nominal) ** 2)) + own_cost
-            if best is None or cost < best.cost:
-                best = IkSolution(q, cost, clearance, count)
-            if best.cost <= good_cost:
-                break
-        return best
+            return IkSolution(q, cost, clearance, count)
+        return None
 
     def failure(self) -> IkFailure:
         """Return why there was no free solution."""
@@ -283,7 +270,7 @@ def solve_from(
     Returns:
         The posture, shape (N,) [rad]; None if none is found from there.
     """
-    limits = (scene.lower + _JOINT_MARGIN, scene.upper - _JOINT_MARGIN)
+    limits = (scene.lower + JOINT_MARGIN, scene.upper - JOINT_MARGIN)
     q, solved, _ = _Program(scene, target, limits).solve(start, start)
     return q if solved else None
 

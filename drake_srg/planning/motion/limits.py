@@ -49,11 +49,6 @@ class MotionConfig(Config):
     holding_acceleration: float = dc.field(
         default=0.3, metadata={"ge": 0.01, "le": 1.0}
     )
-    # The solver that makes motions as fast as the joints allow. Importing toppra delays
-    # the first cell by 0.4 s; it then plans faster.
-    time_parameterization: str = dc.field(
-        default="toppra", metadata={"among": ("toppra", "drake")}
-    )
     # Limits of the tip's motion; null: as fast as the joints allow.
     tip_limits: TipLimits | None = None
 

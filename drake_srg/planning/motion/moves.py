@@ -16,7 +16,7 @@ from drake_srg.planning.motion.planning_scene import (
     PlanningFailure,
     PlanningScene,
 )
-from drake_srg.planning.motion.time_parameterization import MakeTimeParameterization
+from drake_srg.planning.motion.time_parameterization import load_toppra
 from drake_srg.planning.motion.trajectories import (
     ROUNDING,
     STRAIGHT,
@@ -52,7 +52,7 @@ class Moves:
         self._scene = scene
         self.p_GT = np.asarray(p_GT)
         self._config = config
-        self._parameterize = MakeTimeParameterization(config.time_parameterization)
+        load_toppra()  # now, not during the first motion
         limits = MotionLimits.of_plant(scene)
         self.free = limits.scaled(config.speed, config.speed)
         self.holding = limits.scaled(config.holding_speed, config.holding_acceleration)
@@ -172,11 +172,7 @@ class Moves:
             )
         else:
             trajectory = time_optimal_trajectory(
-                self._scene,
-                part.path,
-                limits,
-                self._parameterize,
-                rounding=part.rounding,
+                self._scene, part.path, limits, rounding=part.rounding
             )
         if isinstance(trajectory, PlanningFailure):
             raise NoPathError(trajectory)

@@ -13,6 +13,7 @@ from pydrake.multibody.tree import JacobianWrtVariable
 
 from drake_srg.common.geometry import cross
 from drake_srg.planning.motion.inverse_kinematics import (
+    JOINT_MARGIN,
     HandTarget,
     IkFailure,
     solve_inverse_kinematics,
@@ -22,16 +23,14 @@ from drake_srg.types import Failure, Vector
 
 _DAMPING = 1e-6  # m² and rad²: matters only within a millimetre of a singularity
 _CLOSE = 1e-7  # m and rad; the next step would only add rounding errors
+_MOST_STEPS = 20  # of Newton's method
+_SHORTCUTS = 20  # random ones that are tried on a path around obstacles
+# Turn of the hand between the waypoints of a line, and the largest step of a joint
+# there [rad]. With a larger one, the hand would leave its line in between.
+_TURN_SPACING, _JOINT_STEP = 0.1, 0.3
 
 
-def follow(
-    scene: PlanningScene,
-    target: HandTarget,
-    q: Vector,
-    *,
-    joint_margin: float = 0.02,
-    max_iterations: int = 20,
-) -> Vector | None:
+def follow(scene: PlanningScene, target: HandTarget, q: Vector) -> Vector | None:
     """Move the joints from `q` by the least motion that takes the hand to `target`.
 
     Position and orientation are met exactly, despite tolerances; an axis turns
@@ -42,16 +41,14 @@ def follow(
         scene: The arm.
         target: Target of the hand.
         q: Posture of the arm, shape (N,) [rad].
-        joint_margin: Distance kept from the joint limits [rad].
-        max_iterations: Most steps of Newton's method.
 
     Returns:
         Joint angles near `q`, shape (N,) [rad], or None if it does not converge.
     """
     # A start beyond the margin may stay there, but must not go farther.
-    lower = np.minimum(scene.lower + joint_margin, q)
-    upper = np.maximum(scene.upper - joint_margin, q)
-    for _ in range(max_iterations):
+    lower = np.minimum(scene.lower + JOINT_MARGIN, q)
+    upper = np.maximum(scene.upper - JOINT_MARGIN, q)
+    for _ in range(_MOST_STEPS):
         error, jacobian = _linearize(scene, target, q)
         if np.max(np.abs(error)) < _CLOSE:
             return q
@@ -230,7 +227,6 @@ def plan_joint_path(
     q_goal: Vector,
     *,
     max_iterations: int = 1000,
-    shortcuts: int = 20,
     seed: int = 0,
 ) -> Vector | PlanningFailure:
     """Find waypoints that straight joint lines connect without collision.
@@ -243,7 +239,6 @@ def plan_joint_path(
         q_start: First waypoint, shape (N,) [rad].
         q_goal: Last waypoint, shape (N,) [rad].
         max_iterations: Most iterations of RRT-Connect; each takes about 5 ms.
-        shortcuts: Number of random shortcuts to try.
         seed: Seed of the search.
 
     Returns:
@@ -276,7 +271,7 @@ def plan_joint_path(
             hit,
         )
     return shortcut_path(
-        path, is_edge_free=scene.is_edge_free, attempts=shortcuts, rng=rng
+        path, is_edge_free=scene.is_edge_free, attempts=_SHORTCUTS, rng=rng
     )
 
 
@@ -286,9 +281,6 @@ def plan_cartesian_path(
     target: HandTarget,
     *,
     spacing: float = 0.02,
-    turn_spacing: float = 0.1,
-    max_joint_step: float = 0.3,
-    joint_margin: float = 0.02,
 ) -> Vector | PlanningFailure:
     """Move the hand's point T straight from its place at `q_start` to `target`.
 
@@ -301,23 +293,11 @@ def plan_cartesian_path(
         q_start: First waypoint, shape (N,) [rad].
         target: Target of the hand.
         spacing: Distance of T between waypoints [m].
-        turn_spacing: Turn of the hand between waypoints [rad].
-        max_joint_step: Largest step of a joint between waypoints [rad]; with a larger
-            one, the hand would leave its line in between.
-        joint_margin: Distance kept from the joint limits [rad].
 
     Returns:
         Waypoints, shape (K, N) [rad], or why there is no path.
     """
-    path, failure = _line(
-        scene,
-        q_start,
-        target,
-        spacing=spacing,
-        turn_spacing=turn_spacing,
-        max_joint_step=max_joint_step,
-        joint_margin=joint_margin,
-    )
+    path, failure = _line(scene, q_start, target, spacing)
     p_start = scene.X_WG(q_start) @ target.p_GT
     for q in scene.samples(path) if len(path) > 1 else ():
         hit = scene.first_hit([q])
@@ -329,14 +309,7 @@ def plan_cartesian_path(
 
 
 def _line(
-    scene: PlanningScene,
-    q_start: Vector,
-    target: HandTarget,
-    *,
-    spacing: float,
-    turn_spacing: float,
-    max_joint_step: float,
-    joint_margin: float,
+    scene: PlanningScene, q_start: Vector, target: HandTarget, spacing: float
 ) -> tuple[Vector, PlanningFailure | None]:
     """Follow the line of `plan_cartesian_path`, ignoring obstacles.
 
@@ -350,7 +323,7 @@ def _line(
     if target.R_WG is not None:
         turn = (X_WG.rotation().inverse() @ target.R_WG).ToAngleAxis()
     length = float(np.linalg.norm(target.p_WT - p_start))
-    count = int(np.ceil(max(length / spacing, abs(turn.angle()) / turn_spacing, 1.0)))
+    count = int(np.ceil(max(length / spacing, abs(turn.angle()) / _TURN_SPACING, 1.0)))
     path = [q_start]
     for share in np.linspace(0.0, 1.0, count + 1)[1:]:
         R_WG = None
@@ -361,13 +334,12 @@ def _line(
             target, p_WT=p_start + share * (target.p_WT - p_start), R_WG=R_WG
         )
         where = f"{share * length:.3f} m along the line"
-        q = follow(scene, waypoint, path[-1], joint_margin=joint_margin)
+        q = follow(scene, waypoint, path[-1])
         if q is None:
             found = solve_inverse_kinematics(
                 scene,
                 waypoint,
                 q_nominal=path[-1],
-                joint_margin=joint_margin,
                 max_starts=1,
                 check_clearance=False,
             )
@@ -376,7 +348,7 @@ def _line(
                 return np.array(path), PlanningFailure(found.failure, message)
             q = found.q
         jump = np.abs(q - path[-1])
-        if np.max(jump) > max_joint_step:
+        if np.max(jump) > _JOINT_STEP:
             joint = scene.joint_names[int(np.argmax(jump))]
             message = f"{where}, {joint} would jump by {np.max(jump):.2f} rad"
             return np.array(path), PlanningFailure(Failure.OUT_OF_REACH, message)

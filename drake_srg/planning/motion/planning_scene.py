@@ -106,23 +106,25 @@ class PlanningScene(ArmModel):
     free. The object still keeps the gripper's distance from obstacles.
 
     Along a path, no point moves farther than `step` between checks (see
-    `ArmModel.travel`). The default is twice the smaller margin, so that nothing can
-    collide between two checks.
+    `ArmModel.travel`): twice the smaller margin, so that nothing can collide between
+    two checks.
 
     Args:
         builder: Builder with arm, gripper and furniture, not finalized. The scene
             builds it and takes its diagram. Free bodies stay at their default poses.
         arm: Name of the arm's model instance.
-        gripper: Name of the gripper's model instance, welded to the arm.
-        hand: Name of the gripper's body G whose pose is planned.
+        gripper: Name of the gripper's model instance, welded to the arm. Its body
+            `palm` is G, whose pose is planned.
         margin: Distance that the arm keeps from its surroundings [m].
         hand_margin: Distance that the gripper keeps from them [m].
         payload: Mass at G's origin that torque limits include [kg], always.
+
+    Attributes:
         step: Largest motion of any point between two checks [m].
 
     Raises:
-        ValueError: If a margin is negative, the step is not positive, or a free body
-            has no default pose: it would be at the world's origin.
+        ValueError: If a margin is not positive, or a free body has no default pose: it
+            would be at the world's origin.
         RuntimeError: (Drake's) If a name is unknown or the plant is finalized.
     """
 
@@ -132,24 +134,18 @@ class PlanningScene(ArmModel):
         *,
         arm: str = "arm",
         gripper: str = "gripper",
-        hand: str = "palm",
         margin: float = 0.01,
         hand_margin: float = 0.005,
         payload: float = 0.0,
-        step: float | None = None,
     ) -> None:
-        if margin < 0.0 or hand_margin < 0.0:
-            raise ValueError("margin and hand_margin must not be negative")
-        self.step = step or 2.0 * min(margin, hand_margin)
-        if self.step <= 0.0:
-            raise ValueError(
-                "step must be positive; with a margin of 0 it has no default"
-            )
+        if margin <= 0.0 or hand_margin <= 0.0:
+            raise ValueError("margin and hand_margin must be positive")
+        self.step = 2.0 * min(margin, hand_margin)
         plant = builder.plant()
         _weld_free_bodies(plant)
         arm_model = plant.GetModelInstanceByName(arm)
         gripper_model = plant.GetModelInstanceByName(gripper)
-        hand_frame = plant.GetFrameByName(hand, gripper_model)
+        hand_frame = plant.GetFrameByName("palm", gripper_model)
         inertia = SpatialInertia.SolidSphereWithMass(max(payload, 1e-9), 0.03)
         self._held = plant.AddRigidBody("held_object", gripper_model, inertia)
         plant.WeldFrames(hand_frame, self._held.body_frame())

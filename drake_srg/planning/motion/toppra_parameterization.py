@@ -1,4 +1,4 @@
-"""Time parameterization by the toppra package."""
+"""The fastest motions along paths, by TOPP-RA (Pham and Pham, 2018)."""
 
 from __future__ import annotations
 
@@ -21,7 +21,19 @@ _UNLIMITED = 1e6  # replaces infinity, which the solver refuses
 def toppra_parameterization(
     arm: ArmModel, path: BsplineTrajectory, limits: MotionLimits, grid: Vector
 ) -> PiecewisePolynomial | None:
-    """Solve with toppra's seidel solver. See `TimeParameterization`."""
+    """Return the fastest progress s(t) along a path, from rest to rest.
+
+    Args:
+        arm: The arm, with its payload.
+        path: q(s), shape (N, 1) [rad], with nonzero derivative.
+        limits: Limits of the motion at the points of the grid. Between them, the motion
+            may exceed them a little.
+        grid: Increasing values of s, shape (K,), from the path's start to its end.
+
+    Returns:
+        s(t) from t = 0, or None if the torque limits cannot hold the arm along the
+        path.
+    """
     solver = TOPPRA(
         [_Limits(arm, limits)],
         _Path(path),

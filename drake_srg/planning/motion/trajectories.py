@@ -30,7 +30,7 @@ from pydrake.trajectories import (
 
 from drake_srg.planning.motion.limits import InverseDynamics, MotionLimits, TipLimits
 from drake_srg.planning.motion.planning_scene import PlanningFailure, PlanningScene
-from drake_srg.planning.motion.time_parameterization import TimeParameterization
+from drake_srg.planning.motion.time_parameterization import load_toppra
 from drake_srg.types import Failure, Vector
 
 # Largest distance of a motion from its path at corners, and on lines that it must keep
@@ -247,55 +247,52 @@ _GRAZE = 1e-3
 # A motion keeps a line, within `STRAIGHT` [rad], if no link is farther than this from
 # its place on the line [m].
 _ON_LINE = 3e-3
+_RAMP = 0.04  # duration of the shortest ramp from one acceleration to another [s]
 
 
 def time_optimal_trajectory(
     scene: PlanningScene,
     waypoints: Vector,
     limits: MotionLimits,
-    parameterize: TimeParameterization,
     *,
-    rounding: float | Vector = 0.2,
-    ramp: float = 0.04,
+    rounding: float | Vector = ROUNDING,
 ) -> BsplineTrajectory | PlanningFailure:
     """Move from rest to rest along `waypoints`, as fast as `limits` allow.
 
     The path's corners are rounded, by less and less until the motion is free in
-    `scene`. `parameterize` finds the fastest motion along it; a spline then gives each
-    step of the acceleration a ramp. The result keeps the limits of velocity and
-    acceleration at every instant, and those of torque at every knot.
+    `scene`. toppra finds the fastest motion along it; a spline then gives each step of
+    the acceleration a ramp. The whole motion lasts two to three ramps longer than the
+    fastest. The result keeps the limits of velocity and acceleration at every instant,
+    and those of torque at every knot.
 
     Args:
         scene: The scene in which the polyline is free, with the object in the hand.
         waypoints: The polyline, shape (K, N) [rad].
         limits: Limits of the motion.
-        parameterize: Finds the fastest motion along a path.
         rounding: Largest distance of the motion from the polyline [rad], everywhere or
             at each waypoint, shape (K,). For a path of `plan_cartesian_path`, 1e-3
             keeps the hand within a millimetre of its line. If only some waypoints have
             such a value, their lines are not checked again.
-        ramp: Duration of the shortest ramp from one acceleration to another [s]. The
-            whole motion lasts two to three ramps longer than the fastest.
 
     Returns:
         q(t), shape (N, 1) [rad], from t = 0, with the velocity EvalDerivative(t, 1); or
         why there is no motion.
 
     Raises:
-        ValueError: If a number is not positive, or waypoints are not of shape (K, N).
+        ValueError: If a rounding is not positive, or waypoints are not of shape (K, N).
     """
     if np.ndim(waypoints) != 2 or waypoints.shape[1] != scene.num_joints:
         raise ValueError(
             f"waypoints: must have shape (K, N), got {np.shape(waypoints)}"
         )
     allowed = np.broadcast_to(rounding, len(waypoints))
-    if np.min(allowed) <= 0.0 or ramp <= 0.0:
-        raise ValueError("rounding and ramp must be positive")
+    if np.min(allowed) <= 0.0:
+        raise ValueError("rounding must be positive")
     lengths = np.linalg.norm(np.diff(waypoints, axis=0), axis=1)
     distinct = np.append(True, lengths > 1e-9)
     waypoints, allowed = waypoints[distinct], allowed[distinct]
     if len(waypoints) == 1:
-        return _ramped(np.repeat(waypoints, 5, axis=0), ramp)
+        return _ramped(np.repeat(waypoints, 5, axis=0), _RAMP)
     message = ""
     spans = 4
     while spans <= 256:
@@ -303,13 +300,14 @@ def time_optimal_trajectory(
         spans *= 2
         if deviation > 1.0:
             continue
-        motion = _fastest_motion(scene, path, limits, parameterize)
-        if motion is None:
+        progress = load_toppra()(scene, path, limits, grid_of(path))
+        if progress is None:
             return PlanningFailure(
                 Failure.OUT_OF_REACH,
                 "the arm's torque cannot hold the arm all along this path",
             )
-        trajectory = _within_limits(scene, motion, limits, ramp)
+        motion = PathParameterizedTrajectory(path, progress)
+        trajectory = _within_limits(scene, motion, limits)
         # A straight line stays straight and has been checked.
         samples = motion_samples(scene, trajectory)
         if len(waypoints) == 2:
@@ -377,17 +375,6 @@ def _on_lines(
     return np.asarray(np.min(moved, axis=-1, initial=np.inf) < _ON_LINE)
 
 
-def _fastest_motion(
-    scene: PlanningScene,
-    path: BsplineTrajectory,
-    limits: MotionLimits,
-    parameterize: TimeParameterization,
-) -> Trajectory | None:
-    """Return q(t), shape (N, 1) [rad], from rest to rest, if possible."""
-    progress = parameterize(scene, path, limits, grid_of(path))
-    return None if progress is None else PathParameterizedTrajectory(path, progress)
-
-
 def grid_of(path: BsplineTrajectory) -> Vector:
     """Return the points at which a path's motion keeps its limits, shape (K,)."""
     spans = path.num_control_points() - 3
@@ -395,7 +382,7 @@ def grid_of(path: BsplineTrajectory) -> Vector:
 
 
 def _within_limits(
-    scene: PlanningScene, motion: Trajectory, limits: MotionLimits, ramp: float
+    scene: PlanningScene, motion: Trajectory, limits: MotionLimits
 ) -> BsplineTrajectory:
     """Return the motion with ramped acceleration, stretched until it keeps the limits.
 
@@ -403,7 +390,7 @@ def _within_limits(
     between. Differences of a uniform cubic spline's control points bound its
     derivatives.
     """
-    count = int(np.ceil(motion.end_time() / ramp))
+    count = int(np.ceil(motion.end_time() / _RAMP))
     times = np.linspace(0.0, motion.end_time(), count + 1)
     times = np.concatenate([[0.0] * 2, times, times[-1:], times[-1:]])
     control = motion.vector_values(times).T

@@ -7,15 +7,14 @@ import numpy as np
 import pytest
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
+from pydrake.multibody.optimization import Toppra
+from pydrake.trajectories import BsplineTrajectory
 
 from drake_srg.planning.motion.limits import InverseDynamics, MotionLimits
-from drake_srg.planning.motion.time_parameterization import (
-    MakeTimeParameterization,
-    on_demand,
-)
+from drake_srg.planning.motion.time_parameterization import on_demand
+from drake_srg.planning.motion.toppra_parameterization import toppra_parameterization
 from drake_srg.planning.motion.trajectories import grid_of, rounded_path
 
-NAMES = ("toppra", "drake")
 # Solvers stop at this relative error.
 SOLVER = 1e-6
 MIDDLE = np.array([0.0, 0.2, 0.0, -1.5, 0.0, 1.2, 0.0])  # of the iiwa [rad]
@@ -38,7 +37,7 @@ def motions(draw, count):
 @given(motions(5))
 def test_toppra_keeps_all_limits(iiwa, motion):
     path, grid, limits = posed(iiwa, motion)
-    progress = MakeTimeParameterization("toppra")(iiwa, path, limits, grid)
+    progress = toppra_parameterization(iiwa, path, limits, grid)
     assert progress.start_time() == 0.0
     ends = [progress.value(t)[0, 0] for t in (0.0, progress.end_time())]
     np.testing.assert_allclose(ends, grid[[0, -1]], atol=1e-9)
@@ -47,17 +46,30 @@ def test_toppra_keeps_all_limits(iiwa, motion):
 
 @settings(max_examples=25)
 @given(motions(3))
-def test_both_take_the_same_time(iiwa, motion):
+def test_drake_takes_the_same_time(iiwa, motion):
     points, _ = motion
     first, second = np.diff(points, axis=0)
-    if first @ second < 0.0:  # Drake's finds no motion along some paths that turn back
+    if first @ second < 0.0:  # Drake finds no motion along some paths that turn back
         points[2] = points[1] - second
     path, grid, limits = posed(iiwa, motion)
-    toppra, drake = (
-        MakeTimeParameterization(name)(iiwa, path, limits, grid).end_time()
-        for name in NAMES
-    )
-    assert toppra == pytest.approx(drake, rel=0.05)
+    ours = toppra_parameterization(iiwa, path, limits, grid).end_time()
+    assert ours == pytest.approx(drake_time(iiwa, path, limits, grid), rel=0.05)
+
+
+def drake_time(scene, path, limits, grid):
+    """Return the duration that Drake's own solver finds [s]."""
+    control = [scene.positions(point[:, 0])[:, None] for point in path.control_points()]
+    whole_path = BsplineTrajectory(path.basis(), control)  # Drake does not keep it
+    solver = Toppra(whole_path, scene.plant, grid)
+    for add, limit in (
+        (solver.AddJointVelocityLimit, limits.velocity),
+        (solver.AddJointAccelerationLimit, limits.acceleration),
+        (solver.AddJointTorqueLimit, limits.torque),
+    ):
+        bound = np.full(scene.plant.num_positions(), 1e6)
+        bound[scene.arm_indices] = limit
+        add(-bound, bound)
+    return solver.SolvePathParameterization().end_time()
 
 
 def posed(scene, motion):
@@ -93,48 +105,36 @@ def uses(scene, path, progress, grid, limits):
             yield np.max(np.abs(torque) / limits.torque)
 
 
-@pytest.mark.parametrize("name", NAMES)
-def test_an_arm_too_weak_to_hold_itself_cannot_move(pendulum, name):
+def test_an_arm_too_weak_to_hold_itself_cannot_move(pendulum):
     limits = MotionLimits.of_plant(pendulum).scaled(torque=0.6)  # 7.8 of 9.81 N m
     path, _ = rounded_path(np.array([[0.0, 0.0], [-0.2, 0.0]]), spans=8)
     grid = grid_of(path)
-    assert MakeTimeParameterization(name)(pendulum, path, limits, grid) is None
+    assert toppra_parameterization(pendulum, path, limits, grid) is None
 
 
-@pytest.mark.parametrize("name", NAMES)
-def test_joints_without_limits_do_not_slow_the_others(pendulum, name):
+def test_joints_without_limits_do_not_slow_the_others(pendulum):
     limits = MotionLimits.of_plant(pendulum)
     free = MotionLimits(
         np.array([2.0, np.inf]), np.array([10.0, np.inf]), np.full(2, np.inf)
     )
     path, _ = rounded_path(np.array([[0.0, 0.0], [0.8, 0.0]]), spans=8)
     grid = grid_of(path)
-    parameterize = MakeTimeParameterization(name)
-    fast = parameterize(pendulum, path, free, grid).end_time()
+    fast = toppra_parameterization(pendulum, path, free, grid).end_time()
     # 0.8 rad at 2 rad/s and 10 rad/s^2, from rest to rest; the grid costs a little.
     assert fast == pytest.approx(0.8 / 2.0 + 2.0 / 10.0, rel=0.05)
-    assert parameterize(pendulum, path, limits, grid).end_time() >= fast - 1e-6
-
-
-def test_another_name_is_refused():
-    with pytest.raises(ValueError, match="toppra or drake, got 'topp'"):
-        MakeTimeParameterization("topp")
+    limited = toppra_parameterization(pendulum, path, limits, grid)
+    assert limited.end_time() >= fast - 1e-6
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize(
-    ("scenario", "override", "imported"),
-    [
-        ("kitchen_fast", "planner.time_parameterization=toppra", True),
-        ("kitchen_fast", "planner.time_parameterization=drake", False),
-        ("gripper_bench", "random_seed=0", False),
-    ],
+    ("scenario", "imported"), [("kitchen_fast", True), ("gripper_bench", False)]
 )
-def test_toppra_is_imported_while_the_cell_is_built(scenario, override, imported):
+def test_toppra_is_imported_while_the_cell_is_built(scenario, imported):
     code = f"""
 import sys
 from drake_srg import MakeCell, load_scenario
-cell = MakeCell(load_scenario({scenario!r}, overrides=[{override!r}]))
+cell = MakeCell(load_scenario({scenario!r}))
 print("toppra" in sys.modules)
 assert "matplotlib.axes" not in sys.modules, "toppra only draws on request"
 assert "scipy" not in sys.modules, "toppra only interpolates on request"
@@ -183,8 +183,8 @@ def test_toppra_still_finds_scipy_for_its_own_paths_and_solvers():
     code = """
 import sys
 import numpy as np
-from drake_srg.planning.motion.time_parameterization import MakeTimeParameterization
-MakeTimeParameterization("toppra")
+from drake_srg.planning.motion.time_parameterization import load_toppra
+load_toppra()
 import toppra
 from toppra.solverwrapper import ecos_solverwrapper
 assert "scipy" not in sys.modules

@@ -1,6 +1,5 @@
 from __future__ import annotations
 
-import functools
 import itertools
 
 import numpy as np
@@ -17,7 +16,6 @@ from drake_srg.planning.motion.inverse_kinematics import (
 from drake_srg.planning.motion.limits import MotionLimits
 from drake_srg.planning.motion.paths import plan_cartesian_path, plan_joint_path
 from drake_srg.planning.motion.planning_scene import PlanningFailure
-from drake_srg.planning.motion.time_parameterization import MakeTimeParameterization
 from drake_srg.planning.motion.trajectories import time_optimal_trajectory
 from drake_srg.types import Box, Failure
 
@@ -29,13 +27,6 @@ TORQUE_SLACK = 0.02
 RAMP = 0.04
 
 unit = st.floats(-1.0, 1.0)
-
-
-@pytest.fixture(scope="module", params=["toppra", "drake"])
-def timed(request):
-    """Return `time_optimal_trajectory` with each time parameterization."""
-    parameterize = MakeTimeParameterization(request.param)
-    return functools.partial(time_optimal_trajectory, parameterize=parameterize)
 
 
 def free_postures(scene, values):
@@ -99,12 +90,12 @@ def assert_within(scene, trajectory, limits):
 @settings(max_examples=25, deadline=None)
 @given(st.lists(unit, min_size=14, max_size=14))
 def test_straight_lines_keep_the_limits_and_take_little_longer_than_a_trapezoid(
-    timed, iiwa, values
+    iiwa, values
 ):
     q_1, q_2 = free_postures(iiwa, values)
     assume(np.max(np.abs(q_2 - q_1)) > 0.05)
     limits = MotionLimits.of_plant(iiwa)
-    trajectory = timed(iiwa, np.array([q_1, q_2]), limits, ramp=RAMP)
+    trajectory = time_optimal_trajectory(iiwa, np.array([q_1, q_2]), limits)
     assert_within(iiwa, trajectory, limits)
     _, q, _, _ = sampled(trajectory)
     np.testing.assert_allclose(q[[0, -1]], [q_1, q_2], atol=1e-12)
@@ -120,13 +111,13 @@ def test_straight_lines_keep_the_limits_and_take_little_longer_than_a_trapezoid(
 @settings(max_examples=15, deadline=None)
 @given(st.lists(unit, min_size=28, max_size=28), st.sampled_from([0.02, 0.2]))
 def test_polylines_keep_the_limits_stay_near_and_are_no_slower_than_stopping(
-    timed, iiwa, values, rounding
+    iiwa, values, rounding
 ):
     waypoints = free_postures(iiwa, values)
     edges = list(itertools.pairwise(waypoints))
     assume(all(iiwa.is_edge_free(*edge) for edge in edges))
     limits = MotionLimits.of_plant(iiwa)
-    trajectory = timed(iiwa, waypoints, limits, rounding=rounding)
+    trajectory = time_optimal_trajectory(iiwa, waypoints, limits, rounding=rounding)
     assert_within(iiwa, trajectory, limits)
     _, q, _, _ = sampled(trajectory)
     np.testing.assert_allclose(q[[0, -1]], waypoints[[0, -1]], atol=1e-12)
@@ -147,7 +138,7 @@ def distance_to_segment(q, q_1, q_2):
     return np.linalg.norm(q - q_1 - share[:, None] * way, axis=1)
 
 
-def test_a_way_around_a_wall_stays_free_when_rounded(timed, iiwa, home):
+def test_a_way_around_a_wall_stays_free_when_rounded(iiwa, home):
     down = np.array([[0.0, 0.0, 1.0], [0.0, 1.0, 0.0], [-1.0, 0.0, 0.0]])
     left, right = (
         solve_inverse_kinematics(
@@ -160,8 +151,8 @@ def test_a_way_around_a_wall_stays_free_when_rounded(timed, iiwa, home):
     limits = MotionLimits.of_plant(iiwa)
     with iiwa.standing(Box((0.3, 0.03, 0.5)), RigidTransform([0.6, 0.0, 0.25])):
         path = plan_joint_path(iiwa, left, right)
-        trajectory = timed(iiwa, path, limits)
-        again = timed(iiwa, path, limits)
+        trajectory = time_optimal_trajectory(iiwa, path, limits)
+        again = time_optimal_trajectory(iiwa, path, limits)
         _, q, _, _ = sampled(trajectory)
         # The margin may be broken by 1 mm, and by another 1 mm between checks.
         assert min(iiwa.clearance(x).spare for x in q) >= -0.002
@@ -172,12 +163,12 @@ def test_a_way_around_a_wall_stays_free_when_rounded(timed, iiwa, home):
         np.testing.assert_array_equal(first, second)
 
 
-def test_a_timed_line_of_the_hand_stays_a_line(timed, iiwa, home):
+def test_a_timed_line_of_the_hand_stays_a_line(iiwa, home):
     X_start = iiwa.X_WG(home)
     target = HandTarget.from_pose(X_start).shifted(np.array([0.1, 0.05, -0.1]))
     path = plan_cartesian_path(iiwa, home, target)
     limits = MotionLimits.of_plant(iiwa).scaled(acceleration=0.5)
-    trajectory = timed(iiwa, path, limits, rounding=1e-3)
+    trajectory = time_optimal_trajectory(iiwa, path, limits, rounding=1e-3)
     way = target.p_WT - X_start.translation()
     way /= np.linalg.norm(way)
     for q in sampled(trajectory, 100)[1]:
@@ -187,7 +178,7 @@ def test_a_timed_line_of_the_hand_stays_a_line(timed, iiwa, home):
     assert_within(iiwa, trajectory, limits)
 
 
-def test_a_motion_leaves_each_line_by_as_much_as_is_allowed_there(timed, iiwa, home):
+def test_a_motion_leaves_each_line_by_as_much_as_is_allowed_there(iiwa, home):
     aside, up = np.zeros(7), np.zeros(7)
     aside[0], up[1] = 0.6, -0.6
     corner = home + aside
@@ -196,7 +187,9 @@ def test_a_motion_leaves_each_line_by_as_much_as_is_allowed_there(timed, iiwa, h
 
     def deviation(rounding):
         """Return how far the motion is from the corner, and from the first line."""
-        _, q, _, _ = sampled(timed(iiwa, waypoints, limits, rounding=rounding))
+        _, q, _, _ = sampled(
+            time_optimal_trajectory(iiwa, waypoints, limits, rounding=rounding)
+        )
         first = q[q[:, 0] < waypoints[1, 0]]
         off_corner = np.min(np.linalg.norm(q - corner, axis=1))
         return off_corner, np.max(np.abs(first[:, 1] - home[1]))
@@ -207,21 +200,19 @@ def test_a_motion_leaves_each_line_by_as_much_as_is_allowed_there(timed, iiwa, h
     assert deviation(np.full(4, 0.02))[0] < held[0]
 
 
-def test_jerk_falls_with_the_ramp(timed, iiwa, home):
-    waypoints = np.array([home, home + 0.5])
+def test_a_ramp_limits_the_jerk(iiwa, home):
     limits = MotionLimits.of_plant(iiwa)
-    for ramp in (0.02, 0.1):
-        trajectory = timed(iiwa, waypoints, limits, ramp=ramp)
-        times, _, _, a = sampled(trajectory)
-        jerk = np.abs(np.diff(a, axis=0)) / np.diff(times)[:, None]
-        # At worst, acceleration goes from one limit to the other within a ramp. The
-        # motion is divided into a whole number of ramps, which may be shorter.
-        assert np.all(jerk <= 2.5 * limits.acceleration / ramp)
+    waypoints = np.array([home, home + 0.5])
+    times, _, _, a = sampled(time_optimal_trajectory(iiwa, waypoints, limits))
+    jerk = np.abs(np.diff(a, axis=0)) / np.diff(times)[:, None]
+    # At worst, acceleration goes from one limit to the other within a ramp. The motion
+    # is divided into a whole number of ramps, which may be shorter.
+    assert np.all(jerk <= 2.5 * limits.acceleration / RAMP)
 
 
-def test_standing_still_takes_no_more_than_two_ramps(timed, iiwa, home):
-    trajectory = timed(
-        iiwa, np.array([home, home]), MotionLimits.of_plant(iiwa), ramp=RAMP
+def test_standing_still_takes_no_more_than_two_ramps(iiwa, home):
+    trajectory = time_optimal_trajectory(
+        iiwa, np.array([home, home]), MotionLimits.of_plant(iiwa)
     )
     assert trajectory.end_time() == pytest.approx(2 * RAMP)
     _, q, v, _ = sampled(trajectory, 5)
@@ -236,38 +227,44 @@ def test_limits_are_those_of_the_model(pendulum):
     np.testing.assert_allclose(limits.torque, [13.0, 13.0])
 
 
-def test_the_torque_limit_slows_an_arm_that_lifts_a_weight(timed, pendulum):
+def test_the_torque_limit_slows_an_arm_that_lifts_a_weight(pendulum):
     # Level, 2 kg at 0.5 m take 9.81 N m to hold; of 13 N m, 3.2 are left to lift.
     # About y, a negative angle is up.
     waypoints = np.array([[0.0, 0.0], [-0.4, 0.0]])
     limits = MotionLimits.of_plant(pendulum)
     strong = MotionLimits(limits.velocity, limits.acceleration, np.full(2, 1e3))
-    lifting = timed(pendulum, waypoints, limits)
-    unlimited = timed(pendulum, waypoints, strong)
+    lifting = time_optimal_trajectory(pendulum, waypoints, limits)
+    unlimited = time_optimal_trajectory(pendulum, waypoints, strong)
     assert lifting.end_time() > unlimited.end_time() + 0.02
     assert_within(pendulum, lifting, limits)
     _, q, v, a = sampled(unlimited)
     assert np.max(np.abs(torques_of(pendulum, q, v, a))) > 1.05 * 13.0
 
 
-def test_a_weight_too_heavy_to_hold_is_out_of_reach(timed, pendulum):
+def test_a_weight_too_heavy_to_hold_is_out_of_reach(pendulum):
     limits = MotionLimits.of_plant(pendulum).scaled(torque=0.6)  # 7.8 of 9.81 N m
-    failure = timed(pendulum, np.array([[0.0, 0.0], [-0.2, 0.0]]), limits)
+    failure = time_optimal_trajectory(
+        pendulum, np.array([[0.0, 0.0], [-0.2, 0.0]]), limits
+    )
     assert isinstance(failure, PlanningFailure)
     assert failure.failure is Failure.OUT_OF_REACH
     assert "torque" in failure.message
 
 
-def test_a_payload_slows_the_arm_and_can_be_too_heavy(timed, pendulum, loaded_pendulum):
+def test_a_payload_slows_the_arm_and_can_be_too_heavy(pendulum, loaded_pendulum):
     waypoints = np.array([[0.0, 0.0], [-0.4, 0.0]])
     limits = MotionLimits.of_plant(pendulum)
-    bare = timed(pendulum, waypoints, limits)
-    loaded = timed(loaded_pendulum, waypoints, limits)
+    bare = time_optimal_trajectory(pendulum, waypoints, limits)
+    loaded = time_optimal_trajectory(loaded_pendulum, waypoints, limits)
     assert loaded.end_time() > bare.end_time() + 0.02
     # 12.26 N m to hold 2.5 kg, 9.81 N m to hold 2 kg.
     weak = limits.scaled(torque=12.0 / 13.0)
-    assert not isinstance(timed(pendulum, waypoints, weak), PlanningFailure)
-    assert isinstance(timed(loaded_pendulum, waypoints, weak), PlanningFailure)
+    assert not isinstance(
+        time_optimal_trajectory(pendulum, waypoints, weak), PlanningFailure
+    )
+    assert isinstance(
+        time_optimal_trajectory(loaded_pendulum, waypoints, weak), PlanningFailure
+    )
 
 
 @pytest.mark.parametrize(
@@ -277,9 +274,8 @@ def test_a_payload_slows_the_arm_and_can_be_too_heavy(timed, pendulum, loaded_pe
         (np.zeros((2, 6)), {}, "shape"),
         (np.zeros((2, 7)), {"rounding": 0.0}, "positive"),
         (np.zeros((2, 7)), {"rounding": np.array([0.1, -0.1])}, "positive"),
-        (np.zeros((2, 7)), {"ramp": -0.1}, "positive"),
     ],
 )
-def test_invalid_arguments_are_refused(timed, iiwa, waypoints, changes, message):
+def test_invalid_arguments_are_refused(iiwa, waypoints, changes, message):
     with pytest.raises(ValueError, match=message):
-        timed(iiwa, waypoints, MotionLimits.of_plant(iiwa), **changes)
+        time_optimal_trajectory(iiwa, waypoints, MotionLimits.of_plant(iiwa), **changes)
