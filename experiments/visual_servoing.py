@@ -118,7 +118,7 @@ class GraspWatch:
         """Return the end of the trial once the grasp is over, by the planner's mode."""
         if mode is Mode.CLOSE and self._previous is not Mode.CLOSE:
             arm, p_GO_planned = _hand()
-            q = self._state.Eval(self._context)[: arm.n]
+            q = self._state.Eval(self._context)[: arm.num_joints]
             self._off = arm.X_WG(q).inverse() @ self._p_WO() - p_GO_planned
         self._previous = mode
         if mode not in _OVER:

@@ -22,6 +22,7 @@ from drake_srg.planning.pick_and_place.modes import task_modes as task_modes
 from drake_srg.planning.pick_and_place.planner import (
     PickAndPlacePlanner as PickAndPlacePlanner,
 )
+from drake_srg.planning.pick_and_place.sightings import PickTask as PickTask
 from drake_srg.planning.pick_and_place.task_motions import TaskPlanner as TaskPlanner
 from drake_srg.planning.planner_machine import PickAndPlace as PickAndPlace
 from drake_srg.planning.planner_machine import PlannerConfig as PlannerConfig

@@ -43,7 +43,12 @@ from drake_srg.planning.motion.arm_pair import ArmPair, PairedArm
 from drake_srg.planning.motion.moves import Moves
 from drake_srg.planning.motion.planning_scene import PlanningScene
 from drake_srg.planning.pick_and_place.planner import PickAndPlacePlanner
-from drake_srg.planning.pick_and_place.sightings import lean, set_down_at, standing_at
+from drake_srg.planning.pick_and_place.sightings import (
+    PickTask,
+    lean,
+    set_down_at,
+    standing_at,
+)
 from drake_srg.planning.pick_and_place.task_motions import TaskPlanner
 from drake_srg.planning.planner_machine import PlannerConfig
 from drake_srg.scenario.schema import (
@@ -230,16 +235,23 @@ def MakePlanner(scenario: Scenario, **own: Any) -> PickAndPlacePlanner:
         own: Arguments of `PickAndPlacePlanner` in place of the scenario's, such as
             `make_modes` and `transition`.
     """
-    return PickAndPlacePlanner(**{**planner_arguments(scenario), **own})
+    arguments = {
+        "task_planner": MakeTaskPlanner(scenario),
+        "task": pick_task(scenario),
+        "config": scenario.planner,
+    }
+    return PickAndPlacePlanner(**{**arguments, **own})
 
 
 def MakeInsertionPlanner(scenario: Scenario) -> InsertionPlanner:
     """Make the planner that inserts the peg of a scenario's task."""
-    return InsertionPlanner(**planner_arguments(scenario))
+    config = scenario.planner
+    assert isinstance(config, Insert)
+    return InsertionPlanner(MakeTaskPlanner(scenario), pick_task(scenario), config)
 
 
-def planner_arguments(scenario: Scenario) -> dict[str, Any]:
-    """Return the arguments of a scenario's `PickAndPlacePlanner` by name."""
+def pick_task(scenario: Scenario) -> PickTask:
+    """Return what a scenario's planner takes, and where it puts it."""
     name, place = scenario.task.pick, scenario.task.place
     config = scenario.objects[name]
     shape = planned_solid(name, config)
@@ -249,20 +261,13 @@ def planner_arguments(scenario: Scenario) -> dict[str, Any]:
             "no single cylinder, box or sphere, to be localized and planned with"
         )
     shape = shape or object_shape(name, config)
-    return {
-        "task_planner": MakeTaskPlanner(scenario),
-        "object_name": name,
-        "shape": shape,
-        "goal": goal_pose(scenario, shape),
-        "tolerance": place.tolerance,
-        "obstacles": {
-            other: known
-            for other, config in scenario.objects.items()
-            if other != name and (known := planned_solid(other, config)) is not None
-        },
-        "repeat": scenario.task.repeat,
-        "config": scenario.planner,
+    obstacles = {
+        other: known
+        for other, config in scenario.objects.items()
+        if other != name and (known := planned_solid(other, config)) is not None
     }
+    goal, repeat = goal_pose(scenario, shape), scenario.task.repeat
+    return PickTask(name, shape, goal, place.tolerance, obstacles, repeat)
 
 
 def MakeScriptedPlanner(scenario: Scenario) -> System:
@@ -368,13 +373,13 @@ def MakeHandoverPlanner(scenario: Scenario) -> HandoverPlanner:
     giver, receiver = arms[config.giver], arms[config.receiver]
     plans = MakeTaskPlanner(scenario, giver)
     receives = MakeTaskPlanner(scenario, receiver)
-    arguments = planner_arguments(scenario)
-    if not isinstance(arguments["shape"], Cylinder):
+    task = pick_task(scenario)
+    if not isinstance(task.shape, Cylinder):
         raise ScenarioError(
             f"objects.{scenario.task.pick}: must be a cylinder to be handed over, got "
-            f"{arguments['shape']}"
+            f"{task.shape}"
         )
-    arguments["task_planner"] = HandoverTaskPlanner(
+    motions = HandoverTaskPlanner(
         plans.scene,
         GivingHand(plans.hand),
         plans.q_home,
@@ -382,7 +387,7 @@ def MakeHandoverPlanner(scenario: Scenario) -> HandoverPlanner:
         receives,
         _pair((giver, receiver), (plans, receives)),
     )
-    return HandoverPlanner(**arguments)
+    return HandoverPlanner(motions, task, config)
 
 
 def MakeCarryPlanner(scenario: Scenario) -> CarryPlanner:
@@ -396,8 +401,8 @@ def MakeCarryPlanner(scenario: Scenario) -> CarryPlanner:
     by_name = {arm.name: arm for arm in robot_arms(scenario)}
     arms = by_name[config.first], by_name[config.second]
     plans = MakeTaskPlanner(scenario, arms[0]), MakeTaskPlanner(scenario, arms[1])
-    arguments = planner_arguments(scenario)
-    shape, hand = arguments["shape"], plans[0].hand
+    task = pick_task(scenario)
+    shape, hand = task.shape, plans[0].hand
     walls = end_walls(shape)
     if walls is None:
         raise ScenarioError(
@@ -420,8 +425,8 @@ def MakeCarryPlanner(scenario: Scenario) -> CarryPlanner:
             f"with planner: !CarryTogether, got {1e3 * narrow:.0f} mm (use "
             "!PickAndPlace)"
         )
-    arguments["task_planner"] = CarryTaskPlanner(plans, _pair(arms, plans), config)
-    return CarryPlanner(**arguments)
+    motions = CarryTaskPlanner(plans, _pair(arms, plans), config)
+    return CarryPlanner(motions, task, config)
 
 
 def _pair(

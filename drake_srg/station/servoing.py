@@ -33,7 +33,7 @@ from drake_srg.planning.servoing.visual_servo import (
 )
 from drake_srg.scenario import Scenario, servo_of
 from drake_srg.station.perception import blob_targets
-from drake_srg.station.planners import MakeHand, planner_arguments
+from drake_srg.station.planners import MakeHand, MakeTaskPlanner, pick_task
 from drake_srg.station.plant import MakeModelsPlant, Models
 from drake_srg.station.station import MakeStation
 from drake_srg.vision.blob_localizer import BlobTarget
@@ -249,11 +249,7 @@ def MakeServoTaskPlanner(scenario: Scenario) -> ServoingPlanner:
     """Make the planner of a scenario with a visual servo, whose servo is elsewhere."""
     config = scenario.planner
     assert isinstance(config, Servoing)
-    return ServoingPlanner(
-        **planner_arguments(scenario),
-        time_limit=config.servo.time_limit,
-        window=config.window,
-    )
+    return ServoingPlanner(MakeTaskPlanner(scenario), pick_task(scenario), config)
 
 
 def ConnectHandCamera(

@@ -2,15 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-
 import numpy as np
 from pydrake.common.value import AbstractValue
-from pydrake.math import RigidTransform
 from pydrake.systems.framework import Context
 from pydrake.trajectories import PiecewisePolynomial
 
-from drake_srg.common.geometry import Solid
 from drake_srg.planning.carrying.config import CarryMode, CarryTogether
 from drake_srg.planning.carrying.motions import CarryTaskPlanner, PairGrasp
 from drake_srg.planning.grasps.grasps import Grasp
@@ -31,7 +27,7 @@ from drake_srg.planning.pick_and_place.modes import (
     task_modes,
 )
 from drake_srg.planning.pick_and_place.replanning import Replanner
-from drake_srg.planning.pick_and_place.sightings import Sightings, View
+from drake_srg.planning.pick_and_place.sightings import PickTask, Sightings, View
 from drake_srg.planning.pick_and_place.task_motions import Obstacles, TaskMotions
 from drake_srg.planning.planner_machine import (
     Observation,
@@ -78,11 +74,9 @@ class CarryReplanner(Replanner):
         self,
         task_planner: CarryTaskPlanner,
         sightings: Sightings,
-        goal: RigidTransform,
-        tolerance: float,
         config: CarryTogether,
     ) -> None:
-        super().__init__(task_planner, sightings, goal, tolerance, config)
+        super().__init__(task_planner, sightings, config)
         self._both = task_planner
 
     def regrasp(self, memory: PlannerMemory, q: Vector, time: float) -> None:
@@ -118,26 +112,22 @@ class Settle(Carrying):
     """
 
     mode = CarryMode.SETTLE
-
-    def __init__(
-        self, config: CarryTogether, replanner: CarryReplanner, repeat: int
-    ) -> None:
-        super().__init__(config, replanner, repeat)
-        self._time, self._replanner = config.settle_time, replanner
+    config: CarryTogether
+    replanner: CarryReplanner
 
     def enter(self, memory: PlannerMemory, entry: Entry) -> PlannerMemory:
         """Go there, and plan the rest."""
         memory = super().enter(memory, entry)
         q_from, q = memory.motion.position(entry.time), entry.senses.q
         there = PiecewisePolynomial.CubicWithContinuousSecondDerivatives(
-            [0.0, self._time],
+            [0.0, self.config.settle_time],
             np.column_stack([q_from, q]),
             np.zeros(len(q)),
             np.zeros(len(q)),
         )
         # Plan from where the motion ends.
         memory.motion = Motion(q.copy())
-        self._replanner.regrasp(memory, q, entry.time)
+        self.replanner.regrasp(memory, q, entry.time)
         memory.motion = Motion(q_from).followed_by(there, entry.time)
         return memory
 
@@ -156,10 +146,11 @@ class Settle(Carrying):
 class SetDown(Place):
     """Sets the object down, and lets arms that yield come to rest with it."""
 
+    config: CarryTogether
+
     @property
     def wait(self) -> float:
         """Time for that [s]."""
-        assert isinstance(self.config, CarryTogether)
         return self.config.settle_time
 
 
@@ -173,11 +164,9 @@ def carry_modes(
         replanner: Plans from what is seen.
         repeat: How many cycles the task has.
     """
-    modes = task_modes(config, replanner, repeat)
     return {
-        **modes,
-        CarryMode.SETTLE: Settle(config, replanner, repeat),
-        Mode.PLACE: SetDown(config, replanner, repeat),
+        **task_modes(config, replanner, repeat),
+        **{kind.mode: kind(config, replanner, repeat) for kind in (Settle, SetDown)},
     }
 
 
@@ -216,42 +205,26 @@ class CarryPlanner(PlannerMachine[PlannerMemory, Senses]):
 
     Args:
         task_planner: Plans the motions of both.
-        object_name: Name of the blobs of the object to take.
-        shape: The object's known shape, with end walls.
-        goal: Where the object must go, X_WO [m].
-        tolerance: Distance from the goal that counts as placed [m].
-        obstacles: Names and shapes of the other objects.
-        repeat: How many cycles.
+        task: The task, with an object that has end walls.
         config: Times and limits.
     """
 
     def __init__(
-        self,
-        task_planner: CarryTaskPlanner,
-        object_name: str,
-        shape: Solid,
-        goal: RigidTransform,
-        config: CarryTogether,
-        tolerance: float = 0.005,
-        obstacles: Mapping[str, Solid] | None = None,
-        repeat: int = 1,
+        self, task_planner: CarryTaskPlanner, task: PickTask, config: CarryTogether
     ) -> None:
-        hand, others = task_planner.hand, dict(obstacles or {})
-        sightings = LargeSightings(object_name, shape, others, hand.upright_within)
-        replanner = CarryReplanner(task_planner, sightings, goal, tolerance, config)
+        hand = task_planner.hand
+        sightings = LargeSightings(task, hand.upright_within)
+        replanner = CarryReplanner(task_planner, sightings, config)
         self._names = (config.first, config.second)
         super().__init__(
-            carry_modes(config, replanner, repeat),
+            carry_modes(config, replanner, task.repeat),
             memory=PlannerMemory(Motion(q_rest=task_planner.q_home)),
             transition=carry_transition,
             config=config,
             arms=self._names,
             together=True,
         )
-        self.config = config
-        self.goal = goal
-        self.tolerance = tolerance
-        self.obstacles = others
+        self.task, self.config = task, config
         self._blobs = self.DeclareAbstractInputPort(
             name="blobs", model_value=AbstractValue.Make([])
         )

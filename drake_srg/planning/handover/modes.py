@@ -7,7 +7,6 @@ transfer on, the receiver does. These are the modes in between.
 from __future__ import annotations
 
 import dataclasses as dc
-from typing import Any
 
 import numpy as np
 from pydrake.trajectories import Trajectory
@@ -34,13 +33,15 @@ from drake_srg.planning.pick_and_place.modes import (
     Idle,
     Moving,
     Now,
+    Place,
     Release,
     Retreat,
     TaskMode,
+    Transfer,
     task_modes,
 )
 from drake_srg.planning.pick_and_place.replanning import Replanner
-from drake_srg.planning.pick_and_place.sightings import View
+from drake_srg.planning.pick_and_place.sightings import Sightings, View
 from drake_srg.planning.planner_machine import Observation
 from drake_srg.types import AnyMode, Failure, Mode, Vector
 
@@ -52,14 +53,21 @@ class HandoverReplanner(Replanner):
 
     Args:
         planner: Plans the motions of both.
+        sightings: Reads blobs, for a task.
+        config: Times and distances.
         receiver: Whether it plans the receiver's motions.
-        own: The arguments of `Replanner`.
     """
 
     def __init__(
-        self, planner: HandoverTaskPlanner, own: tuple[Any, ...], *, receiver: bool
+        self,
+        planner: HandoverTaskPlanner,
+        sightings: Sightings,
+        config: Handover,
+        *,
+        receiver: bool,
     ) -> None:
-        super().__init__(planner.receiver if receiver else planner, *own)
+        super().__init__(planner.receiver if receiver else planner, sightings, config)
+        self.both = planner
         self._beside = planner.receiver_beside if receiver else planner.giver_beside
 
     def correct(self, view: View, memory: PlannerMemory, time: float) -> None:
@@ -219,21 +227,13 @@ class Pull(_ReceiversTurn, Carrying):
     """Pulls the object gently out of the giver's hand, until the giver feels it."""
 
     mode = HandoverMode.PULL
-
-    def __init__(
-        self,
-        config: Handover,
-        replanner: Replanner,
-        repeat: int,
-        planner: HandoverTaskPlanner,
-    ) -> None:
-        super().__init__(config, replanner, repeat)
-        self._handover, self._planner = config, planner
+    config: Handover
+    replanner: HandoverReplanner
 
     @property
     def wait(self) -> float:
         """Time for the end of the pull to be felt [s]."""
-        return 3.0 * self._handover.pull_time
+        return 3.0 * self.config.pull_time
 
     def enter(self, memory: PlannerMemory, entry: Entry) -> PlannerMemory:
         """Record the giver's torques before the pull."""
@@ -249,9 +249,9 @@ class Pull(_ReceiversTurn, Carrying):
         memory = super().update(memory, now)
         mine, giver = memory_of(memory), _senses_of_other(now.senses)
         assert giver.external_torque is not None
-        share = min(self.config.period / self._handover.pull_time, 1.0)
+        share = min(self.config.period / self.config.pull_time, 1.0)
         mine.torque = mine.torque + share * (giver.external_torque - mine.torque)
-        if not mine.taken and self.felt(mine, giver.q) >= self._handover.pull_force:
+        if not mine.taken and self.felt(mine, giver.q) >= self.config.pull_force:
             mine.taken = True
             mine.motion = mine.motion.stopped(now.time)
         return mine
@@ -264,10 +264,10 @@ class Pull(_ReceiversTurn, Carrying):
             q: The giver's posture, shape (N,) [rad].
         """
         torque = memory.torque - memory.torque_before
-        jacobian = self._planner.scene.jacobian(q)
+        jacobian = self.replanner.both.scene.jacobian(q)
         # Torques of a wrench at the hand: tau = J' F.
         wrench, *_ = np.linalg.lstsq(jacobian.T, torque, rcond=None)
-        return float(wrench[3:] @ -_UP)
+        return float(wrench[:3] @ -_UP)
 
     def observe_mode(self, memory: PlannerMemory, now: Now) -> Observation:
         """Report that the giver has felt the pull, or that it is over."""
@@ -323,16 +323,7 @@ class Secure(_ReceiversTurn, Carrying):
     """Moves the object, in the receiver's hand alone, back to the start of the pull."""
 
     mode = HandoverMode.SECURE
-
-    def __init__(
-        self,
-        config: Handover,
-        replanner: Replanner,
-        repeat: int,
-        planner: HandoverTaskPlanner,
-    ) -> None:
-        super().__init__(config, replanner, repeat)
-        self._planner = planner
+    replanner: HandoverReplanner
 
     @property
     def wait(self) -> float:
@@ -345,7 +336,7 @@ class Secure(_ReceiversTurn, Carrying):
         mine = memory_of(memory)
         plan, rest = mine.other.attempt.planned, mine.motion.ended(entry.time)
         assert isinstance(plan, HandoverMotions)
-        back = self._planner.back(rest.destination, plan)
+        back = self.replanner.both.back(rest.destination, plan)
         if isinstance(back, PlanningFailure):
             mine.attempt.trapped = True
             mine.trouble.failure, mine.trouble.message = back.failure, back.message
@@ -393,10 +384,7 @@ class HomeReceived(Home):
     """Moves the receiver home, and looks whether the object is on its goal."""
 
     mode = Mode.HOME
-
-    def __init__(self, config: Handover, replanner: Replanner, repeat: int) -> None:
-        super().__init__(config, replanner, repeat)
-        self._max_takes = config.max_takes
+    config: Handover
 
     def look(self, memory: PlannerMemory, now: Now) -> None:
         """Look only if the object has been taken: the giver may still hold it."""
@@ -410,37 +398,32 @@ class HomeReceived(Home):
             return super().observe_arrived(mine, now)
         if not other_holds(mine, now.senses):
             return Observation(arrived=True, stuck=True)
-        if mine.takes < self._max_takes:
+        if mine.takes < self.config.max_takes:
             return Observation(arrived=True, moved=True)
         return Observation(arrived=True, failure=Failure.NOT_TAKEN)
 
 
 def handover_modes(
     config: Handover,
-    planner: HandoverTaskPlanner,
-    giver: Replanner,
-    receiver: Replanner,
+    giver: HandoverReplanner,
+    receiver: HandoverReplanner,
     repeat: int,
 ) -> dict[AnyMode, TaskMode]:
     """Return the actions of each mode.
 
     Args:
         config: Times, forces and limits.
-        planner: Plans the motions of both.
         giver: Plans the giver's motions from sightings.
         receiver: Plans the receiver's motions.
         repeat: Number of cycles.
     """
     givers = (Begin, Carry, Present, LetGo, Withdraw, Clear)
-    receivers = (Approach, Reach, Take, Raise, ReleaseReceived)
-    late = task_modes(config, receiver, repeat)
-    later = (Mode.TRANSFER, Mode.PLACE, Mode.RETREAT)
+    receivers = (
+        *(Approach, Reach, Take, Pull, Secure, Raise),
+        *(Transfer, Place, ReleaseReceived, Retreat, HomeReceived),
+    )
     return {
         **task_modes(config, giver, repeat),
-        **{mode: late[mode] for mode in later},
         **{kind.mode: kind(config, giver, repeat) for kind in givers},
         **{kind.mode: kind(config, receiver, repeat) for kind in receivers},
-        HandoverMode.PULL: Pull(config, receiver, repeat, planner),
-        HandoverMode.SECURE: Secure(config, receiver, repeat, planner),
-        Mode.HOME: HomeReceived(config, receiver, repeat),
     }

@@ -2,13 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-
 from pydrake.common.value import AbstractValue
-from pydrake.math import RigidTransform
 from pydrake.systems.framework import Context
 
-from drake_srg.common.geometry import Solid
 from drake_srg.planning.handover.config import (
     Handover,
     HandoverMemory,
@@ -28,31 +24,11 @@ from drake_srg.planning.pick_and_place.knowledge import (
     TRANSITIONS,
     PlannerMemory,
     Senses,
+    carried,
 )
-from drake_srg.planning.pick_and_place.sightings import Sightings, View
-from drake_srg.planning.planner_machine import (
-    Condition,
-    Observation,
-    PlannerConfig,
-    PlannerMachine,
-    Table,
-    Transitions,
-)
-from drake_srg.types import AnyMode, Mode
-
-
-def _lost(o: Observation, t: float, c: PlannerConfig) -> bool:
-    return o.arrived and not o.holding
-
-
-def _arrived(o: Observation, t: float, c: PlannerConfig) -> bool:
-    return o.arrived
-
-
-def _carried(mode: AnyMode, lost: AnyMode) -> list[tuple[Condition, AnyMode]]:
-    """Return the row of a mode with one successor, unless the object is lost."""
-    return [(_lost, lost), (_arrived, mode)]
-
+from drake_srg.planning.pick_and_place.sightings import PickTask, Sightings, View
+from drake_srg.planning.planner_machine import PlannerMachine, Table, Transitions
+from drake_srg.types import Mode
 
 HANDOVER_TRANSITIONS: Table = {
     **TRANSITIONS,
@@ -66,12 +42,12 @@ HANDOVER_TRANSITIONS: Table = {
         (lambda o, t, c: not o.holding, HandoverMode.LET_GO),
         (lambda o, t, c: t >= max(c.verify_time, c.grip_wait), Mode.LIFT),
     ],
-    Mode.LIFT: _carried(HandoverMode.CARRY, HandoverMode.LET_GO),
-    HandoverMode.CARRY: _carried(HandoverMode.PRESENT, HandoverMode.LET_GO),
-    HandoverMode.PRESENT: _carried(HandoverMode.APPROACH, HandoverMode.LET_GO),
+    Mode.LIFT: carried(HandoverMode.CARRY, HandoverMode.LET_GO),
+    HandoverMode.CARRY: carried(HandoverMode.PRESENT, HandoverMode.LET_GO),
+    HandoverMode.PRESENT: carried(HandoverMode.APPROACH, HandoverMode.LET_GO),
     # The receiver.
-    HandoverMode.APPROACH: _carried(HandoverMode.REACH, Mode.RELEASE),
-    HandoverMode.REACH: _carried(HandoverMode.TAKE, Mode.RELEASE),
+    HandoverMode.APPROACH: carried(HandoverMode.REACH),
+    HandoverMode.REACH: carried(HandoverMode.TAKE),
     HandoverMode.TAKE: [
         (
             lambda o, t, c: t >= c.gripper_reaction and o.holding and o.still,
@@ -82,7 +58,7 @@ HANDOVER_TRANSITIONS: Table = {
     ],
     HandoverMode.PULL: [
         (lambda o, t, c: o.arrived and o.ready, HandoverMode.LET_GO),
-        (_arrived, Mode.RELEASE),
+        (lambda o, t, c: o.arrived, Mode.RELEASE),
     ],
     # The giver.
     HandoverMode.LET_GO: [
@@ -96,7 +72,7 @@ HANDOVER_TRANSITIONS: Table = {
             HandoverMode.WITHDRAW,
         ),
     ],
-    HandoverMode.WITHDRAW: [(_arrived, HandoverMode.CLEAR)],
+    HandoverMode.WITHDRAW: [(lambda o, t, c: o.arrived, HandoverMode.CLEAR)],
     HandoverMode.CLEAR: [
         (lambda o, t, c: o.arrived and o.ready, HandoverMode.SECURE),
         *TRANSITIONS[Mode.HOME],
@@ -104,9 +80,9 @@ HANDOVER_TRANSITIONS: Table = {
     # The receiver, which then continues as in picking and placing.
     HandoverMode.SECURE: [
         (lambda o, t, c: o.failure is not None, Mode.FAILED),
-        *_carried(HandoverMode.RAISE, Mode.RELEASE),
+        *carried(HandoverMode.RAISE),
     ],
-    HandoverMode.RAISE: _carried(Mode.TRANSFER, Mode.RELEASE),
+    HandoverMode.RAISE: carried(Mode.TRANSFER),
     Mode.HOME: [
         (lambda o, t, c: o.arrived and o.stuck, HandoverMode.LET_GO),
         (lambda o, t, c: o.arrived and o.moved, HandoverMode.APPROACH),
@@ -154,31 +130,17 @@ class HandoverPlanner(PlannerMachine[PlannerMemory, Senses]):
 
     Args:
         task_planner: Plans the motions of both.
-        object_name: Name of the blobs of the object to take.
-        shape: The object's known shape, a cylinder.
-        goal: Goal of the object, X_WO [m].
-        tolerance: Distance from the goal that counts as placed [m].
-        obstacles: Names and shapes of the other objects.
-        repeat: Number of cycles.
+        task: The task, with a cylinder.
         config: Times, forces and limits.
     """
 
     def __init__(
-        self,
-        task_planner: HandoverTaskPlanner,
-        object_name: str,
-        shape: Solid,
-        goal: RigidTransform,
-        config: Handover,
-        tolerance: float = 0.005,
-        obstacles: Mapping[str, Solid] | None = None,
-        repeat: int = 1,
+        self, task_planner: HandoverTaskPlanner, task: PickTask, config: Handover
     ) -> None:
-        hand, others = task_planner.hand, dict(obstacles or {})
-        sightings = Sightings(object_name, shape, others, hand.upright_within)
-        own = (sightings, goal, tolerance, config)
+        hand = task_planner.hand
+        sightings = Sightings(task, hand.upright_within)
         giver, receiver = (
-            HandoverReplanner(task_planner, own, receiver=second)
+            HandoverReplanner(task_planner, sightings, config, receiver=second)
             for second in (False, True)
         )
         memory = HandoverMemory(
@@ -187,17 +149,14 @@ class HandoverPlanner(PlannerMachine[PlannerMemory, Senses]):
             arms=(config.giver, config.receiver),
         )
         super().__init__(
-            handover_modes(config, task_planner, giver, receiver, repeat),
+            handover_modes(config, giver, receiver, task.repeat),
             memory=memory,
             transition=handover_transition,
             config=config,
             arms=memory.arms,
         )
         self._names = {False: config.giver, True: config.receiver}
-        self.config = config
-        self.goal = goal
-        self.tolerance = tolerance
-        self.obstacles = others
+        self.task, self.config = task, config
         self._blobs = self.DeclareAbstractInputPort(
             name="blobs", model_value=AbstractValue.Make([])
         )

@@ -233,7 +233,7 @@ class ArmModel:
         return np.asarray(self._chain.speeds(path).max(axis=0) + change)
 
     def jacobian(self, q: Vector) -> Vector:
-        """Return the matrix from joint velocities to the hand's [w; v] in W, (6, N)."""
+        """Return the matrix from joint velocities to the hand's [v; w] in W, (6, N)."""
         self.plant.SetPositions(self.context, self.positions(q))
         world = self.plant.world_frame()
         J_W: Vector = self.plant.CalcJacobianSpatialVelocity(
@@ -244,7 +244,8 @@ class ArmModel:
             world,
             world,
         )[:, self.arm_indices]
-        return J_W
+        # Drake's spatial velocities begin with the angular one.
+        return np.vstack([J_W[3:], J_W[:3]])
 
     def X_WG(self, q: Vector) -> RigidTransform:
         """Return the hand's pose in the world [m] with the arm at `q`."""

@@ -17,6 +17,7 @@ from drake_srg.planning.pick_and_place.sightings import View
 from drake_srg.planning.pick_and_place.task_motions import Obstacles, TaskMotions
 from drake_srg.planning.planner_machine import (
     SLIP_CLOSING,
+    Condition,
     HandSenses,
     MotionMemory,
     PlannerConfig,
@@ -197,6 +198,21 @@ def watch_touch(memory: PlannerMemory, senses: Senses, config: PlannerConfig) ->
     memory.motion = Motion(senses.q.copy())
 
 
+def carried(
+    following: AnyMode, lost: AnyMode = Mode.RELEASE
+) -> list[tuple[Condition, AnyMode]]:
+    """Return the row of a mode with one successor, and another one for a lost object.
+
+    Args:
+        following: The mode that follows a motion with a held object.
+        lost: The one that follows if the hand has lost it.
+    """
+    return [
+        (lambda o, t, c: o.arrived and not o.holding, lost),
+        (lambda o, t, c: o.arrived, following),
+    ]
+
+
 TRANSITIONS: Table = {
     Mode.IDLE: [
         (lambda o, t, c: o.failure is not None, Mode.FAILED),
@@ -219,10 +235,7 @@ TRANSITIONS: Table = {
         (lambda o, t, c: not o.holding, Mode.RELEASE),
         (lambda o, t, c: t >= max(c.verify_time, c.grip_wait), Mode.LIFT),
     ],
-    Mode.LIFT: [
-        (lambda o, t, c: o.arrived and not o.holding, Mode.RELEASE),
-        (lambda o, t, c: o.arrived, Mode.TRANSFER),
-    ],
+    Mode.LIFT: carried(Mode.TRANSFER),
     Mode.TRANSFER: [
         (lambda o, t, c: o.arrived and not o.holding, Mode.RELEASE),
         (lambda o, t, c: o.arrived and o.failure is not None, Mode.FAILED),

@@ -4,10 +4,8 @@ from collections.abc import Callable, Mapping
 from typing import TypeAlias
 
 from pydrake.common.value import AbstractValue
-from pydrake.math import RigidTransform
 from pydrake.systems.framework import Context
 
-from drake_srg.common.geometry import Solid
 from drake_srg.planning.motion.arm_motion import Motion
 from drake_srg.planning.pick_and_place.knowledge import (
     PlannerMemory,
@@ -16,7 +14,7 @@ from drake_srg.planning.pick_and_place.knowledge import (
 )
 from drake_srg.planning.pick_and_place.modes import TaskMode, task_modes
 from drake_srg.planning.pick_and_place.replanning import Replanner
-from drake_srg.planning.pick_and_place.sightings import Sightings, View
+from drake_srg.planning.pick_and_place.sightings import PickTask, Sightings, View
 from drake_srg.planning.pick_and_place.task_motions import TaskPlanner
 from drake_srg.planning.planner_machine import (
     Observation,
@@ -75,17 +73,11 @@ class PickAndPlacePlanner(PlannerMachine[PlannerMemory, Senses]):
     `config.look_before_place`, it looks when the object is above its goal, and corrects
     its placing by the object's pose in the hand.
 
-    `config`, `goal`, `tolerance` and `obstacles` can be read from the system.
+    `task` and `config` can be read from the system.
 
     Args:
         task_planner: Plans the motions.
-        object_name: Name of the blobs of the object to take.
-        shape: The object's known shape.
-        goal: Goal of the object, X_WO [m]; its turn about z does not count.
-        tolerance: Distance from the goal that counts as placed [m].
-        obstacles: Names and shapes of the other objects. Motions keep clear of them.
-        repeat: Number of cycles. Every second one takes the object back to its first
-            place.
+        task: What it takes, and where it puts it.
         config: Times, speeds and limits.
         make_modes: Makes the actions of each mode. Add your own modes to those of
             `task_modes`.
@@ -101,13 +93,9 @@ class PickAndPlacePlanner(PlannerMachine[PlannerMemory, Senses]):
     def __init__(
         self,
         task_planner: TaskPlanner,
-        object_name: str,
-        shape: Solid,
-        goal: RigidTransform,
-        tolerance: float = 0.005,
-        obstacles: Mapping[str, Solid] | None = None,
-        repeat: int = 1,
+        task: PickTask,
         config: PlannerConfig | None = None,
+        *,
         make_modes: MakeModes = task_modes,
         transition: Transition = transition,
         make_memory: type[PlannerMemory] = PlannerMemory,
@@ -120,20 +108,15 @@ class PickAndPlacePlanner(PlannerMachine[PlannerMemory, Senses]):
                 "planner.max_external_torque: needs one entry per joint of the arm "
                 f"({n}), got {len(limits)}"
             )
-        others = dict(obstacles or {})
-        sightings = Sightings(object_name, shape, others, hand.upright_within)
-        replanner = Replanner(task_planner, sightings, goal, tolerance, config)
+        sightings = Sightings(task, hand.upright_within)
+        replanner = Replanner(task_planner, sightings, config)
         super().__init__(
-            make_modes(config, replanner, repeat),
+            make_modes(config, replanner, task.repeat),
             memory=make_memory(Motion(q_rest=task_planner.q_home)),
             transition=transition,
             config=config,
         )
-        self.config = config
-        self.goal = goal
-        self.tolerance = tolerance
-        self.obstacles = others
-
+        self.task, self.config = task, config
         self._blobs = self.DeclareAbstractInputPort(
             name="blobs", model_value=AbstractValue.Make([])
         )

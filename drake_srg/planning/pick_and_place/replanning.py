@@ -49,9 +49,7 @@ class Replanner:
 
     Args:
         task_planner: Plans the motions.
-        sightings: Reads blobs.
-        goal: Goal of the object, X_WO [m].
-        tolerance: Distance from the goal that counts as placed [m].
+        sightings: Reads blobs, for a task.
         config: Times and distances.
     """
 
@@ -59,15 +57,11 @@ class Replanner:
         self,
         task_planner: TaskPlanner,
         sightings: Sightings,
-        goal: RigidTransform,
-        tolerance: float,
         config: PlannerConfig,
     ) -> None:
         self._task_planner = task_planner
-        self._sightings = sightings
-        self._shape = sightings.shape
-        self._goal = goal
-        self._tolerance = tolerance
+        self._sightings, self._task = sightings, sightings.task
+        self._shape = self._task.shape
         self._config = config
 
     def goal(self, memory: PlannerMemory) -> RigidTransform:
@@ -77,7 +71,7 @@ class Replanner:
     def _upright_goal(self, memory: PlannerMemory) -> RigidTransform:
         """Return the object's upright pose after this cycle: on the goal, or back."""
         back = memory.seen.X_WO_return if memory.totals.cycles % 2 else None
-        return back or self._goal
+        return back or self._task.goal
 
     def find(self, view: View) -> Blob | None:
         """Return the most trustworthy sighting of the object, None without one."""
@@ -90,7 +84,7 @@ class Replanner:
         memory.attempt.at_goal = False
         if blob is not None:
             X_WO = self._sightings.pose(blob)
-            near = distance(X_WO, goal, self._shape) <= self._tolerance
+            near = distance(X_WO, goal, self._shape) <= self._task.tolerance
             memory.attempt.at_goal = near and self._turn(X_WO, goal) <= _STANDING
 
     def plan(
@@ -113,7 +107,7 @@ class Replanner:
         _look(memory, view, blob, time)
         attempt.next_look = np.inf
         if blob is None:
-            message = f"no {self._sightings.object_name} in any image"
+            message = f"no {self._task.object_name} in any image"
             self._miss_object(memory, time, message)
             return
         q, X_WO = memory.motion.q_rest, self._sightings.pose(blob)
@@ -146,7 +140,7 @@ class Replanner:
         """Look again later for an object that is not at a place, or give up."""
         _look(memory, view, None, time)
         memory.attempt.next_look = np.inf
-        self._miss_object(memory, time, f"no {self._sightings.object_name} in {place}")
+        self._miss_object(memory, time, f"no {self._task.object_name} in {place}")
 
     def _miss_object(self, memory: PlannerMemory, time: float, message: str) -> None:
         attempt = memory.attempt

@@ -21,6 +21,28 @@ _NEARLY_RESTS = np.deg2rad(5.0)
 _UP = np.array([0.0, 0.0, 1.0])
 
 
+@dc.dataclass(frozen=True, eq=False)
+class PickTask:
+    """An object to take, and where it must go.
+
+    Attributes:
+        object_name: Name of its blobs.
+        shape: Its known shape.
+        goal: Where it must go, X_WO [m]; its turn about z does not count.
+        tolerance: Distance from the goal that counts as placed [m].
+        obstacles: Names and shapes of the other objects. Motions keep clear of them.
+        repeat: Number of cycles. Every second one takes the object back to its first
+            place.
+    """
+
+    object_name: str
+    shape: Solid
+    goal: RigidTransform
+    tolerance: float = 0.005
+    obstacles: Mapping[str, Solid] = dc.field(default_factory=dict)
+    repeat: int = 1
+
+
 @dc.dataclass(frozen=True)
 class View:
     """A look through the cameras."""
@@ -33,22 +55,12 @@ class Sightings:
     """Reads views for one object to take and others to keep clear of.
 
     Args:
-        object_name: Name of the object's blobs.
-        shape: The object's shape.
-        others: Names and shapes of the other objects.
+        task: What it takes.
         upright_within: Lean up to which an object counts as standing upright [rad].
     """
 
-    def __init__(
-        self,
-        object_name: str,
-        shape: Solid,
-        others: Mapping[str, Solid],
-        upright_within: float,
-    ) -> None:
-        self.object_name = object_name
-        self.shape = shape
-        self._others = dict(others)
+    def __init__(self, task: PickTask, upright_within: float) -> None:
+        self.task = task
         self._upright = np.cos(upright_within)
 
     def best(
@@ -82,15 +94,16 @@ class Sightings:
         return min(self._own(view), key=distance, default=None)
 
     def _own(self, view: View) -> list[Blob]:
-        return [blob for blob in view.blobs if blob.object_name == self.object_name]
+        name = self.task.object_name
+        return [blob for blob in view.blobs if blob.object_name == name]
 
     def pose(self, blob: Blob) -> RigidTransform:
         """Return the object's pose X_WO [m]; a round one's turn has no meaning."""
-        return self._pose(self.shape, blob)
+        return self._pose(self.task.shape, blob)
 
     def middle(self, blob: Blob) -> Vector:
         """Return where the object's middle is, in world, shape (3,) [m]."""
-        p_W: Vector = blob.X_WO @ middle_of(self.shape)
+        p_W: Vector = blob.X_WO @ middle_of(self.task.shape)
         return p_W
 
     def obstacles(self, view: View, p_WO: Vector | None = None) -> Obstacles:
@@ -104,13 +117,13 @@ class Sightings:
         known = tuple(
             (shape, self._pose(shape, blob))
             for blob in view.blobs
-            if (shape := self._others.get(blob.object_name)) is not None
+            if (shape := self.task.obstacles.get(blob.object_name)) is not None
         )
         unknown = tuple((seen.shape, seen.X_WO) for seen in view.obstacles)
         if p_WO is None:
             return (*known, *unknown)
         apart = [
-            (self.shape, self.pose(blob))
+            (self.task.shape, self.pose(blob))
             for blob in self._own(view)
             if np.linalg.norm(self.middle(blob) - p_WO) > _APART
         ]

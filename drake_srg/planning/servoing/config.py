@@ -24,12 +24,9 @@ class ServoConfig(Config):
     # for a slower camera.
     gain: float = dc.field(default=5.0, metadata=positive())
     # Largest speed [m/s] and acceleration [m/s²] of the hand relative to a goal at
-    # rest. 0.25 m/s is the usual limit of collaborative arms. The hand may turn by 1
-    # rad in the time in which it may move by 0.25 m.
+    # rest. 0.25 m/s is the usual limit of collaborative arms.
     speed: float = dc.field(default=0.25, metadata=positive())
     acceleration: float = dc.field(default=1.5, metadata=positive())
-    # Whether the hand also turns towards its goal; otherwise, it keeps its orientation.
-    turns: bool = False
     # Whether the goal's velocity is fed forward. Otherwise, the hand trails a moving
     # goal by the goal's velocity over `gain`.
     feed_forward: bool = True
@@ -51,10 +48,6 @@ class ServoConfig(Config):
     # after which the servo gives up; and least motion of the hand for that [m].
     patience: int = dc.field(default=5, metadata={"ge": 1})
     moved: float = dc.field(default=0.002, metadata=positive())
-    # Singular value of the interaction matrix, for image coordinates at focal length 1,
-    # below which a direction counts as lost. With `turns`, small objects need less,
-    # such as 0.01, because turns and shifts then look almost alike.
-    least_interaction: float = dc.field(default=0.2, metadata=positive())
     # Number of images that the servo uses; 0: all. With 1, the hand goes to the goal in
     # the first image.
     looks: int = dc.field(default=0, metadata={"ge": 0})

@@ -2,9 +2,8 @@
 
 Notation and equation numbers are those of F. Chaumette and S. Hutchinson, Visual servo
 control, Part I: Basic approaches, IEEE Robotics & Automation Magazine 13(4), 2006. The
-camera's frame has z into the scene, x to the right and y down the image; a twist is
-[v; w], the velocity of the camera's origin and its angular velocity, both in that frame
-[m/s], [rad/s].
+camera's frame has z into the scene, x to the right and y down the image. A twist of the
+hand is [v; w], the velocity of its origin and its angular velocity [m/s], [rad/s].
 """
 
 from __future__ import annotations
@@ -15,92 +14,49 @@ import numpy as np
 from pydrake.common.eigen_geometry import AngleAxis
 from pydrake.math import RigidTransform, RotationMatrix
 from pydrake.multibody.plant import MultibodyPlant
-from pydrake.multibody.tree import JacobianWrtVariable
 
+from drake_srg.planning.motion.arm_model import ArmModel
 from drake_srg.types import Vector
 
+_SPEED = 0.9  # share of the joints' velocity limits that may be used
 
-class ServoArm:
-    """An arm's limits, and the pose and Jacobian of its hand.
+
+class ServoArm(ArmModel):
+    """The model `arm` of a plant with the body `palm` of the model `gripper`.
 
     Args:
-        plant: A finalized plant with the arm and its hand.
-        arm: Name of the arm's model instance.
-        hand: Name of the hand's body G, in the model instance `gripper`.
-        speed: Share of the joints' velocity limits that may be used.
+        plant: A finalized plant with both.
 
     Attributes:
-        n: N, the number of the arm's joints.
         speed: Largest joint speeds, shape (N,) [rad/s].
-        lower: Lower limits of the joints, shape (N,) [rad].
-        upper: Upper limits of the joints, shape (N,) [rad].
     """
 
-    def __init__(
-        self,
-        plant: MultibodyPlant,
-        *,
-        arm: str = "arm",
-        hand: str = "palm",
-        speed: float = 0.9,
-    ) -> None:
-        self._plant = plant
-        self._context = plant.CreateDefaultContext()  # scratch, not state
-        self._arm = plant.GetModelInstanceByName(arm)
+    def __init__(self, plant: MultibodyPlant) -> None:
         gripper = plant.GetModelInstanceByName("gripper")
-        self._hand = plant.GetFrameByName(hand, gripper)
-        self.n = plant.num_positions(self._arm)
-
-        def of_arm(values: Vector) -> Vector:
-            return plant.GetVelocitiesFromArray(self._arm, values)
-
-        self.speed = speed * of_arm(plant.GetVelocityUpperLimits())
-        self.lower = plant.GetPositionsFromArray(
-            self._arm, plant.GetPositionLowerLimits()
-        )
-        self.upper = plant.GetPositionsFromArray(
-            self._arm, plant.GetPositionUpperLimits()
-        )
-        self._columns = of_arm(np.arange(plant.num_velocities())).astype(int)
-
-    def X_WG(self, q: Vector) -> RigidTransform:
-        """Return the hand's pose [m] with the arm at `q` (N,) [rad]."""
-        self._plant.SetPositions(self._context, self._arm, q)
-        return self._hand.CalcPoseInWorld(self._context)
-
-    def jacobian(self, q: Vector) -> Vector:
-        """Return the matrix from joint velocities to the hand's [v; w], (6, N)."""
-        self._plant.SetPositions(self._context, self._arm, q)
-        world = self._plant.world_frame()
-        matrix = self._plant.CalcJacobianSpatialVelocity(
-            self._context,
-            JacobianWrtVariable.kV,
-            self._hand,
-            np.zeros(3),
-            world,
-            world,
-        )
-        # Drake's spatial velocities begin with the angular one.
-        return np.vstack([matrix[3:], matrix[:3]])[:, self._columns]
+        palm = plant.GetFrameByName("palm", gripper)
+        super().__init__(plant, plant.GetModelInstanceByName("arm"), gripper, palm)
+        self.speed: Vector = _SPEED * plant.GetVelocityUpperLimits()[self.arm_indices]
 
 
 def interaction_matrix(points: Vector, depths: Vector) -> Vector:
-    """Return the matrix L with ds/dt = L [v; w] of points at rest (equation 11).
+    """Return the matrix L with ds/dt = L v of points at rest (equation 11).
+
+    v is the velocity of a camera that keeps its orientation [m/s].
 
     Args:
         points: Image coordinates x, y at focal length 1, shape (n, 2).
         depths: z of the points in the camera's frame [m], shape (n,).
 
     Returns:
-        Shape (2 n, 6); the rows are x and y of each point.
+        Shape (2 n, 3); the rows are x and y of each point.
     """
     x, y = np.asarray(points, dtype=float).T
     nearness = 1.0 / np.asarray(depths, dtype=float)
     zero = np.zeros_like(x)
-    rows_x = [-nearness, zero, x * nearness, x * y, -(1.0 + x * x), y]
-    rows_y = [zero, -nearness, y * nearness, 1.0 + y * y, -x * y, -x]
+    rows_x = [-nearness, zero, x * nearness]
+    rows_y = [zero, -nearness, y * nearness]
     matrix = np.stack([np.stack(rows_x, axis=-1), np.stack(rows_y, axis=-1)], axis=1)
-    return matrix.reshape(-1, 6)
+    return matrix.reshape(-1, 3)
 
 
 @dc.dataclass(frozen=True)
@@ -137,8 +93,6 @@ def image_displacement(
     depths: Vector,
     goal_points: Vector,
     goal_depths: Vector,
-    *,
-    turns: bool,
     least: float,
 ) -> Solution:
     """Return the displacement of the camera that takes points to their goals.
@@ -152,24 +106,20 @@ def image_displacement(
         depths: Depths of the points [m], shape (n,).
         goal_points: Their goals, shape (n, 2).
         goal_depths: Their depths there [m], shape (n,).
-        turns: Whether the camera may also turn.
         least: See `damped_solution`.
 
     Returns:
-        A translation [m] and a rotation vector [rad], shape (6,), and the least
-        singular value of the interaction matrix here.
+        A translation, shape (3,) [m], and the least singular value of the interaction
+        matrix here.
     """
     here = interaction_matrix(points, depths)
     there = interaction_matrix(goal_points, goal_depths)
-    freedoms = 6 if turns else 3
     error = (np.asarray(points) - goal_points).reshape(-1)
-    found = damped_solution(0.5 * (here + there)[:, :freedoms], -error, least)
-    displacement = np.zeros(6)
-    displacement[:freedoms] = found.x
+    found = damped_solution(0.5 * (here + there), -error, least)
     # The mean may hide directions that the points here do not determine.
-    singular_values = np.linalg.svd(here[:, :freedoms], compute_uv=False)
-    determined = len(singular_values) == freedoms
-    return Solution(displacement, float(singular_values[-1]) if determined else 0.0)
+    singular_values = np.linalg.svd(here, compute_uv=False)
+    determined = len(singular_values) == here.shape[1]
+    return Solution(found.x, float(singular_values[-1]) if determined else 0.0)
 
 
 def rotation_vector(R: RotationMatrix) -> Vector:

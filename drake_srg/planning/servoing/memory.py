@@ -7,7 +7,7 @@ import math
 from typing import Any
 
 import numpy as np
-from pydrake.math import RigidTransform, RotationMatrix
+from pydrake.math import RotationMatrix
 
 from drake_srg.common.shared import Shared
 from drake_srg.planning.servoing.config import (
@@ -94,7 +94,7 @@ class Memory(Shared):
     Attributes:
         status: Status that the servo reports.
         goal: The hand's goal; None before the first sighting.
-        R_WG_goal: The hand's orientation at the goal.
+        R_WG_goal: The orientation that the hand keeps.
         twist: Twist of the hand, [v; w] in world, shape (6,) [m/s], [rad/s].
         next_look: Time of the next image [s].
         taken: Time at which the latest image was taken [s].
@@ -194,30 +194,24 @@ class Memory(Shared):
         )
 
     def seen(
-        self,
-        X_WG: RigidTransform,
-        X_WG_goal: RigidTransform,
-        time: float,
-        config: ServoConfig,
+        self, p_WG: Vector, p_goal: Vector, time: float, config: ServoConfig
     ) -> Memory:
         """Return the memory after an image that shows the goal.
 
         Args:
-            X_WG: Pose of the hand at the image's time [m].
-            X_WG_goal: Its goal [m].
+            p_WG: Position of the hand at the image's time, shape (3,) [m].
+            p_goal: Its goal in world, shape (3,) [m].
             time: Time of the image [s].
             config: Tolerances, and whether the goal moves.
         """
-        p_goal = X_WG_goal.translation()
         if self.goal is None:
             goal = MovingGoal(p_goal, time=time)
         else:
             beta = _BETA if config.feed_forward else 0.0
             goal = self.goal.seen(p_goal, time, _ALPHA, beta)
-        R_goal = X_WG_goal.rotation() if config.turns else self.R_WG_goal
-        memory = dc.replace(self, goal=goal, R_WG_goal=R_goal, missed=0)
+        memory = dc.replace(self, goal=goal, missed=0)
         memory = memory._reporting(fault=None, images=self.status.images + 1)
-        return memory._close(float(np.linalg.norm(p_goal - X_WG.translation())), config)
+        return memory._close(float(np.linalg.norm(p_goal - p_WG)), config)
 
     def near(self, p_WG: Vector, time: float, config: ServoConfig) -> Memory:
         """Return the memory after a time at which no image was looked at."""

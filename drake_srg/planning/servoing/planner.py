@@ -3,12 +3,10 @@
 from __future__ import annotations
 
 import dataclasses as dc
-import functools
 from collections.abc import Mapping
 from typing import TypeAlias
 
 from pydrake.common.value import AbstractValue
-from pydrake.math import RigidTransform
 from pydrake.systems.framework import Context
 from pydrake.trajectories import Trajectory
 
@@ -34,6 +32,7 @@ from drake_srg.planning.pick_and_place.modes import (
 )
 from drake_srg.planning.pick_and_place.planner import PickAndPlacePlanner
 from drake_srg.planning.pick_and_place.replanning import Replanner
+from drake_srg.planning.pick_and_place.sightings import PickTask
 from drake_srg.planning.pick_and_place.task_motions import TaskPlanner
 from drake_srg.planning.planner_machine import (
     Observation,
@@ -44,11 +43,11 @@ from drake_srg.planning.planner_machine import (
 from drake_srg.planning.servoing.config import (
     ServoCommand,
     ServoFault,
+    Servoing,
     ServoState,
     ServoStatus,
-    WindowConfig,
 )
-from drake_srg.types import AnyMode, Blob, Failure, Mode, Shape
+from drake_srg.types import AnyMode, Blob, Failure, Mode
 
 # The servo's command in each mode; it passes in all others.
 COMMANDS: Mapping[AnyMode, ServoCommand] = {
@@ -99,30 +98,15 @@ class ServoingMemory(PlannerMemory):
 
 
 class ServoIdle(Idle):
-    """Waits for the object to be in the window, and plans all motions.
-
-    Args:
-        config: Times and limits.
-        replanner: Plans from sightings.
-        repeat: Number of the task's cycles.
-        window: Where the object is taken; None: anywhere, at rest.
-    """
+    """Waits for the object to be in the window, and plans all motions."""
 
     mode = Mode.IDLE
-
-    def __init__(
-        self,
-        config: PlannerConfig,
-        replanner: Replanner,
-        repeat: int,
-        window: WindowConfig | None,
-    ) -> None:
-        super().__init__(config, replanner, repeat)
-        self.window = window
+    config: Servoing
 
     def look(self, memory: PlannerMemory, now: Now) -> None:
         """Look twice, and plan from where the object will be."""
-        if self.window is None:
+        window = self.config.window
+        if window is None:
             super().look(memory, now)
             return
         assert isinstance(memory, ServoingMemory), "these modes need its memory"
@@ -131,12 +115,12 @@ class ServoIdle(Idle):
         # A sighting of an earlier attempt does not count.
         before = memory.before if memory.before_at >= memory.attempt.began else None
         memory.before, memory.before_at = blob, now.time
-        if blob is None or before is None or not self.window.contains(blob.position):
+        if blob is None or before is None or not window.contains(blob.position):
             place = "planner.window that was seen twice"
             self.replanner.wait(view, memory, now.time, place)
             return
         v_WO = (blob.position - before.position) / elapsed
-        self.replanner.plan(view, memory, now.time, self.window.lead_time * v_WO)
+        self.replanner.plan(view, memory, now.time, window.lead_time * v_WO)
 
 
 class Servoed(TaskMode):
@@ -155,26 +139,10 @@ class Servoed(TaskMode):
 
 
 class ServoGrasp(Servoed, Grasp):
-    """Lets the servo move the open hand around the object.
-
-    Args:
-        config: Times and limits.
-        replanner: Plans from sightings.
-        repeat: Number of the task's cycles.
-        time_limit: Time after which the servo counts as failed [s].
-    """
+    """Lets the servo move the open hand around the object."""
 
     mode = Mode.GRASP
-
-    def __init__(
-        self,
-        config: PlannerConfig,
-        replanner: Replanner,
-        repeat: int,
-        time_limit: float,
-    ) -> None:
-        super().__init__(config, replanner, repeat)
-        self.time_limit = time_limit
+    config: Servoing
 
     def update(self, memory: PlannerMemory, now: Now) -> PlannerMemory:
         """Plan a retreat once the servo has failed and the hand rests."""
@@ -183,7 +151,7 @@ class ServoGrasp(Servoed, Grasp):
         if attempt.escape is not None:
             return memory
         failed = servo.state is ServoState.FAILED
-        late = now.time - attempt.ready_at > self.time_limit
+        late = now.time - attempt.ready_at > self.config.servo.time_limit
         if memory.trouble.failure is None and (failed or late):
             seen = servo.fault not in (None, ServoFault.STUCK)
             why = servo.fault.value if servo.fault is not None and failed else _LATE
@@ -247,12 +215,7 @@ class ServoLift(Lift):
 
 
 def servo_modes(
-    config: PlannerConfig,
-    replanner: Replanner,
-    repeat: int,
-    *,
-    time_limit: float,
-    window: WindowConfig | None = None,
+    config: Servoing, replanner: Replanner, repeat: int
 ) -> dict[AnyMode, TaskMode]:
     """Return the actions of each mode.
 
@@ -260,15 +223,12 @@ def servo_modes(
         config: Times and limits.
         replanner: Plans from sightings.
         repeat: Number of the task's cycles.
-        time_limit: Time after which the servo counts as failed [s].
-        window: Where the object is taken; None: anywhere, at rest.
     """
-    modes = task_modes(config, replanner, repeat)
-    modes[Mode.IDLE] = ServoIdle(config, replanner, repeat, window)
-    modes[Mode.GRASP] = ServoGrasp(config, replanner, repeat, time_limit)
-    for kind in (ServoClose, ServoVerify, ServoLift):
-        modes[kind.mode] = kind(config, replanner, repeat)
-    return modes
+    own = (ServoIdle, ServoGrasp, ServoClose, ServoVerify, ServoLift)
+    return {
+        **task_modes(config, replanner, repeat),
+        **{kind.mode: kind(config, replanner, repeat) for kind in own},
+    }
 
 
 _Senses: TypeAlias = state_machine.Moment[Senses]
@@ -313,42 +273,23 @@ class ServoingPlanner(PickAndPlacePlanner):
 
     Args:
         task_planner: Plans the motions.
-        object_name: Name of the blobs of the object to take.
-        shape: The object's known shape.
-        goal: Goal of the object, X_WO [m].
-        tolerance: Distance from the goal that counts as placed [m].
-        obstacles: Names and shapes of the other objects.
-        repeat: Number of cycles.
+        task: What it takes, and where it puts it.
         config: Times, speeds and limits.
-        time_limit: Time after which the servo counts as failed [s].
-        window: Where the object is taken; None: anywhere, at rest.
     """
 
     def __init__(
-        self,
-        task_planner: TaskPlanner,
-        object_name: str,
-        shape: Shape,
-        goal: RigidTransform,
-        tolerance: float = 0.005,
-        obstacles: Mapping[str, Shape] | None = None,
-        repeat: int = 1,
-        config: PlannerConfig | None = None,
-        time_limit: float = 6.0,
-        window: WindowConfig | None = None,
+        self, task_planner: TaskPlanner, task: PickTask, config: Servoing
     ) -> None:
+        def make_modes(
+            _: PlannerConfig, replanner: Replanner, repeat: int
+        ) -> dict[AnyMode, TaskMode]:
+            return servo_modes(config, replanner, repeat)
+
         super().__init__(
             task_planner,
-            object_name,
-            shape,
-            goal,
-            tolerance,
-            obstacles,
-            repeat,
+            task,
             config,
-            make_modes=functools.partial(
-                servo_modes, time_limit=time_limit, window=window
-            ),
+            make_modes=make_modes,
             transition=servo_transition,
             make_memory=ServoingMemory,
         )

@@ -62,9 +62,12 @@ class FeatureSighting(Sighting):
     depths: Vector = dc.field(default_factory=lambda: np.zeros(0))
 
 
+_SPAN = 1.0  # greatest delay of a sighting [s]
+
+
 @dc.dataclass(frozen=True)
 class ArmHistory(Shared):
-    """Recent positions of an arm.
+    """Positions of an arm in the last second.
 
     Attributes:
         stamps: Times of measurement by the arm's clock, increasing, shape (K,) [s].
@@ -76,9 +79,7 @@ class ArmHistory(Shared):
     times: Vector = dc.field(default_factory=lambda: np.zeros(0))
     positions: Vector = dc.field(default_factory=lambda: np.zeros((0, 0)))
 
-    def followed_by(
-        self, stamp: float, time: float, q: Vector, span: float
-    ) -> ArmHistory:
+    def followed_by(self, stamp: float, time: float, q: Vector) -> ArmHistory:
         """Return the history with one more measurement.
 
         A measurement that is not new changes nothing. If the arm's clock was set back,
@@ -88,14 +89,13 @@ class ArmHistory(Shared):
             stamp: Time of measurement by the arm's clock [s]; NaN: unknown.
             time: Time of arrival by our clock [s].
             q: The joints' positions, shape (N,) [rad].
-            span: Time for which to remember [s].
         """
         known = self if len(self.stamps) and stamp >= self.stamps[-1] else None
         if np.isnan(stamp) or (known is not None and stamp == known.stamps[-1]):
             return self
         if known is None:
             return ArmHistory(np.array([stamp]), np.array([time]), q[np.newaxis].copy())
-        kept = known.stamps >= stamp - span
+        kept = known.stamps >= stamp - _SPAN
         return ArmHistory(
             np.append(known.stamps[kept], stamp),
             np.append(known.times[kept], time),
@@ -147,12 +147,11 @@ class LateSightings(LeafSystem):
     Args:
         num_joints: N.
         period: Time between updates [s].
-        span: Greatest delay of a sighting [s].
     """
 
-    def __init__(self, num_joints: int, period: float, span: float = 1.0) -> None:
+    def __init__(self, num_joints: int, period: float) -> None:
         super().__init__()
-        self._n, self._span = num_joints, span
+        self._n = num_joints
         self._late = self.DeclareAbstractInputPort(
             name="sighting", model_value=AbstractValue.Make(Sighting())
         )
@@ -181,7 +180,6 @@ class LateSightings(LeafSystem):
             self._stamp.Eval(context)[0],
             context.get_time(),
             self._measured.Eval(context)[: self._n],
-            self._span,
         )
         new = _Seen(arm, self._newest(seen.sighting, self._late.Eval(context), arm))
         state.get_mutable_abstract_state(int(self._state)).set_value(new)
@@ -194,19 +192,21 @@ class LateSightings(LeafSystem):
         return known if taken is None else dc.replace(late, taken=taken)
 
 
-def silhouette(mask: Mask, *, min_area: int) -> Mask | None:
+_LEAST_AREA = 50  # of a region that counts [pixels]
+
+
+def silhouette(mask: Mask) -> Mask | None:
     """Return the largest connected region of a mask, shape (h, w).
 
     Args:
         mask: Pixels of the object's colour, shape (h, w).
-        min_area: Smaller regions do not count [pixels].
 
     Returns:
-        None if there is no such region, or if it touches the border of the image.
+        None if the region is too small, or if it touches the border of the image.
     """
     _, labels, stats, _ = cv2.connectedComponentsWithStats(mask.astype(np.uint8))
     areas = stats[1:, cv2.CC_STAT_AREA]
-    if not len(areas) or areas.max() < min_area:
+    if not len(areas) or areas.max() < _LEAST_AREA:
         return None
     largest = 1 + int(np.argmax(areas))
     left, top, width, height = stats[largest, :4]
@@ -241,7 +241,6 @@ class Tracker(LeafSystem):
     Args:
         color: Colour of the object.
         camera: The camera's model.
-        min_area: Smaller regions do not count [pixels].
         nothing: A sighting of nothing, of the type of the port `sighting`.
 
     Raises:
@@ -249,18 +248,13 @@ class Tracker(LeafSystem):
     """
 
     def __init__(
-        self,
-        color: ColorRange,
-        camera: CameraModel,
-        *,
-        min_area: int,
-        nothing: Sighting,
+        self, color: ColorRange, camera: CameraModel, nothing: Sighting
     ) -> None:
         super().__init__()
         if not camera.imager("color").same_as(camera.imager("depth")):
             name = type(self).__name__
             raise ValueError(f"{name} needs colour and depth images of the same pixels")
-        self._color, self._min_area = color, min_area
+        self._color = color
         for port, value in (
             ("color_image", ImageRgba8U()),
             ("depth_image", ImageDepth32F()),
@@ -282,7 +276,7 @@ class Tracker(LeafSystem):
             color: RGBA, shape (h, w, 4).
             depth: Shape (h, w) [m].
         """
-        region = silhouette(self._color.mask(color), min_area=self._min_area)
+        region = silhouette(self._color.mask(color))
         return self._sight(zlib.crc32(color.tobytes()), region, depth)
 
     def _calc_sighting(self, context: Context, output: AbstractValue) -> None:
@@ -379,7 +373,6 @@ class SurfaceTracker(Tracker):
         color: Colour of the object.
         R_CO: The object's orientation in the colour imager.
         camera: The camera's model.
-        min_area: Smaller regions do not count [pixels].
 
     Raises:
         ValueError: If colour and depth image do not show the same pixels.
@@ -392,10 +385,8 @@ class SurfaceTracker(Tracker):
         color: ColorRange,
         R_CO: RotationMatrix,
         camera: CameraModel,
-        *,
-        min_area: int = 50,
     ) -> None:
-        super().__init__(color, camera, min_area=min_area, nothing=PoseSighting())
+        super().__init__(color, camera, PoseSighting())
         self._solid, self._p_OS = solid, np.asarray(p_OS)
         self._R_CO = R_CO
         info = camera.color
@@ -440,16 +431,13 @@ class SilhouetteTracker(Tracker):
     Args:
         color: Colour of the object.
         camera: The camera's model.
-        min_area: Smaller regions do not count [pixels].
 
     Raises:
         ValueError: If colour and depth image do not show the same pixels.
     """
 
-    def __init__(
-        self, color: ColorRange, camera: CameraModel, *, min_area: int = 50
-    ) -> None:
-        super().__init__(color, camera, min_area=min_area, nothing=FeatureSighting())
+    def __init__(self, color: ColorRange, camera: CameraModel) -> None:
+        super().__init__(color, camera, FeatureSighting())
         info = camera.color
         self._focal = np.array([info.focal_x(), info.focal_y()])
         self._center = np.array([info.center_x(), info.center_y()])

@@ -6,9 +6,8 @@ import dataclasses as dc
 from typing import Any
 
 import numpy as np
-from pydrake.common.eigen_geometry import AngleAxis
 from pydrake.common.value import AbstractValue
-from pydrake.math import RigidTransform, RotationMatrix
+from pydrake.math import RigidTransform
 from pydrake.systems.framework import BasicVector, Context, EventStatus, State
 
 from drake_srg.lifetime import LeafSystem
@@ -39,8 +38,12 @@ from drake_srg.types import Vector
 _UP = np.array([0.0, 0.0, 1.0])
 _PASS = ServoCommand.PASS
 _ROUNDING = 1e-9  # of the times of updates, which are multiples of the period [s]
-# The hand may turn at 1 rad/s if it may move at 0.25 m/s [rad/m].
+# The hand may turn at 1 rad/s if it may move at 0.25 m/s [rad/m]. It turns only to keep
+# its orientation.
 _TURNING = 4.0
+# Singular value of the interaction matrix, for image coordinates at focal length 1,
+# below which a direction counts as lost.
+_LEAST_INTERACTION = 0.2
 # Distance from the line of approach at which the hand is aligned [m]: more than the
 # default `tolerance`, so that the way to the goal is free before it is reached.
 _ALIGNED = 0.004
@@ -55,8 +58,9 @@ class VisualServo(LeafSystem):
     """Drives a hand by images of its own camera; base class of the servos.
 
     It stands between the planner of the arm's motion and the arm's driver (or the
-    safety monitor before it). Derive from it and override `goal_camera`, which returns
-    the camera's goal in its present frame.
+    safety monitor before it). The hand keeps the orientation in which the servo began.
+    Derive from it and override `goal_camera`, which returns the camera's goal in its
+    present frame.
 
     .. pydrake_system::
 
@@ -113,8 +117,8 @@ class VisualServo(LeafSystem):
         self._command = self.DeclareAbstractInputPort(
             name="command", model_value=AbstractValue.Make(ServoCommand.PASS)
         )
-        self._planned = self.DeclareVectorInputPort("position_planned", arm.n)
-        self._measured = self.DeclareVectorInputPort("arm_state", 2 * arm.n)
+        self._planned = self.DeclareVectorInputPort("position_planned", arm.num_joints)
+        self._measured = self.DeclareVectorInputPort("arm_state", 2 * arm.num_joints)
         self._sighting = self.DeclareAbstractInputPort(
             name="sighting", model_value=AbstractValue.Make(sighting)
         )
@@ -122,7 +126,7 @@ class VisualServo(LeafSystem):
         ticket = self.abstract_state_ticket(self._state)
         self.DeclareVectorOutputPort(
             name="position_commanded",
-            size=arm.n,
+            size=arm.num_joints,
             calc=self._calc_position,
             prerequisites_of_calc={
                 ticket,
@@ -138,14 +142,14 @@ class VisualServo(LeafSystem):
         )
         self.DeclarePeriodicUnrestrictedUpdateEvent(config.period, 0.0, self._update)
 
-    def goal_camera(self, sighting: Any) -> RigidTransform | ServoFault:
-        """Return the camera's goal in its present frame, X_CC_goal [m].
+    def goal_camera(self, sighting: Any) -> Vector | ServoFault:
+        """Return the camera's goal in its present frame, shape (3,) [m].
 
         Args:
             sighting: Sighting in the camera's image.
 
         Returns:
-            The pose, or the reason why the image does not determine it.
+            The position, or the reason why the image does not determine it.
         """
         raise NotImplementedError
 
@@ -198,7 +202,7 @@ class VisualServo(LeafSystem):
     def _looked(self, context: Context, memory: Memory, time: float) -> Memory:
         """Return the memory after an image, or after its due time without one."""
         config = self.config
-        q = self._measured.Eval(context)[: self._arm.n]
+        q = self._measured.Eval(context)[: self._arm.num_joints]
         if config.looks and memory.status.images >= config.looks:
             memory = dc.replace(memory, next_look=time + config.camera_period)
             return memory.near(self._arm.X_WG(q).translation(), time, config)
@@ -212,11 +216,13 @@ class VisualServo(LeafSystem):
         memory, frozen = memory.compared(sighting.frame, X_WG.translation(), config)
         if frozen:
             return memory.missed_one(ServoFault.FROZEN, config)
-        X_CC_goal = self.goal_camera(sighting)
-        if isinstance(X_CC_goal, ServoFault):
-            return memory.missed_one(X_CC_goal, config)
+        p_CC_goal = self.goal_camera(sighting)
+        if isinstance(p_CC_goal, ServoFault):
+            return memory.missed_one(p_CC_goal, config)
+        X_CC_goal = RigidTransform(p_CC_goal)
         X_WG_goal = X_WG @ self._X_GC @ X_CC_goal @ self._X_GC.inverse()
-        return memory.seen(X_WG, X_WG_goal, taken.time, config)
+        p_goal = X_WG_goal.translation()
+        return memory.seen(X_WG.translation(), p_goal, taken.time, config)
 
     def _moved(self, memory: Memory, time: float) -> Memory:
         """Return the memory after a step of the arm."""
@@ -284,8 +290,7 @@ class PositionBasedServo(VisualServo):
         - status
 
     The ports are those of `VisualServo`; `sighting` is a PoseSighting. The error is the
-    object's pose in the camera relative to `X_CO_goal`. Without `config.turns`, only
-    the translation counts.
+    object's position in the camera relative to that of `X_CO_goal`.
 
     Args:
         arm: Kinematics of arm and hand.
@@ -305,17 +310,13 @@ class PositionBasedServo(VisualServo):
     ) -> None:
         config = config or ServoConfig()
         super().__init__(arm, X_GC, axis_G, PoseSighting(), config)
-        self._X_CO_goal = X_CO_goal
+        self._p_CO_goal = X_CO_goal.translation()
 
-    def goal_camera(self, sighting: PoseSighting) -> RigidTransform | ServoFault:
+    def goal_camera(self, sighting: PoseSighting) -> Vector | ServoFault:
         """Return the camera's goal, seen from where it is; see `VisualServo`."""
-        X_CO = sighting.X_CO
-        if X_CO is None:
+        if sighting.X_CO is None:
             return ServoFault.LOST
-        if self.config.turns:
-            return X_CO @ self._X_CO_goal.inverse()
-        away = X_CO.translation() - self._X_CO_goal.translation()
-        return RigidTransform(away)
+        return sighting.X_CO.translation() - self._p_CO_goal
 
 
 class ImageBasedServo(VisualServo):
@@ -340,8 +341,7 @@ class ImageBasedServo(VisualServo):
 
     Args:
         arm: Kinematics of arm and hand.
-        X_GC: Believed pose of the camera in the hand [m]; only its orientation
-            matters without `config.turns`.
+        X_GC: Believed pose of the camera in the hand [m]; only its orientation matters.
         axis_G: Direction of approach in the hand, a unit vector, shape (3,).
         goal: The points with the hand at its goal.
         config: Gains and limits.
@@ -359,7 +359,7 @@ class ImageBasedServo(VisualServo):
         super().__init__(arm, X_GC, axis_G, FeatureSighting(), config)
         self._goal = goal
 
-    def goal_camera(self, sighting: FeatureSighting) -> RigidTransform | ServoFault:
+    def goal_camera(self, sighting: FeatureSighting) -> Vector | ServoFault:
         """Return the camera's goal, seen from where it is; see `VisualServo`."""
         if not len(sighting.points):
             return ServoFault.LOST
@@ -368,12 +368,6 @@ class ImageBasedServo(VisualServo):
             sighting.depths,
             self._goal.points,
             self._goal.depths,
-            turns=self.config.turns,
-            least=self.config.least_interaction,
+            _LEAST_INTERACTION,
         )
-        if found.least < self.config.least_interaction:
-            return ServoFault.SINGULAR
-        move, turn = found.x[:3], found.x[3:]
-        angle = float(np.linalg.norm(turn))
-        axis = turn / angle if angle > 0.0 else np.array([0.0, 0.0, 1.0])
-        return RigidTransform(RotationMatrix(AngleAxis(angle, axis)), move)
+        return found.x if found.least >= _LEAST_INTERACTION else ServoFault.SINGULAR

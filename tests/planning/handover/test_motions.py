@@ -160,7 +160,7 @@ def test_a_pull_is_felt_as_the_force_that_it_is(scenario, planner, force):
         .memory
     )
     memory.torque_before = np.arange(7.0)
-    memory.torque = memory.torque_before + jacobian.T @ [0, 0, 0, 0, 0, -force]
+    memory.torque = memory.torque_before + jacobian.T @ [0, 0, -force, 0, 0, 0]
     assert pull.felt(memory, q) == pytest.approx(force, abs=1e-9)
 
 

@@ -28,15 +28,13 @@ from drake_srg.vision.camera import CameraModel
 from drake_srg.vision.color import ColorRange
 from drake_srg.vision.solids import signed_distance
 
-SPAN = 1.0
-
 
 def moved(stamps, ahead=5.0, history=None):
     """The history of two joints that move evenly; our clock is ahead of the arm's."""
     history = history or ArmHistory()
     for stamp in stamps:
         q = np.array([stamp, -2.0 * stamp])
-        history = history.followed_by(stamp, stamp + ahead, q, SPAN)
+        history = history.followed_by(stamp, stamp + ahead, q)
     return history
 
 
@@ -153,11 +151,11 @@ def test_the_ends_of_a_disc_are_on_its_rim():
 
 def test_the_largest_region_counts_unless_the_image_cuts_it():
     both = disc(40, 60, 10) | disc(110, 60, 20)
-    np.testing.assert_array_equal(silhouette(both, min_area=50), disc(110, 60, 20))
-    assert silhouette(both, min_area=2000) is None
+    np.testing.assert_array_equal(silhouette(both), disc(110, 60, 20))
+    assert silhouette(disc(40, 60, 3)) is None
     for u, v in ((5, 60), (155, 60), (80, 5), (80, 115)):
-        assert silhouette(disc(u, v, 20), min_area=50) is None
-    assert silhouette(np.zeros((120, 160), bool), min_area=1) is None
+        assert silhouette(disc(u, v, 20)) is None
+    assert silhouette(np.zeros((120, 160), bool)) is None
 
 
 def images(mask, depth):

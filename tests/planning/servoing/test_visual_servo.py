@@ -73,19 +73,6 @@ def test_a_wrong_calibration_does_not_matter_in_the_end(kind):
 
 
 @pytest.mark.parametrize("kind", KINDS)
-def test_the_hand_turns_with_the_object_where_it_may(kind):
-    X_WO = object_at(OFFSET)
-    turn = RotationMatrix(RollPitchYaw(0.1, -0.1, 0.2))
-    X_WO = RigidTransform(X_WO.rotation() @ turn, X_WO.translation())
-    config = dc.replace(CONFIG, turns=True, least_interaction=0.01)
-    hand = IdealHand(kind, X_WO, config=config)
-    hand.run(4.0)
-    assert hand.away() < 1e-3
-    R_GO = arm().X_WG(hand.q).rotation().inverse() @ X_WO.rotation()
-    assert R_GO.ToAngleAxis().angle() < 2e-3
-
-
-@pytest.mark.parametrize("kind", KINDS)
 def test_speed_and_acceleration_stay_within_their_limits(kind):
     hand = IdealHand(kind, object_at([0.05, 0.05, -0.08]))
     p = [arm().X_WG(hand.q).translation()]
