@@ -19,6 +19,7 @@ from drake_srg.objects import AddModel
 from drake_srg.planning import (
     PickAndPlace,
     PickAndPlacePlanner,
+    PickTask,
     PlanningScene,
     SrgHand,
     TaskPlanner,
@@ -60,7 +61,7 @@ def main(out: Path) -> tuple[PlannerStatus, float]:
     scene = PlanningScene(models)
     hand = SrgHand(config.approaches, config.tilts, config.squeeze)
     motions = TaskPlanner(scene, hand, np.array(HOME), config)
-    planner = PickAndPlacePlanner(motions, "box", BOX, GOAL, config=config)
+    planner = PickAndPlacePlanner(motions, PickTask("box", BOX, GOAL), config)
     builder.AddNamedSystem("planner", planner)
     arm_driver = AddArmDriver(builder, plant, arm, gripper, scene.plant, arm_config)
     hand_driver = AddSrgPositionDriver(builder, plant, gripper, scene_graph=scene_graph)

@@ -11,6 +11,7 @@ from pydrake.trajectories import PiecewisePolynomial
 from drake_srg.lifetime import LeafSystem
 from drake_srg.planning.grasps.srg_hand import SrgHand
 from drake_srg.planning.pick_and_place.planner import PickAndPlacePlanner
+from drake_srg.planning.pick_and_place.sightings import PickTask
 from drake_srg.planning.pick_and_place.task_motions import TaskMotions
 from drake_srg.planning.planner_machine import PlannerConfig
 from drake_srg.types import Blob, Cylinder, Mode
@@ -107,12 +108,10 @@ class FakeTaskPlanner:
 def make_planner(task_planner=None, repeat=1, **config):
     return PickAndPlacePlanner(
         task_planner or FakeTaskPlanner(),
-        "can",
-        CAN,
-        RigidTransform(GOAL),
-        obstacles={"cup": CUP},
-        repeat=repeat,
-        config=PlannerConfig(**config),
+        PickTask(
+            "can", CAN, RigidTransform(GOAL), obstacles={"cup": CUP}, repeat=repeat
+        ),
+        PlannerConfig(**config),
     )
 
 

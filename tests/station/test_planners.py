@@ -10,7 +10,12 @@ from drake_srg.planning.motion.arm_motion import Motion
 from drake_srg.planning.motion.planning_scene import PlanningFailure
 from drake_srg.planning.pick_and_place.knowledge import PlannerMemory
 from drake_srg.planning.pick_and_place.replanning import Replanner
-from drake_srg.planning.pick_and_place.sightings import Sightings, View, set_down_at
+from drake_srg.planning.pick_and_place.sightings import (
+    PickTask,
+    Sightings,
+    View,
+    set_down_at,
+)
 from drake_srg.scenario import load_scenario
 from drake_srg.station import (
     MakeCell,
@@ -30,9 +35,9 @@ def test_the_planner_has_the_goal_and_settings_of_the_scenario():
     scenario = load_scenario("kitchen", seed=1)
     planner = MakePlanner(scenario)
     # Half the can's height, 101.8 mm, above the table.
-    p_WO = planner.goal.translation()
+    p_WO = planner.task.goal.translation()
     assert p_WO == pytest.approx([0.55, -0.42, 0.0509], abs=1e-4)
-    assert planner.tolerance == scenario.task.place.tolerance
+    assert planner.task.tolerance == scenario.task.place.tolerance
     assert planner.config is scenario.planner
 
 
@@ -40,14 +45,14 @@ def test_other_known_objects_are_obstacles():
     ball = "objects.ball={shape: !Sphere {radius: 0.03}, mass: 0.1, friction: 1}"
     scenario = load_scenario("kitchen", seed=1, overrides=[ball])
     shape = scenario.objects["ball"].shape
-    assert MakePlanner(scenario).obstacles == {"ball": shape}
+    assert MakePlanner(scenario).task.obstacles == {"ball": shape}
 
 
 @pytest.mark.slow
 def test_an_object_without_a_simple_shape_is_neither_located_nor_avoided():
     overrides = [MUG, "object.position=[0.5, -0.1]"]
     scenario = load_scenario("kitchen", seed=1, overrides=overrides)
-    assert MakePlanner(scenario).obstacles == {}
+    assert MakePlanner(scenario).task.obstacles == {}
     cell = MakeCell(scenario)
     blobs = cell.GetOutputPort("localizer.blobs").Eval(cell.CreateDefaultContext())
     assert {blob.object_name for blob in blobs} == {"soup_can"}
@@ -62,7 +67,7 @@ def test_an_object_without_a_simple_shape_is_picked_only_by_its_colours():
 def test_another_solid_that_is_located_is_avoided():
     color = BLUE.replace("object.", "objects.mug.")
     scenario = load_scenario("kitchen", overrides=[MUG, color])
-    assert set(MakePlanner(scenario).obstacles) == {"mug"}
+    assert set(MakePlanner(scenario).task.obstacles) == {"mug"}
 
 
 def as_picked(*overrides):
@@ -75,12 +80,12 @@ def as_picked(*overrides):
 def test_a_mug_is_taken_by_its_pieces_and_set_down_as_it_stood(yaw, height):
     scenario = as_picked(f"task.place.height={height}")
     planner, task = MakePlanner(scenario), MakeTaskPlanner(scenario)
-    np.testing.assert_allclose(planner.goal.translation(), [0.55, -0.42, height])
+    np.testing.assert_allclose(planner.task.goal.translation(), [0.55, -0.42, height])
     mug = planned_solid("soup_can", scenario.objects["soup_can"])
     X_WO = RigidTransform(RollPitchYaw(0.0, 0.0, yaw), [0.6, 0.1, 0.0])
     assert task.rests(mug, X_WO)
     assert not task.rests(mug, RigidTransform([0.6, 0.1, 0.05]))
-    planned = task.plan(task.q_home, X_WO, mug, planner.goal)
+    planned = task.plan(task.q_home, X_WO, mug, planner.task.goal)
     assert not isinstance(planned, PlanningFailure), planned.message
     ends = {
         mode: task.scene.X_WG(planned.motions[mode].value(1e9)[:, 0])
@@ -89,14 +94,14 @@ def test_a_mug_is_taken_by_its_pieces_and_set_down_as_it_stood(yaw, height):
     X_GO = ends[Mode.GRASP].inverse() @ X_WO
     X_WO_placed = ends[Mode.PLACE] @ X_GO
     np.testing.assert_allclose(X_WO_placed.rotation().col(2), [0, 0, 1], atol=0.01)
-    above = X_WO_placed.translation() - planner.goal.translation()
+    above = X_WO_placed.translation() - planner.task.goal.translation()
     np.testing.assert_allclose(above[:2], 0.0, atol=0.003)
     assert 0.0 <= above[2] < 0.01
 
 
 def test_a_mug_that_lies_is_set_down_as_it_lies():
     scenario = as_picked()
-    task, goal = MakeTaskPlanner(scenario), MakePlanner(scenario).goal
+    task, goal = MakeTaskPlanner(scenario), MakePlanner(scenario).task.goal
     mug = planned_solid("soup_can", scenario.objects["soup_can"])
     R_WO = RotationMatrix.MakeFromOneVector(-mug.resting[1], 2).inverse()
     X_WO = RigidTransform(R_WO, [0.6, 0.1, mug.half_extent(mug.resting[1])])
@@ -116,8 +121,8 @@ def test_a_mug_that_has_toppled_is_set_down_as_it_lies_now():
     scenario = as_picked()
     planner, task = MakePlanner(scenario), MakeTaskPlanner(scenario)
     mug = planned_solid("soup_can", scenario.objects["soup_can"])
-    sightings = Sightings("soup_can", mug, {}, 0.1)
-    replanner = Replanner(task, sightings, planner.goal, 0.005, scenario.planner)
+    sightings = Sightings(PickTask("soup_can", mug, planner.task.goal), 0.1)
+    replanner = Replanner(task, sightings, scenario.planner)
     memory = PlannerMemory(Motion(task.q_home))
     for down in (GRAVITY, mug.resting[1]):
         R_WO = RotationMatrix.MakeFromOneVector(-down, 2).inverse()

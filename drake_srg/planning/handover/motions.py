@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import contextlib
 import dataclasses as dc
 from collections.abc import Mapping, Sequence
 from contextlib import AbstractContextManager
@@ -135,6 +134,8 @@ class HandoverTaskPlanner(TaskPlanner):
         pair: The scenes of the giver and of the receiver.
     """
 
+    config: Handover
+
     def __init__(
         self,
         scene: PlanningScene,
@@ -147,8 +148,6 @@ class HandoverTaskPlanner(TaskPlanner):
         super().__init__(scene, hand, q_home, config)
         self.receiver = receiver
         self.pair = pair
-        self._handover = config
-        self._giver_moves = Moves(scene, hand.p_GT, config)
         self._receiver_moves = Moves(receiver.scene, receiver.hand.p_GT, config)
 
     def giver_beside(
@@ -208,7 +207,7 @@ class HandoverTaskPlanner(TaskPlanner):
         They are as open as the grasp needs. If they opened on the way, they would sweep
         space beside the giver that no plan has checked.
         """
-        height = self._handover.grip_height
+        height = self.config.grip_height
         grasps = taking_grasps(self.receiver.hand, shape, height)
         return min(grasps, key=lambda grasp: grasp.closure_open).fingers_open
 
@@ -217,7 +216,7 @@ class HandoverTaskPlanner(TaskPlanner):
     ) -> PlanningFailure | None:
         """Return why the receiver cannot set the object down; None if it can."""
         receiver, failures = self.receiver, list[IkFailure]()
-        for grasp in taking_grasps(receiver.hand, shape, self._handover.grip_height):
+        for grasp in taking_grasps(receiver.hand, shape, self.config.grip_height):
             with (
                 self.receiver_beside(self.q_home, {}),
                 receiver.standing(obstacles),
@@ -225,7 +224,7 @@ class HandoverTaskPlanner(TaskPlanner):
             ):
                 found = solve_inverse_kinematics(
                     receiver.scene,
-                    place_target(grasp, X_WO_goal, self._handover.place_height),
+                    place_target(grasp, X_WO_goal, self.config.place_height),
                     q_nominal=receiver.q_home,
                 )
             if not isinstance(found, IkFailure):
@@ -281,7 +280,7 @@ class HandoverTaskPlanner(TaskPlanner):
         q_met = _end(given.motions[Mode.PLACE])
         X_WO = self.scene.X_WG(q_met) @ given.grasp.X_GO
         X_WO = RigidTransform(X_WO.translation())  # round: its turn has no meaning
-        height = self._handover.grip_height
+        height = self.config.grip_height
         grasps = taking_grasps(self.receiver.hand, shape, height)
         failures: list[PlanningFailure] = []
         for turn in (None, *np.linspace(0.0, 2.0 * np.pi, _TURNS, endpoint=False)):
@@ -325,8 +324,12 @@ class HandoverTaskPlanner(TaskPlanner):
         q_met = _end(given.motions[Mode.PLACE])
         with self.receiver_beside(q_met, given.grasp.fingers_closed):
             motions, q_take = self._reach(grasp, turn, shape, X_WO, obstacles)
-        with self.giver_beside(q_take, grasp.fingers_closed):
-            leave = self._leave(q_met, given.grasp, shape, X_WO, obstacles)
+        with self.giver_beside(q_take, grasp.fingers_closed), self.standing(obstacles):
+            left = self.leave(q_met, given.grasp, shape, X_WO)
+        leave = {
+            HandoverMode.WITHDRAW: left[Mode.RETREAT],
+            HandoverMode.CLEAR: left[Mode.HOME],
+        }
         with self.receiver_beside(self.q_home, given.grasp.fingers_open):
             carry = self.receiver.plan_carry(q_take, grasp, shape, X_WO_goal, obstacles)
         if isinstance(carry, PlanningFailure):
@@ -353,13 +356,11 @@ class HandoverTaskPlanner(TaskPlanner):
         before = scene.fingers
         scene.SetFingers(grasp.fingers_open)
         try:
-            with contextlib.ExitStack() as stack:
-                for other, X_WOther in obstacles:
-                    stack.enter_context(scene.standing(other, X_WOther))
+            with self.receiver.standing(obstacles):
                 with scene.standing(shape, X_WO, touchable=True):
                     q_take = self._posture(grasp.target(X_WO), turn)
                     back = moves.straight(q_take, moves.behind(q_take))
-                    down = -self._handover.pull_distance * _UP
+                    down = -self.config.pull_distance * _UP
                     pulled = HandTarget.from_pose(scene.X_WG(q_take)).shifted(down)
                     pull = moves.straight(q_take, pulled)
                 with scene.standing(shape, X_WO):
@@ -372,7 +373,7 @@ class HandoverTaskPlanner(TaskPlanner):
                     ),
                     HandoverMode.PULL: stretched(
                         moves.timed(pull, slow, straight=True),
-                        self._handover.pull_distance / self._handover.pull_speed,
+                        self.config.pull_distance / self.config.pull_speed,
                     ),
                 }
         finally:
@@ -396,37 +397,6 @@ class HandoverTaskPlanner(TaskPlanner):
             message = f"the receiver cannot take it: {q.message}"
             raise NoPathError(PlanningFailure(q.failure, message))
         return q.q
-
-    def _leave(
-        self,
-        q_met: Vector,
-        grasp: Grasp,
-        shape: Solid,
-        X_WO: RigidTransform,
-        obstacles: Obstacles,
-    ) -> dict[AnyMode, Trajectory]:
-        """Return the giver's motions away from the object, and home.
-
-        Raises:
-            NoPathError: If a motion does not exist.
-        """
-        scene, moves = self.scene, self._giver_moves
-        before = scene.fingers
-        scene.SetFingers(grasp.fingers_open)
-        try:
-            with contextlib.ExitStack() as stack:
-                for other, X_WOther in obstacles:
-                    stack.enter_context(scene.standing(other, X_WOther))
-                with scene.standing(shape, X_WO, touchable=True):
-                    away = moves.straight(q_met, moves.behind(q_met))
-                with scene.standing(shape, X_WO):
-                    home = moves.joint_path(away[-1], self.q_home)
-        finally:
-            scene.fingers = before
-        return {
-            HandoverMode.WITHDRAW: moves.timed(away, moves.free, straight=True),
-            HandoverMode.CLEAR: moves.timed(home, moves.free),
-        }
 
 
 def _end(trajectory: Trajectory) -> Vector:

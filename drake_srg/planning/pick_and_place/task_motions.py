@@ -43,200 +43,6 @@ _UPRIGHT = 0.004
 _HIGHER = (0.0, 0.04, 0.08)
 
 
-class GraspMotions:
-    """Plans the motions of a grasp in a planning scene; holds nothing between calls.
-
-    Args:
-        scene: The arm, the gripper and what they may hit.
-        moves: The moves in that scene.
-        q_home: Home posture of the arm, shape (N,) [rad].
-        config: Distances.
-    """
-
-    def __init__(
-        self,
-        scene: PlanningScene,
-        moves: Moves,
-        q_home: Vector,
-        config: PlannerConfig,
-    ) -> None:
-        self._scene = scene
-        self._moves = moves
-        self._q_home = q_home
-        self._config = config
-
-    def plan(
-        self,
-        q_start: Vector,
-        shape: Solid,
-        X_WO_goal: RigidTransform,
-        candidate: Candidate,
-    ) -> dict[AnyMode, Trajectory]:
-        """Plan all motions from `q_start` to home.
-
-        Args:
-            q_start: Posture of the arm, at rest, shape (N,) [rad].
-            shape: The object's shape.
-            X_WO_goal: Goal of the object [m].
-            candidate: The grasp, and where the object is.
-
-        Raises:
-            NoPathError: If a motion does not exist.
-        """
-        scene, grasp, X_WO = self._scene, candidate.grasp, candidate.X_WO
-        motions: dict[AnyMode, Trajectory] = {}
-
-        scene.SetFingers(grasp.fingers_open)
-        with scene.standing(shape, X_WO, touchable=True):
-            back = self._moves.straight(
-                candidate.q_grasp, self._moves.behind(candidate.q_grasp), turning=True
-            )
-            motions[Mode.GRASP] = self._moves.timed(
-                back[::-1], self._moves.free, straight=True
-            )
-        with scene.standing(shape, X_WO):
-            motions[Mode.PRE_GRASP] = self._moves.timed(
-                self._moves.joint_path(q_start, back[-1]), self._moves.free
-            )
-
-        return motions | self.carry(shape, X_WO_goal, candidate)
-
-    def carry(
-        self, shape: Solid, X_WO_goal: RigidTransform, candidate: Candidate
-    ) -> dict[AnyMode, Trajectory]:
-        """Plan the motions that follow a grasp, from lifting to home.
-
-        Args:
-            shape: The object's shape.
-            X_WO_goal: Goal of the object [m].
-            candidate: The grasp.
-
-        Raises:
-            NoPathError: If a motion does not exist.
-        """
-        scene, grasp = self._scene, candidate.grasp
-        motions: dict[AnyMode, Trajectory] = {}
-        with carrying(scene, shape, grasp):
-            with scene.supporting(SUPPORT_OVERLAP):
-                q_pick = candidate.q_grasp
-                up = self._moves.straight(
-                    q_pick, self._moves.above(q_pick), turning=True
-                )
-                motions[Mode.LIFT] = self._moves.timed(
-                    up, self._moves.holding, straight=True
-                )
-            across, down = self._transfer(up[-1], X_WO_goal, candidate)
-            motions[Mode.TRANSFER] = self._moves.timed(across, self._moves.holding)
-        drift_G = self._drift(grasp, motions.values())
-        drifted = dc.replace(grasp, p_GO=grasp.p_GO + drift_G)
-        with carrying(scene, shape, drifted, supported=True):
-            if drift_G.any():
-                drift_W = scene.X_WG(across[-1]).rotation() @ drift_G
-                below = self._moves.below(across[-1]).shifted(-drift_W)
-                down = self._moves.straight(across[-1], below)
-            motions[Mode.PLACE] = self._moves.timed(
-                down, self._moves.holding, straight=True
-            )
-        return motions | self._leave(down[-1], drifted, shape, X_WO_goal)
-
-    def place(
-        self, q_start: Vector, grasp: Grasp, shape: Solid, X_WO_goal: RigidTransform
-    ) -> dict[AnyMode, Trajectory]:
-        """Plan the motions onto the goal and home, with the object in the hand.
-
-        Args:
-            q_start: Posture of the arm, at rest, shape (N,) [rad].
-            grasp: The grasp, with the object's actual pose in the hand.
-            shape: The object's shape.
-            X_WO_goal: Goal of the object [m].
-
-        Raises:
-            NoPathError: If a motion does not exist.
-        """
-        goal = place_target(grasp, X_WO_goal, self._config.place_height)
-        above = goal.shifted(self._config.lift_height * _UP)
-        with carrying(self._scene, shape, grasp, supported=True):
-            path = self._moves.through(q_start, [above, goal])
-            down = self._moves.timed(path, self._moves.holding, straight=True)
-        return {Mode.PLACE: down} | self._leave(path[-1], grasp, shape, X_WO_goal)
-
-    def _leave(
-        self, q_place: Vector, grasp: Grasp, shape: Solid, X_WO: RigidTransform
-    ) -> dict[AnyMode, Trajectory]:
-        """Return the motions away from an object that has been placed, and home."""
-        scene, motions = self._scene, dict[AnyMode, Trajectory]()
-        X_WO = grasp.set_down(scene.X_WG(q_place), X_WO)
-        scene.SetFingers(grasp.fingers_open)
-        with scene.standing(shape, X_WO, touchable=True):
-            away = self._moves.straight(q_place, self._moves.behind(q_place))
-            motions[Mode.RETREAT] = self._moves.timed(
-                away, self._moves.free, straight=True
-            )
-        with scene.standing(shape, X_WO):
-            motions[Mode.HOME] = self._moves.timed(
-                self._moves.joint_path(away[-1], self._q_home), self._moves.free
-            )
-        return motions
-
-    def _transfer(
-        self, q_lifted: Vector, X_WO_goal: RigidTransform, candidate: Candidate
-    ) -> tuple[Vector, Vector]:
-        """Return the paths across, and down to the goal, both (K, N) [rad]."""
-        scene = self._scene
-        lift = self._config.lift_height * _UP
-        place = place_target(
-            candidate.grasp,
-            X_WO_goal,
-            self._config.place_height,
-            angle_tolerance=_UPRIGHT,
-        )
-        # A straight path keeps the object upright. If there is none, any path will do.
-        across = self._across(q_lifted, place.shifted(lift))
-        with scene.supporting(SUPPORT_OVERLAP):
-            if across is not None:
-                below = self._moves.below(across[-1])
-                down = plan_cartesian_path(scene, across[-1], below)
-                if not isinstance(down, PlanningFailure):
-                    return across, down
-            q_place = candidate.q_place
-            up = self._moves.straight(q_place, self._moves.above(q_place))
-        return self._moves.joint_path(q_lifted, up[-1]), up[::-1]
-
-    def _drift(self, grasp: Grasp, motions: Iterable[Trajectory]) -> Vector:
-        """Return how far the object drifts in the hand during motions, (3,) [m]."""
-        time, drift = self._config.drift_time, np.zeros(3)
-        if time > 0.0:
-            for motion in motions:
-                drift += carried_drift(self._scene, motion, grasp.p_GO, time)
-        return drift
-
-    def _across(self, q_lifted: Vector, above_goal: HandTarget) -> Vector | None:
-        """Return a path above the goal that keeps the object upright, or None."""
-        scene = self._scene
-        for higher in _HIGHER:
-            lines = [above_goal]
-            if higher:
-                over = self._moves.above(q_lifted, higher)
-                lines = [over, above_goal.shifted(higher * _UP), above_goal]
-            try:
-                across = self._moves.through(q_lifted, lines)
-                break
-            except NoPathError as error:
-                if error.failure.failure is not Failure.BLOCKED:
-                    return None
-        else:
-            return None
-        if not scene.reaches_any_pose and self._config.tip_limits is None:
-            # Without a redundant joint, a straight line costs detours of the joints.
-            ends = np.array([q_lifted, across[-1]])
-            line = scene.samples(ends)
-            lean = max(above_goal.angle_violation(scene.X_WG(q)) for q in line)
-            kept = lean < 1e-6  # the end of the line already uses up the tolerance
-            if kept and scene.first_hit(line) is None:
-                return ends
-        return across
-
-
 # Number of grasps whose motions are planned before giving up. There are more only if
 # the hand may turn about the object. Each search for a path takes up to 5 s.
 _MOST_CANDIDATES = 8
@@ -276,12 +82,8 @@ class TaskPlanner:
         self.q_home = np.asarray(q_home, dtype=float)
         self.config = config
         self._moves = Moves(scene, hand.p_GT, config)
-        self._grasp_motions = GraspMotions(scene, self._moves, self.q_home, config)
         self._search = GraspSearch(
-            scene,
-            hand,
-            self.q_home,
-            place_height=config.place_height,
+            scene, hand, self.q_home, place_height=config.place_height
         )
 
     def X_WG(self, q: Vector) -> RigidTransform:
@@ -332,7 +134,7 @@ class TaskPlanner:
         try:
             with self.standing(obstacles):
                 candidate = self._search.grasped(q_grasp, grasp, shape, X_WO_goal)
-                motions = self._grasp_motions.carry(shape, X_WO_goal, candidate)
+                motions = self._after_grasp(shape, X_WO_goal, candidate)
         except NoPathError as error:
             return error.failure
         return TaskMotions(grasp, motions)
@@ -355,12 +157,17 @@ class TaskPlanner:
             X_WO_goal: Goal of the object [m].
             obstacles: Other objects and their poses [m].
         """
+        goal = place_target(grasp, X_WO_goal, self.config.place_height)
+        above = goal.shifted(self.config.lift_height * _UP)
         try:
             with self.standing(obstacles):
-                motions = self._grasp_motions.place(q_start, grasp, shape, X_WO_goal)
+                with carrying(self.scene, shape, grasp, supported=True):
+                    path = self._moves.through(q_start, [above, goal])
+                    down = self._moves.timed(path, self._moves.holding, straight=True)
+                left = self.leave(path[-1], grasp, shape, X_WO_goal)
         except NoPathError as error:
             return error.failure
-        return TaskMotions(grasp, motions)
+        return TaskMotions(grasp, {Mode.PLACE: down} | left)
 
     def _plan(
         self,
@@ -381,9 +188,7 @@ class TaskPlanner:
             no_path = []
             for candidate in candidates[:_MOST_CANDIDATES]:
                 try:
-                    motions = self._grasp_motions.plan(
-                        q_start, shape, X_WO_goal, candidate
-                    )
+                    motions = self._with_grasp(q_start, shape, X_WO_goal, candidate)
                     return TaskMotions(candidate.grasp, motions)
                 except NoPathError as error:
                     no_path.append(error.failure)
@@ -398,6 +203,156 @@ class TaskPlanner:
         # A grasp that only the surroundings prevent is a better reason than one out of
         # the arm's reach.
         return (blocked or reasons)[0]
+
+    def _with_grasp(
+        self,
+        q_start: Vector,
+        shape: Solid,
+        X_WO_goal: RigidTransform,
+        candidate: Candidate,
+    ) -> dict[AnyMode, Trajectory]:
+        """Return all motions from `q_start` (N,) [rad] to home, with one grasp.
+
+        Raises:
+            NoPathError: If a motion does not exist.
+        """
+        scene, grasp, X_WO = self.scene, candidate.grasp, candidate.X_WO
+        motions: dict[AnyMode, Trajectory] = {}
+
+        scene.SetFingers(grasp.fingers_open)
+        with scene.standing(shape, X_WO, touchable=True):
+            back = self._moves.straight(
+                candidate.q_grasp, self._moves.behind(candidate.q_grasp), turning=True
+            )
+            motions[Mode.GRASP] = self._moves.timed(
+                back[::-1], self._moves.free, straight=True
+            )
+        with scene.standing(shape, X_WO):
+            motions[Mode.PRE_GRASP] = self._moves.timed(
+                self._moves.joint_path(q_start, back[-1]), self._moves.free
+            )
+
+        return motions | self._after_grasp(shape, X_WO_goal, candidate)
+
+    def _after_grasp(
+        self, shape: Solid, X_WO_goal: RigidTransform, candidate: Candidate
+    ) -> dict[AnyMode, Trajectory]:
+        """Return the motions that follow a grasp, from lifting to home.
+
+        Raises:
+            NoPathError: If a motion does not exist.
+        """
+        scene, grasp = self.scene, candidate.grasp
+        motions: dict[AnyMode, Trajectory] = {}
+        with carrying(scene, shape, grasp):
+            with scene.supporting(SUPPORT_OVERLAP):
+                q_pick = candidate.q_grasp
+                up = self._moves.straight(
+                    q_pick, self._moves.above(q_pick), turning=True
+                )
+                motions[Mode.LIFT] = self._moves.timed(
+                    up, self._moves.holding, straight=True
+                )
+            across, down = self._transfer(up[-1], X_WO_goal, candidate)
+            motions[Mode.TRANSFER] = self._moves.timed(across, self._moves.holding)
+        drift_G = self._drift(grasp, motions.values())
+        drifted = dc.replace(grasp, p_GO=grasp.p_GO + drift_G)
+        with carrying(scene, shape, drifted, supported=True):
+            if drift_G.any():
+                drift_W = scene.X_WG(across[-1]).rotation() @ drift_G
+                below = self._moves.below(across[-1]).shifted(-drift_W)
+                down = self._moves.straight(across[-1], below)
+            motions[Mode.PLACE] = self._moves.timed(
+                down, self._moves.holding, straight=True
+            )
+        return motions | self.leave(down[-1], drifted, shape, X_WO_goal)
+
+    @restores_fingers
+    def leave(
+        self, q_place: Vector, grasp: Grasp, shape: Solid, X_WO: RigidTransform
+    ) -> dict[AnyMode, Trajectory]:
+        """Return the motions away from an object that the hand leaves, and home.
+
+        Args:
+            q_place: Posture of the arm, at rest, shape (N,) [rad].
+            grasp: The grasp.
+            shape: The object's shape.
+            X_WO: Where the object is [m]. The turn about its axis is as in the hand.
+
+        Raises:
+            NoPathError: If a motion does not exist.
+        """
+        scene, motions = self.scene, dict[AnyMode, Trajectory]()
+        X_WO = grasp.set_down(scene.X_WG(q_place), X_WO)
+        scene.SetFingers(grasp.fingers_open)
+        with scene.standing(shape, X_WO, touchable=True):
+            away = self._moves.straight(q_place, self._moves.behind(q_place))
+            motions[Mode.RETREAT] = self._moves.timed(
+                away, self._moves.free, straight=True
+            )
+        with scene.standing(shape, X_WO):
+            motions[Mode.HOME] = self._moves.timed(
+                self._moves.joint_path(away[-1], self.q_home), self._moves.free
+            )
+        return motions
+
+    def _transfer(
+        self, q_lifted: Vector, X_WO_goal: RigidTransform, candidate: Candidate
+    ) -> tuple[Vector, Vector]:
+        """Return the paths across, and down to the goal, both (K, N) [rad]."""
+        scene = self.scene
+        lift = self.config.lift_height * _UP
+        place = place_target(
+            candidate.grasp,
+            X_WO_goal,
+            self.config.place_height,
+            angle_tolerance=_UPRIGHT,
+        )
+        # A straight path keeps the object upright. If there is none, any path will do.
+        across = self._across(q_lifted, place.shifted(lift))
+        with scene.supporting(SUPPORT_OVERLAP):
+            if across is not None:
+                below = self._moves.below(across[-1])
+                down = plan_cartesian_path(scene, across[-1], below)
+                if not isinstance(down, PlanningFailure):
+                    return across, down
+            q_place = candidate.q_place
+            up = self._moves.straight(q_place, self._moves.above(q_place))
+        return self._moves.joint_path(q_lifted, up[-1]), up[::-1]
+
+    def _drift(self, grasp: Grasp, motions: Iterable[Trajectory]) -> Vector:
+        """Return how far the object drifts in the hand during motions, (3,) [m]."""
+        time, drift = self.config.drift_time, np.zeros(3)
+        if time > 0.0:
+            for motion in motions:
+                drift += carried_drift(self.scene, motion, grasp.p_GO, time)
+        return drift
+
+    def _across(self, q_lifted: Vector, above_goal: HandTarget) -> Vector | None:
+        """Return a path above the goal that keeps the object upright, or None."""
+        scene = self.scene
+        for higher in _HIGHER:
+            lines = [above_goal]
+            if higher:
+                over = self._moves.above(q_lifted, higher)
+                lines = [over, above_goal.shifted(higher * _UP), above_goal]
+            try:
+                across = self._moves.through(q_lifted, lines)
+                break
+            except NoPathError as error:
+                if error.failure.failure is not Failure.BLOCKED:
+                    return None
+        else:
+            return None
+        if not scene.reaches_any_pose and self.config.tip_limits is None:
+            # Without a redundant joint, a straight line costs detours of the joints.
+            ends = np.array([q_lifted, across[-1]])
+            line = scene.samples(ends)
+            lean = max(above_goal.angle_violation(scene.X_WG(q)) for q in line)
+            kept = lean < 1e-6  # the end of the line already uses up the tolerance
+            if kept and scene.first_hit(line) is None:
+                return ends
+        return across
 
     @restores_fingers
     def rests(self, shape: Solid, X_WO: RigidTransform) -> bool:

@@ -18,7 +18,7 @@ from drake_srg.planning.carrying.motions import (
 from drake_srg.planning.motion.limits import MotionLimits
 from drake_srg.planning.motion.planning_scene import PlanningFailure
 from drake_srg.scenario import load_scenario
-from drake_srg.station.planners import MakeCarryPlanner, goal_pose, planner_arguments
+from drake_srg.station.planners import MakeCarryPlanner, goal_pose, pick_task
 from drake_srg.types import Box, Failure, Mode
 
 X_WO = RigidTransform(RollPitchYaw(0.0, 0.0, 0.08), [0.44, 0.2, 0.0])
@@ -32,7 +32,7 @@ def scenario():
 
 @pytest.fixture(scope="module")
 def shape(scenario):
-    return planner_arguments(scenario)["shape"]
+    return pick_task(scenario).shape
 
 
 @pytest.fixture(scope="module")

@@ -14,7 +14,7 @@ from drake_srg.planning.carrying.planner import (
     LargeSightings,
     carry_transition,
 )
-from drake_srg.planning.pick_and_place.sightings import View
+from drake_srg.planning.pick_and_place.sightings import PickTask, View
 from drake_srg.planning.planner_machine import Observation
 from drake_srg.scenario import Scenario, load_scenario
 from drake_srg.scenario.typed_yaml import read_typed
@@ -69,7 +69,7 @@ def test_reasons_to_give_up_end_every_mode(failure):
 
 def test_an_uncertain_part_of_the_object_is_no_obstacle():
     box = Box([0.7, 0.26, 0.1])
-    sightings = LargeSightings("crate", box, {}, upright_within=0.2)
+    sightings = LargeSightings(PickTask("crate", box, RigidTransform()), 0.2)
 
     def blob(x, certain):
         flags = frozenset() if certain else frozenset({BlobFlag.UNCERTAIN})

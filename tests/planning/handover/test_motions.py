@@ -29,7 +29,7 @@ def planner(scenario):
     from drake_srg.planning.handover.motions import HandoverTaskPlanner
 
     system = MakeHandoverPlanner(scenario)
-    found = system._modes[HandoverMode.PULL]._planner
+    found = system._modes[HandoverMode.PULL].replanner.both
     assert isinstance(found, HandoverTaskPlanner)
     return found
 

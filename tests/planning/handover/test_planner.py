@@ -148,7 +148,7 @@ def test_the_planner_commands_each_arm_by_its_name():
         port = planner.GetOutputPort(f"{name}.position_commanded")
         np.testing.assert_array_equal(port.Eval(context), home)
         assert planner.GetOutputPort(f"{name}.closure_commanded").Eval(context) == [0]
-    assert RigidTransform(planner.goal).translation()[0] == pytest.approx(1.1)
+    assert planner.task.goal.translation()[0] == pytest.approx(1.1)
 
 
 def test_the_configuration_is_sent_to_other_processes():

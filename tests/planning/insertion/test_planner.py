@@ -13,6 +13,7 @@ from drake_srg.planning.insertion.planner import (
     InsertionPlanner,
     insert_transition,
 )
+from drake_srg.planning.pick_and_place.sightings import PickTask
 from drake_srg.planning.planner_machine import Observation
 from drake_srg.types import Failure, Mode, Sphere
 
@@ -73,4 +74,4 @@ def test_reasons_to_give_up_end_every_mode(failure):
 
 def test_only_cylinders_and_boxes_are_inserted():
     with pytest.raises(ValueError, match=r"objects\.peg: must be a cylinder or a box"):
-        InsertionPlanner(None, "peg", Sphere(0.01), RigidTransform(), config=CONFIG)
+        InsertionPlanner(None, PickTask("peg", Sphere(0.01), RigidTransform()), CONFIG)

@@ -7,6 +7,7 @@ from hypothesis import strategies as st
 from pydrake.trajectories import PiecewisePolynomial
 
 from drake_srg.common.geometry import minimum_jerk_blend
+from drake_srg.planning.handover.config import HandoverMode
 from drake_srg.planning.motion.arm_pair import (
     minimum_jerk_motion,
     stretched,
@@ -60,11 +61,7 @@ def test_a_minimum_jerk_motion_uses_its_limits_and_no_more(near, far):
 
 def test_arms_that_meet_on_their_ways_are_told():
     handover = MakeHandoverPlanner(load_scenario("handover"))
-    pair = next(
-        value._planner.pair
-        for value in handover._modes.values()
-        if hasattr(value, "_planner")
-    )
+    pair = handover._modes[HandoverMode.PULL].replanner.both.pair
     home = np.zeros(14)
     # Each arm bows towards the other one.
     meet = np.tile([0.0, 0.9, 0.0, -0.4, 0.0, 0.4, 0.0], 2)

@@ -18,6 +18,7 @@ from drake_srg.planning.pick_and_place.knowledge import (
 )
 from drake_srg.planning.pick_and_place.modes import task_modes
 from drake_srg.planning.pick_and_place.planner import PickAndPlacePlanner
+from drake_srg.planning.pick_and_place.sightings import PickTask
 from drake_srg.planning.planner_machine import (
     Observation,
     PlannerConfig,
@@ -58,8 +59,8 @@ modes_with_wiggle = SHOWN["own_modes"]
 
 def own_planner(**changes):
     own = {"make_modes": modes_with_wiggle, "transition": Transitions(TABLE, FATAL)}
-    arguments = (FakeTaskPlanner(), "can", CAN, RigidTransform(GOAL))
-    return PickAndPlacePlanner(*arguments, **{**own, **changes})
+    task = PickTask("can", CAN, RigidTransform(GOAL))
+    return PickAndPlacePlanner(FakeTaskPlanner(), task, **{**own, **changes})
 
 
 class OwnWorld(World):

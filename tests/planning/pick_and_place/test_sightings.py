@@ -6,7 +6,12 @@ from hypothesis import given
 from hypothesis import strategies as st
 from pydrake.math import RigidTransform, RollPitchYaw, RotationMatrix
 
-from drake_srg.planning.pick_and_place.sightings import Sightings, View, lean
+from drake_srg.planning.pick_and_place.sightings import (
+    PickTask,
+    Sightings,
+    View,
+    lean,
+)
 from drake_srg.types import BlobFlag, Box, Obstacle, Sphere
 from planning.planning_world import CAN, CUP, blob
 
@@ -19,7 +24,8 @@ def leaning(degrees):
 
 
 def sightings(shape=CAN, within=5.0):
-    return Sightings("can", shape, {"cup": CUP}, np.deg2rad(within))
+    task = PickTask("can", shape, RigidTransform(), obstacles={"cup": CUP})
+    return Sightings(task, np.deg2rad(within))
 
 
 def test_the_best_blob_is_one_without_flags():

@@ -8,6 +8,7 @@ from pydrake.math import RigidTransform, RollPitchYaw, RotationMatrix
 
 from drake_srg.common.geometry import ConvexPieces
 from drake_srg.planning.pick_and_place.sightings import (
+    PickTask,
     Sightings,
     distance,
     set_down_at,
@@ -26,7 +27,7 @@ angles = st.floats(-np.pi, np.pi)
 
 
 def pose_of(X_WO):
-    sightings = Sightings("thing", THING, {}, 0.1)
+    sightings = Sightings(PickTask("thing", THING, GOAL), 0.1)
     return sightings.pose(Blob("thing", "ceiling", (0.0, 0.0), X_WO, 1.0))
 
 

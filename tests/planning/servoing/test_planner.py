@@ -10,10 +10,12 @@ from pydrake.math import RigidTransform
 
 from drake_srg.planning.motion.arm_motion import Motion
 from drake_srg.planning.pick_and_place.knowledge import PlannerMemory, transition
-from drake_srg.planning.planner_machine import Observation, PlannerConfig
+from drake_srg.planning.planner_machine import Observation
 from drake_srg.planning.servoing.config import (
     ServoCommand,
     ServoFault,
+    Servoing,
+    ServoingConfig,
     ServoState,
     ServoStatus,
     WindowConfig,
@@ -31,7 +33,7 @@ from drake_srg.planning.servoing.planner import (
 from drake_srg.planning.state_machine import Entry, Moment
 from drake_srg.types import Blob, Failure, Mode
 
-CONFIG = PlannerConfig()
+CONFIG = Servoing(servo=ServoingConfig(time_limit=3.0))
 Q = np.array([0.1, 0.2])
 flags = st.booleans()
 
@@ -80,7 +82,7 @@ def now(time, state, **status):
 
 
 def grasping():
-    mode = ServoGrasp(CONFIG, FakeReplanner(), 1, time_limit=3.0)
+    mode = ServoGrasp(CONFIG, FakeReplanner(), 1)
     memory = PlannerMemory(Motion(np.zeros(2)))
     entry = Entry(1.0, senses(ServoStatus()), Mode.PRE_GRASP, None)
     return mode, mode.enter(memory, entry)
@@ -185,7 +187,7 @@ def blob_at(x):
 def look_at(sightings, window):
     """Look once for each x of the object, or None, 0.5 s apart; return what it did."""
     replanner = FakeReplanner()
-    mode = ServoIdle(CONFIG, replanner, 1, window)
+    mode = ServoIdle(Servoing(window=window), replanner, 1)
     memory = ServoingMemory(Motion(np.zeros(2)))
     for i, x in enumerate(sightings):
         blob = x if x is None else blob_at(x)
@@ -217,9 +219,8 @@ def test_it_waits_until_the_object_is_in_the_window():
 
 def test_a_sighting_of_an_earlier_attempt_does_not_count():
     replanner = FakeReplanner()
-    mode = ServoIdle(
-        CONFIG, replanner, 1, WindowConfig(min=[0.0, -1.0], max=[1.0, 1.0])
-    )
+    window = WindowConfig(min=[0.0, -1.0], max=[1.0, 1.0])
+    mode = ServoIdle(Servoing(window=window), replanner, 1)
     memory = ServoingMemory(Motion(np.zeros(2)))
     memory.before, memory.before_at = blob_at(0.0), 1.0
     memory.attempt.began = 4.0
