@@ -188,6 +188,22 @@ class World:
     def time(self):
         return self._context.get_time() - self._start
 
+    def show(self, look, modes=(), after=None):
+        """Let the camera show `look()` in some modes, or after one until home."""
+        usual = self.where
+
+        def shown(mode):
+            later = after in self.trace and mode is not Mode.HOME
+            return look() if mode in modes or later else usual(mode)
+
+        self.where = shown
+
+    def held(self, shift=(0.0, 0.0, 0.0), sign=1.0):
+        """Return the blob of an object in the hand, off by a shift in it [m]."""
+        grasp = self.task_planner.grasp
+        X_WG = self.task_planner.scene.X_WG(self.commands[-1])
+        return blob(X_WG @ (grasp.p_GO + shift), axis=sign * grasp.axis_G)
+
     def run(self, limit=60.0):
         """Let time pass until the planner has ended; return its status."""
         self.camera.blobs = self._look

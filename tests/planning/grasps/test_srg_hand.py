@@ -10,6 +10,7 @@ from drake_srg.planning.grasps.srg_hand import (
     Approach,
     SrgFingers,
     SrgHand,
+    finger_joints,
     wrap_angles,
 )
 from drake_srg.types import Box, Cylinder, Sphere
@@ -111,13 +112,7 @@ def side(shape, tilt):
 
 def distances_of(grasp, shape, base, tip):
     """Return signed distances from the held object to the links [m]."""
-    angles = {"base": base, "tip": tip}
-    fingers = {
-        f"{side}_{link}_joint": angles[link]
-        for side in ("left", "right")
-        for link in angles
-    }
-    return link_distances("srg", shape, grasp, fingers)
+    return link_distances("srg", shape, grasp, finger_joints(base, tip))
 
 
 SHAPES = [CAN, Cylinder(0.028, 0.15), Sphere(0.033)]

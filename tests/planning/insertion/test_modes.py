@@ -18,9 +18,11 @@ from drake_srg.planning.insertion.modes import (
     Upright,
     Withdraw,
 )
+from drake_srg.planning.insertion.planner import InsertionPlanner
 from drake_srg.planning.motion.arm_motion import Motion
+from drake_srg.planning.pick_and_place.sightings import PickTask
 from drake_srg.planning.state_machine import Entry, Moment
-from drake_srg.types import Box, Cylinder, Failure
+from drake_srg.types import Box, Cylinder, Failure, Sphere
 
 CONFIG = Insert()
 PEG = Cylinder(0.0124, 0.1)
@@ -408,3 +410,8 @@ def test_sight_contradicts_a_hand_that_slipped_along_the_peg(felt, seen_above, a
     assert memory.attempt.at_goal is at_goal
     home.look(memory, now)  # after an attempt that never reached the hole
     assert memory.attempt.at_goal is False
+
+
+def test_only_cylinders_and_boxes_are_inserted():
+    with pytest.raises(ValueError, match=r"objects\.peg: must be a cylinder or a box"):
+        InsertionPlanner(None, PickTask("peg", Sphere(0.01), RigidTransform()), CONFIG)

@@ -1,3 +1,5 @@
+"""Time-optimal motions, and motions within limits of the tip."""
+
 from __future__ import annotations
 
 import itertools
@@ -13,11 +15,14 @@ from drake_srg.planning.motion.inverse_kinematics import (
     HandTarget,
     solve_inverse_kinematics,
 )
-from drake_srg.planning.motion.limits import MotionLimits
+from drake_srg.planning.motion.limits import MotionLimits, TipLimits
 from drake_srg.planning.motion.paths import plan_cartesian_path, plan_joint_path
 from drake_srg.planning.motion.planning_scene import PlanningFailure
-from drake_srg.planning.motion.trajectories import time_optimal_trajectory
-from drake_srg.types import Box, Failure
+from drake_srg.planning.motion.trajectories import (
+    time_optimal_trajectory,
+    tip_limited_trajectory,
+)
+from drake_srg.types import Box, Failure, Sphere
 
 # Velocity and acceleration limits hold by construction, but for rounded sums.
 ROUNDING = 1e-9
@@ -26,6 +31,7 @@ ROUNDING = 1e-9
 TORQUE_SLACK = 0.02
 RAMP = 0.04
 
+limits_of = MotionLimits.of_plant
 unit = st.floats(-1.0, 1.0)
 
 
@@ -94,7 +100,7 @@ def test_straight_lines_keep_the_limits_and_take_little_longer_than_a_trapezoid(
 ):
     q_1, q_2 = free_postures(iiwa, values)
     assume(np.max(np.abs(q_2 - q_1)) > 0.05)
-    limits = MotionLimits.of_plant(iiwa)
+    limits = limits_of(iiwa)
     trajectory = time_optimal_trajectory(iiwa, np.array([q_1, q_2]), limits)
     assert_within(iiwa, trajectory, limits)
     _, q, _, _ = sampled(trajectory)
@@ -116,7 +122,7 @@ def test_polylines_keep_the_limits_stay_near_and_are_no_slower_than_stopping(
     waypoints = free_postures(iiwa, values)
     edges = list(itertools.pairwise(waypoints))
     assume(all(iiwa.is_edge_free(*edge) for edge in edges))
-    limits = MotionLimits.of_plant(iiwa)
+    limits = limits_of(iiwa)
     trajectory = time_optimal_trajectory(iiwa, waypoints, limits, rounding=rounding)
     assert_within(iiwa, trajectory, limits)
     _, q, _, _ = sampled(trajectory)
@@ -148,7 +154,7 @@ def test_a_way_around_a_wall_stays_free_when_rounded(iiwa, home):
         ).q
         for y in (-0.3, 0.3)
     )
-    limits = MotionLimits.of_plant(iiwa)
+    limits = limits_of(iiwa)
     with iiwa.standing(Box((0.3, 0.03, 0.5)), RigidTransform([0.6, 0.0, 0.25])):
         path = plan_joint_path(iiwa, left, right)
         trajectory = time_optimal_trajectory(iiwa, path, limits)
@@ -167,7 +173,7 @@ def test_a_timed_line_of_the_hand_stays_a_line(iiwa, home):
     X_start = iiwa.X_WG(home)
     target = HandTarget.from_pose(X_start).shifted(np.array([0.1, 0.05, -0.1]))
     path = plan_cartesian_path(iiwa, home, target)
-    limits = MotionLimits.of_plant(iiwa).scaled(acceleration=0.5)
+    limits = limits_of(iiwa).scaled(acceleration=0.5)
     trajectory = time_optimal_trajectory(iiwa, path, limits, rounding=1e-3)
     way = target.p_WT - X_start.translation()
     way /= np.linalg.norm(way)
@@ -183,7 +189,7 @@ def test_a_motion_leaves_each_line_by_as_much_as_is_allowed_there(iiwa, home):
     aside[0], up[1] = 0.6, -0.6
     corner = home + aside
     waypoints = np.array([home, home + 0.75 * aside, corner, corner + up])
-    limits = MotionLimits.of_plant(iiwa)
+    limits = limits_of(iiwa)
 
     def deviation(rounding):
         """Return how far the motion is from the corner, and from the first line."""
@@ -201,7 +207,7 @@ def test_a_motion_leaves_each_line_by_as_much_as_is_allowed_there(iiwa, home):
 
 
 def test_a_ramp_limits_the_jerk(iiwa, home):
-    limits = MotionLimits.of_plant(iiwa)
+    limits = limits_of(iiwa)
     waypoints = np.array([home, home + 0.5])
     times, _, _, a = sampled(time_optimal_trajectory(iiwa, waypoints, limits))
     jerk = np.abs(np.diff(a, axis=0)) / np.diff(times)[:, None]
@@ -211,9 +217,7 @@ def test_a_ramp_limits_the_jerk(iiwa, home):
 
 
 def test_standing_still_takes_no_more_than_two_ramps(iiwa, home):
-    trajectory = time_optimal_trajectory(
-        iiwa, np.array([home, home]), MotionLimits.of_plant(iiwa)
-    )
+    trajectory = time_optimal_trajectory(iiwa, np.array([home, home]), limits_of(iiwa))
     assert trajectory.end_time() == pytest.approx(2 * RAMP)
     _, q, v, _ = sampled(trajectory, 5)
     np.testing.assert_allclose(q, [home] * 5)
@@ -221,7 +225,7 @@ def test_standing_still_takes_no_more_than_two_ramps(iiwa, home):
 
 
 def test_limits_are_those_of_the_model(pendulum):
-    limits = MotionLimits.of_plant(pendulum)
+    limits = limits_of(pendulum)
     np.testing.assert_allclose(limits.velocity, [2.0, 3.0])
     np.testing.assert_allclose(limits.acceleration, [10.0, 20.0])
     np.testing.assert_allclose(limits.torque, [13.0, 13.0])
@@ -231,7 +235,7 @@ def test_the_torque_limit_slows_an_arm_that_lifts_a_weight(pendulum):
     # Level, 2 kg at 0.5 m take 9.81 N m to hold; of 13 N m, 3.2 are left to lift.
     # About y, a negative angle is up.
     waypoints = np.array([[0.0, 0.0], [-0.4, 0.0]])
-    limits = MotionLimits.of_plant(pendulum)
+    limits = limits_of(pendulum)
     strong = MotionLimits(limits.velocity, limits.acceleration, np.full(2, 1e3))
     lifting = time_optimal_trajectory(pendulum, waypoints, limits)
     unlimited = time_optimal_trajectory(pendulum, waypoints, strong)
@@ -242,7 +246,7 @@ def test_the_torque_limit_slows_an_arm_that_lifts_a_weight(pendulum):
 
 
 def test_a_weight_too_heavy_to_hold_is_out_of_reach(pendulum):
-    limits = MotionLimits.of_plant(pendulum).scaled(torque=0.6)  # 7.8 of 9.81 N m
+    limits = limits_of(pendulum).scaled(torque=0.6)  # 7.8 of 9.81 N m
     failure = time_optimal_trajectory(
         pendulum, np.array([[0.0, 0.0], [-0.2, 0.0]]), limits
     )
@@ -253,7 +257,7 @@ def test_a_weight_too_heavy_to_hold_is_out_of_reach(pendulum):
 
 def test_a_payload_slows_the_arm_and_can_be_too_heavy(pendulum, loaded_pendulum):
     waypoints = np.array([[0.0, 0.0], [-0.4, 0.0]])
-    limits = MotionLimits.of_plant(pendulum)
+    limits = limits_of(pendulum)
     bare = time_optimal_trajectory(pendulum, waypoints, limits)
     loaded = time_optimal_trajectory(loaded_pendulum, waypoints, limits)
     assert loaded.end_time() > bare.end_time() + 0.02
@@ -278,4 +282,250 @@ def test_a_payload_slows_the_arm_and_can_be_too_heavy(pendulum, loaded_pendulum)
 )
 def test_invalid_arguments_are_refused(iiwa, waypoints, changes, message):
     with pytest.raises(ValueError, match=message):
-        time_optimal_trajectory(iiwa, waypoints, MotionLimits.of_plant(iiwa), **changes)
+        time_optimal_trajectory(iiwa, waypoints, limits_of(iiwa), **changes)
+
+
+THESIS = TipLimits()
+# What a cubic spline through waypoints h = 0.02 m apart adds to speed, acceleration and
+# jerk along a line, as a share of the limits. Angles over distance are functions whose
+# nth derivative is about 1 / L^n with L the distance to where the arm is stretched,
+# here more than 0.13 m; the spline's nth differs by less than L h^(4 - n) / (2 L^4).
+# That, times (0.1 m/s)^n, is 0.05 for the jerk and 0.01 and less for the others.
+LEAST_REACH_LEFT = 0.13  # m
+SPLINE = (0.01, 0.01, 0.05)
+limit = st.floats(0.02, 2.0)
+
+
+def line(scene, q, offset, turn=None):
+    """Return a straight path of the hand from `q`, with a turn if it is given."""
+    X_WG = scene.X_WG(q)
+    R_WG = X_WG.rotation() if turn is None else turn @ X_WG.rotation()
+    target = HandTarget(X_WG.translation() + offset, R_WG)
+    return plan_cartesian_path(scene, q, target)
+
+
+def reach_left(scene, q):
+    """Return how far the wrist may move away until the arm is stretched [m]."""
+    scene.X_WG(q)  # moves the model
+    shoulder, wrist = (
+        scene.plant.GetFrameByName(name).CalcPoseInWorld(scene.context).translation()
+        for name in ("link_2", "link_6")
+    )
+    return 0.42 + 0.4 - np.linalg.norm(wrist - shoulder)
+
+
+def duration(d, tip):
+    """Return the duration of a double-S profile from rest to rest.
+
+    See Biagiotti and Melchiorri (2008), chapter 3.4.
+    """
+    v, a, j = tip.velocity, tip.acceleration, tip.jerk
+    ramp = 2.0 * np.sqrt(v / j) if v * j < a * a else a / j + v / a
+    if d >= v * ramp:
+        return d / v + ramp
+    if d >= 2.0 * a**3 / j**2:
+        return a / j + np.sqrt((a / j) ** 2 + 4.0 * d / a)
+    return np.cbrt(32.0 * d / j)
+
+
+def along_line(scene, q, direction, p_GT=(0.0, 0.0, 0.0)):
+    """Return the tip's position along a direction, and its distance from it [m]."""
+    p_WT = np.array([scene.X_WG(x) @ np.array(p_GT) for x in q])
+    offsets = p_WT - p_WT[0]
+    along = offsets @ direction
+    return along, np.linalg.norm(offsets - along[:, None] * direction, axis=1)
+
+
+def assert_at_rest(trajectory, waypoints):
+    end = trajectory.end_time()
+    assert trajectory.start_time() == 0.0
+    np.testing.assert_allclose(trajectory.value(0.0)[:, 0], waypoints[0], atol=1e-9)
+    np.testing.assert_allclose(trajectory.value(end)[:, 0], waypoints[-1], atol=1e-9)
+    for time in (0.0, end):
+        for order in (1, 2):
+            derivative = trajectory.EvalDerivative(time, order)
+            np.testing.assert_allclose(derivative, 0.0, atol=1e-9)
+
+
+def assert_joints_within(trajectory, limits):
+    _, _, v, a = sampled(trajectory)
+    assert np.all(np.abs(v) <= limits.velocity)
+    assert np.all(np.abs(a) <= limits.acceleration)
+
+
+@pytest.mark.slow
+@settings(max_examples=25)
+@given(st.tuples(unit, unit, unit), st.floats(0.04, 0.25))
+def test_the_tip_keeps_its_limits_on_a_straight_line(iiwa, direction, length):
+    assume(np.linalg.norm(direction) > 0.1)
+    direction = np.array(direction) / np.linalg.norm(direction)
+    home = np.array([0.0, 0.0, 0.0, -1.7, 0.0, 1.4, 0.0])
+    waypoints = line(iiwa, home, length * direction)
+    assume(not isinstance(waypoints, PlanningFailure))
+    assume(min(reach_left(iiwa, q) for q in waypoints) > LEAST_REACH_LEFT)
+    trajectory = tip_limited_trajectory(iiwa, waypoints, limits_of(iiwa), THESIS)
+    assert_at_rest(trajectory, waypoints)
+    assert_joints_within(trajectory, limits_of(iiwa))
+    assert trajectory.end_time() == pytest.approx(duration(length, THESIS), rel=1e-4)
+    times = np.linspace(0.0, trajectory.end_time(), 1001)
+    q = trajectory.vector_values(times).T
+    along, off = along_line(iiwa, q, direction)
+    # Joint lines of 0.02 m leave the hand's line by 0.1 mm, the spline by less.
+    assert np.max(off) < 1e-4
+    motion = along
+    bounds = (THESIS.velocity, THESIS.acceleration, THESIS.jerk)
+    for bound, spline in zip(bounds, SPLINE, strict=True):
+        motion = np.diff(motion) / times[1]
+        assert np.max(np.abs(motion)) <= bound * (1.0 + spline)
+
+
+def test_the_tip_moves_as_fast_as_it_may(iiwa, home):
+    waypoints = line(iiwa, home, np.array([0.1, 0.2, 0.2]))
+    trajectory = tip_limited_trajectory(iiwa, waypoints, limits_of(iiwa), THESIS)
+    assert trajectory.end_time() == pytest.approx(0.3 / 0.1 + 2.0, rel=1e-4)
+    times = np.linspace(0.0, trajectory.end_time(), 501)
+    direction = np.array([1.0, 2.0, 2.0]) / 3.0
+    along, _ = along_line(iiwa, trajectory.vector_values(times).T, direction)
+    # The jerk is positive for a second, then negative for a second.
+    assert np.interp(1.0, times, along) == pytest.approx(0.1 / 6.0, rel=1e-3)
+    assert np.interp(2.0, times, along) == pytest.approx(0.1, rel=1e-3)
+    assert np.interp(2.5, times, along) == pytest.approx(0.15, rel=1e-3)
+
+
+@settings(max_examples=25)
+@given(limit, limit, limit, st.floats(0.02, 0.3))
+def test_a_motion_takes_the_time_of_its_seven_phases(
+    pendulum, velocity, acceleration, jerk, d
+):
+    tip = TipLimits(
+        velocity=velocity, acceleration=acceleration, jerk=jerk, angle_weight=0.0
+    )
+    # The shoulder moves the hand on a circle of 0.5 m.
+    waypoints = np.array([[0.0, 0.0], [-d / 0.5, 0.0]])
+    fast = MotionLimits(*(np.full(2, 1e6) for _ in range(3)))
+    trajectory = tip_limited_trajectory(pendulum, waypoints, fast, tip)
+    # Chords of at most 0.03 m are shorter than their arcs by (0.03 / 0.5)² / 24.
+    assert trajectory.end_time() == pytest.approx(duration(d, tip), rel=2e-4)
+
+
+def test_a_turn_counts_by_its_weight(iiwa, home):
+    turn = RotationMatrix.MakeZRotation(0.8)
+    waypoints = line(iiwa, home, np.zeros(3), turn)
+    for weight in (0.1, 0.3):
+        tip = TipLimits(angle_weight=weight)
+        trajectory = tip_limited_trajectory(iiwa, waypoints, limits_of(iiwa), tip)
+        expected = duration(0.8 * weight, tip)
+        assert trajectory.end_time() == pytest.approx(expected, rel=1e-4)
+
+
+def test_the_tip_may_be_in_front_of_the_hand(iiwa, home):
+    X_WG, p_GT = iiwa.X_WG(home), np.array([0.1, 0.0, 0.02])
+    offset = np.array([0.1, -0.1, 0.1])
+    target = HandTarget(X_WG @ p_GT + offset, X_WG.rotation(), p_GT=p_GT)
+    waypoints = plan_cartesian_path(iiwa, home, target)
+    trajectory = tip_limited_trajectory(
+        iiwa, waypoints, limits_of(iiwa), THESIS, p_GT=p_GT
+    )
+    length = np.linalg.norm(offset)
+    assert trajectory.end_time() == pytest.approx(duration(length, THESIS), rel=1e-4)
+    _, q, _, _ = sampled(trajectory, 100)
+    along, off = along_line(iiwa, q, offset / length, p_GT)
+    assert along[-1] == pytest.approx(length, abs=1e-5)
+    assert np.max(off) < 1e-4
+
+
+@pytest.mark.slow
+@settings(max_examples=15)
+@given(st.tuples(unit, unit, unit), st.floats(0.05, 1.0))
+def test_joints_keep_their_limits_however_fast_the_tip_may_be(iiwa, direction, share):
+    assume(np.linalg.norm(direction) > 0.1)
+    offset = 0.3 * np.array(direction) / np.linalg.norm(direction)
+    home = np.array([0.0, 0.0, 0.0, -1.7, 0.0, 1.4, 0.0])
+    waypoints = line(iiwa, home, offset)
+    assume(not isinstance(waypoints, PlanningFailure))
+    limits = limits_of(iiwa).scaled(share, share)
+    fast = TipLimits(velocity=10.0, acceleration=100.0, jerk=2000.0)
+    trajectory = tip_limited_trajectory(iiwa, waypoints, limits, fast)
+    assert_at_rest(trajectory, waypoints)
+    assert_joints_within(trajectory, limits)
+    # It is no slower than it must be: some joint is near a limit somewhere.
+    _, _, v, a = sampled(trajectory)
+    use = max(
+        np.max(np.abs(v) / limits.velocity),
+        np.sqrt(np.max(np.abs(a) / limits.acceleration)),
+    )
+    assert use > 0.97
+
+
+def test_a_path_around_something_goes_through_its_waypoints(iiwa, home):
+    corner = home + np.array([0.4, 0.3, 0.0, 0.0, 0.0, 0.0, 0.0])
+    end = home + np.array([0.8, 0.0, 0.0, 0.2, 0.0, 0.0, 1.0])
+    waypoints = np.array([home, corner, end])
+    trajectory = tip_limited_trajectory(iiwa, waypoints, limits_of(iiwa), THESIS)
+    assert_at_rest(trajectory, waypoints)
+    assert_joints_within(trajectory, limits_of(iiwa))
+    _, q, _, _ = sampled(trajectory, 2000)
+    assert np.min(np.linalg.norm(q - corner, axis=1)) < 2e-3
+    # Elsewhere it stays near the lines between them.
+    path = np.concatenate(
+        [np.linspace(a, b, 500) for a, b in [(home, corner), (corner, end)]]
+    )
+    off = [np.min(np.linalg.norm(path - x, axis=1)) for x in q[::20]]
+    assert np.max(off) < 0.02
+
+
+def test_a_joint_line_between_far_postures_is_followed(iiwa, home):
+    way = np.array([1.5, 0.2, 0.0, 0.3, 0.0, 0.0, 0.0])
+    waypoints = plan_joint_path(iiwa, home, home + way)
+    trajectory = tip_limited_trajectory(iiwa, waypoints, limits_of(iiwa), THESIS)
+    _, q, _, _ = sampled(trajectory, 400)
+    share = (q - home) @ way / (way @ way)
+    np.testing.assert_allclose(q, home + share[:, None] * way, atol=1e-9)
+    p_WT = np.array([iiwa.X_WG(x).translation() for x in q])
+    speed = np.linalg.norm(np.diff(p_WT, axis=0), axis=1) * 399 / trajectory.end_time()
+    assert np.max(speed) <= THESIS.velocity * (1.0 + SPLINE[0])
+    assert np.max(speed) > 0.8 * THESIS.velocity  # the hand's turn counts, too
+
+
+def test_a_turn_about_the_tip_takes_the_time_that_the_joints_need(iiwa, home):
+    waypoints = np.array([home, home + np.eye(7)[6]])
+    tip = TipLimits(angle_weight=0.0, velocity=10.0, acceleration=100.0, jerk=2000.0)
+    trajectory = tip_limited_trajectory(iiwa, waypoints, limits_of(iiwa), tip)
+    assert_at_rest(trajectory, waypoints)
+    assert_joints_within(trajectory, limits_of(iiwa))
+
+
+@pytest.mark.parametrize("count", [1, 3])
+def test_standing_still_takes_next_to_no_time(iiwa, home, count):
+    trajectory = tip_limited_trajectory(
+        iiwa, np.tile(home, (count, 1)), limits_of(iiwa), THESIS
+    )
+    assert_at_rest(trajectory, [home])
+    assert 0.0 < trajectory.end_time() < 0.05
+
+
+@settings(max_examples=20)
+@given(st.floats(-9.0, -1.0))
+def test_tiny_moves_reach_their_end(iiwa, exponent):
+    home = np.array([0.0, -0.1, 0.0, -1.9, 0.0, 1.3, 0.0])
+    waypoints = np.array([home, home + 10.0**exponent])
+    trajectory = tip_limited_trajectory(iiwa, waypoints, limits_of(iiwa), THESIS)
+    np.testing.assert_allclose(
+        trajectory.value(trajectory.end_time())[:, 0], waypoints[-1], atol=1e-9
+    )
+
+
+def test_the_obstacle_in_the_way_is_named(iiwa, home):
+    waypoints = line(iiwa, home, np.array([0.0, 0.3, 0.0]))
+    middle = iiwa.X_WG(waypoints[len(waypoints) // 2]).translation()
+    with iiwa.standing(Sphere(0.02), RigidTransform(middle)):
+        failure = tip_limited_trajectory(iiwa, waypoints, limits_of(iiwa), THESIS)
+    assert isinstance(failure, PlanningFailure)
+    assert "obstacle" in failure.message
+    assert failure.clearance is not None
+
+
+@pytest.mark.parametrize("waypoints", [np.zeros(7), np.zeros((2, 6))])
+def test_waypoints_of_another_shape_are_refused_for_the_tip(iiwa, waypoints):
+    with pytest.raises(ValueError, match="shape"):
+        tip_limited_trajectory(iiwa, waypoints, limits_of(iiwa), THESIS)

@@ -67,9 +67,8 @@ def test_a_dropped_object_that_is_not_seen_again_is_reported_as_dropped():
 @pytest.mark.parametrize(("off", "failure"), [(4e-3, None), (6e-3, Failure.MISPLACED)])
 def test_the_object_must_be_within_the_tolerance_of_its_goal(off, failure):
     world = World(max_attempts=2)
-    where = world.where
     seen = blob(GOAL + off * np.array([0.6, 0.0, 0.8]))
-    world.where = lambda mode: [seen] if mode is Mode.HOME else where(mode)
+    world.show(lambda: [seen], modes=[Mode.HOME])
     status = world.run()
     assert status.failure is failure
     assert status.attempts == (1 if failure is None else 2)
@@ -77,9 +76,8 @@ def test_the_object_must_be_within_the_tolerance_of_its_goal(off, failure):
 
 def test_an_object_that_lies_on_its_goal_is_misplaced():
     world = World(max_attempts=1)
-    where = world.where
     lying = blob(GOAL, axis=[1.0, 0.0, 0.0])
-    world.where = lambda mode: [lying] if mode is Mode.HOME else where(mode)
+    world.show(lambda: [lying], modes=[Mode.HOME])
     assert world.run().failure is Failure.MISPLACED
 
 

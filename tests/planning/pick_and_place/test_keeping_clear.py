@@ -58,13 +58,9 @@ def test_an_obstacle_out_of_the_way_changes_nothing():
 
 def test_an_obstacle_that_the_arm_may_hide_is_remembered():
     world = World(look_before_grasp=True)
-    moved, there = START + np.array([0.03, 0.0, 0.0]), world.where
+    moved = blob(START + np.array([0.03, 0.0, 0.0]))
     world.unknown = lambda mode: [WALL] if Mode.PRE_GRASP not in world.trace else []
-    world.where = lambda mode: (
-        [blob(moved)]
-        if Mode.PRE_GRASP in world.trace and mode is not Mode.HOME
-        else there(mode)
-    )
+    world.show(lambda: [moved], after=Mode.PRE_GRASP)
     calls = []
     world.task_planner.plan = record(calls, world.task_planner.plan)
     assert world.run().mode is Mode.DONE
@@ -74,16 +70,8 @@ def test_an_obstacle_that_the_arm_may_hide_is_remembered():
 @pytest.mark.parametrize("hidden", [False, True])
 def test_an_obstacle_that_appears_on_the_goal_blocks_it(hidden):
     world = World(look_before_place=True)
-    there, flags = world.where, frozenset({BlobFlag.UNCERTAIN})
-
-    def seen(mode):
-        if mode is not Mode.TRANSFER:
-            return there(mode)
-        X_WG = world.task_planner.scene.X_WG(world.commands[-1])
-        held = blob(X_WG @ world.task_planner.grasp.p_GO)
-        return [dc.replace(held, flags=flags) if hidden else held]
-
-    world.where = seen
+    flags = frozenset({BlobFlag.UNCERTAIN} if hidden else {})
+    world.show(lambda: [dc.replace(world.held(), flags=flags)], modes=[Mode.TRANSFER])
     world.unknown = lambda mode: [WALL] if mode is Mode.TRANSFER else []
     world.task_planner.hit = "place: held_object and obstacle"
     world.task_planner.place = PlanningFailure(Failure.BLOCKED, "no")
@@ -97,8 +85,7 @@ def test_a_look_alike_inside_the_table_is_an_obstacle():
     world = World()
     seen = [blob([0.5, 0.2, 0.03], quality=0.95), blob(START, quality=0.5)]
     around = Obstacle(Box([0.07, 0.07, 0.1]), RigidTransform(START))
-    at_goal = world.where
-    world.where = lambda mode: seen if mode is Mode.IDLE else at_goal(mode)
+    world.show(lambda: seen, modes=[Mode.IDLE])
     world.unknown = lambda mode: [around]
     assert world.run().localization is seen[1]
     ((shape, X_WO),) = world.task_planner.obstacles

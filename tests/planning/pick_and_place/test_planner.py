@@ -9,7 +9,6 @@ from drake_srg.planning.planner_machine import planning_clock
 from drake_srg.types import BlobFlag, Mode
 from planning.planning_world import CUP, CYCLE, GOAL, START, World, blob, make_planner
 
-CARRYING = [Mode.PRE_GRASP, Mode.GRASP, Mode.CLOSE, Mode.VERIFY, Mode.LIFT]
 ESCAPE = [Mode.RELEASE, Mode.RETREAT, Mode.HOME]
 
 
@@ -101,8 +100,7 @@ def test_the_best_blob_of_the_right_name_is_taken():
     world = World()
     good, bad = blob(START), blob([9.0, 9.0, 9.0], quality=0.5)
     other = blob([8.0, 8.0, 8.0], name="cup", quality=1.0)
-    at_goal = world.where
-    world.where = lambda m: [bad, other, good] if m is Mode.IDLE else at_goal(m)
+    world.show(lambda: [bad, other, good], modes=[Mode.IDLE])
     assert world.run().localization is good
 
 

@@ -13,12 +13,7 @@ from planning.planning_world import CYCLE, GOAL, START, World, blob
 def test_an_object_that_moved_during_the_approach_is_planned_for_again():
     world = World(look_before_grasp=True)
     moved = START + np.array([0.03, 0.0, 0.0])
-    there = world.where
-    world.where = lambda mode: (
-        [blob(GOAL if mode is Mode.HOME else moved)]
-        if Mode.PRE_GRASP in world.trace
-        else there(mode)
-    )
+    world.show(lambda: [blob(moved)], after=Mode.PRE_GRASP)
     status = world.run()
     assert world.trace == [Mode.IDLE, Mode.PRE_GRASP, *CYCLE]
     assert (status.failure, status.attempts) == (None, 1)
@@ -31,10 +26,8 @@ def test_an_object_that_moved_during_the_approach_is_planned_for_again():
 @pytest.mark.parametrize("shift", [0.0, 0.002])
 def test_an_object_that_hardly_moved_is_taken(shift):
     world = World(look_before_grasp=True)
-    there = world.where
-    world.where = lambda mode: (
-        [blob(START + shift * np.eye(3)[0])] if mode is Mode.PRE_GRASP else there(mode)
-    )
+    seen = blob(START + shift * np.eye(3)[0])
+    world.show(lambda: [seen], modes=[Mode.PRE_GRASP])
     assert world.run().failure is None
     assert world.trace == CYCLE
     assert world.camera.evaluations == 3
@@ -42,13 +35,8 @@ def test_an_object_that_hardly_moved_is_taken(shift):
 
 def test_an_object_that_was_knocked_over_is_planned_for_again():
     world = World(look_before_grasp=True)
-    there = world.where
     lying = blob(START, axis=[0.0, 1.0, 0.0])
-    world.where = lambda mode: (
-        [lying]
-        if Mode.PRE_GRASP in world.trace and mode is not Mode.HOME
-        else there(mode)
-    )
+    world.show(lambda: [lying], after=Mode.PRE_GRASP)
     world.run()
     axis = world.task_planner.calls[1][1].rotation().col(2)
     np.testing.assert_allclose(axis, [0.0, 1.0, 0.0], atol=1e-12)
@@ -56,10 +44,8 @@ def test_an_object_that_was_knocked_over_is_planned_for_again():
 
 def test_an_object_that_never_stands_still_is_tried_in_the_end():
     world = World(look_before_grasp=True, max_attempts=2)
-    there = world.where
-    world.where = lambda mode: (
-        [blob(START + 0.01 * world.time)] if mode is not Mode.HOME else there(mode)
-    )
+    moving = [mode for mode in CYCLE if mode is not Mode.HOME]
+    world.show(lambda: [blob(START + 0.01 * world.time)], modes=moving)
     status = world.run()
     assert world.trace.count(Mode.PRE_GRASP) == 3  # two detours, then the grasp
     assert (status.mode, status.attempts) == (Mode.DONE, 1)
@@ -67,13 +53,8 @@ def test_an_object_that_never_stands_still_is_tried_in_the_end():
 
 def test_without_a_plan_near_the_object_the_arm_plans_from_home():
     world = World(look_before_grasp=True)
-    moved = START + np.array([0.03, 0.0, 0.0])
-    there, plan = world.where, world.task_planner.plan
-    world.where = lambda mode: (
-        [blob(moved)]
-        if Mode.PRE_GRASP in world.trace and mode is not Mode.HOME
-        else there(mode)
-    )
+    moved, plan = START + np.array([0.03, 0.0, 0.0]), world.task_planner.plan
+    world.show(lambda: [blob(moved)], after=Mode.PRE_GRASP)
 
     def only_from_home(q_start, *args):
         if not np.array_equal(q_start, world.task_planner.q_home):
@@ -89,16 +70,8 @@ def test_without_a_plan_near_the_object_the_arm_plans_from_home():
 
 def test_placing_accounts_for_where_the_object_is_in_the_hand():
     world = World(look_before_place=True)
-    grasp, there = world.task_planner.grasp, world.where
-    shift = np.array([0.002, -0.001, 0.001])
-
-    def seen(mode):
-        if mode is not Mode.TRANSFER:
-            return there(mode)
-        X_WG = world.task_planner.scene.X_WG(world.commands[-1])
-        return [blob(X_WG @ (grasp.p_GO + shift), axis=-grasp.axis_G)]
-
-    world.where = seen
+    grasp, shift = world.task_planner.grasp, np.array([0.002, -0.001, 0.001])
+    world.show(lambda: [world.held(shift, sign=-1.0)], modes=[Mode.TRANSFER])
     status = world.run()
     assert status.failure is None
     ((_, corrected, _, goal),) = world.task_planner.places
@@ -113,18 +86,14 @@ def test_placing_accounts_for_where_the_object_is_in_the_hand():
 @pytest.mark.parametrize("hidden", [False, True])
 def test_a_look_alike_in_better_view_is_not_taken_for_the_held_object(hidden):
     world = World(look_before_place=True)
-    grasp, there = world.task_planner.grasp, world.where
-    shift = np.array([0.002, -0.001, 0.001])
+    grasp, shift = world.task_planner.grasp, np.array([0.002, -0.001, 0.001])
     flags = frozenset({BlobFlag.UNCERTAIN} if hidden else {})
 
-    def seen(mode):
-        if mode is not Mode.TRANSFER:
-            return there(mode)
-        X_WG = world.task_planner.scene.X_WG(world.commands[-1])
-        held = blob(X_WG @ (grasp.p_GO + shift), axis=grasp.axis_G)
-        return [blob(START), dc.replace(held, misfit=0.6, flags=flags)]
+    def seen():
+        held = dc.replace(world.held(shift), misfit=0.6, flags=flags)
+        return [blob(START), held]
 
-    world.where = seen
+    world.show(seen, modes=[Mode.TRANSFER])
     assert world.run().failure is None
     assert world.trace == CYCLE
     corrected = [place[1].p_GO for place in world.task_planner.places]
@@ -134,8 +103,7 @@ def test_a_look_alike_in_better_view_is_not_taken_for_the_held_object(hidden):
 
 def test_an_object_hidden_in_the_hand_is_placed_as_planned():
     world = World(look_before_place=True)
-    there = world.where
-    world.where = lambda mode: [] if mode is Mode.TRANSFER else there(mode)
+    world.show(list, modes=[Mode.TRANSFER])
     assert world.run().failure is None
     assert world.task_planner.places == []
 

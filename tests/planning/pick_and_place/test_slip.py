@@ -6,8 +6,6 @@ from pydrake.math import RigidTransform
 
 from drake_srg.planning.grasps.grasps import GraspSearch
 from drake_srg.planning.pick_and_place.task_motions import TaskMotions
-from drake_srg.scenario import load_scenario
-from drake_srg.station import MakeTaskPlanner
 from drake_srg.types import Cylinder, Failure, Mode
 from planning.planning_world import CYCLE, GOAL, START, World, blob
 
@@ -115,11 +113,6 @@ def test_fingers_that_settle_slowly_lose_nothing(rate, lost):
 
 
 # Real grasps.
-
-
-@pytest.fixture(scope="module")
-def planner():
-    return MakeTaskPlanner(load_scenario("kitchen"))
 
 
 def test_after_a_failure_another_grasp_is_tried_more_firmly(planner):
