@@ -32,7 +32,11 @@ from drake_srg.planning.motion.inverse_kinematics import (
 )
 from drake_srg.planning.motion.moves import Moves
 from drake_srg.planning.motion.paths import plan_cartesian_path
-from drake_srg.planning.motion.planning_scene import NoPathError, PlanningFailure
+from drake_srg.planning.motion.planning_scene import (
+    NoPathError,
+    PlanningFailure,
+    most_telling,
+)
 from drake_srg.planning.pick_and_place.task_motions import (
     Obstacles,
     TaskMotions,
@@ -347,8 +351,7 @@ class CarryTaskPlanner(TaskPlanner):
                 return TaskMotions(grasp, {**reach, **carry})
             except NoPathError as error:
                 failures.append(error.failure)
-        blocked = [f for f in failures if f.failure is Failure.BLOCKED]
-        raise NoPathError((blocked or failures)[0])
+        raise NoPathError(most_telling(failures))
 
     def _grips(
         self,

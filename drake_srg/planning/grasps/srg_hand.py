@@ -250,10 +250,7 @@ class SrgFingers(Fingers):
 # Free space that the hand needs above and below its middle [m]: half of the palm's
 # height, rounded up to 0.1 mm.
 _PALM_HALF_HEIGHT = np.ceil(0.5e4 * SRG.palm_height) / 1e4
-# Greatest reach of straight fingers in the palm's x, which point slightly inwards there
-# [m].
-_FINGERTIP_X = SRG.hinge_x + np.hypot(SRG.finger_length, SRG.face_offset)
-_END_X = float(_FINGERTIP_X) + 0.001
+_END_X = SrgFingers.deepest + 0.001  # of fingers, with a margin [m]
 # Base angle of the open hand that comes from the side [rad].
 _SIDE_OPENING = 0.2 * SRG.full_scale
 # A grasp whose base angle is within this of an empty hand's [rad] cannot be told from
@@ -452,7 +449,7 @@ class SrgHand(Hand):
         opening = opening_angle(half_width, depth)
         if opening is None or EMPTY_BASE_ANGLE - base < _LEAST_DIFFERENCE:
             return None
-        if lean and middle > _FINGERTIP_X - _BEYOND:
+        if lean and middle > SrgFingers.deepest - _BEYOND:
             return None
         return self._grasp(
             Approach.ABOVE,

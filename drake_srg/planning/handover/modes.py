@@ -9,7 +9,6 @@ from __future__ import annotations
 import dataclasses as dc
 
 import numpy as np
-from pydrake.trajectories import Trajectory
 
 from drake_srg.planning.handover.config import (
     Handover,
@@ -38,6 +37,7 @@ from drake_srg.planning.pick_and_place.modes import (
     Retreat,
     TaskMode,
     Transfer,
+    Verifying,
     task_modes,
 )
 from drake_srg.planning.pick_and_place.replanning import Replanner
@@ -158,29 +158,18 @@ class Begin(Idle):
         return mine
 
 
-class Carry(_Turn, Carrying):
+class Carry(_Turn, Verifying):
     """Carries the object near the meeting point."""
 
     mode = HandoverMode.CARRY
-
-    @property
-    def wait(self) -> float:
-        """Time to verify the grasp at rest [s]."""
-        return self.config.verify_time
-
-    def trajectory(self, memory: PlannerMemory) -> Trajectory | None:
-        """Return the way there."""
-        return memory.attempt.planned.motions[Mode.TRANSFER]
+    motion_of = Mode.TRANSFER
 
 
 class Present(_Turn, Carrying):
     """Presents the object where the receiver can take it."""
 
     mode = HandoverMode.PRESENT
-
-    def trajectory(self, memory: PlannerMemory) -> Trajectory | None:
-        """Return the way there."""
-        return memory.attempt.planned.motions[Mode.PLACE]
+    motion_of = Mode.PLACE
 
 
 class Approach(_ReceiversTurn, Moving):
@@ -319,16 +308,11 @@ class Clear(_Turn, Home):
         return super().observe_arrived(memory, now)
 
 
-class Secure(_ReceiversTurn, Carrying):
+class Secure(_ReceiversTurn, Verifying):
     """Moves the object, in the receiver's hand alone, back to the start of the pull."""
 
     mode = HandoverMode.SECURE
     replanner: HandoverReplanner
-
-    @property
-    def wait(self) -> float:
-        """Time to verify the grasp at rest [s]."""
-        return self.config.verify_time
 
     def enter(self, memory: PlannerMemory, entry: Entry) -> PlannerMemory:
         """Plan the way back over the few millimetres of the pull."""
@@ -349,10 +333,7 @@ class Raise(_ReceiversTurn, Carrying):
     """Lifts the object in the receiver's hand."""
 
     mode = HandoverMode.RAISE
-
-    def trajectory(self, memory: PlannerMemory) -> Trajectory | None:
-        """Return the lift."""
-        return memory.attempt.planned.motions[Mode.LIFT]
+    motion_of = Mode.LIFT
 
 
 class ReleaseReceived(Release):

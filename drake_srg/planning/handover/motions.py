@@ -33,6 +33,7 @@ from drake_srg.planning.motion.planning_scene import (
     NoPathError,
     PlanningFailure,
     PlanningScene,
+    most_telling,
 )
 from drake_srg.planning.pick_and_place.task_motions import (
     Obstacles,
@@ -198,8 +199,7 @@ class HandoverTaskPlanner(TaskPlanner):
                 return self._received(given, shape, X_WO_goal, obstacles)
             except NoPathError as error:
                 failures.append(error.failure)
-        blocked = [f for f in failures if f.failure is Failure.BLOCKED]
-        return (blocked or failures)[0]
+        return most_telling(failures)
 
     def waiting_fingers(self, shape: Solid) -> Mapping[str, float]:
         """Return the receiver's fingers, by name [rad], while it waits for an object.
@@ -294,8 +294,7 @@ class HandoverTaskPlanner(TaskPlanner):
             # Another side may have a way past the giver, but not more reach.
             if all(f.failure is not Failure.BLOCKED for f in failures):
                 break
-        blocked = [f for f in failures if f.failure is Failure.BLOCKED]
-        raise NoPathError((blocked or failures)[0])
+        raise NoPathError(most_telling(failures))
 
     def _taken(
         self,

@@ -33,10 +33,10 @@ from drake_srg.planning.motion.planning_scene import (
     PlanningFailure,
     PlanningScene,
 )
+from drake_srg.planning.motion.trajectories import motion_samples
 from drake_srg.types import Failure, Vector
 
 _TIMES = 200  # at which the speeds of a motion are compared with their limits
-_SAMPLES = 1000  # of a motion, among which those to check are chosen
 
 
 @dc.dataclass(frozen=True)
@@ -122,21 +122,12 @@ class ArmPair:
         Raises:
             NoPathError: If something does.
         """
-        hit = self.first_hit(self.samples(motion))
+        levers = np.concatenate([arm.scene.levers for arm in self.arms])
+        hit = self.first_hit(motion_samples(self.first.scene, motion, levers))
         if hit is not None:
             message = f"{what}, with both arms in motion: {hit}"
             raise NoPathError(PlanningFailure(Failure.BLOCKED, message, hit))
         return motion
-
-    def samples(self, motion: Trajectory) -> Vector:
-        """Return postures along a motion, as dense as the scenes' step, (K, 2N)."""
-        scene = self.first.scene
-        levers = np.concatenate([arm.scene.levers for arm in self.arms])
-        times = np.linspace(0.0, motion.end_time(), _SAMPLES)
-        q = motion.vector_values(times).T
-        moved = np.append(0.0, np.cumsum(np.abs(np.diff(q, axis=0)) @ levers))
-        marks = np.arange(0.0, moved[-1], scene.step)
-        return q[np.append(np.searchsorted(moved, marks), -1)]
 
     def follow(
         self,

@@ -4,7 +4,7 @@ import contextlib
 import copy
 import dataclasses as dc
 import logging
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 
 import numpy as np
 from pydrake.common import Parallelism
@@ -54,6 +54,15 @@ class PlanningFailure:
     failure: Failure
     message: str
     clearance: Clearance | None = None  # of the colliding pair, if known
+
+
+def most_telling(failures: Sequence[PlanningFailure]) -> PlanningFailure:
+    """Return the first failure of which surroundings are to blame, or the first.
+
+    That is a better reason than one that is out of the arm's reach.
+    """
+    blocked = [f for f in failures if f.failure is Failure.BLOCKED]
+    return (blocked or failures)[0]
 
 
 class NoPathError(Exception):

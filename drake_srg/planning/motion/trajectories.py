@@ -110,8 +110,9 @@ _TIP_GRAZE = 1e-3
 # Least distance of a turn of the joints [m/rad]. It gives time to motions that do not
 # move the hand; the joints' limits determine how much.
 _LEAST_DISTANCE = 1e-3
-_SAMPLES = 1000  # times at which the joints' limits are checked;
-_SAMPLING_SLACK = 1.01  # factor by which speeds may exceed them in between
+_SAMPLES = 1000  # times at which a motion is sampled
+# Factor by which speeds may exceed their limits between samples.
+_SAMPLING_SLACK = 1.01
 _STANDING = 0.01  # duration of a path without motion [s]
 
 
@@ -428,10 +429,20 @@ def _ramped(control: Vector, step: float) -> BsplineTrajectory:
     return BsplineTrajectory(BsplineBasis(4, list(knots)), list(control[..., None]))
 
 
-def motion_samples(scene: PlanningScene, trajectory: Trajectory) -> Vector:
-    """Return configurations along a motion, as dense as the scene's step, (K, N)."""
-    times = np.linspace(0.0, trajectory.end_time(), 1000)
+def motion_samples(
+    scene: PlanningScene, trajectory: Trajectory, levers: Vector | None = None
+) -> Vector:
+    """Return configurations along a motion, as dense as the scene's step, (K, N).
+
+    Args:
+        scene: The scene.
+        trajectory: The motion.
+        levers: Bounds on the motion by each joint, shape (N,) [m/rad]; None: the
+            scene's.
+    """
+    levers = scene.levers if levers is None else levers
+    times = np.linspace(0.0, trajectory.end_time(), _SAMPLES)
     q = trajectory.vector_values(times).T
-    moved = np.append(0.0, np.cumsum(np.abs(np.diff(q, axis=0)) @ scene.levers))
+    moved = np.append(0.0, np.cumsum(np.abs(np.diff(q, axis=0)) @ levers))
     marks = np.arange(0.0, moved[-1], scene.step)
     return q[np.append(np.searchsorted(moved, marks), -1)]

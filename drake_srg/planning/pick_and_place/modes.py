@@ -53,10 +53,13 @@ class TaskMode(PlannerMode[PlannerMemory, Senses]):
 
     Attributes:
         mode: Which mode it is.
+        motion_of: Name of its planned motion; None: that of the mode.
         config: Times and limits.
         replanner: Plans from sightings.
         repeat: Number of the task's cycles.
     """
+
+    motion_of: ClassVar[AnyMode | None] = None
 
     def __init__(
         self, config: PlannerConfig, replanner: Replanner, repeat: int
@@ -73,7 +76,7 @@ class TaskMode(PlannerMode[PlannerMemory, Senses]):
     def trajectory(self, memory: PlannerMemory) -> Trajectory | None:
         """Return the planned motion of the mode, None where the arm rests."""
         planned = memory.attempt.motions
-        return planned.motions.get(self.mode) if planned else None
+        return planned.motions.get(self.motion_of or self.mode) if planned else None
 
     def update(self, memory: PlannerMemory, now: Now) -> PlannerMemory:
         """Stop the arm if it meets something."""
@@ -134,6 +137,15 @@ class Carrying(Moving):
     def observe_arrived(self, memory: PlannerMemory, now: Now) -> Observation:
         """Report whether the object is still in the hand."""
         return Observation(arrived=True, holding=holding(memory, now.senses))
+
+
+class Verifying(Carrying):
+    """A mode that carries the object, and then verifies the grasp at rest."""
+
+    @property
+    def wait(self) -> float:
+        """Time to verify the grasp [s]."""
+        return self.config.verify_time
 
 
 class BetweenAttempts(TaskMode):
@@ -249,26 +261,16 @@ class Verify(TaskMode):
         return Observation(holding=holding(memory, now.senses))
 
 
-class Lift(Carrying):
-    """Lifts the object off its support, and verifies that it is held."""
+class Lift(Verifying):
+    """Lifts the object off its support."""
 
     mode = Mode.LIFT
 
-    @property
-    def wait(self) -> float:
-        """Time to verify the grasp at rest [s]."""
-        return self.config.verify_time
 
-
-class Transfer(Carrying):
+class Transfer(Verifying):
     """Carries the object above its goal, and looks at it there."""
 
     mode = Mode.TRANSFER
-
-    @property
-    def wait(self) -> float:
-        """Time to verify the grasp at rest [s]."""
-        return self.config.verify_time
 
     def look(self, memory: PlannerMemory, now: Now) -> None:
         """Find the object's pose in the hand, and correct its placing."""

@@ -31,6 +31,7 @@ from drake_srg.planning.motion.planning_scene import (
     PlanningFailure,
     PlanningScene,
     carried_drift,
+    most_telling,
 )
 from drake_srg.planning.motion.trajectories import motion_samples
 from drake_srg.planning.planner_machine import PlannerConfig
@@ -195,14 +196,11 @@ class TaskPlanner:
             # The grasps that came farthest show the obstacle best.
             reasons = reasons or no_path or failures
             # Another side may have a way past obstacles, but not more reach.
-            blocked = [f for f in reasons if f.failure is Failure.BLOCKED]
-            if not blocked:
+            if all(f.failure is not Failure.BLOCKED for f in reasons):
                 break
         if not reasons:
             return PlanningFailure(Failure.NO_GRASP, f"no known grasp takes a {shape}")
-        # A grasp that only the surroundings prevent is a better reason than one out of
-        # the arm's reach.
-        return (blocked or reasons)[0]
+        return most_telling(reasons)
 
     def _with_grasp(
         self,
