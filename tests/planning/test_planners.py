@@ -141,21 +141,15 @@ STUCK = Observation(stuck=True, holding=True)
 
 
 @pytest.mark.parametrize(
-    ("strategy", "mode", "seen", "after"),
+    ("mode", "seen", "after"),
     [
-        ("push", InsertMode.SEARCH, HELD, InsertMode.PRESS),
-        ("spiral", InsertMode.SEARCH, HELD, InsertMode.SPIRAL),
-        ("spiral", InsertMode.SPIRAL, HELD, InsertMode.PRESS),
-        ("spiral", InsertMode.SPIRAL, STUCK, InsertMode.WITHDRAW),
-        ("tilt", InsertMode.SLIDE, STUCK, InsertMode.WITHDRAW),
-        ("tilt", InsertMode.PRESS, HELD, InsertMode.WITHDRAW),
-        ("tilt", InsertMode.WITHDRAW, HELD, InsertMode.TILT),
+        (InsertMode.SLIDE, STUCK, InsertMode.WITHDRAW),
+        (InsertMode.PRESS, HELD, InsertMode.WITHDRAW),
+        (InsertMode.WITHDRAW, HELD, InsertMode.TILT),
     ],
 )
-def test_other_strategies_skip_the_wall_and_a_try_that_fails_is_repeated(
-    strategy, mode, seen, after
-):
-    assert insert_transition(mode, seen, 1.0, Insert(strategy=strategy)) is after
+def test_an_insertion_that_fails_is_tried_again(mode, seen, after):
+    assert insert_transition(mode, seen, 1.0) is after
 
 
 @pytest.mark.parametrize("name", ["handover", "carry_together"])
