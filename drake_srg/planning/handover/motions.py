@@ -325,7 +325,7 @@ class HandoverTaskPlanner(TaskPlanner):
             motions, q_take = self._reach(grasp, turn, shape, X_WO, obstacles)
         with self.giver_beside(q_take, grasp.fingers_closed), self.standing(obstacles):
             left = self.leave(q_met, given.grasp, shape, X_WO)
-        leave = {
+        leave: dict[AnyMode, Trajectory] = {
             HandoverMode.WITHDRAW: left[Mode.RETREAT],
             HandoverMode.CLEAR: left[Mode.HOME],
         }

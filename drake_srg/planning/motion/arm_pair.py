@@ -126,7 +126,7 @@ class ArmPair:
         hit = self.first_hit(motion_samples(self.first.scene, motion, levers))
         if hit is not None:
             message = f"{what}, with both arms in motion: {hit}"
-            raise NoPathError(PlanningFailure(Failure.BLOCKED, message, hit))
+            raise NoPathError(PlanningFailure(Failure.BLOCKED, message))
         return motion
 
     def follow(

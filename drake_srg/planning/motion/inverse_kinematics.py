@@ -105,7 +105,6 @@ class IkSolution:
     # Squared distance from the nominal posture [rad²], and the caller's own costs.
     cost: float
     clearance: Clearance | None  # None without collision checks
-    starts: int  # number of starts that were needed
 
 
 @dc.dataclass(frozen=True)
@@ -116,8 +115,6 @@ class IkFailure:
     # In the best compromise found [m] or [rad]; for `OWN`, in the units of its bounds.
     violation: float
     message: str
-    q: Vector  # that compromise, shape (N,) [rad]
-    clearance: Clearance | None = None  # of the colliding pair
 
     @property
     def failure(self) -> Failure:
@@ -219,7 +216,7 @@ class _Search:
         self._scene, self._target, self._extend = scene, target, extend
         self._q_nominal, self._guess = q_nominal, guess
         self._limits = (scene.lower + JOINT_MARGIN, scene.upper - JOINT_MARGIN)
-        self._blocked: list[tuple[Clearance, Vector]] = []
+        self._blocked: list[Clearance] = []
 
     def solution(
         self, max_starts: int, check_clearance: bool, seed: int = 0
@@ -236,22 +233,20 @@ class _Search:
                 continue
             clearance = scene.clearance(q) if check_clearance else None
             if clearance and clearance.spare < 0.0:
-                self._blocked.append((clearance, q))
+                self._blocked.append(clearance)
                 continue
             cost = float(np.sum((q - q_nominal) ** 2)) + own_cost
-            return IkSolution(q, cost, clearance, count)
+            return IkSolution(q, cost, clearance)
         return None
 
     def failure(self) -> IkFailure:
         """Return why there was no free solution."""
         if self._blocked:
-            clearance, q = max(self._blocked, key=lambda item: item[0].spare)
+            clearance = max(self._blocked, key=lambda clearance: clearance.spare)
             return IkFailure(
                 Requirement.MINIMUM_DISTANCE,
                 -clearance.spare,
                 f"minimum_distance: the pose is reached, but {clearance}",
-                q,
-                clearance,
             )
         scene, target = self._scene, self._target
         return _diagnose(scene, target, self._limits, self._guess, self._extend)
@@ -425,7 +420,6 @@ def _diagnose(
                 float(beyond[worst]),
                 f"joint_limits: {scene.joint_names[worst]} would have to go "
                 f"{beyond[worst]:.3f} rad beyond its limit",
-                q,
             )
 
     turning = target.R_WG is not None or bool(target.axes)
@@ -435,26 +429,22 @@ def _diagnose(
         close = 2.0 * target.position_tolerance  # beyond the corner of the box
         reached = [q for q in tries if target.distance(scene.X_WG(q)) < close]
         if reached:
-            q = min(reached, key=lambda q: target.angle_violation(scene.X_WG(q)))
-            angle = target.angle_violation(scene.X_WG(q))
+            angle = min(target.angle_violation(scene.X_WG(q)) for q in reached)
             kind = Requirement.ORIENTATION if target.R_WG else Requirement.AXIS
             return IkFailure(
                 kind,
                 angle,
                 f"{kind.value}: the position is reached, but the hand stays "
                 f"{np.degrees(angle):.1f} degrees beyond its tolerance",
-                q,
             )
 
     near = _Program(scene, target, limits, soft_position=True)
     tries = [near.solve(start, start)[0] for start in starts]
-    q = min(tries, key=lambda q: target.distance(scene.X_WG(q)))
-    distance = target.distance(scene.X_WG(q))
+    distance = min(target.distance(scene.X_WG(q)) for q in tries)
     return IkFailure(
         Requirement.POSITION,
         distance,
         f"position: the hand gets no nearer than {1e3 * distance:.0f} mm",
-        q,
     )
 
 
@@ -471,9 +461,7 @@ def _diagnose_own(
     together.
     """
     plain = _Program(scene, target, limits)
-    tries = (plain.solve(start, start) for start in starts)
-    q = next((q for q, solved, _ in tries if solved), None)
-    if q is None:
+    if not any(plain.solve(start, start)[1] for start in starts):
         return None
     program = _Program(scene, target, limits, extend=extend)
     names = [
@@ -489,11 +477,9 @@ def _diagnose_own(
                     violation,
                     f"{name} (your own): cannot be met together with the rest, which "
                     f"breaks its bounds by {violation:.3g}",
-                    q,
                 )
     return IkFailure(
         Requirement.OWN,
         np.nan,
         f"{', '.join(names)} (your own): cannot be met together with the rest",
-        q,
     )

@@ -248,7 +248,7 @@ def plan_joint_path(
         hit = scene.first_hit([q])
         if hit:
             message = f"the {name} is not free: {hit}"
-            return PlanningFailure(Failure.BLOCKED, message, hit)
+            return PlanningFailure(Failure.BLOCKED, message)
     if scene.is_edge_free(q_start, q_goal):
         return np.array([q_start, q_goal])
     rng = default_rng(seed)
@@ -268,7 +268,6 @@ def plan_joint_path(
         return PlanningFailure(
             Failure.BLOCKED,
             f"no path in {max_iterations} iterations; on the straight line, {hit}",
-            hit,
         )
     return shortcut_path(
         path, is_edge_free=scene.is_edge_free, attempts=_SHORTCUTS, rng=rng
@@ -304,7 +303,7 @@ def plan_cartesian_path(
         if hit:
             along = float(np.linalg.norm(scene.X_WG(q) @ target.p_GT - p_start))
             message = f"{along:.3f} m along the line, {hit}"
-            return PlanningFailure(Failure.BLOCKED, message, hit)
+            return PlanningFailure(Failure.BLOCKED, message)
     return failure or path
 
 

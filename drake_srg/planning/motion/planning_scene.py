@@ -53,7 +53,6 @@ class PlanningFailure:
 
     failure: Failure
     message: str
-    clearance: Clearance | None = None  # of the colliding pair, if known
 
 
 def most_telling(failures: Sequence[PlanningFailure]) -> PlanningFailure:

@@ -170,7 +170,7 @@ def tip_limited_trajectory(
                 path, _profile(s[-1], tip.slowed(slower))
             )
     message = f"no smooth motion along the path is free: {hit}"
-    return PlanningFailure(Failure.BLOCKED, message, hit)
+    return PlanningFailure(Failure.BLOCKED, message)
 
 
 def _refined(

@@ -108,7 +108,6 @@ def test_the_nominal_posture_reaches_its_own_pose_at_no_cost(iiwa, home):
     target = HandTarget.from_pose(iiwa.X_WG(home))
     found = solve_inverse_kinematics(iiwa, target, q_nominal=home)
     assert found.cost < 1e-5
-    assert found.starts == 1
 
 
 def test_an_axis_target_leaves_the_turn_about_the_axis_free(iiwa, home):
@@ -159,7 +158,6 @@ def test_a_failure_names_what_cannot_be_met(
     assert requirement.value in failure.message
     blocked = requirement is Requirement.MINIMUM_DISTANCE
     assert failure.failure is (Failure.BLOCKED if blocked else Failure.OUT_OF_REACH)
-    assert (failure.clearance is not None) == blocked
 
 
 def test_the_blocking_body_is_named(iiwa, home):
@@ -172,7 +170,6 @@ def test_the_blocking_body_is_named(iiwa, home):
             iiwa, HandTarget.from_pose(X_WG), q_nominal=home, check_clearance=False
         )
     assert isinstance(failure, IkFailure)
-    assert "obstacle" in failure.clearance.bodies
     assert "obstacle" in failure.message
     assert isinstance(unchecked, IkSolution)
 

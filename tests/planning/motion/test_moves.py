@@ -63,7 +63,7 @@ def test_a_blocked_move_raises_what_is_in_the_way(iiwa, moves, home):
     ):
         moves.straight(home, moves.above(home, 0.3))
     assert raised.value.failure.failure is Failure.BLOCKED
-    assert "obstacle" in raised.value.failure.clearance.bodies
+    assert "obstacle" in raised.value.failure.message
 
 
 def test_a_move_out_of_reach_raises_so(moves, home):

@@ -193,7 +193,7 @@ def test_a_blocked_goal_is_named(iiwa, sides):
         failure = plan_joint_path(iiwa, *sides)
     assert isinstance(failure, PlanningFailure)
     assert failure.message.startswith("the goal is not free")
-    assert "obstacle" in failure.clearance.bodies
+    assert "obstacle" in failure.message
     assert failure.failure is Failure.BLOCKED
 
 
@@ -202,7 +202,7 @@ def test_a_failed_search_names_what_is_on_the_straight_line(iiwa, sides):
         failure = plan_joint_path(iiwa, *sides, max_iterations=0)
     assert isinstance(failure, PlanningFailure)
     assert "no path in 0 iterations" in failure.message
-    assert "obstacle" in failure.clearance.bodies
+    assert "obstacle" in failure.message
 
 
 def test_the_hand_goes_straight_and_turns_evenly(iiwa, sides):
@@ -240,7 +240,7 @@ def test_a_line_into_the_table_is_blocked(iiwa, sides):
     target = HandTarget.from_pose(iiwa.X_WG(sides[0])).shifted(np.array([0, 0, -0.25]))
     failure = plan_cartesian_path(iiwa, sides[0], target)
     assert isinstance(failure, PlanningFailure)
-    assert "table" in failure.clearance.bodies
+    assert "table" in failure.message
     assert "along the line" in failure.message
 
 
