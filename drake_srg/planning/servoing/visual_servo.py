@@ -292,12 +292,8 @@ class PositionBasedServo(VisualServo):
     The ports are those of `VisualServo`; `sighting` is a PoseSighting. The error is the
     object's position in the camera relative to that of `X_CO_goal`.
 
-    Args:
-        arm: Kinematics of arm and hand.
-        X_GC: Believed pose of the camera in the hand [m].
-        axis_G: Direction of approach in the hand, a unit vector, shape (3,).
+    Args: as of `VisualServo`, with the goal in place of a sighting.
         X_CO_goal: Pose of the object in the camera with the hand at its goal [m].
-        config: Gains and limits.
     """
 
     def __init__(
@@ -339,12 +335,9 @@ class ImageBasedServo(VisualServo):
     inverse of their interaction matrix (see `image_displacement`). If the matrix is
     nearly singular, the hand is held.
 
-    Args:
-        arm: Kinematics of arm and hand.
-        X_GC: Believed pose of the camera in the hand [m]; only its orientation matters.
-        axis_G: Direction of approach in the hand, a unit vector, shape (3,).
+    Args: as of `VisualServo`, with the goal in place of a sighting. Of the camera's
+        believed pose, only the orientation matters.
         goal: The points with the hand at its goal.
-        config: Gains and limits.
     """
 
     def __init__(

@@ -105,13 +105,6 @@ def uses(scene, path, progress, grid, limits):
             yield np.max(np.abs(torque) / limits.torque)
 
 
-def test_an_arm_too_weak_to_hold_itself_cannot_move(pendulum):
-    limits = MotionLimits.of_plant(pendulum).scaled(torque=0.6)  # 7.8 of 9.81 N m
-    path, _ = rounded_path(np.array([[0.0, 0.0], [-0.2, 0.0]]), spans=8)
-    grid = grid_of(path)
-    assert toppra_parameterization(pendulum, path, limits, grid) is None
-
-
 def test_joints_without_limits_do_not_slow_the_others(pendulum):
     limits = MotionLimits.of_plant(pendulum)
     free = MotionLimits(

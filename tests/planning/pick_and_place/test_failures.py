@@ -98,14 +98,6 @@ def test_a_spent_time_budget_ends_the_task():
     assert "time budget" in status.message
 
 
-def test_a_time_budget_spent_on_the_way_home_ends_the_task():
-    usual = World()
-    usual.run()
-    began = usual.began[Mode.HOME]
-    status = World(time_budget=began + 0.05).run()
-    assert status.failure is Failure.TIME_BUDGET
-
-
 def test_a_stop_in_the_middle_of_a_motion_brakes_gently():
     # In PRE_GRASP the first joint moves at 10 rad/s, for 0.1 s.
     world = World(time_budget=0.15, latency=0.1)

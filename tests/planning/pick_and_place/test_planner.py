@@ -1,4 +1,3 @@
-import dataclasses as dc
 from time import sleep
 
 import numpy as np
@@ -6,8 +5,8 @@ import pytest
 
 from drake_srg.planning.grasps.srg_hand import EMPTY_BASE_ANGLE
 from drake_srg.planning.planner_machine import planning_clock
-from drake_srg.types import BlobFlag, Mode
-from planning.planning_world import CUP, CYCLE, GOAL, START, World, blob, make_planner
+from drake_srg.types import Mode
+from planning.planning_world import CYCLE, GOAL, START, World, blob, make_planner
 
 ESCAPE = [Mode.RELEASE, Mode.RETREAT, Mode.HOME]
 
@@ -96,14 +95,6 @@ def test_an_object_that_appears_later_is_found():
     assert status.localized_at == pytest.approx(0.25, abs=world.period)
 
 
-def test_the_best_blob_of_the_right_name_is_taken():
-    world = World()
-    good, bad = blob(START), blob([9.0, 9.0, 9.0], quality=0.5)
-    other = blob([8.0, 8.0, 8.0], name="cup", quality=1.0)
-    world.show(lambda: [bad, other, good], modes=[Mode.IDLE])
-    assert world.run().localization is good
-
-
 def test_after_a_failed_grasp_the_arm_escapes_and_tries_again():
     world = World(max_attempts=3)
     world.holding = lambda mode: world.status.attempts == 2
@@ -155,27 +146,6 @@ def test_the_first_localisation_is_reported():
     status = world.run()
     assert (status.failure, status.attempts) == (None, 2)
     assert status.localized_at == 0.0
-
-
-def test_blobs_without_flags_are_preferred():
-    world = World()
-    flags = frozenset({BlobFlag.OCCLUDED})
-    doubtful = dc.replace(blob(START + 0.1, quality=0.9), flags=flags)
-    where = world.where
-    world.where = lambda mode: [doubtful, *(where(mode))]
-    world.run()
-    X_WO = world.task_planner.calls[0][1]
-    np.testing.assert_array_equal(X_WO.translation(), START)
-
-
-def test_other_objects_are_obstacles_where_they_are_seen():
-    world = World()
-    where = world.where
-    world.where = lambda mode: [*where(mode), blob([0.5, 0.2, 0.05], name="cup")]
-    world.run()
-    ((shape, X_WO),) = world.task_planner.obstacles
-    assert shape == CUP
-    np.testing.assert_array_equal(X_WO.translation(), [0.5, 0.2, 0.05])
 
 
 def test_all_state_is_in_the_context():
