@@ -65,19 +65,9 @@ class LargeSightings(Sightings):
 
 
 class CarryReplanner(Replanner):
-    """Plans for both arms from what is seen and from where the hands are.
+    """Plans for both arms from what is seen and from where the hands are."""
 
-    Args: as of `Replanner`.
-    """
-
-    def __init__(
-        self,
-        task_planner: CarryTaskPlanner,
-        sightings: Sightings,
-        config: CarryTogether,
-    ) -> None:
-        super().__init__(task_planner, sightings, config)
-        self._both = task_planner
+    _task_planner: CarryTaskPlanner
 
     def regrasp(self, memory: PlannerMemory, q: Vector, time: float) -> None:
         """Plan from hands that hold the object, which stands as it was seen.
@@ -89,14 +79,16 @@ class CarryReplanner(Replanner):
         """
         attempt, X_WO = memory.attempt, memory.attempt.X_WO
         assert X_WO is not None, "motions are planned from a sighting"
-        grasp = self._both.regrasped(_pair_grasp(attempt.planned.grasp), q, X_WO)
+        grasp = self._task_planner.regrasped(
+            _pair_grasp(attempt.planned.grasp), q, X_WO
+        )
         attempt.motions = TaskMotions(grasp, attempt.planned.motions)
         self.carry(memory, time)
 
     def _in_hand(self, grasp: Grasp, blob: Blob, q: Vector) -> PairGrasp:
         """Return the grasp as it is seen with both arms at `q` (2N,) [rad]."""
         X_WO = self._sightings.pose(blob)
-        return self._both.regrasped(_pair_grasp(grasp), q, X_WO)
+        return self._task_planner.regrasped(_pair_grasp(grasp), q, X_WO)
 
 
 def _pair_grasp(grasp: Grasp) -> PairGrasp:
