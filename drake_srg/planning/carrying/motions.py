@@ -261,8 +261,7 @@ class CarryTaskPlanner(TaskPlanner):
                     if isinstance(path, PlanningFailure):
                         path = half[np.newaxis]
                     paths.append(path)
-                away = together([m.timed(p, m.free) for m, p in self._zipped(paths)])
-                return away, self._home([path[-1] for path in paths])
+                return self._timed(paths), self._home([path[-1] for path in paths])
         except NoPathError as error:
             return error.failure
 
@@ -297,8 +296,15 @@ class CarryTaskPlanner(TaskPlanner):
         for arm in self.pair.arms:
             arm.scene.SetFingers(angles)
 
-    def _zipped(self, values: Sequence[Vector]) -> list[tuple[Moves, Vector]]:
-        return list(zip(self._both_moves, values, strict=True))
+    def _backs(self, q: Vector) -> list[Vector]:
+        """Return the paths of both hands, drawn back from a posture (2N,) [rad]."""
+        halves = zip(self._both_moves, np.split(q, 2), strict=True)
+        return [moves.straight(half, moves.behind(half)) for moves, half in halves]
+
+    def _timed(self, paths: Sequence[Vector], *, straight: bool = False) -> Trajectory:
+        """Return the motion of both arms with empty hands along a path of each."""
+        each = zip(self._both_moves, paths, strict=True)
+        return together([m.timed(path, m.free, straight=straight) for m, path in each])
 
     @contextlib.contextmanager
     def _standing(
@@ -405,16 +411,8 @@ class CarryTaskPlanner(TaskPlanner):
         """
         self._set_fingers(grasp.fingers_open)
         with self._standing(shape, X_WO, touchable=True):
-            backs = [
-                moves.straight(q, moves.behind(q))
-                for moves, q in self._zipped(np.split(q_pick, 2))
-            ]
-            down = together(
-                [
-                    m.timed(b[::-1], m.free, straight=True)
-                    for m, b in self._zipped(backs)
-                ]
-            )
+            backs = self._backs(q_pick)
+            down = self._timed([back[::-1] for back in backs], straight=True)
             self.pair.checked(down, "grasp")
         with self._standing(shape, X_WO, touchable=False):
             starts = np.split(q_start, 2)
@@ -422,8 +420,7 @@ class CarryTaskPlanner(TaskPlanner):
                 moves.joint_path(starts[i], backs[i][-1])
                 for i, moves in enumerate(self._both_moves)
             ]
-            there = together([m.timed(p, m.free) for m, p in self._zipped(paths)])
-            self.pair.checked(there, "pre_grasp")
+            there = self.pair.checked(self._timed(paths), "pre_grasp")
         return {Mode.PRE_GRASP: there, Mode.GRASP: down}
 
     def _carry(
@@ -463,14 +460,8 @@ class CarryTaskPlanner(TaskPlanner):
             placing, q_place = self._carried(q_start, grasp, X_WO, pressed, "place")
         self._set_fingers(grasp.fingers_open)
         with self._standing(shape, X_WO_goal, touchable=True):
-            aways = [
-                moves.straight(q, moves.behind(q))
-                for moves, q in self._zipped(np.split(q_place, 2))
-            ]
-            away = together(
-                [m.timed(p, m.free, straight=True) for m, p in self._zipped(aways)]
-            )
-            self.pair.checked(away, "retreat")
+            aways = self._backs(q_place)
+            away = self.pair.checked(self._timed(aways, straight=True), "retreat")
         with self._standing(shape, X_WO_goal, touchable=False):
             home = self._home([path[-1] for path in aways])
         return {Mode.PLACE: placing, Mode.RETREAT: away, Mode.HOME: home}
@@ -486,8 +477,7 @@ class CarryTaskPlanner(TaskPlanner):
             moves.joint_path(starts[i], homes[i])
             for i, moves in enumerate(self._both_moves)
         ]
-        home = together([m.timed(p, m.free) for m, p in self._zipped(paths)])
-        return self.pair.checked(home, "home")
+        return self.pair.checked(self._timed(paths), "home")
 
     @contextlib.contextmanager
     def _carrying(
