@@ -141,15 +141,21 @@ STUCK = Observation(stuck=True, holding=True)
 
 
 @pytest.mark.parametrize(
-    ("mode", "seen", "after"),
+    ("strategy", "mode", "seen", "after"),
     [
-        (InsertMode.SLIDE, STUCK, InsertMode.WITHDRAW),
-        (InsertMode.PRESS, HELD, InsertMode.WITHDRAW),
-        (InsertMode.WITHDRAW, HELD, InsertMode.TILT),
+        ("push", InsertMode.SEARCH, HELD, InsertMode.PRESS),
+        ("spiral", InsertMode.SEARCH, HELD, InsertMode.SPIRAL),
+        ("spiral", InsertMode.SPIRAL, HELD, InsertMode.PRESS),
+        ("spiral", InsertMode.SPIRAL, STUCK, InsertMode.WITHDRAW),
+        ("tilt", InsertMode.SLIDE, STUCK, InsertMode.WITHDRAW),
+        ("tilt", InsertMode.PRESS, HELD, InsertMode.WITHDRAW),
+        ("tilt", InsertMode.WITHDRAW, HELD, InsertMode.TILT),
     ],
 )
-def test_an_insertion_that_fails_is_tried_again(mode, seen, after):
-    assert insert_transition(mode, seen, 1.0) is after
+def test_other_strategies_skip_the_wall_and_a_try_that_fails_is_repeated(
+    strategy, mode, seen, after
+):
+    assert insert_transition(mode, seen, 1.0, Insert(strategy=strategy)) is after
 
 
 @pytest.mark.parametrize("name", ["handover", "carry_together"])

@@ -28,6 +28,14 @@ class Insert(PlannerConfig):
     # Depth of the hole [m], and depth short of it that counts as seated [m].
     depth: float = dc.field(default=0.02, metadata=positive())
     depth_tolerance: float = dc.field(default=0.002, metadata=positive())
+    # Strategy by which the peg finds the hole. `tilt`: it leans against the wall and is
+    # put upright. `push`: it goes straight down. `spiral`: its end searches the rim.
+    strategy: str = dc.field(
+        default="tilt", metadata={"among": ("tilt", "push", "spiral")}
+    )
+    # Distance between turns of the spiral [m], less than 2 clearances, and its radius.
+    spiral_pitch: float = dc.field(default=1.5e-4, metadata=positive())
+    spiral_radius: float = dc.field(default=0.002, metadata=positive())
     # Half the width of the peg's end, or of a cap's bore [m]; null: half the shape's
     # width.
     tip: float | None = dc.field(default=None, metadata=positive())
@@ -75,6 +83,7 @@ class InsertMode(enum.Enum):
     TILT = "tilt"
     SEARCH = "search"
     SLIDE = "slide"
+    SPIRAL = "spiral"
     UPRIGHT = "upright"
     PRESS = "press"
     WITHDRAW = "withdraw"
@@ -87,6 +96,7 @@ class Insertion(Memory):
     tries: int = 0
     # Commanded turn in addition to the followed orientation, shape (3,) [rad].
     twist: Vector = dc.field(default_factory=lambda: np.zeros(3))
+    spiral_at: float = 0.0  # when the spiral began [s]
     fallen_at: float = 0.0  # until then, the edge was no deeper than at first [s]
     pressed_at: float = 0.0  # start of the pressing [s]
     entered_at: float = 0.0  # until then, the peg had not entered the hole [s]
@@ -150,7 +160,13 @@ class Task:
 
         The edge of a bore is outside the pin's outline.
         """
-        return -self.config.inset if self.config.over else self.config.inset
+        inset = self.config.inset if self.config.strategy == "tilt" else 0.0
+        return -inset if self.config.over else inset
+
+    @property
+    def tilt(self) -> float:
+        """Lean of the peg when it is set down on the rim [rad]."""
+        return self.config.tilt if self.config.strategy == "tilt" else 0.0
 
     def wall(self, tip: Insertion) -> Vector:
         """Return the direction in which the lower edge meets the wall, shape (3,)."""

@@ -243,14 +243,14 @@ class Tilt(Inserting):
 
     def turn_to(self, tip: Insertion) -> float:
         """Return the tilt to which the set-point turns [rad]."""
-        return self.task.config.tilt
+        return self.task.tilt
 
     def pull_to(self, tip: Insertion, time: float) -> Vector:
         """Return the place above the hole, with one edge inside the rim, (3,) [m]."""
         assert tip.X_WU is not None
         config, r = self.task.config, self.task.radius
-        aside = r - self.task.inset - r * np.cos(config.tilt)
-        up = r * np.sin(config.tilt) + 0.5 * config.hover
+        aside = r - self.task.inset - r * np.cos(self.task.tilt)
+        up = r * np.sin(self.task.tilt) + 0.5 * config.hover
         across = (tip.tries // 2) * config.search_step * np.cross(_UP, tip.along)
         return tip.X_WU.translation() + aside * tip.along + up * _UP + across
 
@@ -322,6 +322,45 @@ class Slide(Inserting):
             tip.stops = (*tip.stops, Failure.NO_HOLE)
             return Observation(stuck=True)
         return Observation()
+
+
+class Spiral(Inserting):
+    """Moves the upright peg in a spiral over the rim until it falls into the hole."""
+
+    mode = InsertMode.SPIRAL
+
+    def enter(self, memory: PlannerMemory, entry: Entry) -> PlannerMemory:
+        """Record the rim's height, where the peg rests, and the spiral's start."""
+        memory = super().enter(memory, entry)
+        tip = insertion_of(memory)
+        tip.rim, tip.spiral_at = float(tip.p[2]), entry.time
+        return memory
+
+    def radius(self, tip: Insertion, time: float) -> float:
+        """Return the radius of the spiral [m].
+
+        At a constant speed v, the length v t of a spiral of pitch p is about pi r^2 /
+        p.
+        """
+        length = self.task.config.tip_speed * (time - tip.spiral_at)
+        return float(np.sqrt(length * self.task.config.spiral_pitch / np.pi))
+
+    def pull_to(self, tip: Insertion, time: float) -> Vector:
+        """Return the point of the spiral, with a pull down, (3,) [m]."""
+        config, r = self.task.config, self.radius(tip, time)
+        angle = 2.0 * np.pi * r / config.spiral_pitch
+        down = self.forward(tip, config.side_force)[2]
+        middle = tip.began[:2] + r * np.array([np.cos(angle), np.sin(angle)])
+        return np.array([*middle, down])
+
+    def observe_tip(self, tip: Insertion, time: float) -> Observation:
+        """Report that the peg has fallen into the hole, or that there is no hole."""
+        if tip.rim - tip.p[2] > _FALLEN:
+            return Observation(arrived=True)
+        if self.radius(tip, time) < self.task.config.spiral_radius:
+            return Observation()
+        tip.stops = (*tip.stops, Failure.NO_HOLE)
+        return Observation(stuck=True)
 
 
 class Upright(Inserting):
@@ -527,7 +566,7 @@ def insertion_modes(
         replanner: Plans from sightings.
         repeat: Number of the task's cycles.
     """
-    kinds = (Tilt, Search, Slide, Upright, Press, Withdraw)
+    kinds = (Tilt, Search, Slide, Spiral, Upright, Press, Withdraw)
     return {
         **modes,
         **{kind.mode: kind(task, replanner, repeat) for kind in kinds},

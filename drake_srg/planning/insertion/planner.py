@@ -16,6 +16,7 @@ from drake_srg.planning.pick_and_place.replanning import Replanner
 from drake_srg.planning.pick_and_place.sightings import PickTask
 from drake_srg.planning.pick_and_place.task_motions import TaskPlanner
 from drake_srg.planning.planner_machine import (
+    Condition,
     PlannerConfig,
     Table,
     Transitions,
@@ -26,11 +27,25 @@ from drake_srg.types import AnyMode, Box, Cylinder, Failure, Mode
 NOT_INSERTED = (Failure.NO_HOLE, Failure.HOLE_BLOCKED, Failure.TOO_TIGHT)
 
 
+def _then(strategy: str) -> Condition:
+    """Return the condition that a mode has ended, with this strategy next."""
+    return lambda o, t, c: o.arrived and getattr(c, "strategy", "") == strategy
+
+
 INSERT_TRANSITIONS: Table = {
     **TRANSITIONS,
     Mode.PLACE: carried(InsertMode.TILT),
     InsertMode.TILT: carried(InsertMode.SEARCH),
-    InsertMode.SEARCH: carried(InsertMode.SLIDE),
+    InsertMode.SEARCH: [
+        (lambda o, t, c: o.arrived and not o.holding, Mode.RELEASE),
+        (_then("push"), InsertMode.PRESS),
+        (_then("spiral"), InsertMode.SPIRAL),
+        (_then("tilt"), InsertMode.SLIDE),
+    ],
+    InsertMode.SPIRAL: [
+        (lambda o, t, c: o.stuck, InsertMode.WITHDRAW),
+        *carried(InsertMode.PRESS),
+    ],
     InsertMode.SLIDE: [
         (lambda o, t, c: o.stuck, InsertMode.WITHDRAW),
         *carried(InsertMode.UPRIGHT),

@@ -13,6 +13,7 @@ from drake_srg.planning.insertion.modes import (
     Press,
     Search,
     Slide,
+    Spiral,
     Tilt,
     Upright,
     Withdraw,
@@ -176,6 +177,38 @@ def test_a_hand_that_creeps_down_for_long_has_inserted_nothing():
     assert 9.9 < time < 10.2
     assert not memory.insertion.seated
     assert memory.insertion.stops == (Failure.HOLE_BLOCKED,)
+
+
+def test_a_spiral_passes_every_place_within_its_radius():
+    config = dc.replace(CONFIG, strategy="spiral", spiral_radius=0.001)
+    mode = Spiral(dc.replace(TASK, config=config), None, 1)
+    tip = make_memory(RIM).insertion
+    tip.began = tip.p = RIM
+    times = np.arange(0.0, 5.0, config.period)
+    radii = np.array([mode.radius(tip, t) for t in times])
+    path = np.array([mode.pull_to(tip, t)[:2] - RIM[:2] for t in times])
+    steps = np.linalg.norm(np.diff(path, axis=0), axis=1) / config.period
+    assert steps[20:] == pytest.approx(config.tip_speed, rel=0.05)
+    path = path[radii < config.spiral_radius]
+    rng = np.random.default_rng(0)
+    for _ in range(100):
+        r, angle = 9e-4 * np.sqrt(rng.random()), 2 * np.pi * rng.random()
+        place = r * np.array([np.cos(angle), np.sin(angle)])
+        gap = np.linalg.norm(path - place, axis=1).min()
+        assert gap < 0.5 * np.hypot(config.spiral_pitch, 1.5e-4)
+
+
+def test_a_peg_that_falls_in_ends_the_spiral_and_a_whole_spiral_is_told():
+    config = dc.replace(CONFIG, strategy="spiral")
+    mode = Spiral(dc.replace(TASK, config=config), None, 1)
+    memory, seen = run(mode, make_memory(RIM), lambda memory: RIM, 1.0)
+    assert not (seen.arrived or seen.stuck)
+    assert pull(memory)[2] == pytest.approx(-config.side_force, abs=0.05)
+    memory.insertion.p = RIM - 0.001 * UP
+    assert mode.observe_tip(memory.insertion, 1.0).arrived
+    memory.insertion.p = RIM
+    assert mode.observe_tip(memory.insertion, 30.0).stuck
+    assert memory.insertion.stops == (Failure.NO_HOLE,)
 
 
 @pytest.mark.parametrize("kind", [Slide, Upright, Press])
