@@ -43,10 +43,6 @@ def reports(readings, delay=0.1):
     return result
 
 
-def test_ports():
-    assert port_table(GraspDetector(FINGERS)) == ({"triggered": 4}, {"grasped": 1})
-
-
 def test_a_grasp_counts_after_the_delay():
     assert reports([BOTH] * 14) == [0] * 10 + [1] * 4
 

@@ -1,9 +1,5 @@
-import gc
-import weakref
-
 import numpy as np
 import pytest
-from helpers import port_table
 
 from drake_srg.gripper import LinkageDriver
 from drake_srg.gripper.drivers import DRIVERS
@@ -28,30 +24,6 @@ def holding(request):
     hand.lower_table(0.02)
     hand.advance(0.5)
     return hand
-
-
-def test_ports():
-    assert port_table(Hand().driver) == (
-        {
-            "plant_state": 16,
-            "query_object": None,
-            "contact_results": None,
-            "body_poses": None,
-            "closure_commanded": 1,
-            "joint_position_commanded": 2,
-            "hold": 1,
-            "force_limit": 1,
-        },
-        {
-            "actuation": 2,
-            "state_measured": 4,
-            "pwm": 2,
-            "proximity": 2,
-            "contact_force": 2,
-            "contact_wrench": 12,
-            "grasped": 1,
-        },
-    )
 
 
 def test_a_scenario_can_ask_for_it():
@@ -242,14 +214,3 @@ def test_touch_can_trigger_instead():
     hand.command(closure_commanded=1.0)
     hand.advance(1.0)
     assert hand.read("grasped") == [1.0]
-
-
-@pytest.mark.slow
-def test_a_diagram_with_the_driver_is_freed():
-    hand = Hand()
-    hand.advance(0.02)
-    watches = [weakref.ref(hand.diagram), weakref.ref(hand.driver)]
-    watches += [weakref.ref(system) for system in hand.driver.GetSystems()]
-    del hand
-    gc.collect()
-    assert [watch() for watch in watches] == [None] * len(watches)

@@ -14,20 +14,6 @@ from gripper.srg_hand import Hand
 FAST = PlantServoDriver()
 
 
-def test_ports():
-    inputs, outputs = port_table(Hand(config=FAST).driver)
-    assert inputs.keys() >= {"closure_commanded", "hold", "force_limit", "plant_state"}
-    assert outputs == {
-        "desired_state": 8,
-        "state_measured": 8,
-        "pwm": 4,
-        "proximity": 4,
-        "contact_force": 4,
-        "contact_wrench": 24,
-        "grasped": 1,
-    }
-
-
 @pytest.mark.parametrize("i", range(4))
 def test_each_joint_has_its_own_target(i):
     hand = Hand(config=FAST)

@@ -1,37 +1,9 @@
-import gc
-import weakref
-
 import numpy as np
 import pytest
-from helpers import port_table
 
 from drake_srg.gripper import SrgPositionDriver
 from drake_srg.gripper.underactuation import JOINT_NAMES
 from gripper.srg_hand import Hand
-
-
-def test_ports():
-    assert port_table(Hand().driver) == (
-        {
-            "plant_state": 8,
-            "query_object": None,
-            "contact_results": None,
-            "body_poses": None,
-            "closure_commanded": 1,
-            "joint_position_commanded": 4,
-            "hold": 1,
-            "force_limit": 1,
-        },
-        {
-            "actuation": 4,
-            "state_measured": 8,
-            "pwm": 4,
-            "proximity": 4,
-            "contact_force": 4,
-            "contact_wrench": 24,
-            "grasped": 1,
-        },
-    )
 
 
 def test_joints_are_measured_in_the_order_of_their_names():
@@ -136,16 +108,6 @@ def test_the_servo_has_the_limit_of_the_configuration():
     hand.command(closure_commanded=0.3)
     hand.advance(0.05)
     assert np.max(np.abs(hand.log["pwm"])) == pytest.approx(0.02)
-
-
-def test_a_diagram_with_the_driver_is_freed():
-    hand = Hand()
-    hand.advance(0.02)
-    watches = [weakref.ref(hand.diagram), weakref.ref(hand.driver)]
-    watches += [weakref.ref(system) for system in hand.driver.GetSystems()]
-    del hand
-    gc.collect()
-    assert [watch() for watch in watches] == [None] * len(watches)
 
 
 def test_the_configuration_has_the_order_of_joints_and_sensors():

@@ -1,10 +1,10 @@
 import numpy as np
 import pytest
-from helpers import fix, port_table, read, update
+from helpers import fix, read, update
 from hypothesis import given
 from hypothesis import strategies as st
 
-from drake_srg.gripper.underactuation import UnderactuationLogic, finger_targets
+from drake_srg.gripper.underactuation import finger_targets
 from gripper.underactuation_case import (
     NAN,
     angle,
@@ -58,19 +58,6 @@ def test_a_wrapped_finger_is_asked_for_the_whole_command(target, base, tip):
     assert sum(result) == pytest.approx(target)
     # Both joints have the same error, which squeezes.
     assert result[0] - base == pytest.approx(result[1] - tip)
-
-
-def test_ports():
-    assert port_table(UnderactuationLogic()) == (
-        {
-            "closure_commanded": 1,
-            "state_measured": 8,
-            "triggered": 4,
-            "joint_position_commanded": 4,
-            "hold": 1,
-        },
-        {"position_desired": 4},
-    )
 
 
 def test_output_changes_only_at_updates():

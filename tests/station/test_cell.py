@@ -146,15 +146,6 @@ def test_a_script_limits_the_force_only_if_it_says_so(scripted, limit):
     assert port.HasValue(station_context) == (limit is not None)
 
 
-@pytest.mark.slow
-def test_cells_are_freed(leaked, scenario):
-    simulator = Simulator(MakeCell(scenario))
-    simulator.AdvanceTo(0.02)
-    assert len(leaked()) > 6  # otherwise this would test nothing
-    del simulator
-    assert leaked() == []
-
-
 @dc.dataclass(kw_only=True)
 class Close(PlannerConfig):
     """A planner of one's own, which closes the hand."""

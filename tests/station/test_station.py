@@ -2,7 +2,6 @@ import numpy as np
 import pytest
 from helpers import fix, port_table
 from pydrake.systems.analysis import Simulator
-from pydrake.systems.framework import DiagramBuilder
 
 from drake_srg.common.exceptions import ScenarioError
 from drake_srg.common.safety_states import describe_safety
@@ -256,19 +255,3 @@ def test_a_command_that_jumps_does_not_reach_the_driver():
     np.testing.assert_array_equal(allowed, HOME)
     state = station.GetOutputPort("safety.state").Eval(context)
     assert describe_safety(state) == "protective_stop: speed"
-
-
-@pytest.mark.slow
-def test_stations_are_freed(leaked):
-    make().CreateDefaultContext()
-    assert leaked() == []
-
-
-@pytest.mark.slow
-def test_a_station_in_a_diagram_is_freed(leaked):
-    builder = DiagramBuilder()
-    builder.AddSystem(make())
-    simulator = Simulator(builder.Build())
-    assert len(leaked()) > 4  # otherwise this would test nothing
-    del builder, simulator
-    assert leaked() == []

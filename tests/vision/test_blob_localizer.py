@@ -1,12 +1,8 @@
-import gc
-import weakref
-
 import numpy as np
 import pytest
 from helpers import fix
 from pydrake.common.value import Value
 from pydrake.math import RigidTransform, RollPitchYaw, RotationMatrix
-from pydrake.systems.analysis import Simulator
 from pydrake.systems.sensors import CameraInfo, ImageDepth32F, ImageRgba8U
 
 from drake_srg import types
@@ -273,13 +269,3 @@ def test_blobs_follow_their_inputs():
     pose = RigidTransform(DOWN, [0.5, 0.0, 1.6])
     localizer.GetInputPort("camera.body_pose_in_world").FixValue(context, pose)
     assert port.Eval(context)[0].position == pytest.approx([0.5, 0, 0.1509], abs=4e-4)
-
-
-@pytest.mark.slow
-def test_a_diagram_with_a_localizer_is_freed():
-    diagram, localizer = make_diagram([], [target()])
-    Simulator(diagram).AdvanceTo(0.01)
-    watch = weakref.ref(localizer)
-    del diagram, localizer
-    gc.collect()
-    assert watch() is None
