@@ -2,7 +2,6 @@ import numpy as np
 import pytest
 
 from drake_srg.gripper import LinkageDriver
-from drake_srg.gripper.drivers import DRIVERS
 from gripper.linkage_hand import PALM_TO_TIP, Hand
 
 MODELS = ("linkage_gripper", "linkage_gripper_flat")
@@ -24,13 +23,6 @@ def holding(request):
     hand.lower_table(0.02)
     hand.advance(0.5)
     return hand
-
-
-def test_a_scenario_can_ask_for_it():
-    assert LinkageDriver in DRIVERS
-    driver = LinkageDriver()
-    assert driver.joint_names == ("master_crank_joint", "slave_crank_joint")
-    assert driver.sensor_names == ("master_tip", "slave_tip")
 
 
 def test_cranks_are_measured_in_the_order_of_their_names():
@@ -198,14 +190,11 @@ def test_the_force_limit_bounds_the_grip():
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("i", range(2))
-def test_each_crank_can_be_commanded(i):
+def test_each_crank_can_be_commanded():
     hand = Hand()
-    wanted = np.zeros(2)
-    wanted[i] = 0.3
-    hand.command(joint_position_commanded=wanted)
+    hand.command(joint_position_commanded=[0.3, 0.1])
     hand.advance(0.8)
-    assert hand.q == pytest.approx(wanted, abs=0.005)
+    assert hand.q == pytest.approx([0.3, 0.1], abs=0.005)
 
 
 @pytest.mark.slow

@@ -48,11 +48,6 @@ def test_objects_that_look_alike_are_refused():
     MakeCell(load_scenario("kitchen", overrides=[*balls, "objects.b.color=[0, 0, 1]"]))
 
 
-def test_the_subsystems_have_names(cell):
-    for name in ("station", "localizer", "planner"):
-        assert cell.HasSubsystemNamed(name)
-
-
 def test_the_localizer_sees_the_object(cell, scenario):
     context = cell.CreateDefaultContext()
     (blob,) = cell.GetOutputPort("localizer.blobs").Eval(context)

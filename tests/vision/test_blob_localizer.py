@@ -88,19 +88,6 @@ def test_arrays_that_do_not_fit_are_refused(color, depth, problem):
         localize([target()], np.zeros(color, np.uint8), depth, MODEL, RigidTransform())
 
 
-def test_every_camera_has_three_inputs():
-    localizer = BlobLocalizer([target()], {"left": MODEL, "right": MODEL})
-    names = [localizer.get_input_port(i).get_name() for i in range(6)]
-    assert names == [
-        f"{camera}.{port}"
-        for camera in ("left", "right")
-        for port in ("color_image", "depth_image", "body_pose_in_world")
-    ]
-    assert localizer.num_input_ports() == 6
-    assert localizer.num_output_ports() == 1
-    assert localizer.get_output_port().get_name() == "blobs"
-
-
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
