@@ -173,13 +173,6 @@ def test_a_model_without_contact_properties_gets_those_of_a_shape(tmp_path, geom
     assert friction.static_friction() == 0.3
 
 
-def test_the_can_has_the_datasheets_size():
-    shape = object_shape("can", ObjectConfig(model=CAN))
-    # YCB's object 005 is 66 mm wide and 101 mm high, within 2 mm or so.
-    assert shape.radius == pytest.approx(0.0335, abs=1.5e-3)
-    assert shape.length == pytest.approx(0.1015, abs=1.5e-3)
-
-
 BALL = "<sphere><radius>1</radius></sphere>"
 
 
