@@ -85,12 +85,6 @@ def test_the_speed_is_that_of_the_thesis(holding):
     assert np.max(v) < 1.1 * np.radians(60.0)
 
 
-def test_the_slave_lags_by_its_speed_over_its_gain(holding):
-    midway = (holding.array("time") > 0.25) & (holding.array("time") < 0.35)
-    q = holding.array("state_measured")[midway, :2]
-    assert q[:, 0] - q[:, 1] == pytest.approx(LAG, rel=0.05)
-
-
 def test_a_grasp_counts_after_the_post_contact_delay(holding):
     time, grasped = holding.array("time"), holding.array("grasped")[:, 0]
     fired = np.all(holding.array("proximity") < 0.001, axis=1)

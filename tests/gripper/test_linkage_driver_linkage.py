@@ -5,14 +5,12 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from drake_srg.gripper.linkage_driver import (
-    SLAVE_GAIN,
     MasterSlaveConfig,
     MasterSlaveReference,
 )
 
 CONFIG = MasterSlaveConfig()
 V, T = CONFIG.max_velocity, CONFIG.period
-SIXTY_DEGREES = np.pi / 3
 
 
 class Fingers:
@@ -46,11 +44,6 @@ class Fingers:
             references.append(self.reference)
             angles.append(self.q)
         return np.array(references), np.array(angles)
-
-
-def test_speed_and_gain_are_those_of_the_thesis():
-    assert pytest.approx(SIXTY_DEGREES) == V
-    assert SLAVE_GAIN == 20.0
 
 
 def test_the_master_moves_at_full_speed_and_stops_at_its_target():

@@ -251,20 +251,6 @@ def test_position_control_takes_over_where_torque_control_ends():
 
 
 @pytest.mark.slow
-def test_hold_keeps_the_grip_of_a_torque_whatever_is_commanded():
-    hand = Hand(post=True, config=TENDON)
-    hand.command(motor_torque_commanded=0.2)
-    hand.advance(3.0)
-    grip = hand.read("wire_force")
-    hand.command(hold=1.0)
-    hand.advance(0.1)
-    hand.command(motor_torque_commanded=-1.0)
-    hand.advance(1.0)
-    # At rest as before, to a percent.
-    assert hand.read("wire_force") == pytest.approx(grip, rel=0.01)
-
-
-@pytest.mark.slow
 def test_without_torque_the_springs_turn_the_motor_back():
     hand = Hand(config=TENDON)
     hand.command(closure_commanded=0.5)

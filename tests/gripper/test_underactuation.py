@@ -67,10 +67,6 @@ def test_output_changes_only_at_updates():
     assert read(system, context, "position_desired").tolist() == [1.5, 1.5, 0.0, 0.0]
 
 
-def test_closing_on_nothing_bends_the_bases_only():
-    assert targets(*make(closure=0.4)) == pytest.approx([1.2, 1.2, 0.0, 0.0])
-
-
 def test_targets_saturate_at_the_joint_limits():
     system, context = make(closure=1.0)
     assert targets(system, context) == pytest.approx([1.94, 1.94, 0.0, 0.0])
@@ -126,11 +122,6 @@ def test_opening_is_remembered_while_the_command_stays(closure):
     assert targets(system, context) == pytest.approx(expected)
     given_inputs(system, context, 0.31, bent, [0] * 4)  # higher: closing again
     assert targets(system, context)[:2] == pytest.approx([0.93, 0.93])
-
-
-@pytest.mark.parametrize(("command", "used"), [(-0.5, 0.0), (7.0, 1.0)])
-def test_the_command_is_clipped(command, used):
-    assert targets(*make(command))[0] == min(3.0 * used, 1.94)
 
 
 def test_a_command_that_is_not_a_number_keeps_the_last_one():
