@@ -2,7 +2,7 @@ import dataclasses as dc
 
 import numpy as np
 import pytest
-from helpers import fix, port_table
+from helpers import fix
 from pydrake.math import RigidTransform
 from pydrake.multibody.plant import (
     AddMultibodyPlant,
@@ -68,13 +68,6 @@ class Arm:
         port = self.plant.get_state_output_port(self.arm)
         context = self.plant.GetMyContextFromRoot(self.root)
         return port.Eval(context)[:7].copy()
-
-
-def test_ports():
-    assert port_table(Arm().driver) == (
-        {"position_commanded": 7, "arm_state": 14, "gripper_state": 8},
-        {"desired_state": 14, "actuation": 7, "state_measured": 14},
-    )
 
 
 def test_a_weightless_arm_needs_torques_in_a_continuous_plant_alone():

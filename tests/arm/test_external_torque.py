@@ -1,6 +1,6 @@
 import numpy as np
 import pytest
-from helpers import fix, port_table
+from helpers import fix
 from pydrake.multibody.math import SpatialForce
 from pydrake.multibody.plant import AddMultibodyPlant, ExternallyAppliedSpatialForce
 from pydrake.multibody.plant import MultibodyPlantConfig as PlantConfig
@@ -97,13 +97,6 @@ class Arm:
     def applied(self):
         port = self.plant.get_net_actuation_output_port(self.arm)
         return port.Eval(self.context).copy()
-
-
-def test_ports():
-    plant = MakeModelsPlant(SCENARIO)
-    observer = ExternalTorqueObserver(plant, ["arm", "gripper"], 0.005)
-    ins = {"arm_state": 14, "gripper_state": 8, "torque": 7}
-    assert port_table(observer) == (ins, {"external_torque": 7})
 
 
 def test_an_arm_at_rest_feels_nothing():

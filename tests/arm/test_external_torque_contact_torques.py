@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from helpers import fix, port_table
+from helpers import fix
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
@@ -26,20 +26,6 @@ from drake_srg.objects.poses import ContactReader
 @pytest.fixture(params=["hydroelastic", "point"])
 def scene(request):
     return Scene(request.param)
-
-
-def test_ports():
-    scene = Scene()
-    assert port_table(scene.torques) == (
-        {
-            "arm_state": 4,
-            "contact_results": None,
-            "body_poses": None,
-            "body_spatial_velocities": None,
-            "applied_forces": None,
-        },
-        {"external_torque": 2},
-    )
 
 
 def test_an_untouched_arm_feels_nothing(scene):

@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 import ruckig
-from helpers import fix, port_table, read, update
+from helpers import fix, read, update
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from pydrake.systems.analysis import Simulator
@@ -54,13 +54,6 @@ def rest_to_rest_time(distance):
     if d < V * (V / A + A / J):  # the velocity limit is not reached
         return A / J + np.sqrt((A / J) ** 2 + 4 * d / A)
     return d / V + V / A + A / J
-
-
-def test_ports():
-    assert port_table(JerkLimitedReference(HOME, JerkLimits(), PERIOD)) == (
-        {"position_desired": 2, "position_held": 2, "state_measured": 4},
-        {"position_commanded": 2},
-    )
 
 
 @settings(max_examples=30)

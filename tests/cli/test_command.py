@@ -14,43 +14,25 @@ from drake_srg.common.exceptions import ScenarioError
 OUT = Path("out")
 
 
-def test_an_error_while_writing_names_the_option_and_the_path():
-    with (
-        pytest.raises(ScenarioError, match=r"^--out out: cannot be written: No space"),
-        writing("--out", OUT),
-    ):
-        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
-
-
-def test_a_long_message_is_replaced_by_that_of_its_number():
-    with (
-        pytest.raises(
-            ScenarioError, match=r"^-o out: cannot be written: No space[^.]*$"
-        ),
-        writing("-o", OUT),
-    ):
-        raise OSError(errno.ENOSPC, "Error writing bytes. Detail: [errno 28] Full.")
-
-
-def test_an_error_without_a_number_keeps_its_message_in_one_line():
-    with (
-        pytest.raises(
-            ScenarioError, match=r"^-o out: cannot be written: no codec here$"
-        ),
-        writing("-o", OUT),
-    ):
-        raise OSError("no codec\nhere")
+FULL = errno.ENOSPC, os.strerror(errno.ENOSPC)
+LONG = errno.ENOSPC, "Error writing bytes. Detail: [errno 28] Full."
 
 
 @pytest.mark.parametrize(
-    ("advice", "end"), [("try /tmp", "full; try /tmp"), ("", "full")]
+    ("error", "advice", "told"),
+    [
+        (OSError(*FULL), "", "No space left on device"),
+        (OSError(*LONG), "", "No space left on device"),  # that of its number
+        (OSError("no codec\nhere"), "", "no codec here"),
+        (OSError("full"), "try /tmp", "full; try /tmp"),
+    ],
 )
-def test_advice_follows_the_message(advice, end):
+def test_an_error_while_writing_names_the_option_and_the_path(error, advice, told):
     with (
-        pytest.raises(ScenarioError, match=f"written: {end}$"),
-        writing("-o", OUT, lambda: advice),
+        pytest.raises(ScenarioError, match=f"^--out out: cannot be written: {told}$"),
+        writing("--out", OUT, lambda: advice),
     ):
-        raise OSError("full")
+        raise error
 
 
 def test_a_closed_pipe_is_no_problem_of_the_files():

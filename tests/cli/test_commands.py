@@ -295,21 +295,21 @@ def test_a_project_is_formatted(project):
         subprocess.run([ruff, *command, *config, *files], check=True)
 
 
-@pytest.mark.parametrize("name", ["", "My", "a-b", "../x", "class", "1st", "a b"])
-def test_a_bad_name_is_refused(name, tmp_path, monkeypatch, capsys):
+BAD_NAMES = {
+    name: f"NAME {name!r}: invalid (allowed: "
+    for name in ("", "My", "a-b", "../x", "class", "1st", "a b")
+} | {
+    name: f"NAME {name}: a Python module has this name"
+    for name in ("drake_srg", "numpy", "json", "cell")
+}
+
+
+@pytest.mark.parametrize(("name", "words"), BAD_NAMES.items())
+def test_a_bad_name_is_refused(name, words, tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
     assert main(["new", name]) == 2
     (line,) = capsys.readouterr().err.splitlines()
-    assert f"NAME {name!r}: invalid (allowed: " in line
-    assert not list(tmp_path.iterdir())
-
-
-@pytest.mark.parametrize("name", ["drake_srg", "numpy", "json", "cell"])
-def test_the_name_of_a_module_is_refused(name, tmp_path, monkeypatch, capsys):
-    monkeypatch.chdir(tmp_path)
-    assert main(["new", name]) == 2
-    (line,) = capsys.readouterr().err.splitlines()
-    assert f"NAME {name}: a Python module has this name" in line
+    assert words in line
     assert not list(tmp_path.iterdir())
 
 

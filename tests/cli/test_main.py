@@ -30,31 +30,13 @@ COMMANDS += ("export", "new", "completion", "identify")
         (["run", "missing.yaml"], ["missing.yaml", "cannot be read"]),
         (["run", "."], ["'.'", "unknown"]),
         (["run", "kitchen", "--set", "object.mas=1"], ["'mas'", "'mass'"]),
-        (["run", "kitchen", "--set", "object.mass=heavy"], ["mass", "a number"]),
-        (["run", "kitchen", "--set", "object.mass=-1"], ["mass", "greater than 0"]),
-        (["run", "kitchen", "--set", "object.friction=-1"], ["friction", "at least 0"]),
-        (["run", "kitchen", "--set", "object.friction=.nan"], ["friction", "NaN"]),
-        (
-            ["run", "kitchen", "--set", "object.mass=!Unifrom {min: 1, max: 2}"],
-            ["mass", "!Unifrom"],
-        ),
         (
             ["run", "kitchen", "--set", "gripper=!SrgPositionDrive {}"],
             ["gripper", "!SrgPositionDrive", "!SrgPositionDriver"],
         ),
         (["run", "kitchen", "--set", "object.mass"], ["KEY=VALUE"]),
-        (["run", "kitchen", "--set", "object.position=[9, 9]"], ["be on the table"]),
-        (["run", "kitchen", "--seed", "-1"], ["random_seed", "at least 0"]),
         (["run", "kitchen", "--set", "arm=null"], ["arm"]),
         (["run", "kitchen", "--set", "directives=[]"], ["kitchen", "arm"]),
-        (
-            ["run", "kitchen", "--set", "plant_config.contact_model=soft"],
-            ["contact_model", "soft"],
-        ),
-        (
-            ["run", "kitchen", "--set", "arm.kp=[-1,1,1,1,1,1,1]"],
-            ["arm.kp", "at least"],
-        ),
         (["bench", "kitchen", "--set", "arm.home=[0]"], ["kitchen: arm.home"]),
         (["diagram", "kitchen", "-o", "kitchen.jpg"], [".svg", ".dot"]),
         (["replay", "nowhere"], ["nowhere/replay.glb", "No such file"]),
@@ -153,15 +135,15 @@ def test_list_names_and_describes_the_scenarios(capsys):
     assert main(["list"]) == 0
     lines = capsys.readouterr().out.splitlines()
     assert all(len(line.split(maxsplit=1)) == 2 for line in lines)
+    assert all(line.endswith(".") for line in lines)  # no sentence is cut
     (described,) = [line for line in lines if line.startswith("kitchen ")]
     assert "can" in described
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("scenario", ["kitchen", "kitchen_fast"])
-def test_diagram_writes_graphviz(scenario, tmp_path, capsys):
+def test_diagram_writes_graphviz(tmp_path, capsys):
     path = tmp_path / "cell.dot"
-    assert main(["diagram", scenario, "-o", str(path)]) == 0
+    assert main(["diagram", "kitchen_fast", "-o", str(path)]) == 0
     text = path.read_text()
     assert text.startswith("digraph")
     for system in ("planner", "localizer", "gripper_driver", "underactuation_logic"):
@@ -172,13 +154,11 @@ def test_diagram_writes_graphviz(scenario, tmp_path, capsys):
 @pytest.mark.parametrize(
     ("override", "word"),
     [
-        ("arm.home=[0]", "kitchen: arm.home"),
         ("arm=null", "kitchen: a cell also needs arm"),
         (
             "object.color_range={lower: [0, 0, 0], upper: [1, 1, -1]}",
             "soup_can.color_range",
         ),
-        ("plant_config.contact_model=soft", "contact_model"),
     ],
 )
 def test_bad_settings_of_a_diagram_are_one_line(override, word, tmp_path, capsys):
@@ -322,12 +302,6 @@ def test_a_closed_stream_is_no_error(closed):
         ["sh", "-c", command], capture_output=True, text=True, check=False
     )
     assert (done.returncode, done.stderr) == (0, "")
-
-
-def test_the_list_cuts_no_sentence(capsys):
-    assert main(["list"]) == 0
-    for line in capsys.readouterr().out.splitlines():
-        assert line.endswith("."), line
 
 
 @pytest.mark.parametrize("command", COMMANDS)

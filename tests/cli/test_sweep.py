@@ -51,8 +51,6 @@ def stubbed(monkeypatch):
         (["--trials", "2", "--engine", "dask"], ["dask", "joblib", "ray"]),
         (["--trials", "2", "--address", "x"], ["--address", "--engine ray"]),
         (["--trials", "2", "--engine", "ray", "--jobs", "2"], ["--jobs", "joblib"]),
-        (["--trials", "2", "--seed", "-1"], ["random_seed", "at least 0"]),
-        (["--trials", "2", "--set", "object.mass=-1"], ["mass", "greater than 0"]),
         (["--trials", "2", "--set", "directives=[]"], [stub.SCENARIO, "arm"]),
         (["--trials", "2", "--set", "objct.mass=1"], ["objct"]),
     ],

@@ -39,17 +39,6 @@ def follow(commands, latency=0.0, backlash=0.0):
     return np.array(rows)
 
 
-def test_ports():
-    assert port_table(CommandErrors(3, 0.0, 0.0, PERIOD)) == (
-        {"commanded": 3},
-        {"delayed": 3, "play": 3},
-    )
-    assert port_table(EncoderErrors(3, JointErrorsConfig(), PERIOD, 0, "arm")) == (
-        {"state": 6, "play": 3},
-        {"state_measured": 6},
-    )
-
-
 @pytest.mark.parametrize(
     ("latency", "periods"), [(0.0, 0), (0.01, 1), (0.02, 2), (0.021, 3)]
 )

@@ -94,10 +94,12 @@ def closed(kind):
     return kind().empty_hand(CLOSED)[1]
 
 
-@pytest.mark.parametrize("in_context", [False, True])
-@pytest.mark.parametrize("command", [CLOSED, np.nan, 0.0])
+@pytest.mark.parametrize(
+    ("in_context", "command"),
+    [(False, CLOSED), (True, CLOSED), (True, np.nan), (False, 0.0)],
+)
 @pytest.mark.parametrize("kind", DRIVERS)
-def test_fingers_that_start_closed_do_not_fly(kind, command, in_context):
+def test_fingers_that_start_closed_do_not_fly(kind, in_context, command):
     q = closed(kind)
     hands = Hands(kind(), start=None if in_context else q)
     if in_context:

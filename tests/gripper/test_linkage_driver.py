@@ -1,12 +1,7 @@
-import gc
-import weakref
-
 import numpy as np
 import pytest
-from helpers import port_table
 
 from drake_srg.gripper import LinkageDriver
-from drake_srg.gripper.drivers import DRIVERS
 from gripper.linkage_hand import PALM_TO_TIP, Hand
 
 MODELS = ("linkage_gripper", "linkage_gripper_flat")
@@ -28,37 +23,6 @@ def holding(request):
     hand.lower_table(0.02)
     hand.advance(0.5)
     return hand
-
-
-def test_ports():
-    assert port_table(Hand().driver) == (
-        {
-            "plant_state": 16,
-            "query_object": None,
-            "contact_results": None,
-            "body_poses": None,
-            "closure_commanded": 1,
-            "joint_position_commanded": 2,
-            "hold": 1,
-            "force_limit": 1,
-        },
-        {
-            "actuation": 2,
-            "state_measured": 4,
-            "pwm": 2,
-            "proximity": 2,
-            "contact_force": 2,
-            "contact_wrench": 12,
-            "grasped": 1,
-        },
-    )
-
-
-def test_a_scenario_can_ask_for_it():
-    assert LinkageDriver in DRIVERS
-    driver = LinkageDriver()
-    assert driver.joint_names == ("master_crank_joint", "slave_crank_joint")
-    assert driver.sensor_names == ("master_tip", "slave_tip")
 
 
 def test_cranks_are_measured_in_the_order_of_their_names():
@@ -119,12 +83,6 @@ def test_the_speed_is_that_of_the_thesis(holding):
     midway = (holding.array("time") > 0.2) & (holding.array("time") < 0.35)
     assert v[midway] == pytest.approx(np.radians(60.0), rel=0.02)
     assert np.max(v) < 1.1 * np.radians(60.0)
-
-
-def test_the_slave_lags_by_its_speed_over_its_gain(holding):
-    midway = (holding.array("time") > 0.25) & (holding.array("time") < 0.35)
-    q = holding.array("state_measured")[midway, :2]
-    assert q[:, 0] - q[:, 1] == pytest.approx(LAG, rel=0.05)
 
 
 def test_a_grasp_counts_after_the_post_contact_delay(holding):
@@ -226,14 +184,11 @@ def test_the_force_limit_bounds_the_grip():
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("i", range(2))
-def test_each_crank_can_be_commanded(i):
+def test_each_crank_can_be_commanded():
     hand = Hand()
-    wanted = np.zeros(2)
-    wanted[i] = 0.3
-    hand.command(joint_position_commanded=wanted)
+    hand.command(joint_position_commanded=[0.3, 0.1])
     hand.advance(0.8)
-    assert hand.q == pytest.approx(wanted, abs=0.005)
+    assert hand.q == pytest.approx([0.3, 0.1], abs=0.005)
 
 
 @pytest.mark.slow
@@ -242,14 +197,3 @@ def test_touch_can_trigger_instead():
     hand.command(closure_commanded=1.0)
     hand.advance(1.0)
     assert hand.read("grasped") == [1.0]
-
-
-@pytest.mark.slow
-def test_a_diagram_with_the_driver_is_freed():
-    hand = Hand()
-    hand.advance(0.02)
-    watches = [weakref.ref(hand.diagram), weakref.ref(hand.driver)]
-    watches += [weakref.ref(system) for system in hand.driver.GetSystems()]
-    del hand
-    gc.collect()
-    assert [watch() for watch in watches] == [None] * len(watches)

@@ -1,21 +1,16 @@
-import gc
-import weakref
-
 import numpy as np
 import pytest
-from helpers import fix, port_table, read
+from helpers import fix, read
 from hypothesis import given
 from hypothesis import strategies as st
 
 from drake_srg.gripper.linkage_driver import (
-    SLAVE_GAIN,
     MasterSlaveConfig,
     MasterSlaveReference,
 )
 
 CONFIG = MasterSlaveConfig()
 V, T = CONFIG.max_velocity, CONFIG.period
-SIXTY_DEGREES = np.pi / 3
 
 
 class Fingers:
@@ -49,24 +44,6 @@ class Fingers:
             references.append(self.reference)
             angles.append(self.q)
         return np.array(references), np.array(angles)
-
-
-def test_ports():
-    assert port_table(MasterSlaveReference()) == (
-        {
-            "closure_commanded": 1,
-            "state_measured": 4,
-            "grasped": 1,
-            "joint_position_commanded": 2,
-            "hold": 1,
-        },
-        {"reference": 6},
-    )
-
-
-def test_speed_and_gain_are_those_of_the_thesis():
-    assert pytest.approx(SIXTY_DEGREES) == V
-    assert SLAVE_GAIN == 20.0
 
 
 def test_the_master_moves_at_full_speed_and_stops_at_its_target():
@@ -231,12 +208,3 @@ def test_speeds_and_angles_stay_within_their_limits(sequence):
         assert np.all(np.abs(references[:, 2:4]) <= V * (1 + 1e-12))
         assert np.all(references[:, :2] >= -1e-12)
         assert np.all(references[:, :2] <= CONFIG.full_scale + 1e-12)
-
-
-def test_a_master_slave_reference_is_freed():
-    system = MasterSlaveReference()
-    watch = weakref.ref(system)
-    system.CreateDefaultContext()
-    del system
-    gc.collect()
-    assert watch() is None

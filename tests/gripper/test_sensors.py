@@ -1,6 +1,6 @@
 import numpy as np
 import pytest
-from helpers import port_table, read, update
+from helpers import read, update
 from pydrake.geometry import Box, Sphere
 from pydrake.math import RigidTransform
 from pydrake.multibody.plant import AddMultibodyPlantSceneGraph, CoulombFriction
@@ -74,14 +74,6 @@ class Line:
 
 
 PORTS = ("proximity", "triggered")
-
-
-def test_ports():
-    sensors = ProximitySensors({"a": [], "b": []}, {})
-    assert port_table(sensors) == (
-        {"query_object": None},
-        {"proximity": 2, "triggered": 2},
-    )
 
 
 @pytest.mark.parametrize(

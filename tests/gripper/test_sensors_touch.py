@@ -1,9 +1,6 @@
-import gc
-import weakref
-
 import numpy as np
 import pytest
-from helpers import fix, port_table, read
+from helpers import fix, read
 from pydrake.common.value import AbstractValue
 from pydrake.math import RigidTransform, RollPitchYaw
 from pydrake.multibody.parsing import Parser
@@ -136,23 +133,7 @@ def make(config=None):
     return sensors, context
 
 
-def test_ports():
-    assert port_table(make()[0]) == (
-        {"contact_results": None, "body_poses": None},
-        {"contact_force": 1, "contact_wrench": 6, "triggered": 1},
-    )
-
-
 def test_without_contact_there_is_no_force():
     sensors, context = make(TouchConfig(trigger_force=1e-9))
     for name in ("contact_force", "contact_wrench", "triggered"):
         assert not read(sensors, context, name).any()
-
-
-def test_contact_force_sensors_are_freed():
-    sensors, context = make()
-    read(sensors, context, "contact_force")
-    watch = weakref.ref(sensors)
-    del sensors, context
-    gc.collect()
-    assert watch() is None

@@ -1,28 +1,11 @@
-import gc
-import weakref
-
 import numpy as np
 import pytest
-from helpers import fix, port_table, read, update
+from helpers import fix, read, update
 from hypothesis import given
 from hypothesis import strategies as st
-from pydrake.systems.framework import DiagramBuilder
 
-from drake_srg.gripper.servo import GripperServo, GripperServoConfig
-from gripper.servo_case import GAINS, PID, make, pwm
-
-
-def test_ports():
-    assert port_table(GripperServo(GAINS)) == (
-        {
-            "reference": 6,
-            "state_measured": 4,
-            "position_desired": 2,
-            "force_limit": 1,
-            "torque_commanded": 2,
-        },
-        {"pwm": 2},
-    )
+from drake_srg.gripper.servo import GripperServoConfig
+from gripper.servo_case import PID, make, pwm
 
 
 def test_the_law_agrees_with_a_computation_by_hand():
@@ -133,20 +116,6 @@ def test_the_integral_does_not_change_under_torque_control():
         update(servo, context)
     fix(servo, context, torque_commanded=[np.nan] * 2)
     assert pwm(servo, context) == pytest.approx(PID)
-
-
-@pytest.mark.slow
-def test_it_is_freed_with_its_diagram():
-    def watch_one():
-        builder = DiagramBuilder()
-        servo = builder.AddSystem(GripperServo(GAINS))
-        diagram = builder.Build()
-        diagram.CreateDefaultContext()
-        return weakref.ref(diagram), weakref.ref(servo)
-
-    watches = watch_one()
-    gc.collect()
-    assert [watch() for watch in watches] == [None, None]
 
 
 def test_a_limit_of_nan_leaves_the_configured_one():

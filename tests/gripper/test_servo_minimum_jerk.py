@@ -1,6 +1,6 @@
 import numpy as np
 import pytest
-from helpers import fix, port_table, read, update
+from helpers import fix, read, update
 from hypothesis import assume, given
 from hypothesis import strategies as st
 from numpy.polynomial import Polynomial
@@ -76,12 +76,6 @@ def at(system, context, time):
     """Return the rows q, v, a at a time."""
     context.SetTime(time)
     return read(system, context, "reference").reshape(3, -1)
-
-
-def test_ports():
-    system = MinimumJerkReference(np.zeros(4))
-    inputs = {"position_desired": 4, "state_measured": 8}
-    assert port_table(system) == (inputs, {"reference": 12})
 
 
 def test_it_rests_where_it_starts():

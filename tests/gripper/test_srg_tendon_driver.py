@@ -1,6 +1,6 @@
 import numpy as np
 import pytest
-from helpers import fix, port_table, read, update
+from helpers import fix, read, update
 from hypothesis import given
 from hypothesis import strategies as st
 from pydrake.systems.framework import DiagramBuilder
@@ -29,21 +29,6 @@ def target(command, context, **inputs):
     fix(command, context, **inputs)
     update(command, context)
     return read(command, context, "angle_desired")[0]
-
-
-def test_ports():
-    assert port_table(SpoolCommand(RADIUS)) == (
-        {
-            "closure_commanded": 1,
-            "motor_state": 2,
-            "triggered": 4,
-            "hold": 1,
-            "motor_position_commanded": 1,
-            "motor_torque_commanded": 1,
-            "taut_state": 2,
-        },
-        {"angle_desired": 1, "torque_desired": 1},
-    )
 
 
 def test_closure_asks_for_the_joint_angles_of_algorithm_1():
@@ -161,14 +146,6 @@ def tendon_wrapped():
     return hand
 
 
-def test_the_tendon_driver_has_the_ports_of_a_motor():
-    ports = port_table(Hand(config=TENDON).driver)
-    assert ports[0]["force_limit"] == 1
-    assert "joint_position_commanded" not in ports[0]
-    assert [ports[1][n] for n in ("pwm", "motor_state", "wire_force")] == [1, 2, 2]
-    assert ports[1]["motor_temperature"] == 1
-
-
 @pytest.mark.slow
 def test_wires_close_the_bases_first(tendon_wrapped):
     q, proximity = (np.array(tendon_wrapped.log[n]) for n in ("q", "proximity"))
@@ -271,20 +248,6 @@ def test_position_control_takes_over_where_torque_control_ends():
         # The spool stays, though the wires give way under this torque, 0.94 N m: two of
         # 2.5e4 N/m at 7.6 mm.
         assert abs(hand.read("motor_state")[0] - held) < 0.94 / 2.9
-
-
-@pytest.mark.slow
-def test_hold_keeps_the_grip_of_a_torque_whatever_is_commanded():
-    hand = Hand(post=True, config=TENDON)
-    hand.command(motor_torque_commanded=0.2)
-    hand.advance(3.0)
-    grip = hand.read("wire_force")
-    hand.command(hold=1.0)
-    hand.advance(0.1)
-    hand.command(motor_torque_commanded=-1.0)
-    hand.advance(1.0)
-    # At rest as before, to a percent.
-    assert hand.read("wire_force") == pytest.approx(grip, rel=0.01)
 
 
 @pytest.mark.slow

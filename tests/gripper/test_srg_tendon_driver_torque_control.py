@@ -2,7 +2,7 @@ import dataclasses as dc
 
 import numpy as np
 import pytest
-from helpers import fix, port_table, read, update
+from helpers import fix, read, update
 
 from drake_srg.gripper.srg_tendon_driver import TorqueControl
 from drake_srg.gripper.tendon import TendonDriveConfig
@@ -18,13 +18,6 @@ def control(drive, torque, updates=1):
     for _ in range(updates):
         update(system, context)
     return system, context, read(system, context, "pwm_desired")[0]
-
-
-def test_ports():
-    assert port_table(TorqueControl(SLOW, PERIOD)) == (
-        {"torque_desired": 1},
-        {"pwm_desired": 1},
-    )
 
 
 @pytest.mark.parametrize("torque", [-0.8, -0.1, 0.3, 0.8])

@@ -1,10 +1,8 @@
 import csv
-import gc
-import weakref
 
 import numpy as np
 import pytest
-from helpers import fix, port_table, read, update
+from helpers import fix, read, update
 from hypothesis import assume, given
 from hypothesis import strategies as st
 from pydrake.autodiffutils import AutoDiffXd
@@ -38,13 +36,6 @@ def run(drive, context, duration):
     for _ in range(round(duration / PERIOD)):
         update(drive, context)
     return read(drive, context, "motor_state")
-
-
-def test_ports():
-    assert port_table(TendonDrive(CONFIG, PERIOD)) == (
-        {"pwm": 1, "state_measured": 8},
-        {"joint_torque": 4, "motor_state": 2, "taut_state": 2, "wire_force": 2},
-    )
 
 
 def test_the_drive_has_the_figures_of_the_data_sheets():
@@ -152,12 +143,3 @@ def test_the_joint_torque_has_a_gradient():
     torque = drive.GetOutputPort("joint_torque").Eval(context)
     expected = CONFIG.wire_stiffness * CONFIG.spool_radius * base_moment_arm(0.0)
     assert torque[0].derivatives() == pytest.approx([expected])
-
-
-def test_a_tendon_drive_is_freed():
-    drive, context = make()
-    read(drive, context, "wire_force")
-    watch = weakref.ref(drive)
-    del drive, context
-    gc.collect()
-    assert watch() is None

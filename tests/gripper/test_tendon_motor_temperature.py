@@ -1,7 +1,7 @@
 import math
 
 import pytest
-from helpers import fix, port_table, read, update
+from helpers import fix, read, update
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -28,13 +28,6 @@ def temperature(system, context, updates=1):
     for _ in range(updates):
         update(system, context)
     return read(system, context, "motor_temperature")[0]
-
-
-def test_ports():
-    assert port_table(MotorTemperature()) == (
-        {"pwm": 1, "motor_state": 2},
-        {"motor_temperature": 1},
-    )
 
 
 def test_the_motor_starts_at_the_temperature_of_the_air():

@@ -1,10 +1,10 @@
 import numpy as np
 import pytest
-from helpers import fix, port_table, read, update
+from helpers import fix, read, update
 from hypothesis import given
 from hypothesis import strategies as st
 
-from drake_srg.gripper.underactuation import UnderactuationLogic, finger_targets
+from drake_srg.gripper.underactuation import finger_targets
 from gripper.underactuation_case import (
     NAN,
     angle,
@@ -60,28 +60,11 @@ def test_a_wrapped_finger_is_asked_for_the_whole_command(target, base, tip):
     assert result[0] - base == pytest.approx(result[1] - tip)
 
 
-def test_ports():
-    assert port_table(UnderactuationLogic()) == (
-        {
-            "closure_commanded": 1,
-            "state_measured": 8,
-            "triggered": 4,
-            "joint_position_commanded": 4,
-            "hold": 1,
-        },
-        {"position_desired": 4},
-    )
-
-
 def test_output_changes_only_at_updates():
     system, context = make(closure=0.5)
     assert read(system, context, "position_desired").tolist() == [0.0] * 4
     update(system, context)
     assert read(system, context, "position_desired").tolist() == [1.5, 1.5, 0.0, 0.0]
-
-
-def test_closing_on_nothing_bends_the_bases_only():
-    assert targets(*make(closure=0.4)) == pytest.approx([1.2, 1.2, 0.0, 0.0])
 
 
 def test_targets_saturate_at_the_joint_limits():
@@ -139,11 +122,6 @@ def test_opening_is_remembered_while_the_command_stays(closure):
     assert targets(system, context) == pytest.approx(expected)
     given_inputs(system, context, 0.31, bent, [0] * 4)  # higher: closing again
     assert targets(system, context)[:2] == pytest.approx([0.93, 0.93])
-
-
-@pytest.mark.parametrize(("command", "used"), [(-0.5, 0.0), (7.0, 1.0)])
-def test_the_command_is_clipped(command, used):
-    assert targets(*make(command))[0] == min(3.0 * used, 1.94)
 
 
 def test_a_command_that_is_not_a_number_keeps_the_last_one():

@@ -15,22 +15,13 @@ from drake_srg.learning.episodes import make_environment
 from drake_srg.learning.train import MakeLearner
 from drake_srg.types import Box, Cylinder
 
+from .hand_planners import Straight
 from .toy import Toy
 
 BOX = Box([0.04, 0.06, 0.1])
 SEEN = [0.5, 0.02, 0.05, 0.0, 0.0, np.sin(0.15), np.cos(0.15), 1.0]  # yaw 0.3
 ESTIMATE = np.array([0.5, 0.02, 0.05, 0.3])
 SIGHTING = "observation.environment_state"
-
-
-class Straight:
-    """A gantry whose joints are the hand's pose."""
-
-    def pose(self, q):
-        return q
-
-    def follow(self, q, pose):
-        return pose
 
 
 class Tilted(Straight):

@@ -105,6 +105,23 @@ class Built:
         return pairs
 
 
+def moduli(built: Built) -> dict[tuple[str, str], float]:
+    """Return the hydroelastic modulus [Pa] of each geometry by its body and name.
+
+    Rigid geometry has an infinite one.
+    """
+    found = {}
+    for body in built.bodies():
+        frame = built.plant.GetBodyFrameIdOrThrow(body.index())
+        for g in built.inspector.GetGeometries(frame, Role.kProximity):
+            key = body.name(), built.inspector.GetName(g)
+            properties = built.inspector.GetProximityProperties(g)
+            found[key] = properties.GetPropertyOrDefault(
+                "hydroelastic", "hydroelastic_modulus", np.inf
+            )
+    return found
+
+
 @functools.cache
 def build(name: str) -> Built:
     return Built(name)

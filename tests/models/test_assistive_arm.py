@@ -13,8 +13,6 @@ from models.built_models import Built
 
 SEED = 20240607
 G = 9.81
-CYLINDER = {"radius": 0.0125, "length": 0.05}
-CYLINDER_COLOR = np.array([0.85, 0.85, 1.0])
 
 
 @pytest.fixture

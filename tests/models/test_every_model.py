@@ -35,6 +35,7 @@ from models.built_models import (
     path_of,
 )
 
+LINKAGES = tuple(f"linkage_gripper_{kind}" for kind in ("flat", "fast", "bare"))
 ROBOTS = ("srg", "iiwa14", "gantry", "assistive_arm", "linkage_gripper")
 WORKPLACE = ("small_table", "small_table_recess", "bench", "bin")
 TABLES = ("table", "table_mat", "floor", "marker", "lid")
@@ -46,12 +47,13 @@ MASSES |= {"011_banana": 0.066, "029_plate": 0.279, "048_hammer": 0.665}
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("name", MODELS)
+@pytest.mark.parametrize("name", (*MODELS, *LINKAGES))
 def test_parses_without_a_warning(name, caplog):
     with caplog.at_level(logging.WARNING, logger="drake"):
         built = Built(name)
     assert not caplog.records
-    assert built.plant.GetModelInstanceName(built.model) == name
+    expected = "linkage_gripper" if name in LINKAGES else name
+    assert built.plant.GetModelInstanceName(built.model) == expected
 
 
 @pytest.mark.parametrize(("name", "mass"), MASSES.items())

@@ -46,20 +46,6 @@ def test_flange_pose_agrees_with_the_dh_parameters(q):
     assert X_WF.IsNearlyEqualTo(flange_by_dh(q), 1e-6)
 
 
-def test_upright_arm_is_1306_mm_tall():
-    built = build("iiwa14")
-    built.plant.SetPositions(built.plant_context, np.zeros(7))
-    X_WF = built.plant.GetFrameByName("flange").CalcPoseInWorld(built.plant_context)
-    np.testing.assert_allclose(X_WF.translation(), [0, 0, 1.306], atol=1e-6)
-
-
-def test_inertias_are_valid():
-    built = build("iiwa14")
-    for body in built.bodies():
-        M = body.CalcSpatialInertiaInBodyFrame(built.plant_context)
-        assert M.IsPhysicallyValid(), body.name()
-
-
 def test_limits_match_the_public_description():
     plant = build("iiwa14").plant
     names = [

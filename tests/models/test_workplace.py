@@ -18,7 +18,6 @@ from drake_srg.types import Cylinder
 from models.built_models import Distances, build, extent
 
 SEED = 20240607
-G = 9.81
 CYLINDER = {"radius": 0.0125, "length": 0.05}
 CYLINDER_COLOR = np.array([0.85, 0.85, 1.0])
 

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from helpers import port_table, read
+from helpers import read
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from pydrake.common.value import AbstractValue
@@ -212,13 +212,6 @@ def when(script, *disturbances):
     return [i for i, applied in enumerate(acting) if applied]
 
 
-def test_ports():
-    assert port_table(disturber()) == (
-        {"mode": None, "object_poses": None},
-        {"object_forces": None},
-    )
-
-
 def test_a_disturbance_waits_for_its_mode():
     script = steps("pre_grasp", "lift", "transfer")
     assert when(script, Force(at="lift", duration=0.05)) == list(range(20, 25))
@@ -316,16 +309,6 @@ def test_a_cell_with_a_planner_is_disturbed(name):
     simulator.AdvanceTo(0.7)
     moved = port.Eval(context)["soup_can"].translation() - before
     assert moved == pytest.approx([0.03, 0.0, 0.0], abs=2e-3)
-
-
-@pytest.mark.slow
-def test_a_cell_with_a_disturber_is_freed(leaked):
-    push = "disturbances=[!Push {at: grasp}]"
-    simulator = Simulator(MakeCell(load_scenario("kitchen", overrides=[push])))
-    simulator.AdvanceTo(0.02)
-    assert "Disturber" in leaked()
-    del simulator
-    assert leaked() == []
 
 
 @pytest.mark.slow

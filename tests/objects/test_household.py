@@ -38,10 +38,6 @@ SIMPLE = {"003": Box, "004": Box, "005": Cylinder, "007": Cylinder, "008": Box}
 SIMPLE |= {"036": Box, "040": Cylinder, "056": Sphere, "061": Box}
 
 
-def test_there_are_twenty():
-    assert len(set(HOUSEHOLD)) == 20
-
-
 @pytest.mark.parametrize("name", YCB)
 def test_sizes_and_masses_are_those_of_the_ycb_set(name):
     sides, mass = YCB[name]

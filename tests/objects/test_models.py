@@ -92,36 +92,25 @@ def test_mass_and_friction_override_the_models():
 
 
 @pytest.mark.parametrize("config", [{"model": CAN}, {"shape": SHAPES[0]}])
-def test_resolution_overrides_that_of_round_geometry(config):
-    for resolution in (None, 0.007):
-        _, _, properties, *_ = add(
-            ObjectConfig(**config, mass=0.3, friction=0.5, resolution=resolution)
-        )
-        hint = properties.GetProperty("hydroelastic", "resolution_hint")
-        assert hint == pytest.approx(resolution or 0.01, abs=1.1e-3)
-
-
-@pytest.mark.parametrize("config", [{"model": CAN}, {"shape": SHAPES[0]}])
-def test_modulus_overrides_that_of_the_geometry(config):
-    for modulus in (None, 2.0e6):
-        _, _, properties, *_ = add(
-            ObjectConfig(**config, mass=0.3, friction=0.5, modulus=modulus)
-        )
-        found = properties.GetProperty("hydroelastic", "hydroelastic_modulus")
-        assert found == pytest.approx(modulus or 5.0e7)
-
-
-@pytest.mark.parametrize("config", [{"model": CAN}, {"shape": SHAPES[0]}])
-def test_dissipation_overrides_that_of_the_geometry(config):
-    for dissipation in (None, 0.0, 200.0):
-        _, _, properties, *_ = add(
-            ObjectConfig(**config, mass=0.3, friction=0.5, dissipation=dissipation)
-        )
+@pytest.mark.parametrize(
+    ("name", "key", "own", "others"),
+    [
+        ("resolution", ("hydroelastic", "resolution_hint"), 0.01, [0.007]),
+        ("modulus", ("hydroelastic", "hydroelastic_modulus"), 5.0e7, [2.0e6]),
+        ("dissipation", ("material", "hunt_crossley_dissipation"), 5.0, [0.0, 200.0]),
+    ],
+)
+def test_a_value_overrides_that_of_the_geometry(config, name, key, own, others):
+    for value in (None, *others):
+        thing = ObjectConfig(**config, mass=0.3, friction=0.5, **{name: value})
+        _, _, properties, *_ = add(thing)
+        found = properties.GetProperty(*key)
+        allowed = 1.1e-3 if name == "resolution" else 1e-6 * own
+        assert found == pytest.approx(own if value is None else value, abs=allowed)
         d, tau = (
             properties.GetProperty("material", key)
             for key in ("hunt_crossley_dissipation", "relaxation_time")
         )
-        assert d == pytest.approx(5.0 if dissipation is None else dissipation)
         assert tau == pytest.approx(relaxation_time(d))
 
 
@@ -182,13 +171,6 @@ def test_a_model_without_contact_properties_gets_those_of_a_shape(tmp_path, geom
     assert properties.GetProperty("hydroelastic", "hydroelastic_modulus") == 5e7
     friction = properties.GetProperty("material", "coulomb_friction")
     assert friction.static_friction() == 0.3
-
-
-def test_the_can_has_the_datasheets_size():
-    shape = object_shape("can", ObjectConfig(model=CAN))
-    # YCB's object 005 is 66 mm wide and 101 mm high, within 2 mm or so.
-    assert shape.radius == pytest.approx(0.0335, abs=1.5e-3)
-    assert shape.length == pytest.approx(0.1015, abs=1.5e-3)
 
 
 BALL = "<sphere><radius>1</radius></sphere>"

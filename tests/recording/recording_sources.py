@@ -1,8 +1,5 @@
 """Sources to record from, and a check for leaks."""
 
-import gc
-import weakref
-
 from pydrake.common.value import AbstractValue
 from pydrake.systems.sensors import ImageRgba8U
 
@@ -34,12 +31,3 @@ class Sweep(LeafSystem):
         made = image(BLUE, *self._size)
         made.mutable_data[:, : int(10 * context.get_time() + 0.5)] = RED
         output.set_value(made)
-
-
-def is_freed(make):
-    """Whether the diagram that `make` returns is freed with all of its systems."""
-    diagram = make()
-    watches = [weakref.ref(diagram), *map(weakref.ref, diagram.GetSystems())]
-    del diagram
-    gc.collect()
-    return [watch() for watch in watches] == [None] * len(watches)

@@ -8,7 +8,6 @@ from helpers import check_reads_or_refuses, damaged
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from drake_srg import scenario as module
 from drake_srg.arm.drivers import ArmPositionDriver
 from drake_srg.common.exceptions import ScenarioError
 from drake_srg.scenario import Scenario, list_scenarios, load_scenario, load_tree
@@ -268,12 +267,6 @@ def test_object_needs_a_picked_object(write, task):
 @pytest.mark.parametrize("seed", [-1, 1.5, "a", np.nan, np.inf])
 def test_bad_seeds(seed):
     assert "kitchen: random_seed: must be" in error_of("kitchen", seed=seed)
-
-
-def test_the_listed_scenarios_have_files():
-    assert "kitchen" in list_scenarios()
-    for name in list_scenarios():
-        assert (module.SCENARIOS / f"{name}.yaml").is_file()
 
 
 @pytest.mark.slow

@@ -5,7 +5,7 @@ import pytest
 from pydrake.common.yaml import yaml_dump_typed
 
 from drake_srg.gripper import SrgPositionDriver
-from drake_srg.scenario import Scenario, is_continuous, load_scenario
+from drake_srg.scenario import Scenario, load_scenario
 from drake_srg.scenario.planner import with_planner_tag
 from drake_srg.scenario.schema import accept_driver
 from drake_srg.scenario.typed_yaml import load_typed, parse_yaml
@@ -31,14 +31,6 @@ def test_fields_have_types_that_drake_can_read():
     assert len(found) > 20
     texts = {k.__name__ for k in found for f in dc.fields(k) if isinstance(f.type, str)}
     assert texts == set()
-
-
-@pytest.mark.parametrize(
-    ("name", "continuous"),
-    [("kitchen", False), ("kitchen_fast", True), ("gripper_bench", False)],
-)
-def test_only_scenarios_without_time_step_are_continuous(name, continuous):
-    assert is_continuous(load_scenario(name)) is continuous
 
 
 @dc.dataclass(kw_only=True)

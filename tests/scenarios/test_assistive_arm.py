@@ -62,7 +62,6 @@ def test_the_fast_arm_agrees_with_the_accurate_one(accurate):
     ("override", "failures"),
     [
         ("object.friction=0.0", {"no_grasp", "dropped"}),
-        ("object.present=false", {"not_seen"}),
         ("task.place.position=[0.0, 0.6]", {"out_of_reach"}),
         ("task.place.position=[0.0, 0.12]", {"blocked"}),  # beside the recess
     ],

@@ -9,18 +9,13 @@ pytestmark = pytest.mark.slow
 
 
 def test_the_crate_stands_on_its_mark_and_was_level_all_the_way():
-    metrics = Simulate(load_scenario("carry_together")).metrics
+    """This heavy one jumped by 7 mm when the bases' sensors lost its edge."""
+    metrics = Simulate(load_scenario("carry_together_varied", seed=5003)).metrics
     assert metrics.success, metrics.failure  # within 3 mm
+    assert metrics.attempts == 1
     assert metrics.max_tilt_deg < 1.0
     assert 0.0 < metrics.internal_force_n < 20.0
     assert metrics.arm_contacts == 0
-
-
-def test_a_heavy_crate_that_creeps_stays_in_the_grip():
-    """The bases' sensors lost its edge on the way, and it jumped by 7 mm."""
-    metrics = Simulate(load_scenario("carry_together_varied", seed=5003)).metrics
-    assert metrics.success, metrics.failure
-    assert metrics.attempts == 1
 
 
 def test_without_friction_the_crate_stays_where_it_is():

@@ -9,19 +9,12 @@ pytestmark = pytest.mark.slow
 
 
 def test_the_bottle_stands_on_its_mark_and_the_arms_never_touch():
-    metrics = Simulate(load_scenario("handover")).metrics
+    """With this seed, fingers opened on the approach, and touched the giver's wrist."""
+    metrics = Simulate(load_scenario("handover_varied", seed=6019)).metrics
     assert metrics.success, metrics.failure
     assert metrics.attempts == 1
     assert metrics.arm_contacts == 0
     # The planner keeps hands 10 mm apart; arms follow their paths within millimetres.
-    assert metrics.min_arm_distance_m > 0.005
-
-
-def test_fingers_do_not_open_against_the_giver():
-    """They opened on the approach, and touched the giver's wrist."""
-    metrics = Simulate(load_scenario("handover_varied", seed=6019)).metrics
-    assert metrics.success, metrics.failure
-    assert metrics.arm_contacts == 0
     assert metrics.min_arm_distance_m > 0.005
 
 

@@ -116,31 +116,18 @@ def test_each_scenario_is_followed_by_its_fast_variant():
     assert len(names) % 2 == 0
 
 
-# Looks at the table, and ends before it plans a pick.
-BRIEF_CLEARING = ["clutter.count=1", "planner.time_budget=1.0"]
-
-
 @pytest.mark.slow
-@pytest.mark.parametrize(
-    ("name", "overrides", "failure", "simulated"),
-    [
-        ("kitchen", IN_VAIN, "not_seen", 1.0),
-        ("clear_table_fast", BRIEF_CLEARING, "time_budget", 1.5),
-    ],
-)
-def test_a_benchmark_measures_every_part(
-    name, overrides, failure, simulated, monkeypatch
-):
-    scenario = load_scenario(name, overrides=overrides)
+def test_a_benchmark_measures_every_part(monkeypatch):
+    scenario = load_scenario("kitchen", overrides=IN_VAIN)
     looks = Simulate(scenario).status.looks
     clock = itertools.count()  # ticks when it is read: whatever is timed takes 1 s
     monkeypatch.setattr("time.perf_counter", lambda: float(next(clock)))
     benchmark = run_benchmark(scenario)
-    assert benchmark.result == failure
-    assert benchmark.simulated == pytest.approx(simulated, abs=0.2)
+    assert benchmark.result == "not_seen"
+    assert benchmark.simulated == pytest.approx(1.0, abs=0.2)
     assert benchmark.plant == 1.0
     assert benchmark.rendering == looks > 0
-    assert benchmark.planning == 0.0  # neither comes to plan anything
+    assert benchmark.planning == 0.0  # nothing is seen to plan for
     assert benchmark.total >= 1.0
     assert benchmark.setup >= 1.0
 

@@ -10,7 +10,6 @@ from drake_srg.scenario import load_scenario
 from drake_srg.simulation import Simulate
 from drake_srg.simulation.metrics import OF_INSERTION, OF_SEVERAL, OF_SOME
 from drake_srg.simulation.run_log import RunLog
-from drake_srg.station import MakeCell
 from drake_srg.types import Mode
 from simulation.own_cells import RaisingStep, cell_with
 
@@ -109,7 +108,7 @@ def test_the_can_moves_only_in_the_hand(golden):
 
 
 # `make golden` compares whole cycles with those of the last commits.
-@pytest.mark.parametrize("name", ["kitchen", "kitchen_fast", "assistive_arm_fast"])
+@pytest.mark.parametrize("name", ["kitchen", "kitchen_fast"])
 def test_the_same_seed_gives_the_same_bits(name):
     scenario = load_scenario(name, overrides=["planner.time_budget=1.0"])
     first, second = (Simulate(scenario, warm_up=warm_up) for warm_up in (True, False))
@@ -170,9 +169,8 @@ def test_a_script_that_drops_its_object_has_misplaced_it():
     assert z[-1] < z[0] + 0.01  # it was not lifted
 
 
-@pytest.mark.parametrize("why", ["present=false", "covered=true"])
-def test_an_absent_or_hidden_object_is_not_seen(why):
-    result = run(f"object.{why}")
+def test_a_hidden_object_is_not_seen():
+    result = run("object.covered=true")
     assert (result.metrics.success, result.metrics.failure) == (False, "not_seen")
     assert result.metrics.cycle_time_s is None
     assert result.metrics.attempts == 0
@@ -220,16 +218,6 @@ def test_another_seed_gives_another_run(golden):
     other = run("planner.time_budget=0.05", seed=2)
     first, second = (r.log["object_pose.soup_can"][0, :2] for r in (golden, other))
     assert np.linalg.norm(first - second) > 1e-3
-
-
-def test_a_run_is_freed(leaked):
-    def make_cell(scenario):
-        cell = MakeCell(scenario)
-        assert len(leaked()) > 6  # otherwise this would test nothing
-        return cell
-
-    run("planner.time_budget=0.2", make_cell=make_cell)
-    assert leaked() == []
 
 
 @pytest.mark.parametrize(

@@ -48,11 +48,6 @@ def test_objects_that_look_alike_are_refused():
     MakeCell(load_scenario("kitchen", overrides=[*balls, "objects.b.color=[0, 0, 1]"]))
 
 
-def test_the_subsystems_have_names(cell):
-    for name in ("station", "localizer", "planner"):
-        assert cell.HasSubsystemNamed(name)
-
-
 def test_the_localizer_sees_the_object(cell, scenario):
     context = cell.CreateDefaultContext()
     (blob,) = cell.GetOutputPort("localizer.blobs").Eval(context)
@@ -144,15 +139,6 @@ def test_a_script_limits_the_force_only_if_it_says_so(scripted, limit):
         cell.CreateDefaultContext()
     )
     assert port.HasValue(station_context) == (limit is not None)
-
-
-@pytest.mark.slow
-def test_cells_are_freed(leaked, scenario):
-    simulator = Simulator(MakeCell(scenario))
-    simulator.AdvanceTo(0.02)
-    assert len(leaked()) > 6  # otherwise this would test nothing
-    del simulator
-    assert leaked() == []
 
 
 @dc.dataclass(kw_only=True)

@@ -32,12 +32,18 @@ def test_destinations_are_the_bins_or_the_places_of_a_row(scenario):
     assert all(p.place is not None for p in row)
 
 
-def test_a_hand_beside_a_bin_hides_nothing_inside(scenario):
+def around_the_bin(scenario):
+    """The bin's corners, the surface around it, and points on that every 2 mm [m]."""
     low, high = bin_boxes(scenario)["bin"]
     around = Surface((low[0] - 0.1, low[1] - 0.1), (high[0] + 0.1, high[1] + 0.1), 0.0)
-    x, y = np.meshgrid(
-        *(np.arange(a, b, 0.002) for a, b in zip(around.min, around.max, strict=True))
+    ranges = (
+        np.arange(*ends, 0.002) for ends in zip(around.min, around.max, strict=True)
     )
+    return low, high, around, *np.meshgrid(*ranges)
+
+
+def test_a_hand_beside_a_bin_hides_nothing_inside(scenario):
+    low, high, around, x, y = around_the_bin(scenario)
     inside = (x > low[0]) & (x < high[0]) & (y > low[1]) & (y < high[1])
     hand = (abs(x - 0.4) < 0.05) & (y > high[1]) & (y < high[1] + 0.08)
     z = np.where(hand, 0.5, np.where(inside, high[2], 0.0))
@@ -54,11 +60,7 @@ def test_a_hand_beside_a_bin_hides_nothing_inside(scenario):
 
 
 def test_an_arm_beside_a_bin_is_no_load(scenario):
-    low, high = bin_boxes(scenario)["bin"]
-    around = Surface((low[0] - 0.1, low[1] - 0.1), (high[0] + 0.1, high[1] + 0.1), 0.0)
-    x, y = np.meshgrid(
-        *(np.arange(a, b, 0.002) for a, b in zip(around.min, around.max, strict=True))
-    )
+    *_, around, x, y = around_the_bin(scenario)
     elbow = np.hypot(x - 0.3, y - around.max[1]) < 0.05
     cloud = np.stack([x, y, np.where(elbow, 0.3, 0.0)], axis=-1).reshape(-1, 3)
     thing, over_edge = destination_map_limits(scenario)

@@ -4,7 +4,6 @@ import gymnasium
 import numpy as np
 import pytest
 from gymnasium.utils.env_checker import check_env
-from gymnasium.wrappers import RecordEpisodeStatistics
 
 from drake_srg.common.exceptions import ScenarioError
 from drake_srg.learning.episodes import EVALUATION, VALIDATION, make_environment
@@ -68,15 +67,6 @@ def test_vectors_of_both_kinds_are_made_by_name_and_equal():
     np.testing.assert_array_equal(*seen)
     assert not np.array_equal(seen[0][2, 0], seen[0][2, 1])
     np.testing.assert_array_equal(seen[0][3], seen[0][0])
-
-
-def test_statistics_of_an_episode_are_recorded():
-    env = RecordEpisodeStatistics(gymnasium.make(STATES, episode_length=2))
-    env.reset(seed=0)
-    env.step(np.zeros(8, np.float32))
-    *_, truncated, info = env.step(np.zeros(8, np.float32))
-    assert truncated
-    assert (info["episode"]["l"], info["episode"]["r"]) == (2, 0.0)
 
 
 def test_a_state_is_what_the_task_measures_between_its_limits(env):

@@ -20,19 +20,13 @@ def test_a_file_replaces_an_old_one(tmp_path):
     assert names(path.parent) == ["row"]
 
 
-def test_a_folder_replaces_an_old_one(tmp_path):
-    path = tmp_path / "000001"
-    write_folder(path, {"a": b"1", "b": b"2"})
-    write_folder(path, {"a": b"3"})
-    assert {p.name: p.read_bytes() for p in path.iterdir()} == {"a": b"3"}
-    assert names(tmp_path) == ["000001"]
-
-
-def test_a_moved_folder_replaces_an_old_one(tmp_path):
+@pytest.mark.parametrize("moved", [False, True])
+def test_a_folder_replaces_an_old_one(tmp_path, moved):
     path, source = tmp_path / "000001", tmp_path / "source"
     write_folder(path, {"a": b"1", "b": b"2"})
-    write_folder(source, {"a": b"3"})
-    write_folder(path, source)
+    if moved:
+        write_folder(source, {"a": b"3"})
+    write_folder(path, source if moved else {"a": b"3"})
     assert {p.name: p.read_bytes() for p in path.iterdir()} == {"a": b"3"}
     assert names(tmp_path) == ["000001"]
 

@@ -1,4 +1,5 @@
 import json
+from pathlib import Path
 
 import pyarrow as pa
 import pyarrow.parquet as pq
@@ -10,6 +11,7 @@ from drake_srg.common.exceptions import ScenarioError
 from drake_srg.sweeps import rows as rows_module
 from drake_srg.sweeps.info import SweepInfo
 from drake_srg.sweeps.rows import (
+    TIMING_COLUMNS,
     BrokenRowsError,
     all_rows_path,
     read_file,
@@ -24,6 +26,7 @@ from drake_srg.sweeps.trial import empty_row
 
 from .stub import MASS
 
+PAGE = Path(__file__).parents[2] / "docs" / "sweeps.md"
 INFO = SweepInfo("kitchen", 7, 10, "none", [], "{}", {})
 
 
@@ -146,7 +149,7 @@ def test_a_flipped_bit_is_an_error_or_changes_nothing(folder, write):
         write_rows(path, all_rows)
     whole, rows = path.read_bytes(), read_file(path, INFO)
     unseen = []
-    for place in range(0, len(whole), 7):
+    for place in range(0, len(whole), 29):
         flipped = bytearray(whole)
         flipped[place] ^= 1 << place % 8
         path.write_bytes(flipped)
@@ -209,3 +212,8 @@ def test_a_later_schema_is_rejected(folder):
     (folder / "sweep.json").write_text('{"schema_version": 2}')
     with pytest.raises(ScenarioError, match=r"schema_version: got 2 \(allowed: 1\)"):
         read_rows(folder)
+
+
+def test_the_columns_that_differ_between_runs_are_named_on_their_page():
+    page = PAGE.read_text()
+    assert [name for name in TIMING_COLUMNS if f"`{name}`" not in page] == []

@@ -1,6 +1,6 @@
 import numpy as np
 import pytest
-from helpers import port_table, read
+from helpers import read
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -37,18 +37,6 @@ def at():
         return read(planner, context, port)
 
     return read_at
-
-
-def test_its_ports_are_those_of_a_planner():
-    _, outputs = port_table(ScriptedPlanner(HOME, SCRIPT))
-    assert outputs == {
-        "position_commanded": 2,
-        "closure_commanded": 1,
-        "closure_messages": 1,
-        "force_limit": 1,
-        "mode": None,
-        "status": None,
-    }
 
 
 @pytest.mark.parametrize(

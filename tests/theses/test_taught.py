@@ -1,6 +1,5 @@
 import numpy as np
 import pytest
-from helpers import port_table
 from pydrake.math import RigidTransform
 from pydrake.systems.analysis import Simulator
 from pydrake.trajectories import PiecewisePolynomial
@@ -82,17 +81,6 @@ class Run:
             self.simulator.AdvanceTo(t)
             self.modes.setdefault(self.read("mode"), round(t, 2))
         return self
-
-
-def test_its_ports_are_those_of_a_planner():
-    inputs, outputs = port_table(TaughtPlanner(Motions(), "cylinder"))
-    assert inputs == {"blobs": None, "arm_state": 4, "grasped": 1}
-    assert outputs == {
-        "mode": None,
-        "position_commanded": 2,
-        "closure_commanded": 1,
-        "status": None,
-    }
 
 
 def test_it_goes_through_all_waypoints_and_waits_where_the_thesis_waits():

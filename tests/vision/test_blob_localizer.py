@@ -1,12 +1,8 @@
-import gc
-import weakref
-
 import numpy as np
 import pytest
 from helpers import fix
 from pydrake.common.value import Value
 from pydrake.math import RigidTransform, RollPitchYaw, RotationMatrix
-from pydrake.systems.analysis import Simulator
 from pydrake.systems.sensors import CameraInfo, ImageDepth32F, ImageRgba8U
 
 from drake_srg import types
@@ -90,19 +86,6 @@ def test_arrays_need_no_diagram(channels, millimetres):
 def test_arrays_that_do_not_fit_are_refused(color, depth, problem):
     with pytest.raises(ValueError, match=problem):
         localize([target()], np.zeros(color, np.uint8), depth, MODEL, RigidTransform())
-
-
-def test_every_camera_has_three_inputs():
-    localizer = BlobLocalizer([target()], {"left": MODEL, "right": MODEL})
-    names = [localizer.get_input_port(i).get_name() for i in range(6)]
-    assert names == [
-        f"{camera}.{port}"
-        for camera in ("left", "right")
-        for port in ("color_image", "depth_image", "body_pose_in_world")
-    ]
-    assert localizer.num_input_ports() == 6
-    assert localizer.num_output_ports() == 1
-    assert localizer.get_output_port().get_name() == "blobs"
 
 
 @pytest.mark.parametrize(
@@ -273,13 +256,3 @@ def test_blobs_follow_their_inputs():
     pose = RigidTransform(DOWN, [0.5, 0.0, 1.6])
     localizer.GetInputPort("camera.body_pose_in_world").FixValue(context, pose)
     assert port.Eval(context)[0].position == pytest.approx([0.5, 0, 0.1509], abs=4e-4)
-
-
-@pytest.mark.slow
-def test_a_diagram_with_a_localizer_is_freed():
-    diagram, localizer = make_diagram([], [target()])
-    Simulator(diagram).AdvanceTo(0.01)
-    watch = weakref.ref(localizer)
-    del diagram, localizer
-    gc.collect()
-    assert watch() is None

@@ -1,6 +1,6 @@
 import numpy as np
 import pytest
-from helpers import fix, port_table, read
+from helpers import fix, read
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from pydrake.common.schema import Transform
@@ -126,12 +126,6 @@ def test_the_camera_is_believed_where_it_is_calibrated(base, config, calibrated)
     fix(system, context, body_pose_in_world=AbstractValue.Make(X_WP @ X_PB))
     found = read(system, context, "body_pose_in_world")
     assert found.IsNearlyEqualTo(X_WP @ X_PE, 1e-9)
-
-
-def test_its_ports_pass_a_pose():
-    system = CalibratedPose(RigidTransform(), RigidTransform())
-    ports = {"body_pose_in_world": None}
-    assert port_table(system) == (ports, ports)
 
 
 def test_calibrated_intrinsics_replace_those_of_both_images():

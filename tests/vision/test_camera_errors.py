@@ -1,6 +1,3 @@
-import gc
-import weakref
-
 import numpy as np
 import pytest
 from pydrake.math import RigidTransform
@@ -35,12 +32,6 @@ def see(color=128, depth=1.0, time=0.0, seed=0, name="eye", **config):
 def step(left, right):
     """Return an image of two halves."""
     return np.where(np.arange(WIDTH) < WIDTH // 2, left, right)
-
-
-def test_its_ports_are_those_of_a_camera():
-    errors = CameraErrors(CameraErrorsConfig(), focal=FOCAL, seed=0, name="eye")
-    assert tuple(errors.get_input_port(i).get_name() for i in range(3)) == PORTS
-    assert tuple(errors.get_output_port(i).get_name() for i in range(3)) == PORTS
 
 
 def test_without_errors_nothing_changes():
@@ -157,11 +148,3 @@ def test_a_station_outputs_its_cameras_errors():
 def test_errors_of_an_unknown_camera_are_refused():
     with pytest.raises(ScenarioError, match=r"camera_errors: unknown camera 'attic'"):
         load_scenario("kitchen", overrides=["camera_errors.attic.blur=1.0"])
-
-
-def test_it_is_freed():
-    errors = CameraErrors(CameraErrorsConfig(), focal=FOCAL, seed=0, name="eye")
-    watch = weakref.ref(errors)
-    del errors
-    gc.collect()
-    assert watch() is None

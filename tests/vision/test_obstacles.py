@@ -1,6 +1,4 @@
 import dataclasses as dc
-import gc
-import weakref
 
 import numpy as np
 import pytest
@@ -55,13 +53,6 @@ def corners(thing):
     square = np.array([[-1, -1], [-1, 1], [1, 1], [1, -1]]) * half
     R = RotationMatrix(thing.rotation).matrix()[:2, :2]
     return square @ R.T + np.array(thing.position)[:2]
-
-
-def test_its_ports():
-    finder = ObstacleFinder({"top": MODEL}, [TABLE], {})
-    names = [finder.get_input_port(i).get_name() for i in range(3)]
-    assert names == ["top.depth_image", "top.body_pose_in_world", "blobs"]
-    assert finder.get_output_port().get_name() == "obstacles"
 
 
 def test_an_empty_table_has_no_obstacles():
@@ -158,11 +149,3 @@ def test_bad_arguments_are_named(options, message):
     arguments = {"cameras": {"top": MODEL}, "surfaces": [TABLE], "known": {}}
     with pytest.raises(ValueError, match=message):
         ObstacleFinder(**arguments | options)
-
-
-def test_it_is_freed():
-    finder = ObstacleFinder({"top": MODEL}, [TABLE], {})
-    watch = weakref.ref(finder)
-    del finder
-    gc.collect()
-    assert watch() is None

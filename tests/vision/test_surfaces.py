@@ -1,6 +1,6 @@
 import numpy as np
 import pytest
-from helpers import fix, port_table
+from helpers import fix
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from pydrake.common.value import AbstractValue
@@ -54,14 +54,6 @@ def tilt_and_height(X_1, X_2):
     up_1, up_2 = (X.rotation().matrix()[2] for X in (X_1, X_2))
     tilt = np.linalg.norm(np.cross(up_1, up_2))
     return tilt, X_1.translation()[2] - X_2.translation()[2]
-
-
-def test_its_ports():
-    names = ({"depth_image": None, "body_pose_in_world": None},)
-    assert port_table(CameraLeveling(CAMERA, [TABLE])) == (
-        *names,
-        {"body_pose_in_world": None},
-    )
 
 
 @pytest.mark.slow

@@ -2,7 +2,7 @@ import itertools
 
 import numpy as np
 import pytest
-from helpers import port_table, read
+from helpers import read
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from pydrake.systems.analysis import Simulator
@@ -88,21 +88,6 @@ def moving(config=None, **limits):
     stand.follow(curve(200))
     assert stand.state is SafetyState.RUNNING
     return stand
-
-
-def test_ports():
-    assert port_table(Stand().system) == (
-        {
-            "position_commanded": 2,
-            "state_measured": 4,
-            "external_torque": 2,
-            "estop": 1,
-            "release": 1,
-            "speed_override": 1,
-            "heartbeat": 1,
-        },
-        {"position_allowed": 2, "position_held": 2, "state": 2, "speed_scale": 1},
-    )
 
 
 def test_good_commands_pass_unchanged():
@@ -346,8 +331,3 @@ def test_a_simulation_gives_the_same_as_single_updates():
     np.testing.assert_array_equal(
         read(system, context, "position_allowed"), stand.allowed[-1]
     )
-
-
-def test_a_monitor_is_freed(leaked):
-    moving()
-    assert leaked() == []

@@ -1,12 +1,10 @@
 """What gymnasium and its users ask of every environment."""
 
-import multiprocessing
-
 import gymnasium
 import numpy as np
 import pytest
 from gymnasium.utils.env_checker import check_env
-from gymnasium.wrappers import RecordEpisodeStatistics, RecordVideo
+from gymnasium.wrappers import RecordVideo
 
 from drake_srg.learning.envs import ENVIRONMENTS
 from drake_srg.learning.envs.episode_station import SimulationError
@@ -94,22 +92,6 @@ def test_nothing_is_felt_of_the_episode_before():
 def test_a_scene_is_replayed(pick):
     info, first = play(pick, seed=6)
     assert same(first, play(pick, options={"scene": info["scene"]})[1])
-
-
-def play_in_a_worker(queue):
-    env = gymnasium.make("drake_srg.learning.envs:drake_srg/Pick-v0").unwrapped
-    queue.put(play(env, seed=3)[1])
-
-
-@pytest.mark.slow
-def test_a_worker_sees_the_same(pick):
-    context = multiprocessing.get_context("spawn")
-    queue = context.Queue()
-    worker = context.Process(target=play_in_a_worker, args=(queue,))
-    worker.start()
-    seen = queue.get(timeout=120)
-    worker.join()
-    assert same(seen, play(pick, seed=3)[1])
 
 
 def test_scenes_differ_from_seed_to_seed(pick):
@@ -237,16 +219,6 @@ def test_a_reward_of_your_own(pick):
     assert reward == env.truth().reach > 0.0
 
 
-def test_vector_environments_are_made():
-    envs = gymnasium.make_vec(
-        "drake_srg/GraspOneShot-v0", num_envs=2, vectorization_mode="sync"
-    )
-    observations, _ = envs.reset(seed=0)
-    envs.close()
-    assert observations.shape == (2, 4)
-    assert not np.array_equal(*observations)
-
-
 @pytest.mark.slow
 def test_workers_of_a_vector_see_what_one_process_sees():
     seen = []
@@ -263,13 +235,6 @@ def test_workers_of_a_vector_see_what_one_process_sees():
         envs.close()
         seen.append(rows)
     assert same(*seen)
-
-
-def test_statistics_of_an_episode_are_recorded():
-    env = RecordEpisodeStatistics(gymnasium.make("drake_srg/GraspOneShot-v0"))
-    env.reset(seed=0)
-    _, reward, *_, info = env.step(one_shot(env.unwrapped))
-    assert (info["episode"]["l"], info["episode"]["r"]) == (1, reward)
 
 
 @pytest.mark.learn

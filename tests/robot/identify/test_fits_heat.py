@@ -51,6 +51,7 @@ def test_the_times_are_those_of_the_simulated_motor(current, before, start):
     """The system in Drake and the fit have the same heat."""
     config = MotorTemperatureConfig(
         stall_current=MOTOR.stall_current,
+        period=0.25,  # it integrates exactly
         **{name: VALUES[name] for name in VALUES},
     )
     drive = TendonDriveConfig(dead_band=MOTOR.dead_band)

@@ -88,11 +88,6 @@ def station():
     return MakeServedStation(SCENARIO)
 
 
-def test_the_arm_takes_targets_instead_of_commands(station):
-    assert "arm.position_desired" in input_ports(station)
-    assert "arm.position_commanded" not in input_ports(station)
-
-
 def test_it_has_the_station_s_ports_without_the_cameras(station):
     inner = station.GetSubsystemByName("station")
     assert set(input_ports(inner)) - {"arm.position_commanded"} == (

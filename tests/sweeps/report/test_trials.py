@@ -54,7 +54,7 @@ def test_noise_is_rarely_taken_for_a_cause():
     found = sum(
         any(effect.failure.significant for effect in ranked(rows))
         for rows in (
-            made_rows(200, effects=False, seed=seed, failure_rate=0.1)
+            made_rows(100, effects=False, seed=seed, failure_rate=0.1)
             for seed in range(20)
         )
     )

@@ -85,16 +85,16 @@ def test_markup_in_rows_and_yaml_stays_text(tmp_path):
 
 
 def test_noise_is_not_shown_as_a_cause(tmp_path):
-    page = report(tmp_path, made_rows(1000, effects=False, failure_rate=0.006))
+    page = report(tmp_path, made_rows(400, effects=False, failure_rate=0.015))
     assert "Nothing stands out as a cause of failures" in page.text
     assert "With 6 failed trials, only strong effects would show." in page.text
 
 
 @pytest.mark.slow
 def test_the_page_says_if_trials_are_missing(tmp_path):
-    page = report(tmp_path, made_rows(412), asked=1000)
-    assert "412 of 1,000 trials have finished" in page.text
-    assert "have finished" not in report(tmp_path / "whole", made_rows(412)).text
+    page = report(tmp_path, made_rows(30), asked=1000)
+    assert "30 of 1,000 trials have finished" in page.text
+    assert "have finished" not in report(tmp_path / "whole", made_rows(30)).text
 
 
 @pytest.mark.parametrize(
@@ -150,7 +150,7 @@ def test_what_no_trial_has_is_left_out(tmp_path):
 def test_the_order_is_explained_only_where_something_matters(tmp_path):
     words = "The quantities that matter most come first."
     assert words in report(tmp_path / "effects", made_rows(400)).text
-    noise = made_rows(400, effects=False, failure_rate=0.02)
+    noise = made_rows(200, effects=False, failure_rate=0.02)
     assert words not in report(tmp_path / "noise", noise).text
 
 
@@ -173,7 +173,7 @@ def test_equal_rows_give_equal_pages(tmp_path):
 def test_the_page_contains_videos_of_the_worst_trials_up_to_a_size(
     tmp_path, monkeypatch
 ):
-    rows = made_rows(400)
+    rows = made_rows(100, failure_rate=0.12)
     folder = write_sweep(tmp_path, rows)
     failed = [i for i, success in enumerate(rows["success"]) if not success][:12]
     for trial in failed:
@@ -219,15 +219,6 @@ def test_a_folder_without_a_sweep_or_without_trials_is_an_error(tmp_path):
     with pytest.raises(ScenarioError, match="no trial has finished yet"):
         write_report(folder)
     assert not (folder / "report.html").exists()
-
-
-def test_an_unreadable_row_is_named_with_advice(tmp_path):
-    folder = write_sweep(tmp_path, made_rows(3), asked=4)
-    broken = folder / "trials/000003.parquet"
-    broken.parent.mkdir()
-    broken.write_bytes(b"PAR1")
-    with pytest.raises(ScenarioError, match=r"000003\.parquet.*--resume"):
-        write_report(folder)
 
 
 def test_the_command_prints_the_path_of_the_page(tmp_path, capsys):

@@ -60,6 +60,12 @@ class Peer:
         (writer,) = (w for name, w in self.strings.items() if name.endswith(topic))
         writer.write(self._types.String(data=text))
 
+    def calibrate(self):
+        """Wait until the hand's calibration has ended and is told."""
+        while self.bridge.hand.phase in (Phase.CLOSING, Phase.SETTLING):
+            self.run(0.1)
+        self.run(0.1)
+
     def run(self, duration):
         """Return how many states and reports came."""
         states, reports, end = 0, 0, self.motor.time + duration
@@ -84,10 +90,15 @@ def participant(monkeypatch):
 
 
 @pytest.fixture
-def peer(inbox, gripper, participant):
-    peer = Peer(inbox, gripper, "left", participant)
-    peer.run(8.0)
-    return peer
+def new(inbox, gripper, participant):
+    """The peer of a hand that has just begun to calibrate."""
+    return Peer(inbox, gripper, "left", participant)
+
+
+@pytest.fixture
+def peer(new):
+    new.calibrate()
+    return new
 
 
 def test_it_starts_by_calibrating(peer, told):
@@ -98,21 +109,18 @@ def test_it_starts_by_calibrating(peer, told):
     assert told == []
 
 
-def test_a_calibration_that_does_not_open_half_is_told(
-    inbox, gripper, participant, told
-):
-    peer = Peer(inbox, gripper, "left", participant)
-    step = peer.motor.step
+def test_a_calibration_that_does_not_open_half_is_told(new, told):
+    step = new.motor.step
 
     def stuck():  # once the fingers meet
         time, values = step()
-        if peer.bridge.hand.phase is Phase.SETTLING:
-            peer.motor.angle = peer.motor.meets
+        if new.bridge.hand.phase is Phase.SETTLING:
+            new.motor.angle = new.motor.meets
         return time, values
 
-    peer.motor.step = stuck
-    peer.run(8.0)
-    assert peer.last["telemetry"]["calibration"]["is_calibrated"] is False
+    new.motor.step = stuck
+    new.calibrate()
+    assert new.last["telemetry"]["calibration"]["is_calibrated"] is False
     assert told == ["hand: has not opened half; calibrate again"]
 
 
@@ -184,7 +192,8 @@ def test_a_faulty_hand_obeys_nothing_until_its_errors_are_cleared(peer, told):
 def test_it_calibrates_on_request(peer):
     peer.motor.meets = 2.5
     peer.say("admin", '{"action": 2}')
-    peer.run(8.0)
+    peer.run(0.1)
+    peer.calibrate()
     assert peer.last["telemetry"]["calibration"] == {
         "is_calibrated": True,
         "offset": peer.bridge.hand.zero,
@@ -211,32 +220,32 @@ def test_it_calibrates_on_request(peer):
         ("admin", '{"action": 7}', "action must be 0 to 3, got 7"),
     ],
 )
-def test_bad_messages_are_refused(peer, told, topic, text, words):
-    before = peer.bridge.hand.commanded
-    peer.say(topic, text)
-    peer.run(0.1)
+def test_bad_messages_are_refused(new, told, topic, text, words):
+    before = new.bridge.hand.commanded
+    new.say(topic, text)
+    new.run(0.1)
     assert len(told) == 1 and words in told[0]
-    assert peer.bridge.hand.commanded == before
+    assert new.bridge.hand.commanded == before
 
 
 @pytest.mark.parametrize("angles", [(), (float("nan"),)])
-def test_bad_angles_are_refused(peer, told, angles):
-    peer.move(*angles)
-    peer.run(0.1)
+def test_bad_angles_are_refused(new, told, angles):
+    new.move(*angles)
+    new.run(0.1)
     assert len(told) == 1 and "rt/dex1/left/cmd: " in told[0]
 
 
 def test_two_hands_share_a_participant(peer, inbox, gripper, participant):
     right = Peer(inbox, gripper, "right", participant)
     right.motor.meets = 2.0
-    right.run(8.0)
+    right.calibrate()
     right.move(5.4)
     right.run(3.0)
     assert right.last["state"].q == pytest.approx(5.4, abs=0.06)
     assert peer.bridge.hand.commanded is None
 
 
-def test_messages_come_by_the_names_of_the_sdk(peer, participant):
+def test_messages_come_by_the_names_of_the_sdk(new, participant):
     from cyclonedds.builtin import BuiltinDataReader, BuiltinTopicDcpsPublication
 
     reader = BuiltinDataReader(participant, BuiltinTopicDcpsPublication)
