@@ -1,5 +1,7 @@
-"""What work costs on this machine: recording, and sweeps.
+"""What work costs on this machine: motions, recording, and sweeps.
 
+`time_parameterization`: motions of the kitchen's arm by toppra, which all planners use,
+and by Drake's own solver.
 `recording_cost`: processor time of all threads in a worker of a sweep, with one thread
 each for rendering and linear algebra, relative to an unrecorded trial; it varies by a
 tenth between equal runs. `sweep_throughput`: the wall clock of a whole sweep with one
@@ -14,15 +16,122 @@ import time as wall
 from pathlib import Path
 
 import numpy as np
+from pydrake.multibody.optimization import Toppra
+from pydrake.trajectories import BsplineTrajectory, Trajectory
 
 import experiments.runner as ex
 from drake_srg.lifetime import free_diagrams
+from drake_srg.planning.motion.arm_model import ArmModel
+from drake_srg.planning.motion.limits import MotionLimits
+from drake_srg.planning.motion.time_parameterization import load_toppra
+from drake_srg.planning.motion.trajectories import grid_of, rounded_path
 from drake_srg.scenario import load_scenario
 from drake_srg.simulation import Simulate
 from drake_srg.simulation.benchmark import run_benchmark
+from drake_srg.station import MakeTaskPlanner
 from drake_srg.sweeps.engines import JoblibEngine
 from drake_srg.sweeps.sweep import run_sweep
 from drake_srg.types import Vector
+
+SOLVERS = ("toppra", "drake")
+SPANS = (8, 32, 64)  # of the paths
+
+
+def solve_with_drake(
+    arm: ArmModel, path: BsplineTrajectory, limits: MotionLimits, grid: Vector
+) -> Trajectory | None:
+    """Do the same as `toppra_parameterization`.
+
+    The motion may exceed the acceleration limit at the last point of the grid.
+    """
+    # Drake's solver takes the positions of the whole plant.
+    control = [arm.positions(point[:, 0])[:, None] for point in path.control_points()]
+    whole = BsplineTrajectory(path.basis(), control)  # the solver does not keep it
+    solver = Toppra(whole, arm.plant, grid)
+    for add, limit in (
+        (solver.AddJointVelocityLimit, limits.velocity),
+        (solver.AddJointAccelerationLimit, limits.acceleration),
+        (solver.AddJointTorqueLimit, limits.torque),
+    ):
+        bound = np.full(arm.plant.num_positions(), 1e6)  # loose for fixed joints
+        bound[arm.arm_indices] = np.minimum(limit, 1e6)
+        add(-bound, bound)
+    return solver.SolvePathParameterization()
+
+
+def path_cases(paths: int = 60) -> list[ex.Case]:
+    """Compare both on random paths of the kitchen's arm.
+
+    Args:
+        paths: Number of paths.
+    """
+    return [{"paths": paths}]
+
+
+def path_trial(paths: int) -> ex.Measures:
+    """Time motions along random polylines of the kitchen's arm by both solvers."""
+    planner = MakeTaskPlanner(load_scenario("kitchen", seed=0))
+    scene, random = planner.scene, np.random.default_rng(0)
+    limits, grids = MotionLimits.of_plant(scene), []
+    solvers = (load_toppra(), solve_with_drake)  # as in SOLVERS
+    durations, times = np.full((2, len(solvers), paths), np.nan)
+    for i in range(paths):
+        first, second = random.uniform(-0.6, 0.6, (2, scene.num_joints))
+        # Drake's finds no motion along some paths that turn back.
+        second *= np.sign(first @ second)
+        waypoints = planner.q_home + np.array([0.0 * first, first, first + second])
+        path, _ = rounded_path(waypoints, SPANS[i % len(SPANS)])
+        grid = grid_of(path)
+        grids.append(len(grid))
+        for k, parameterize in enumerate(solvers):
+            tries = []
+            for _ in range(3):  # the fastest counts
+                start = wall.perf_counter()
+                progress = parameterize(scene, path, limits, grid)
+                tries.append(wall.perf_counter() - start)
+            times[k, i] = 1e3 * min(tries)
+            if progress is not None:
+                durations[k, i] = progress.end_time()
+    toppra, drake = durations
+    return {
+        "grids": grids,
+        "times": times,
+        "Drake: duration [s]": drake,
+        "toppra: duration [s]": toppra,
+    }
+
+
+def path_rows(trials: ex.Trials) -> dict[str, ex.Values]:
+    """Judge the ratios toppra / Drake, and state the times."""
+    (t,) = trials
+    ratios, alike = t["toppra: duration [s]"] / t["Drake: duration [s]"], {}
+    for name, function in (
+        ("smallest", np.min),
+        ("median", np.median),
+        ("largest", np.max),
+    ):
+        bound = ex.within(1.0, absolute=0.05)
+        alike[f"duration, {name} ratio []"] = (function(ratios), bound)
+    found: dict[str, ex.Values] = {"all paths": alike}
+    for grid in np.unique(t["grids"]):
+        own = t["times"][:, t["grids"] == grid]
+        # Python and C++ do not slow down alike on a busy machine.
+        ratio = (np.median(own[0] / own[1]), ex.at_most(1.0, spread=0.3))
+        found[f"{grid} grid points"] = {"wall time, median ratio []": ratio} | {
+            f"wall time, {solver}, median [ms]": (time, ex.number(clock="time"))
+            for solver, time in zip(SOLVERS, np.median(own, axis=1), strict=True)
+        }
+    return found
+
+
+time_parameterization = ex.Experiment(
+    "Motions of the kitchen's arm by toppra and by Drake: durations and speed.",
+    path_cases,
+    path_trial,
+    whole=path_rows,
+    picture=[ex.Points("Drake: duration [s]", "toppra: duration [s]", equal=True)],
+    serial=True,
+)
 
 _NO_VIDEO, _NO_IMAGES = "recording.video_camera=''", "recording.bag_cameras=[]"
 # What is recorded, and the overrides for it; None records nothing.

@@ -7,13 +7,12 @@ import numpy as np
 import pytest
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
-from pydrake.multibody.optimization import Toppra
-from pydrake.trajectories import BsplineTrajectory
 
 from drake_srg.planning.motion.limits import InverseDynamics, MotionLimits
 from drake_srg.planning.motion.time_parameterization import on_demand
 from drake_srg.planning.motion.toppra_parameterization import toppra_parameterization
 from drake_srg.planning.motion.trajectories import grid_of, rounded_path
+from experiments.speed import solve_with_drake
 
 # Solvers stop at this relative error.
 SOLVER = 1e-6
@@ -53,23 +52,8 @@ def test_drake_takes_the_same_time(iiwa, motion):
         points[2] = points[1] - second
     path, grid, limits = posed(iiwa, motion)
     ours = toppra_parameterization(iiwa, path, limits, grid).end_time()
-    assert ours == pytest.approx(drake_time(iiwa, path, limits, grid), rel=0.05)
-
-
-def drake_time(scene, path, limits, grid):
-    """Return the duration that Drake's own solver finds [s]."""
-    control = [scene.positions(point[:, 0])[:, None] for point in path.control_points()]
-    whole_path = BsplineTrajectory(path.basis(), control)  # Drake does not keep it
-    solver = Toppra(whole_path, scene.plant, grid)
-    for add, limit in (
-        (solver.AddJointVelocityLimit, limits.velocity),
-        (solver.AddJointAccelerationLimit, limits.acceleration),
-        (solver.AddJointTorqueLimit, limits.torque),
-    ):
-        bound = np.full(scene.plant.num_positions(), 1e6)
-        bound[scene.arm_indices] = limit
-        add(-bound, bound)
-    return solver.SolvePathParameterization().end_time()
+    drake = solve_with_drake(iiwa, path, limits, grid).end_time()
+    assert ours == pytest.approx(drake, rel=0.05)
 
 
 def posed(scene, motion):
@@ -103,6 +87,12 @@ def uses(scene, path, progress, grid, limits):
             torque = dynamics.holding() + dynamics.moving(v, a)
             yield np.max(np.abs(a) / limits.acceleration)
             yield np.max(np.abs(torque) / limits.torque)
+
+
+def test_an_arm_too_weak_to_hold_itself_cannot_move(pendulum):
+    limits = MotionLimits.of_plant(pendulum).scaled(torque=0.6)  # 7.8 of 9.81 N m
+    path, _ = rounded_path(np.array([[0.0, 0.0], [-0.2, 0.0]]), spans=8)
+    assert toppra_parameterization(pendulum, path, limits, grid_of(path)) is None
 
 
 def test_joints_without_limits_do_not_slow_the_others(pendulum):
