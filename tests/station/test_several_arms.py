@@ -161,7 +161,6 @@ def test_a_planner_of_one_arm_refuses_several():
 
 def test_hardware_twins_and_exports_refuse_several_arms(tmp_path, scenario):
     from drake_srg.robot.drive.run import run_on_hardware
-    from drake_srg.robot.serve.loop import MakeServedStation
 
     out = tmp_path / "out"
     for refuse, words in (
@@ -170,7 +169,6 @@ def test_hardware_twins_and_exports_refuse_several_arms(tmp_path, scenario):
             lambda: run_on_hardware(scenario, None, name="t", out=out),
             "hardware takes one arm, got left, right",
         ),
-        (lambda: MakeServedStation(scenario), "serve takes one arm"),
         (lambda: export_scenario(scenario, "urdf", out), "export takes one arm"),
     ):
         with pytest.raises(ScenarioError, match=words) as error:
