@@ -167,10 +167,14 @@ class CommandInbox:
 
 
 def port_of(robot: RobotArm, port: str) -> str:
-    """Return what a port of `arm` or `gripper` is called for an arm with a name."""
+    """Return what a port of `arm`, `gripper` or `safety` is called for a named arm."""
     part, dot, name = port.partition(".")
-    models = {"arm": robot.arm_model, "gripper": robot.gripper_model}
-    return f"{models.get(part, f'{robot.prefix}{part}')}{dot}{name}"
+    named = {
+        "arm": robot.arm_model,
+        "gripper": robot.gripper_model,
+        "safety": f"{robot.prefix}safety",
+    }
+    return f"{named.get(part, part)}{dot}{name}"
 
 
 def topic_of(robot: RobotArm, topic: str) -> str:

@@ -4,6 +4,7 @@ import threading
 
 import numpy as np
 import pytest
+from station.two_arm_station import two_arms
 
 from drake_srg.common.exceptions import ScenarioError
 from drake_srg.common.safety_states import SafetyState, safety_state
@@ -23,7 +24,6 @@ from drake_srg.robot.serve.pictures import Pictures
 from drake_srg.scenario import load_scenario
 from experiments.stands.direct_node import make_message as make
 from robot.serve.fake_bridge import FakeBridge
-from station.two_arm_station import two_arms
 
 ARMS = ("left", "right")
 HOME = np.array([0.0, -0.3, 0.0, -1.9, 0.0, 1.5, 0.0])
