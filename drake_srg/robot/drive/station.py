@@ -142,8 +142,8 @@ class CommonStop(LeafSystem):
 
     `estop` (1) is nonzero while the button is pressed, `safety.state` (2) that of an
     arm's `SafetyMonitor`. An arm's `safety.estop` (1) is nonzero while the button is
-    pressed or another arm is stopped, so that a stop of several arms cannot be
-    released. Ports of an arm with a name begin with `NAME.`.
+    pressed, or while the arm runs and another one is stopped. Ports of an arm with a
+    name begin with `NAME.`.
 
     Args:
         robots: The arms.
@@ -167,10 +167,12 @@ class CommonStop(LeafSystem):
     def _calc_estop(self, arm: str, context: Context, output: BasicVector) -> None:
         pressed = self._estop.HasValue(context)
         output[0] = self._estop.Eval(context)[0] if pressed else 0.0
-        for name, port in self._states.items():
-            state, _ = safety_state(port.Eval(context))
-            if name != arm and state is not SafetyState.RUNNING:
-                output[0] = 1.0
+        runs = {
+            name: safety_state(port.Eval(context))[0] is SafetyState.RUNNING
+            for name, port in self._states.items()
+        }
+        if runs[arm] and not all(runs.values()):
+            output[0] = 1.0
 
 
 class HandHold(LeafSystem):
