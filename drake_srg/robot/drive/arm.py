@@ -451,7 +451,7 @@ class RosArm(RosDriver):
     """An arm that publishes joint states and obeys a stream of positions."""
 
     part: ClassVar[str] = "arm"
-    own_topics = ("command", "external_torque")
+    own_topics: ClassVar[tuple[str, ...]] = ("command", "external_torque")
 
     # Topic of the commands, one each control period. `trajectory`: a
     # trajectory_msgs/JointTrajectory with the positions of the last and the next `lead`

@@ -21,14 +21,19 @@ from collections.abc import Callable, Sequence
 from multiprocessing.connection import Connection
 from typing import Any
 
+import numpy as np
 from pydrake.common.value import AbstractValue
 from pydrake.common.yaml import yaml_dump_typed
+from pydrake.math import BsplineBasis
 from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import Diagram, DiagramBuilder, System
+from pydrake.trajectories import BsplineTrajectory
+from scipy.interpolate import make_interp_spline
 
 from drake_srg.common.exceptions import ScenarioError, one_line
 from drake_srg.common.real_time import Companion, lower_priority
 from drake_srg.lifetime import my_context
+from drake_srg.planning.motion.arm_motion import Motion
 from drake_srg.planning.planner_machine import PlannerMachine, planning_clock
 from drake_srg.planning.servoing.config import ServoCommand, ServoStatus
 from drake_srg.planning.servoing.tracker import Sighting, Tracker
@@ -90,6 +95,31 @@ class MirrorLink(Link):
         """Disconnect, leaving the hardware where it is. A second call does nothing."""
 
 
+_SAMPLE = 0.005  # time between samples of a motion that is sent [s]
+
+
+def sendable(motion: Motion) -> Motion:
+    """Return a motion that pickles: of Drake's trajectories, only B-splines do.
+
+    Others become a cubic spline through samples of theirs, with their speeds at both
+    ends.
+    """
+    trajectory = motion.trajectory
+    if trajectory is None or isinstance(trajectory, BsplineTrajectory):
+        return motion
+    begin, end = trajectory.start_time(), trajectory.end_time()
+    times = np.linspace(begin, end, max(round((end - begin) / _SAMPLE), 3) + 1)
+    speeds = [trajectory.EvalDerivative(t, 1)[:, 0] for t in (begin, end)]
+    spline = make_interp_spline(
+        times,
+        trajectory.vector_values(times).T,
+        bc_type=tuple([(1, speed)] for speed in speeds),
+    )
+    points = [point[:, np.newaxis] for point in spline.c]
+    sent = BsplineTrajectory(BsplineBasis(4, spline.t.tolist()), points)
+    return dc.replace(motion, trajectory=sent)
+
+
 class PlannerCell:
     """A cell whose clock ticks move.
 
@@ -143,7 +173,7 @@ class PlannerCell:
             motion, closure = self._planner.commands(memory, name)
             answer = Answer(
                 root.get_time() - self._period,  # when the planner was last updated
-                None if motion is before else motion,
+                None if motion is before else sendable(motion),
                 closure,
                 self._planner.GetOutputPort("status").Eval(context),
                 planning_wall=planning_clock(),
