@@ -159,16 +159,10 @@ def test_a_planner_of_one_arm_refuses_several():
     assert message.startswith("arms: planner: !PickAndPlace takes one arm")
 
 
-def test_hardware_twins_and_exports_refuse_several_arms(tmp_path, scenario):
-    from drake_srg.robot.drive.run import run_on_hardware
-
+def test_twins_and_exports_refuse_several_arms(tmp_path, scenario):
     out = tmp_path / "out"
     for refuse, words in (
         (lambda: run_twin(scenario, None, name="t", out=out), "a twin takes one"),
-        (
-            lambda: run_on_hardware(scenario, None, name="t", out=out),
-            "hardware takes one arm, got left, right",
-        ),
         (lambda: export_scenario(scenario, "urdf", out), "export takes one arm"),
     ):
         with pytest.raises(ScenarioError, match=words) as error:
