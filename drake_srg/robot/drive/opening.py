@@ -86,18 +86,7 @@ def open_hardware(
         OSError: If an address is in use, or the hardware cannot be reached.
         ImportError: If a package is missing.
     """
-    arms = robot_arms(scenario)
-    if not all(own.arm and own.gripper for own in arms):
-        raise ScenarioError("hardware: the scenario needs an arm and a gripper")
-    for own in arms:
-        if own.name not in config.drivers:
-            missing = f"hardware: {own.key}arm: missing, but the scenario has this arm"
-            raise ScenarioError(missing)
-    for name in config.drivers.keys() - {own.name for own in arms}:
-        raise ScenarioError(
-            f"hardware: arms.{name}: the scenario has no such arm (allowed: "
-            f"{', '.join(own.name for own in arms)})"
-        )
+    check_arms(scenario, config)
     with contextlib.ExitStack() as stack:
         robots = MakeRobots(scenario, config, warnings)
         nodes = robots[0].nodes
@@ -126,6 +115,22 @@ def open_hardware(
         nodes.open()
         needed = {port_of(robot.own, name) for robot in robots for name in _NEEDED}
         yield Hardware(links, {}, _first(links, needed, config.patience, stopped))
+
+
+def check_arms(scenario: Scenario, config: HardwareConfig) -> None:
+    """Raise a ScenarioError unless the arms of a scenario are those of a file."""
+    arms = robot_arms(scenario)
+    if not all(own.arm and own.gripper for own in arms):
+        raise ScenarioError("hardware: the scenario needs an arm and a gripper")
+    for own in arms:
+        if own.name not in config.drivers:
+            missing = f"hardware: {own.key}arm: missing, but the scenario has this arm"
+            raise ScenarioError(missing)
+    for name in config.drivers.keys() - {own.name for own in arms}:
+        raise ScenarioError(
+            f"hardware: arms.{name}: the scenario has no such arm (allowed: "
+            f"{', '.join(own.name for own in arms)})"
+        )
 
 
 def _check_topics(parts: Iterable[tuple[Robot, str, HardwareDriver]]) -> None:
