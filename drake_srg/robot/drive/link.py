@@ -316,7 +316,7 @@ class RosDriver(Config, HardwareDriver):
     version: ClassVar[int]  # of ROS
     part: ClassVar[str]
     # Keys of the topics that no other driver may have.
-    own_topics: ClassVar[tuple[str, ...]]
+    own_topics: ClassVar[tuple[str, ...]] = ()
 
     # Topic of the sensor_msgs/JointState; all arms and grippers may share it. A name
     # without a slash in front, here and below, is the arm's own: `grasp` is /left/grasp
