@@ -187,7 +187,7 @@ class LockstepPlanner(PlannerLink):
         if self._robot.time < self._due:
             return
         looks = self._camera.looks
-        answer = self._cell.answer(tick)
+        (answer,) = self._cell.answers(tick)
         waits = self._late if self._camera.looks > looks else 0.0
         self._due = self._robot.time + waits
         self._robot.pictures.wanted = answer.command is ServoCommand.TRACK

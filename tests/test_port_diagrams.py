@@ -145,6 +145,7 @@ def hardware_systems():
         "HardwareStation": seeing,
         "HardwareReader": seeing.GetSubsystemByName("hardware_reader"),
         "HardwareWriter": seeing.GetSubsystemByName("hardware_writer"),
+        "CommonStop": seeing.GetSubsystemByName("common_stop"),
         "HandHold": seeing.GetSubsystemByName("hand_hold"),
         "CameraFeed": seeing.GetSubsystemByName("camera_ceiling"),
         "HardwareCell": cell,

@@ -9,7 +9,7 @@ import functools
 import math
 import sys
 import threading
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -264,8 +264,8 @@ def twin(options: argparse.Namespace) -> int:
     with stop_on_signals() as stop, contextlib.closing(status):
         from drake_srg.robot.twin.run import run_twin
 
-        config = _config(options)
         scenario = load(options)
+        config = _config(options, scenario.arms)
         name = name_of(options)
         with _recordings(options, Path("out") / "twin" / name) as out:
             result = run_twin(
@@ -296,10 +296,10 @@ def _recordings(options: argparse.Namespace, default: Path) -> Iterator[Path | N
         yield out
 
 
-def _config(options: argparse.Namespace) -> HardwareConfig:
-    """Return where the robot's topics are."""
+def _config(options: argparse.Namespace, names: Iterable[str]) -> HardwareConfig:
+    """Return where the topics of a robot are; `names` are those of several arms."""
     from drake_srg.robot.drive.arm import Ros1Arm, Ros2Arm
-    from drake_srg.robot.drive.config import HardwareConfig, load_hardware
+    from drake_srg.robot.drive.config import ArmHardware, HardwareConfig, load_hardware
     from drake_srg.robot.drive.gripper import Ros1Gripper, Ros2Gripper
     from drake_srg.robot.serve.connecting import Ros1Config, Ros2Config
 
@@ -308,14 +308,12 @@ def _config(options: argparse.Namespace) -> HardwareConfig:
         raise ScenarioError("twin: needs one of --ros1, --ros2 and --hardware")
     if options.hardware is not None:
         return load_hardware(options.hardware)
+    one = ArmHardware(arm=Ros2Arm(), gripper=Ros2Gripper())
     if ros1:
-        return HardwareConfig(
-            arm=Ros1Arm(),
-            gripper=Ros1Gripper(),
-            ros1=Ros1Config(master=options.master or "", host=options.host),
-        )
+        one = ArmHardware(arm=Ros1Arm(), gripper=Ros1Gripper())
     return HardwareConfig(
-        arm=Ros2Arm(),
-        gripper=Ros2Gripper(),
+        **vars(one),
+        arms=dict.fromkeys(names, one),
+        ros1=Ros1Config(master=options.master or "", host=options.host),
         ros2=Ros2Config(domain=options.domain, host=options.host),
     )

@@ -393,9 +393,9 @@ class PlannerMachine(
             )
         AddStatusOutput(self, self._calc_status, {self.state_ticket})
 
-    def motion(self, context: Context) -> Motion:
-        """Return the arm's motion under way, which `position_commanded` follows."""
-        return self.state(context).memory.motion
+    def own_joints(self, arm: str) -> slice:
+        """Return which joints of the motion that `commands` returns are an arm's."""
+        return self._own[arm]
 
     def commands(self, memory: MotionMemoryT, arm: str) -> tuple[Motion, float]:
         """Return the motion and the commanded closure of an arm.

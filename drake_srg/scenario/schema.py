@@ -79,10 +79,11 @@ class TwinConfig(Config):
     silence: float = dc.field(default=3.0, metadata=positive())
     # Topics of the cameras' sightings, std_msgs/String as `serve` publishes it,
     # and of the commands to the gripper: std_msgs/Float64, 0 open .. 1 closed,
-    # and std_msgs/Int32, 0 open .. 100 closed. Empty: no such topic.
+    # and std_msgs/Int32, 0 open .. 100 closed. Empty: no such topic. A name without a
+    # slash in front is the arm's own: `grasp` is /left/grasp for the arm `left`.
     blobs: str = "/blobs"
-    closure: str = "/gripper/closure_commanded"
-    grasp: str = "/grasp"
+    closure: str = "gripper/closure_commanded"
+    grasp: str = "grasp"
 
 
 # The planners of the package. Its class name is a planner's tag in scenario files. For

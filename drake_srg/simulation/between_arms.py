@@ -14,6 +14,7 @@ from pydrake.planning import RobotDiagramBuilder
 from drake_srg.common.contacts import each_contact
 from drake_srg.common.log_format import MODES, pose_key, row_to_pose
 from drake_srg.scenario import RobotArm, Scenario, robot_arms
+from drake_srg.simulation.measures import arm_states
 from drake_srg.station.plant import Models
 from drake_srg.types import Mode, Vector
 
@@ -200,7 +201,9 @@ def _columns(
     model = plant.GetModelInstanceByName(arm.arm_model)
     numbers = np.arange(plant.num_positions(), dtype=float)
     own = plant.GetPositionsFromArray(model, numbers).astype(int)
-    found = list(zip(own, log[f"{arm.arm_model}.state_cheat"].T, strict=False))
+    state = arm_states(log, [arm])
+    assert state is not None
+    found = list(zip(own, state.T, strict=False))
     if arm.gripper is not None:
         model = plant.GetModelInstanceByName(arm.gripper_model)
         names = arm.gripper.joint_names

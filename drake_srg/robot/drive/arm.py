@@ -451,13 +451,14 @@ class RosArm(RosDriver):
     """An arm that publishes joint states and obeys a stream of positions."""
 
     part: ClassVar[str] = "arm"
+    own_topics: ClassVar[tuple[str, ...]] = ("command", "external_torque")
 
     # Topic of the commands, one each control period. `trajectory`: a
     # trajectory_msgs/JointTrajectory with the positions of the last and the next `lead`
     # seconds by the robot's clock, as a joint_trajectory_controller takes them. The arm
     # follows that much later, and wires may be late or lose messages for as long.
     # `positions`: a std_msgs/Float64MultiArray [rad or m], to be taken at once.
-    command: str = "/joint_trajectory"
+    command: str = "joint_trajectory"
     stream: str = dc.field(
         default="trajectory", metadata={"among": ("trajectory", "positions")}
     )
@@ -477,9 +478,10 @@ class RosArm(RosDriver):
         """Return the way of the commands."""
         joints, arm = self.names(robot), robot.scenario.arm
         assert arm is not None
+        command = robot.topic(self.command)
         if self.stream == "positions":
-            return PositionStream(node, self.command, len(joints))
-        return TrajectoryStream(node, self.command, joints, self.lead, arm.period)
+            return PositionStream(node, command, len(joints))
+        return TrajectoryStream(node, command, joints, self.lead, arm.period)
 
 
 class Ros1Arm(RosArm):
@@ -493,6 +495,7 @@ class Ros2Arm(RosArm):
     """An arm that speaks ROS 2."""
 
     version: ClassVar[int] = 2
+    own_topics = (*RosArm.own_topics, "action")
 
     # `action`: as trajectories, but as goals of the control_msgs/FollowJointTrajectory
     # named `action`, two for each `lead`. Answers must take less than half a `lead`.
@@ -500,7 +503,7 @@ class Ros2Arm(RosArm):
     stream: str = dc.field(
         default="trajectory", metadata={"among": ("trajectory", "positions", "action")}
     )
-    action: str = "/joint_trajectory_controller/follow_joint_trajectory"
+    action: str = "joint_trajectory_controller/follow_joint_trajectory"
 
     def _stream(self, robot: Robot, node: Node) -> ArmStream:
         if self.stream != "action":
@@ -509,7 +512,7 @@ class Ros2Arm(RosArm):
         assert arm is not None
         return GoalStream(
             node,
-            self.action,
+            robot.topic(self.action),
             self.names(robot),
             self.lead,
             arm.period,
@@ -525,12 +528,13 @@ class _ArmLink(Link):
         self.outputs = {"arm.state_measured": 2 * n, "arm.torque_measured": n}
         self._mail, self._stream, self.lag = Mailbox(), stream, stream.lag
         self._joints = JointStates(config.names(robot))
-        node.subscribe(config.state, JOINT_STATE, self._receive)
+        node.subscribe(robot.topic(config.state), JOINT_STATE, self._receive)
         self._needed = {"arm.state_measured"}
         if config.external_torque:
             self._needed.add(EXTERNAL_TORQUE)
             self.outputs[EXTERNAL_TORQUE] = n
-            node.subscribe(config.external_torque, ARRAY, self._receive_external)
+            torque = robot.topic(config.external_torque)
+            node.subscribe(torque, ARRAY, self._receive_external)
 
     def take(self) -> PortValues:
         # An arm that stops publishing any required measurement counts as silent.

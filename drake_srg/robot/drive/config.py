@@ -90,12 +90,21 @@ else:
 
 
 @dc.dataclass(kw_only=True)
-class HardwareConfig(Config):
-    """The drivers of a robot's parts."""
+class ArmHardware(Config):
+    """The drivers of an arm and its gripper."""
 
     # Both are needed in a file; Drake's reader wants defaults.
     arm: _Arm = dc.field(default_factory=Ros2Arm)
     gripper: _Gripper = dc.field(default_factory=Ros2Gripper)
+
+
+@dc.dataclass(kw_only=True)
+class HardwareConfig(ArmHardware):
+    """The drivers of a robot's parts."""
+
+    # In place of `arm` and `gripper`, which are the short form for one arm: those of
+    # several arms, by the arms' names in the scenario.
+    arms: dict[str, ArmHardware] = dc.field(default_factory=dict)
     # Cameras by their names in the scenario; the localizer's are needed.
     cameras: dict[str, _Camera] = dc.field(default_factory=dict)
     # The nodes of the drivers that speak ROS.
@@ -113,9 +122,16 @@ class HardwareConfig(Config):
     faults: FaultsConfig | None = None
 
     @property
+    def drivers(self) -> dict[str, ArmHardware]:
+        """Drivers of each arm, by its name; that of the only arm is empty."""
+        return self.arms or {"": self}
+
+    @property
     def ros_versions(self) -> set[int]:
         """Versions of ROS that parts of the robot speak."""
-        parts = (self.arm, self.gripper, *self.cameras.values())
+        arms = self.drivers.values()
+        drivers = [part for arm in arms for part in (arm.arm, arm.gripper)]
+        parts = (*drivers, *self.cameras.values())
         return {p.version for p in parts if isinstance(p, RosDriver | RosCamera)}
 
 
@@ -145,10 +161,16 @@ def parse_hardware(text: str, origin: str) -> HardwareConfig:
         ScenarioError: If it is invalid.
     """
     tree = parse_yaml(text, origin) or {}
-    for key in ("arm", "gripper"):
-        if not isinstance(tree, dict) or key not in tree:
-            kinds = ARMS if key == "arm" else GRIPPERS
-            allowed = ", ".join(f"!{kind.__name__}" for kind in kinds)
-            raise ScenarioError(f"{origin}: {key}: missing (allowed: {allowed})")
+    places = {"": tree}
+    if isinstance(tree, dict) and isinstance(tree.get("arms"), dict) and tree["arms"]:
+        places = {f"arms.{name}.": each for name, each in tree["arms"].items()}
+    for place, given in places.items():
+        for key, kinds in (("arm", ARMS), ("gripper", GRIPPERS)):
+            if not isinstance(given, dict) or key not in given:
+                allowed = ", ".join(f"!{kind.__name__}" for kind in kinds)
+                where = f"{origin}: {place}{key}"
+                raise ScenarioError(f"{where}: missing (allowed: {allowed})")
+            if place and key in tree:
+                raise ScenarioError(f"{origin}: {key}: must be absent with arms")
     config: HardwareConfig = load_typed(HardwareConfig, tree, origin)
     return config

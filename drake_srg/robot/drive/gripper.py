@@ -28,17 +28,18 @@ class RosGripper(RosDriver):
     """The SRG behind the topics of its thesis."""
 
     part: ClassVar[str] = "gripper"
+    own_topics = ("proximity", "contact_force", "command", "hold")
 
     # Topics of the finger sensors, std_msgs/Float64MultiArray: distances [m] and normal
     # forces [N]. Empty: the gripper has no such sensors.
-    proximity: str = "/gripper/proximity"
-    contact_force: str = "/gripper/contact_force"
+    proximity: str = "gripper/proximity"
+    contact_force: str = "gripper/contact_force"
     # Topic of the commands, std_msgs/Int32: 0 open .. 100 closed.
-    command: str = "/grasp"
+    command: str = "grasp"
     # Topic that halts the gripper while the arm is stopped, std_msgs/Bool: false to
     # stay where it is and keep its grip, true to obey. Empty: it only gets no new
     # commands.
-    hold: str = "/startgrasp"
+    hold: str = "startgrasp"
 
     def connect(self, robot: Robot) -> Link:
         """Return a link to the hardware."""
@@ -75,14 +76,16 @@ class _GripperLink(Link):
         self._node, self._mail, self._m = node, Mailbox(), m
         self._gripper = gripper
         self._joints = JointStates(config.names(robot))
-        self._topic = percent(config.command)
-        self._obeys = obeys(config.hold) if config.hold else None
+        self._topic = percent(robot.topic(config.command))
+        self._obeys = obeys(robot.topic(config.hold)) if config.hold else None
         self._sent, self._ticks = (math.nan, 0.0), 0
-        node.subscribe(config.state, JOINT_STATE, self._receive_state)
-        node.subscribe(config.proximity, ARRAY, self._receive_proximity)
+        node.subscribe(robot.topic(config.state), JOINT_STATE, self._receive_state)
+        proximity = robot.topic(config.proximity)
+        node.subscribe(proximity, ARRAY, self._receive_proximity)
         if config.contact_force:
             self.outputs["gripper.contact_force"] = m
-            node.subscribe(config.contact_force, ARRAY, self._receive_force)
+            force = robot.topic(config.contact_force)
+            node.subscribe(force, ARRAY, self._receive_force)
         node.publish(self._topic)
         if self._obeys is not None:
             node.publish(self._obeys)

@@ -5,7 +5,7 @@ import dataclasses as dc
 import math
 import threading
 from collections.abc import Callable, Mapping, Sequence, Set
-from typing import Any, ClassVar
+from typing import Any, ClassVar, TypeVar
 
 import numpy as np
 
@@ -15,15 +15,18 @@ from drake_srg.recording.rosbag import Topic
 from drake_srg.robot.serve.bridge import Bridge
 from drake_srg.robot.serve.commands import (
     COMMAND_LIMIT,
+    ONE_ARM,
     CommandError,
     CommandInbox,
     CommandTopic,
     PortValues,
     Warnings,
+    port_of,
     seconds,
+    topic_of,
 )
 from drake_srg.robot.serve.connecting import Ros1Config, Ros2Config
-from drake_srg.scenario import Scenario
+from drake_srg.scenario import RobotArm, Scenario
 from drake_srg.types import Vector
 
 # The time by the robot's clock of the newest measurement, shape (1,) [s].
@@ -35,6 +38,7 @@ ARRAY = "std_msgs/msg/Float64MultiArray"
 # A robot that was silent for this long has been given up. [s]
 _LONGEST_GAP = 5.0
 
+_T = TypeVar("_T")
 # Takes a message; raises a CommandError if it is refused.
 Receive = Callable[[Any], None]
 
@@ -185,6 +189,39 @@ class Link(abc.ABC):
         """Disconnect, leaving the hardware where it is. A second call does nothing."""
 
 
+# Commands to the parts of an arm.
+COMMANDS = ("arm.position_commanded", "gripper.closure_commanded", "gripper.hold")
+
+
+class NamedLink(Link):
+    """A link to a part of an arm, whose ports have the arm's name.
+
+    Args:
+        link: Its ports are those of `arm` and `gripper`.
+        own: The arm.
+    """
+
+    def __init__(self, link: Link, own: RobotArm) -> None:
+        self._link, self._own, self.lag = link, own, link.lag
+        self.outputs = self._named(link.outputs)
+
+    def take(self) -> PortValues:
+        """Return what has been measured since the last call, by output port."""
+        return self._named(self._link.take())
+
+    def send(self, commands: PortValues) -> None:
+        """Command the hardware; a failure to do so must not raise."""
+        own = {name: commands[port_of(self._own, name)] for name in COMMANDS}
+        self._link.send(own)
+
+    def close(self) -> None:
+        """Disconnect, leaving the hardware where it is. A second call does nothing."""
+        self._link.close()
+
+    def _named(self, values: Mapping[str, _T]) -> Mapping[str, _T]:
+        return {port_of(self._own, name): value for name, value in values.items()}
+
+
 class Mailbox:
     """Keeps the newest values that threads put in until the control loop takes them."""
 
@@ -212,15 +249,16 @@ class Mailbox:
 
 @dc.dataclass(frozen=True)
 class Robot:
-    """The robot as its drivers know it.
+    """The robot as the drivers of an arm and its gripper know it.
 
     Attributes:
-        scenario: The scenario that runs on the hardware.
-        arm_joints: Names of the arm's joints, in the order of its ports.
+        scenario: The scenario that runs on the hardware, with this arm alone.
+        arm_joints: Names of the arm's joints in messages, in the order of its ports.
         arm_limits: Least and greatest position of each, shape (N,) [rad or m].
         warnings: Where trouble is reported to the user, once for each kind.
         nodes: ROS nodes, which drivers share.
         shared: Whatever else drivers share, such as a bus; empty at first.
+        own: The arm, by its name if the scenario has several.
     """
 
     scenario: Scenario
@@ -229,12 +267,21 @@ class Robot:
     warnings: Warnings
     nodes: Nodes
     shared: dict[Any, Any] = dc.field(default_factory=dict)
+    own: RobotArm = ONE_ARM
 
     @property
     def gripper_joints(self) -> tuple[str, ...]:
         """Names of the gripper's measured joints, in the order of its ports."""
         gripper = self.scenario.gripper
-        return () if gripper is None else gripper.joint_names
+        names = () if gripper is None else gripper.joint_names
+        return tuple(self.own.system(name) for name in names)
+
+    def topic(self, name: str) -> str:
+        """Return the name of a topic; one without a slash in front is the arm's own.
+
+        So is `grasp`: /grasp of the only arm, /left/grasp of the arm `left`.
+        """
+        return name if name[:1] in ("", "/") else topic_of(self.own, f"/{name}")
 
 
 class HardwareDriver(abc.ABC):
@@ -268,8 +315,12 @@ class RosDriver(Config, HardwareDriver):
 
     version: ClassVar[int]  # of ROS
     part: ClassVar[str]
+    # Keys of the topics that no other driver may have.
+    own_topics: ClassVar[tuple[str, ...]] = ()
 
-    # Topic of the sensor_msgs/JointState; arm and gripper may share it.
+    # Topic of the sensor_msgs/JointState; all arms and grippers may share it. A name
+    # without a slash in front, here and below, is the arm's own: `grasp` is /left/grasp
+    # for the arm `left`, and /grasp for the only arm.
     state: str = "/joint_states"
     # Names of the joints in messages, in the order of the model's; empty: the model's.
     joints: list[str] = dc.field(default_factory=list)

@@ -6,22 +6,34 @@ import contextlib
 import dataclasses as dc
 import functools
 import time as wall
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence, Set
+from typing import Any
 
 import numpy as np
 
 from drake_srg.common.exceptions import ScenarioError
 from drake_srg.robot.drive.cameras import Camera
 from drake_srg.robot.drive.config import FaultyLink, HardwareConfig
-from drake_srg.robot.drive.link import EXTERNAL_TORQUE, Link, Node, Nodes, Robot
+from drake_srg.robot.drive.link import (
+    EXTERNAL_TORQUE,
+    HardwareDriver,
+    Link,
+    NamedLink,
+    Node,
+    Nodes,
+    Robot,
+    RosDriver,
+)
 from drake_srg.robot.serve.commands import (
     CommandInbox,
     PortValues,
     Warnings,
     arm_joint_names,
     joint_limits,
+    port_of,
 )
-from drake_srg.scenario import Scenario, servo_of
+from drake_srg.robot.serve.loop import control_period
+from drake_srg.scenario import Scenario, robot_arms, servo_of
 from drake_srg.station.plant import MakeModelsPlant
 from drake_srg.types import Vector
 
@@ -59,7 +71,7 @@ def open_hardware(
     inbox: CommandInbox | None = None,
     stopped: Callable[[], bool] = lambda: False,
 ) -> Iterator[Hardware]:
-    """Connect to the arm and the gripper, and wait for their first measurements.
+    """Connect to arms and grippers, and wait for their first measurements.
 
     Args:
         scenario: That runs on the hardware.
@@ -74,24 +86,67 @@ def open_hardware(
         OSError: If an address is in use, or the hardware cannot be reached.
         ImportError: If a package is missing.
     """
-    if scenario.arm is None or scenario.gripper is None:
-        raise ScenarioError("hardware: the scenario needs an arm and a gripper")
-    period = scenario.arm.period
+    check_arms(scenario, config)
     with contextlib.ExitStack() as stack:
-        robot = MakeRobot(scenario, config, warnings)
-        stack.callback(robot.nodes.close)  # after the links, which may have last words
+        robots = MakeRobots(scenario, config, warnings)
+        nodes = robots[0].nodes
+        stack.callback(nodes.close)  # after the links, which may have last words
+        parts = [
+            (robot, part, driver)
+            for robot in robots
+            for part, driver in (
+                ("arm", config.drivers[robot.own.name].arm),
+                ("gripper", config.drivers[robot.own.name].gripper),
+            )
+        ]
         links: list[Link] = []
-        for driver in (config.arm, config.gripper):
-            link = driver.connect(robot)
+        for robot, _, driver in parts:
+            with robot.own.named_errors():
+                link = driver.connect(robot)
             stack.callback(link.close)
+            link = NamedLink(link, robot.own)
             if config.faults is not None:
-                link = FaultyLink(link, config.faults, period)
+                link = FaultyLink(link, config.faults, control_period(scenario))
             links.append(link)
+        _check_topics(parts)
         if inbox is not None:
             for version in config.ros_versions:
-                _subscribe(robot.nodes.of(version), inbox)
-        robot.nodes.open()
-        yield Hardware(links, {}, _first(links, config.patience, stopped))
+                _subscribe(nodes.of(version), inbox)
+        nodes.open()
+        needed = {port_of(robot.own, name) for robot in robots for name in _NEEDED}
+        yield Hardware(links, {}, _first(links, needed, config.patience, stopped))
+
+
+def check_arms(scenario: Scenario, config: HardwareConfig) -> None:
+    """Raise a ScenarioError unless the arms of a scenario are those of a file."""
+    arms = robot_arms(scenario)
+    if not all(own.arm and own.gripper for own in arms):
+        raise ScenarioError("hardware: the scenario needs an arm and a gripper")
+    for own in arms:
+        if own.name not in config.drivers:
+            missing = f"hardware: {own.key}arm: missing, but the scenario has this arm"
+            raise ScenarioError(missing)
+    for name in config.drivers.keys() - {own.name for own in arms}:
+        raise ScenarioError(
+            f"hardware: arms.{name}: the scenario has no such arm (allowed: "
+            f"{', '.join(own.name for own in arms)})"
+        )
+
+
+def _check_topics(parts: Iterable[tuple[Robot, str, HardwareDriver]]) -> None:
+    """Raise a ScenarioError if two drivers have one topic, or one joint in it."""
+    users: dict[tuple[int, str, str], str] = {}
+    for robot, part, driver in parts:
+        if not isinstance(driver, RosDriver):
+            continue
+        topics = [(key, getattr(driver, key), "") for key in driver.own_topics]
+        joints = [("state", driver.state, joint) for joint in driver.names(robot)]
+        for key, given, joint in (*topics, *joints):
+            topic, place = robot.topic(given), f"{robot.own.key}{part}.{key}"
+            user = users.setdefault((driver.version, topic, joint), place)
+            if topic and user != place:
+                what = f"{joint} in {topic}" if joint else topic
+                raise ScenarioError(f"hardware: {place}: {user} has {what}, too")
 
 
 def _subscribe(node: Node, inbox: CommandInbox) -> None:
@@ -138,7 +193,14 @@ def open_cameras(
 def MakeRobot(
     scenario: Scenario, config: HardwareConfig, warnings: Warnings, suffix: str = ""
 ) -> Robot:
-    """Return the robot of a scenario; its nodes are still closed.
+    """Return the first of `MakeRobots`."""
+    return MakeRobots(scenario, config, warnings, suffix)[0]
+
+
+def MakeRobots(
+    scenario: Scenario, config: HardwareConfig, warnings: Warnings, suffix: str = ""
+) -> list[Robot]:
+    """Return the robot of a scenario, for each of its arms; its nodes are still closed.
 
     Args:
         scenario: That runs on the hardware.
@@ -147,17 +209,31 @@ def MakeRobot(
         suffix: Of the nodes' names, where several processes have nodes.
     """
     plant = MakeModelsPlant(scenario)
-    nodes = Nodes(config.ros1, config.ros2, warnings, suffix)
-    joints, limits = tuple(arm_joint_names(plant)), joint_limits(plant, "arm")
-    return Robot(scenario, joints, limits, warnings, nodes)
+    nodes, shared = Nodes(config.ros1, config.ros2, warnings, suffix), dict[Any, Any]()
+    return [
+        Robot(
+            dc.replace(
+                scenario, arms={}, arm=own.arm, gripper=own.gripper, safety=own.safety
+            ),
+            tuple(arm_joint_names(plant, own)),
+            joint_limits(plant, own.arm_model),
+            warnings,
+            nodes,
+            shared,
+            own,
+        )
+        for own in robot_arms(scenario)
+    ]
 
 
 def _first(
-    links: Sequence[Link], patience: float, stopped: Callable[[], bool]
+    links: Sequence[Link],
+    needed: Set[str],
+    patience: float,
+    stopped: Callable[[], bool],
 ) -> PortValues:
     """Return the first measurements, once the needed ones have arrived."""
-    wanted = {name for link in links for name in link.outputs}
-    needed = wanted & set(_NEEDED)
+    needed = {name for link in links for name in link.outputs} & needed
     found: dict[str, Vector] = {}
     end = wall.monotonic() + patience
     while needed - found.keys():

@@ -21,14 +21,19 @@ from collections.abc import Callable, Sequence
 from multiprocessing.connection import Connection
 from typing import Any
 
+import numpy as np
 from pydrake.common.value import AbstractValue
 from pydrake.common.yaml import yaml_dump_typed
+from pydrake.math import BsplineBasis
 from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import Diagram, DiagramBuilder, System
+from pydrake.trajectories import BsplineTrajectory
+from scipy.interpolate import make_interp_spline
 
 from drake_srg.common.exceptions import ScenarioError, one_line
 from drake_srg.common.real_time import Companion, lower_priority
 from drake_srg.lifetime import my_context
+from drake_srg.planning.motion.arm_motion import Motion
 from drake_srg.planning.planner_machine import PlannerMachine, planning_clock
 from drake_srg.planning.servoing.config import ServoCommand, ServoStatus
 from drake_srg.planning.servoing.tracker import Sighting, Tracker
@@ -39,7 +44,7 @@ from drake_srg.robot.drive.opening import Hardware, open_cameras
 from drake_srg.robot.drive.remote_planner import Answer, Ended, PlannerLink, Tick
 from drake_srg.robot.drive.station import AddHardwareStation
 from drake_srg.robot.serve.commands import PortValues, Warnings
-from drake_srg.scenario import Scenario, servo_of
+from drake_srg.scenario import Scenario, robot_arms, servo_of
 from drake_srg.scenario.typed_yaml import read_typed
 from drake_srg.station import MakeCell
 from drake_srg.station.clearing import without_cut_corners
@@ -90,6 +95,31 @@ class MirrorLink(Link):
         """Disconnect, leaving the hardware where it is. A second call does nothing."""
 
 
+_SAMPLE = 0.005  # time between samples of a motion that is sent [s]
+
+
+def sendable(motion: Motion) -> Motion:
+    """Return a motion that pickles: of Drake's trajectories, only B-splines do.
+
+    Others become a cubic spline through samples of theirs, with their speeds at both
+    ends.
+    """
+    trajectory = motion.trajectory
+    if trajectory is None or isinstance(trajectory, BsplineTrajectory):
+        return motion
+    begin, end = trajectory.start_time(), trajectory.end_time()
+    times = np.linspace(begin, end, max(round((end - begin) / _SAMPLE), 3) + 1)
+    speeds = [trajectory.EvalDerivative(t, 1)[:, 0] for t in (begin, end)]
+    spline = make_interp_spline(
+        times,
+        trajectory.vector_values(times).T,
+        bc_type=tuple([(1, speed)] for speed in speeds),
+    )
+    points = [point[:, np.newaxis] for point in spline.c]
+    sent = BsplineTrajectory(BsplineBasis(4, spline.t.tolist()), points)
+    return dc.replace(motion, trajectory=sent)
+
+
 class PlannerCell:
     """A cell whose clock ticks move.
 
@@ -106,7 +136,7 @@ class PlannerCell:
 
         def make_station(scenario: Scenario) -> Diagram:
             builder = DiagramBuilder()
-            AddHardwareStation(builder, scenario, hardware, None, self._period)
+            AddHardwareStation(builder, scenario, hardware, self._period)
             return builder.Build()
 
         make_planner: Callable[[Scenario], System] | None = None
@@ -126,11 +156,11 @@ class PlannerCell:
         self._simulator = Simulator(cell)
         self._fix_servo(ServoStatus())
         self._simulator.Initialize()
-        self._motion: Any = None
+        self._motions: dict[str, Any] = {own.name: None for own in robot_arms(scenario)}
         self._ticks = 0
 
-    def answer(self, tick: Tick) -> Answer:
-        """Advance by one planner period, and return what is commanded then."""
+    def answers(self, tick: Tick) -> list[Answer]:
+        """Advance by one planner period; return what each arm is commanded then."""
         self._mirror.values = tick.values
         if tick.servo is not None:
             self._fix_servo(tick.servo)
@@ -138,22 +168,26 @@ class PlannerCell:
         self._simulator.AdvanceTo(self._ticks * self._period)
         root = self._simulator.get_context()
         context = my_context(self._planner, root)
-        motion = self._planner.motion(context)
-        new = motion is not self._motion
-        self._motion = motion
-        answer = Answer(
-            root.get_time() - self._period,  # when the planner was last updated
-            motion if new else None,
-            float(self._planner.GetOutputPort("closure_commanded").Eval(context)[0]),
-            self._planner.GetOutputPort("status").Eval(context),
-            planning_wall=planning_clock(),
-        )
+        memory, answers = self._planner.state(context).memory, []
+        for name, before in self._motions.items():
+            motion, closure = self._planner.commands(memory, name)
+            answer = Answer(
+                root.get_time() - self._period,  # when the planner was last updated
+                None if motion is before else sendable(motion),
+                closure,
+                self._planner.GetOutputPort("status").Eval(context),
+                planning_wall=planning_clock(),
+                arm=name,
+                joints=self._planner.own_joints(name),
+            )
+            answers.append(answer)
+            self._motions[name] = motion
         if self._eye is None:
-            return answer
+            return answers
         command = self._planner.GetOutputPort("servo_command").Eval(context)
         tracks = command is ServoCommand.TRACK
         sighting = self._eye.look() if tracks else None
-        return dc.replace(answer, command=command, sighting=sighting)
+        return [dc.replace(a, command=command, sighting=sighting) for a in answers]
 
     def _fix_servo(self, status: ServoStatus) -> None:
         """Tell the planner what the servo reports, if it has one."""
@@ -191,7 +225,7 @@ class PlannerProcess(PlannerLink):
         warnings: Warnings,
     ) -> None:
         self._warnings = warnings
-        self._answers: deque[Answer | Ended] = deque()
+        self._answers: deque[list[Answer] | Ended] = deque()  # to each tick
         self._under_way = 0
         self._ready = threading.Event()
         self.planning_wall = 0.0  # what planning has taken there [s]
@@ -235,25 +269,26 @@ class PlannerProcess(PlannerLink):
 
     def take(self) -> Sequence[Answer | Ended]:
         """Return what has arrived since the last call, in order."""
-        taken = []
+        taken: list[Answer | Ended] = []
         while self._answers:
-            taken.append(self._answers.popleft())
-        self._under_way -= sum(isinstance(message, Answer) for message in taken)
+            message = self._answers.popleft()
+            self._under_way -= isinstance(message, list)
+            taken += message if isinstance(message, list) else [message]
         return taken
 
     def close(self) -> None:
         """End the process."""
         self._process.close()
 
-    def _receive(self, message: str | Answer | Ended | None) -> None:
+    def _receive(self, message: str | list[Answer] | Ended | None) -> None:
         if isinstance(message, str):
             self._warnings.warn(message, message)
             return
         if message is not None:
             self._answers.append(message)
-        if isinstance(message, Answer):
-            self.planning_wall = message.planning_wall
-        if not isinstance(message, Answer):  # None: ready
+        if isinstance(message, list):
+            self.planning_wall = message[0].planning_wall
+        else:  # None: ready
             self._ready.set()
 
 
@@ -281,7 +316,7 @@ def _run(
             cell = PlannerCell(scenario, hardware)
             send(None)  # ready
             while True:
-                send(cell.answer(connection.recv()))
+                send(cell.answers(connection.recv()))
     except (EOFError, OSError) as error:
         reason = one_line(error)
     except Exception as error:  # the robot must not be left without a word

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import abc
 import dataclasses as dc
+import functools
 import math
 from collections.abc import Mapping, Sequence
 
@@ -13,12 +14,13 @@ from pydrake.systems.framework import BasicVector, Context, EventStatus, State
 from pydrake.trajectories import PiecewisePolynomial
 
 from drake_srg.common.safety_states import SafetyState, StopReason, safety_state
-from drake_srg.lifetime import LeafSystem
+from drake_srg.lifetime import LeafSystem, weak
 from drake_srg.planning.motion.arm_motion import STOP_TIME, Motion
-from drake_srg.planning.planner_machine import AddPlannerOutputs
+from drake_srg.planning.planner_machine import AddCommandOutputs, AddStatusOutput
 from drake_srg.planning.servoing.config import ServoCommand, ServoStatus
 from drake_srg.planning.servoing.tracker import Sighting
-from drake_srg.robot.serve.commands import PortValues
+from drake_srg.robot.serve.commands import PortValues, port_of
+from drake_srg.scenario import RobotArm
 from drake_srg.types import AnyMode, Failure, Mode, PlannerStatus, Vector
 
 
@@ -37,7 +39,7 @@ class Tick:
 
 @dc.dataclass(frozen=True)
 class Answer:
-    """The planner's commands and reports after a tick.
+    """The planner's commands to an arm, and its reports, after a tick.
 
     Attributes:
         time: The planner's clock [s]; `motion` refers to it.
@@ -47,6 +49,8 @@ class Answer:
         command: To the visual servo, if there is one.
         sighting: What a new picture of its camera shows; None: there is no new one.
         planning_wall: What planning has taken so far on the wall clock [s].
+        arm: The arm's name; empty: the only one.
+        joints: Which joints of the motion are the arm's.
     """
 
     time: float
@@ -56,6 +60,8 @@ class Answer:
     command: ServoCommand = ServoCommand.PASS
     sighting: Sighting | None = None
     planning_wall: float = 0.0
+    arm: str = ""
+    joints: slice = dc.field(default_factory=lambda: slice(None))
 
     @property
     def mode(self) -> AnyMode:
@@ -183,7 +189,7 @@ _SERVO_PATIENCE = 0.5
 
 @dc.dataclass(frozen=True)
 class Plan:
-    """The planner's most recent answer.
+    """The planner's most recent answer for an arm.
 
     Attributes:
         motion: The arm's motion, by the planner's clock.
@@ -197,6 +203,7 @@ class Plan:
             `motion`, and is by our clock.
         departed: When the planner's motion began by its own clock, if `motion` is the
             rest of it after a pause [s]; otherwise None.
+        joints: Which joints of the motion are the arm's.
     """
 
     motion: Motion
@@ -208,12 +215,13 @@ class Plan:
     answered: float = 0.0
     pause: Pause | None = None
     departed: float | None = None
+    joints: slice = dc.field(default_factory=lambda: slice(None))
 
     def position(self, time: float) -> Vector:
-        """Return the commanded position at a time [s], shape (N,)."""
+        """Return the arm's commanded position at a time [s], shape (N,)."""
         if self.pause is not None:
-            return self.pause.motion.position(time)
-        return self.motion.position(time - self.behind)
+            return self.pause.motion.position(time)[self.joints]
+        return self.motion.position(time - self.behind)[self.joints]
 
     def after(self, answer: Answer, time: float) -> Plan:
         """Return the plan that follows from an answer at a time [s]."""
@@ -225,6 +233,7 @@ class Plan:
             command=answer.command,
             sighting=answer.sighting or (self.sighting if tracks else None),
             answered=time,
+            joints=answer.joints,
         )
         motion = answer.motion
         if motion is None:
@@ -311,7 +320,9 @@ class RemotePlanner(LeafSystem):
     its answers are taken. `position_commanded` (N) [rad] follows the motion of the last
     answer whether or not the planner is busy; `closure_commanded` (1), `mode` and
     `status` are the last answer's. Where the planner ends, or says nothing for
-    `patience`, the arm comes to rest along its path and the task has failed.
+    `patience`, the arm comes to rest along its path and the task has failed. Ports of
+    an arm with a name begin with `NAME.`, as those of a station and of a
+    `PlannerMachine`. A stop of one arm pauses all.
 
     While `safety.state` (2), a monitor's, says that the arm is stopped, the planner's
     clock stands still: it gets no ticks, and its motion comes to rest. After the
@@ -326,7 +337,7 @@ class RemotePlanner(LeafSystem):
 
     Args:
         planner: The connection.
-        home: Where the arm rests at first, shape (N,) [rad].
+        robots: The arms, at home at first.
         sizes: Of the measurements, by name.
         period: Time between commands [s].
         planner_period: The planner's own period [s].
@@ -336,7 +347,7 @@ class RemotePlanner(LeafSystem):
     def __init__(
         self,
         planner: PlannerLink,
-        home: Vector,
+        robots: Sequence[RobotArm],
         sizes: Mapping[str, int],
         period: float,
         planner_period: float,
@@ -347,21 +358,32 @@ class RemotePlanner(LeafSystem):
         self._names = list(sizes)
         for name, size in sizes.items():
             self.DeclareVectorInputPort(name=name, size=size)
-        self._safety = self.DeclareVectorInputPort(name="safety.state", size=2)
-        self._held = self.DeclareVectorInputPort("arm.position_held", len(home))
+        homes = {own.name: np.array(own.arm.home) for own in robots if own.arm}
+        self._safety, self._held = (
+            {
+                own.name: self.DeclareVectorInputPort(
+                    port_of(own, name), size or len(homes[own.name])
+                )
+                for own in robots
+            }
+            for name, size in (("safety.state", 2), ("arm.position_held", None))
+        )
         self._servo = self.DeclareAbstractInputPort(
             name="servo_status", model_value=AbstractValue.Make(ServoStatus())
         )
-        self._plan = self.DeclareAbstractState(AbstractValue.Make(Plan(Motion(home))))
-        ticket = self.abstract_state_ticket(self._plan)
-        AddPlannerOutputs(
-            self,
-            len(home),
-            position=self._calc_position,
-            closure=self._calc_closure,
-            status=self._calc_status,
-            prerequisites={ticket},
-        )
+        plans = {name: Plan(Motion(home)) for name, home in homes.items()}
+        self._plans = self.DeclareAbstractState(AbstractValue.Make(plans))
+        ticket = self.abstract_state_ticket(self._plans)
+        for own in robots:
+            AddCommandOutputs(
+                self,
+                len(homes[own.name]),
+                own.prefix,
+                position=functools.partial(weak(self._calc_position), own.name),
+                closure=functools.partial(weak(self._calc_closure), own.name),
+                prerequisites={ticket},
+            )
+        AddStatusOutput(self, self._calc_status, {ticket})
         for name, model, calc, tickets in (
             ("mode", Mode.IDLE, self._calc_mode, {ticket}),
             (
@@ -378,16 +400,22 @@ class RemotePlanner(LeafSystem):
         self.DeclarePeriodicUnrestrictedUpdateEvent(period, 0.0, self._update)
         self.DeclarePeriodicPublishEvent(planner_period, 0.0, self._post)
 
+    def plans(self, context: Context) -> dict[str, Plan]:
+        """Return what the planner last said, by the arms' names."""
+        state = context.get_abstract_state(int(self._plans))
+        plans: dict[str, Plan] = state.get_value()
+        return plans
+
     def plan(self, context: Context) -> Plan:
-        """Return what the planner last said."""
-        plan: Plan = context.get_abstract_state(int(self._plan)).get_value()
-        return plan
+        """Return what the planner last said about the first arm, and the task."""
+        return next(iter(self.plans(context).values()))
 
-    def _calc_position(self, context: Context, output: BasicVector) -> None:
-        output.SetFromVector(self.plan(context).position(context.get_time()))
+    def _calc_position(self, arm: str, context: Context, output: BasicVector) -> None:
+        plan = self.plans(context)[arm]
+        output.SetFromVector(plan.position(context.get_time()))
 
-    def _calc_closure(self, context: Context, output: BasicVector) -> None:
-        output[0] = self.plan(context).closure
+    def _calc_closure(self, arm: str, context: Context, output: BasicVector) -> None:
+        output[0] = self.plans(context)[arm].closure
 
     def _calc_mode(self, context: Context, output: AbstractValue) -> None:
         output.set_value(self.plan(context).status.mode)
@@ -407,28 +435,41 @@ class RemotePlanner(LeafSystem):
         output.set_value(self.plan(context).sighting or Sighting())
 
     def _update(self, context: Context, state: State) -> EventStatus:
-        before = plan = self.plan(context)
-        time = context.get_time()
-        if plan.status.ended:
+        before, time = self.plans(context), context.get_time()
+        if self.plan(context).status.ended:
             return EventStatus.DidNothing()
-        if self._safety.HasValue(context):
-            state_and_reason = safety_state(self._safety.Eval(context))
-            plan = plan.held_up(time, *state_and_reason, self._held.Eval(context))
-        for message in self._planner.take() if plan.pause is None else ():
+        plans, broken = self._held_up(context, before), ""
+        paused = any(plan.pause is not None for plan in plans.values())
+        for message in () if paused else self._planner.take():
             if isinstance(message, Ended):
-                plan = plan.broken_off(time, message.reason)
+                broken = message.reason
                 break
-            plan = plan.after(message, time)
-        if plan.pause is None and time - plan.answered > self._patience:
-            reason = f"the planner has not answered for {self._patience:g} s"
-            plan = plan.broken_off(time, reason)
-        if plan is before:
+            plans[message.arm] = plans[message.arm].after(message, time)
+        answered = min(plan.answered for plan in plans.values())
+        if not broken and not paused and time - answered > self._patience:
+            broken = f"the planner has not answered for {self._patience:g} s"
+        if broken:
+            plans = {name: p.broken_off(time, broken) for name, p in plans.items()}
+        if all(plans[name] is before[name] for name in plans):
             return EventStatus.DidNothing()
-        state.get_mutable_abstract_state(int(self._plan)).set_value(plan)
+        state.get_mutable_abstract_state(int(self._plans)).set_value(plans)
         return EventStatus.Succeeded()
 
+    def _held_up(self, context: Context, plans: Mapping[str, Plan]) -> dict[str, Plan]:
+        """Return the plans after a control period, in which an arm may be stopped."""
+        ports, time = self._safety.values(), context.get_time()
+        states = [safety_state(p.Eval(context)) for p in ports if p.HasValue(context)]
+        if not states:
+            return dict(plans)
+        stops = [each for each in states if each[0] is not SafetyState.RUNNING]
+        state, reason = [*stops, *states][0]
+        return {
+            name: plan.held_up(time, state, reason, self._held[name].Eval(context))
+            for name, plan in plans.items()
+        }
+
     def _post(self, context: Context) -> None:
-        if self.plan(context).pause is not None:
+        if any(plan.pause is not None for plan in self.plans(context).values()):
             return
         values = {name: self.GetInputPort(name).Eval(context) for name in self._names}
         servo = self._servo.Eval(context) if self._servo.HasValue(context) else None

@@ -36,21 +36,22 @@ from drake_srg.robot.serve.commands import (
     CommandInbox,
     PortValues,
     Warnings,
+    port_of,
     safety_topics,
 )
 from drake_srg.robot.serve.connecting import KeyboardBridge
-from drake_srg.robot.serve.loop import Pacer
-from drake_srg.scenario import Scenario, servo_of
-from drake_srg.scenario.schema import check_single_arm
+from drake_srg.robot.serve.loop import Pacer, control_period
+from drake_srg.scenario import Scenario, robot_arms, servo_of
 from drake_srg.simulation.metrics import Metrics, RunTimes, calc_metrics
 from drake_srg.simulation.recorders import FILES, AddRosbagRecorder, run_labels
 from drake_srg.simulation.run_log import RunLog
 from drake_srg.simulation.simulate import Result, failure_time
+from drake_srg.station.cell import command_ports
 from drake_srg.station.servoing import MakeServo
 from drake_srg.types import Failure, Mode, PlannerStatus, Vector, mode_words
 
 # Outputs of the station that are about commands, not about the robot.
-_OURS = ("safety.", "arm.position_")
+_OURS = ("safety.state", "safety.speed_scale", ".position_allowed", ".position_held")
 
 
 def measurements(station: Diagram) -> dict[str, int]:
@@ -58,7 +59,7 @@ def measurements(station: Diagram) -> dict[str, int]:
     return {
         name: port.size()
         for name, port in output_ports(station).items()
-        if not name.startswith(_OURS)
+        if not name.endswith(_OURS)
     }
 
 
@@ -86,7 +87,8 @@ def MakeHardwareCell(
         - gripper.closure_commanded
         - planner.servo_status (with a visual servo)
 
-    The subsystems are named `station` and `planner` and, with a visual servo, `servo`,
+    With `arms`, ports of an arm begin with `NAME.` as those of `MakeStation`. The
+    subsystems are named `station` and `planner` and, with a visual servo, `servo`,
     `late_sightings` and `command_hold`. The servo moves the arm at the period of its
     driver. What its camera shows comes from the planner.
 
@@ -97,34 +99,35 @@ def MakeHardwareCell(
         patience: Longest time for a plan [s].
         lag: How long after a command the robot is to be there [s].
     """
-    assert scenario.arm is not None
     builder = DiagramBuilder()
     builder.AddNamedSystem("station", station)
     export_outputs(builder, station)
     for name, port in input_ports(station).items():
         if name.startswith("safety."):
             builder.ExportInput(port, name)
-    sizes = measurements(station)
+    sizes, robots = measurements(station), robot_arms(scenario)
     remote = builder.AddNamedSystem(
         "planner",
         RemotePlanner(
             planner,
-            np.array(scenario.arm.home),
+            robots,
             sizes,
-            scenario.arm.period,
+            control_period(scenario),
             scenario.planner.period,
             patience,
         ),
     )
     for name in sizes:
         builder.Connect(station.GetOutputPort(name), remote.GetInputPort(name))
-    for name in ("safety.state", "arm.position_held"):
-        builder.Connect(station.GetOutputPort(name), remote.GetInputPort(name))
+    for robot in robots:
+        for name in ("safety.state", "arm.position_held"):
+            port = port_of(robot, name)
+            builder.Connect(station.GetOutputPort(port), remote.GetInputPort(port))
     commanded = {
-        "arm.position_commanded": remote.GetOutputPort("position_commanded"),
-        "gripper.closure_commanded": remote.GetOutputPort("closure_commanded"),
+        port: remote.GetOutputPort(name) for name, port in command_ports(robots)
     }
     if servo_of(scenario) is not None:
+        assert scenario.arm is not None
         servo = _AddServo(builder, scenario, station, remote, lag)
         hold = _AddHold(builder, scenario.arm, servo)
         commanded["arm.position_commanded"] = hold.get_output_port()
@@ -208,7 +211,7 @@ class ControlLoop:
     waits for the robot or the planner.
 
     A stop ends the run, unless the arm may wait for a release. Then the run goes on
-    once the stop is acknowledged and its cause over.
+    once the stop is acknowledged and its cause over. A stop of one arm stops all.
 
     Args:
         name: The scenario's.
@@ -231,14 +234,18 @@ class ControlLoop:
         cell: Diagram,
         release: float = 0.0,
     ) -> None:
-        assert scenario.arm is not None
-        self.period = scenario.arm.period
+        self.period = control_period(scenario)
         self.log = RunLog(scenario, cell)
         self.status = PlannerStatus()
         self._name, self._cell, self._simulator = name, cell, Simulator(diagram)
         self._root = self._simulator.get_mutable_context()
         self._context = my_context(cell, self._root)
-        self._safety = cell.GetOutputPort("safety.state")
+        self._safety = {
+            f"the arm {own.name}".rstrip(): cell.GetOutputPort(
+                port_of(own, "safety.state")
+            )
+            for own in robot_arms(scenario)
+        }
         self._status = cell.GetOutputPort("planner.status")
         self._sampling, self._next_sample = scenario.recording.period, 0.0
         self._steps, self._release = 0, release
@@ -255,8 +262,22 @@ class ControlLoop:
 
     @property
     def safety(self) -> tuple[SafetyState, StopReason]:
-        """State of the safety monitor, and its reason."""
-        return safety_state(self._safety.Eval(self._context))
+        """State of the safety monitor, and its reason; see `_decisive`."""
+        return self._decisive()[1]
+
+    def _decisive(self) -> tuple[str, tuple[SafetyState, StopReason]]:
+        """Return the last arm to come to rest, then the one whose stop stopped all."""
+        states = {
+            arm: safety_state(port.Eval(self._context))
+            for arm, port in self._safety.items()
+        }
+
+        def rests(arm: str) -> tuple[bool, bool]:
+            state, reason = states[arm]
+            return state in _STOPPED, reason is StopReason.EMERGENCY_STOP
+
+        arm = min(states, key=rests)
+        return arm, states[arm]
 
     @property
     def waits(self) -> str:
@@ -284,6 +305,8 @@ class ControlLoop:
         """
         self._steps += 1
         commands = {"safety.release": np.zeros(1), **(commands or {})}
+        if not self._release:  # a stop is final
+            commands["safety.release"] = np.zeros(1)
         if self._ends:
             commands["safety.estop"] = np.ones(1)
         with failure_time(self._name, self._simulator):
@@ -296,7 +319,7 @@ class ControlLoop:
             self._next_sample += self._sampling
             self.log.sample(self._context)
         self.status = self._status.Eval(self._context)
-        state, reason = self.safety
+        arm, (state, reason) = self._decisive()
         resting = state in _STOPPED
         self._resting_since = (
             min(self._resting_since, self.time) if resting else math.inf
@@ -308,7 +331,7 @@ class ControlLoop:
                 self.status,
                 mode=Mode.FAILED,
                 failure=Failure.STOPPED,
-                message=f"the arm was stopped ({reason.value}): {why}",
+                message=f"{arm} was stopped ({reason.value}): {why}",
             )
         if self._end is None and self.status.ended:
             self._end = self.time + _SETTLE
@@ -365,7 +388,6 @@ def run_on_hardware(
         OSError: If `out` cannot be written, or an address is in use.
         ImportError: If a driver's packages are missing.
     """
-    check_single_arm(scenario, "hardware")
     stop = stop or threading.Event()
     warnings = Warnings(tell)
     scenario = dc.replace(scenario, disturbances=[])
@@ -383,6 +405,10 @@ def run_on_hardware(
             )
             _check_home(scenario, hardware)
             check_servo(scenario, config, hardware)
+            if scenario.arms and config.release:
+                raise ScenarioError(
+                    "release: must be 0 with several arms, where a stop is final"
+                )
             station = MakeHardwareStation(scenario, hardware)
             planner = stack.enter_context(
                 contextlib.closing(
@@ -421,16 +447,18 @@ def run_on_hardware(
 
 
 def _check_home(scenario: Scenario, hardware: Hardware) -> None:
-    """Raise a ScenarioError unless the arm is where the planner begins."""
-    assert scenario.arm is not None
-    home = np.array(scenario.arm.home)
-    away = np.abs(hardware.start["arm.state_measured"][: len(home)] - home)
-    if away.max() > _HOME:
-        worst = int(np.argmax(away))
-        raise ScenarioError(
-            f"arm.home: the arm must start there, but joint {worst + 1} is "
-            f"{away[worst]:.3f} rad away (allowed: {_HOME})"
-        )
+    """Raise a ScenarioError unless the arms are where the planner begins."""
+    for own in robot_arms(scenario):
+        assert own.arm is not None
+        home = np.array(own.arm.home)
+        state = hardware.start[port_of(own, "arm.state_measured")]
+        away = np.abs(state[: len(home)] - home)
+        if away.max() > _HOME:
+            worst = int(np.argmax(away))
+            raise ScenarioError(
+                f"{own.key}arm.home: the arm must start there, but joint {worst + 1} "
+                f"is {away[worst]:.3f} rad away (allowed: {_HOME})"
+            )
 
 
 def check_servo(scenario: Scenario, config: HardwareConfig, hardware: Hardware) -> None:

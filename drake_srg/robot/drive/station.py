@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses as dc
+import functools
 from collections.abc import Mapping, Sequence
 
 import numpy as np
@@ -14,21 +15,23 @@ from pydrake.systems.framework import (
     Diagram,
     DiagramBuilder,
     DiscreteValues,
+    OutputPort,
 )
 from pydrake.systems.primitives import ConstantVectorSource
 
 from drake_srg.arm.safety.config import SafetyConfig
-from drake_srg.arm.safety.monitor import AddSafetyMonitor
+from drake_srg.arm.safety.monitor import AddSafetyMonitor, SafetyMonitor
 from drake_srg.common.exceptions import ScenarioError, scenario_errors
 from drake_srg.common.safety_states import SafetyState, safety_state
 from drake_srg.common.systems import input_ports, output_ports
 from drake_srg.gripper.driver import GraspDetector
-from drake_srg.lifetime import LeafSystem
+from drake_srg.lifetime import LeafSystem, weak
 from drake_srg.robot.drive.cameras import CameraFeed
-from drake_srg.robot.drive.link import EXTERNAL_TORQUE, STAMP, Link
+from drake_srg.robot.drive.link import COMMANDS, EXTERNAL_TORQUE, STAMP, Link
 from drake_srg.robot.drive.opening import Hardware
-from drake_srg.robot.serve.commands import PortValues
-from drake_srg.scenario import Scenario, perception_cameras
+from drake_srg.robot.serve.commands import PortValues, port_of
+from drake_srg.robot.serve.loop import control_period
+from drake_srg.scenario import RobotArm, Scenario, perception_cameras, robot_arms
 from drake_srg.station.plant import MakeModelsPlant
 
 
@@ -86,7 +89,10 @@ class HardwareReader(LeafSystem):
         for i, link in enumerate(self._links):
             values = link.take()
             for name, value in values.items():
-                discrete_state.set_value(self._states[name], value)
+                index = self._states[name]
+                # Links of several arms may tell the robot's time.
+                older = discrete_state.value(index) if name == STAMP else value
+                discrete_state.set_value(index, np.fmax(value, older))
             if values:
                 heard = discrete_state.get_mutable_value(self._heard)
                 heard[i] = context.get_time()
@@ -120,6 +126,53 @@ class HardwareWriter(LeafSystem):
         values = {name: self.GetInputPort(name).Eval(context) for name in self._names}
         for link in self._links:
             link.send(values)
+
+
+class CommonStop(LeafSystem):
+    """Stops all arms once one of them is stopped.
+
+    .. pydrake_system::
+
+        name: CommonStop
+        input_ports:
+        - estop (optional)
+        - safety.state (of each arm)
+        output_ports:
+        - safety.estop (of each arm)
+
+    `estop` (1) is nonzero while the button is pressed, `safety.state` (2) that of an
+    arm's `SafetyMonitor`. An arm's `safety.estop` (1) is nonzero while the button is
+    pressed, or while the arm runs and another one is stopped. Ports of an arm with a
+    name begin with `NAME.`.
+
+    Args:
+        robots: The arms.
+    """
+
+    def __init__(self, robots: Sequence[RobotArm]) -> None:
+        super().__init__()
+        self._estop = self.DeclareVectorInputPort(name="estop", size=1)
+        self._states = {
+            robot.name: self.DeclareVectorInputPort(port_of(robot, "safety.state"), 2)
+            for robot in robots
+        }
+        for robot in robots:
+            self.DeclareVectorOutputPort(
+                name=port_of(robot, "safety.estop"),
+                size=1,
+                calc=functools.partial(weak(self._calc_estop), robot.name),
+                prerequisites_of_calc={self.all_input_ports_ticket()},
+            )
+
+    def _calc_estop(self, arm: str, context: Context, output: BasicVector) -> None:
+        pressed = self._estop.HasValue(context)
+        output[0] = self._estop.Eval(context)[0] if pressed else 0.0
+        runs = {
+            name: safety_state(port.Eval(context))[0] is SafetyState.RUNNING
+            for name, port in self._states.items()
+        }
+        if runs[arm] and not all(runs.values()):
+            output[0] = 1.0
 
 
 class HandHold(LeafSystem):
@@ -179,7 +232,6 @@ class HandHold(LeafSystem):
 
 
 _TRIGGERED = "gripper.triggered"
-_MONITORED = ("estop", "release", "speed_override")
 
 
 @scenario_errors()
@@ -210,9 +262,10 @@ def MakeHardwareStation(scenario: Scenario, hardware: Hardware) -> Diagram:
 
     A `SafetyMonitor` stands between the commands and the robot, also where the scenario
     has no `safety`: it stops the arm when a link falls silent. A `HandHold` halts the
-    gripper as long. Advance it in real time,
-    in steps of `arm.period` at most. No system waits for the robot, but cameras do when
-    they are looked through.
+    gripper as long. With `arms`, ports of an arm begin with `NAME.` as those of
+    `MakeStation`. All monitors share the inputs `safety.NAME`, and a `CommonStop` stops
+    all arms with one. Advance it in real time, in steps of `arm.period` at most. No
+    system waits for the robot, but cameras do when they are looked through.
 
     Args:
         scenario: That runs on the hardware.
@@ -222,7 +275,7 @@ def MakeHardwareStation(scenario: Scenario, hardware: Hardware) -> Diagram:
         ScenarioError: If the models or limits do not fit the scenario.
     """
     builder = DiagramBuilder()
-    AddHardwareStation(builder, scenario, hardware, scenario.safety or SafetyConfig())
+    AddHardwareStation(builder, scenario, hardware)
     diagram = builder.Build()
     diagram.set_name("hardware_station")
     return diagram
@@ -232,8 +285,7 @@ def AddHardwareStation(
     builder: DiagramBuilder,
     scenario: Scenario,
     hardware: Hardware,
-    safety: SafetyConfig | None,
-    period: float | None = None,
+    unmonitored: float | None = None,
 ) -> None:
     """Add the systems of `MakeHardwareStation` to a diagram, and export their ports.
 
@@ -241,54 +293,44 @@ def AddHardwareStation(
         builder: Of the diagram.
         scenario: That runs on the hardware.
         hardware: The connections.
-        safety: Limits; None where a monitor stands elsewhere on the way to the robot.
-        period: Time between readings and commands [s]; None: the arm driver's.
+        unmonitored: Where monitors stand elsewhere on the way to the robot: time
+            between readings and commands [s].
 
     Raises:
         ScenarioError: If the models or limits do not fit the scenario.
     """
-    arm, gripper = scenario.arm, scenario.gripper
-    assert arm is not None
-    assert gripper is not None
-    period = period or arm.period
-    links = hardware.links
-    felt = safety is not None and safety.feels
-    felt |= scenario.planner.max_external_torque is not None
-    if felt and not any(EXTERNAL_TORQUE in link.outputs for link in links):
-        raise ScenarioError(
-            "safety.external_torque, safety.force and planner.max_external_torque: "
-            "must be null, because the arm does not tell external torques (allowed: "
-            "!Ros1Arm and !Ros2Arm with `external_torque`, the name of a topic)"
-        )
+    robots, links = robot_arms(scenario), hardware.links
+    period = unmonitored or control_period(scenario)
+    _check_touch(scenario, links, monitored=unmonitored is None)
     reader = builder.AddNamedSystem(
         "hardware_reader", HardwareReader(links, period, hardware.start)
     )
     sizes = {
-        "arm.position_commanded": len(arm.home),
-        "gripper.closure_commanded": 1,
-        "gripper.hold": 1,
+        port_of(robot, name): len(robot.arm.home) if name.startswith("arm.") else 1
+        for robot in robots
+        for name in COMMANDS
+        if robot.arm is not None
     }
     writer = builder.AddNamedSystem(
         "hardware_writer", HardwareWriter(links, period, sizes)
     )
+    triggered = {port_of(robot, _TRIGGERED): robot for robot in robots}
     for name, output in output_ports(reader).items():
-        if name not in ("heartbeat", _TRIGGERED):
+        if name not in ("heartbeat", *triggered):
             builder.ExportOutput(output, name)
-    if reader.HasOutputPort(_TRIGGERED):
-        detector = builder.AddNamedSystem(
-            "grasp_detector",
-            GraspDetector(gripper.layout.fingers, gripper.grasp_detector),
-        )
-        builder.Connect(reader.GetOutputPort(_TRIGGERED), detector.get_input_port())
-        builder.ExportOutput(detector.get_output_port(), "gripper.grasped")
-    commands = input_ports(writer)
-    if safety is None:
-        never = builder.AddNamedSystem("never", ConstantVectorSource([0.0]))
-        builder.Connect(never.get_output_port(), commands.pop("gripper.hold"))
-        for name, port in commands.items():
-            builder.ExportInput(port, name)
+    for name, robot in triggered.items():
+        if reader.HasOutputPort(name):
+            _AddDetector(builder, reader.GetOutputPort(name), robot)
+    if unmonitored is None:
+        _AddMonitors(builder, scenario, reader, writer, hardware.lag)
     else:
-        _AddMonitor(builder, scenario, reader, writer, safety, hardware.lag)
+        never = builder.AddNamedSystem("never", ConstantVectorSource([0.0]))
+        holds = [port_of(robot, "gripper.hold") for robot in robots]
+        for name, port in input_ports(writer).items():
+            if name in holds:
+                builder.Connect(never.get_output_port(), port)
+            else:
+                builder.ExportInput(port, name)
     for name, camera in hardware.cameras.items():
         if name not in perception_cameras(scenario):
             continue  # a visual servo's
@@ -300,41 +342,98 @@ def AddHardwareStation(
             builder.ExportOutput(output, f"camera_{name}.{image}")
 
 
-def _AddMonitor(
+def _check_touch(scenario: Scenario, links: Sequence[Link], *, monitored: bool) -> None:
+    """Raise a ScenarioError if an arm does not tell torques that others need."""
+    for robot in robot_arms(scenario):
+        safety = robot.safety if monitored else None
+        felt = scenario.planner.feels or (safety is not None and safety.feels)
+        torque = port_of(robot, EXTERNAL_TORQUE)
+        if felt and not any(torque in link.outputs for link in links):
+            raise ScenarioError(
+                f"hardware: {robot.key}arm: does not tell external torques, which "
+                "safety.external_torque, safety.force, planner.max_external_torque and "
+                "planner: !Handover need (allowed: !Ros1Arm and !Ros2Arm with "
+                "`external_torque`, the name of a topic)"
+            )
+
+
+def _AddDetector(
+    builder: DiagramBuilder, triggered: OutputPort, robot: RobotArm
+) -> None:
+    """Add the system that tells whether a gripper has grasped, and export its port."""
+    assert robot.gripper is not None
+    fingers, config = robot.gripper.layout.fingers, robot.gripper.grasp_detector
+    name = robot.system("grasp_detector")
+    detector = builder.AddNamedSystem(name, GraspDetector(fingers, config))
+    builder.Connect(triggered, detector.get_input_port())
+    grasped = port_of(robot, "gripper.grasped")
+    builder.ExportOutput(detector.get_output_port(), grasped)
+
+
+def _AddMonitors(
     builder: DiagramBuilder,
     scenario: Scenario,
     reader: HardwareReader,
     writer: HardwareWriter,
-    safety: SafetyConfig,
     lag: float,
 ) -> None:
     """Add the systems between the commands and the writer, and export their ports."""
-    arm = scenario.arm
+    robots, plant = robot_arms(scenario), MakeModelsPlant(scenario)
+    stop = builder.AddNamedSystem("common_stop", CommonStop(robots))
+    monitors = []
+    for robot in robots:
+        with robot.named_errors():
+            monitor = _AddMonitor(builder, plant, robot, reader, writer, lag)
+        state, estop = port_of(robot, "safety.state"), port_of(robot, "safety.estop")
+        builder.Connect(monitor.GetOutputPort("state"), stop.GetInputPort(state))
+        builder.Connect(stop.GetOutputPort(estop), monitor.GetInputPort("estop"))
+        monitors.append(monitor)
+    builder.ExportInput(stop.GetInputPort("estop"), "safety.estop")
+    for name in ("release", "speed_override"):
+        first, *others = (monitor.GetInputPort(name) for monitor in monitors)
+        builder.ExportInput(first, f"safety.{name}")
+        for other in others:
+            builder.ConnectInput(f"safety.{name}", other)
+
+
+def _AddMonitor(
+    builder: DiagramBuilder,
+    plant: MultibodyPlant,
+    robot: RobotArm,
+    reader: HardwareReader,
+    writer: HardwareWriter,
+    lag: float,
+) -> SafetyMonitor:
+    """Add an arm's monitor and its gripper's hold, and export the ports of both."""
+    arm, own = robot.arm, functools.partial(port_of, robot)
     assert arm is not None
-    plant = MakeModelsPlant(scenario)
     monitor = AddSafetyMonitor(
-        builder, plant, arm.home, _lenient(safety, plant, lag), arm.period
+        builder,
+        plant,
+        arm.home,
+        _lenient(robot.safety or SafetyConfig(), plant, robot, lag),
+        arm.period,
+        arm=robot.arm_model,
+        name=robot.system("safety_monitor"),
     )
-    hand = builder.AddNamedSystem("hand_hold", HandHold(arm.period))
+    name = robot.system("hand_hold")
+    hand = builder.AddNamedSystem(name, HandHold(arm.period))
+    position, closure, hold = map(own, COMMANDS)
     for output, system, input in (
-        (reader.GetOutputPort("arm.state_measured"), monitor, "state_measured"),
+        (reader.GetOutputPort(own("arm.state_measured")), monitor, "state_measured"),
         (reader.GetOutputPort("heartbeat"), monitor, "heartbeat"),
         (monitor.GetOutputPort("state"), hand, "safety_state"),
-        (monitor.GetOutputPort("position_allowed"), writer, "arm.position_commanded"),
-        (hand.GetOutputPort("closure_allowed"), writer, "gripper.closure_commanded"),
-        (hand.GetOutputPort("hold"), writer, "gripper.hold"),
+        (monitor.GetOutputPort("position_allowed"), writer, position),
+        (hand.GetOutputPort("closure_allowed"), writer, closure),
+        (hand.GetOutputPort("hold"), writer, hold),
     ):
         builder.Connect(output, system.GetInputPort(input))
-    for system, input, name in (
-        (monitor, "position_commanded", "arm.position_commanded"),
-        (hand, "closure_commanded", "gripper.closure_commanded"),
-        *((monitor, name, f"safety.{name}") for name in _MONITORED),
-    ):
-        builder.ExportInput(system.GetInputPort(input), name)
-    if reader.HasOutputPort(EXTERNAL_TORQUE):
+    builder.ExportInput(monitor.GetInputPort("position_commanded"), position)
+    builder.ExportInput(hand.GetInputPort("closure_commanded"), closure)
+    torque = own(EXTERNAL_TORQUE)
+    if reader.HasOutputPort(torque):
         builder.Connect(
-            reader.GetOutputPort(EXTERNAL_TORQUE),
-            monitor.GetInputPort("external_torque"),
+            reader.GetOutputPort(torque), monitor.GetInputPort("external_torque")
         )
     for name, room in (
         ("position_allowed", "arm"),
@@ -342,14 +441,17 @@ def _AddMonitor(
         ("state", "safety"),
         ("speed_scale", "safety"),
     ):
-        builder.ExportOutput(monitor.GetOutputPort(name), f"{room}.{name}")
+        builder.ExportOutput(monitor.GetOutputPort(name), own(f"{room}.{name}"))
+    return monitor
 
 
-def _lenient(safety: SafetyConfig, plant: MultibodyPlant, lag: float) -> SafetyConfig:
+def _lenient(
+    safety: SafetyConfig, plant: MultibodyPlant, robot: RobotArm, lag: float
+) -> SafetyConfig:
     """Return limits that let the joints follow their commands with a lag [s]."""
     if safety.following_error is None:
         return safety
-    arm = plant.GetModelInstanceByName("arm")
+    arm = plant.GetModelInstanceByName(robot.arm_model)
     speeds = plant.GetVelocitiesFromArray(arm, plant.GetVelocityUpperLimits())
     return dc.replace(
         safety, following_error=safety.following_error + lag * float(np.max(speeds))

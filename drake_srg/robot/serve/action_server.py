@@ -27,14 +27,18 @@ from drake_srg.arm.reference import trajectory_piece
 from drake_srg.recording.rosbag import MakeMessage, Topic, stamp
 from drake_srg.robot.serve.bridge import Outlet
 from drake_srg.robot.serve.commands import (
+    ONE_ARM,
     TRAJECTORY,
     CommandError,
     CommandInbox,
     CommandTopic,
     arm_joint_names,
+    port_of,
     seconds,
+    topic_of,
     trajectory_command,
 )
+from drake_srg.scenario import RobotArm
 from drake_srg.types import Vector
 
 _FOLLOW = "control_msgs/action/FollowJointTrajectory"
@@ -230,25 +234,30 @@ class ActionServer:
     Requests arrive in threads of bridges; `advance` answers them.
 
     Args:
-        plant: Has the model instance `arm`.
+        plant: Has the arm's model instance.
         period: Of the arm's driver [s].
+        robot: The arm. If it has a name, that of the action begins with `/NAME`.
 
     Attributes:
+        robot: The same.
         topics: The topics of the requests, for the inbox, and those of the replies and
             of the status, for the bridges.
     """
 
-    def __init__(self, plant: MultibodyPlant, period: float) -> None:
-        self._joints, self._period = arm_joint_names(plant), period
-        self._command = trajectory_command(plant)
+    def __init__(
+        self, plant: MultibodyPlant, period: float, robot: RobotArm = ONE_ARM
+    ) -> None:
+        self._joints, self._period = arm_joint_names(plant, robot), period
+        self._command, self.robot = trajectory_command(plant, robot), robot
+        self._action = action = FollowJointTrajectory(topic_of(robot, ACTION.name))
         self._handlers = {
-            ACTION.send_goal: self._send_goal,
-            ACTION.cancel_goal: self._cancel_goal,
-            ACTION.get_result: self._get_result,
+            action.send_goal: self._send_goal,
+            action.cancel_goal: self._cancel_goal,
+            action.get_result: self._get_result,
         }
         requests = [self._requests(service) for service in self._handlers]
         self._replies = {service: _replies(service) for service in self._handlers}
-        self._status = Topic(ACTION.status, STATUS, {}, _status, latched=True)
+        self._status = Topic(action.status, STATUS, {}, _status, latched=True)
         self.topics = requests, [*self._replies.values(), self._status]
         self._arrived: deque[tuple[float, Service, Any]] = deque()
         self._goals: dict[bytes, _Goal] = {}
@@ -296,13 +305,13 @@ class ActionServer:
                 ended = f"ended at {goal.end:.3f} s, and now it is {self._time:.3f} s"
                 raise CommandError("past", ended)
         except CommandError as error:
-            self._inbox.refuse(ACTION.name, error.kind, str(error))
+            self._inbox.refuse(self._action.name, error.kind, str(error))
             return self._accepted(False)
         if self._active is not None:
             self._end(
                 GoalStatus.CANCELED, ErrorCode.INVALID_GOAL, "replaced by a newer goal"
             )
-        self._inbox.put(values, ACTION.name)
+        self._put(values)
         self._goals[goal.id] = self._active = goal
         while len(self._goals) > _MOST_GOALS:
             del self._goals[next(iter(self._goals))]
@@ -386,7 +395,12 @@ class ActionServer:
     def _hold(self) -> None:
         """Let the arm rest where it is commanded."""
         times, q = np.array([self._period]), self._commanded[np.newaxis]
-        self._inbox.put({TRAJECTORY: trajectory_piece(times, q)}, ACTION.name)
+        self._put({TRAJECTORY: trajectory_piece(times, q)})
+
+    def _put(self, values: Mapping[str, Vector]) -> None:
+        """Command the arm."""
+        named = {port_of(self.robot, port): value for port, value in values.items()}
+        self._inbox.put(named, self._action.name)
 
     def _end(self, status: GoalStatus, code: ErrorCode, text: str) -> None:
         """End the active goal."""
@@ -394,7 +408,7 @@ class ActionServer:
         assert goal is not None
         goal.status, goal.code, goal.text = status, code, text
         for request in goal.asked:
-            self._reply(ACTION.get_result, request, goal.result)
+            self._reply(self._action.get_result, request, goal.result)
         self._tell()
 
     def _reply(self, service: Service, request: Any, fill: Fill) -> None:

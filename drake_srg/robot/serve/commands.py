@@ -12,14 +12,17 @@ from typing import Any
 import numpy as np
 from pydrake.multibody.plant import MultibodyPlant
 from pydrake.multibody.tree import Joint
-from pydrake.systems.framework import Context, Diagram
+from pydrake.systems.framework import Context, Diagram, OutputPort
 
 from drake_srg.arm.reference import CAPACITY, trajectory_piece
 from drake_srg.common.safety_states import SafetyState, safety_state
+from drake_srg.scenario.schema import RobotArm
 from drake_srg.types import Vector
 
 # Values of station input ports, by name.
 PortValues = Mapping[str, Vector]
+# The arm of a scenario that has only one.
+ONE_ARM = RobotArm()
 COMMAND_LIMIT = 2**20  # Largest command [bytes]; most are a thousand times smaller.
 
 
@@ -163,6 +166,38 @@ class CommandInbox:
         return values
 
 
+def port_of(robot: RobotArm, port: str) -> str:
+    """Return what a port of `arm`, `gripper` or `safety` is called for a named arm."""
+    part, dot, name = port.partition(".")
+    named = {
+        "arm": robot.arm_model,
+        "gripper": robot.gripper_model,
+        "safety": f"{robot.prefix}safety",
+    }
+    return f"{named.get(part, part)}{dot}{name}"
+
+
+def topic_of(robot: RobotArm, topic: str) -> str:
+    """Return an arm's topic: /left/grasp of the arm `left`, /grasp of the only one."""
+    return f"/{robot.name}{topic}" if robot.name else topic
+
+
+def _of_arm(robot: RobotArm, topics: Iterable[CommandTopic]) -> list[CommandTopic]:
+    """Return topics that command `arm` and `gripper` as those of an arm with a name."""
+
+    def named(convert: Callable[[Any], PortValues], data: Any) -> PortValues:
+        return {port_of(robot, port): value for port, value in convert(data).items()}
+
+    return [
+        dc.replace(
+            topic,
+            name=topic_of(robot, topic.name),
+            convert=partial(named, topic.convert),
+        )
+        for topic in topics
+    ]
+
+
 _CLOSURE = "gripper.closure_commanded"
 _MESSAGES = "gripper.closure_messages"
 _SINGLE_JOINTS = "gripper.joint_position_commanded"
@@ -174,6 +209,7 @@ _GRIPPER_PORTS = (
     "gripper.motor_torque_commanded",
     "gripper.force_limit",
 )
+_PORTS = (_CLOSURE, _MESSAGES, _ARM, "gripper.hold", *_GRIPPER_PORTS)
 
 
 def gripper_command(
@@ -196,9 +232,12 @@ def gripper_command(
 
 
 def station_topics(
-    plant: MultibodyPlant, inputs: Iterable[str], gripper_joints: Iterable[str] = ()
+    plant: MultibodyPlant,
+    inputs: Iterable[str],
+    gripper_joints: Iterable[str] = (),
+    robot: RobotArm = ONE_ARM,
 ) -> list[CommandTopic]:
-    """Return the SRG thesis's topics that a station can obey.
+    """Return the SRG thesis's topics that an arm of a station can obey.
 
     `/grasp` (Int32, 0 open .. 100 closed), `/position_grasp` (Float64MultiArray, rad,
     one number per finger joint), `/startgrasp` (Bool, false holds the gripper where it
@@ -208,12 +247,15 @@ def station_topics(
     station has that port.
 
     Args:
-        plant: Has the model instances `arm` and `gripper`, if the station has them.
+        plant: Has the model instances of arm and gripper, if the station has them.
         inputs: Names of the station's input ports; `/kuka` needs
             `arm.position_desired`.
         gripper_joints: Names of the gripper's commanded joints, in their order.
+        robot: The arm. If it has a name, topics begin with `/NAME`.
     """
-    inputs, joints = set(inputs), list(gripper_joints)
+    given, joints = set(inputs), list(gripper_joints)
+    # The topics below command `arm` and `gripper`.
+    inputs = {port for port in _PORTS if port_of(robot, port) in given}
     topics = []
     received = itertools.count(1)  # numbers of the /grasp messages
 
@@ -243,21 +285,25 @@ def station_topics(
         topics.append(CommandTopic("/startgrasp", "std_msgs/msg/Bool", hold))
     arrays = {}
     if joints:
-        limits = joint_limits(plant, "gripper", joints)
+        limits = joint_limits(plant, robot.gripper_model, joints)
         arrays["/position_grasp"] = (_SINGLE_JOINTS, limits, gripper)
     if _ARM in inputs:
-        arrays["/kuka"] = (_ARM, joint_limits(plant, "arm"), arm)
+        arrays["/kuka"] = (_ARM, joint_limits(plant, robot.arm_model), arm)
     for name, (port, limits, command) in arrays.items():
         convert = checked_positions(
             limits, partial(command, port), obeyed=port in inputs
         )
         topics.append(CommandTopic(name, "std_msgs/msg/Float64MultiArray", convert))
-    return topics
+    return _of_arm(robot, topics)
 
 
-def arm_joint_names(plant: MultibodyPlant) -> list[str]:
-    """Return the names of the arm's joints, in the order of its positions."""
-    return [joint.name() for joint in _moving_joints(plant, "arm")]
+def arm_joint_names(plant: MultibodyPlant, robot: RobotArm = ONE_ARM) -> list[str]:
+    """Return the names of an arm's joints in messages, in the order of its positions.
+
+    Those of the arm `left` begin with `left_`.
+    """
+    moving = _moving_joints(plant, robot.arm_model)
+    return [robot.system(joint.name()) for joint in moving]
 
 
 def _moving_joints(plant: MultibodyPlant, instance: str) -> list[Joint]:
@@ -319,7 +365,10 @@ _KIND = "trajectory_msgs/msg/JointTrajectory"
 
 
 def trajectory_topics(
-    plant: MultibodyPlant, inputs: Iterable[str], period: float
+    plant: MultibodyPlant,
+    inputs: Iterable[str],
+    period: float,
+    robot: RobotArm = ONE_ARM,
 ) -> list[CommandTopic]:
     """Return the topics of an arm that follows trajectories; none for another.
 
@@ -328,37 +377,44 @@ def trajectory_topics(
     joint): the arm is there one period later.
 
     Args:
-        plant: Has the model instance `arm`.
+        plant: Has the arm's model instance.
         inputs: Names of the station's input ports.
         period: Of the arm's driver [s].
+        robot: The arm. If it has a name, topics begin with `/NAME`.
     """
-    if TRAJECTORY not in inputs:
+    if port_of(robot, TRAJECTORY) not in inputs:
         return []
 
     def at_once(q: Vector) -> PortValues:
         return {TRAJECTORY: trajectory_piece(np.array([period]), q[np.newaxis])}
 
-    return [
-        CommandTopic("/joint_trajectory", _KIND, trajectory_command(plant), whole=True),
-        CommandTopic(
-            "/kuka",
-            "std_msgs/msg/Float64MultiArray",
-            checked_positions(joint_limits(plant, "arm"), at_once, obeyed=True),
-        ),
-    ]
+    command = trajectory_command(plant, robot)
+    positions = checked_positions(
+        joint_limits(plant, robot.arm_model), at_once, obeyed=True
+    )
+    return _of_arm(
+        robot,
+        [
+            CommandTopic("/joint_trajectory", _KIND, command, whole=True),
+            CommandTopic("/kuka", "std_msgs/msg/Float64MultiArray", positions),
+        ],
+    )
 
 
-def trajectory_command(plant: MultibodyPlant) -> Callable[[Any], PortValues]:
-    """Return what checks a JointTrajectory and makes a command of it.
+def trajectory_command(
+    plant: MultibodyPlant, robot: RobotArm = ONE_ARM
+) -> Callable[[Any], PortValues]:
+    """Return what checks a JointTrajectory and makes a command of `TRAJECTORY` of it.
 
     It raises a CommandError if the trajectory is invalid.
 
     Args:
-        plant: Has the model instance `arm`.
+        plant: Has the arm's model instance.
+        robot: The arm.
     """
-    names = arm_joint_names(plant)
+    names = arm_joint_names(plant, robot)
     check = checked_positions(
-        joint_limits(plant, "arm"), lambda q: {"": q}, obeyed=True
+        joint_limits(plant, robot.arm_model), lambda q: {"": q}, obeyed=True
     )
 
     def command(message: Any) -> PortValues:
@@ -433,20 +489,31 @@ def safety_topics(
 class SafetyGate:
     """Keeps a stopped arm's commands away, so that no old one moves it once released.
 
-    A station without a safety monitor gets its commands unchanged.
+    An arm without a safety monitor gets its commands unchanged.
 
     Args:
         station: The served station.
         warnings: Where stops are reported.
+        robots: Its arms.
     """
 
-    def __init__(self, station: Diagram, warnings: Warnings) -> None:
+    def __init__(
+        self,
+        station: Diagram,
+        warnings: Warnings,
+        robots: Sequence[RobotArm] = (ONE_ARM,),
+    ) -> None:
         self._warnings = warnings
-        self._state = None
-        if station.HasOutputPort("safety.state"):
-            self._state = station.GetOutputPort("safety.state")
-            (self._arm,) = filter(station.HasInputPort, _ARM_PORTS)
-            self._nowhere = np.full(station.GetInputPort(self._arm).size(), np.nan)
+        # State of the monitor, port of the commands, and a command that is none.
+        self._watched: list[tuple[RobotArm, OutputPort, str, Vector]] = []
+        for robot in robots:
+            state = port_of(robot, "safety.state")
+            if station.HasOutputPort(state):
+                ports = [port_of(robot, port) for port in _ARM_PORTS]
+                (arm,) = filter(station.HasInputPort, ports)
+                nowhere = np.full(station.GetInputPort(arm).size(), np.nan)
+                output = station.GetOutputPort(state)
+                self._watched.append((robot, output, arm, nowhere))
 
     def admit(self, values: PortValues, context: Context) -> PortValues:
         """Return the values of input ports to set.
@@ -455,7 +522,7 @@ class SafetyGate:
             values: Commands since the last call, by input port.
             context: The station's.
         """
-        if self._state is None:
+        if not self._watched:
             return values
         # A release counts once.
         values = {"safety.release": np.zeros(1), **values}
@@ -463,11 +530,15 @@ class SafetyGate:
             beats = values["safety.heartbeat"][0] > 0.0
             time = context.get_time() if beats else np.inf
             values["safety.heartbeat"] = np.array([time])
-        state, reason = safety_state(self._state.Eval(context))
-        if state is SafetyState.RUNNING:
-            self._warnings.forget("stop")
-            return values
-        self._warnings.warn(
-            "stop", f"the arm is stopped ({reason.value}); /kuka waits for a /release"
-        )
-        return {**values, self._arm: self._nowhere}
+        for robot, output, arm, nowhere in self._watched:
+            state, reason = safety_state(output.Eval(context))
+            kind = topic_of(robot, "stop")
+            if state is SafetyState.RUNNING:
+                self._warnings.forget(kind)
+                continue
+            who = f"the arm {robot.name}".rstrip()
+            kuka = topic_of(robot, "/kuka")
+            text = f"{who} is stopped ({reason.value}); {kuka} waits for a /release"
+            self._warnings.warn(kind, text)
+            values[arm] = nowhere
+        return values

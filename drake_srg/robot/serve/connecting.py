@@ -18,6 +18,7 @@ from drake_srg.recording.rosbag import Topic
 from drake_srg.robot.serve.bridge import Bridge
 from drake_srg.robot.serve.commands import CommandInbox
 from drake_srg.scenario import Scenario
+from drake_srg.scenario.schema import check_single_arm
 
 if TYPE_CHECKING:
     from cyclonedds.domain import DomainParticipant
@@ -203,6 +204,9 @@ class BridgeOptions:
                     add(KeyboardBridge(inbox, self.terminal))
                 if self.protocol is not None and self.servo is None:
                     raise ValueError("--protocol: needs --servo")
+                for option in ("servo", "dex1"):
+                    if getattr(self, option) is not None:
+                        check_single_arm(scenario, f"--{option}")
                 if self.servo is not None:
                     from drake_srg.robot.serve.dynamixel.bridge import (
                         ServoBridge,

@@ -14,10 +14,10 @@ from typing import Any, Protocol
 
 import numpy as np
 from pydrake.systems.analysis import Simulator
-from pydrake.systems.framework import Context, Diagram, DiagramBuilder
+from pydrake.systems.framework import Context, Diagram, DiagramBuilder, InputPort
 from pydrake.systems.primitives import PassThrough
 
-from drake_srg.arm.driver import AddJerkLimits
+from drake_srg.arm.driver import AddJerkLimits, ArmDriver
 from drake_srg.arm.reference import JerkLimitedReference, TrajectoryFollower
 from drake_srg.common.exceptions import ScenarioError, scenario_errors
 from drake_srg.common.real_time import real_time_loop
@@ -34,18 +34,19 @@ from drake_srg.recording.rosbag import Topic
 from drake_srg.robot.serve.action_server import ActionServer
 from drake_srg.robot.serve.bridge import Bridge, Outlet
 from drake_srg.robot.serve.commands import (
+    ONE_ARM,
     TRAJECTORY,
     CommandInbox,
     CommandTopic,
     SafetyGate,
     Warnings,
+    port_of,
     safety_topics,
     station_topics,
     trajectory_topics,
 )
 from drake_srg.robot.serve.pictures import PERIOD, Pictures
-from drake_srg.scenario import Scenario
-from drake_srg.scenario.schema import check_single_arm
+from drake_srg.scenario import RobotArm, Scenario, robot_arms
 from drake_srg.simulation import failure_time
 from drake_srg.simulation.flat import MakeRoot
 from drake_srg.simulation.recorders import AddRosbagRecorder, recorded_topics
@@ -141,7 +142,9 @@ def MakeServedStation(scenario: Scenario) -> Diagram:
     `arm.position_desired` (N) [rad or m] reaches the arm through a
     `JerkLimitedReference` that starts at the arm's home position, and again wherever a
     safety monitor has stopped the arm. Without `arm.limits`, a `TrajectoryFollower`
-    takes its place, and `arm.trajectory_desired` that of the port. The subsystem
+    takes its place, and `arm.trajectory_desired` that of the port. With `arms`, ports
+    begin with `NAME.` as those of the station, but all arms share `safety.estop` and
+    the other inputs of safety monitors. The subsystem
     `station` is the station without cameras; `MakeRemoteCameras` renders its plant's
     state in another process.
 
@@ -165,38 +168,62 @@ def AddServedStation(
     Raises:
         ScenarioError: If the models do not fit the scenario.
     """
-    check_single_arm(scenario, "serve")
     without_cameras = dc.replace(scenario, cameras={})
     station = builder.AddNamedSystem("station", make_station(without_cameras))
     export_outputs(builder, station)
     inputs = input_ports(station)
-    if scenario.arm is not None:
-        commanded = inputs.pop("arm.position_commanded")
-        reference: JerkLimitedReference | TrajectoryFollower
-        if scenario.arm.limits is None:
-            follower = TrajectoryFollower(
-                np.array(scenario.arm.home), scenario.arm.period
+    for robot in robot_arms(scenario):
+        if robot.arm is not None:
+            _AddReference(builder, station, inputs, robot, robot.arm)
+        if robot.gripper is not None:
+            name = f"{robot.gripper_model}.closure_commanded"
+            command = builder.AddNamedSystem(
+                robot.system("closure_commanded"), PassThrough(1)
             )
-            reference = builder.AddNamedSystem("arm_reference", follower)
-        else:
-            reference = AddJerkLimits(builder, scenario.arm)
-        builder.Connect(reference.get_output_port(), commanded)
-        if "arm.position_held" in output_ports(station):
-            builder.Connect(
-                station.GetOutputPort("arm.position_held"),
-                reference.GetInputPort("position_held"),
-            )
-        desired = reference.get_input_port(0)
-        builder.ExportInput(desired, f"arm.{desired.get_name()}")
-        builder.ExportOutput(reference.get_output_port(), "arm.position_commanded")
-    if scenario.gripper is not None:
-        closure = inputs.pop("gripper.closure_commanded")
-        command = builder.AddNamedSystem("closure_commanded", PassThrough(1))
-        builder.Connect(command.get_output_port(), closure)
-        builder.ExportInput(command.get_input_port(), "gripper.closure_commanded")
-        builder.ExportOutput(command.get_output_port(), "gripper.closure_commanded")
+            builder.Connect(command.get_output_port(), inputs.pop(name))
+            builder.ExportInput(command.get_input_port(), name)
+            builder.ExportOutput(command.get_output_port(), name)
+    exported = set[str]()
     for name, port in inputs.items():
-        builder.ExportInput(port, name)
+        shared = _shared(name, robot_arms(scenario))
+        if shared in exported:
+            builder.ConnectInput(shared, port)
+        else:
+            builder.ExportInput(port, shared)
+        exported.add(shared)
+
+
+def _shared(port: str, robots: Sequence[RobotArm]) -> str:
+    """Return the name of an input port: one button stops all arms."""
+    prefixes = tuple(f"{robot.prefix}safety." for robot in robots)
+    return port[port.index("safety.") :] if port.startswith(prefixes) else port
+
+
+def _AddReference(
+    builder: DiagramBuilder,
+    station: Diagram,
+    inputs: dict[str, InputPort],
+    robot: RobotArm,
+    arm: ArmDriver,
+) -> None:
+    """Add what moves an arm to its targets, and take its port off `inputs`."""
+    commanded = f"{robot.arm_model}.position_commanded"
+    name = robot.system("arm_reference")
+    reference: JerkLimitedReference | TrajectoryFollower
+    if arm.limits is None:
+        follower = TrajectoryFollower(np.array(arm.home), arm.period)
+        reference = builder.AddNamedSystem(name, follower)
+    else:
+        reference = AddJerkLimits(builder, arm, name)
+    builder.Connect(reference.get_output_port(), inputs.pop(commanded))
+    held = f"{robot.arm_model}.position_held"
+    if held in output_ports(station):
+        builder.Connect(
+            station.GetOutputPort(held), reference.GetInputPort("position_held")
+        )
+    desired = reference.get_input_port(0)
+    builder.ExportInput(desired, f"{robot.arm_model}.{desired.get_name()}")
+    builder.ExportOutput(reference.get_output_port(), commanded)
 
 
 LONGEST = 120.0  # A browser holds the whole replay [s].
@@ -243,17 +270,18 @@ class ServedReplay:
 
 def control_period(scenario: Scenario) -> float:
     """Return the time between reads of the inbox [s]: the arm driver's period."""
-    if scenario.arm is not None:
-        return scenario.arm.period
-    return scenario.plant_config.time_step or 1.0 / 256.0
+    periods = [robot.arm.period for robot in robot_arms(scenario) if robot.arm]
+    return min(periods, default=scenario.plant_config.time_step or 1.0 / 256.0)
 
 
-def MakeActionServer(scenario: Scenario, station: Diagram) -> ActionServer | None:
-    """Return the action server of an arm that follows trajectories, else None."""
-    if TRAJECTORY not in input_ports(station):
-        return None
+def MakeActionServers(scenario: Scenario, station: Diagram) -> list[ActionServer]:
+    """Return an action server for each arm that follows trajectories."""
     plant = station.GetSubsystemByName("station").GetSubsystemByName("plant")
-    return ActionServer(plant, control_period(scenario))
+    return [
+        ActionServer(plant, robot.arm.period, robot)
+        for robot in robot_arms(scenario)
+        if robot.arm and port_of(robot, TRAJECTORY) in input_ports(station)
+    ]
 
 
 def station_inbox(
@@ -270,19 +298,21 @@ def station_inbox(
         warnings: Where refused commands are reported.
         others: Topics besides those that command input ports.
     """
-    joints = () if scenario.gripper is None else scenario.gripper.joint_names
     plant = station.GetSubsystemByName("station").GetSubsystemByName("plant")
-    inputs = input_ports(station)
-    commands = station_topics(plant, inputs, joints)
-    commands += trajectory_topics(plant, inputs, control_period(scenario))
+    inputs, period = input_ports(station), control_period(scenario)
+    commands = []
+    for robot in robot_arms(scenario):
+        joints = () if robot.gripper is None else robot.gripper.joint_names
+        commands += station_topics(plant, inputs, joints, robot)
+        commands += trajectory_topics(plant, inputs, period, robot)
     return CommandInbox([*commands, *safety_topics(inputs), *others], warnings)
 
 
 def fix_defaults(station: Diagram, context: Context) -> None:
-    """Open the gripper until somebody commands it: these ports need a value."""
-    for name in ("gripper.closure_commanded", "gripper.closure_messages"):
-        if station.HasInputPort(name):
-            station.GetInputPort(name).FixValue(context, [0.0])
+    """Open the grippers until somebody commands them: these ports need a value."""
+    for name, port in input_ports(station).items():
+        if name.endswith(("gripper.closure_commanded", "gripper.closure_messages")):
+            port.FixValue(context, [0.0])
 
 
 class Shown(Protocol):
@@ -307,7 +337,8 @@ class ServedLoop:
         inbox: Where commands arrive.
         outlet: Publishes.
         replay: What is sampled for the replay, if anything.
-        actions: The arm's action server, connected, if it has one.
+        actions: The arms' action servers, connected.
+        robots: The arms.
     """
 
     def __init__(
@@ -321,7 +352,8 @@ class ServedLoop:
         inbox: CommandInbox,
         outlet: Outlet,
         replay: ServedReplay | None = None,
-        actions: ActionServer | None = None,
+        actions: Sequence[ActionServer] = (),
+        robots: Sequence[RobotArm] = (ONE_ARM,),
     ) -> None:
         self._replay, self._actions = replay, actions
         self._name, self._simulator, self._advance = name, simulator, advance
@@ -331,7 +363,7 @@ class ServedLoop:
         self._station = station
         self._context = my_context(station, self._root)
         self._ports = output_ports(station)
-        self._gate = SafetyGate(station, inbox.warnings)
+        self._gate = SafetyGate(station, inbox.warnings, robots)
         # The integrator of a continuous plant chooses its own steps: there, a control
         # period counts as one.
         self._plant = station.GetSubsystemByName("station").GetSubsystemByName("plant")
@@ -345,11 +377,11 @@ class ServedLoop:
         the commands. The remaining steps of the control period take real time, for
         which clients would otherwise wait.
         """
-        if self._actions is not None:
-            self._actions.advance(
+        for server in self._actions:
+            server.advance(
                 self._root.get_time(),
-                self._value("arm.state_measured"),
-                self._value("arm.position_commanded"),
+                self._value(port_of(server.robot, "arm.state_measured")),
+                self._value(port_of(server.robot, "arm.position_commanded")),
             )
         for name, value in self._gate.admit(self.inbox.take(), self._context).items():
             self._station.GetInputPort(name).FixValue(self._context, value)
@@ -451,8 +483,8 @@ def Serve(
             if out is not None:
                 bag = AddRosbagRecorder(builder, station, scenario, out)
                 recording = stack.enter_context(bag).path
-            actions = MakeActionServer(scenario, station)
-            requests, replies = ([], []) if actions is None else actions.topics
+            actions = MakeActionServers(scenario, station)
+            requests = [topic for server in actions for topic in server.topics[0]]
             inbox = station_inbox(scenario, station, warnings, requests)
             topics = recorded_topics(station, scenario)
             root = builder.Build()
@@ -461,13 +493,15 @@ def Serve(
             fix_defaults(station, my_context(station, simulator.get_mutable_context()))
             simulator.Initialize()
             advance = MakeAdvance(simulator, station, scenario)
-            if out is not None and scenario.arm is not None:
+            robots = robot_arms(scenario)
+            if out is not None and robots[0].arm is not None:
                 replay = ServedReplay(name, scenario, root, station)
         pictures = Pictures(scenario, warnings, camera_period)
+        replies = [topic for server in actions for topic in server.topics[1]]
         published = [*topics, *pictures.topics.values(), *replies]
         outlet = Outlet(connect(inbox, published), warnings)
-        if actions is not None:
-            actions.connect(inbox, outlet)
+        for server in actions:
+            server.connect(inbox, outlet)
         for bridge in outlet.bridges:
             stack.callback(bridge.close)
         stack.callback(pictures.close)
@@ -484,6 +518,7 @@ def Serve(
             outlet,
             replay,
             actions,
+            robots,
         )
         try:
             with real_time_loop():

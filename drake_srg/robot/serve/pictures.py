@@ -300,7 +300,8 @@ def served_cameras(
     else:  # objects of any shape, for which there is no localizer
         alone = _with_one_camera(scenario, first[0])
         yield ServedCamera(first[0], alone, image_topics(*first), period)
-    others = dict.fromkeys(scenario.task.place.cameras, period)
+    used = (*scenario.localizer.cameras, *scenario.task.place.cameras)
+    others = dict.fromkeys(used, period)
     servo = servo_of(scenario)
     if servo is not None:
         others[servo.camera] = servo.camera_period

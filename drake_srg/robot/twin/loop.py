@@ -19,12 +19,12 @@ from drake_srg.common.exceptions import ScenarioError
 from drake_srg.common.systems import MakeSimulator, model_actuators
 from drake_srg.lifetime import my_context
 from drake_srg.objects.models import object_body
-from drake_srg.robot.drive.config import HardwareConfig
-from drake_srg.robot.drive.link import JointStates, Robot, RosDriver
+from drake_srg.robot.drive.config import ArmHardware, HardwareConfig
+from drake_srg.robot.drive.link import JOINT_STATE, JointStates, Robot, RosDriver
 from drake_srg.robot.serve.commands import CommandError
 from drake_srg.robot.twin.comparison import KINDS, Sighting, read_blobs
 from drake_srg.robot.twin.station import twin_period
-from drake_srg.scenario import Scenario
+from drake_srg.scenario import Scenario, robot_arms
 from drake_srg.scenario.schema import TwinConfig
 from drake_srg.simulation import failure_time
 from drake_srg.station.sleeping import MakeAdvance
@@ -37,10 +37,10 @@ class Told:
 
     Attributes:
         stamp: Time of the arm's state [s].
-        arm_state: [q; v] of the arm, shape (2N,) [rad, rad/s].
-        arm_torque: Of its joints, shape (N,) [N m]; NaN: not told.
-        gripper_state: [q; v] of the fingers, shape (2n,); NaN: not told.
-        closure: Command to the gripper, 0 open .. 1 closed; None: not told.
+        arm_state: [q; v] of all arms' joints, shape (2N,) [rad, rad/s].
+        arm_torque: Of these joints, shape (N,) [N m]; NaN: not told.
+        gripper_state: [q; v] of all fingers, shape (2n,); NaN: not told.
+        closures: Command to each gripper, 0 open .. 1 closed; None: not told.
         sightings: Of objects, since the last call of `Listener.take`.
     """
 
@@ -48,64 +48,51 @@ class Told:
     arm_state: Vector
     arm_torque: Vector
     gripper_state: Vector
-    closure: float | None = None
+    closures: tuple[float | None, ...] = ()
     sightings: tuple[Sighting, ...] = ()
 
 
-class Listener:
-    """Subscribes to a robot's topics. Any thread may deliver messages.
+class _Heard:
+    """The latest messages of an arm and its gripper.
 
     Args:
-        config: The hardware's, with drivers that speak ROS.
+        drivers: Of both; they speak ROS.
         twin: The other topics.
-        robot: The robot; its nodes are opened by the caller.
-
-    Attributes:
-        heard_at: When the arm's state arrived last [s, real].
-
-    Raises:
-        ScenarioError: If a driver has no topics.
+        robot: As the drivers know it.
+        lock: Held while a message is taken in.
     """
 
-    def __init__(self, config: HardwareConfig, twin: TwinConfig, robot: Robot) -> None:
-        arm, gripper = config.arm, config.gripper
-        for key, driver in (("arm", arm), ("gripper", gripper)):
+    def __init__(
+        self, drivers: ArmHardware, twin: TwinConfig, robot: Robot, lock: threading.Lock
+    ) -> None:
+        for key, driver in (("arm", drivers.arm), ("gripper", drivers.gripper)):
             if not isinstance(driver, RosDriver):
                 raise ScenarioError(
-                    f"{key}: a twin cannot listen to !{type(driver).__name__}, because "
-                    "a bus has one master (allowed: the drivers of ROS 1 and ROS 2)"
+                    f"{robot.own.key}{key}: a twin cannot listen to "
+                    f"!{type(driver).__name__}, because a bus has one master (allowed: "
+                    "the drivers of ROS 1 and ROS 2)"
                 )
+        arm, gripper = drivers.arm, drivers.gripper
         assert isinstance(arm, RosDriver)
         assert isinstance(gripper, RosDriver)
-        self._lock = threading.Lock()
+        self._lock = lock
         self._arm = JointStates(arm.names(robot))
         self._fingers = JointStates(gripper.names(robot))
-        self._told: Told | None = None
-        self._gripper_state = np.full(2 * len(robot.gripper_joints), np.nan)
-        self._closure: float | None = None
-        self._sightings: list[Sighting] = []
-        self.heard_at = -math.inf
-        node, hand = robot.nodes.of(arm.version), robot.nodes.of(gripper.version)
-        states = "sensor_msgs/msg/JointState"
-        node.subscribe(arm.state, states, self._receive_arm)
-        hand.subscribe(gripper.state, states, self._receive_gripper)
+        # The arm's stamp, state and torques, once they are new.
+        self.new: tuple[float, Vector, Vector] | None = None
+        self.gripper_state = np.full(2 * len(robot.gripper_joints), np.nan)
+        self.closure: float | None = None
+        self.node = robot.nodes.of(gripper.version)
+        arms = robot.nodes.of(arm.version)
+        arms.subscribe(robot.topic(arm.state), JOINT_STATE, self._receive_arm)
+        fingers = robot.topic(gripper.state)
+        self.node.subscribe(fingers, JOINT_STATE, self._receive_gripper)
         for topic, kind, receive in (
             (twin.closure, "std_msgs/msg/Float64", self._receive_closure),
             (twin.grasp, "std_msgs/msg/Int32", self._receive_grasp),
-            (twin.blobs, "std_msgs/msg/String", self._receive_blobs),
         ):
             if topic:
-                hand.subscribe(topic, kind, receive)
-
-    def take(self) -> Told | None:
-        """Return the messages if the arm's state is new since the last call."""
-        with self._lock:
-            told, self._told = self._told, None
-            if told is None:
-                return None
-            seen, self._sightings = tuple(self._sightings), []
-            state, closure = self._gripper_state, self._closure
-        return dc.replace(told, gripper_state=state, closure=closure, sightings=seen)
+                self.node.subscribe(robot.topic(topic), kind, receive)
 
     def _receive_arm(self, message: Any) -> None:
         with self._lock:
@@ -114,14 +101,13 @@ class Listener:
                 return
             stamp, state, effort = read
             torque = np.full(len(state) // 2, np.nan) if effort is None else effort
-            self._told = Told(stamp, state, torque, self._gripper_state)
-            self.heard_at = wall.monotonic()
+            self.new = stamp, state, torque
 
     def _receive_gripper(self, message: Any) -> None:
         with self._lock:
             read = self._fingers.read(message)
             if read is not None:
-                self._gripper_state = read[1]
+                self.gripper_state = read[1]
 
     def _receive_closure(self, message: Any) -> None:
         self._command(float(message.data))
@@ -133,12 +119,68 @@ class Listener:
         if not 0.0 <= closure <= 1.0:
             raise CommandError("range", f"must be open to closed, got {closure:g}")
         with self._lock:
-            self._closure = closure
+            self.closure = closure
+
+
+class Listener:
+    """Subscribes to a robot's topics. Any thread may deliver messages.
+
+    Args:
+        config: The hardware's, with drivers that speak ROS.
+        twin: The other topics.
+        robots: The robot, for each of its arms; its nodes are opened by the caller.
+
+    Attributes:
+        heard_at: When the arms' states were last all new [s, real].
+
+    Raises:
+        ScenarioError: If a driver has no topics.
+    """
+
+    def __init__(
+        self, config: HardwareConfig, twin: TwinConfig, *robots: Robot
+    ) -> None:
+        self._lock = threading.Lock()
+        self._heard = [
+            _Heard(config.drivers[robot.own.name], twin, robot, self._lock)
+            for robot in robots
+        ]
+        self._sightings: list[Sighting] = []
+        self.heard_at = -math.inf
+        if twin.blobs:
+            node = self._heard[0].node
+            node.subscribe(twin.blobs, "std_msgs/msg/String", self._receive_blobs)
+
+    def take(self) -> Told | None:
+        """Return the messages if all arms' states are new since the last call."""
+        with self._lock:
+            new = [arm.new for arm in self._heard if arm.new is not None]
+            if len(new) < len(self._heard):
+                return None
+            for arm in self._heard:
+                arm.new = None
+            self.heard_at = wall.monotonic()
+            seen, self._sightings = tuple(self._sightings), []
+            stamps, states, torques = zip(*new, strict=True)
+            return Told(
+                max(stamps),
+                _both_halves(states),
+                np.concatenate(torques),
+                _both_halves([arm.gripper_state for arm in self._heard]),
+                tuple(arm.closure for arm in self._heard),
+                seen,
+            )
 
     def _receive_blobs(self, message: Any) -> None:
         seen = read_blobs(message.data)
         with self._lock:
             self._sightings += seen
+
+
+def _both_halves(states: Sequence[Vector]) -> Vector:
+    """Return states [q; v] as one, with the q of all and then the v of all."""
+    halves = [np.split(state, 2) for state in states]
+    return np.concatenate([half[i] for i in (0, 1) for half in halves])
 
 
 # An object that is nearer to the hand's grasp centre is left to contact [m]: half a
@@ -158,13 +200,18 @@ class Placing:
         plant: The twin's.
         context: Its context, changed.
         names: Of the objects.
+        grippers: Their models.
 
     Attributes:
         placed_at: When each object was put somewhere last [s], by name.
     """
 
     def __init__(
-        self, plant: MultibodyPlant, context: Context, names: Sequence[str]
+        self,
+        plant: MultibodyPlant,
+        context: Context,
+        names: Sequence[str],
+        grippers: Sequence[str] = ("gripper",),
     ) -> None:
         self._plant, self._context = plant, context
         bodies = {
@@ -172,8 +219,8 @@ class Placing:
             for name in names
         }
         self._bodies = {n: b for n, b in bodies.items() if isinstance(b, BodyIndex)}
-        gripper = plant.GetModelInstanceByName("gripper")
-        self._hand = plant.GetFrameByName("grasp_center", gripper)
+        models = map(plant.GetModelInstanceByName, grippers)
+        self._hands = [plant.GetFrameByName("grasp_center", model) for model in models]
         self._last: dict[str, Vector] = {}
         self.placed_at: dict[str, float] = {}
 
@@ -187,7 +234,8 @@ class Placing:
             parted: Whether each object is known to be elsewhere than in the twin.
             time: Now [s].
         """
-        p_WH = self._hand.CalcPoseInWorld(self._context).translation()
+        hands = [hand.CalcPoseInWorld(self._context) for hand in self._hands]
+        p_WH = np.array([X_WH.translation() for X_WH in hands])
         moved = []
         for seen in sightings:
             body = self._bodies.get(seen.name)
@@ -198,7 +246,7 @@ class Placing:
             self._last[seen.name] = p_WO
             first = seen.name not in self.placed_at
             rests = bool(np.linalg.norm(p_WO - last) < _RESTS)
-            far = bool(np.linalg.norm(p_WO - p_WH) > _HAND)
+            far = bool(np.min(np.linalg.norm(p_WO - p_WH, axis=1)) > _HAND)
             if far and rests and (first or parted.get(seen.name, False)):
                 self._put(body, seen)
                 self.placed_at[seen.name] = time
@@ -262,7 +310,6 @@ class TwinLoop:
         twin: Diagram,
         first: Told,
     ) -> None:
-        assert scenario.arm is not None
         self._name, self._twin, self._config = name, twin, scenario.twin
         self._period, self._start = twin_period(scenario), first.stamp
         self._simulator = MakeSimulator(root, scenario.simulator_config)
@@ -271,12 +318,25 @@ class TwinLoop:
         self._own = my_context(twin, self.context)
         plant = twin.GetSubsystemByName("station").GetSubsystemByName("plant")
         plant_context = plant.GetMyMutableContextFromRoot(self.context)
-        self._n = len(first.arm_torque)
-        arm = plant.GetModelInstanceByName("arm")
-        self._efforts = [a.effort_limit() for a in model_actuators(plant, arm)]
-        plant.SetPositions(plant_context, arm, first.arm_state[: self._n])
+        self._robots = robot_arms(scenario)
+        self._efforts, self._joints = list[float](), list[str]()
+        self._finger_joints = list[str]()
+        for robot in self._robots:
+            arm = plant.GetModelInstanceByName(robot.arm_model)
+            efforts = [a.effort_limit() for a in model_actuators(plant, arm)]
+            begin = len(self._efforts)
+            q = first.arm_state[begin : begin + len(efforts)]
+            plant.SetPositions(plant_context, arm, q)
+            whose = f" of {robot.name}" if robot.name else ""
+            fingers = robot.gripper.joint_names if robot.gripper else ()
+            self._efforts += efforts
+            self._joints += [f"joint {i + 1}{whose}" for i in range(len(efforts))]
+            self._finger_joints += [
+                f"finger joint {i + 1}{whose}" for i in range(len(fingers))
+            ]
         self._names = [n for n, config in scenario.objects.items() if config.present]
-        self._placing = Placing(plant, plant_context, self._names)
+        hands = [robot.gripper_model for robot in self._robots]
+        self._placing = Placing(plant, plant_context, self._names, hands)
         self._seen: dict[str, Sighting] = {}
         self._told, self._steps = first, 0
         self._quiet_until = self._config.settle
@@ -296,6 +356,12 @@ class TwinLoop:
     def value(self, port: str) -> Any:
         """Return the present value of an output port of the twin."""
         return self._twin.GetOutputPort(port).Eval(self._own)
+
+    @property
+    def force(self) -> float:
+        """Largest force at any finger of the twin [N]."""
+        ports = [f"{robot.gripper_model}.contact_force" for robot in self._robots]
+        return max(float(self.value(port).max(initial=0.0)) for port in ports)
 
     def follow(self, told: Told) -> list[Parting]:
         """Advance to the time of the robot's messages; return the new reports.
@@ -343,7 +409,6 @@ class TwinLoop:
 
     def _fix(self, arm_state: Vector, told: Told) -> None:
         values: dict[str, Any] = {
-            "gripper.closure_commanded": [told.closure or 0.0],
             "robot.arm_state": arm_state,
             "robot.arm_torque": told.arm_torque,
             "robot.arm_torque_or_zero": np.nan_to_num(told.arm_torque),
@@ -351,6 +416,8 @@ class TwinLoop:
             "robot.sightings": AbstractValue.Make(tuple(self._seen.values())),
             "robot.placed_at": AbstractValue.Make(dict(self._placing.placed_at)),
         }
+        for robot, closure in zip(self._robots, told.closures, strict=True):
+            values[f"{robot.gripper_model}.closure_commanded"] = [closure or 0.0]
         for name, value in values.items():
             self._twin.GetInputPort(name).FixValue(self._own, value)
 
@@ -377,21 +444,21 @@ class TwinLoop:
             return int(np.argmax(np.abs(np.nan_to_num(self.value(port)))))
 
         if kind == "joint":
-            i = worst("twin.joint_error") + 1
-            return f"joint {i} is {amount:.3f} rad from the twin's (limit {limit:g})"
+            joint = self._joints[worst("twin.joint_error")]
+            return f"{joint} is {amount:.3f} rad from the twin's (limit {limit:g})"
         if kind == "torque":
             residual = np.nan_to_num(self.value("twin.torque_residual"))
             i = int(np.argmax(np.abs(residual) / self._efforts))
             return (
-                f"joint {i + 1} has {amount * self._efforts[i]:.1f} N m more or less "
-                f"than the twin expects, {amount:.1%} of its largest torque "
+                f"{self._joints[i]} has {amount * self._efforts[i]:.1f} N m more or "
+                f"less than the twin expects, {amount:.1%} of its largest torque "
                 f"(limit {limit:.1%})"
             )
         if kind == "finger":
             i = worst("twin.finger_error")
             more = "more" if self.value("twin.finger_error")[i] > 0.0 else "less"
             return (
-                f"finger joint {i + 1} is {amount:.3f} rad {more} closed than the "
+                f"{self._finger_joints[i]} is {amount:.3f} rad {more} closed than the "
                 f"twin's (limit {limit:g})"
             )
         name = self._names[worst("twin.object_error")]

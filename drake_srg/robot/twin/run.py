@@ -15,14 +15,13 @@ from drake_srg.common.real_time import real_time_loop
 from drake_srg.recording.output import OutputFile, output_folder
 from drake_srg.recording.rosbag import Topic, float64_array
 from drake_srg.robot.drive.config import HardwareConfig
-from drake_srg.robot.drive.opening import MakeRobot
+from drake_srg.robot.drive.opening import MakeRobots, check_arms
 from drake_srg.robot.serve.commands import Warnings
 from drake_srg.robot.serve.loop import ServedReplay
 from drake_srg.robot.twin.comparison import KINDS
 from drake_srg.robot.twin.loop import Listener, Parting, Told, TwinLoop
 from drake_srg.robot.twin.station import AddTwin, MakeTwin
-from drake_srg.scenario import Scenario
-from drake_srg.scenario.schema import check_single_arm
+from drake_srg.scenario import Scenario, robot_arms
 from drake_srg.simulation.flat import MakeRoot
 from drake_srg.simulation.recorders import FILES, AddRosbagRecorder
 
@@ -95,13 +94,13 @@ def run_twin(
         OSError: If `out` cannot be written, or an address is in use.
         ImportError: If a package is missing.
     """
-    check_single_arm(scenario, "a twin")
     stop = stop or threading.Event()
     warnings = Warnings(tell)
     artifacts: dict[str, str] = {}
     with contextlib.ExitStack() as stack:
         builder, twin = MakeRoot("twin", MakeTwin, AddTwin, scenario, name)
         with scenario_errors(name):
+            check_arms(scenario, config)
             stack.enter_context(output_folder(out))
             if out is not None:
                 for file in (*FILES.values(), "metrics.json"):
@@ -110,10 +109,11 @@ def run_twin(
                 bag = AddRosbagRecorder(builder, twin, scenario, out, more)
                 artifacts["recording"] = str(stack.enter_context(bag).path)
             root = builder.Build()
-            robot = MakeRobot(scenario, config, warnings, "_twin")
-            listener = Listener(config, scenario.twin, robot)
-            stack.callback(robot.nodes.close)
-            robot.nodes.open()
+            robots = MakeRobots(scenario, config, warnings, "_twin")
+            nodes = robots[0].nodes
+            listener = Listener(config, scenario.twin, *robots)
+            stack.callback(nodes.close)
+            nodes.open()
             first = _first(listener, config.patience, stop)
             loop = TwinLoop(name, scenario, root, twin, first)
             replay = None
@@ -145,8 +145,7 @@ def run_twin(
 
 def twin_topics(scenario: Scenario) -> list[Topic]:
     """Return the topics of a recorded twin, besides those of its station."""
-    assert scenario.arm is not None
-    n = len(scenario.arm.home)
+    n = sum(len(own.arm.home) for own in robot_arms(scenario) if own.arm)
     sizes = {
         "difference": len(KINDS),
         "parted": len(KINDS),
@@ -212,7 +211,7 @@ def _run(
 def status_text(loop: TwinLoop) -> str:
     """Return what the twin shows now, in one line."""
     joint, torque, finger, thing = loop.value("twin.difference")
-    force = float(loop.value("gripper.contact_force").max(initial=0.0))
+    force = loop.force
     expected = float(abs(loop.value("twin.torque_expected")).max())
     return (
         f"twin: {loop.time:.1f} s, joints {joint:.3f} rad, fingers {finger:.3f} rad, "

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import dataclasses as dc
-from collections.abc import Callable
+from collections.abc import Callable, Mapping, Sequence
+from typing import TypeAlias
 
 import numpy as np
 from pydrake.systems.framework import (
@@ -13,19 +14,20 @@ from pydrake.systems.framework import (
     DiagramBuilder,
     DiscreteValues,
 )
-from pydrake.systems.primitives import PassThrough
+from pydrake.systems.primitives import PassThrough, Selector, SelectorParams
 
+from drake_srg.arm.driver import ArmDriver
 from drake_srg.arm.external_torque import ExternalTorqueObserver
 from drake_srg.common.exceptions import ScenarioError
 from drake_srg.common.systems import export_outputs, input_ports, model_actuators
 from drake_srg.lifetime import LeafSystem
+from drake_srg.robot.serve.loop import control_period
 from drake_srg.robot.twin.comparison import (
     ObjectComparison,
     TorqueComparison,
     TwinMonitor,
 )
-from drake_srg.scenario import Scenario
-from drake_srg.scenario.schema import check_single_arm
+from drake_srg.scenario import RobotArm, Scenario, robot_arms
 from drake_srg.station import MakeStation
 from drake_srg.station.plant import MakeModelsPlant
 from drake_srg.types import Vector
@@ -126,7 +128,8 @@ def MakeTwin(scenario: Scenario) -> Diagram:
     The arm follows `robot.arm_state` by its own driver: within the limits of its
     motors, and as far as nothing is in its way. Fingers and objects are simulated:
     `gripper.closure_commanded` (1) moves the fingers, contact the objects. The inputs
-    `robot.NAME` are measurements; see `TwinMonitor`, `TorqueComparison` and
+    `robot.NAME` are measurements, each of all arms, one after the other; of states
+    [q; v], q has the joints of all. See `TwinMonitor`, `TorqueComparison` and
     `ObjectComparison`. NaN is a measurement that nobody tells, but for the arm's state,
     and for `robot.arm_torque_or_zero` (N), which has zeros in its place. The subsystem
     `station` is the station, without cameras, safety monitor and disturbances.
@@ -151,28 +154,21 @@ def AddTwin(
     Raises:
         ScenarioError: If the models do not fit the scenario.
     """
-    check_single_arm(scenario, "a twin")
-    arm, gripper = scenario.arm, scenario.gripper
-    if arm is None or gripper is None:
+    robots, period = robot_arms(scenario), twin_period(scenario)
+    arms = [robot.arm for robot in robots if robot.arm is not None]
+    grippers = [robot.gripper for robot in robots if robot.gripper is not None]
+    if not len(arms) == len(grippers) == len(robots):
         raise ScenarioError("twin: the scenario needs an arm and a gripper")
-    n, period = len(arm.home), twin_period(scenario)
-    station = builder.AddNamedSystem("station", make_station(_followed(scenario, n)))
-    export_outputs(builder, station)
-    commands = input_ports(station)
-    following = builder.AddNamedSystem("following", LagCompensation(n, period))
-    closure = builder.AddNamedSystem("closure_commanded", PassThrough(1))
-    builder.ExportInput(closure.get_input_port(), "gripper.closure_commanded")
-    for system, name in (
-        (following, "arm.position_commanded"),
-        (closure, "gripper.closure_commanded"),
-    ):
-        builder.Connect(system.get_output_port(), commands[name])
-        builder.ExportOutput(system.get_output_port(), name)
-    models = MakeModelsPlant(scenario)
-    observer = builder.AddNamedSystem(
-        "external_torque_of_robot",
-        ExternalTorqueObserver(models, ["arm", "gripper"], period),
+    joints, fingers = (
+        [len(a.home) for a in arms],
+        [len(g.joint_names) for g in grippers],
     )
+    n = sum(joints)
+    station = builder.AddNamedSystem("station", make_station(_followed(scenario)))
+    export_outputs(builder, station)
+    commands, models = input_ports(station), MakeModelsPlant(scenario)
+    own = builder.AddNamedSystem("measured_by_arm", _split(robots, joints))
+    every = builder.AddNamedSystem("measured_by_twin", _joined(robots, joints, fingers))
     torque = builder.AddNamedSystem("torque_comparison", TorqueComparison(n))
     names = [name for name, config in scenario.objects.items() if config.present]
     objects = builder.AddNamedSystem(
@@ -180,37 +176,65 @@ def AddTwin(
     )
     efforts = [
         actuator.effort_limit()
-        for actuator in model_actuators(models, models.GetModelInstanceByName("arm"))
+        for robot in robots
+        for actuator in model_actuators(
+            models, models.GetModelInstanceByName(robot.arm_model)
+        )
     ]
-    fingers = len(gripper.joint_names)
     monitor = builder.AddNamedSystem(
         "twin_monitor",
-        TwinMonitor(scenario.twin, np.array(efforts), fingers, len(names), period),
+        TwinMonitor(scenario.twin, np.array(efforts), sum(fingers), len(names), period),
     )
+    for robot, size in zip(robots, joints, strict=True):
+        arm, gripper = robot.arm_model, robot.gripper_model
+        following = builder.AddNamedSystem(
+            robot.system("following"), LagCompensation(size, period)
+        )
+        closure = builder.AddNamedSystem(
+            robot.system("closure_commanded"), PassThrough(1)
+        )
+        name = f"{gripper}.closure_commanded"
+        builder.ExportInput(closure.get_input_port(), name)
+        for system, name in (
+            (following, f"{arm}.position_commanded"),
+            (closure, f"{gripper}.closure_commanded"),
+        ):
+            builder.Connect(system.get_output_port(), commands[name])
+            builder.ExportOutput(system.get_output_port(), name)
+        observer = builder.AddNamedSystem(
+            robot.system("external_torque_of_robot"),
+            ExternalTorqueObserver(models, [arm, gripper], period),
+        )
+        state = station.GetOutputPort(f"{arm}.state_measured")
+        hand = station.GetOutputPort(f"{gripper}.state_measured")
+        expected = station.GetOutputPort(f"{arm}.external_torque")
+        for output, system, input in (
+            (own.GetOutputPort(f"{arm}_state"), following, "state_measured"),
+            (state, following, "state"),
+            (own.GetOutputPort(f"{arm}_state"), observer, f"{arm}_state"),
+            # The robot may not publish its fingers' angles; the twin's weigh as much.
+            (hand, observer, f"{gripper}_state"),
+            (own.GetOutputPort(f"{arm}_torque"), observer, "torque"),
+            (state, every, f"{arm}_state"),
+            (hand, every, f"{gripper}_state"),
+            (observer.get_output_port(), every, f"{arm}_felt"),
+            (expected, every, f"{arm}_expected"),
+        ):
+            builder.Connect(output, system.GetInputPort(input))
     for output, system, input in (
-        (station.GetOutputPort("arm.state_measured"), monitor, "arm_state"),
-        (station.GetOutputPort("arm.state_measured"), following, "state"),
-        (station.GetOutputPort("gripper.state_measured"), monitor, "gripper_state"),
-        # The robot may not publish its fingers' angles; the twin's weigh as much.
-        (station.GetOutputPort("gripper.state_measured"), observer, "gripper_state"),
+        (every.GetOutputPort("arm_state"), monitor, "arm_state"),
+        (every.GetOutputPort("gripper_state"), monitor, "gripper_state"),
+        (every.GetOutputPort("felt"), torque, "external_felt"),
+        (every.GetOutputPort("expected"), torque, "external_expected"),
         (torque.GetOutputPort("torque_residual"), monitor, "torque_residual"),
         (objects.get_output_port(), monitor, "object_error"),
-        (observer.get_output_port(), torque, "external_felt"),
-        (station.GetOutputPort("arm.external_torque"), torque, "external_expected"),
         (station.GetOutputPort("object_poses_cheat"), objects, "object_poses"),
     ):
         builder.Connect(output, system.GetInputPort(input))
     for name, targets in (
-        (
-            "arm_state",
-            [
-                (following, "state_measured"),
-                (monitor, "arm_state_measured"),
-                (observer, "arm_state"),
-            ],
-        ),
+        ("arm_state", [(own, "arm_state"), (monitor, "arm_state_measured")]),
         ("arm_torque", [(torque, "torque_measured")]),
-        ("arm_torque_or_zero", [(observer, "torque")]),
+        ("arm_torque_or_zero", [(own, "torque")]),
         ("gripper_state", [(monitor, "gripper_state_measured")]),
         ("sightings", [(objects, "sightings")]),
         ("placed_at", [(objects, "placed_at")]),
@@ -228,18 +252,97 @@ def AddTwin(
             builder.ExportOutput(system.GetOutputPort(name), f"twin.{name}")
 
 
+# Entries of a port, as (input port, its entry).
+_Entries: TypeAlias = list[tuple[str, int]]
+
+
+def _selector(inputs: Mapping[str, int], outputs: Mapping[str, _Entries]) -> Selector:
+    """Return a system whose outputs are entries of its inputs, given by their sizes."""
+    order, kinds = list(inputs), SelectorParams
+    return Selector(
+        SelectorParams(
+            inputs=[kinds.InputPortParams(name=k, size=n) for k, n in inputs.items()],
+            outputs=[
+                kinds.OutputPortParams(
+                    name=name,
+                    selections=[
+                        kinds.OutputSelection(
+                            input_port_index=order.index(port), input_offset=i
+                        )
+                        for port, i in entries
+                    ],
+                )
+                for name, entries in outputs.items()
+            ],
+        )
+    )
+
+
+def _split(robots: Sequence[RobotArm], joints: Sequence[int]) -> Selector:
+    """Return a system that gives each arm its own of what is measured of all."""
+    n, outputs, begin = sum(joints), dict[str, _Entries](), 0
+    for robot, size in zip(robots, joints, strict=True):
+        own = range(begin, begin + size)
+        both = [*own, *(n + i for i in own)]
+        outputs[f"{robot.arm_model}_state"] = [("arm_state", i) for i in both]
+        outputs[f"{robot.arm_model}_torque"] = [("torque", i) for i in own]
+        begin += size
+    return _selector({"arm_state": 2 * n, "torque": n}, outputs)
+
+
+def _joined(
+    robots: Sequence[RobotArm], joints: Sequence[int], fingers: Sequence[int]
+) -> Selector:
+    """Return a system that puts together what the twin has for each arm."""
+    arms = [robot.arm_model for robot in robots]
+    sizes = dict(zip(arms, joints, strict=True))
+    hands = [robot.gripper_model for robot in robots]
+    of_hands = dict(zip(hands, fingers, strict=True))
+    inputs = {f"{name}_state": 2 * k for name, k in (sizes | of_hands).items()}
+    inputs |= {f"{arm}_{kind}": k for arm, k in sizes.items() for kind in _TORQUES}
+    outputs = {
+        name: [
+            (f"{model}_state", half * k + i)
+            for half in (0, 1)
+            for model, k in parts.items()
+            for i in range(k)
+        ]
+        for name, parts in (("arm_state", sizes), ("gripper_state", of_hands))
+    }
+    for kind in _TORQUES:
+        outputs[kind] = [(f"{a}_{kind}", i) for a, k in sizes.items() for i in range(k)]
+    return _selector(inputs, outputs)
+
+
+_TORQUES = ("felt", "expected")
+
+
 def twin_period(scenario: Scenario) -> float:
     """Return the time between samples of the twin [s]."""
-    assert scenario.arm is not None
-    return scenario.twin.period or scenario.arm.period
+    return scenario.twin.period or control_period(scenario)
 
 
-def _followed(scenario: Scenario, n: int) -> Scenario:
+def _followed(scenario: Scenario) -> Scenario:
     """Return the scenario of the twin's station."""
-    assert scenario.arm is not None
-    arm = dc.replace(scenario.arm, period=twin_period(scenario))
+    period = twin_period(scenario)
+
+    def timed(arm: ArmDriver | None) -> ArmDriver | None:
+        return None if arm is None else dc.replace(arm, period=period)
+
+    arms = {
+        name: dc.replace(each, arm=timed(each.arm), safety=None)
+        for name, each in scenario.arms.items()
+    }
     # With any limit, the station reports the torques that its contacts cause.
-    planner = dc.replace(scenario.planner, max_external_torque=[1e9] * n)
+    first = robot_arms(scenario)[0].arm
+    limits = [1e9] * (0 if first is None else len(first.home))
+    planner = dc.replace(scenario.planner, max_external_torque=limits)
     return dc.replace(
-        scenario, cameras={}, safety=None, disturbances=[], arm=arm, planner=planner
+        scenario,
+        cameras={},
+        safety=None,
+        disturbances=[],
+        arm=timed(scenario.arm),
+        arms=arms,
+        planner=planner,
     )

@@ -69,7 +69,7 @@ def test_tags_choose_the_drivers():
 
 def test_only_ros_2_has_actions():
     config = parse_hardware(GOOD.replace("lead: 0.1", "stream: action"), "robot.yaml")
-    assert config.arm.action.startswith("/joint_trajectory_controller/")
+    assert config.arm.action.startswith("joint_trajectory_controller/")
 
 
 @pytest.mark.parametrize(

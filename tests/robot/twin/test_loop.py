@@ -28,7 +28,7 @@ def scenario():
 
 
 def told(stamp, **changes):
-    first = Told(stamp, REST, np.full(7, np.nan), np.full(8, np.nan), 0.0)
+    first = Told(stamp, REST, np.full(7, np.nan), np.full(8, np.nan), (0.0,))
     return dc.replace(first, **changes)
 
 
@@ -72,13 +72,15 @@ def test_an_arm_that_goes_where_the_table_is_differs(loop):
 def test_fingers_that_do_not_close_differ(loop):
     still = np.zeros(8)
     assert follow(loop, 100.0, 100.5, gripper_state=still) == []
-    reports = follow(loop, 100.5, 102.0, gripper_state=still, closure=1.0)
+    reports = follow(loop, 100.5, 102.0, gripper_state=still, closures=(1.0,))
     assert [report.kind for report in reports] == ["finger"]
     assert "less closed" in reports[0].text
-    assert follow(loop, 102.0, 103.0, gripper_state=still, closure=1.0) == []  # once
+    assert (
+        follow(loop, 102.0, 103.0, gripper_state=still, closures=(1.0,)) == []
+    )  # once
     # Once it is over, the next one is reported anew.
-    assert follow(loop, 103.0, 105.0, gripper_state=still, closure=0.0) == []
-    reports = follow(loop, 105.0, 107.0, gripper_state=still, closure=1.0)
+    assert follow(loop, 103.0, 105.0, gripper_state=still, closures=(0.0,)) == []
+    reports = follow(loop, 105.0, 107.0, gripper_state=still, closures=(1.0,))
     assert [report.kind for report in reports] == ["finger"]
 
 
@@ -131,7 +133,7 @@ def test_nothing_is_reported_for_a_while_after_lost_messages(loop):
     still = np.zeros(8)
     follow(loop, 100.0, 100.5, gripper_state=still)
     # For 0.6 s nothing arrives, then the gripper is commanded to be closed.
-    assert loop.follow(told(101.1, gripper_state=still, closure=1.0)) == []
+    assert loop.follow(told(101.1, gripper_state=still, closures=(1.0,))) == []
     assert loop.skipped == 0.0
     assert loop.time == pytest.approx(1.1, abs=0.02)
 
@@ -179,11 +181,11 @@ def test_a_listener_tells_what_it_has_heard():
     assert talk.listener.take() is None  # nothing about the arm
     talk.joints(1.0)
     heard = talk.listener.take()
-    assert (heard.stamp, heard.closure) == (1.0, 0.4)
+    assert (heard.stamp, heard.closures) == (1.0, (0.4,))
     np.testing.assert_array_equal(heard.arm_torque, np.arange(7.0))
     talk.say("/gripper/closure_commanded", "Float64", 0.7)
     talk.joints(1.1)
-    assert talk.listener.take().closure == 0.7
+    assert talk.listener.take().closures == (0.7,)
     assert talk.listener.take() is None
 
 
@@ -203,7 +205,7 @@ def test_bad_messages_change_nothing(topic, kind, data):
     assert talk.listener.take() is None
     talk.joints(1.0)
     heard = talk.listener.take()
-    assert heard.closure is None
+    assert heard.closures == (None,)
     assert heard.sightings == ()
 
 
