@@ -173,7 +173,11 @@ def AddCell(
     for name, exported in (
         ("mode", "planner.mode"),
         ("status", "planner.status"),
-        *((name, f"planner.{name}") for name in own_modes if planner.HasOutputPort(name)),
+        *(
+            (name, f"planner.{name}")
+            for name in own_modes
+            if planner.HasOutputPort(name)
+        ),
         *command_ports(arms),
     ):
         builder.ExportOutput(planner.GetOutputPort(name), exported)

@@ -26,8 +26,9 @@ from drake_srg.planning.clearing.motions import (
 from drake_srg.planning.clearing.placing import BinMotions, RowMotions, row_destination
 from drake_srg.planning.clearing.pushing import PushMotions
 from drake_srg.planning.clearing.sharing import (
-    GAP,
-    SHARED,
+    BEYOND,
+    HALF,
+    SIDE,
     Frontier,
     JointStatus,
     SharingPickPlanner,
@@ -81,7 +82,9 @@ def MakeClearingPlanner(scenario: Scenario) -> ClearingPlanner:
         ScenarioError: If the gripper does not pinch from above, the arm does not reach
             over a bin, or a bin has no collision geometry or is no bin.
     """
-    if robot_arms(scenario)[0].safety is not None:  # the monitor may slow or stop the arm at any time
+    if (
+        robot_arms(scenario)[0].safety is not None
+    ):  # the monitor may slow or stop the arm at any time
         scenario = without_cut_corners(scenario)
     assert scenario.task.clear is not None
     config, table = scenario.planner, scenario.table.height
@@ -145,10 +148,10 @@ def shares_of(scenario: Scenario) -> dict[str, tuple[Scenario, Frontier]]:
             )
         x, y = np.array(boxes[own[0]])[:, :2].T
         corners = np.array([[a, b] for a in x for b in y])
-        if (depth := float(side.depth(corners).min())) < SHARED + GAP:
+        if (depth := float(side.depth(corners).min())) < SIDE:
             raise ScenarioError(
                 f"{bin_key(scenario, own[0])}: {own[0]!r} must be at least "
-                f"{SHARED + GAP:g} m from the middle between the arms, got {depth:.3f}"
+                f"{SIDE:g} m from the middle between the arms, got {depth:.3f}"
             )
         cameras = {
             name for name in scenario.cameras if _hangs_over(scenario, name, side)
@@ -216,7 +219,7 @@ def MakeClearingPair(scenario: Scenario) -> Diagram:
         for name, (share, side) in shares.items()
     }
     joint = builder.AddNamedSystem("joint_status", JointStatus(list(planners)))
-    claims, others = "claim", "others_claim"
+    claims, others = "claim", "other_claim"
     for name, other in zip(planners, reversed(planners), strict=True):
         planner = planners[name]
         builder.Connect(
@@ -243,8 +246,8 @@ def _MakeSharingPlanner(
         scenario = without_cut_corners(scenario)
     ((name, box),) = bin_boxes(scenario).items()
     motions = []
-    for wall in (Wall.of_side(side), Wall.of_strip(side)):
-        scene = own_scene(scenario)
+    for depth in (SIDE, HALF, BEYOND):
+        scene, wall = own_scene(scenario), Wall(side, depth)
         wall.AddTo(scene)
         hand, fingers = _pinching_hand(scene, scenario)
         q_home = _home(scenario)
@@ -255,12 +258,12 @@ def _MakeSharingPlanner(
             )
         made = _motions_to(name, box, scene, hand, scenario, wall)
         motions.append(made)
-    own, strip = motions
+    own = motions[0]
     reach = _reach(own.scene, fingers, own.q_over, scenario)
     q_aside = posture_aside(own.scene, own.q_over, [own.destination.middle])
     grasps = HeightMapGrasps(fingers, scenario.table.height, reach=reach)
     planner = SharingPickPlanner(
-        grasps, own, strip, scenario.planner, q_aside, first=first
+        grasps, motions, scenario.planner, q_aside, first=first
     )
     return SharingPlanner(planner, hand.num_joints, hand.num_sensors)
 

@@ -38,9 +38,7 @@ _EDGES = np.ones((9, 9), np.uint8)
 
 # Returns the label of a grasp's thing, -1 for none, and the motions to its destination;
 # None if the thing must stay.
-Route: TypeAlias = Callable[
-    [TopGrasp, HeightMap], "tuple[int, ClearingMotions] | None"
-]
+Route: TypeAlias = Callable[[TopGrasp, HeightMap], "tuple[int, ClearingMotions] | None"]
 
 
 class PickPlanner:

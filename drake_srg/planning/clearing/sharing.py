@@ -1,14 +1,17 @@
 """Two arms that clear one table at the same time, and never meet.
 
-A vertical plane halfway between the arms divides the table. Within `SHARED` of it lies
-a strip that only one arm at a time may enter, the one that claimed it first. The other
-one then stays `GAP` away from the strip. So there is always a plane between the arms
-that neither crosses. Walls in the planners' scenes keep their motions there.
+A vertical plane halfway between the arms divides the table. All of an arm stays at a
+depth behind that plane, on its own side, or crosses it: then its depth is negative. The
+depths of both arms always add up to `GAP` or more, so that the arms are apart. At the
+depth `SIDE`, an arm is in nobody's way. To go further, it claims a lesser depth, and
+the earlier of two claims that exclude one another comes first. Walls in the planners'
+scenes keep each motion at its depth.
 """
 
 from __future__ import annotations
 
 import dataclasses as dc
+import functools
 from collections.abc import Mapping, Sequence
 from typing import Any
 
@@ -25,6 +28,7 @@ from drake_srg.planning.clearing.clearing_planner import (
     ClearingMode,
     ClearingPlanner,
     Entry,
+    Failed,
     Idle,
     Now,
     Release,
@@ -50,15 +54,19 @@ from drake_srg.types import (
     Vector,
 )
 
-# Half the width of the strip [m]. Each hand, open along the closing direction, needs
-# 0.12 m on the far side of a grasp, so that both arms can take things in the middle.
-SHARED = 0.16
-# Distance of the other arm from the strip [m]. It is more than arms lag behind their
-# commands, 0.02 m each at a joint error of 0.02 rad.
+# Least distance between the arms [m]. It is more than both lag behind their commands,
+# by 0.02 m each at a joint error of 0.02 rad.
 GAP = 0.05
+# Depths [m]: beyond the plane, up to the plane, and in nobody's way. An open hand needs
+# 0.12 m on either side of a grasp. So both arms can take what lies in the middle.
+BEYOND = -0.16
+HALF = 0.5 * GAP
+SIDE = GAP - BEYOND
 # A hand takes nothing nearer than this to a wall [m]: half the palm's width.
 _ROOM = 0.04
+_HAND = 0.12  # and most grasps have enough room at this distance [m]
 _SIZE = 6.0  # of a wall [m]
+_ROUNDING = 1e-6  # in sums of depths [m]
 _SAMPLES = 40  # of a motion with a load
 _LOADED = (Mode.LIFT, Mode.TRANSFER, Mode.PLACE)
 
@@ -99,16 +107,6 @@ class Wall:
     frontier: Frontier
     depth: float  # of its face [m]; negative beyond the frontier
 
-    @classmethod
-    def of_side(cls, frontier: Frontier) -> Wall:
-        """Return the wall of an arm that stays out of the strip."""
-        return cls(frontier, SHARED + GAP)
-
-    @classmethod
-    def of_strip(cls, frontier: Frontier) -> Wall:
-        """Return the wall of an arm that may enter the strip."""
-        return cls(frontier, -SHARED)
-
     def AddTo(self, scene: PlanningScene) -> None:
         """Add the wall to an arm's scene, for good."""
         inward = self.frontier.inward
@@ -130,10 +128,10 @@ class WalledMotions(BinMotions):
         super().__init__(*args, **others)
         self.wall = wall
 
-    def reaches(self, grasp: TopGrasp) -> bool:
-        """Return whether there is room for a hand between a grasp and the wall."""
+    def reaches(self, grasp: TopGrasp, room: float = _ROOM) -> bool:
+        """Return whether there is some room [m] between a grasp and the wall."""
         depth = self.wall.frontier.depth(grasp.p_WC)
-        return bool(depth > self.wall.depth + _ROOM)
+        return bool(depth > self.wall.depth + room)
 
     def plan(
         self,
@@ -165,21 +163,73 @@ class WalledMotions(BinMotions):
         return motions
 
 
+@dc.dataclass(frozen=True)
+class Claim:
+    """A claim of an arm to a depth."""
+
+    since: float = np.inf  # when it was made [s]; inf: there is none
+    depth: float = SIDE  # [m]
+
+    def comes_first(self, other: Claim, *, first: bool) -> bool:
+        """Return whether this claim need not wait for that of the other arm.
+
+        Args:
+            other: The other claim.
+            first: Whether this one counts before a simultaneous one.
+        """
+        if self.depth + other.depth > GAP - _ROUNDING:
+            return True
+        return self.since < other.since or (first and self.since == other.since)
+
+    def granted(self, other: Claim, time: float, *, first: bool) -> bool:
+        """Return whether the arm may go to the claimed depth.
+
+        The claim is then at least one update old. So the arm knows all earlier claims
+        of the other one, whose updates are at the same times.
+
+        Args:
+            other: See `comes_first`.
+            time: Now [s].
+            first: See `comes_first`.
+        """
+        return self.since < time and self.comes_first(other, first=first)
+
+    def changed(self, depth: float, time: float) -> Claim:
+        """Return a claim to another depth; it keeps its turn unless it asks for more.
+
+        Args:
+            depth: The depth [m].
+            time: Now [s].
+        """
+        return Claim(min(self.since, time) if depth >= self.depth else time, depth)
+
+
+NO_CLAIM = Claim()
+
+
 @dc.dataclass(frozen=True, eq=False)
 class SharedHeightMap(HeightMap):
-    """A height map of an arm's own side and the strip.
+    """A height map that shows nothing of the other arm, nor of where it may be.
 
-    Where the other arm may be in the strip, the map shows nothing of it.
+    Attributes:
+        least: The least depth to which the arm may go now [m].
+        wanted: Whether the other arm waits.
     """
 
-    open: bool = True  # whether the map shows the strip
+    least: float = BEYOND
+    wanted: bool = False
+
+    @property
+    def open(self) -> bool:
+        """Whether the map shows all that the arm could take."""
+        return self.least <= BEYOND
 
 
 @dc.dataclass(frozen=True)
 class SharingSenses(Senses):
-    """Measurements at one time, and when the other arm claimed the strip."""
+    """Measurements at one time, and the other arm's claim."""
 
-    others: float = np.inf  # [s]; inf: it does not
+    other: Claim = NO_CLAIM
 
 
 @dc.dataclass
@@ -187,71 +237,38 @@ class SharingMemory(ClearingMemory):
     """The planner's memory.
 
     Attributes:
-        claim: When it claimed the strip [s]; inf: it does not. A claim ends once the
-            arm is over its bin again.
+        claim: Its claim, which ends once the arm is over its bin again.
     """
 
-    claim: float = np.inf
-
-
-def is_open(claim: float, others: float, *, first: bool) -> bool:
-    """Return whether the other arm is not in the strip, and does not enter it.
-
-    Args:
-        claim: When this arm claimed it [s]; inf: it does not.
-        others: When the other one did.
-        first: Whether this arm's claim counts before a simultaneous one.
-    """
-    return others == np.inf or claim < others or (first and claim == others)
-
-
-def may_enter(claim: float, others: float, time: float, *, first: bool) -> bool:
-    """Return whether an arm may enter the strip.
-
-    Its claim is then at least one update old. So it knows all earlier claims of the
-    other arm, whose updates are at the same times.
-
-    Args:
-        claim: See `is_open`.
-        others: See `is_open`.
-        time: Now [s].
-        first: See `is_open`.
-    """
-    return claim < time and is_open(claim, others, first=first)
+    claim: Claim = NO_CLAIM
 
 
 class SharingPickPlanner(PickPlanner):
-    """Plans picks on an arm's own side, and once none is left, in the strip.
+    """Plans picks at each depth.
 
-    Nothing is pushed.
+    Those that cross the plane come first, unless the other arm waits: one arm then
+    works in the middle while the other one works on its side. Nothing is pushed.
 
     Args:
         grasps: Finds grasps in a height map.
-        motions: Motions on the own side.
-        strip: Motions that may enter the strip.
+        motions: Motions at the depths `SIDE`, `HALF` and `BEYOND`.
         config: Attempts and latency.
         q_aside: See `PickPlanner`.
-        first: See `is_open`.
+        first: See `Claim`.
     """
 
     def __init__(
         self,
         grasps: GraspPlanner,
-        motions: WalledMotions,
-        strip: WalledMotions,
+        motions: Sequence[WalledMotions],
         config: PlannerConfig,
         q_aside: Vector,
         *,
         first: bool,
     ) -> None:
-        super().__init__(grasps, motions, config, q_aside=q_aside)
-        self._own, self.strip, self.first = motions, strip, first
-
-    def route(
-        self, grasp: TopGrasp, height_map: HeightMap
-    ) -> tuple[int, ClearingMotions] | None:
-        """Return the motions on the own side, if a grasp may be in their reach."""
-        return (-1, self._own) if self._own.reaches(grasp) else None
+        super().__init__(grasps, motions[0], config, q_aside=q_aside)
+        self._side, self._half, self.beyond = motions
+        self.first = first
 
     def _next_pick(
         self,
@@ -261,29 +278,47 @@ class SharingPickPlanner(PickPlanner):
         time: float,
         route: Route | None = None,
     ) -> tuple[Pick | None, list[Remaining]]:
-        pick, missed = super()._next_pick(memory, found, height_map, time)
         assert isinstance(memory, SharingMemory)
         assert isinstance(height_map, SharedHeightMap)
-        claim, memory.claim = min(memory.claim, time), np.inf
-        if pick is not None:
-            return pick, missed
-        if height_map.open:
-            pick, missed = super()._next_pick(
-                memory, found, height_map, time, self._into_strip
-            )
-        if pick is not None:
-            pick.shared = True
-        if pick is not None or not height_map.open:
-            memory.claim = claim
-        return pick, missed
+        before, memory.claim = memory.claim, NO_CLAIM
+        ways = [(self._side, _ROOM), (self._half, _ROOM), (self.beyond, _ROOM)]
+        if not height_map.wanted:
+            ways.insert(0, (self.beyond, -_HAND))
+        for motions, room in ways:
+            depth = motions.wall.depth
+            if depth < height_map.least - _ROUNDING:
+                continue
+            way = functools.partial(self._way, motions, room)
+            pick, missed = super()._next_pick(memory, found, height_map, time, way)
+            if pick is not None:
+                pick.shared = depth < SIDE
+                if pick.shared:
+                    memory.claim = before.changed(depth, time)
+                return pick, missed
+        if not height_map.open:
+            memory.claim = before.changed(BEYOND, time)
+        return None, missed
 
-    def _into_strip(
-        self, grasp: TopGrasp, height_map: HeightMap
+    def _way(
+        self,
+        motions: WalledMotions,
+        room: float,
+        grasp: TopGrasp,
+        height_map: HeightMap,
     ) -> tuple[int, ClearingMotions] | None:
-        return (-1, self.strip) if self.strip.reaches(grasp) else None
+        """Return motions to a grasp, if there is room between it and their wall.
+
+        Args:
+            motions: The motions.
+            room: The room [m]; negative: only if a hand up to the plane has less.
+            grasp: The grasp.
+            height_map: The map.
+        """
+        near = room < 0.0 and self._half.reaches(grasp, -room)
+        return None if near or not motions.reaches(grasp, _ROOM) else (-1, motions)
 
     def plan(self, memory: ClearingMemory, height_map: HeightMap, time: float) -> None:
-        """See `PickPlanner`; finish only once the map shows the strip."""
+        """See `PickPlanner`; finish only once the map shows everything."""
         super().plan(memory, height_map, time)
         assert isinstance(height_map, SharedHeightMap)
         memory.finished &= height_map.open
@@ -291,50 +326,53 @@ class SharingPickPlanner(PickPlanner):
     def plan_retreat(
         self, memory: ClearingMemory, q: Vector, fingers: Mapping[str, float]
     ) -> Trajectory | PlanningFailure:
-        """See `PickPlanner`; an arm with a claim may be in the strip."""
+        """See `PickPlanner`; the arm may be as far as it has claimed."""
         assert isinstance(memory, SharingMemory)
-        motion = super().plan_retreat(memory, q, fingers)
-        if isinstance(motion, PlanningFailure) and memory.claim < np.inf:
-            return self.strip.plan_retreat(q, fingers)
+        # With a pick planned, the claim is for that one, and the arm is over its bin.
+        least = memory.claim.depth if memory.pick is None else SIDE
+        for motions in (self._side, self._half, self.beyond):
+            motion = motions.plan_retreat(q, fingers)
+            if not isinstance(motion, PlanningFailure) or motions.wall.depth <= least:
+                break
         return motion
 
 
 class SharingMode(ClearingMode):
-    """A mode that knows of the strip."""
+    """A mode that knows the claims."""
 
     planner: SharingPickPlanner
 
     def may_enter(self, memory: ClearingMemory, now: Now) -> bool:
-        """Return whether the arm may enter the strip."""
+        """Return whether the arm may go to the depth that it has claimed."""
         assert isinstance(memory, SharingMemory)
         assert isinstance(now.senses, SharingSenses)
-        others, first = now.senses.others, self.planner.first
-        return may_enter(memory.claim, others, now.time, first=first)
+        other, first = now.senses.other, self.planner.first
+        return memory.claim.granted(other, now.time, first=first)
 
 
 class SharingIdle(SharingMode, Idle):
-    """Waits for its turn where the next pick is in the strip.
+    """Waits for its turn, if the next pick needs a claim.
 
-    If the other arm's turn comes first, the strip will look different. The pick is
-    planned again then.
+    If the other arm comes first, the table will look different, and the pick is planned
+    anew.
     """
 
     def enter(self, memory: ClearingMemory, entry: Entry) -> ClearingMemory:
-        """Rest; an arm that plans nothing in the strip has left it."""
+        """Rest; without a pick, end the claim: the arm is over its bin."""
         assert isinstance(memory, SharingMemory)
         if memory.pick is None:
-            memory.claim = np.inf
+            memory.claim = NO_CLAIM
         return super().enter(memory, entry)
 
     def update(self, memory: ClearingMemory, now: Now) -> ClearingMemory:
-        """Forget a pick in the strip if the other arm comes first, and look."""
+        """Forget a pick if the other arm comes first, and look."""
         pick = memory.pick
         if pick is not None and pick.shared and not self.may_enter(memory, now):
             memory.pick = None
         return super().update(memory, now)
 
     def observe_mode(self, memory: ClearingMemory, now: Now) -> Observation:
-        """Report a pick in the strip only if the arm may enter it."""
+        """Report a pick only if the arm may go there."""
         observed, pick = super().observe_mode(memory, now), memory.pick
         if pick is not None and pick.shared and not self.may_enter(memory, now):
             return dc.replace(observed, ready=False)
@@ -347,22 +385,22 @@ class SharingRelease(SharingMode, Release):
     def enter(self, memory: ClearingMemory, entry: Entry) -> ClearingMemory:
         """Let the other arm go first next time, unless something has stopped this one.
 
-        The view is from before, so it shows the strip.
+        The view is of before, so it shows where the load was.
         """
         assert isinstance(memory, SharingMemory)
         stuck = entry.observation is not None and entry.observation.stuck
         if not stuck:
-            memory.claim = np.inf
+            memory.claim = NO_CLAIM
         return super().enter(memory, entry)
 
 
 class SharingVerify(SharingMode, Verify):
-    """Looks in the end once the other arm is not in the strip."""
+    """Looks in the end once the other arm is on its side."""
 
     def enter(self, memory: ClearingMemory, entry: Entry) -> ClearingMemory:
-        """Claim the strip, which the look must show, and go."""
+        """Claim what the look must show, and go."""
         assert isinstance(memory, SharingMemory)
-        memory.claim = min(memory.claim, entry.time)
+        memory.claim = Claim(entry.time, BEYOND)
         return super().enter(memory, entry)
 
     def update(self, memory: ClearingMemory, now: Now) -> ClearingMemory:
@@ -370,12 +408,23 @@ class SharingVerify(SharingMode, Verify):
         return super().update(memory, now) if self.may_enter(memory, now) else memory
 
 
-_SHARING = (SharingIdle, SharingRelease, SharingVerify)
-_MODES = (*(m for m in MODES if not issubclass(m, (Idle, Release, Verify))), *_SHARING)
+class SharingFailed(SharingMode, Failed):
+    """Ends the claim if the arm has failed on its side."""
+
+    def enter(self, memory: ClearingMemory, entry: Entry) -> ClearingMemory:
+        """Stop; an arm that is no longer over its bin keeps its claim."""
+        assert isinstance(memory, SharingMemory)
+        if entry.previous in (Mode.IDLE, Mode.VERIFY, Mode.HOME):
+            memory.claim = NO_CLAIM
+        return super().enter(memory, entry)
+
+
+_SHARING = (SharingIdle, SharingRelease, SharingVerify, SharingFailed)
+_MODES = {kind.mode: kind for kind in (*MODES, *_SHARING)}
 
 
 class SharingPlanner(ClearingPlanner):
-    """Clears one side of a table, and the strip that two arms share.
+    """Clears one side of a table, and what lies in the middle between two arms.
 
     .. pydrake_system::
 
@@ -387,7 +436,7 @@ class SharingPlanner(ClearingPlanner):
         - gripper_state
         - grasped
         - proximity
-        - others_claim
+        - other_claim
         output_ports:
         - position_commanded
         - closure_commanded
@@ -395,11 +444,10 @@ class SharingPlanner(ClearingPlanner):
         - status
         - claim
 
-    Connect `claim` (1) to `others_claim` (1) of the other arm's planner, and the
-    reverse. It is the time at which the arm claimed the strip [s], inf if it does not.
-    The earlier claim comes first. An arm that waits has a claim, and one in the strip
-    ends its claim before it claims anew. So neither waits for more than one pick of the
-    other.
+    Connect `claim` (2) to `other_claim` (2) of the other arm's planner, and the
+    reverse: when the claim was made [s], inf without one, and its depth [m]. The
+    earlier claim comes first. An arm that waits has a claim, and the other one ends its
+    own after one pick. So neither waits for more than that.
 
     Args:
         planner: Plans the picks.
@@ -412,39 +460,50 @@ class SharingPlanner(ClearingPlanner):
     def __init__(
         self, planner: SharingPickPlanner, num_fingers: int, num_sensors: int
     ) -> None:
-        super().__init__(planner, num_fingers, num_sensors, _MODES, SharingMemory)
-        self._others = self.DeclareVectorInputPort("others_claim", 1)
+        super().__init__(
+            planner, num_fingers, num_sensors, tuple(_MODES.values()), SharingMemory
+        )
+        self._other = self.DeclareVectorInputPort("other_claim", 2)
         self.DeclareVectorOutputPort(
-            "claim", 1, self._calc_claim, prerequisites_of_calc={self.state_ticket}
+            "claim", 2, self._calc_claim, prerequisites_of_calc={self.state_ticket}
         )
 
     def sense(self, context: Context) -> SharingSenses:
         """Return the measurements, with maps of what this arm may see."""
         senses = super().sense(context)
-        others = float(self._others.Eval(context)[0])
-        claim = self._memory(context).claim
-        shown = is_open(claim, others, first=self.planner.first)
-        own = {**vars(senses), "see": lambda: self._cropped(senses.see(), shown)}
-        return SharingSenses(**own, others=others)
+        since, depth = self._other.Eval(context)
+        other = Claim(float(since), float(depth))
 
-    def _memory(self, context: Context) -> SharingMemory:
+        def see() -> SharedHeightMap:
+            return self._cropped(senses.see(), self._claim(context), other)
+
+        return SharingSenses(**{**vars(senses), "see": see}, other=other)
+
+    def _claim(self, context: Context) -> Claim:
         memory = self.state(context).memory
         assert isinstance(memory, SharingMemory)
-        return memory
+        return memory.claim
 
-    def _cropped(self, seen: HeightMap, shown: bool) -> SharedHeightMap:
-        """Return a map without the other arm's side, and without a strip it may hide.
+    def _cropped(self, seen: HeightMap, claim: Claim, other: Claim) -> SharedHeightMap:
+        """Return a map without the other arm's side, or where it may be.
 
         The camera is on this arm's side, so the other arm hides nothing there.
         """
-        wall = self.planner.strip.wall
-        depth = wall.frontier.depth(seen.centers())
-        least = wall.depth if shown else SHARED + 0.5 * GAP
-        height = np.where(depth > least, seen.height, np.nan)
-        return SharedHeightMap(seen.origin, seen.resolution, height, shown)
+        waits = not other.comes_first(claim, first=not self.planner.first)
+        beyond = SIDE if waits else other.depth
+        wall = self.planner.beyond.wall
+        shown = wall.frontier.depth(seen.centers()) > max(BEYOND, HALF - beyond)
+        return SharedHeightMap(
+            seen.origin,
+            seen.resolution,
+            np.where(shown, seen.height, np.nan),
+            least=max(BEYOND, GAP - beyond),
+            wanted=waits,
+        )
 
     def _calc_claim(self, context: Context, output: BasicVector) -> None:
-        output[0] = self._memory(context).claim
+        claim = self._claim(context)
+        output.SetFromVector([claim.since, claim.depth])
 
 
 def joint_status(statuses: Mapping[str, PlannerStatus]) -> PlannerStatus:
