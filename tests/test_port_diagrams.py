@@ -200,6 +200,16 @@ def recorders(name, *arguments):
     return AddRecorders(*arguments).values() if name in RECORDED else ()
 
 
+def sharing_systems():
+    """Yield the systems of two arms that clear one table."""
+    cell = MakeCell(load_scenario("clear_table_together"))
+    pair = cell.GetSubsystemByName("planner")
+    yield "Cell", cell
+    yield "ClearingPair", pair
+    yield "SharingPlanner", pair.GetSubsystemByName("left")
+    yield "JointStatus", pair.GetSubsystemByName("joint_status")
+
+
 @pytest.fixture(scope="module")
 def systems(tmp_path_factory):
     """Real systems by the names of the blocks that document them."""
@@ -259,6 +269,7 @@ def systems(tmp_path_factory):
     for name, system in [
         ("HandoverPlanner", MakeHandoverPlanner(load_scenario("handover"))),
         ("CarryPlanner", MakeCarryPlanner(load_scenario("carry_together"))),
+        *sharing_systems(),
         *served_systems(),
         *hardware_systems().items(),
         *servoed_hardware_systems(),

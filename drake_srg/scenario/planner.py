@@ -87,7 +87,7 @@ def _task_problems(scenario: Scenario) -> Iterator[tuple[str, str]]:
     if isinstance(scenario.planner, Clear) and not clears:
         problem = (
             f"must be all, a colour or a list of names with planner: "
-            f"!{Clear.__name__}, got {scenario.task.pick!r}"
+            f"!{kind.__name__}, got {scenario.task.pick!r}"
         )
         yield "task.pick", problem
 

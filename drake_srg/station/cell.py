@@ -100,10 +100,11 @@ def MakeCell(
         - safety.heartbeat (optional; with safety)
         output_ports:
         - (all of the station's)
-        - localizer.blobs (unless the planner is `!Clear` or `!Script`)
+        - localizer.blobs (unless the planner clears a table or is `!Script`)
         - height_mapper.height_map (with the planner `!Clear`)
         - planner.mode
         - planner.status
+        - planner.ARM.mode (with the planner `!ClearTogether`)
         - arm.position_commanded
         - gripper.closure_commanded
 
@@ -115,6 +116,7 @@ def MakeCell(
     `PickAndPlacePlanner`; `!Taught`, a `TaughtPlanner`; `!Servoing`, a diagram of a
     `ServoingPlanner` and a visual servo, see `MakeServoingPlanner`; `!Clear`, a
     `ClearingPlanner`, for which a `height_mapper` stands in for the localizer;
+    `!ClearTogether`, a diagram of two that share a table, see `MakeClearingPair`;
     `!Script`, one that plays the script, without a localizer.
 
     Args:
