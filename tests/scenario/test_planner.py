@@ -145,7 +145,7 @@ def test_a_key_from_before_there_were_tags_is_told_with_its_new_form(
             r"planner\.max_external_torque: must be null with planner: !CarryTogether",
         ),
         (
-            "clear_table_alone",
+            "clear_table_fast",
             "planner=!ClearTogether {}",
             r"arms: must be two with planner: !ClearTogether, got none \(for one",
         ),

@@ -37,7 +37,6 @@ ALIKE = {
     "assistive_arm_varied_accurate",
     "clear_heap",
     "clear_heap_fast",
-    "clear_table_alone",
     "clear_table_fast",
     "clear_table_varied",
     "gripper_bench_accurate",

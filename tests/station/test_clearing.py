@@ -1,5 +1,7 @@
 """The planner of a cell that clears its table."""
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 
@@ -117,3 +119,9 @@ def test_what_two_arms_cannot_share_is_told(override, message):
     scenario = load_scenario("clear_table_together", overrides=[override])
     with pytest.raises(ScenarioError, match=f"^{message}"):
         MakeClearingPair(scenario)
+
+
+def test_one_arm_alone_has_the_same_objects():
+    alone = Path(__file__).parents[2] / "experiments/clear_table_alone.yaml"
+    both = load_scenario("clear_table_together", seed=1000)
+    assert load_scenario(alone, seed=1000).objects == both.objects

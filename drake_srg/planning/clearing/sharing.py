@@ -419,8 +419,15 @@ class SharingFailed(SharingMode, Failed):
         return super().enter(memory, entry)
 
 
-_SHARING = (SharingIdle, SharingRelease, SharingVerify, SharingFailed)
-_MODES = {kind.mode: kind for kind in (*MODES, *_SHARING)}
+_SHARING: tuple[type[ClearingMode], ...] = (
+    SharingIdle,
+    SharingRelease,
+    SharingVerify,
+    SharingFailed,
+)
+_MODES: dict[AnyMode, type[ClearingMode]] = {
+    kind.mode: kind for kind in (*MODES, *_SHARING)
+}
 
 
 class SharingPlanner(ClearingPlanner):
