@@ -441,8 +441,8 @@ def TendonDrive_(T: Any) -> Any:  # noqa: D103 (the class below is the documenta
             config, dt = self.config, self._period
             state = self._measured.Eval(context).tolist()
             angle, speed, *stuck = context.get_discrete_state(0).CopyToVector().tolist()
-            load = sum(force for force, *_ in self._wires(context))
-            load = config.spool_radius * load
+            wires = self._wires(context)
+            load = config.spool_radius * sum(force for force, *_ in wires)
             pwm = self._pwm.Eval(context)[0]
             pwm = min(max(pwm, -1.0), 1.0) if T is float else min_(max_(pwm, -1.0), 1.0)
             torque = config.full_torque * config.useful_pwm(pwm)
@@ -456,18 +456,13 @@ def TendonDrive_(T: Any) -> Any:  # noqa: D103 (the class below is the documenta
                 if friction.stiction > 1.0:
                     after = held(before, speed, friction.stiction * most, after)
                 speed = after
-            slid_on = self._slide(stuck, state)
-            discrete_state.set_value([angle + dt * speed, speed, *slid_on])
-
-        def _slide(self, stuck: Any, state: list[Any]) -> list[Any]:
-            """Return the friction state of each wire after a step."""
-            result = []
-            for s, (base, tip) in zip(stuck, FINGERS, strict=False):
-                rate = base_moment_arm(state[base]) * state[4 + base]
-                rate += tip_moment_arm(state[tip]) * state[4 + tip]
-                travel = self._period * rate
-                result.append(slid(s, travel, WIRE_PRESLIDING))
-            return result
+            motion = [angle + dt * speed, speed]
+            for s, (base, tip), (_, base_arm, tip_arm) in zip(
+                stuck, FINGERS, wires, strict=False
+            ):
+                rate = base_arm * state[4 + base] + tip_arm * state[4 + tip]
+                motion.append(slid(s, dt * rate, WIRE_PRESLIDING))
+            discrete_state.set_value(motion)
 
     return Impl
 

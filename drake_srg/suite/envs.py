@@ -31,7 +31,7 @@ from drake_srg.suite.tasks import (
 from drake_srg.types import Vector
 
 Array = npt.NDArray[np.float32]
-_REACH = 0.5  # scale of distances [m]
+_REACH = 0.5  # distances are squashed by tanh(distance / this) [m]
 _KICKED = 0.2  # share of the steps with a disturbance
 _FORCE = 20.0  # scale of the fingers' forces, as in `drake_srg.learning.envs` [N]
 
@@ -187,8 +187,9 @@ class StateEnv(ProprioceptionEnv):
     """The same with the true place of the object that the task picks.
 
     An observation ends with 9 K + 3 more entries for K hands: for each hand, in its
-    palm's frame, the object's position [0.5 m] and x and z axes; and then the vector
-    from the object to its goal in world [0.5 m]. What is farther away counts as 0.5 m.
+    palm's frame, the object's position and x and z axes; and then the vector from the
+    object to its goal in world. Each distance d is given as tanh(d / 0.5 m): fine
+    nearby, and not lost far away.
 
     Args:
         task: Name of a task whose goal is `lift` or `place`.
@@ -221,9 +222,9 @@ class StateEnv(ProprioceptionEnv):
             return [*parts, np.zeros(self._known)]
         X_POs, p_OG_W = self.suite.episode.picked()
         for X_PO in X_POs:
-            parts.append(X_PO.translation() / _REACH)
+            parts.append(np.tanh(X_PO.translation() / _REACH))
             parts.extend(X_PO.rotation().matrix().T[[0, 2]])
-        return [*parts, p_OG_W / _REACH]
+        return [*parts, np.tanh(p_OG_W / _REACH)]
 
 
 # Environments of flat vectors, by the ends of their names.

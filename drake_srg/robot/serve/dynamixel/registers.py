@@ -387,19 +387,12 @@ class DriveMode(enum.IntFlag):
 
 def _indirect(first: int, address: int, data: int) -> list[Register]:
     """Return 28 indirect addresses, from number `first` on, and their data."""
-    numbers = range(28)
-    return [
-        *(
-            Register(
-                address + 2 * k, f"indirect_address_{first + k}", 2, data + k, (64, 661)
-            )
-            for k in numbers
-        ),
-        *(
-            Register(data + k, f"indirect_data_{first + k}", 1, 0, (0, 255))
-            for k in numbers
-        ),
-    ]
+    addresses, values = [], []
+    for n, place in enumerate(range(data, data + 28), start=first):
+        where = address + 2 * (place - data)
+        addresses.append(Register(where, f"indirect_address_{n}", 2, place, (64, 661)))
+        values.append(Register(place, f"indirect_data_{n}", 1, 0, (0, 255)))
+    return addresses + values
 
 
 class ControlTable2(ControlTable):
