@@ -131,8 +131,8 @@ def shares_of(scenario: Scenario) -> dict[str, tuple[Scenario, Frontier]]:
     side, and all objects.
 
     Raises:
-        ScenarioError: If a side has no cameras, or not one bin clear of the strip that
-            the arms share.
+        ScenarioError: If a side has no camera, or not one bin at least `SIDE` behind
+            the plane between the arms.
     """
     arms, boxes = robot_arms(scenario), bin_boxes(scenario)
     bases = [own_scene(scenario, arm).p_WA for arm in arms]

@@ -281,14 +281,14 @@ class SharingPickPlanner(PickPlanner):
         assert isinstance(memory, SharingMemory)
         assert isinstance(height_map, SharedHeightMap)
         before, memory.claim = memory.claim, NO_CLAIM
-        ways = [(self._side, _ROOM), (self._half, _ROOM), (self.beyond, _ROOM)]
+        ways = [(motions, False) for motions in (self._side, self._half, self.beyond)]
         if not height_map.wanted:
-            ways.insert(0, (self.beyond, -_HAND))
-        for motions, room in ways:
+            ways.insert(0, (self.beyond, True))
+        for motions, central in ways:
             depth = motions.wall.depth
             if depth < height_map.least - _ROUNDING:
                 continue
-            way = functools.partial(self._way, motions, room)
+            way = functools.partial(self._way, motions, central)
             pick, missed = super()._next_pick(memory, found, height_map, time, way)
             if pick is not None:
                 pick.shared = depth < SIDE
@@ -302,7 +302,7 @@ class SharingPickPlanner(PickPlanner):
     def _way(
         self,
         motions: WalledMotions,
-        room: float,
+        central: bool,
         grasp: TopGrasp,
         height_map: HeightMap,
     ) -> tuple[int, ClearingMotions] | None:
@@ -310,12 +310,13 @@ class SharingPickPlanner(PickPlanner):
 
         Args:
             motions: The motions.
-            room: The room [m]; negative: only if a hand up to the plane has less.
+            central: Whether only things that need a hand across the plane count.
             grasp: The grasp.
             height_map: The map.
         """
-        near = room < 0.0 and self._half.reaches(grasp, -room)
-        return None if near or not motions.reaches(grasp, _ROOM) else (-1, motions)
+        if central and self._half.reaches(grasp, _HAND):
+            return None
+        return (-1, motions) if motions.reaches(grasp) else None
 
     def plan(self, memory: ClearingMemory, height_map: HeightMap, time: float) -> None:
         """See `PickPlanner`; finish only once the map shows everything."""
