@@ -140,7 +140,9 @@ def shares_of(scenario: Scenario) -> dict[str, tuple[Scenario, Frontier]]:
     shares = {}
     for arm, base, other in zip(arms, bases, bases[::-1], strict=True):
         side = Frontier.between(base, other)
-        own = [n for n, box in boxes.items() if side.depth(0.5 * sum(box)) > 0.0]
+        own = [
+            n for n, box in boxes.items() if side.depth(0.5 * (box[0] + box[1])) > 0.0
+        ]
         if len(own) != 1:
             raise ScenarioError(
                 f"task.place.bins: must have one bin on the side of arm {arm.name!r}, "
@@ -257,6 +259,7 @@ def _MakeSharingPlanner(
                 f"{scene.clearance(q_home)}"
             )
         made = _motions_to(name, box, scene, hand, scenario, wall)
+        assert isinstance(made, WalledMotions)
         motions.append(made)
     own = motions[0]
     reach = _reach(own.scene, fingers, own.q_over, scenario)
