@@ -246,8 +246,8 @@ class SharingMemory(ClearingMemory):
 class SharingPickPlanner(PickPlanner):
     """Plans picks at each depth.
 
-    Those that cross the plane come first, unless the other arm waits: one arm then
-    works in the middle while the other one works on its side. Nothing is pushed.
+    Those at the depth `SIDE`, which are possible at any time, are kept for when the
+    other arm crosses the plane, unless it waits for that now. Nothing is pushed.
 
     Args:
         grasps: Finds grasps in a height map.
@@ -281,14 +281,16 @@ class SharingPickPlanner(PickPlanner):
         assert isinstance(memory, SharingMemory)
         assert isinstance(height_map, SharedHeightMap)
         before, memory.claim = memory.claim, NO_CLAIM
-        ways = [(motions, False) for motions in (self._side, self._half, self.beyond)]
+        side, half, beyond = self._side, self._half, self.beyond
+        ways: list[tuple[WalledMotions, WalledMotions | None]]
+        ways = [(side, None), (half, None), (beyond, None)]
         if not height_map.wanted:
-            ways.insert(0, (self.beyond, True))
-        for motions, central in ways:
+            ways = [(half, side), (beyond, half), *ways]
+        for motions, easier in ways:
             depth = motions.wall.depth
             if depth < height_map.least - _ROUNDING:
                 continue
-            way = functools.partial(self._way, motions, central)
+            way = functools.partial(_way, motions, easier)
             pick, missed = super()._next_pick(memory, found, height_map, time, way)
             if pick is not None:
                 pick.shared = depth < SIDE
@@ -298,25 +300,6 @@ class SharingPickPlanner(PickPlanner):
         if not height_map.open:
             memory.claim = before.changed(BEYOND, time)
         return None, missed
-
-    def _way(
-        self,
-        motions: WalledMotions,
-        central: bool,
-        grasp: TopGrasp,
-        height_map: HeightMap,
-    ) -> tuple[int, ClearingMotions] | None:
-        """Return motions to a grasp, if there is room between it and their wall.
-
-        Args:
-            motions: The motions.
-            central: Whether only things that need a hand across the plane count.
-            grasp: The grasp.
-            height_map: The map.
-        """
-        if central and self._half.reaches(grasp, _HAND):
-            return None
-        return (-1, motions) if motions.reaches(grasp) else None
 
     def plan(self, memory: ClearingMemory, height_map: HeightMap, time: float) -> None:
         """See `PickPlanner`; finish only once the map shows everything."""
@@ -336,6 +319,26 @@ class SharingPickPlanner(PickPlanner):
             if not isinstance(motion, PlanningFailure) or motions.wall.depth <= least:
                 break
         return motion
+
+
+def _way(
+    motions: WalledMotions,
+    easier: WalledMotions | None,
+    grasp: TopGrasp,
+    height_map: HeightMap,
+) -> tuple[int, ClearingMotions] | None:
+    """Return motions to a grasp, if there is room between it and their wall.
+
+    Args:
+        motions: The motions.
+        easier: Motions to a greater depth, which leave out what these reach; None: all
+            grasps count.
+        grasp: The grasp.
+        height_map: The map.
+    """
+    if easier is not None and easier.reaches(grasp, _HAND):
+        return None
+    return (-1, motions) if motions.reaches(grasp) else None
 
 
 class SharingMode(ClearingMode):
