@@ -27,6 +27,7 @@ from drake_srg.scenario import Scenario, load_scenario
 from drake_srg.simulation.recorders import AddRecorders
 from drake_srg.station import MakeCell, MakeStation
 from drake_srg.station.cameras import MakeRemoteCameras
+from drake_srg.station.clearing import MakeClearingPair
 from drake_srg.station.planners import MakeCarryPlanner, MakeHandoverPlanner
 from drake_srg.station.servoing import MakeServoingPlanner
 from drake_srg.station.video_process import RemoteVideoRecorder
@@ -202,9 +203,7 @@ def recorders(name, *arguments):
 
 def sharing_systems():
     """Yield the systems of two arms that clear one table."""
-    cell = MakeCell(load_scenario("clear_table_together"))
-    pair = cell.GetSubsystemByName("planner")
-    yield "Cell", cell
+    pair = MakeClearingPair(load_scenario("clear_table_together"))
     yield "ClearingPair", pair
     yield "SharingPlanner", pair.GetSubsystemByName("left")
     yield "JointStatus", pair.GetSubsystemByName("joint_status")

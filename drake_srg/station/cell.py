@@ -104,7 +104,6 @@ def MakeCell(
         - height_mapper.height_map (with the planner `!Clear`)
         - planner.mode
         - planner.status
-        - planner.ARM.mode (with the planner `!ClearTogether`)
         - arm.position_commanded
         - gripper.closure_commanded
 
@@ -116,7 +115,8 @@ def MakeCell(
     `PickAndPlacePlanner`; `!Taught`, a `TaughtPlanner`; `!Servoing`, a diagram of a
     `ServoingPlanner` and a visual servo, see `MakeServoingPlanner`; `!Clear`, a
     `ClearingPlanner`, for which a `height_mapper` stands in for the localizer;
-    `!ClearTogether`, a diagram of two that share a table, see `MakeClearingPair`;
+    `!ClearTogether`, a diagram of two that share a table, see `MakeClearingPair`, with
+    a port `planner.NAME.mode` for each arm;
     `!Script`, one that plays the script, without a localizer.
 
     Args:
