@@ -27,6 +27,7 @@ from drake_srg.scenario import Scenario, load_scenario
 from drake_srg.simulation.recorders import AddRecorders
 from drake_srg.station import MakeCell, MakeStation
 from drake_srg.station.cameras import MakeRemoteCameras
+from drake_srg.station.clearing import MakeClearingPair
 from drake_srg.station.planners import MakeCarryPlanner, MakeHandoverPlanner
 from drake_srg.station.servoing import MakeServoingPlanner
 from drake_srg.station.video_process import RemoteVideoRecorder
@@ -201,6 +202,14 @@ def recorders(name, *arguments):
     return AddRecorders(*arguments).values() if name in RECORDED else ()
 
 
+def sharing_systems():
+    """Yield the systems of two arms that clear one table."""
+    pair = MakeClearingPair(load_scenario("clear_table_together"))
+    yield "ClearingPair", pair
+    yield "SharingPlanner", pair.GetSubsystemByName("left")
+    yield "JointStatus", pair.GetSubsystemByName("joint_status")
+
+
 @pytest.fixture(scope="module")
 def systems(tmp_path_factory):
     """Real systems by the names of the blocks that document them."""
@@ -260,6 +269,7 @@ def systems(tmp_path_factory):
     for name, system in [
         ("HandoverPlanner", MakeHandoverPlanner(load_scenario("handover"))),
         ("CarryPlanner", MakeCarryPlanner(load_scenario("carry_together"))),
+        *sharing_systems(),
         *served_systems(),
         *hardware_systems().items(),
         *servoed_hardware_systems(),

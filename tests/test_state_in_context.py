@@ -79,6 +79,7 @@ def own_systems(diagram):
         ("carry_together", []),
         ("assistive_arm", ["gripper.errors={latency: 0.01, encoder_noise: 1.0e-4}"]),
         ("clear_table", []),
+        ("clear_table_together", []),
         ("conveyor", []),
         ("thesis_kitchen", []),
         ("assistive_arm_thesis", []),
@@ -102,7 +103,11 @@ def simulated(scenario, overrides):
     simulator = MakeSimulator(root, config.simulator_config)  # as every run does
     systems = dict(own_systems(root))
     before = {name: snapshot(vars(system), {}) for name, system in systems.items()}
-    planned = {"clear_table": 1.5, "conveyor": 2.5}  # when plans are made [s]
+    planned = {
+        "clear_table": 1.5,
+        "clear_table_together": 1.5,
+        "conveyor": 2.5,
+    }  # when plans are made [s]
     simulator.AdvanceTo(planned.get(scenario, 0.15))
     context = my_context(cell, simulator.get_context())
     for name, port in output_ports(cell).items():

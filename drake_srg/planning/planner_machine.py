@@ -162,6 +162,13 @@ class Clear(PlannerConfig):
     """Takes away one thing after another, whatever their shapes."""
 
 
+@dc.dataclass(kw_only=True)
+class ClearTogether(Clear):
+    """Has two `arms` do that at the same time, each into a bin on its own side."""
+
+    several_arms: ClassVar[bool] = True
+
+
 @dc.dataclass(frozen=True)
 class HandSenses(Generic[SeenT]):
     """Measurements of an arm with a gripper at one time."""

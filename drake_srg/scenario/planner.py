@@ -9,7 +9,12 @@ from drake_srg.arm.impedance import ArmImpedanceDriver
 from drake_srg.planning.carrying.config import CarryTogether
 from drake_srg.planning.handover.config import Handover
 from drake_srg.planning.insertion.config import Insert
-from drake_srg.planning.planner_machine import SEARCH_PERIOD, Clear, PickAndPlace
+from drake_srg.planning.planner_machine import (
+    SEARCH_PERIOD,
+    Clear,
+    ClearTogether,
+    PickAndPlace,
+)
 from drake_srg.planning.servoing.config import Servoing, WindowConfig
 from drake_srg.scenario.typed_yaml import fail
 from drake_srg.theses.script import Script
@@ -63,6 +68,8 @@ def planner_problems(scenario: Scenario) -> Iterator[tuple[str, str]]:
         yield from _handover_problems(scenario, planner)
     if isinstance(planner, CarryTogether):
         yield from _carry_problems(scenario, planner)
+    if isinstance(planner, ClearTogether):
+        yield from _clear_together_problems(scenario)
 
 
 # Planners that take one object, which `task.pick` names.
@@ -80,7 +87,7 @@ def _task_problems(scenario: Scenario) -> Iterator[tuple[str, str]]:
     if isinstance(scenario.planner, Clear) and not clears:
         problem = (
             f"must be all, a colour or a list of names with planner: "
-            f"!{Clear.__name__}, got {scenario.task.pick!r}"
+            f"!{kind.__name__}, got {scenario.task.pick!r}"
         )
         yield "task.pick", problem
 
@@ -142,6 +149,22 @@ def _carry_problems(
     if planner.max_external_torque is not None:
         problem = "must be null with planner: !CarryTogether, which feels nothing"
         yield "planner.max_external_torque", problem
+
+
+def _clear_together_problems(scenario: Scenario) -> Iterator[tuple[str, str]]:
+    tag = f"planner: !{ClearTogether.__name__}"
+    if len(scenario.arms) != 2:
+        got = ", ".join(scenario.arms) or "none"
+        yield "arms", f"must be two with {tag}, got {got} (for one arm: !Clear)"
+    for name, each in scenario.arms.items():
+        if each.gripper is None:
+            yield f"arms.{name}.gripper", f"must be given with {tag}"
+    if not scenario.task.place.bins:
+        yield "task.place.bins", f"must have a bin for each arm with {tag}, got none"
+    for name, selection in scenario.task.place.bins.items():
+        if selection.names or selection.colour:
+            got = selection.colour or ", ".join(selection.names)
+            yield f"task.place.bins.{name}", f"must be all with {tag}, got {got}"
 
 
 def _two_arm_problems(

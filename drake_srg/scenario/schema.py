@@ -32,7 +32,12 @@ from drake_srg.objects.slides import SlideConfig
 from drake_srg.planning.carrying.config import CarryTogether
 from drake_srg.planning.handover.config import Handover
 from drake_srg.planning.insertion.config import Insert
-from drake_srg.planning.planner_machine import Clear, PickAndPlace, PlannerConfig
+from drake_srg.planning.planner_machine import (
+    Clear,
+    ClearTogether,
+    PickAndPlace,
+    PlannerConfig,
+)
 from drake_srg.planning.servoing.config import Servoing, ServoingConfig
 from drake_srg.theses.blob_localizer import ThesisBlobConfig
 from drake_srg.theses.script import Script, ScriptStep
@@ -91,6 +96,7 @@ class TwinConfig(Config):
 PLANNERS: tuple[type[PlannerConfig], ...] = (
     PickAndPlace,
     Clear,
+    ClearTogether,
     Servoing,
     Insert,
     Handover,

@@ -13,7 +13,8 @@ from drake_srg.common.log_format import MODES, pose_key, row_to_pose
 from drake_srg.common.srg_geometry import SRG
 from drake_srg.objects.household import ObjectFacts, object_facts
 from drake_srg.objects.models import simple_shape
-from drake_srg.scenario import Scenario
+from drake_srg.planning.planner_machine import ClearTogether
+from drake_srg.scenario import RobotArm, Scenario, robot_arms
 from drake_srg.simulation import measures
 from drake_srg.simulation.measures import hand_poses
 from drake_srg.station.perception import ROW, bin_boxes, destinations, row_places
@@ -30,51 +31,85 @@ def attempts_of(
     scenario: Scenario, log: Mapping[str, Vector], facts: Mapping[str, ObjectFacts]
 ) -> dict[str, int]:
     """Return how many grasps have closed nearest to each object."""
-    mode, states = log["mode"], measures.arm_states(log)
-    assert states is not None
-    if not facts:  # the cameras may see a colour that no object is said to have
-        return {}
-    closes = mode == MODES.index(Mode.CLOSE)
-    rows = np.flatnonzero(closes[1:] & ~closes[:-1]) + 1
     counts = dict.fromkeys(facts, 0)
-    for row, X_WG in zip(rows, hand_poses(scenario, states[rows]), strict=True):
-        distances = {
-            name: box_distance(log[pose_key(name)][row], facts[name], X_WG @ _p_GC)
-            for name in facts
-        }
-        counts[min(distances, key=lambda name: distances[name])] += 1
+    if not facts:  # the cameras may see a colour that no object is said to have
+        return counts
+    for arm in robot_arms(scenario):
+        states = measures.arm_states(log, [arm])
+        assert states is not None
+        closes = arm_modes(log, arm) == MODES.index(Mode.CLOSE)
+        rows = np.flatnonzero(closes[1:] & ~closes[:-1]) + 1
+        for row, X_WG in zip(
+            rows, hand_poses(scenario, states[rows], arm), strict=True
+        ):
+            distances = {
+                name: box_distance(log[pose_key(name)][row], facts[name], X_WG @ _p_GC)
+                for name in facts
+            }
+            counts[min(distances, key=lambda name: distances[name])] += 1
     return counts
 
 
+def arm_modes(log: Mapping[str, Vector], arm: RobotArm) -> Vector:
+    """Return the modes of an arm's planner, one per sample; see `MODES`."""
+    return log.get(f"{arm.prefix}mode", log["mode"])
+
+
 def loads_carried(
-    log: Mapping[str, Vector], facts: Mapping[str, ObjectFacts]
+    scenario: Scenario, log: Mapping[str, Vector], facts: Mapping[str, ObjectFacts]
 ) -> list[list[str]]:
     """Return the names of what each grasp carried, at the end of its transfer.
 
-    That is whatever is higher by then than it was as the fingers closed.
+    That is whatever is higher by then than it was as the fingers closed. Of several
+    arms, the one whose hand is nearest carries it.
 
     Args:
-        log: Arrays of log.npz: `mode`, and the poses of all objects.
+        scenario: The scenario.
+        log: Arrays of log.npz, with the poses of all objects.
         facts: Of the objects, by name.
     """
-    closes, moves = (
-        log["mode"] == MODES.index(mode) for mode in (Mode.CLOSE, Mode.TRANSFER)
-    )
-    begun = np.flatnonzero(closes[1:] & ~closes[:-1]) + 1
 
-    def height(name: str, row: np.integer[Any]) -> float:
-        middle = 0.5 * (facts[name].low + facts[name].high)
-        return float((row_to_pose(log[pose_key(name)][row]) @ middle)[2])
+    def middle(name: str, row: np.integer[Any]) -> Vector:
+        p_O = 0.5 * (facts[name].low + facts[name].high)
+        p_W: Vector = row_to_pose(log[pose_key(name)][row]) @ p_O
+        return p_W
 
-    loads = []
-    for end in np.flatnonzero(moves[:-1] & ~moves[1:]):
-        before = begun[begun < end]
-        if len(before):
-            rose = {
-                name: height(name, end) - height(name, before[-1]) for name in facts
-            }
-            loads.append([name for name in facts if rose[name] > _LIFTED])
-    return loads
+    arms, loads = robot_arms(scenario), []
+    for arm in arms:
+        mode = arm_modes(log, arm)
+        closes, moves = (mode == MODES.index(m) for m in (Mode.CLOSE, Mode.TRANSFER))
+        begun = np.flatnonzero(closes[1:] & ~closes[:-1]) + 1
+        for end in np.flatnonzero(moves[:-1] & ~moves[1:]):
+            before = begun[begun < end]
+            if not len(before):
+                continue
+            rose = [
+                name
+                for name in facts
+                if middle(name, end)[2] - middle(name, before[-1])[2] > _LIFTED
+            ]
+            if len(arms) > 1:
+                hands = _hands(scenario, log, end)
+                rose = [n for n in rose if _nearest(hands, middle(n, end)) == arm.name]
+            loads.append((end, rose))
+    return [load for _, load in sorted(loads, key=lambda item: item[0])]
+
+
+def _hands(
+    scenario: Scenario, log: Mapping[str, Vector], row: np.integer[Any]
+) -> dict[str, Vector]:
+    """Return where the middles between the fingers are, by the arms' names, (3,)."""
+    hands = {}
+    for arm in robot_arms(scenario):
+        states = measures.arm_states(log, [arm])
+        assert states is not None
+        (X_WG,) = hand_poses(scenario, states[[row]], arm)
+        hands[arm.name] = X_WG @ _p_GC
+    return hands
+
+
+def _nearest(hands: Mapping[str, Vector], p_W: Vector) -> str:
+    return min(hands, key=lambda name: float(np.linalg.norm(hands[name] - p_W)))
 
 
 def delivered(loads: Sequence[Collection[str]], cleared: Collection[str]) -> int:
@@ -222,7 +257,12 @@ def clearing_outcome(
     facts = {name: object_facts(name, scenario.objects[name]) for name in wanted}
     attempts = attempts_of(scenario, log, {name: facts[name] for name in names})
     found = resting_places(scenario, log, facts)
-    begun = np.flatnonzero(log["mode"] == MODES.index(Mode.PRE_GRASP))
+    sorts = not isinstance(scenario.planner, ClearTogether)
+    if not sorts:  # each bin is as good as the other
+        wanted = {name: found[name] or into for name, into in wanted.items()}
+    modes = [arm_modes(log, arm) for arm in robot_arms(scenario)]
+    begins = np.any([m == MODES.index(Mode.PRE_GRASP) for m in modes], axis=0)
+    begun = np.flatnonzero(begins)
     first = int(begun[0]) if len(begun) else -1
     outcomes = {}
     for name in names:
@@ -245,7 +285,7 @@ def clearing_outcome(
         )
     for name, above in _covered(log, facts, outcomes).items():
         outcomes[name] = dc.replace(outcomes[name], under=above)
-    loads = loads_carried(log, facts)
+    loads = loads_carried(scenario, log, facts)
     for load in loads:
         for name in load:
             other = next((n for n in load if n != name), "")
@@ -268,7 +308,7 @@ def clearing_outcome(
         status.multi_object_picks,
         tuple(n for n, into in found.items() if into not in (None, wanted[n])),
         _others_moved(log, set(wanted) - set(names), status),
-        len(boxes),
+        len(boxes) if sorts else 1,
     )
 
 

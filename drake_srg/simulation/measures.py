@@ -21,17 +21,22 @@ from drake_srg.station.plant import MakeModelsPlant
 from drake_srg.types import Mode, Vector
 
 
-def hand_poses(scenario: Scenario, arm_states: Vector) -> list[RigidTransform]:
+def hand_poses(
+    scenario: Scenario, arm_states: Vector, robot: RobotArm | None = None
+) -> list[RigidTransform]:
     """Return the poses of the palm in world, X_WG [m].
 
     Args:
         scenario: The scenario with the models of arm and gripper.
         arm_states: States [q; v] of the arm, shape (K, 2N).
+        robot: The arm; None: the only one.
     """
+    robot = robot or RobotArm()
     plant = MakeModelsPlant(scenario)
     context = plant.CreateDefaultContext()
-    arm = plant.GetModelInstanceByName("arm")
-    palm = plant.GetFrameByName("palm", plant.GetModelInstanceByName("gripper"))
+    arm = plant.GetModelInstanceByName(robot.arm_model)
+    gripper = plant.GetModelInstanceByName(robot.gripper_model)
+    palm = plant.GetFrameByName("palm", gripper)
     poses = []
     for state in arm_states:
         plant.SetPositions(context, arm, state[: plant.num_positions(arm)])

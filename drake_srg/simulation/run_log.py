@@ -9,7 +9,7 @@ import numpy as np
 import numpy.typing as npt
 from pydrake.systems.framework import Context, Diagram, OutputPort, PortDataType
 
-from drake_srg.common.log_format import mode_columns, pose_key, pose_to_row
+from drake_srg.common.log_format import MODES, mode_columns, pose_key, pose_to_row
 from drake_srg.common.systems import output_ports
 from drake_srg.lifetime import my_context
 from drake_srg.objects.poses import ContactReader
@@ -69,6 +69,12 @@ def _logged(robots: Sequence[RobotArm], ports: Mapping[str, OutputPort]) -> list
     return [name for name in named if name in ports] + others
 
 
+def merged(forces: Sequence[Mapping[str, float]]) -> dict[str, float]:
+    """Return the largest of several forces by name [N]."""
+    names = dict.fromkeys(name for each in forces for name in each)
+    return {n: max(each[n] for each in forces if n in each) for n in names}
+
+
 def _carriers(scenario: Scenario) -> tuple[str, str] | None:
     """Return the grippers that carry one object together; None: no two do."""
     planner = scenario.planner
@@ -99,13 +105,19 @@ class RunLog(SignalLog):
         self._arms = [robot.arm_model for robot in robots]
         self._grippers = [robot.gripper_model for robot in robots]
         self._mode = ports.get("planner.mode")
+        modes = {f"{arm.prefix}mode": f"planner.{arm.prefix}mode" for arm in robots}
+        self._own_modes = {
+            name: ports[port]
+            for name, port in modes.items()
+            if port in ports and name != "mode"
+        }
         self._poses = ports.get("object_poses_cheat")
         self._contacts = ports.get("contact_results_cheat")
         self._asleep = ports.get("objects_asleep_cheat")
         self._pick, clear = scenario.task.pick, scenario.task.clear
         # If many objects are picked, the gripper's own contacts are read.
         self._grasped = frozenset(() if clear is None else clear.objects)
-        self._reader: ContactReader | None = None
+        self._readers: list[ContactReader] = []
         self._between: ArmContacts | None = None
         self._carriers = _carriers(scenario)
         self._internal: InternalForce | None = None
@@ -117,6 +129,8 @@ class RunLog(SignalLog):
         """Return the values of all columns; those of the mode are for `arrays`."""
         row = super().row(context)
         row["mode"] = Mode.IDLE if self._mode is None else self._mode.Eval(context)
+        for name, port in self._own_modes.items():
+            row[name] = float(MODES.index(port.Eval(context)))
         if self._poses is not None:
             for name, X_WO in self._poses.Eval(context).items():
                 row[pose_key(name)] = pose_to_row(X_WO)
@@ -130,11 +144,13 @@ class RunLog(SignalLog):
         forces = {}
         if self._present or self._grasped:
             contacts = port.Eval(context)
-            if self._reader is None:
-                (whose,) = self._grippers if self._grasped else [self._pick]
+            if not self._readers:
                 robots = (*self._arms, *self._grippers)
-                self._reader = ContactReader(contacts.plant(), whose, robots)
-            forces = self._reader.forces(contacts)
+                self._readers = [
+                    ContactReader(contacts.plant(), whose, robots)
+                    for whose in (self._grippers if self._grasped else [self._pick])
+                ]
+            forces = merged([reader.forces(contacts) for reader in self._readers])
         if len(self._arms) > 1:
             contacts = port.Eval(context)
             if self._between is None:

@@ -17,7 +17,12 @@ from drake_srg.objects.models import object_body, simple_shape
 from drake_srg.planning.carrying.config import CarryTogether
 from drake_srg.planning.handover.config import Handover
 from drake_srg.planning.insertion.config import Insert
-from drake_srg.planning.planner_machine import Clear, PickAndPlace, PlannerConfig
+from drake_srg.planning.planner_machine import (
+    Clear,
+    ClearTogether,
+    PickAndPlace,
+    PlannerConfig,
+)
 from drake_srg.planning.servoing.config import Servoing
 from drake_srg.scenario.schema import (
     RobotArm,
@@ -27,7 +32,11 @@ from drake_srg.scenario.schema import (
     robot_arms,
     script_of,
 )
-from drake_srg.station.clearing import MakeClearingPlanner
+from drake_srg.station.clearing import (
+    MakeClearingPair,
+    MakeClearingPlanner,
+    shares_of,
+)
 from drake_srg.station.perception import (
     AddDestinationMapper,
     AddHeightMapper,
@@ -91,7 +100,7 @@ def MakeCell(
         - safety.heartbeat (optional; with safety)
         output_ports:
         - (all of the station's)
-        - localizer.blobs (unless the planner is `!Clear` or `!Script`)
+        - localizer.blobs (unless the planner clears a table or is `!Script`)
         - height_mapper.height_map (with the planner `!Clear`)
         - planner.mode
         - planner.status
@@ -106,6 +115,8 @@ def MakeCell(
     `PickAndPlacePlanner`; `!Taught`, a `TaughtPlanner`; `!Servoing`, a diagram of a
     `ServoingPlanner` and a visual servo, see `MakeServoingPlanner`; `!Clear`, a
     `ClearingPlanner`, for which a `height_mapper` stands in for the localizer;
+    `!ClearTogether`, a diagram of two that share a table, see `MakeClearingPair`, with
+    a port `planner.NAME.mode` for each arm;
     `!Script`, one that plays the script, without a localizer.
 
     Args:
@@ -160,9 +171,15 @@ def AddCell(
     planner = AddScenarioPlanner(builder, scenario, station, make_planner)
     ConnectCommands(builder, station, planner, arms)
     AddDisturber(builder, scenario, station, planner)
+    own_modes = [f"{arm.name}.mode" for arm in arms if arm.name]
     for name, exported in (
         ("mode", "planner.mode"),
         ("status", "planner.status"),
+        *(
+            (name, f"planner.{name}")
+            for name in own_modes
+            if planner.HasOutputPort(name)
+        ),
         *command_ports(arms),
     ):
         builder.ExportOutput(planner.GetOutputPort(name), exported)
@@ -266,6 +283,28 @@ def AddClearingPlanner(
     return planner
 
 
+def AddClearingPair(
+    builder: DiagramBuilder, scenario: Scenario, station: Diagram
+) -> System:
+    """Add the planners of two arms that clear a table, and their height mappers.
+
+    Args:
+        builder: The cell's.
+        scenario: The scenario of the cell.
+        station: Its station.
+    """
+    planner = builder.AddNamedSystem("planner", MakeClearingPair(scenario))
+    for name, (share, _) in shares_of(scenario).items():
+        for make, target in (
+            (AddHeightMapper, "height_map"),
+            (AddDestinationMapper, "destination_map"),
+        ):
+            seen = make(builder, share, station).GetOutputPort("height_map")
+            builder.Connect(seen, planner.GetInputPort(f"{name}.{target}"))
+    ConnectSensors(builder, station, planner, robot_arms(scenario))
+    return planner
+
+
 def AddScriptedPlanner(
     builder: DiagramBuilder, scenario: Scenario, station: Diagram
 ) -> System:
@@ -297,6 +336,7 @@ _PLANNERS: dict[type[PlannerConfig], AddPlanner] = {
         AddLocalizingPlanner, make_planner=MakeCarryPlanner
     ),
     Clear: AddClearingPlanner,
+    ClearTogether: AddClearingPair,
     Script: AddScriptedPlanner,
 }
 

@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 import dataclasses as dc
+import functools
 from collections.abc import Iterable
 
 import numpy as np
+from pydrake.systems.framework import Diagram, DiagramBuilder
 
 from drake_srg.common.exceptions import ScenarioError
+from drake_srg.common.systems import export_outputs, input_ports, output_ports
 from drake_srg.planning.clearing.choosing import (
     ChoosingPlanner,
     ChosenGrasps,
@@ -22,6 +25,17 @@ from drake_srg.planning.clearing.motions import (
 )
 from drake_srg.planning.clearing.placing import BinMotions, RowMotions, row_destination
 from drake_srg.planning.clearing.pushing import PushMotions
+from drake_srg.planning.clearing.sharing import (
+    BEYOND,
+    HALF,
+    SIDE,
+    Frontier,
+    JointStatus,
+    SharingPickPlanner,
+    SharingPlanner,
+    Wall,
+    WalledMotions,
+)
 from drake_srg.planning.grasps.fingers import Fingers
 from drake_srg.planning.grasps.grasps import Hand
 from drake_srg.planning.grasps.top_grasps import HeightMapGrasps, Reach, palm_pose
@@ -33,7 +47,7 @@ from drake_srg.planning.motion.inverse_kinematics import (
 )
 from drake_srg.planning.motion.moves import Moves
 from drake_srg.planning.motion.planning_scene import PlanningScene
-from drake_srg.scenario import Scenario
+from drake_srg.scenario import Scenario, robot_arms
 from drake_srg.station.perception import (
     bin_boxes,
     bin_floor,
@@ -68,7 +82,9 @@ def MakeClearingPlanner(scenario: Scenario) -> ClearingPlanner:
         ScenarioError: If the gripper does not pinch from above, the arm does not reach
             over a bin, or a bin has no collision geometry or is no bin.
     """
-    if scenario.safety is not None:  # the monitor may slow or stop the arm at any time
+    if (
+        robot_arms(scenario)[0].safety is not None
+    ):  # the monitor may slow or stop the arm at any time
         scenario = without_cut_corners(scenario)
     assert scenario.task.clear is not None
     config, table = scenario.planner, scenario.table.height
@@ -106,6 +122,153 @@ def MakeClearingPlanner(scenario: Scenario) -> ClearingPlanner:
         )
         planner = PickPlanner(grasps, into[0], config, pushes, q_aside)
     return ClearingPlanner(planner, hand.num_joints, hand.num_sensors)
+
+
+def shares_of(scenario: Scenario) -> dict[str, tuple[Scenario, Frontier]]:
+    """Return what each of two arms has to do, and its side, by the arms' names.
+
+    An arm's share is a scenario with this arm alone, the bin and the cameras on its
+    side, and all objects.
+
+    Raises:
+        ScenarioError: If a side has no camera, or not one bin at least `SIDE` behind
+            the plane between the arms.
+    """
+    arms, boxes = robot_arms(scenario), bin_boxes(scenario)
+    bases = [own_scene(scenario, arm).p_WA for arm in arms]
+    place, localizer = scenario.task.place, scenario.localizer
+    shares = {}
+    for arm, base, other in zip(arms, bases, bases[::-1], strict=True):
+        side = Frontier.between(base, other)
+        own = [
+            n for n, box in boxes.items() if side.depth(0.5 * (box[0] + box[1])) > 0.0
+        ]
+        if len(own) != 1:
+            raise ScenarioError(
+                f"task.place.bins: must have one bin on the side of arm {arm.name!r}, "
+                f"got {', '.join(own) or 'none'}"
+            )
+        x, y = np.array(boxes[own[0]])[:, :2].T
+        corners = np.array([[a, b] for a in x for b in y])
+        if (depth := float(side.depth(corners).min())) < SIDE:
+            raise ScenarioError(
+                f"{bin_key(scenario, own[0])}: {own[0]!r} must be at least "
+                f"{SIDE:g} m from the middle between the arms, got {depth:.3f}"
+            )
+        cameras = {
+            name for name in scenario.cameras if _hangs_over(scenario, name, side)
+        }
+        look = [name for name in localizer.cameras if name in cameras]
+        if not look:
+            raise ScenarioError(
+                "localizer.cameras: must have one that is fixed on the side of arm "
+                f"{arm.name!r}, got {', '.join(localizer.cameras) or 'none'}"
+            )
+        into = dc.replace(
+            place,
+            bin=own[0],
+            bins={own[0]: place.bins[own[0]]},
+            cameras=[name for name in place.cameras if name in cameras],
+        )
+        share = dc.replace(
+            scenario,
+            arms={arm.name: scenario.arms[arm.name]},
+            task=dc.replace(scenario.task, place=into),
+            localizer=dc.replace(localizer, cameras=look),
+        )
+        shares[arm.name] = share, side
+    return shares
+
+
+def _hangs_over(scenario: Scenario, camera: str, side: Frontier) -> bool:
+    X_PB = scenario.cameras[camera].X_PB
+    fixed = X_PB.base_frame in (None, "world")
+    return fixed and bool(side.depth(np.ravel(X_PB.translation)) > 0.0)
+
+
+def MakeClearingPair(scenario: Scenario) -> Diagram:
+    """Make the planners of two arms that clear one table, as one system.
+
+    .. pydrake_system::
+
+        name: ClearingPair
+        input_ports:
+        - ARM.height_map
+        - ARM.destination_map
+        - ARM.arm_state
+        - ARM.gripper_state
+        - ARM.grasped
+        - ARM.proximity
+        output_ports:
+        - ARM.position_commanded
+        - ARM.closure_commanded
+        - ARM.mode
+        - mode
+        - status
+
+    ARM stands for the name of each arm. Its planner is a `SharingPlanner`; `mode` and
+    `status` are those of both, see `JointStatus`.
+
+    Raises:
+        ScenarioError: As `shares_of` and `MakeClearingPlanner` do, or if an arm's home
+            is not on its own side.
+    """
+    builder, shares = DiagramBuilder(), shares_of(scenario)
+    planners = {
+        name: builder.AddNamedSystem(
+            name, _MakeSharingPlanner(share, side, first=name == next(iter(shares)))
+        )
+        for name, (share, side) in shares.items()
+    }
+    joint = builder.AddNamedSystem("joint_status", JointStatus(list(planners)))
+    claims, others = "claim", "other_claim"
+    for name, other in zip(planners, reversed(planners), strict=True):
+        planner = planners[name]
+        builder.Connect(
+            planners[other].GetOutputPort(claims), planner.GetInputPort(others)
+        )
+        builder.Connect(
+            planner.GetOutputPort("status"), joint.GetInputPort(f"{name}.status")
+        )
+        for port, source in input_ports(planner).items():
+            if port != others:
+                builder.ExportInput(source, f"{name}.{port}")
+        for port, source in output_ports(planner).items():
+            if port not in (claims, "status"):
+                builder.ExportOutput(source, f"{name}.{port}")
+    export_outputs(builder, joint)
+    return builder.Build()
+
+
+def _MakeSharingPlanner(
+    scenario: Scenario, side: Frontier, *, first: bool
+) -> SharingPlanner:
+    (arm,) = robot_arms(scenario)
+    if arm.safety is not None:
+        scenario = without_cut_corners(scenario)
+    ((name, box),) = bin_boxes(scenario).items()
+    motions = []
+    for depth in (SIDE, HALF, BEYOND):
+        scene, wall = own_scene(scenario), Wall(side, depth)
+        wall.AddTo(scene)
+        hand, fingers = _pinching_hand(scene, scenario)
+        q_home = _home(scenario)
+        if not scene.is_free(q_home):
+            raise ScenarioError(
+                f"{arm.key}arm.home: must be free, and on the arm's own side, got: "
+                f"{scene.clearance(q_home)}"
+            )
+        made = _motions_to(name, box, scene, hand, scenario, wall)
+        assert isinstance(made, WalledMotions)
+        motions.append(made)
+    own = motions[0]
+    reach = _reach(own.scene, fingers, own.q_over, scenario)
+    q_aside = posture_aside(own.scene, own.q_over, [own.destination.middle])
+    grasps = HeightMapGrasps(fingers, scenario.table.height, reach=reach)
+    planner = SharingPickPlanner(
+        grasps, motions, scenario.planner, q_aside, first=first
+    )
+    return SharingPlanner(planner, hand.num_joints, hand.num_sensors)
 
 
 def MakeReach(scenario: Scenario) -> Reach:
@@ -167,8 +330,7 @@ def _motions(
             for name, box in bin_boxes(scenario).items()
         }
         return [into[label.bin] for label in labels(scenario)]
-    assert scenario.arm is not None
-    q_home, places = np.array(scenario.arm.home), list(row_places(scenario).values())
+    q_home, places = _home(scenario), list(row_places(scenario).values())
     over: Vector = np.mean(places, axis=0)
     over[2] += _OVER
     across = place.row.direction + 0.5 * np.pi
@@ -191,22 +353,28 @@ def _motions(
     ]
 
 
+def _home(scenario: Scenario) -> Vector:
+    arm = robot_arms(scenario)[0].arm
+    assert arm is not None
+    return np.array(arm.home)
+
+
 def _motions_to(
     name: str,
     box: tuple[Vector, Vector],
     scene: PlanningScene,
     hand: Hand,
     scenario: Scenario,
+    wall: Wall | None = None,
 ) -> BinMotions:
     """Return the motions into a bin between two corners of `box` [m].
 
     Raises:
         ScenarioError: If the arm does not reach over the bin.
     """
-    assert scenario.arm is not None
     low, high = box
     size = (high - low)[:2]
-    q_home = np.array(scenario.arm.home)
+    q_home = _home(scenario)
     p_WO = np.array([*(0.5 * (low + high))[:2], high[2] + _OVER])
     # Long loads lie across the direction of closing: along the bin, if the arm can.
     along = 0.0 if size[0] < size[1] else 0.5 * np.pi
@@ -214,7 +382,8 @@ def _motions_to(
         q_over = _posture_over(scene, q_home, p_WO, [along, along + np.pi], _ANY_YAW)
     except ScenarioError as error:
         raise ScenarioError(f"{bin_key(scenario, name)}: {error}") from None
-    return BinMotions(
+    make = BinMotions if wall is None else functools.partial(WalledMotions, wall)
+    return make(
         scene,
         Moves(scene, hand.p_GT, scenario.planner),
         q_home,

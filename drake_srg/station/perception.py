@@ -18,7 +18,7 @@ from drake_srg.objects.models import body_color, known_shape
 from drake_srg.objects.solids import body_corners, known_solid
 from drake_srg.planning.clearing.destination import BESIDE, Destination
 from drake_srg.planning.clearing.placing import row_destination
-from drake_srg.scenario import Scenario, perception_cameras
+from drake_srg.scenario import Scenario, perception_cameras, robot_arms
 from drake_srg.station.plant import Models
 from drake_srg.theses.blob_localizer import ThesisBlobLocalizer
 from drake_srg.types import Vector
@@ -392,7 +392,7 @@ def bin_key(scenario: Scenario, name: str) -> str:
 
 def foot_box(scenario: Scenario) -> tuple[Vector, Vector]:
     """Return the least and greatest corner of what the arm stands on, (3,) [m]."""
-    return _fixed_box(Models.of(scenario), "arm")
+    return _fixed_box(Models.of(scenario), robot_arms(scenario)[0].arm_model)
 
 
 @functools.lru_cache(maxsize=4)
@@ -462,7 +462,7 @@ def AddHeightMapper(
     region = _surface(scenario, np.array(clear.region.min), np.array(clear.region.max))
     # The planner looks with the arm out of the way.
     return _AddMapper(
-        "height_mapper",
+        robot_arms(scenario)[0].system("height_mapper"),
         builder,
         station,
         camera_models(scenario),
@@ -483,7 +483,7 @@ def AddDestinationMapper(
     cameras = destination_camera_models(scenario)
     thing, over_edge = destination_map_limits(scenario)
     return _AddMapper(
-        "destination_mapper",
+        robot_arms(scenario)[0].system("destination_mapper"),
         builder,
         station,
         cameras,

@@ -38,7 +38,7 @@ from models.built_models import (
 LINKAGES = tuple(f"linkage_gripper_{kind}" for kind in ("flat", "fast", "bare"))
 ROBOTS = ("srg", "iiwa14", "gantry", "assistive_arm", "linkage_gripper")
 WORKPLACE = ("small_table", "small_table_recess", "bench", "bin")
-TABLES = ("table", "table_mat", "floor", "marker", "lid")
+TABLES = ("table", "table_mat", "table_long", "floor", "marker", "lid")
 KINDS = ("square", "stepped", "keyed", "bushing", "bushing_chamfer")
 PEGS = tuple(f"peg_{kind}_0100" for kind in KINDS)
 MODELS = (*ROBOTS, *WORKPLACE, *TABLES, *HOLES, *PEGS, *HOUSEHOLD)

@@ -8,7 +8,12 @@ from drake_srg.common.exceptions import ScenarioError
 from drake_srg.planning.carrying.config import CarryTogether
 from drake_srg.planning.handover.config import Handover
 from drake_srg.planning.insertion.config import Insert
-from drake_srg.planning.planner_machine import Clear, PickAndPlace, PlannerConfig
+from drake_srg.planning.planner_machine import (
+    Clear,
+    ClearTogether,
+    PickAndPlace,
+    PlannerConfig,
+)
 from drake_srg.planning.servoing.config import Servoing
 from drake_srg.scenario import load_scenario, script_of, servo_of
 from drake_srg.scenario import schema as module
@@ -140,6 +145,26 @@ def test_a_key_from_before_there_were_tags_is_told_with_its_new_form(
             r"planner\.max_external_torque: must be null with planner: !CarryTogether",
         ),
         (
+            "clear_table_fast",
+            "planner=!ClearTogether {}",
+            r"arms: must be two with planner: !ClearTogether, got none \(for one",
+        ),
+        (
+            "clear_table_together",
+            "arms.right.gripper=null",
+            r"arms\.right\.gripper: must be given with planner: !ClearTogether",
+        ),
+        (
+            "clear_table_together",
+            "task.place.bins.left_bin={colour: red}",
+            r"task\.place\.bins\.left_bin: must be all with planner: .*, got red",
+        ),
+        (
+            "carry_together",
+            "planner=!ClearTogether {period: 0.0234375}",
+            r"task\.pick: must be all, .* with planner: !ClearTogether, got 'crate'",
+        ),
+        (
             "kitchen_impedance",
             "planner=!CarryTogether {}",
             r"planner\.first: unknown arm 'left' \(allowed: none\)",
@@ -208,6 +233,7 @@ def test_a_planner_of_ones_own_is_loaded_by_its_tag(monkeypatch):
         *(
             PickAndPlace,
             Clear,
+            ClearTogether,
             Servoing,
             Insert,
             Handover,

@@ -8,8 +8,9 @@ from pydrake.math import RigidTransform, RotationMatrix
 
 from drake_srg.common.log_format import MODES, pose_to_row, row_to_pose
 from drake_srg.objects.household import object_facts
-from drake_srg.scenario import load_scenario
+from drake_srg.scenario import load_scenario, robot_arms
 from drake_srg.simulation.clearing import clearing_outcome, delivered, least_width
+from drake_srg.simulation.measures import hand_poses
 from drake_srg.simulation.metrics import RunTimes, calc_metrics
 from drake_srg.station.perception import bin_boxes, row_places
 from drake_srg.types import Failure, Mode, PlannerStatus, Remaining
@@ -269,3 +270,32 @@ def test_deliveries_are_told(scenario):
     metrics = clearing_outcome(scenario, made, status).metrics()
     assert metrics["picks_delivered"] == 1
     assert metrics["picks_held"] == 0  # by the planner's word
+
+
+def test_of_two_arms_each_carries_what_is_near_its_hand():
+    scenario = load_scenario("clear_table_together", overrides=["clutter.count=2"])
+    modes = [Mode.IDLE, Mode.PRE_GRASP, Mode.CLOSE, Mode.TRANSFER, Mode.RELEASE]
+    modes += 4 * [Mode.DONE]  # at rest
+    made = {
+        "time": 0.05 * np.arange(len(modes)),
+        "mode": np.array([MODES.index(mode) for mode in modes], float),
+    }
+    for arm, thing in zip(robot_arms(scenario), (A, B), strict=True):
+        state = np.tile([*arm.arm.home, *[0.0] * 7], (len(modes), 1))
+        (X_WG,) = hand_poses(scenario, state[:1], arm)
+        above = X_WG @ np.array([0.17, 0.0, 0.0])
+        bin_ = bin_boxes(scenario)[f"{arm.name}_bin"]
+        inside = [*np.mean(bin_, axis=0)[:2], 0.05]
+        places = [*[[0.5, 0.0, 0.03]] * 3, above, *[inside] * 5]
+        made[f"{arm.name}.mode"] = made["mode"]
+        made[f"{arm.name}.state_measured"] = state
+        made[f"object_pose.{thing}"] = np.array(
+            [pose_to_row(RigidTransform(np.array(p))) for p in places]
+        )
+    status = PlannerStatus(mode=Mode.DONE, attempts=2, cycles=2)
+    found = clearing_outcome(scenario, made, status)
+    assert found.honest  # either bin is right
+    assert found.metrics()["objects_in_wrong_bin"] is None
+    assert (found.cleared, found.picks_delivered) == (2, 2)
+    assert found.multi_object_picks == 0
+    assert sum(thing.attempts for thing in found.objects.values()) == 2

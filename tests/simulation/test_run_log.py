@@ -8,7 +8,7 @@ from drake_srg.objects.models import object_body
 from drake_srg.scenario import load_scenario
 from drake_srg.scenario.schema import ClearConfig
 from drake_srg.simulation.measures import AT_REST
-from drake_srg.simulation.run_log import RunLog
+from drake_srg.simulation.run_log import RunLog, merged
 from simulation.own_cells import RaisingPort, cell_with
 
 
@@ -82,3 +82,8 @@ def test_tells_whether_what_is_to_be_cleared_still_moves(scenario, cell, speed):
         X_WO = RigidTransform([speed * time, 0.0, 0.0])
         plant.SetFreeBodyPose(plant.GetMyMutableContextFromRoot(context), body, X_WO)
     assert log.clearing_moves == (speed > AT_REST)
+
+
+def test_of_several_grippers_the_largest_force_counts():
+    found = merged([{"support": 1.0, "a": 2.0}, {"support": 3.0}])
+    assert found == {"support": 3.0, "a": 2.0}

@@ -1,12 +1,19 @@
 """The planner of a cell that clears its table."""
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 
 from drake_srg.common.exceptions import ScenarioError
 from drake_srg.planning.grasps.srg_hand import SrgHand
 from drake_srg.scenario import load_scenario
-from drake_srg.station.clearing import MakeClearingPlanner, MakeReach
+from drake_srg.station.clearing import (
+    MakeClearingPair,
+    MakeClearingPlanner,
+    MakeReach,
+    shares_of,
+)
 from drake_srg.station.perception import bin_boxes
 
 FAR = "directives.bin::bottom.add_weld.X_PC.translation=[1.2, -0.5, 0.0]"
@@ -63,3 +70,58 @@ def test_the_hand_drops_over_the_bin():
     assert abs(X_WG.rotation().matrix()[long, 2]) > 0.99
     assert p_W[:2] == pytest.approx(0.5 * (low + high)[:2], abs=1e-3)
     assert p_W[2] > high[2] + 0.2
+
+
+def place_of(name, *p_W):
+    return f"directives.{name}.add_weld.X_PC.translation={list(p_W)}"
+
+
+def test_each_arm_has_the_bin_and_the_cameras_on_its_side():
+    shares = shares_of(load_scenario("clear_table_together"))
+    for name, (share, side) in shares.items():
+        assert list(share.arms) == [name]
+        assert list(share.task.place.bins) == [f"{name}_bin"]
+        assert share.task.place.cameras == [f"{name}_bin"]
+        assert share.localizer.cameras == [f"{name}_ceiling"]
+        assert side.inward[1] == (1.0 if name == "left" else -1.0)
+
+
+@pytest.mark.parametrize(
+    ("override", "message"),
+    [
+        (
+            place_of("left_bin::bottom", 0.34, -0.3, 0.0),
+            r"task\.place\.bins: must have one bin on the side of arm 'left', got none",
+        ),
+        (
+            place_of("right_bin::bottom", 0.34, 0.5, 0.0),
+            r"task\.place\.bins: must .* 'left', got left_bin, right_bin",
+        ),
+        (
+            place_of("left_bin::bottom", 0.34, 0.35, 0.0),
+            r"task\.place\.bins\.left_bin: 'left_bin' must be at least 0\.21 m from",
+        ),
+        (
+            "localizer.cameras=[right_ceiling]",
+            r"localizer\.cameras: must have one .* of arm 'left', got right_ceiling",
+        ),
+        (
+            "arms.left.arm.home=[-1.57, 0.9, 0.0, -0.6, 0.0, 1.5, 0.0]",
+            r"arms\.left\.arm\.home: must be free, and on the arm's own side, got: ",
+        ),
+        (
+            place_of("left::link_0", 0.0, 0.1, 0.0),
+            r"arms\.left\.arm\.home: must be free, and on the arm's own side, got: ",
+        ),
+    ],
+)
+def test_what_two_arms_cannot_share_is_told(override, message):
+    scenario = load_scenario("clear_table_together", overrides=[override])
+    with pytest.raises(ScenarioError, match=f"^{message}"):
+        MakeClearingPair(scenario)
+
+
+def test_one_arm_alone_has_the_same_objects():
+    alone = Path(__file__).parents[2] / "experiments/clear_table_alone.yaml"
+    both = load_scenario("clear_table_together", seed=1000)
+    assert load_scenario(alone, seed=1000).objects == both.objects

@@ -32,16 +32,25 @@ CAN = Proximity(
 )
 
 
-def table(name: str, top: Proximity, comment: str) -> Files:
-    """Return a table with its top at z = 0; an arm stands on it at the origin."""
+def table(
+    name: str, top: Proximity, comment: str, meshes: str = "table", half: float = 0.8
+) -> Files:
+    """Return a table with its top at z = 0; an arm stands on it at the origin.
+
+    Args:
+        name: Of the model.
+        top: What its top is made of.
+        comment: What it is.
+        meshes: What its meshes' names begin with.
+        half: Half its width along y [m].
+    """
     looks = {"top": (0.74, 0.70, 0.63), "legs": (0.45, 0.46, 0.48)}
-    model = Model(name, looks, f"{comment}; its top is z = 0.", meshes="table")
+    model = Model(name, looks, f"{comment}; its top is z = 0.", meshes=meshes)
     AddChild(model.root, "static", "true")
-    pieces = [
-        box_piece("table_top", "top", (-0.4, -0.8, -0.04), (1.3, 0.8, 0), 0.0015, top)
-    ]
+    low, high = (-0.4, -half, -0.04), (1.3, half, 0)
+    pieces = [box_piece("table_top", "top", low, high, 0.0015, top)]
     for x in (-0.34, 1.24):
-        for y in (-0.74, 0.74):
+        for y in (-half + 0.06, half - 0.06):
             leg = f"table_leg_{'rear' if x < 0 else 'front'}_"
             leg += "left" if y > 0 else "right"
             low, high = (x - 0.03, y - 0.03, -0.75), (x + 0.03, y + 0.03, -0.04)
@@ -307,6 +316,7 @@ def build() -> Files:
     return {
         **table("table", WOOD, "A table"),
         **table("table_mat", MAT, "A table that objects come to rest on"),
+        **table("table_long", MAT, "A table for two arms", "table_long", half=1.25),
         **floor(),
         **marker(),
         **lid(),

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import dataclasses as dc
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from typing import TypeAlias
 
 import cv2
 import numpy as np
@@ -33,6 +34,11 @@ from drake_srg.types import Failure, HeightMap, LabeledHeightMap, Remaining, Vec
 _MOST_GRASPS = 30
 # Edges of things that stick out of a bin flicker by this many cells.
 _EDGES = np.ones((9, 9), np.uint8)
+
+
+# Returns the label of a grasp's thing, -1 for none, and the motions to its destination;
+# None if the thing must stay.
+Route: TypeAlias = Callable[[TopGrasp, HeightMap], "tuple[int, ClearingMotions] | None"]
 
 
 class PickPlanner:
@@ -117,6 +123,18 @@ class PickPlanner:
         up = self.motions.plan_up(q, fingers, palm)
         return None if isinstance(up, PlanningFailure) else up
 
+    def plan_retreat(
+        self, memory: ClearingMemory, q: Vector, fingers: Mapping[str, float]
+    ) -> Trajectory | PlanningFailure:
+        """Plan up and over the destination from where something has stopped the arm.
+
+        Args:
+            memory: The planner's memory.
+            q: Posture of the arm, at rest, shape (N,) [rad].
+            fingers: Angles of the open gripper's joints by name [rad].
+        """
+        return self.motions.plan_retreat(q, fingers)
+
     def give_up(self, memory: ClearingMemory) -> None:
         """Count the pick under way as failed, because something has stopped the arm."""
         grasp, attempts = memory.planned.grasp, memory.attempts
@@ -159,8 +177,12 @@ class PickPlanner:
         found: GraspPlan,
         height_map: HeightMap,
         time: float,
+        route: Route | None = None,
     ) -> tuple[Pick | None, list[Remaining]]:
-        """Return the next pick, and why better grasps are left; see `plan`."""
+        """Return the next pick, and why better grasps are left; see `plan`.
+
+        `route` replaces the method of that name.
+        """
         missed: list[Remaining] = []
         planned = 0
         for grasp in found.grasps:
@@ -171,11 +193,11 @@ class PickPlanner:
                 continue
             if planned == _MOST_GRASPS:
                 break
-            route = self.route(grasp, height_map)
-            if route is None:
+            way = (route or self.route)(grasp, height_map)
+            if way is None:
                 continue
             planned += 1
-            label, there = route
+            label, there = way
             motions = there.plan(
                 memory.departure,
                 grasp,

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import dataclasses as dc
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import ClassVar, TypeAlias
 
 import numpy as np
@@ -408,7 +408,7 @@ class Retreat(LastChance):
         q = entry.senses.q.copy()
         memory.motion, memory.push = Motion(q), None
         fingers = released.fingers if released.astray else {}
-        motion = self.planner.motions.plan_retreat(q, fingers)
+        motion = self.planner.plan_retreat(memory, q, fingers)
         return self.begun(memory, entry, motion)
 
 
@@ -485,7 +485,7 @@ class Failed(End):
     mode = Mode.FAILED
 
 
-_MODES: tuple[type[ClearingMode], ...] = (
+MODES: tuple[type[ClearingMode], ...] = (
     *(Idle, Push, PreGrasp, Grasp, Close, Lift, Transfer, Place, Release),
     *(Retreat, Verify, Home, Done, Failed),
 )
@@ -539,14 +539,21 @@ class ClearingPlanner(PlannerMachine[ClearingMemory, Senses]):
         planner: Plans the picks.
         num_fingers: Number n of the gripper's measured joints.
         num_sensors: Number m of its proximity readings.
+        modes: The modes.
+        memory: The kind of its memory.
     """
 
     def __init__(
-        self, planner: PickPlanner, num_fingers: int, num_sensors: int
+        self,
+        planner: PickPlanner,
+        num_fingers: int,
+        num_sensors: int,
+        modes: Sequence[type[ClearingMode]] = MODES,
+        memory: type[ClearingMemory] = ClearingMemory,
     ) -> None:
         super().__init__(
-            {kind.mode: kind(planner) for kind in _MODES},
-            memory=ClearingMemory(Motion(q_rest=planner.motions.q_home)),
+            {kind.mode: kind(planner) for kind in modes},
+            memory=memory(Motion(q_rest=planner.motions.q_home)),
             transition=transition,
             config=planner.config,
         )

@@ -364,6 +364,10 @@ class PlanningScene(ArmModel):
         finally:
             self._positions = before
 
+    def AddFixture(self, shape: Solid, X_WO: RigidTransform) -> None:
+        """Add a shape to the furniture for good, at X_WO [m]."""
+        self._AddShape(self._obstacle, shape, X_WO)
+
     @contextlib.contextmanager
     def standing(
         self, shape: Solid, X_WO: RigidTransform, *, touchable: bool = False
@@ -380,12 +384,16 @@ class PlanningScene(ArmModel):
     def _added_shape(
         self, body: RigidBody, shape: Solid, X_BO: RigidTransform
     ) -> Iterator[None]:
-        group = f"shape_{len(self._checker.GetAllAddedCollisionShapes())}"
-        self._checker.AddCollisionShapeToBody(group, body, drake_shape(shape), X_BO)
+        group = self._AddShape(body, shape, X_BO)
         try:
             yield
         finally:
             self._checker.RemoveAllAddedCollisionShapes(group)
+
+    def _AddShape(self, body: RigidBody, shape: Solid, X_BO: RigidTransform) -> str:
+        group = f"shape_{len(self._checker.GetAllAddedCollisionShapes())}"
+        self._checker.AddCollisionShapeToBody(group, body, drake_shape(shape), X_BO)
+        return group
 
 
 def _at(path: Vector, index: Vector) -> Vector:

@@ -1,0 +1,599 @@
+"""Two arms that clear one table at the same time, and never meet.
+
+A vertical plane halfway between the arms divides the table. All of an arm stays at a
+depth behind that plane, on its own side, or crosses it: then its depth is negative. The
+depths of both arms always add up to `GAP` or more, so that the arms are apart. At the
+depth `SIDE`, an arm is in nobody's way. To go further, it claims a lesser depth, and
+the earlier of two claims that exclude one another comes first. Walls in the planners'
+scenes keep each motion at its depth.
+"""
+
+from __future__ import annotations
+
+import dataclasses as dc
+import functools
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+from pydrake.common.value import AbstractValue, Value
+from pydrake.math import RigidTransform, RotationMatrix
+from pydrake.systems.framework import BasicVector, Context
+from pydrake.trajectories import Trajectory
+
+from drake_srg.lifetime import LeafSystem
+from drake_srg.planning.clearing.choosing import PickPlanner, Route
+from drake_srg.planning.clearing.clearing_planner import (
+    MODES,
+    ClearingMode,
+    ClearingPlanner,
+    Entry,
+    Failed,
+    Idle,
+    Now,
+    Release,
+    Senses,
+    Verify,
+)
+from drake_srg.planning.clearing.destination import Spots
+from drake_srg.planning.clearing.knowledge import ClearingMemory, Pick
+from drake_srg.planning.clearing.maps import thing_at
+from drake_srg.planning.clearing.motions import ClearingMotions
+from drake_srg.planning.clearing.placing import BinMotions
+from drake_srg.planning.grasps.top_grasps import GraspPlan, GraspPlanner, TopGrasp
+from drake_srg.planning.motion.planning_scene import PlanningFailure, PlanningScene
+from drake_srg.planning.planner_machine import Observation, PlannerConfig
+from drake_srg.types import (
+    AnyMode,
+    Box,
+    Failure,
+    HeightMap,
+    Mode,
+    PlannerStatus,
+    Remaining,
+    Vector,
+)
+
+# Least distance between the arms [m]. It is more than both lag behind their commands,
+# by 0.02 m each at a joint error of 0.02 rad.
+GAP = 0.05
+# Depths [m]: beyond the plane, up to the plane, and in nobody's way. An open hand needs
+# 0.12 m on either side of a grasp. So both arms can take what lies in the middle.
+BEYOND = -0.16
+HALF = 0.5 * GAP
+SIDE = GAP - BEYOND
+# A hand takes nothing nearer than this to a wall [m]: half the palm's width.
+_ROOM = 0.04
+_HAND = 0.12  # and most grasps have enough room at this distance [m]
+_SIZE = 6.0  # of a wall [m]
+_ROUNDING = 1e-6  # in sums of depths [m]
+_SAMPLES = 40  # of a motion with a load
+_LOADED = (Mode.LIFT, Mode.TRANSFER, Mode.PLACE)
+
+
+@dc.dataclass(frozen=True, eq=False)
+class Frontier:
+    """The vertical plane between two arms, from the side of one of them.
+
+    Attributes:
+        middle: A point of it, x and y in world, shape (2,) [m].
+        inward: Direction from there to the arm, shape (2,).
+    """
+
+    middle: Vector
+    inward: Vector
+
+    @classmethod
+    def between(cls, p_WA: Vector, p_WB: Vector) -> Frontier:
+        """Return the plane halfway between two arms, from the side of the first.
+
+        Args:
+            p_WA: Base of the first arm, shape (2 or 3,) [m].
+            p_WB: That of the second.
+        """
+        apart = p_WA[:2] - p_WB[:2]
+        return cls(0.5 * (p_WA[:2] + p_WB[:2]), apart / np.linalg.norm(apart))
+
+    def depth(self, p_W: Vector) -> Vector:
+        """Return how far points (..., 2 or more) are on the arm's side, (...) [m]."""
+        depth: Vector = (p_W[..., :2] - self.middle) @ self.inward
+        return depth
+
+
+@dc.dataclass(frozen=True, eq=False)
+class Wall:
+    """A wall that keeps an arm at a depth, parallel to a frontier."""
+
+    frontier: Frontier
+    depth: float  # of its face [m]; negative beyond the frontier
+
+    def AddTo(self, scene: PlanningScene) -> None:
+        """Add the wall to an arm's scene, for good."""
+        inward = self.frontier.inward
+        x, y = self.frontier.middle + (self.depth - 0.5 * _SIZE) * inward
+        R_WO = RotationMatrix.MakeZRotation(float(np.arctan2(inward[1], inward[0])))
+        scene.AddFixture(Box([_SIZE, _SIZE, _SIZE]), RigidTransform(R_WO, [x, y, 0.0]))
+
+
+class WalledMotions(BinMotions):
+    """Plans picks on one side of a wall, where all of the load stays, too.
+
+    Args:
+        wall: The wall, which is in the scene.
+        *args: As of `ClearingMotions`.
+        **others: As of `ClearingMotions`.
+    """
+
+    def __init__(self, wall: Wall, *args: Any, **others: Any) -> None:
+        super().__init__(*args, **others)
+        self.wall = wall
+
+    def reaches(self, grasp: TopGrasp, room: float = _ROOM) -> bool:
+        """Return whether there is some room [m] between a grasp and the wall."""
+        depth = self.wall.frontier.depth(grasp.p_WC)
+        return bool(depth > self.wall.depth + room)
+
+    def plan(
+        self,
+        q_start: Vector,
+        grasp: TopGrasp,
+        height_map: HeightMap,
+        number: int = 0,
+        *,
+        filled: float = -np.inf,
+        spots: Spots = Spots(),  # noqa: B008  # it is immutable
+    ) -> dict[AnyMode, Trajectory] | PlanningFailure:
+        """See `ClearingMotions`; in any direction, the load stays clear of the wall."""
+        motions = super().plan(
+            q_start, grasp, height_map, number, filled=filled, spots=spots
+        )
+        if isinstance(motions, PlanningFailure):
+            return motions
+        away = thing_at(height_map, self._table, grasp.p_WC) - grasp.p_WC[:2]
+        length = float(np.max(np.linalg.norm(away, axis=1)))
+        for mode in _LOADED:
+            if mode not in motions:
+                continue
+            times = np.linspace(0.0, motions[mode].end_time(), _SAMPLES)
+            for q in motions[mode].vector_values(times).T:
+                p_WG = self.scene.X_WG(q).translation()
+                if self.wall.frontier.depth(p_WG) < self.wall.depth + length:
+                    message = "the load would reach over to the other arm"
+                    return PlanningFailure(Failure.BLOCKED, message)
+        return motions
+
+
+@dc.dataclass(frozen=True)
+class Claim:
+    """A claim of an arm to a depth."""
+
+    since: float = np.inf  # when it was made [s]; inf: there is none
+    depth: float = SIDE  # [m]
+
+    def comes_first(self, other: Claim, *, first: bool) -> bool:
+        """Return whether this claim need not wait for that of the other arm.
+
+        Args:
+            other: The other claim.
+            first: Whether this one counts before a simultaneous one.
+        """
+        if self.depth + other.depth > GAP - _ROUNDING:
+            return True
+        return self.since < other.since or (first and self.since == other.since)
+
+    def granted(self, other: Claim, time: float, *, first: bool) -> bool:
+        """Return whether the arm may go to the claimed depth.
+
+        The claim is then at least one update old. So the arm knows all earlier claims
+        of the other one, whose updates are at the same times.
+
+        Args:
+            other: See `comes_first`.
+            time: Now [s].
+            first: See `comes_first`.
+        """
+        return self.since < time and self.comes_first(other, first=first)
+
+    def changed(self, depth: float, time: float) -> Claim:
+        """Return a claim to another depth; it keeps its turn unless it asks for more.
+
+        Args:
+            depth: The depth [m].
+            time: Now [s].
+        """
+        return Claim(min(self.since, time) if depth >= self.depth else time, depth)
+
+
+NO_CLAIM = Claim()
+
+
+@dc.dataclass(frozen=True, eq=False)
+class SharedHeightMap(HeightMap):
+    """A height map that shows nothing of the other arm, nor of where it may be.
+
+    Attributes:
+        least: The least depth to which the arm may go now [m].
+        wanted: Whether the other arm waits.
+    """
+
+    least: float = BEYOND
+    wanted: bool = False
+
+    @property
+    def open(self) -> bool:
+        """Whether the map shows all that the arm could take."""
+        return self.least <= BEYOND
+
+
+@dc.dataclass(frozen=True)
+class SharingSenses(Senses):
+    """Measurements at one time, and the other arm's claim."""
+
+    other: Claim = NO_CLAIM
+
+
+@dc.dataclass
+class SharingMemory(ClearingMemory):
+    """The planner's memory.
+
+    Attributes:
+        claim: Its claim, which ends once the arm is over its bin again.
+    """
+
+    claim: Claim = NO_CLAIM
+
+
+class SharingPickPlanner(PickPlanner):
+    """Plans picks at each depth.
+
+    Those at the depth `SIDE`, which are possible at any time, are kept for when the
+    other arm crosses the plane, unless it waits for that now. Nothing is pushed.
+
+    Args:
+        grasps: Finds grasps in a height map.
+        motions: Motions at the depths `SIDE`, `HALF` and `BEYOND`.
+        config: Attempts and latency.
+        q_aside: See `PickPlanner`.
+        first: See `Claim`.
+    """
+
+    def __init__(
+        self,
+        grasps: GraspPlanner,
+        motions: Sequence[WalledMotions],
+        config: PlannerConfig,
+        q_aside: Vector,
+        *,
+        first: bool,
+    ) -> None:
+        super().__init__(grasps, motions[0], config, q_aside=q_aside)
+        self._side, self._half, self.beyond = motions
+        self.first = first
+
+    def _next_pick(
+        self,
+        memory: ClearingMemory,
+        found: GraspPlan,
+        height_map: HeightMap,
+        time: float,
+        route: Route | None = None,
+    ) -> tuple[Pick | None, list[Remaining]]:
+        assert isinstance(memory, SharingMemory)
+        assert isinstance(height_map, SharedHeightMap)
+        before, memory.claim = memory.claim, NO_CLAIM
+        side, half, beyond = self._side, self._half, self.beyond
+        ways: list[tuple[WalledMotions, WalledMotions | None]]
+        ways = [(side, None), (half, None), (beyond, None)]
+        if not height_map.wanted:
+            ways = [(half, side), (beyond, half), *ways]
+        for motions, easier in ways:
+            depth = motions.wall.depth
+            if depth < height_map.least - _ROUNDING:
+                continue
+            way = functools.partial(_way, motions, easier)
+            pick, missed = super()._next_pick(memory, found, height_map, time, way)
+            if pick is not None:
+                pick.shared = depth < SIDE
+                if pick.shared:
+                    memory.claim = before.changed(depth, time)
+                return pick, missed
+        if not height_map.open:
+            memory.claim = before.changed(BEYOND, time)
+        return None, missed
+
+    def plan(self, memory: ClearingMemory, height_map: HeightMap, time: float) -> None:
+        """See `PickPlanner`; finish only once the map shows everything."""
+        super().plan(memory, height_map, time)
+        assert isinstance(height_map, SharedHeightMap)
+        memory.finished &= height_map.open
+
+    def plan_retreat(
+        self, memory: ClearingMemory, q: Vector, fingers: Mapping[str, float]
+    ) -> Trajectory | PlanningFailure:
+        """See `PickPlanner`; the arm may be as far as it has claimed."""
+        assert isinstance(memory, SharingMemory)
+        # With a pick planned, the claim is for that one, and the arm is over its bin.
+        least = memory.claim.depth if memory.pick is None else SIDE
+        for motions in (self._side, self._half, self.beyond):
+            motion = motions.plan_retreat(q, fingers)
+            if not isinstance(motion, PlanningFailure) or motions.wall.depth <= least:
+                break
+        return motion
+
+
+def _way(
+    motions: WalledMotions,
+    easier: WalledMotions | None,
+    grasp: TopGrasp,
+    height_map: HeightMap,
+) -> tuple[int, ClearingMotions] | None:
+    """Return motions to a grasp, if there is room between it and their wall.
+
+    Args:
+        motions: The motions.
+        easier: Motions to a greater depth, which leave out what these reach; None: all
+            grasps count.
+        grasp: The grasp.
+        height_map: The map.
+    """
+    if easier is not None and easier.reaches(grasp, _HAND):
+        return None
+    return (-1, motions) if motions.reaches(grasp) else None
+
+
+class SharingMode(ClearingMode):
+    """A mode that knows the claims."""
+
+    planner: SharingPickPlanner
+
+    def may_enter(self, memory: ClearingMemory, now: Now) -> bool:
+        """Return whether the arm may go to the depth that it has claimed."""
+        assert isinstance(memory, SharingMemory)
+        assert isinstance(now.senses, SharingSenses)
+        other, first = now.senses.other, self.planner.first
+        return memory.claim.granted(other, now.time, first=first)
+
+
+class SharingIdle(SharingMode, Idle):
+    """Waits for its turn, if the next pick needs a claim.
+
+    If the other arm comes first, the table will look different, and the pick is planned
+    anew.
+    """
+
+    def enter(self, memory: ClearingMemory, entry: Entry) -> ClearingMemory:
+        """Rest; without a pick, end the claim: the arm is over its bin."""
+        assert isinstance(memory, SharingMemory)
+        if memory.pick is None:
+            memory.claim = NO_CLAIM
+        return super().enter(memory, entry)
+
+    def update(self, memory: ClearingMemory, now: Now) -> ClearingMemory:
+        """Forget a pick if the other arm comes first, and look."""
+        pick = memory.pick
+        if pick is not None and pick.shared and not self.may_enter(memory, now):
+            memory.pick = None
+        return super().update(memory, now)
+
+    def observe_mode(self, memory: ClearingMemory, now: Now) -> Observation:
+        """Report a pick only if the arm may go there."""
+        observed, pick = super().observe_mode(memory, now), memory.pick
+        if pick is not None and pick.shared and not self.may_enter(memory, now):
+            return dc.replace(observed, ready=False)
+        return observed
+
+
+class SharingRelease(SharingMode, Release):
+    """Ends the claim, because the arm is over its bin."""
+
+    def enter(self, memory: ClearingMemory, entry: Entry) -> ClearingMemory:
+        """Let the other arm go first next time, unless something has stopped this one.
+
+        The view is of before, so it shows where the load was.
+        """
+        assert isinstance(memory, SharingMemory)
+        stuck = entry.observation is not None and entry.observation.stuck
+        if not stuck:
+            memory.claim = NO_CLAIM
+        return super().enter(memory, entry)
+
+
+class SharingVerify(SharingMode, Verify):
+    """Looks in the end once the other arm is on its side."""
+
+    def enter(self, memory: ClearingMemory, entry: Entry) -> ClearingMemory:
+        """Claim what the look must show, and go."""
+        assert isinstance(memory, SharingMemory)
+        memory.claim = Claim(entry.time, BEYOND)
+        return super().enter(memory, entry)
+
+    def update(self, memory: ClearingMemory, now: Now) -> ClearingMemory:
+        """Look once it is this arm's turn."""
+        return super().update(memory, now) if self.may_enter(memory, now) else memory
+
+
+class SharingFailed(SharingMode, Failed):
+    """Ends the claim if the arm has failed on its side."""
+
+    def enter(self, memory: ClearingMemory, entry: Entry) -> ClearingMemory:
+        """Stop; an arm that is no longer over its bin keeps its claim."""
+        assert isinstance(memory, SharingMemory)
+        if entry.previous in (Mode.IDLE, Mode.VERIFY, Mode.HOME):
+            memory.claim = NO_CLAIM
+        return super().enter(memory, entry)
+
+
+_SHARING: tuple[type[ClearingMode], ...] = (
+    SharingIdle,
+    SharingRelease,
+    SharingVerify,
+    SharingFailed,
+)
+_MODES: dict[AnyMode, type[ClearingMode]] = {
+    kind.mode: kind for kind in (*MODES, *_SHARING)
+}
+
+
+class SharingPlanner(ClearingPlanner):
+    """Clears one side of a table, and what lies in the middle between two arms.
+
+    .. pydrake_system::
+
+        name: SharingPlanner
+        input_ports:
+        - height_map
+        - destination_map (optional)
+        - arm_state
+        - gripper_state
+        - grasped
+        - proximity
+        - other_claim
+        output_ports:
+        - position_commanded
+        - closure_commanded
+        - mode
+        - status
+        - claim
+
+    Connect `claim` (2) to `other_claim` (2) of the other arm's planner, and the
+    reverse: when the claim was made [s], inf without one, and its depth [m]. The
+    earlier claim comes first. An arm that waits has a claim, and the other one ends its
+    own after one pick. So neither waits for more than that.
+
+    Args:
+        planner: Plans the picks.
+        num_fingers: Number n of the gripper's measured joints.
+        num_sensors: Number m of its proximity readings.
+    """
+
+    planner: SharingPickPlanner
+
+    def __init__(
+        self, planner: SharingPickPlanner, num_fingers: int, num_sensors: int
+    ) -> None:
+        super().__init__(
+            planner, num_fingers, num_sensors, tuple(_MODES.values()), SharingMemory
+        )
+        self._other = self.DeclareVectorInputPort("other_claim", 2)
+        self.DeclareVectorOutputPort(
+            "claim", 2, self._calc_claim, prerequisites_of_calc={self.state_ticket}
+        )
+
+    def sense(self, context: Context) -> SharingSenses:
+        """Return the measurements, with maps of what this arm may see."""
+        senses = super().sense(context)
+        since, depth = self._other.Eval(context)
+        other = Claim(float(since), float(depth))
+
+        def see() -> SharedHeightMap:
+            return self._cropped(senses.see(), self._claim(context), other)
+
+        return SharingSenses(**{**vars(senses), "see": see}, other=other)
+
+    def _claim(self, context: Context) -> Claim:
+        memory = self.state(context).memory
+        assert isinstance(memory, SharingMemory)
+        return memory.claim
+
+    def _cropped(self, seen: HeightMap, claim: Claim, other: Claim) -> SharedHeightMap:
+        """Return a map without the other arm's side, or where it may be.
+
+        The camera is on this arm's side, so the other arm hides nothing there.
+        """
+        waits = not other.comes_first(claim, first=not self.planner.first)
+        beyond = SIDE if waits else other.depth
+        wall = self.planner.beyond.wall
+        shown = wall.frontier.depth(seen.centers()) > max(BEYOND, HALF - beyond)
+        return SharedHeightMap(
+            seen.origin,
+            seen.resolution,
+            np.where(shown, seen.height, np.nan),
+            least=max(BEYOND, GAP - beyond),
+            wanted=waits,
+        )
+
+    def _calc_claim(self, context: Context, output: BasicVector) -> None:
+        claim = self._claim(context)
+        output.SetFromVector([claim.since, claim.depth])
+
+
+def joint_status(statuses: Mapping[str, PlannerStatus]) -> PlannerStatus:
+    """Return the report of several arms on their common task.
+
+    Its mode is that of the first arm that still works. In the end, it is FAILED if any
+    arm has failed.
+
+    Args:
+        statuses: Their own reports, by the arms' names.
+    """
+    reports = list(statuses.values())
+    begun = [report.localized_at for report in reports if report.attempts]
+    joint = PlannerStatus(
+        mode=Mode.DONE,
+        attempts=sum(report.attempts for report in reports),
+        cycles=sum(report.cycles for report in reports),
+        multi_object_picks=sum(report.multi_object_picks for report in reports),
+        looks=sum(report.looks for report in reports),
+        localized_at=min(begun, default=0.0),
+        left=tuple(thing for report in reports for thing in report.left),
+    )
+    for report in reports:
+        if not report.ended:
+            return dc.replace(joint, mode=report.mode)
+    for name, report in statuses.items():
+        if not report.done:
+            words = f"{name}: {report.message}"
+            joint = dc.replace(
+                joint, mode=report.mode, failure=report.failure, message=words
+            )
+            break
+    return joint
+
+
+class JointStatus(LeafSystem):
+    """Reports what several planners do as if they were one.
+
+    .. pydrake_system::
+
+        name: JointStatus
+        input_ports:
+        - ARM.status
+        output_ports:
+        - mode
+        - status
+
+    There is an input for every arm. See `joint_status`.
+
+    Args:
+        arms: Names of the arms.
+    """
+
+    def __init__(self, arms: Sequence[str]) -> None:
+        super().__init__()
+        model = AbstractValue.Make(PlannerStatus())
+        self._inputs = {
+            name: self.DeclareAbstractInputPort(f"{name}.status", model)
+            for name in arms
+        }
+        self.DeclareAbstractOutputPort(
+            "mode",
+            lambda: Value[object](Mode.IDLE),
+            self._calc_mode,
+            {self.all_input_ports_ticket()},
+        )
+        self.DeclareAbstractOutputPort(
+            "status",
+            lambda: AbstractValue.Make(PlannerStatus()),
+            self._calc_status,
+            {self.all_input_ports_ticket()},
+        )
+
+    def _status(self, context: Context) -> PlannerStatus:
+        ports = self._inputs.items()
+        return joint_status({name: port.Eval(context) for name, port in ports})
+
+    def _calc_mode(self, context: Context, output: AbstractValue) -> None:
+        output.set_value(self._status(context).mode)
+
+    def _calc_status(self, context: Context, output: AbstractValue) -> None:
+        output.set_value(self._status(context))
