@@ -2,6 +2,7 @@
 
 import pytest
 
+from drake_srg.common.log_format import MODES
 from drake_srg.scenario import load_scenario
 from drake_srg.simulation import Simulate
 
@@ -21,6 +22,4 @@ def test_both_arms_clear_the_table_and_stay_apart():
 
 
 def modes(log, name):
-    from drake_srg.common.log_format import MODES
-
     return {MODES[int(i)] for i in log[f"{name}.mode"]}
