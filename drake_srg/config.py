@@ -80,7 +80,7 @@ def bounds_problem(value: Any, bounds: Mapping[str, Any]) -> str | None:
     """Return why a value, or an entry of a list, is out of bounds; None: it is not.
 
     Args:
-        value: Of the right type; None has no bounds.
+        value: A value of the right type; None has no bounds.
         bounds: The metadata of its field.
     """
     if value is None:

@@ -112,7 +112,7 @@ def trial(
 
 
 def whole(trials: ex.Trials) -> dict[str, ex.Values]:
-    """State shares at each level of each factor, whatever the others, and by case.
+    """Return success rates by level of each factor, and by case.
 
     Expect the corrected tip to pay beyond doubt: its interval lies above that of the
     tip as drawn, whatever the pads.

@@ -92,7 +92,7 @@ def run_hardware(options: argparse.Namespace) -> int:
     ),
 )
 def run(options: argparse.Namespace) -> int:
-    """Do a scenario's task, and print its metrics and where the files are."""
+    """Do a scenario's task, and print its metrics and the paths of its files."""
     from drake_srg.simulation import Simulate
     from drake_srg.station.cell import MakeCell, load_make_cell
 
@@ -116,7 +116,7 @@ def run(options: argparse.Namespace) -> int:
 
 
 def _tell(options: argparse.Namespace, result: Result, out: Path) -> int:
-    """Print a result and where its files are; return the exit code."""
+    """Print a result and the paths of its files; return the exit code."""
     from drake_srg.simulation.simulate import STOPPED_BY_USER
 
     metrics, say = result.metrics, options.console.say
@@ -285,7 +285,7 @@ def diagram(options: argparse.Namespace) -> int:
 
 
 def _draw(dot: str, output: Path) -> None:
-    """Draw a graph with Graphviz, in the format that the file's name asks for."""
+    """Draw a graph with Graphviz, in the format of the file's suffix."""
     if shutil.which("dot") is None:
         raise ScenarioError(
             f"-o {output}: needs Graphviz (sudo apt-get install -y graphviz); a .dot "

@@ -55,7 +55,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     """
     # If the shell has closed a stream, Python's is None, and `print` would take
     # another.
-    sys.stdout, sys.stderr = sys.stdout or _Nothing(), sys.stderr or _Nothing()
+    sys.stdout, sys.stderr = sys.stdout or _NullStream(), sys.stderr or _NullStream()
     try:
         try:
             return _run(sys.argv[1:] if arguments is None else arguments)
@@ -71,15 +71,15 @@ def main(arguments: Sequence[str] | None = None) -> int:
         return SUCCESS
 
 
-class _Nothing(io.StringIO):
-    """A stream that forgets what is written to it."""
+class _NullStream(io.StringIO):
+    """A stream that discards its input."""
 
     def write(self, text: str) -> int:
         return len(text)
 
 
 def _close_output() -> None:
-    """Send what is left of the output nowhere, because Python writes it at exit."""
+    """Discard the buffered output, which Python would write at exit."""
     os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
 
 
@@ -109,7 +109,7 @@ class CommandParser(argparse.ArgumentParser):
     json = False  # whether the command line asks for it
 
     def error(self, message: str) -> NoReturn:
-        """Print what is wrong, and exit."""
+        """Print the error, and exit."""
         Output(self.json, quiet=False).complain(message)
         sys.exit(BAD_INPUT)
 
@@ -191,7 +191,7 @@ def completion(options: argparse.Namespace) -> int:
 
 
 def _names() -> dict[str, list[str]]:
-    """Return the names that the package has, by the argument that takes them.
+    """Return the package's names that complete an argument, by argument.
 
     Drake is not imported to list them: a shell may run this whenever it starts.
     """

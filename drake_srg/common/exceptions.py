@@ -36,7 +36,7 @@ def scenario_errors(name: str = "") -> Iterator[None]:
 
 
 def suggest(name: str, allowed: Iterable[str]) -> str:
-    """Return the end of a message about an unknown name: a guess and the valid names.
+    """Return the end of a message about an unknown name: a guess, and all valid names.
 
     Args:
         name: The unknown name.

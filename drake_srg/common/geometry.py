@@ -117,7 +117,7 @@ class ConvexPieces:
 
     @functools.cached_property
     def resting(self) -> tuple[Vector, ...]:
-        """Directions (3,) of the ground under the solid where it rests on a plane.
+        """Directions (3,) that may point down while the solid rests on a plane.
 
         It rests on a face of its convex hull that has the centre of mass, at uniform
         density, above it. Of directions within 10 degrees, one stays.
@@ -156,7 +156,7 @@ def _resting(solid: ConvexPieces) -> list[Vector]:
 
 
 def centered_pieces(pieces: list[Vector]) -> tuple[ConvexPieces, Vector]:
-    """Return convex pieces about the middle of their bounding box, and that point.
+    """Return convex pieces centred on their bounding box, and its centre.
 
     Args:
         pieces: Corners of each piece in a frame O [m], shape (n, 3) each.

@@ -97,7 +97,7 @@ class Wires:
         drive: Motor, wires and springs.
         palm: The link that carries the motor.
         fingers: The branches of each wire.
-        springs: Of each joint: stiffness [N m/rad], and angle without torque [rad].
+        springs: Stiffness [N m/rad] and torque-free angle [rad] of each joint's spring.
     """
 
     drive: TendonDriveConfig
@@ -111,8 +111,8 @@ def find_wires(model: Model, driver: GripperDriver | None, prefix: str) -> Wires
 
     Args:
         model: The model.
-        driver: Of the gripper.
-        prefix: What precedes the names of the gripper's joints.
+        driver: Driver of the gripper.
+        prefix: Prefix of the names of the gripper's joints.
     """
     names = [] if driver is None else [f"{prefix}{n}" for n in driver.joint_names]
     known = {joint.name for joint in model.joints}

@@ -47,7 +47,7 @@ class GraspDetectorConfig(Config):
 
 
 class GraspDetector(LeafSystem):
-    """Reports a grasp once every finger has sensed something for a while.
+    """Reports a grasp once every finger has sensed contact for some time.
 
     .. pydrake_system::
 
@@ -316,11 +316,11 @@ class GripperDriver(FingerSensingConfig, abc.ABC):
 
     @property
     def wire_motor(self) -> WireMotor | None:
-        """The motor that winds the gripper's wires; None without wires."""
+        """The motor that winds the gripper's wires; None if it has no wires."""
         return None
 
     def empty_hand(self, closure: float) -> tuple[float, Vector]:
-        """Return how far one motor closes an empty hand, and its joints there [rad].
+        """Return the closure of an empty hand moved by one motor, and its joints [rad].
 
         The travel of the motor is in the driver's own unit. The joints are in the order
         of `joint_names`.
@@ -336,7 +336,7 @@ class GripperDriver(FingerSensingConfig, abc.ABC):
         )
 
     def prepare_plant(self, plant: MultibodyPlant, gripper: ModelInstanceIndex) -> None:
-        """Change the plant as the driver needs it, before the plant is finalized."""
+        """Prepare the plant for the driver, before the plant is finalized."""
 
     @abc.abstractmethod
     def AddControl(

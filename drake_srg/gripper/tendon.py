@@ -54,7 +54,7 @@ def tip_moment_arm(tip: Any) -> Any:
 
 
 def wire_travel(base: Any, tip: Any) -> Any:
-    """Return the length of wire that moves a finger from open to these angles [m].
+    """Return the wire length that moves a finger from open to these angles [m].
 
     It is the integral of the moment arms, so the wire's work is the joints' work.
 
@@ -97,7 +97,7 @@ WIRE_PRESLIDING = 1e-4
 
 @dc.dataclass(kw_only=True)
 class DriveFrictionConfig(Config):
-    """Friction of gears and wires. Off by default: no data sheet states any of it."""
+    """Friction of gears and wires. Off by default: no data sheet states a value."""
 
     # Friction of the gear train at the spool: a constant part [N m], and a share of the
     # wires' torque, due to tooth forces (at 1, the load cannot drive the motor back).

@@ -1,4 +1,4 @@
-"""Checks of an imported arm: it holds still, follows, and keeps its limits."""
+"""Checks that an imported arm holds still, follows commands, and keeps its limits."""
 
 from __future__ import annotations
 
@@ -53,7 +53,7 @@ class ArmCheck:
     gravity: float
 
     def problems(self) -> list[str]:
-        """Return what is wrong, in words."""
+        """Return the problems, in words."""
         return [
             text
             for wrong, text in (
@@ -120,7 +120,7 @@ def check_arm(scenario: Scenario, model: Path) -> tuple[ArmCheck, Image]:
 
 
 def _move(plant: MultibodyPlant, home: Vector) -> tuple[Vector, float]:
-    """Return where to move from home, inwards, and the time it takes [s]."""
+    """Return the goal of a move from home, inwards, and its duration [s]."""
     arm = plant.GetModelInstanceByName("arm")
     lower = plant.GetPositionsFromArray(arm, plant.GetPositionLowerLimits())
     upper = plant.GetPositionsFromArray(arm, plant.GetPositionUpperLimits())

@@ -1,4 +1,4 @@
-"""Solids that represent objects: their extents, and the known ones."""
+"""Solids that represent objects: extents, and shapes for localizer and planner."""
 
 from __future__ import annotations
 

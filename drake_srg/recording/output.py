@@ -57,12 +57,12 @@ def output_folder(out: Path | None) -> Iterator[None]:
 
 
 def counted(number: int, thing: str) -> str:
-    """Return a number of things in words: `1 attempt`, `2 attempts`."""
+    """Return a number with its noun: `1 attempt`, `2 attempts`."""
     return f"{number} {thing}" + "s" * (number != 1)
 
 
 def verdict(metrics: Mapping[str, Any]) -> str:
-    """Describe the end of a run.
+    """Return a run's verdict, in words.
 
     Args:
         metrics: Contents of its metrics.json.

@@ -117,7 +117,7 @@ class Recording:
         close_at_exit(self, Recording._close_forgotten)
 
     def record(self, recorders: Mapping[str, Recorder]) -> None:
-        """Complete these recorders' files, too.
+        """Add recorders, whose files are completed with the others.
 
         Args:
             recorders: The recorders by kind of file.

@@ -44,7 +44,7 @@ class View:
     kinds: Mapping[str, str] = dc.field(default_factory=dict)
 
     def names(self, poses: Mapping[str, RigidTransform]) -> Names:
-        """Return the places for the names of visible objects, one below another.
+        """Return the positions of the names of visible objects, without overlap.
 
         Args:
             poses: Poses X_WO of the objects by name.
@@ -170,7 +170,7 @@ class VideoFile:
         self._encode(rgb)
 
     def hold(self, success: bool, verdict: str) -> None:
-        """Show the last image for some more time, with a verdict above the caption.
+        """Repeat the last image for some time, with a verdict above the caption.
 
         Args:
             success: Whether the run succeeded.

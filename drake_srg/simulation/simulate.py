@@ -41,7 +41,7 @@ _folder: ContextVar[Path | None] = ContextVar("folder", default=None)
 
 @contextlib.contextmanager
 def keep_first_replay(folder: Path | None) -> Iterator[None]:
-    """Have the first `Simulate` without `out` write its replay and log to a folder.
+    """Make the first `Simulate` without `out` write its replay and log to a folder.
 
     Args:
         folder: The folder; None: keep none.
@@ -190,7 +190,7 @@ def failure_time(name: str, simulator: Simulator) -> Iterator[None]:
 
 
 def _without_unused_cameras(scenario: Scenario, recorded: bool) -> Scenario:
-    """Return the scenario with only those cameras that are used, to save time."""
+    """Return the scenario without unused cameras, to save time."""
     used = set(perception_cameras(scenario))
     servo = servo_of(scenario)
     if servo is not None:
@@ -203,14 +203,14 @@ def _without_unused_cameras(scenario: Scenario, recorded: bool) -> Scenario:
 
 
 def _needs_color(scenario: Scenario) -> bool:
-    """Return whether the planner of our own cell sees more than heights."""
+    """Return whether the planner of our own cell needs colour images."""
     return scenario.task.clear is None or chooses(scenario)
 
 
 def _warm_up(
     simulator: Simulator, cell: Diagram, scenario: Scenario, color: bool
 ) -> None:
-    """Let the cameras set themselves up, so that no run includes the time."""
+    """Render once, so that no run includes the cameras' setup time."""
     root = simulator.get_mutable_context()
     images = ["color_image", "depth_image"] if color else ["depth_image"]
     for camera in perception_cameras(scenario):

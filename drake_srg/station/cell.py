@@ -1,4 +1,4 @@
-"""The cell: a station with localizer and planner, which works autonomously."""
+"""The cell: a station with localizer and planner, which works on its own."""
 
 import copy
 import functools
@@ -191,7 +191,7 @@ def AddScenarioPlanner(
     station: Diagram,
     make_planner: Callable[[Scenario], System] | None = None,
 ) -> System:
-    """Add a scenario's planner and its perception, which sense what the station does.
+    """Add a scenario's planner and perception, which read the station's sensors.
 
     `ConnectCommands` makes the station do what the planner commands.
 
@@ -356,7 +356,7 @@ def register_planner(config: type[PlannerConfig], add: AddPlanner) -> None:
 
 
 def _adder(config: PlannerConfig) -> AddPlanner:
-    """Return what adds the planner of a configuration, or of one that it derives from.
+    """Return the function that adds the planner of a configuration or its base class.
 
     Raises:
         ScenarioError: If there is none.
@@ -437,7 +437,7 @@ def ConnectSensors(
     planner: System,
     arms: Sequence[RobotArm] = _ONE_ARM,
 ) -> None:
-    """Connect a station's measurements to those inputs that a planner has for them.
+    """Connect a station's measurements to the planner's inputs for them.
 
     Args:
         builder: The cell's.

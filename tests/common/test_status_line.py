@@ -23,7 +23,7 @@ class Clock:
 
 @pytest.fixture(autouse=True)
 def able_terminal(monkeypatch):
-    """Whatever the terminal is in which the tests run."""
+    """Make the tests independent of the terminal in which they run."""
     monkeypatch.setenv("TERM", "xterm")
 
 

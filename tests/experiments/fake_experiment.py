@@ -27,7 +27,7 @@ def cases(
     """Divide lengths.
 
     Args:
-        count: How often,
+        count: Number of times,
             in whole numbers.
         lengths: To divide [m].
         kind: The part of a length to

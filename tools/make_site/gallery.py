@@ -16,7 +16,7 @@ RUNS = ("kitchen", "assistive_arm", "clear_table_fast", "sort_table")
 
 
 def figures() -> str:
-    """Return the figure of every experiment, with a link to what it shows."""
+    """Return the figure of every experiment, with a link to its page."""
     cards = [
         f"[![{found.description}](experiments/{name}.png)](experiments/{name}.md)\n\n"
         f"[{name}](experiments/{name}.md): {found.description}"

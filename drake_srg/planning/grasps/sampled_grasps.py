@@ -1,4 +1,4 @@
-"""Samples of grasps of a known solid from all directions, good ones and worse ones."""
+"""Samples of grasps of a known solid from all directions, good and bad."""
 
 from __future__ import annotations
 
@@ -24,13 +24,13 @@ _TURN = np.deg2rad(15.0)  # about any axis, at most
 
 @dc.dataclass(frozen=True, eq=False, kw_only=True)
 class SampledGrasp:
-    """A place of the hand, from which its fingers close.
+    """A pose of the hand from which the fingers close.
 
     Attributes:
         X_OG: Pose of the palm in the object's frame [m].
-        half_gap: Of the open fingers' ends [m].
+        half_gap: Half the gap between the ends of the open fingers [m].
         width: Expected between the pads [m].
-        score: That of the planned grasp; higher is better.
+        score: Score of the planned grasp; higher is better.
         shifted: Whether it is a planned grasp that was moved at random.
         wrapped: Whether the planned grasp is a wrap, not a pinch.
     """

@@ -81,7 +81,7 @@ _BESIDE, _YAWS = 0.03, 36
 def extent(
     mask: npt.NDArray[np.bool_], s: Vector
 ) -> tuple[Vector, Vector, npt.NDArray[np.bool_]]:
-    """Return the first and last offset where a mask (..., S) is set, and if any is."""
+    """Return the first and last set offset of a mask (..., S), and if any is set."""
     some = np.asarray(mask.any(axis=-1))
     first = mask.argmax(axis=-1)
     last = len(s) - 1 - mask[..., ::-1].argmax(axis=-1)
@@ -162,7 +162,7 @@ class Candidates:
         low: Start of the thing along the closing direction, shape (n,) [m].
         high: End of the thing, shape (n,) [m].
         top: Height above the table of the thing between the fingers, shape (n,) [m].
-        lean: How far its flanks lean inwards, as a tangent, shape (n,).
+        lean: Tangent of the angle by which its flanks lean inwards, shape (n,).
         score: Higher is better, shape (n,).
     """
 
@@ -442,7 +442,7 @@ class WrapJudge(TopGraspJudge):
 
         Args:
             segments: The segmented map of the table.
-            things: Those to wrap.
+            things: Things to wrap.
 
         Returns:
             x, y of the palm's axis in world, shape (n, 2) [m], and directions of

@@ -98,7 +98,7 @@ class Segmentation:
         return cls(map_, above, unknown, noise, least, labels, things)
 
     def only(self, thing: Thing) -> Segmentation:
-        """Return the same segmentation with only one of its things."""
+        """Return the segmentation reduced to one of its things."""
         above = np.where(self.labels == thing.label, self.above, np.float32(0.0))
         return dc.replace(self, above=above, things=(thing,))
 
@@ -281,7 +281,7 @@ def _things(
 def _middle(
     map_: HeightMap, above: npt.NDArray[np.float32], cells: npt.NDArray[np.intp]
 ) -> Vector:
-    """Return x, y of the middle of the volume of some cells (n, 2), shape (2,) [m]."""
+    """Return x, y of the centre of volume of some cells (n, 2), shape (2,) [m]."""
     heights = above[tuple(cells.T)].astype(float)
     points = map_.centers()[tuple(cells.T)]
     middle: Vector = np.average(points, axis=0, weights=heights)

@@ -66,7 +66,7 @@ class HandoverMotions(TaskMotions):
 
 
 class GivingHand(Hand):
-    """A hand that takes standing objects only from above, by their upper ends.
+    """A hand that grasps standing objects only from above, by their upper ends.
 
     Args:
         hand: The hand.
@@ -81,7 +81,7 @@ class GivingHand(Hand):
     def grasps(
         self, shape: Solid, X_WO: RigidTransform, firmness: float = 1.0
     ) -> list[Grasp]:
-        """Return the grasps from above, by less of the pads; see `Hand`."""
+        """Return the grasps from above that use less of the pads; see `Hand`."""
         found = self._hand.grasps(shape, X_WO, firmness)
         farther = np.array([_LESS, 0.0, 0.0])
         return [
@@ -154,13 +154,13 @@ class HandoverTaskPlanner(TaskPlanner):
     def giver_beside(
         self, q: Vector, fingers: Mapping[str, float]
     ) -> AbstractContextManager[None]:
-        """Let the giver plan beside a receiver at `q` within the context."""
+        """Let the giver avoid a receiver at `q` within the context."""
         return self.pair.beside(0, q, fingers)
 
     def receiver_beside(
         self, q: Vector, fingers: Mapping[str, float]
     ) -> AbstractContextManager[None]:
-        """Let the receiver plan beside a giver at `q` within the context."""
+        """Let the receiver avoid a giver at `q` within the context."""
         return self.pair.beside(1, q, fingers)
 
     def plan(

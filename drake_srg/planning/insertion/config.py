@@ -1,4 +1,4 @@
-"""What the planner that inserts pegs into holes is told, knows and remembers."""
+"""Configuration, knowledge and memory of the planner that inserts pegs into holes."""
 
 import dataclasses as dc
 import enum
@@ -91,7 +91,7 @@ class InsertMode(enum.Enum):
 
 @dc.dataclass
 class Insertion(Memory):
-    """The tip T of the peg: its middle, z along the peg's axis, up into the hand."""
+    """Progress of an insertion; T is the peg's tip, z along the peg into the hand."""
 
     tries: int = 0
     # Commanded turn in addition to the followed orientation, shape (3,) [rad].

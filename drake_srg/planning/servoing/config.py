@@ -70,7 +70,7 @@ class ServoingConfig(ServoConfig):
 
 @dc.dataclass(kw_only=True)
 class WindowConfig(Config):
-    """Where the planner takes an object that moves: a rectangle in world.
+    """The window in which the planner takes a moving object: a rectangle in world.
 
     It waits for `search_time` until the object is seen there, and twice in all.
     """

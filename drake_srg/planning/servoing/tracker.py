@@ -103,7 +103,7 @@ class ArmHistory(Shared):
         )
 
     def at(self, stamp: float) -> Taken | None:
-        """Return our time and the arm's positions at a time of the arm's clock [s].
+        """Return our time, and the arm's positions, at a time of the arm's clock [s].
 
         Returns:
             Both, interpolated between measurements; None outside of the history.

@@ -200,7 +200,7 @@ class VisualServo(LeafSystem):
         return EventStatus.Succeeded()
 
     def _looked(self, context: Context, memory: Memory, time: float) -> Memory:
-        """Return the memory after an image, or after its due time without one."""
+        """Return the memory after an image, or after an image that is overdue."""
         config = self.config
         q = self._measured.Eval(context)[: self._arm.num_joints]
         if config.looks and memory.status.images >= config.looks:
@@ -309,7 +309,7 @@ class PositionBasedServo(VisualServo):
         self._p_CO_goal = X_CO_goal.translation()
 
     def goal_camera(self, sighting: PoseSighting) -> Vector | ServoFault:
-        """Return the camera's goal, seen from where it is; see `VisualServo`."""
+        """Return the camera's goal in its present frame; see `VisualServo`."""
         if sighting.X_CO is None:
             return ServoFault.LOST
         return sighting.X_CO.translation() - self._p_CO_goal
@@ -353,7 +353,7 @@ class ImageBasedServo(VisualServo):
         self._goal = goal
 
     def goal_camera(self, sighting: FeatureSighting) -> Vector | ServoFault:
-        """Return the camera's goal, seen from where it is; see `VisualServo`."""
+        """Return the camera's goal in its present frame; see `VisualServo`."""
         if not len(sighting.points):
             return ServoFault.LOST
         found = image_displacement(

@@ -35,7 +35,7 @@ X_TG = RigidTransform([0.0, 0.0, 0.1])
 
 @dc.dataclass(frozen=True)
 class Measured:
-    """What the modes read of the senses."""
+    """The part of the senses that the modes read."""
 
     def see(self):
         return None

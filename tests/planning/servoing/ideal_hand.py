@@ -81,7 +81,7 @@ class IdealHand:
         return moved @ self.X_WO
 
     def sight(self):
-        """What the camera shows now."""
+        """The present image of the camera."""
         X_CO = (arm().X_WG(self.q) @ X_GC).inverse() @ self.X_WO_now()
         self.frame += 1
         if self.kind == "pbvs":
