@@ -1,6 +1,6 @@
 """The underactuated SAKE Robotics gripper and its robot cells as Drake diagrams.
 
-The names of `__init__.pyi` are the package's face, and each room has one of its own.
+`__init__.pyi` lists the package's public names, and each subpackage has its own list.
 """
 
 from typing import Any

@@ -60,12 +60,12 @@ def end_on_signals() -> None:
             frame = frame.f_back
         raise KeyboardInterrupt
 
-    for number in heeded(signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
+    for number in unignored(signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
         signal.signal(number, end)
     signal.signal(signal.SIGALRM, end)
 
 
-def heeded(*numbers: signal.Signals) -> list[signal.Signals]:
+def unignored(*numbers: signal.Signals) -> list[signal.Signals]:
     """Return the signals to handle: `nohup` makes a process ignore SIGHUP."""
     return [n for n in numbers if signal.getsignal(n) != signal.SIG_IGN]
 
@@ -121,7 +121,7 @@ def stop_on_signals() -> Iterator[threading.Event]:
         signals.put(True)
         signal.signal(number, before[number])
 
-    numbers = [signal.SIGINT, *heeded(signal.SIGTERM, signal.SIGHUP)]
+    numbers = [signal.SIGINT, *unignored(signal.SIGTERM, signal.SIGHUP)]
     before: dict[int, Any] = {number: signal.getsignal(number) for number in numbers}
     try:
         for each in numbers:
@@ -375,7 +375,7 @@ QUIET = argument(
 )
 
 
-def a_scenario(
+def scenario_arguments(
     nargs: str | None = None,
     help: str = "a name from `drake-srg list`, a .yaml file, or - for standard input",
 ) -> Adds:
@@ -397,7 +397,7 @@ def a_scenario(
     )
 
 
-SCENARIO = a_scenario()
+SCENARIO = scenario_arguments()
 CELL = argument(
     "--cell",
     default="",

@@ -25,13 +25,13 @@ from drake_srg.cli.command import (
     SCENARIO,
     SUCCESS,
     TASK_FAILED,
-    a_scenario,
     argument,
     command,
     flag,
     load,
     name_of,
     one_of,
+    scenario_arguments,
     stop_on_signals,
     tell,
     warn,
@@ -307,7 +307,7 @@ def _draw(dot: str, output: Path) -> None:
 @command(
     "measure how fast scenarios run, and where the time goes",
     "Exit code: 0 every scenario was measured, 2 at least one was not.",
-    a_scenario(
+    scenario_arguments(
         "*",
         "a name from `drake-srg list`, a .yaml file, or - for standard input "
         "(default: every scenario that has a fast variant, and the variant)",

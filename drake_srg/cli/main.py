@@ -42,7 +42,7 @@ from drake_srg.cli.command import (
     tell,
 )
 from drake_srg.common.exceptions import ScenarioError, suggest
-from drake_srg.common.installing import advised, require
+from drake_srg.common.installing import require, with_install_hint
 
 SHELLS = ("bash", "zsh", "fish")
 
@@ -95,7 +95,7 @@ def _run(arguments: Sequence[str]) -> int:
         output.complain(str(error))
         return BAD_INPUT
     except ImportError as error:
-        output.complain(advised(str(error)))
+        output.complain(with_install_hint(str(error)))
         return BAD_INPUT
     except KeyboardInterrupt:
         output.complain("stopped")

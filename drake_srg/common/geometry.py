@@ -81,11 +81,11 @@ class ConvexPieces:
         corners = self.corners
         return np.asarray(0.5 * (corners.min(axis=0) + corners.max(axis=0)))
 
-    def turned(self, R: Vector) -> ConvexPieces:
-        """Return the same solid, turned about its origin by a matrix R, (3, 3)."""
+    def rotated(self, R: Vector) -> ConvexPieces:
+        """Return the same solid, rotated about its origin by a matrix R, (3, 3)."""
         return ConvexPieces(tuple(piece @ R.T for piece in self.pieces))
 
-    def shifted(self, p: Vector) -> ConvexPieces:
+    def translated(self, p: Vector) -> ConvexPieces:
         """Return the same solid, moved by p in its frame, shape (3,) [m]."""
         return ConvexPieces(tuple(piece + p for piece in self.pieces))
 

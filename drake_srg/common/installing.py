@@ -87,7 +87,7 @@ def this_package(extra: str = "") -> list[str]:
     return [f"drake_srg{suffix}"]
 
 
-def advised(message: str) -> str:
+def with_install_hint(message: str) -> str:
     """Return the message of an ImportError with the command that fixes it."""
     fix = library_fix(message)
     if fix and fix not in message:

@@ -94,7 +94,7 @@ def label_direction(job: LabelJob, direction: int) -> list[GraspLabel]:
     """
     solid, p_OC = object_pieces(job.name, job.object)
     fingers = HANDS[job.hand].fingers
-    grasps = sample_grasps(fingers, solid.shifted(p_OC), job.seed, direction)
+    grasps = sample_grasps(fingers, solid.translated(p_OC), job.seed, direction)
     labels = map(_bench(job, job.physics).label, grasps)
     return [label for label in labels if label is not None]
 

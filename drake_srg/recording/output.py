@@ -56,7 +56,7 @@ def output_folder(out: Path | None) -> Iterator[None]:
         raise
 
 
-def counted(number: int, thing: str) -> str:
+def count_phrase(number: int, thing: str) -> str:
     """Return a number with its noun: `1 attempt`, `2 attempts`."""
     return f"{number} {thing}" + "s" * (number != 1)
 
@@ -73,9 +73,11 @@ def verdict(metrics: Mapping[str, Any]) -> str:
     else:
         word = "success" if metrics["success"] else f"failure: {metrics['failure']}"
     if metrics.get("objects_total") is None:
-        return f"{word}, {counted(tries, 'attempt')}"
+        return f"{word}, {count_phrase(tries, 'attempt')}"
     cleared, total = metrics["objects_cleared"], metrics["objects_total"]
-    return f"{word}, {cleared} of {total} objects cleared, {counted(tries, 'pick')}"
+    return (
+        f"{word}, {cleared} of {total} objects cleared, {count_phrase(tries, 'pick')}"
+    )
 
 
 class OutputFile:

@@ -30,7 +30,7 @@ SCENARIOS = Path(__file__).parents[1] / "scenarios"
 
 
 @dc.dataclass(frozen=True)
-class Drawn:
+class DrawnScenario:
     """A scenario with all its random values drawn, and these values."""
 
     scenario: Scenario
@@ -39,7 +39,9 @@ class Drawn:
     values: Mapping[str, float | int | str]
 
 
-def draw_scenario(tree: Mapping[str, Any], origin: str, seed: int | None) -> Drawn:
+def draw_scenario(
+    tree: Mapping[str, Any], origin: str, seed: int | None
+) -> DrawnScenario:
     """Draw the random values of a scenario's tree, load it and check it.
 
     Args:
@@ -57,7 +59,7 @@ def draw_scenario(tree: Mapping[str, Any], origin: str, seed: int | None) -> Dra
         raise ScenarioError(_blamed(str(error), tree, origin)) from None
 
 
-def _drawn(tree: dict[str, Any], origin: str, seed: int | None) -> Drawn:
+def _drawn(tree: dict[str, Any], origin: str, seed: int | None) -> DrawnScenario:
     if seed is not None:
         tree["random_seed"] = seed
     # The draws need the seed, so it is checked first.
@@ -73,7 +75,7 @@ def _drawn(tree: dict[str, Any], origin: str, seed: int | None) -> Drawn:
     _play_messages(scenario, origin)
     check_scenario(scenario, origin)
     _draw_positions(scenario, origin, values)
-    return Drawn(scenario, values)
+    return DrawnScenario(scenario, values)
 
 
 def _blamed(message: str, tree: Mapping[str, Any], origin: str) -> str:

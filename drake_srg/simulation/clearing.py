@@ -228,7 +228,7 @@ class ClearingOutcome:
         }
 
     @property
-    def honest(self) -> bool:
+    def report_is_true(self) -> bool:
         """Whether the planner's report matches the ground truth."""
         lost = (Failure.NOT_SEEN.value, Failure.DROPPED.value)
         named = all(

@@ -13,7 +13,7 @@ from pydrake.math import RigidTransform
 from drake_srg.common.log_format import MODES, pose_key, row_to_pose
 from drake_srg.objects.models import simple_shape
 from drake_srg.planning.insertion.config import Insert
-from drake_srg.recording.output import OutputFile, counted, verdict
+from drake_srg.recording.output import OutputFile, count_phrase, verdict
 from drake_srg.scenario import Scenario, robot_arms
 from drake_srg.simulation import measures
 from drake_srg.simulation.between_arms import (
@@ -203,7 +203,7 @@ class Metrics:
             *(
                 (
                     self._called(name),
-                    f"{thing['outcome']}, {counted(thing['attempts'], 'attempt')}",
+                    f"{thing['outcome']}, {count_phrase(thing['attempts'], 'attempt')}",
                 )
                 for name, thing in objects.items()
             ),
@@ -227,7 +227,7 @@ class Metrics:
         if self.min_arm_distance_m is None:
             return []
         near = f"{rounded(1e3 * self.min_arm_distance_m)} mm"
-        contacts = counted(self.arm_contacts or 0, "contact")
+        contacts = count_phrase(self.arm_contacts or 0, "contact")
         rows = [("between the arms", f"{near} at least, {contacts}")]
         if self.internal_force_n is not None:
             rows.append(("internal force", f"{rounded(self.internal_force_n)} N"))
@@ -245,7 +245,7 @@ class Metrics:
         """Return the rows about wrong bins and about objects that must stay."""
         rows = []
         if self.objects_in_wrong_bin is not None:
-            wrong = counted(self.objects_in_wrong_bin, "object")
+            wrong = count_phrase(self.objects_in_wrong_bin, "object")
             rows.append(("in a wrong bin", wrong))
         if self.others_moved_m is not None:
             moved = f"{rounded(1e3 * self.others_moved_m)} mm"
@@ -344,7 +344,7 @@ def calc_metrics(
         peak = float(np.max(log["contact_force"])) or None
         home = measures.is_home(scenario, log)
         others = cleared.others_moved
-        success = status.done and home and cleared.honest
+        success = status.done and home and cleared.report_is_true
     failure = status.failure
     if status.done and not success:
         failure = Failure.MISPLACED

@@ -27,7 +27,7 @@ from drake_srg.simulation.metrics import Metrics, RunTimes, calc_metrics
 from drake_srg.simulation.recorders import AddRecorders
 from drake_srg.simulation.run_log import Samples
 from drake_srg.station import AddCell, MakeCell
-from drake_srg.station.perception import chooses
+from drake_srg.station.perception import needs_labels
 from drake_srg.station.sleeping import MakeAdvance
 from drake_srg.station.video_process import VideoProcess, can_render_apart
 from drake_srg.types import Failure, Mode, PlannerStatus, Vector, mode_words
@@ -53,7 +53,7 @@ def keep_first_replay(folder: Path | None) -> Iterator[None]:
         _folder.reset(token)
 
 
-def take_folder() -> Path | None:
+def take_replay_folder() -> Path | None:
     """Return the folder for this run's replay, and None from then on."""
     folder = _folder.get()
     _folder.set(None)
@@ -126,7 +126,7 @@ def Simulate(
         OSError: If `out` cannot be written.
     """
     recorded = record and out is not None
-    kept = take_folder() if out is None else None
+    kept = take_replay_folder() if out is None else None
     own = make_cell is not MakeCell
     built = scenario if own else _without_unused_cameras(scenario, recorded)
     with contextlib.ExitStack() as stack:
@@ -204,7 +204,7 @@ def _without_unused_cameras(scenario: Scenario, recorded: bool) -> Scenario:
 
 def _needs_color(scenario: Scenario) -> bool:
     """Return whether the planner of our own cell needs colour images."""
-    return scenario.task.clear is None or chooses(scenario)
+    return scenario.task.clear is None or needs_labels(scenario)
 
 
 def _warm_up(

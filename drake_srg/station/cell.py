@@ -43,7 +43,7 @@ from drake_srg.station.perception import (
     AddLocalizer,
     AddObstacleFinder,
     AddThingLabeler,
-    chooses,
+    needs_labels,
 )
 from drake_srg.station.planners import (
     MakeCarryPlanner,
@@ -269,7 +269,7 @@ def AddClearingPlanner(
     """
     mapper = AddHeightMapper(builder, scenario, station)
     seen = labeled = mapper.GetOutputPort("height_map")
-    if chooses(scenario):
+    if needs_labels(scenario):
         labeled = AddThingLabeler(builder, scenario, station, seen)
     planner = builder.AddNamedSystem("planner", MakeClearingPlanner(scenario))
     destinations = AddDestinationMapper(builder, scenario, station)

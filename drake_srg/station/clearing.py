@@ -52,8 +52,8 @@ from drake_srg.station.perception import (
     bin_boxes,
     bin_floor,
     bin_key,
-    chooses,
     labels,
+    needs_labels,
     row_places,
 )
 from drake_srg.station.planners import MakeHand, own_scene
@@ -95,7 +95,7 @@ def MakeClearingPlanner(scenario: Scenario) -> ClearingPlanner:
     reach = _reach(scene, fingers, q_over, scenario)
     places = [motions.destination.middle for motions in into]
     q_aside = posture_aside(scene, q_over, places)
-    choosing = chooses(scenario)
+    choosing = needs_labels(scenario)
     kind = ChosenGrasps if choosing else HeightMapGrasps
     grasps = kind(fingers, table, reach=reach)
     if choosing:

@@ -267,7 +267,7 @@ def row_places(scenario: Scenario) -> dict[str, Vector]:
     }
 
 
-def chooses(scenario: Scenario) -> bool:
+def needs_labels(scenario: Scenario) -> bool:
     """Return whether the planner must tell things apart: some stay, or bins differ."""
     return [label.name for label in labels(scenario)] != [ALL]
 

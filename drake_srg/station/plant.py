@@ -285,7 +285,7 @@ _LID = "package://drake_srg/sdf/lid.sdf"
 _CATCH_DEPTH, _CATCH_SIDE = 5.0, 10_000.0
 
 
-def AddCatch(plant: MultibodyPlant, scenario: Scenario) -> None:
+def AddCatchFloor(plant: MultibodyPlant, scenario: Scenario) -> None:
     """Add an invisible floor far below, before the plant is finalized.
 
     What leaves the cell would otherwise fall for ever, out of all numbers' range.
@@ -330,7 +330,7 @@ def AddPlant(
     AddDirectives(plant, scenario)
     AddObjects(plant, scenario)
     if catch:
-        AddCatch(plant, scenario)
+        AddCatchFloor(plant, scenario)
     robots = robot_arms(scenario)
     for robot in robots:
         _check_models(plant, robot)

@@ -99,7 +99,7 @@ def draw(name: str, number: int) -> Shake:
     rng = np.random.default_rng([number, *name.encode()])
     thing = household_object(name)
     solid, p_OC = object_pieces(name, thing)
-    solid = solid.shifted(p_OC)
+    solid = solid.translated(p_OC)
     fingers, seed = HANDS["srg"].fingers, int(rng.integers(2**31))
     samples = (sample_grasps(fingers, solid, seed, k) for k in range(_HOPELESS))
     some = next(found for found in samples if found)

@@ -35,7 +35,7 @@ from drake_srg.planning.motion.paths import plan_cartesian_path
 from drake_srg.planning.motion.planning_scene import (
     NoPathError,
     PlanningFailure,
-    most_telling,
+    most_specific,
 )
 from drake_srg.planning.pick_and_place.task_motions import (
     Obstacles,
@@ -357,7 +357,7 @@ class CarryTaskPlanner(TaskPlanner):
                 return TaskMotions(grasp, {**reach, **carry})
             except NoPathError as error:
                 failures.append(error.failure)
-        raise NoPathError(most_telling(failures))
+        raise NoPathError(most_specific(failures))
 
     def _grips(
         self,

@@ -61,7 +61,7 @@ def sample_grasps(
     rng = np.random.default_rng([seed, direction])
     up_O = rng.normal(size=3)
     R_OS = RotationMatrix.MakeFromOneVector(up_O / np.linalg.norm(up_O), 2)
-    turned = solid.turned(R_OS.inverse().matrix())
+    turned = solid.rotated(R_OS.inverse().matrix())
     below = turned.half_extent(np.array([0.0, 0.0, -1.0]))
     X_OS = RigidTransform(R_OS.inverse(), [0.0, 0.0, below]).inverse()
     plan = HeightMapGrasps(fingers, 0.0).plan(

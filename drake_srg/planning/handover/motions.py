@@ -33,7 +33,7 @@ from drake_srg.planning.motion.planning_scene import (
     NoPathError,
     PlanningFailure,
     PlanningScene,
-    most_telling,
+    most_specific,
 )
 from drake_srg.planning.pick_and_place.task_motions import (
     Obstacles,
@@ -199,7 +199,7 @@ class HandoverTaskPlanner(TaskPlanner):
                 return self._received(given, shape, X_WO_goal, obstacles)
             except NoPathError as error:
                 failures.append(error.failure)
-        return most_telling(failures)
+        return most_specific(failures)
 
     def waiting_fingers(self, shape: Solid) -> Mapping[str, float]:
         """Return the receiver's fingers, by name [rad], while it waits for an object.
@@ -294,7 +294,7 @@ class HandoverTaskPlanner(TaskPlanner):
             # Another side may have a way past the giver, but not more reach.
             if all(f.failure is not Failure.BLOCKED for f in failures):
                 break
-        raise NoPathError(most_telling(failures))
+        raise NoPathError(most_specific(failures))
 
     def _taken(
         self,

@@ -55,7 +55,7 @@ class PlanningFailure:
     message: str
 
 
-def most_telling(failures: Sequence[PlanningFailure]) -> PlanningFailure:
+def most_specific(failures: Sequence[PlanningFailure]) -> PlanningFailure:
     """Return the first failure that is due to the surroundings, or else the first one.
 
     That is a better reason than one that is out of the arm's reach.

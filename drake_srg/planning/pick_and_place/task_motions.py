@@ -31,7 +31,7 @@ from drake_srg.planning.motion.planning_scene import (
     PlanningFailure,
     PlanningScene,
     carried_drift,
-    most_telling,
+    most_specific,
 )
 from drake_srg.planning.motion.trajectories import motion_samples
 from drake_srg.planning.planner_machine import PlannerConfig
@@ -200,7 +200,7 @@ class TaskPlanner:
                 break
         if not reasons:
             return PlanningFailure(Failure.NO_GRASP, f"no known grasp takes a {shape}")
-        return most_telling(reasons)
+        return most_specific(reasons)
 
     def _with_grasp(
         self,

@@ -28,10 +28,10 @@ from drake_srg.planning.servoing.hand_motion import (
 )
 from drake_srg.planning.servoing.memory import Memory
 from drake_srg.planning.servoing.tracker import (
+    Capture,
     FeatureSighting,
     PoseSighting,
     Sighting,
-    Taken,
 )
 from drake_srg.types import Vector
 
@@ -207,7 +207,7 @@ class VisualServo(LeafSystem):
             memory = dc.replace(memory, next_look=time + config.camera_period)
             return memory.near(self._arm.X_WG(q).translation(), time, config)
         sighting: Sighting = self._sighting.Eval(context)
-        taken = sighting.taken or Taken(time, q)
+        taken = sighting.taken or Capture(time, q)
         if taken.time <= memory.taken:
             return memory.waited(time, config)
         next_look = time + config.camera_period if sighting.taken is None else time
