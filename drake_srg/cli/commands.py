@@ -1,6 +1,6 @@
 """The commands run, demo, replay, list, diagram, bench and export.
 
-Imports that take time are inside, so that `drake-srg --help` comes at once.
+Slow imports are inside functions, so that `drake-srg --help` stays fast.
 """
 
 from __future__ import annotations

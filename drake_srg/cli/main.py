@@ -174,7 +174,8 @@ class _PrintVersion(argparse.Action):
 def completion(options: argparse.Namespace) -> int:
     """Print the script that completes `drake-srg` in a shell.
 
-    It completes commands, options, paths and the names of what the package has.
+    It completes commands, options, paths, and names of scenarios, policies and the
+    like.
     """
     shtab = require("shtab", "", "Completion needs")
     parser = make_parser()

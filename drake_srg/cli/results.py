@@ -72,7 +72,7 @@ def results_folder(
     Args:
         options: Options of the command: `out`, `replace` and perhaps `resume`.
         default: The folder without `-o`; a number is added if it is taken.
-        names: Patterns of what the command writes, as for `Path.glob`.
+        names: Patterns of the command's output files, as for `Path.glob`.
         advise: See `writing`.
 
     Raises:
@@ -106,7 +106,7 @@ def new_folder(
 ) -> Iterator[Path]:
     """Yield the path of a folder that a command makes at the end, in one step.
 
-    What it replaces is set aside until then, and comes back after an error.
+    A replaced folder is kept until then, and restored after an error.
 
     Args:
         options: Options of the command: `out` and `replace`.

@@ -120,7 +120,7 @@ class ConvexPieces:
         """Directions (3,) that may point down while the solid rests on a plane.
 
         It rests on a face of its convex hull that has the centre of mass, at uniform
-        density, above it. Of directions within 10 degrees, one stays.
+        density, above it. Directions within 10 degrees of each other count once.
         """
         return tuple(_resting(self))
 

@@ -4,9 +4,9 @@ A function about versions says since which one the answer is the same. Delete it
 that version is the oldest supported.
 
 CENIC takes the velocities of `desired_state` with the opposite sign, in Drake 1.51.1
-as in 1.58; tests/common/test_systems_velocity_feedforward.py tells once it no longer
-does. A joint then lags by 2 kd / kp times its speed. With the velocity's share in
-`actuation` instead, the law is the same with every integrator.
+as in 1.58; tests/common/test_systems_velocity_feedforward.py fails once Drake has
+changed this. A joint then lags by 2 kd / kp times its speed. With the velocity's share
+in `actuation` instead, the law is the same with every integrator.
 """
 
 from __future__ import annotations

@@ -59,8 +59,8 @@ class GraspDetector(LeafSystem):
 
     `triggered` (m) is nonzero where a sensor fires. `grasped` (1) is 1 while at least
     one sensor of each finger has fired without a break for `config.post_contact_delay`,
-    else 0. The fingers of a closed empty hand sense each other: to tell that from a
-    grasp, look at the joint angles, too.
+    else 0. The fingers of a closed empty hand sense each other: the joint angles
+    distinguish this from a grasp.
 
     Args:
         fingers: The indices of each finger's sensors.
@@ -123,8 +123,8 @@ class FingerSensingConfig(Config):
 
     layout: ClassVar[FingerLayout]
 
-    # Name of the field whose sensor tells the driver that a link has reached something.
-    # The thesis's V-REP model uses proximity sensors instead of touch.
+    # Name of the field whose sensor detects that a link has reached something. The
+    # thesis's V-REP model uses proximity sensors instead of touch.
     trigger: str = "proximity"
     proximity: ProximityConfig = dc.field(default_factory=ProximityConfig)
     touch: TouchConfig = dc.field(default_factory=TouchConfig)

@@ -26,8 +26,8 @@ STILL, FOLLOWS = 0.002, 0.02
 _STEP, _SHARE = 0.3, 0.5
 # Peaks of a minimum-jerk move of unit length in unit time.
 _PEAK_SPEED, _PEAK_ACCELERATION = 1.875, 5.7735
-# How far beyond its limits each joint is commanded, from how far inside, and what it
-# may overrun them by [rad or m].
+# Each joint is commanded so far beyond its limits, from so far inside them, and may
+# overrun them by at most the last number [rad or m].
 _BEYOND, _INSIDE, OVERRUN = 0.3, 0.1, 0.02
 _TIME_STEP, _TIME = 0.001, 0.5  # s
 

@@ -1,7 +1,7 @@
 """Reads an arm from a URDF or SDF file: one chain of joints from a base to a tip.
 
-Drake's parser tells how joints and links hang together. It gets the file without
-geometry, inertia and limits, which public files have in every state of disrepair.
+Drake's parser determines how joints connect links. It gets the file without geometry,
+inertia and limits, which public files have in every state of disrepair.
 """
 
 from __future__ import annotations
@@ -143,7 +143,7 @@ def read_arm(path: Path, tip: str = "", given: GivenLimits | None = None) -> Arm
 
     Args:
         path: A URDF or SDF file.
-        tip: Link or frame that carries the gripper; what is beyond it is left out.
+        tip: Link or frame that carries the gripper; links beyond it are left out.
             Empty: the end of the chain, if there is only one.
         given: Limits.
 

@@ -68,9 +68,10 @@ def pick(
     """Come from above, close across the nearer side, wait for still fingers, lift.
 
     The rule takes the nearer side, not the narrower one. A network that imitates it
-    cannot tell which side of a nearly square box is narrower, and would turn halfway.
-    `narrower` weighs one against the other. The hand turns to a narrower side that is
-    farther away only counterclockwise, because a network would average two directions.
+    cannot see which side of a nearly square box is narrower, and would turn the hand
+    halfway. `narrower` weighs one against the other. The hand turns to a narrower side
+    that is farther away only counterclockwise, because a network would average two
+    directions.
 
     Args:
         observation: Observation of `PickEnv`.

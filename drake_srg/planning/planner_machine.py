@@ -55,7 +55,7 @@ SeenT = TypeVar("SeenT")
 class PlannerConfig(MotionConfig):
     """Configuration of a planner and its motions. Times are simulated.
 
-    A derived class stands for a planner, and its name is the tag in scenario files.
+    Each planner has a derived class, whose name is the tag in scenario files.
     """
 
     # Simulated duration of planning, from a decision to the first motion [s].

@@ -158,8 +158,8 @@ class Recorder(LeafSystem):
     """A system that writes a file until it is closed; use it as a context manager.
 
     An error or the user's interrupt ends the recording. The file is still completed,
-    because it shows the cause. A recorder that nobody closes completes its file, with a
-    warning, when it or the program ends.
+    because it shows the cause. A recorder that is never closed completes its file, with
+    a warning, when it is deleted or the program ends.
     """
 
     _output: OutputFile

@@ -98,8 +98,8 @@ class Recording:
     """The files of a simulation; use it as a context manager around the simulation.
 
     At the end, it completes the files, even after an error or the user's interrupt,
-    because they show the cause. A recording that nobody closes completes them, with a
-    warning, when it or the program ends.
+    because they show the cause. A recording that is never closed completes them, with a
+    warning, when it is deleted or the program ends.
 
     Args:
         out: The folder; None: nothing is written.

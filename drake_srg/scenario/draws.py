@@ -143,8 +143,8 @@ def draw_choices(
 ) -> dict[str, Any]:
     """Return a scenario's tree merged with one choice of each group in `choices`.
 
-    A choice may have choices of its own; they are drawn next. What `chosen` names by
-    group is not drawn.
+    A choice may contain `choices` itself; they are drawn next. Groups named in `chosen`
+    are not drawn.
 
     Args:
         tree: Tree of the whole scenario; not changed.

@@ -252,7 +252,7 @@ def override_tree(tree: dict[str, Any], overrides: Iterable[str]) -> None:
         overrides: Entries `KEY=VALUE`; see `load_scenario`.
 
     Raises:
-        ScenarioError: If an entry is none, or its key leads nowhere.
+        ScenarioError: If an entry is not KEY=VALUE, or its key does not exist.
     """
     for override in overrides:
         key, equals, value = override.partition("=")

@@ -386,8 +386,8 @@ def _widen(
 class RobotArm:
     """An arm with its gripper, and the names that distinguish it from other arms.
 
-    The only arm of a scenario, in `arm` and `gripper`, has no name. So whatever serves
-    several arms serves one.
+    The only arm of a scenario, in `arm` and `gripper`, has no name. Code for several
+    arms therefore also works for one.
     """
 
     name: str = ""  # empty: the scenario's only arm

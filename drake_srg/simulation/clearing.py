@@ -60,7 +60,7 @@ def loads_carried(
 ) -> list[list[str]]:
     """Return the names of the objects that each grasp carried to its transfer's end.
 
-    That is whatever is higher by then than it was as the fingers closed. Of several
+    That is whatever is higher by then than it was as the fingers closed. With several
     arms, the one whose hand is nearest carries it.
 
     Args:
@@ -115,7 +115,7 @@ def _nearest(hands: Mapping[str, Vector], p_W: Vector) -> str:
 def delivered(loads: Sequence[Collection[str]], cleared: Collection[str]) -> int:
     """Return the number of grasps that took an object to its final place.
 
-    What a later grasp has carried once more counts there only.
+    An object that a later grasp carried again counts only for that grasp.
 
     Args:
         loads: Names of what each grasp carried, the first grasp first.

@@ -51,7 +51,7 @@ def end_error(scenario: Scenario, X_WO: RigidTransform) -> Vector | None:
     those of the hole.
 
     Args:
-        scenario: The scenario; its models tell where the hole truly is.
+        scenario: The scenario; its models determine the true place of the hole.
         X_WO: The peg's pose [m].
 
     Returns:
@@ -116,7 +116,8 @@ def arm_states(
 
     Args:
         log: Arrays of log.npz.
-        arms: The arms. Of several, q has the joints of all, one arm after the other.
+        arms: The arms. With several arms, q has the joints of all, one arm after the
+            other.
     """
     states = [
         log.get(
@@ -137,7 +138,7 @@ def safety_stops(
     """Return when safety monitors stopped arms, and why; None if there is no monitor.
 
     Each stop has a `time_s`, that of the first sample in which the arm is stopped, and
-    a `reason`, the value of a `StopReason`. Of several arms, it names the `arm`, too.
+    a `reason`, the value of a `StopReason`. With several arms, it also names the `arm`.
     """
     stops: list[dict[str, float | str]] = []
     monitored = [arm for arm in arms if f"{arm.prefix}safety.state" in log]

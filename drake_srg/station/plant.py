@@ -86,7 +86,7 @@ class Drops:
         Args:
             name: The object's name, for error messages.
             config: The object, with `drop`.
-            X_WO: Its pose, of which the height does not count [m].
+            X_WO: Its pose [m]; the height does not count.
 
         Raises:
             ScenarioError: If its model cannot be read.
@@ -288,7 +288,7 @@ _CATCH_DEPTH, _CATCH_SIDE = 5.0, 10_000.0
 def AddCatchFloor(plant: MultibodyPlant, scenario: Scenario) -> None:
     """Add an invisible floor far below, before the plant is finalized.
 
-    What leaves the cell would otherwise fall for ever, out of all numbers' range.
+    Objects that leave the cell would otherwise fall for ever, until numbers overflow.
     """
     properties = ProximityProperties()
     # Soft and damped: an object that arrives at 10 m/s rebounds at 1 cm/s at

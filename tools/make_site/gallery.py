@@ -12,7 +12,7 @@ from experiments import find_experiments
 from make_site.systems import ROOT
 
 # The runs whose replays the gallery shows. The notebook of the arm shows its, too.
-RUNS = ("kitchen", "assistive_arm", "clear_table_fast", "sort_table")
+RUNS = ("kitchen", "assistive_arm", "clear_table_fast", "sort_table", "insert")
 
 
 def figures() -> str:

@@ -42,9 +42,8 @@ STEEPEST = 0.45
 # Weights of the score's terms (docs/grasps.md): twist, wedge, lever [1/m].
 _TWIST, _WEDGE, _LEVER = 2.0, 2.0, 48.0
 # With a friction of 0.6, a lying squeeze bottle of 0.575 kg holds by levers of up to
-# 10 mm. Beyond that it swings, however long the lever. So a lever longer than
-# `_LONGEST` costs no more than that, and an unknown lever costs as much as `_UNKNOWN`
-# [m].
+# 10 mm. Beyond that it swings, however long the lever. So the cost grows only up to
+# `_LONGEST`, and an unknown lever costs as much as `_UNKNOWN` [m].
 _LONGEST, _UNKNOWN = 0.05, 0.017
 # A thing that sticks out along the closing direction tips between the pads. Their
 # friction and pressure resist by N (mu w + h), if they are w apart and h high. Up to

@@ -149,8 +149,8 @@ class Segmentation:
     def thing_middles(self) -> Vector:
         """Middle of the thing in each cell, shape (ny, nx, 2) [m]; NaN in empty cells.
 
-        Things that touch count as one. But a long thin part, or a broad one beside
-        something wide, has a middle of its own, because it may be another thing.
+        Things that touch count as one. But a long thin part, or a broad part beside
+        something wide, has its own middle, because it may be another thing.
         """
         result = np.full((*self.labels.shape, 2), np.nan)
         for thing in self.things:

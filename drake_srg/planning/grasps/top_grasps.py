@@ -198,10 +198,10 @@ class Reach:
 class HeightMapGrasps:
     """Finds grasps without knowing or separating the things on a table.
 
-    It tries points on things, times directions, and judges all depths and openings at
-    once (see `PinchJudge`). The best are moved until both pads touch at the same time,
-    turned a little, and judged once more. Things that no pinch takes may be wrapped
-    (`WrapJudge`).
+    It combines points on things with directions, and judges all depths and openings
+    together (see `PinchJudge`). The best are moved until both pads touch at the same
+    time, turned a little, and judged once more. Things that no pinch takes may be
+    wrapped (`WrapJudge`).
 
     Args:
         fingers: The hand's.

@@ -42,8 +42,9 @@ class Insert(PlannerConfig):
     # Whether the peg is a cap that goes over a pin.
     over: bool = False
     # Amplitude of the turns about its axis [rad]. A cylinder turns once it has entered,
-    # so that friction hardly resists its way down. A box, the proxy of a peg with a key
-    # or corners, turns while it goes no deeper, to find its way.
+    # so that friction acts along the turn and hardly resists the descent. A box, the
+    # proxy of a peg with a key or corners, turns while it goes no deeper, to find its
+    # way.
     twist: float = dc.field(default=0.15, metadata={"ge": 0.0, "le": 0.2})
     # Height over the hole at which the insertion begins [m].
     hover: float = dc.field(default=0.008, metadata=positive())

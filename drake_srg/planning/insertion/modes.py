@@ -1,9 +1,9 @@
 """The modes of an insertion: how each pulls on the peg's tip, and when it ends.
 
 The hand yields like a spring, so a set-point away from the measured tip is a force.
-Where the peg must find its own way, the set-point follows the smoothed measurement at
-the distance of that force. A set-point never pulls harder than the limits of the
-configuration.
+In modes in which the peg must be free to move, the set-point follows the smoothed
+measurement at the distance that gives this force. A set-point never pulls harder than
+the limits of the configuration.
 """
 
 from __future__ import annotations

@@ -192,7 +192,8 @@ def minimum_jerk_motion(path: Vector, limits: Sequence[MotionLimits]) -> Traject
     """Return the motion of both arms along a path of equal steps, from rest to rest.
 
     The share of the path follows the minimum-jerk profile of Flash and Hogan, J.
-    Neurosci. 5(7), 1985. So whatever moves along a line by equal steps does so, too.
+    Neurosci. 5(7), 1985. Points that move along a line in equal steps then have minimum
+    jerk, too.
 
     Args:
         path: Postures of both, shape (K, 2N) [rad]; K >= 3.

@@ -58,7 +58,7 @@ class PlanningFailure:
 def most_specific(failures: Sequence[PlanningFailure]) -> PlanningFailure:
     """Return the first failure that is due to the surroundings, or else the first one.
 
-    That is a better reason than one that is out of the arm's reach.
+    Such a failure explains more than one that is out of the arm's reach.
     """
     blocked = [f for f in failures if f.failure is Failure.BLOCKED]
     return (blocked or failures)[0]

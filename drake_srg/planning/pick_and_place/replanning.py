@@ -126,7 +126,7 @@ class Replanner:
         memory.seen.obstacles = obstacles
         if isinstance(result, PlanningFailure):
             _fail(memory, result.failure, result.message)
-            # From home, there may be a plan even if there is none from here.
+            # There may be a plan from home even if there is none from here.
             if not self._at_home(q):
                 self.escape(memory, time)
             return

@@ -306,7 +306,8 @@ class TaskPlanner:
             self.config.place_height,
             angle_tolerance=_UPRIGHT,
         )
-        # A straight path keeps the object upright. If there is none, any path will do.
+        # A straight path keeps the object upright. If there is no such path, any other
+        # path will do.
         across = self._across(q_lifted, place.shifted(lift))
         with scene.supporting(SUPPORT_OVERLAP):
             if across is not None:

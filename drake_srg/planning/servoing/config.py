@@ -78,8 +78,8 @@ class WindowConfig(Config):
     # Corners [x, y] in world [m].
     min: list[float] = dc.field(default_factory=list)
     max: list[float] = dc.field(default_factory=list)
-    # The hand goes to where the object will be after this time [s]: that for planning
-    # and for the way there. The servo corrects the rest.
+    # The hand goes to where the object will be after this time [s]: it covers planning
+    # and the approach. The servo corrects the rest.
     lead_time: float = dc.field(default=1.5, metadata={"ge": 0.0})
 
     def contains(self, p_W: Vector) -> bool:

@@ -82,8 +82,8 @@ class ArmHistory(Shared):
     def followed_by(self, stamp: float, time: float, q: Vector) -> ArmHistory:
         """Return the history with one more measurement.
 
-        A measurement that is not new changes nothing. If the arm's clock was set back,
-        the history begins anew.
+        A measurement that is not new changes nothing. If the arm's clock jumps back,
+        the history starts again.
 
         Args:
             stamp: Time of measurement by the arm's clock [s]; NaN: unknown.

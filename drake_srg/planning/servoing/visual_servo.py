@@ -335,8 +335,8 @@ class ImageBasedServo(VisualServo):
     inverse of their interaction matrix (see `image_displacement`). If the matrix is
     nearly singular, the hand is held.
 
-    Args: as of `VisualServo`, with the goal in place of a sighting. Of the camera's
-        believed pose, only the orientation matters.
+    Args: as of `VisualServo`, with the goal in place of a sighting. Only the
+        orientation of the camera's believed pose matters.
         goal: The points with the hand at its goal.
     """
 
