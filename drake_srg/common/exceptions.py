@@ -71,7 +71,7 @@ def checked_types(read: T) -> T:
     Entries of lists and mappings are not checked.
 
     Raises:
-        TypeError: If one has not.
+        TypeError: If a value has another type.
     """
     for name, hint in typing.get_type_hints(type(read)).items():
         union = isinstance(hint, types.UnionType)

@@ -157,7 +157,7 @@ def check_prepared(plant: MultibodyPlant, model: ModelInstanceIndex) -> None:
     """Check that a model's actuators have the gains of PD controllers.
 
     Raises:
-        ValueError: If one has not.
+        ValueError: If an actuator lacks gains.
     """
     for actuator in model_actuators(plant, model):
         if not actuator.has_controller():

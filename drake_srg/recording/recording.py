@@ -351,7 +351,7 @@ def _topic(name: str, port: OutputPort) -> Topic:
     """Return the topic of a port.
 
     Raises:
-        ValueError: If there is none for its values.
+        ValueError: If no topic type holds its values.
     """
     words = re.sub(r"[^A-Za-z0-9.]+", "_", name.split("[", maxsplit=1)[0]).strip("_")
     topic = "/" + words.replace(".", "/")

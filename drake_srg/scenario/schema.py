@@ -194,7 +194,7 @@ class TableConfig(RegionConfig):
 
 @dc.dataclass(kw_only=True)
 class ClearConfig(Config):
-    """Objects to take away one after the other, whatever their shapes."""
+    """Objects of any shape to clear away, one after another."""
 
     # Their names; `task.pick` fills them in.
     objects: list[str] = dc.field(default_factory=list)

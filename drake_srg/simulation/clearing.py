@@ -60,8 +60,8 @@ def loads_carried(
 ) -> list[list[str]]:
     """Return the names of the objects that each grasp carried to its transfer's end.
 
-    That is whatever is higher by then than it was as the fingers closed. With several
-    arms, the one whose hand is nearest carries it.
+    These are the objects that are higher by then than when the fingers closed. With
+    several arms, the one whose hand is nearest carries it.
 
     Args:
         scenario: The scenario.

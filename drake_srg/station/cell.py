@@ -222,7 +222,7 @@ def load_make_cell(name: str) -> Callable[[Scenario], Diagram]:
         sys.path.insert(0, here)
     try:
         make_cell = getattr(importlib.import_module(module), function, None)
-    except Exception as error:  # whatever the user's module raises
+    except Exception as error:  # the user's module may raise anything
         words = f"{type(error).__name__}: {one_line(error)}"
         raise ScenarioError(f"--cell {name}: cannot be imported: {words}") from error
     if not callable(make_cell):

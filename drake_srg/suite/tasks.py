@@ -69,7 +69,7 @@ def find_tasks(names: str | Iterable[str]) -> list[str]:
         names: Names, or one text with names between commas; `all` is all of them.
 
     Raises:
-        ScenarioError: If one is unknown, twice there, or there is none.
+        ScenarioError: If a name is unknown or repeated, or there are no names.
     """
     parts = names.split(",") if isinstance(names, str) else list(names)
     found = [name.strip() for name in parts if name.strip()]

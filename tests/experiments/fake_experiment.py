@@ -1,4 +1,4 @@
-"""An experiment that divides lengths, in a folder of its own."""
+"""An experiment that divides lengths, in a separate folder."""
 
 import sys
 

@@ -1,4 +1,4 @@
-"""What an experiment runs, as its stamp hashes it."""
+"""The sources of an experiment, which its stamp hashes."""
 
 import ast
 import sys

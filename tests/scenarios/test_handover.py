@@ -1,4 +1,4 @@
-"""The bottle changes hands, and what goes wrong is told by name."""
+"""The bottle changes hands, and failures are reported by name."""
 
 import pytest
 

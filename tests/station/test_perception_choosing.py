@@ -1,4 +1,4 @@
-"""Where objects belong by name or colour, and what is needed to tell them."""
+"""Destinations of objects by name or colour, and the labels that they need."""
 
 import pytest
 

@@ -329,7 +329,7 @@ class TouchLimits:
 
     Attributes:
         torque: Torque of each joint, shape (N,) [N m].
-        tool: Point at which the force acts; None without limits of the force.
+        tool: Point at which the force acts; None if the force has no limits.
         transient: Largest force [N].
         quasi_static: Largest force that lasts longer than `transient_time` [N].
         transient_time: Time for which a force counts as an impact [s].

@@ -275,7 +275,7 @@ class LetGo(_Turn, Release):
     mode = HandoverMode.LET_GO
 
     def enter(self, memory: PlannerMemory, entry: Entry) -> PlannerMemory:
-        """Open the fingers; plan a way out if the receiver has not taken the object."""
+        """Open the fingers; plan an escape if the receiver has not taken the object."""
         mine = memory_of(memory)
         if not mine.taken:
             return super().enter(mine, entry)

@@ -1,4 +1,4 @@
-"""What gymnasium and its users ask of every environment."""
+"""The requirements of gymnasium and its users on every environment."""
 
 import gymnasium
 import numpy as np

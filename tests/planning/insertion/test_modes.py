@@ -1,4 +1,4 @@
-"""Where the set-points of an insertion pull the peg, and when its modes end."""
+"""The set-points of an insertion's modes, and the modes' ends."""
 
 import dataclasses as dc
 import types

@@ -1,4 +1,4 @@
-"""What holds of the transitions whatever is observed; the table itself is data."""
+"""Properties of the transitions for any observation; the table itself is data."""
 
 import dataclasses as dc
 import functools
