@@ -1,4 +1,4 @@
-"""What mended the five-axis arm after its beginning: its fingertips or its tip frame.
+"""The fingertips or the tip frame: which change repaired the first five-axis arm.
 
 The thesis of the five-axis arm began with flat, hard, smooth fingertips and a tip frame
 as drawn, and reports frequent failures and a constant offset. With curved fingertips

@@ -151,10 +151,10 @@ class _Planner(PlannerLink):
         self._answers = [Answer(0.0, motion, 0.0, status)]
 
     def post(self, tick: Tick) -> None:
-        """See `PlannerLink`."""
+        """Ignore the measurements."""
 
     def take(self) -> Sequence[Answer | Ended]:
-        """See `PlannerLink`."""
+        """Return the motion at the first call, and then nothing."""
         answers, self._answers = self._answers, []
         return answers
 

@@ -1,4 +1,4 @@
-"""What cannot be inserted, and how the hand holds what can.
+"""Pegs that cannot be inserted, and the hand's hold on those that can.
 
 In `insertion_told`, what is no hole for the peg is told by name: a plate without a
 hole, a hole 0.05 mm too narrow, and a hole with a plug in it.

@@ -1,4 +1,4 @@
-"""What work costs on this machine: motions, recording, and sweeps.
+"""The cost of work on this machine: motions, recording, and sweeps.
 
 `time_parameterization`: motions of the kitchen's arm by toppra, which all planners use,
 and by Drake's own solver.

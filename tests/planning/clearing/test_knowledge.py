@@ -1,4 +1,4 @@
-"""What the planner concludes of loads that it let go, and of things beside the bin."""
+"""The planner's conclusions about released loads, and about things beside the bin."""
 
 import dataclasses as dc
 

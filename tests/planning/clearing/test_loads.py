@@ -1,4 +1,4 @@
-"""What maps of a bin show of a load that was dropped, and what counts as arrived."""
+"""Dropped loads on maps of a bin, and the criterion for their arrival."""
 
 import dataclasses as dc
 

@@ -1,4 +1,4 @@
-"""Where the arm carries its load, with the scenario's own arm and bin."""
+"""The motions to a load's destination, with the scenario's own arm and bin."""
 
 import dataclasses as dc
 
