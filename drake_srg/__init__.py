@@ -1,6 +1,6 @@
 """The underactuated SAKE Robotics gripper and its robot cells as Drake diagrams.
 
-The names of `__init__.pyi` are the package's face, and each room has one of its own.
+`__init__.pyi` lists the package's public names, and each subpackage has its own list.
 """
 
 from typing import Any
@@ -11,7 +11,7 @@ _get, __dir__, __all__ = face(__name__)
 
 
 def __getattr__(name: str) -> Any:
-    """Import a name of the face; the version is that of the installed package."""
+    """Import a public name; `__version__` is that of the installed package."""
     if name != "__version__":
         return _get(name)
     from importlib.metadata import version

@@ -80,7 +80,7 @@ def bounds_problem(value: Any, bounds: Mapping[str, Any]) -> str | None:
     """Return why a value, or an entry of a list, is out of bounds; None: it is not.
 
     Args:
-        value: Of the right type; None has no bounds.
+        value: A value of the right type; None has no bounds.
         bounds: The metadata of its field.
     """
     if value is None:
@@ -112,7 +112,8 @@ _unchecked = contextvars.ContextVar("unchecked", default=False)
 def unchecked() -> Iterator[None]:
     """Let configurations take any value, for `yaml_load_typed`.
 
-    It sets an optional number to 0 before it sets what it has read (up to Drake 1.58).
+    It first sets an optional number to 0, and then to the value read (up to Drake
+    1.58).
     """
     token = _unchecked.set(True)
     try:
@@ -182,7 +183,7 @@ def _check(kind: Any, field: dc.Field[Any]) -> Callable[[Any], str | None] | Non
 def _list_problem(
     kind: type, optional: bool, bounds: Mapping[str, Any], value: Any
 ) -> str | None:
-    """Return the problem of a list, which an array or a tuple may stand for."""
+    """Return the problem of a list, an array or a tuple."""
     if value is None and optional:
         return None
     if hasattr(value, "tolist"):

@@ -1,9 +1,9 @@
-"""Faces of packages: their public names, each imported when it is first used.
+"""Public names of packages (their faces), each imported when it is first used.
 
-A package lists its face in `__init__.pyi`, one `from MODULE import NAME as NAME` for
-each name. Type checkers read that file, and so does `face`. What no face lists is
-private. So `import drake_srg.gripper` takes no time, and no module of a package waits
-for another that its face needs.
+A package lists its public names in `__init__.pyi`, one `from MODULE import NAME as
+NAME` each. Type checkers read that file, and so does `face`. All other names are
+private. Therefore `import drake_srg.gripper` takes no time, and modules of a package
+cannot import each other in a circle through its public names.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from typing import Any
 
 
 def names_of(package: str) -> dict[str, str]:
-    """Return the modules that the names of a package's face come from, by name."""
+    """Return the module of each public name of a package."""
     init = Path(str(importlib.import_module(package).__file__))
     stub = ast.parse(init.with_suffix(".pyi").read_text("utf-8"))
     imports = [line for line in stub.body if isinstance(line, ast.ImportFrom)]

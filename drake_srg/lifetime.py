@@ -30,7 +30,7 @@ from pydrake.systems import framework
 
 
 def weak(method: Callable[..., Any]) -> Callable[..., Any]:
-    """Return a callable that calls a bound method without keeping its object alive."""
+    """Return a callable that holds only a weak reference to a bound method's object."""
     reference = weakref.WeakMethod(method)
 
     def call(*arguments: Any) -> Any:
@@ -42,7 +42,7 @@ def weak(method: Callable[..., Any]) -> Callable[..., Any]:
 
 
 def collectable(system: framework.System) -> None:
-    """Make the collector count the references to a system correctly.
+    """Let the garbage collector count the references to a system correctly.
 
     Where an instance reports its `__dict__` twice (see the module), an object array,
     which the collector does not traverse, holds a second reference to it. Elsewhere

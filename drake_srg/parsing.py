@@ -70,7 +70,7 @@ def AddModel(
     Args:
         plant: Not yet finalized.
         file: Its path, or a URL such as `package://drake_srg/sdf/srg.sdf`.
-        name: Of the model instance. Without one, a name that is taken gets a suffix.
+        name: Name of the model instance. By default, a taken name gets a suffix.
 
     Raises:
         FileNotFoundError: If there is no file at the path.

@@ -173,7 +173,7 @@ class Blob:
 
     @property
     def certain(self) -> bool:
-        """Whether the pose is determined, as far as the shape shows it."""
+        """Whether the visible part determines the pose, up to the shape's symmetry."""
         return BlobFlag.UNCERTAIN not in self.flags
 
     @property
@@ -189,7 +189,7 @@ class Blob:
 
 @dc.dataclass(frozen=True, eq=False)
 class Obstacle:
-    """An unknown thing in the workspace: the bounding box of its visible part."""
+    """An unknown object in the workspace: the bounding box of its visible part."""
 
     shape: Box
     X_WO: RigidTransform  # the box's pose in world [m]
@@ -225,7 +225,7 @@ class HeightMap:
         return ix_iy[..., ::-1].astype(np.intp)
 
     def completed(self, earlier: Self | None) -> Self:
-        """Return this map with what an earlier one of the same grid shows in its gaps.
+        """Return this map with its gaps filled from an earlier map of the same grid.
 
         Args:
             earlier: The earlier map; None: there is none.
@@ -238,14 +238,14 @@ class HeightMap:
 
 @dc.dataclass(frozen=True, eq=False)
 class LabeledHeightMap(HeightMap):
-    """A height map with a label of what each cell belongs to."""
+    """A height map with a label for each cell: the kind of thing in it."""
 
     # Index into `names`, shape (ny, nx); negative where nothing of interest is.
     label: npt.NDArray[np.int8]
     names: tuple[str, ...]  # of objects, of colours, or `all`
 
     def completed(self, earlier: Self | None) -> Self:
-        """Return this map completed with an earlier one, the labels with its labels."""
+        """Return this map with its gaps, in labels too, filled from an earlier map."""
         if earlier is None:
             return self
         whole = super().completed(earlier)
@@ -309,7 +309,7 @@ class Failure(enum.Enum):
 
 @dc.dataclass(frozen=True, eq=False)
 class Remaining:
-    """A thing that a planner leaves where it is, and why."""
+    """A thing that a planner leaves in place, and why."""
 
     p_W: Vector  # of its top, shape (3,) [m]
     failure: Failure
@@ -343,7 +343,7 @@ class PlannerStatus:
 
     @property
     def done(self) -> bool:
-        """Whether the planner says that it has done its task."""
+        """Whether the planner reports that its task is done."""
         return mode_name(self.mode) == Mode.DONE.value
 
     @property

@@ -59,7 +59,7 @@ def cases(trials: int = 100) -> list[ex.Case]:
 
 
 def situation_overrides(situation: str, seed: int) -> tuple[str, ...]:
-    """Return where the cylinder stands, and what happens to it, as overrides."""
+    """Return the cylinder's place, and its disturbance, as overrides."""
     if situation == ANYWHERE:
         return ()
     place = f"object.position={THESIS_PLACE[:2].tolist()}"
@@ -73,7 +73,7 @@ def situation_overrides(situation: str, seed: int) -> tuple[str, ...]:
 
 
 def trial(name: str, method: str, situation: str, seed: int) -> ex.Measures:
-    """Run a method in a situation; what is not placed has no figures."""
+    """Run a method in a situation; an object that is not placed has no figures."""
     overrides = (*METHODS[method], *situation_overrides(situation, seed))
     cycle = run_cycle("assistive_arm_fast", seed, overrides)
     done = {key: cycle[key] for key in ("lifted", "placed", "failure")}

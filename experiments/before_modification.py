@@ -1,4 +1,4 @@
-"""What mended the five-axis arm after its beginning: its fingertips or its tip frame.
+"""The fingertips or the tip frame: which change repaired the first five-axis arm.
 
 The thesis of the five-axis arm began with flat, hard, smooth fingertips and an
 uncorrected tip frame. It reports frequent failures and a constant offset. With curved
@@ -113,7 +113,7 @@ def trial(
 
 
 def whole(trials: ex.Trials) -> dict[str, ex.Values]:
-    """State shares at each level of each factor, whatever the others, and by case.
+    """Return success rates by level of each factor, and by case.
 
     Expect the corrected tip to pay beyond doubt: its interval lies above that of the
     tip as drawn, whatever the pads.

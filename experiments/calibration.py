@@ -193,7 +193,7 @@ def cases(
         rendered: Rendered calibrations of each camera.
         synthetic: Synthetic ones.
         images: Images of each calibration.
-        places: Where objects are located.
+        places: Places of the objects.
     """
     counts = {"rendered": rendered, "synthetic": synthetic}
     counts |= {"images": images, "places": places}

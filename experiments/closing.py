@@ -55,7 +55,7 @@ def first(time: Vector, condition: npt.NDArray[np.bool_]) -> float:
 
 
 def shift_of(log: Mapping[str, Vector]) -> Vector:
-    """Return how far the can has moved, shape (K,) [mm]."""
+    """Return the distance that the can has moved, shape (K,) [mm]."""
     p_WO = log["object_pose.thing"][:, :3]
     return 1e3 * np.linalg.norm(p_WO - p_WO[0], axis=1)
 
@@ -195,7 +195,7 @@ SHIFT, SLOWEST = "largest shift of the can", "both tips touch after"
 
 
 def ramp(t: float) -> float:
-    """Return what the client's ramp commands at a time [s]: 0 open .. 1 closed."""
+    """Return the command of the client's ramp at a time [s]: 0 open .. 1 closed."""
     # A message belongs to the sample at its time, whatever way that is rounded.
     return min(int(t * _RATE + 1e-9), _LAST) // 10 / 100.0
 

@@ -38,7 +38,7 @@ _PUSH = "disturbances=[!Push {at: pre_grasp, after: 0.3, displacement: [0, 0.04,
 
 @dc.dataclass(frozen=True)
 class Fault:
-    """What is wrong with a robot, and when it can first be noticed."""
+    """A defect of a robot, and the time when it first shows."""
 
     overrides: tuple[str, ...] = ()  # of its scenario; the twin does not know them
     both: tuple[str, ...] = ()  # of both scenarios
@@ -80,7 +80,7 @@ def cases(seeds: int = 5, fault_seeds: int = 2) -> list[ex.Case]:
 def talk(
     scenario: Scenario, node: DirectNode, joint: int | None
 ) -> Iterator[tuple[float, Mode]]:
-    """Simulate a cell and tell its messages to a node; yield time [s] and mode.
+    """Simulate a cell and send its messages to a node; yield time [s] and mode.
 
     The encoder of a joint of the arm may be off.
     """

@@ -55,7 +55,7 @@ def cases(
 
     Args:
         engines: Names of the engines; all by default.
-        shakes: Of each object; 100 take 7 hours of one core.
+        shakes: Number of shakes of each object; 100 take 7 hours of one core.
     """
     return ex.grid(
         shake=range(shakes),

@@ -78,7 +78,7 @@ def summary(own: ex.Trials) -> ex.Values:
 
 
 def agreement(trials: ex.Trials) -> dict[str, ex.Values]:
-    """Return how many verdicts of each engine are those of the reference."""
+    """Return the number of verdicts of each engine that agree with the reference."""
     held = {
         name: np.array(own["slip"]) < SLIP
         for name, own in trials.groups("engine").items()

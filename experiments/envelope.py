@@ -1,4 +1,4 @@
-"""Where the five-axis arm can grasp a leaning or lying cylinder and stand it upright.
+"""The places where the five-axis arm can stand a leaning or lying cylinder upright.
 
 The pads must hold the cylinder along its axis, with its middle at the tip. These are
 five conditions, so five joints leave no choice of the approach. The hand must come

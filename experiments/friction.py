@@ -68,7 +68,7 @@ def trial(friction: str) -> ex.Measures:
 
 
 def no_more(own: ex.Trials) -> ex.Bound:
-    """Friction takes from the pads' force, but for 1 %."""
+    """Expect that friction does not raise the force of the pads by more than 1 %."""
     without = own.whole.where(friction="none").one("force of each finger [N]")
     return ex.at_most(1.01 * max(without))
 

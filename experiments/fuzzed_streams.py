@@ -41,7 +41,7 @@ _WAY, _DURATION = np.array([1.0, 0.2, 0.0, 0.3, 0.0, 0.0, 0.4]), 1.5
 
 @dc.dataclass
 class Told:
-    """What a robot tells in a control period, to be spoilt."""
+    """The messages of a robot in one control period, to be corrupted."""
 
     stamp: float  # s
     names: list[str]  # of the joints, the arm's n first
@@ -88,7 +88,7 @@ def _gripper_nan(told: Told, random: Random) -> None:
 
 
 def _set(**values: Callable[[Told, Random], Any]) -> Callable[[Told, Random], None]:
-    """Return a fault that sets fields of what is told."""
+    """Return a fault that sets fields of the messages."""
 
     def fault(told: Told, random: Random) -> None:
         for name, value in values.items():
@@ -145,17 +145,17 @@ def deliver(node: DirectNode, told: Told) -> None:
 
 
 class _Planner(PlannerLink):
-    """Starts one motion, and says no more."""
+    """A planner that starts one motion and then stays silent."""
 
     def __init__(self, motion: Motion) -> None:
         status = PlannerStatus(mode=Mode.PRE_GRASP)
         self._answers = [Answer(0.0, motion, 0.0, status)]
 
     def post(self, tick: Tick) -> None:
-        """See `PlannerLink`."""
+        """Ignore the measurements."""
 
     def take(self) -> Sequence[Answer | Ended]:
-        """See `PlannerLink`."""
+        """Return the motion at the first call, and then nothing."""
         answers, self._answers = self._answers, []
         return answers
 
@@ -173,13 +173,13 @@ def cases(streams: int = 1000) -> list[ex.Case]:
     """Send streams of messages.
 
     Args:
-        streams: How many; each is its own seed.
+        streams: Number of streams; the index of each is its seed.
     """
     return ex.grid(name=[f"{streams} streams"], seed=range(streams))
 
 
 def trial(name: str, seed: int) -> ex.Measures:
-    """Return what the arm is sent while a stream of messages arrives."""
+    """Return the commands to the arm while a stream of messages arrives."""
     random = np.random.default_rng(seed)
     scenario, limits = _kitchen()
     home, period = np.array(scenario.arm.home), scenario.arm.period

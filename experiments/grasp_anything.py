@@ -148,7 +148,7 @@ def placed(thing: ObjectConfig, X_WO: RigidTransform) -> ObjectConfig:
 
 
 def settle(name: str, thing: ObjectConfig, X_WO: RigidTransform) -> RigidTransform:
-    """Return where a thing that starts at `X_WO` comes to rest, or is after 4 s."""
+    """Return the pose in which a thing from `X_WO` rests, or that after 4 s."""
     scenario = tabletop({"thing": placed(thing, X_WO)})
     with Rig(scenario, name=name, period=0.05, log_period=0.05) as rig:
         body = body_of(rig, "thing")
@@ -240,7 +240,7 @@ def picture(
 
 
 def draw(figure: Any, trials: ex.Trials, rows: Sequence[Any]) -> None:
-    """Show each object's first pose, and in how many the first attempt held it."""
+    """Draw each object's first pose, with its number of successful first attempts."""
 
     def caption(entry: Any) -> str:
         own = trials.where(object=entry["object"])

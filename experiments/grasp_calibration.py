@@ -1,4 +1,4 @@
-"""Where closing fingers move a cylinder, and the frames that correct for it.
+"""The shift of a cylinder by closing fingers, and the frames that correct for it.
 
 The thesis of the five-axis arm measured by hand how far the object shifts while the
 fingers close. It moved the arm's tip frame by that distance. Here, a first round of

@@ -140,7 +140,7 @@ def auc_error(area: float, held: Flags) -> float:
 
 
 def auc_by_object(value: Vector, held: Flags, names: Any) -> float:
-    """Return the mean AUC of the objects of which enough grasps held and failed."""
+    """Return the mean AUC over objects with enough held and failed grasps."""
     each = []
     for name in np.unique(names):
         own = names == name

@@ -46,7 +46,7 @@ def cases(episodes: int = 300, seeds: int = 3, trials: int = 70) -> list[ex.Case
     """Train with every reward and seed, and judge the final policies.
 
     Args:
-        episodes: Of each training, of which the first 100 are random.
+        episodes: Number of episodes per training; the first 100 are random.
         seeds: Trainings with each reward.
         trials: Grasps of each policy of unseen objects, and as many of hard ones.
     """

@@ -120,7 +120,7 @@ def trial(model: str) -> ex.Measures:
 
 
 def compare(trials: ex.Trials) -> dict[str, ex.Values]:
-    """Compare rows; those of the specimen are judged, the others only told."""
+    """Compare rows; only the specimen's rows are judged."""
     measured, found = vendor_log(), dict[str, ex.Values]()
     for t in trials:
         model = t["model"]

@@ -46,7 +46,7 @@ _SRG = {"open": 3298, "closed": 1043, "stretch": 1354}
 
 @dc.dataclass(frozen=True)
 class Way:
-    """What is served, and what lies between it and the planner."""
+    """A served cell, and the protocol between it and the planner."""
 
     scenario: str
     wire: str = "ROS 2"  # or ROS 1
@@ -114,7 +114,7 @@ def inside(scenario: str, seed: int) -> tuple[float, float]:
 
 
 def check_speed(way: Way, speed: float, rate: float) -> None:
-    """Check that a machine is fast enough that runs a way's scenario at a speed.
+    """Check that a speed is enough to serve a scenario in real time.
 
     Raises:
         ScenarioError: If it is not.
@@ -170,7 +170,7 @@ def run_served(way: Way, seed: int, rate: float) -> ex.Measures:
 def _judge(
     way: Way, scenario: Scenario, answer: dict[str, Any], served: Path, ran: Path
 ) -> ex.Measures:
-    """Return whether the object is placed, and whether the planner says so; why not.
+    """Return whether the object is placed, whether the planner reports it, and why not.
 
     Also the larger of its errors in x and y, and by how much whole counts of the
     servos may move it where it is let go [mm].
@@ -205,10 +205,10 @@ def robot_file(
     """Return the text of the hardware file for a scenario that is served in a way.
 
     Args:
-        way: How it is served.
-        scenario: That is served.
-        arguments: Of `drake-srg serve` for the wire.
-        port: Of the servo bus.
+        way: Protocol by which it is served.
+        scenario: The served scenario.
+        arguments: Arguments of `drake-srg serve` for the wire.
+        port: Port of the servo bus.
         rate: Seconds of both sides per real second.
     """
     ros = "Ros1" if way.wire == "ROS 1" else "Ros2"

@@ -1,4 +1,4 @@
-"""What cannot be inserted, and how the hand holds what can.
+"""Pegs that cannot be inserted, and the hand's hold on those that can.
 
 `insertion_told` checks that the planner names the cause if an insertion is impossible:
 a plate without a hole, a hole that is 0.05 mm too narrow, and a hole with a plug in it.

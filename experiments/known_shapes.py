@@ -34,7 +34,7 @@ def _box(least: Sequence[float], most: Sequence[float]) -> tuple[str, ...]:
 
 
 def _model(model: str, lower: str, upper: str) -> tuple[str, ...]:
-    """Return the overrides of a model and the hue, saturation and value of it."""
+    """Return the overrides of a model, and its hue, saturation and value."""
     return (
         f"object.model=package://drake_srg/sdf/{model}.sdf",
         f"object.color_range={{lower: {lower}, upper: {upper}}}",
@@ -101,7 +101,7 @@ def trial(case: str, seed: int) -> ex.Measures:
 
 
 def summary(own: ex.Trials) -> ex.Values:
-    """Expect that most of every case are placed; state how near, and what fails."""
+    """Expect that most trials of every case succeed; report errors and failures."""
     placed, n = own["placed"], len(own)
     found: dict[str, Any] = {
         "trials []": (n, ex.number(spread=1.0)),

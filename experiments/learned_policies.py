@@ -51,8 +51,8 @@ def cases(
     Args:
         seeds: Trainings of each recipe.
         trials: Unseen objects for each policy.
-        elsewhere: Of them on the accurate physics, and as many trials in the kitchen.
-        episodes: Of each rule with each uncertainty.
+        elsewhere: Unseen objects on the accurate physics, and trials in the kitchen.
+        episodes: Number of episodes of each rule at each uncertainty.
     """
     trained = {"name": RECIPES, "seed": range(seeds), "elsewhere": [elsewhere]}
     return [
@@ -91,7 +91,7 @@ def trial(
 def held(
     act: Act, environment: str, keywords: Mapping[str, Any], trials: int
 ) -> list[bool]:
-    """Return in which episodes that took no part in training an object was held."""
+    """Return whether the object was held in each of the unseen episodes."""
     env = make_environment(environment, keywords)
     done = [run_episode(env, act, EVALUATION + k).success for k in range(trials)]
     env.close()

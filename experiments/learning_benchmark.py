@@ -109,7 +109,7 @@ def memory_growth(env: PickEnv, episodes: int) -> float:
 
 
 def slowest(workers: int, episodes: int) -> float:
-    """Return the longest of the times that some workers need at once [s]."""
+    """Return the longest duration among workers that run at the same time [s]."""
     with ProcessPoolExecutor(workers, mp.get_context("spawn")) as pool:
         return max(pool.map(timed_grasps, [episodes] * workers))
 

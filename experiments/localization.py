@@ -213,7 +213,7 @@ THESIS_RULE, OUR_RULE = "thesis's localizer", "our localizer"
 
 
 def two_eyes(camera: str) -> dict[str, Eye]:
-    """Return the thesis's localizer and ours with a camera of `CAMERAS`."""
+    """Return the thesis's localizer and ours, with a camera of `CAMERAS`."""
     own_camera = load_scenario(SCENARIO, seed=0).cameras[CAMERA]
     # As in CoppeliaSim, the optical axis passes through the middle of the image. By
     # default, Drake's passes half a pixel beside it, which the rule does not know.

@@ -51,7 +51,7 @@ def cases(
 
 
 def trial(object: str, way: str, upright: int, resting: int) -> ex.Measures:
-    """Locate an object in random poses of a way; those of the other are drawn, too."""
+    """Locate an object in random poses of one kind; the other kind is drawn as well."""
     config = with_color(object, household_object(object))
     scenario = load_scenario("kitchen", seed=0)
     scenario.objects = {object: dc.replace(config, position=[0.6, 0.1])}
@@ -85,7 +85,7 @@ def trial(object: str, way: str, upright: int, resting: int) -> ex.Measures:
 
 
 def with_color(name: str, config: ObjectConfig) -> ObjectConfig:
-    """Return an object that is looked for by the colour of its model's first part.
+    """Return an object whose target colour is that of its model's first part.
 
     If that is grey, like the table, another part's colour tells more.
     """

@@ -113,7 +113,7 @@ def hold(
 
 
 def judge_hold(grip: str, time: Vector, p_GO: Vector, q: Vector) -> ex.Measures:
-    """Return what `hold` returns, but for the wire force, if nothing else touches.
+    """Return the results of `hold` except the wire force, if nothing else touches.
 
     Args:
         grip: `wrap` or `pinch`.
@@ -186,7 +186,7 @@ def largest(holds: Callable[[float], ex.Measures], mass: float) -> ex.Measures:
 
 
 def held(mass: float, found: Any) -> ex.Values:
-    """Return how a mass [kg] was held, of what `hold` has found."""
+    """Return the result for a mass [kg] among those of `hold`."""
     return {
         f"{mass:g} kg held for [s]": (found["held_for"], VENDORS),
         "slip while the load comes on [mm]": found["slip"],

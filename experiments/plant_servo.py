@@ -73,7 +73,7 @@ def closing(driver: str) -> ex.Measures:
 
 
 def borderline_action(seed: int, env: GraspOneShotEnv) -> Vector:
-    """Return a grasp of the present scene that is off by so much that it may fail."""
+    """Return a grasp of the present scene, displaced so far that it may fail."""
     rng = np.random.default_rng(seed)
     size = env.scene.shape.bounding_size
     across = 0.0 if env.scene.is_round or size[1] <= size[0] else 1.0

@@ -78,7 +78,7 @@ class Stand:
         self._kp, self._kd = map(np.diag, arm.gains(plant, instance))
 
     def settling_time(self, q: Vector) -> float:
-        """Return when an arm that rests at `q` (N,) [rad] is slow after a stop [s].
+        """Return the time after which an arm that stops at `q` (N,) [rad] is slow [s].
 
         Joints with mass matrix M and gains Kp, Kd that have followed commands of
         deceleration a lag by e = Kp⁻¹ M a when these come to rest. From then on,
@@ -128,7 +128,7 @@ def cases(faults: int = 200) -> list[ex.Case]:
     """Stop the arm after each of the faults in turn.
 
     Args:
-        faults: How many in all.
+        faults: Number of faults in all.
     """
     kinds = list(FAULTS)
     n = len(kinds)
@@ -172,7 +172,7 @@ def _with_fault(
     since: float,
     random: np.random.Generator,
 ) -> Callable[[float], Vector]:
-    """Return commands that are at fault from a time on [s]."""
+    """Return commands that are faulty from a time on [s]."""
     direction = random.choice([-1.0, 1.0], len(stand.home))
     jump = random.uniform(2.0, 20.0) * stand.limits.step * direction
     kick = random.uniform(2.0, 4.0) * stand.limits.bend * direction
@@ -192,7 +192,7 @@ def _with_fault(
 def _measure(
     stand: Stand, log: dict[str, Vector], fault: int, path: list[Vector]
 ) -> ex.Measures:
-    """Return what a stop looked like.
+    """Return the measures of a stop.
 
     `bound` is when the arm rests by theory: when the commands rest, the driver's
     period, the time in which the joints settle, and the time until the next reading.

@@ -64,7 +64,7 @@ _ROUNDING = 1e-9  # s
 
 
 class LatePictures:
-    """Pictures of a visual servo's camera that arrive late, and others on demand.
+    """Publishes late images of a visual servo's camera, and other images on demand.
 
     Attributes:
         wanted: Whether anybody looks at those of the servo's camera; else they are not
@@ -94,7 +94,7 @@ class LatePictures:
                 self.show(self._name, taken, state, outlet)
 
     def show(self, name: str, time: float, state: Vector, outlet: Outlet) -> None:
-        """Publish what a camera sees of a state of the plant, taken at a time [s]."""
+        """Publish a camera's image of a state of the plant, taken at a time [s]."""
         images = (COLOR, DEPTH, CAMERA_INFO)
         values = self._viewers[name].look(time, state, images)
         for key, topic in self._cameras[name].topics.items():
@@ -147,7 +147,7 @@ class ServedRobot:
         self._loop.advance(self._steps * self._period)
 
     def show(self, camera: str) -> None:
-        """Publish what a camera sees now."""
+        """Publish a camera's present image."""
         plant = self.station.GetSubsystemByName("station").GetSubsystemByName("plant")
         context = plant.GetMyContextFromRoot(self._root)
         state = plant.get_state_output_port().Eval(context)
@@ -231,7 +231,7 @@ def cases(trials: int = 200, seed: int = 930_000, late: float = 0.1) -> list[ex.
     """Grasp with both servos at every speed.
 
     Args:
-        late: How late pictures arrive [s].
+        late: Delay of the images [s].
     """
     return ex.grid(
         seed=range(seed, seed + trials),

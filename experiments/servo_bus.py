@@ -53,7 +53,7 @@ _MAX_TILT = np.deg2rad(5.0)
 
 @dc.dataclass(frozen=True)
 class Wire:
-    """What is on the way between planner and servos."""
+    """The components between planner and servos."""
 
     protocol: int = 1  # of Dynamixel
     latency: float = 0.0  # of measurements, and of commands [s]
@@ -254,7 +254,7 @@ def run_over_servos(name: str, seed: int, wire: Wire) -> ex.Measures:
 
 
 def rounding(scenario: Scenario, q: Vector, p_WO: Vector) -> float:
-    """Return how far half a count of every joint moves a held object in x or y [m].
+    """Return the motion of a held object in x or y by half a count of each joint [m].
 
     The arm is at q (N,) [rad], the object at p_WO (3,) [m].
     """

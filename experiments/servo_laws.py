@@ -93,7 +93,7 @@ def _sine(time: Vector) -> tuple[Vector, Vector, Vector]:
 
 
 def _tight_limit(motion: Reference) -> float:
-    """Return 0.7 of the PWM that the feedforward of a motion asks for."""
+    """Return 0.7 of the feedforward PWM of a motion."""
     _, v, a = motion(np.arange(0.0, 2.0, STEP))
     return 0.7 * float(np.max(np.abs(SHIPPED.kff1[0] * v + SHIPPED.kff2[0] * a)))
 
@@ -264,7 +264,7 @@ def overshoot(q: Vector) -> float:
 
 
 def settling_time(time: Vector, error: Vector, band: float) -> float:
-    """Return when `|error|` enters the band for good [s]; NaN if it ends outside."""
+    """Return the time after which `|error|` stays in the band [s], or NaN."""
     outside = np.flatnonzero(np.abs(error) > band)
     first = outside[-1] + 1 if len(outside) else 0
     return float(np.append(time, np.nan)[first])

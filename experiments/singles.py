@@ -61,7 +61,7 @@ def cases(trials: int = 1000, seed: int = 1_110_000) -> list[ex.Case]:
     """Clear single things of all groups in turn.
 
     Args:
-        trials: Of all groups together.
+        trials: Number of trials of all groups together.
     """
     return [{"group": GROUPS[s % 3], "seed": s} for s in range(seed, seed + trials)]
 

@@ -137,7 +137,7 @@ def costs(own: ex.Trials) -> ex.Values:
 
 
 def outcomes(trials: ex.Trials) -> dict[str, ex.Values]:
-    """Expect the same outcomes, within what half the step changes."""
+    """Expect the same outcomes, within the effect of half the time step."""
     scenes = trials.where(name="scenes")
     awake = {t["seed"]: t for t in scenes.where(kind=AWAKE)}
     asleep, half = (scenes.where(kind=kind) for kind in (ASLEEP, HALF))

@@ -72,7 +72,7 @@ def cases() -> list[ex.Case]:
 def trial(
     name: str, wire_force: float, time_step: float, mesh: float, ramp: float
 ) -> ex.Measures:
-    """Close on the sponge, lift it, hold it and, with a ramp, pull ever harder."""
+    """Close on the sponge, lift and hold it and, with a ramp, pull ever harder."""
     picture = name in ("gentle", "strong")
     thing = ObjectConfig(
         shape=Box(SIZE),

@@ -1,4 +1,4 @@
-"""What work costs on this machine: motions, recording, and sweeps.
+"""The cost of work on this machine: motions, recording, and sweeps.
 
 * `time_parameterization` compares toppra, which all planners use, with Drake's own
   solver, for motions of the kitchen's arm.

@@ -89,7 +89,7 @@ def find_stay(
 
 
 def summary(own: ex.Trials) -> ex.Values:
-    """Expect that what is at rest stays, with the scenarios as they are."""
+    """Expect that objects at rest stay, with the scenarios' own settings."""
     rests, moved = own.known("rest"), own.known("moved").max(initial=0.0)
     as_is = own[0]["settings"] == AS_IS
     bound = ex.at_most(1.0) if as_is else ex.number(spread=max(1.0, moved))

@@ -131,7 +131,7 @@ class GraspWatch:
         return self.ended("missed" if mode is Mode.RELEASE else "lost")
 
     def ended(self, reason: str) -> ex.Measures:
-        """Return the end of a trial; "" says that the object is held.
+        """Return the end of a trial; "" if the object is held.
 
         `error` is the distance of the object from its place in the hand as the fingers
         begin to close [m]; None if they did not.

@@ -26,7 +26,7 @@ class Chromium:
     """A browser with one page. Use it as a context manager.
 
     Attributes:
-        events: What the page did since it was opened: (method, parameters).
+        events: Events of the page since it was opened: (method, parameters).
     """
 
     def __init__(self, folder):

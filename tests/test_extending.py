@@ -32,7 +32,7 @@ print(json.dumps({
 
 @pytest.fixture(scope="module")
 def ran():
-    """What the programs do, in a process of their own."""
+    """Return the results of the programs, run in a separate process."""
     done = subprocess.run(
         [sys.executable, "-c", REPORT],
         env={**os.environ, "PYTHONPATH": f"{ROOT}{os.pathsep}{FOLDER}"},

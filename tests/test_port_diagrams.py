@@ -1,4 +1,4 @@
-"""Every `pydrake_system` block is held against the ports of real systems."""
+"""Every `pydrake_system` block matches the ports of real systems."""
 
 import dataclasses as dc
 import importlib

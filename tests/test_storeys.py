@@ -52,7 +52,7 @@ def imports(text, name):
 
 
 def complaints(text, name):
-    """What is wrong with the imports of the module `name`, dotted below drake_srg."""
+    """Return the faults in the imports of a module, by its name below drake_srg."""
     path = name.split(".")
     wrong = []
     for target in imports(text, name):

@@ -96,7 +96,7 @@ def make_carrying_picture() -> None:
 
 
 def make_lesson_pictures() -> None:
-    """Make the picture of each lesson from what the lesson runs."""
+    """Make the picture of each lesson from the lesson's own runs."""
     kitchen = _moments("kitchen")
     with tempfile.TemporaryDirectory() as folder, contextlib.chdir(folder):
         _save_files("your_object", "your_cell")
@@ -143,7 +143,7 @@ def _video(
 
 
 def _moments(scenario: str) -> list[Image.Image]:
-    """Return what the video shows as the modes of `MOMENTS` begin."""
+    """Return the frames of the video in which the modes of `MOMENTS` begin."""
     frames, rate, began = _video(scenario)
     last = len(frames) - 1
     rows = [min(round(rate * began[mode.value]), last) for mode in MOMENTS]

@@ -98,7 +98,7 @@ def AddLinearInterpolation(
 def SetInterpolatedPosition(
     interpolator: Diagram, context: Context, position: Vector
 ) -> None:
-    """Put the output of `AddLinearInterpolation` at rest.
+    """Set the output of `AddLinearInterpolation` to a position at rest.
 
     Args:
         interpolator: The diagram.
@@ -246,7 +246,7 @@ class ArmDriver(Config, abc.ABC):
     errors: ArmErrorsConfig = dc.field(default_factory=ArmErrorsConfig)
 
     def prepare_plant(self, plant: MultibodyPlant, arm: ModelInstanceIndex) -> None:
-        """Change the plant as the driver needs it, before the plant is finalized.
+        """Prepare the plant for the driver, before the plant is finalized.
 
         The arm starts at `home`.
 

@@ -31,7 +31,7 @@ class ArmPositionDriver(ArmDriver):
     kd: list[float] | None = dc.field(default=None, metadata={"ge": 0.0})
 
     def prepare_plant(self, plant: MultibodyPlant, arm: ModelInstanceIndex) -> None:
-        """Change the plant as the driver needs it, before the plant is finalized.
+        """Prepare the plant for the driver, before the plant is finalized.
 
         Makes the arm's actuators PD controllers.
         """

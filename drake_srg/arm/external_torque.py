@@ -81,7 +81,7 @@ class LaggedTorque(LeafSystem):
         )
 
     def _sample(self, context: Context, kept: Vector) -> tuple[Vector | None, Vector]:
-        """Return the torque now, shape (N,) [N m], or None, and the numbers to keep."""
+        """Return the present torque, shape (N,) [N m], or None, and values to keep."""
         raise NotImplementedError
 
     def _calc_external_torque(self, context: Context, output: BasicVector) -> None:
@@ -105,7 +105,7 @@ _ZERO = np.zeros(3)
 
 
 class ContactTorques(LaggedTorque):
-    """Computes the joint torques due to touch and a held load.
+    """Computes the joint torques caused by contact and by a held load.
 
     .. pydrake_system::
 
@@ -248,7 +248,7 @@ class ContactTorques(LaggedTorque):
     def _wrenches(
         self, context: Context, poses: list[RigidTransform]
     ) -> tuple[dict[int, Vector], set[int]]:
-        """Return wrenches on links, hand and load, and the bodies of the load."""
+        """Return the wrenches on links, hand and load, and the bodies of the load."""
         body_of = self._body_of
         contacts = [
             (body_of.get(contact.id_A, -1), body_of.get(contact.id_B, -1), contact)
@@ -326,7 +326,7 @@ def _free_bodies(
 
 
 class ExternalTorqueObserver(LaggedTorque):
-    """Estimates the joint torques due to touch and a held load.
+    """Estimates the joint torques caused by contact and by a held load.
 
     .. pydrake_system::
 

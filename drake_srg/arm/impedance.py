@@ -43,7 +43,7 @@ class Spring(abc.ABC):
 
         Args:
             q: Joint positions (N) [rad].
-            q_0: Those of the equilibrium (N) [rad].
+            q_0: Joint positions of the equilibrium (N) [rad].
 
         Returns:
             Torques (N) [N m], a symmetric stiffness matrix without negative

@@ -63,7 +63,7 @@ def _limit(name: str, unit: str) -> Any:
 )
 @scenario_errors()
 def import_arm(options: argparse.Namespace) -> int:
-    """Make an arm from a file; print what was mended, and whether it passes."""
+    """Make an arm from a file; print the repairs, and whether it passes the checks."""
     from drake_srg.importing.arm_file import GivenLimits
 
     file: Path = options.file
@@ -144,7 +144,7 @@ def _facts(arm: ArmFile, placement: Placement) -> dict[str, Any]:
 
 
 def _description(report: dict[str, Any]) -> list[str]:
-    """Return what was mended and measured, in lines."""
+    """Return repairs and measurements, one per line."""
     x, y, _ = report["base"]
     check = report["check"]
 

@@ -304,7 +304,7 @@ def parse_board(text: str) -> Board:
 
 
 def parse_count(text: str) -> int | None:
-    """Return the number of images that `--images` asks for; None: it is a folder.
+    """Return the number of images in `--images`; None if it names a folder.
 
     Raises:
         ScenarioError: If it is a number that is too small or too large.

@@ -1,4 +1,4 @@
-"""Commands of the command line: arguments, exit codes, signals, what they print.
+"""Commands of the command line: arguments, exit codes, signals, output.
 
 `command` describes the function below it; `make_parser` in `main.py` lists them all.
 argparse it is: with cyclopts, typer or tyro, `--help` takes 0.15 to 0.3 s longer, and
@@ -33,7 +33,7 @@ INTERRUPTED = 130  # the shells' code for Ctrl-C
 
 
 class OutputError(Exception):
-    """Standard output cannot be written; the message says why."""
+    """Raised if standard output cannot be written; the message says why."""
 
 
 # Time after which to try again to interrupt an import [s].
@@ -60,13 +60,13 @@ def end_on_signals() -> None:
             frame = frame.f_back
         raise KeyboardInterrupt
 
-    for number in heeded(signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
+    for number in unignored(signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
         signal.signal(number, end)
     signal.signal(signal.SIGALRM, end)
 
 
-def heeded(*numbers: signal.Signals) -> list[signal.Signals]:
-    """Return the signals that are not ignored: `nohup` ignores SIGHUP."""
+def unignored(*numbers: signal.Signals) -> list[signal.Signals]:
+    """Return the signals to handle: `nohup` makes a process ignore SIGHUP."""
     return [n for n in numbers if signal.getsignal(n) != signal.SIG_IGN]
 
 
@@ -121,7 +121,7 @@ def stop_on_signals() -> Iterator[threading.Event]:
         signals.put(True)
         signal.signal(number, before[number])
 
-    numbers = [signal.SIGINT, *heeded(signal.SIGTERM, signal.SIGHUP)]
+    numbers = [signal.SIGINT, *unignored(signal.SIGTERM, signal.SIGHUP)]
     before: dict[int, Any] = {number: signal.getsignal(number) for number in numbers}
     try:
         for each in numbers:
@@ -207,7 +207,7 @@ class Output:
                 print(json.dumps(values, indent=2, default=str))
 
     def complain(self, message: str) -> None:
-        """Print an error: a line on standard error, and JSON where it is wanted."""
+        """Print an error: a line on standard error, and JSON with --json."""
         page = page_about(message, self._command)
         tell(f"{message}{page and f' (see {page})'}")
         self.answer({"error": message, "page": page or None})
@@ -215,7 +215,7 @@ class Output:
 
 @contextlib.contextmanager
 def printing() -> Iterator[None]:
-    """Raise an OutputError where standard output cannot be written: a full disk."""
+    """Raise an OutputError if standard output cannot be written, as on a full disk."""
     try:
         yield
     except BrokenPipeError:
@@ -251,14 +251,14 @@ Adds: TypeAlias = Callable[[Any], object]
 
 @dc.dataclass(frozen=True)
 class Command:
-    """A function that runs a command, and what the command line says of it.
+    """A command: the function that runs it, and its texts on the command line.
 
     Attributes:
         run: Takes the parsed command line and returns the exit code. It raises a
             ScenarioError for bad input.
         name: As one types it.
         summary: For the overview: no capital, no full stop.
-        details: What the command's own help says besides the summary.
+        details: Text of the command's own help after the summary.
         adds: Its arguments.
         own_help: Whether `--help` is among its arguments.
     """
@@ -302,7 +302,7 @@ def command(
         summary: For the overview.
         details: For the command's own help, too.
         adds: Its arguments.
-        name: Of the command; None: the function's.
+        name: Name of the command; None: the function's.
         own_help: Whether `--help` is among its arguments.
     """
     return lambda run: Command(
@@ -311,11 +311,11 @@ def command(
 
 
 def argument(*names: str, help: str, **options: Any) -> Adds:
-    """Return what adds an argument.
+    """Return a function that adds an argument to a parser.
 
     Args:
         *names: As for argparse's `add_argument`.
-        help: What it means, as a sentence without its capital and its full stop.
+        help: Its meaning, as a sentence without capital and full stop.
         **options: As for `add_argument`.
     """
     text = sentence(help)
@@ -328,12 +328,12 @@ def sentence(text: str) -> str:
 
 
 def flag(name: str, help: str) -> Adds:
-    """Return what adds an option without a value."""
+    """Return a function that adds an option without a value."""
     return argument(name, action="store_true", help=help)
 
 
 def one_of(*adds: Adds, required: bool = False) -> Adds:
-    """Return what adds arguments of which only one may be given."""
+    """Return a function that adds mutually exclusive arguments."""
 
     def add(parser: argparse.ArgumentParser) -> None:
         group = parser.add_mutually_exclusive_group(required=required)
@@ -344,7 +344,7 @@ def one_of(*adds: Adds, required: bool = False) -> Adds:
 
 
 def all_of(*adds: Adds) -> Adds:
-    """Return what adds several arguments."""
+    """Return a function that adds several arguments."""
 
     def add(parser: argparse.ArgumentParser) -> None:
         for each in adds:
@@ -354,7 +354,7 @@ def all_of(*adds: Adds) -> Adds:
 
 
 def repeatable(name: str, metavar: str, help: str) -> Adds:
-    """Return what adds an option that may be given several times."""
+    """Return a function that adds an option that may be repeated."""
     return argument(name, action="append", default=[], metavar=metavar, help=help)
 
 
@@ -375,11 +375,11 @@ QUIET = argument(
 )
 
 
-def a_scenario(
+def scenario_arguments(
     nargs: str | None = None,
     help: str = "a name from `drake-srg list`, a .yaml file, or - for standard input",
 ) -> Adds:
-    """Return what adds a scenario, its seed and overrides of its entries."""
+    """Return a function that adds a scenario, its seed and its overrides."""
     return all_of(
         argument("scenario", nargs=nargs, metavar="SCENARIO", help=help),
         argument(
@@ -397,7 +397,7 @@ def a_scenario(
     )
 
 
-SCENARIO = a_scenario()
+SCENARIO = scenario_arguments()
 CELL = argument(
     "--cell",
     default="",
@@ -421,7 +421,7 @@ def name_of(options: argparse.Namespace) -> str:
 
 
 def resuming(options: argparse.Namespace, out: Path) -> str:
-    """Return the command line that continues in a folder what was interrupted."""
+    """Return the command line that resumes an interrupted command in a folder."""
     words = [w for w in options.typed if w not in ("--resume", "--replace")]
     where = [] if options.out is not None else ["--out", str(out)]
     return shlex.join(["drake-srg", *words, *where, "--resume"])
@@ -438,7 +438,7 @@ def _domain(text: str) -> int:
 
 
 def ros(ros1: str, ros2: str, peer: str) -> Adds:
-    """Return what adds the options of a command that speaks ROS.
+    """Return a function that adds the options of a command that speaks ROS.
 
     Args:
         ros1: Help of `--ros1`.
@@ -467,7 +467,7 @@ def ros(ros1: str, ros2: str, peer: str) -> Adds:
 
 
 def speaks_ros(options: argparse.Namespace) -> tuple[bool, bool]:
-    """Return whether a command is to speak ROS 1, and ROS 2."""
+    """Return whether a command speaks ROS 1, and whether it speaks ROS 2."""
     return (
         options.ros1 or options.master is not None,
         options.ros2 or options.domain is not None,

@@ -1,6 +1,6 @@
 """The commands run, demo, replay, list, diagram, bench and export.
 
-Imports that take time are inside, so that `drake-srg --help` comes at once.
+Slow imports are inside functions, so that `drake-srg --help` stays fast.
 """
 
 from __future__ import annotations
@@ -25,13 +25,13 @@ from drake_srg.cli.command import (
     SCENARIO,
     SUCCESS,
     TASK_FAILED,
-    a_scenario,
     argument,
     command,
     flag,
     load,
     name_of,
     one_of,
+    scenario_arguments,
     stop_on_signals,
     tell,
     warn,
@@ -92,7 +92,7 @@ def run_hardware(options: argparse.Namespace) -> int:
     ),
 )
 def run(options: argparse.Namespace) -> int:
-    """Do a scenario's task, and print its metrics and where the files are."""
+    """Do a scenario's task, and print its metrics and the paths of its files."""
     from drake_srg.simulation import Simulate
     from drake_srg.station.cell import MakeCell, load_make_cell
 
@@ -116,7 +116,7 @@ def run(options: argparse.Namespace) -> int:
 
 
 def _tell(options: argparse.Namespace, result: Result, out: Path) -> int:
-    """Print a result and where its files are; return the exit code."""
+    """Print a result and the paths of its files; return the exit code."""
     from drake_srg.simulation.simulate import STOPPED_BY_USER
 
     metrics, say = result.metrics, options.console.say
@@ -285,7 +285,7 @@ def diagram(options: argparse.Namespace) -> int:
 
 
 def _draw(dot: str, output: Path) -> None:
-    """Draw a graph with Graphviz, in the format that the file's name asks for."""
+    """Draw a graph with Graphviz, in the format of the file's suffix."""
     if shutil.which("dot") is None:
         raise ScenarioError(
             f"-o {output}: needs Graphviz (sudo apt-get install -y graphviz); a .dot "
@@ -307,7 +307,7 @@ def _draw(dot: str, output: Path) -> None:
 @command(
     "measure how fast scenarios run, and where the time goes",
     "Exit code: 0 every scenario was measured, 2 at least one was not.",
-    a_scenario(
+    scenario_arguments(
         "*",
         "a name from `drake-srg list`, a .yaml file, or - for standard input "
         "(default: every scenario that has a fast variant, and the variant)",

@@ -1,4 +1,4 @@
-"""Checks whether this machine can run the package, and says what to install if not.
+"""Checks this machine for all that the package needs, and names what to install.
 
 Nothing of Drake is imported here, so that the checks run even where Drake does not.
 """
@@ -53,9 +53,9 @@ class Check:
     """The result of one check.
 
     Attributes:
-        name: What was checked.
+        name: Name of the checked feature.
         ok: Whether it works.
-        detail: What was found.
+        detail: Result in words.
         fix: The command to run if it does not work.
         optional: Whether the package also runs without it.
     """
@@ -125,7 +125,7 @@ def check(name: str, examine: Callable[[], str], fix: str) -> Check:
     """Run a check; an exception is its failure.
 
     Args:
-        name: What is checked.
+        name: Name of the checked feature.
         examine: Returns what was found, or raises.
         fix: The command to run if it raises.
     """
@@ -184,7 +184,7 @@ def _graphviz() -> str:
 
 
 def _versions(packages: dict[str, str]) -> str:
-    """Import modules, given with the packages that contain them; the versions."""
+    """Import modules, given with their packages, and return the versions."""
     found = []
     for module, package in packages.items():
         importlib.import_module(module)
@@ -211,7 +211,7 @@ def run_elsewhere(code: str, patience: float = _PATIENCE) -> str:
 
     Args:
         code: The program.
-        patience: How long it may take [s].
+        patience: Timeout [s].
 
     Raises:
         RuntimeError: If it crashes, raises or takes longer; the message says which.
@@ -303,7 +303,7 @@ print("package://drake_srg is " + parser.package_map().GetPath("drake_srg"))
     "Exit code: 0 everything required works, 1 something required is missing.",
 )
 def doctor(options: argparse.Namespace) -> int:
-    """Print what works on this machine, and how to install the rest."""
+    """Print which features work on this machine, and how to install the rest."""
     checks = examine_machine()
     options.console.say(*checks)
     options.console.answer({"checks": [dc.asdict(check) for check in checks]})

@@ -1,4 +1,4 @@
-"""The command `drake-srg experiment`: runs what experiments/ of a checkout claims."""
+"""The command `drake-srg experiment`: runs the experiments of a checkout."""
 
 import argparse
 import importlib

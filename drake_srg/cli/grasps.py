@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from drake_srg.learning.grasp_bench import GraspLabel
     from drake_srg.learning.grasp_labels import LabelJob
 
-# Margins [g] outside of which the agreement with the accurate physics is told, too.
+# Agreement with the accurate physics is also printed outside of these margins [g].
 _MARGIN = 0.4
 
 
@@ -159,7 +159,7 @@ def grasps(options: argparse.Namespace) -> int:
 
 
 def _job(options: argparse.Namespace) -> LabelJob:
-    """Return what is to be labelled; read the model, so that errors come early."""
+    """Return the labelling task; read the model, so that errors come early."""
     from drake_srg.learning.grasp_labels import LabelJob
     from drake_srg.objects.household import HOUSEHOLD, household_object
     from drake_srg.objects.meshes.load import resolve
@@ -189,7 +189,7 @@ def _job(options: argparse.Namespace) -> LabelJob:
 
 
 def _files(options: argparse.Namespace, job: LabelJob) -> tuple[Path, Path]:
-    """Return the files of labels and picture, neither of which exists.
+    """Return the paths of labels and picture, both still free.
 
     Raises:
         ScenarioError: If a suffix is unknown, a folder is missing, or a file exists.
@@ -216,7 +216,7 @@ def _files(options: argparse.Namespace, job: LabelJob) -> tuple[Path, Path]:
 
 
 def _agreement(pairs: list[tuple[GraspLabel, GraspLabel]]) -> list[str]:
-    """Return how many labels are those of the accurate physics, in words."""
+    """Return in words how many labels agree with the accurate physics."""
     if not pairs:
         return []
     clear = [(a, b) for a, b in pairs if abs(a.margin) > _MARGIN]

@@ -219,7 +219,7 @@ def evaluate(options: argparse.Namespace) -> int:
 
 
 def _evaluation(options: argparse.Namespace) -> Callable[..., Any]:
-    """Return what evaluates in the environment or scenario that is asked for."""
+    """Return the function that evaluates in the given environment or scenario."""
     from drake_srg.learning.episodes import EVALUATION
     from drake_srg.learning.policy import load_policy
     from drake_srg.learning.rules import BUILT_IN

@@ -42,7 +42,7 @@ from drake_srg.cli.command import (
     tell,
 )
 from drake_srg.common.exceptions import ScenarioError, suggest
-from drake_srg.common.installing import advised, require
+from drake_srg.common.installing import require, with_install_hint
 
 SHELLS = ("bash", "zsh", "fish")
 
@@ -55,7 +55,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     """
     # If the shell has closed a stream, Python's is None, and `print` would take
     # another.
-    sys.stdout, sys.stderr = sys.stdout or _Nothing(), sys.stderr or _Nothing()
+    sys.stdout, sys.stderr = sys.stdout or _NullStream(), sys.stderr or _NullStream()
     try:
         try:
             return _run(sys.argv[1:] if arguments is None else arguments)
@@ -71,15 +71,15 @@ def main(arguments: Sequence[str] | None = None) -> int:
         return SUCCESS
 
 
-class _Nothing(io.StringIO):
-    """A stream that forgets what is written to it."""
+class _NullStream(io.StringIO):
+    """A stream that discards its input."""
 
     def write(self, text: str) -> int:
         return len(text)
 
 
 def _close_output() -> None:
-    """Send what is left of the output nowhere, because Python writes it at exit."""
+    """Discard the buffered output, which Python would write at exit."""
     os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
 
 
@@ -95,7 +95,7 @@ def _run(arguments: Sequence[str]) -> int:
         output.complain(str(error))
         return BAD_INPUT
     except ImportError as error:
-        output.complain(advised(str(error)))
+        output.complain(with_install_hint(str(error)))
         return BAD_INPUT
     except KeyboardInterrupt:
         output.complain("stopped")
@@ -109,7 +109,7 @@ class CommandParser(argparse.ArgumentParser):
     json = False  # whether the command line asks for it
 
     def error(self, message: str) -> NoReturn:
-        """Print what is wrong, and exit."""
+        """Print the error, and exit."""
         Output(self.json, quiet=False).complain(message)
         sys.exit(BAD_INPUT)
 
@@ -174,7 +174,8 @@ class _PrintVersion(argparse.Action):
 def completion(options: argparse.Namespace) -> int:
     """Print the script that completes `drake-srg` in a shell.
 
-    It completes commands, options, paths and the names of what the package has.
+    It completes commands, options, paths, and names of scenarios, policies and the
+    like.
     """
     shtab = require("shtab", "", "Completion needs")
     parser = make_parser()
@@ -191,7 +192,7 @@ def completion(options: argparse.Namespace) -> int:
 
 
 def _names() -> dict[str, list[str]]:
-    """Return the names that the package has, by the argument that takes them.
+    """Return the package's names that complete an argument, by argument.
 
     Drake is not imported to list them: a shell may run this whenever it starts.
     """

@@ -98,7 +98,7 @@ def _color(text: str) -> list[float]:
 )
 @scenario_errors()
 def import_object(options: argparse.Namespace) -> int:
-    """Make a checked SDF from a file; print what was mended and whether it rests."""
+    """Make a checked SDF from a file; print the repairs, and whether it rests."""
     from drake_srg.objects.meshes.convert import MODEL, read_report
     from drake_srg.objects.meshes.load import copy_folder, import_model, resolve
 
@@ -172,7 +172,7 @@ def _draw_and_drop(model: Path, name: str) -> DropOutcome:
 
 
 def _description(report: Report, outcome: DropOutcome) -> list[str]:
-    """Return what was mended and measured, in lines."""
+    """Return repairs and measurements, one per line."""
     size = " x ".join(f"{1e3 * side:.1f}" for side in report.size)
     cut = " cut by CoACD" if report.cut else ""
     count = f"{report.pieces} piece" + "s" * (report.pieces != 1)

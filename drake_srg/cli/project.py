@@ -40,7 +40,7 @@ def make_project(name: str, parent: Path) -> Path:
 
     Args:
         name: The project's, and its folder's.
-        parent: Where the folder goes.
+        parent: Parent of the folder.
 
     Raises:
         ScenarioError: If the name is invalid or taken, or the folder cannot be written.

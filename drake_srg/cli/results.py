@@ -1,4 +1,4 @@
-"""Folders for results: nothing that a user has is overwritten in silence.
+"""Folders for results, which never overwrite a user's files silently.
 
 Without `-o`, results go to a new folder: `out/kitchen`, then `out/kitchen-2`. With it,
 a folder that has results already is refused unless `--replace` is given.
@@ -36,10 +36,10 @@ DATASET = (
 
 
 def folder(contents: str, default: str) -> Adds:
-    """Return what adds `--out`, a folder for results, and `--replace`.
+    """Return a function that adds `--out`, a folder for results, and `--replace`.
 
     Args:
-        contents: What the folder is for.
+        contents: Contents of the folder, in words.
         default: The folder where none is given, in words.
     """
     where = f"{default}, or with -2 and so on if that has results"
@@ -64,15 +64,15 @@ def results_folder(
     names: Sequence[str],
     advise: Callable[[], str] | None = None,
 ) -> Iterator[Path]:
-    """Yield the folder of a command's results, in which nobody else writes.
+    """Yield the folder of a command's results, locked against other processes.
 
     It is made if necessary, and removed if nothing has been written when an error
     occurs. An OSError on the way is reported as one about `-o`.
 
     Args:
-        options: Of the command: `out`, `replace` and perhaps `resume`.
+        options: Options of the command: `out`, `replace` and perhaps `resume`.
         default: The folder without `-o`; a number is added if it is taken.
-        names: Patterns of what the command writes, as for `Path.glob`.
+        names: Patterns of the command's output files, as for `Path.glob`.
         advise: See `writing`.
 
     Raises:
@@ -106,10 +106,10 @@ def new_folder(
 ) -> Iterator[Path]:
     """Yield the path of a folder that a command makes at the end, in one step.
 
-    What it replaces is set aside until then, and comes back after an error.
+    A replaced folder is kept until then, and restored after an error.
 
     Args:
-        options: Of the command: `out` and `replace`.
+        options: Options of the command: `out` and `replace`.
         default: The path without `-o`; a number is added if it is taken.
         names: Patterns of what the command writes: all that may be replaced.
 
@@ -140,7 +140,7 @@ def new_folder(
 def taken(
     options: argparse.Namespace, out: Path, names: Sequence[str]
 ) -> ScenarioError:
-    """Return the error that a place has results already, and what to do."""
+    """Return an error that a folder has results already, with the remedy."""
     found = find(out, names)
     there = f" ({found.relative_to(out)})" if found is not None else ""
     more = "continue them with --resume, " if hasattr(options, "resume") else ""
@@ -194,7 +194,7 @@ def _choices(options: argparse.Namespace, default: Path) -> Iterator[Path]:
 
 
 def _lock(out: Path) -> int | None:
-    """Lock a folder until the descriptor that is returned is closed; None: it is."""
+    """Lock a folder until the returned descriptor is closed; None if already locked."""
     descriptor = os.open(out, os.O_RDONLY)
     try:
         fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)

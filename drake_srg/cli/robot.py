@@ -205,7 +205,7 @@ def serve(options: argparse.Namespace) -> int:
 
 @contextlib.contextmanager
 def _joined(bridges: BridgeOptions) -> Iterator[BridgeOptions]:
-    """Yield bridges whose hands share a participant of their DDS domain."""
+    """Yield the bridges, whose hands share one participant of their DDS domain."""
     from drake_srg.robot.serve.dex1 import messages  # noqa: F401 # names what is missing
     from drake_srg.robot.serve.ros2.bridge import domain_id, open_participant
 
@@ -297,7 +297,7 @@ def _recordings(options: argparse.Namespace, default: Path) -> Iterator[Path | N
 
 
 def _config(options: argparse.Namespace, names: Iterable[str]) -> HardwareConfig:
-    """Return where the topics of a robot are; `names` are those of several arms."""
+    """Return the robot's topics; `names` are the names of several arms."""
     from drake_srg.robot.drive.arm import Ros1Arm, Ros2Arm
     from drake_srg.robot.drive.config import ArmHardware, HardwareConfig, load_hardware
     from drake_srg.robot.drive.gripper import Ros1Gripper, Ros2Gripper

@@ -36,7 +36,7 @@ def scenario_errors(name: str = "") -> Iterator[None]:
 
 
 def suggest(name: str, allowed: Iterable[str]) -> str:
-    """Return the end of a message about an unknown name: a guess and the valid names.
+    """Return the end of a message about an unknown name: a guess, and all valid names.
 
     Args:
         name: The unknown name.
@@ -71,7 +71,7 @@ def checked_types(read: T) -> T:
     Entries of lists and mappings are not checked.
 
     Raises:
-        TypeError: If one has not.
+        TypeError: If a value has another type.
     """
     for name, hint in typing.get_type_hints(type(read)).items():
         union = isinstance(hint, types.UnionType)

@@ -81,11 +81,11 @@ class ConvexPieces:
         corners = self.corners
         return np.asarray(0.5 * (corners.min(axis=0) + corners.max(axis=0)))
 
-    def turned(self, R: Vector) -> ConvexPieces:
-        """Return the same solid, turned about its origin by a matrix R, (3, 3)."""
+    def rotated(self, R: Vector) -> ConvexPieces:
+        """Return the same solid, rotated about its origin by a matrix R, (3, 3)."""
         return ConvexPieces(tuple(piece @ R.T for piece in self.pieces))
 
-    def shifted(self, p: Vector) -> ConvexPieces:
+    def translated(self, p: Vector) -> ConvexPieces:
         """Return the same solid, moved by p in its frame, shape (3,) [m]."""
         return ConvexPieces(tuple(piece + p for piece in self.pieces))
 
@@ -117,10 +117,10 @@ class ConvexPieces:
 
     @functools.cached_property
     def resting(self) -> tuple[Vector, ...]:
-        """Directions (3,) of the ground under the solid where it rests on a plane.
+        """Directions (3,) that may point down while the solid rests on a plane.
 
         It rests on a face of its convex hull that has the centre of mass, at uniform
-        density, above it. Of directions within 10 degrees, one stays.
+        density, above it. Directions within 10 degrees of each other count once.
         """
         return tuple(_resting(self))
 
@@ -156,7 +156,7 @@ def _resting(solid: ConvexPieces) -> list[Vector]:
 
 
 def centered_pieces(pieces: list[Vector]) -> tuple[ConvexPieces, Vector]:
-    """Return convex pieces about the middle of their bounding box, and that point.
+    """Return convex pieces centred on their bounding box, and its centre.
 
     Args:
         pieces: Corners of each piece in a frame O [m], shape (n, 3) each.

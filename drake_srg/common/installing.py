@@ -40,7 +40,7 @@ def require(module: str, extra: str, who: str) -> ModuleType:
 
 
 def require_rendering() -> None:
-    """Check that the libraries exist without which Drake's renderers crash.
+    """Check for the libraries without which Drake's renderers crash.
 
     Raises:
         ImportError: If one is missing; the message says how to install it.
@@ -67,7 +67,7 @@ def apt_install(*packages: str) -> str:
 
 
 def library_fix(message: str) -> str:
-    """Return what installs the library that an error is about, or an empty string."""
+    """Return the command that installs the library named by an error, or ""."""
     if any(library.split(".so")[0] in message for library in LIBRARIES):
         return apt_install(*LIBRARIES.values())
     return ""
@@ -87,8 +87,8 @@ def this_package(extra: str = "") -> list[str]:
     return [f"drake_srg{suffix}"]
 
 
-def advised(message: str) -> str:
-    """Return the message of an ImportError with what installs the missing thing."""
+def with_install_hint(message: str) -> str:
+    """Return the message of an ImportError with the command that fixes it."""
     fix = library_fix(message)
     if fix and fix not in message:
         message = f"{message}. Run: {fix}"

@@ -21,11 +21,11 @@ _NICE = 10  # see nice(1)
 
 @contextlib.contextmanager
 def real_time_loop() -> Iterator[None]:
-    """Keep Python from holding up a loop and the threads that serve it.
+    """Keep garbage collection and thread switches from delaying a real-time loop.
 
     A full garbage collection looks at every module and cache, which takes a tenth of a
-    second. In this context, it looks at what is new. Threads that wait get the
-    interpreter after 0.5 ms instead of 5 ms.
+    second. In this context, the garbage collector only visits new objects. Threads that
+    wait get the interpreter after 0.5 ms instead of 5 ms.
     """
     switch = sys.getswitchinterval()
     gc.collect()
@@ -39,7 +39,7 @@ def real_time_loop() -> Iterator[None]:
 
 
 def lower_priority() -> None:
-    """Let the loop or the simulation of another process go before this process."""
+    """Give this process less priority than the real-time loop or simulation."""
     os.nice(_NICE)
 
 
@@ -48,13 +48,13 @@ _PATIENCE = 2.0  # how long to wait for the process and the thread to end [s]
 
 
 class Companion:
-    """A process that gets messages and sends others, which a thread receives.
+    """A process to exchange messages with; a thread receives its replies.
 
     Ctrl-C in a terminal, or closing it, does not end it. These signals are meant for
     the parent alone, which ends the process in order.
 
     Args:
-        name: Of the thread.
+        name: Name of the thread.
         run: Called in the process as `run(connection, *arguments)`.
         arguments: Picklable. Drake's schema objects are not, but their YAML is.
         receive: Called in the thread with each message of the process.

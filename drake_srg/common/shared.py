@@ -32,8 +32,8 @@ def make_read_only(value: object, earlier: object = None) -> None:
     Args:
         value: An array, or a dataclass, a mapping, a list or a tuple that may hold
             some at any depth. Those in a `Shared` value are read-only already.
-        earlier: A value whose arrays are read-only. What `value` has taken over from it
-            is not looked at again: at each update of a planner, that is nearly all.
+        earlier: A value whose arrays are read-only. Parts that `value` shares with it
+            are not visited again: at each update of a planner, that is nearly all.
     """
     if value is earlier or value is None or isinstance(value, float | int | str):
         return  # most are; this is faster than asking for everything below

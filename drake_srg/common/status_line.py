@@ -21,7 +21,7 @@ class StatusLine:
     Any thread may call. Use it as a context manager, or call `close`.
 
     Args:
-        stream: Where to write it; None: standard error.
+        stream: Stream to write to; None: standard error.
         shown: Whether to show anything.
         at_once: Whether the first status is printed at once where there is no terminal,
             and not after a minute.
@@ -75,7 +75,7 @@ class StatusLine:
         Args:
             done: Number of parts that are done.
             total: Number of all parts.
-            words: What they are, and anything else.
+            words: Text after the count.
             begun: Parts that were done before.
         """
         elapsed = self._clock() - self._start

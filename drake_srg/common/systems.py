@@ -4,9 +4,9 @@ A function about versions says since which one the answer is the same. Delete it
 that version is the oldest supported.
 
 CENIC takes the velocities of `desired_state` with the opposite sign, in Drake 1.51.1
-as in 1.58; tests/common/test_systems_velocity_feedforward.py tells once it no longer
-does. A joint then lags by 2 kd / kp times its speed. With the velocity's share in
-`actuation` instead, the law is the same with every integrator.
+as in 1.58; tests/common/test_systems_velocity_feedforward.py fails once Drake has
+changed this. A joint then lags by 2 kd / kp times its speed. With the velocity's share
+in `actuation` instead, the law is the same with every integrator.
 """
 
 from __future__ import annotations
@@ -53,12 +53,12 @@ def takes_loop_constraints() -> bool:
 
 
 def marks_fixed_steps() -> bool:
-    """Return whether CENIC's fixed steps mark what they outdate (since 1.58)."""
+    """Return whether CENIC's fixed steps invalidate cached values (since 1.58)."""
     return _version() >= _NEWER
 
 
 def has_fast_contact() -> bool:
-    """Return whether steps with contact cost three quarters (since 1.58)."""
+    """Return whether steps with contact take a quarter less time (since 1.58)."""
     return _version() >= _NEWER
 
 
@@ -111,12 +111,12 @@ def output_ports(system: System) -> dict[str, OutputPort]:
 
 
 def value_or_none(port: InputPort, context: Context) -> Vector | None:
-    """Return the vector at an optional input port; None while it has none."""
+    """Return the vector at an optional input port, or None."""
     return port.Eval(context) if port.HasValue(context) else None
 
 
 def made_for_floats(template: Any, module: str) -> Callable[[str], Any]:
-    """Return the `__getattr__` of a module that makes a template's class on first use.
+    """Return a module's `__getattr__`, which instantiates a template on first use.
 
     `NAME`, the class for floats of the template `NAME_`, takes 0.1 s to make. It gets
     the signature of its `_construct`, which Drake hides behind `(*args, **kwargs)`.
@@ -137,7 +137,7 @@ def made_for_floats(template: Any, module: str) -> Callable[[str], Any]:
 
 
 def AddUnique(builder: DiagramBuilder, name: str, system: SystemT) -> SystemT:
-    """Add a system to a diagram under a name that nothing else has.
+    """Add a system to a diagram under a unique name.
 
     Drake would end the process once the diagram is built.
 
@@ -157,7 +157,7 @@ def check_prepared(plant: MultibodyPlant, model: ModelInstanceIndex) -> None:
     """Check that a model's actuators have the gains of PD controllers.
 
     Raises:
-        ValueError: If one has not.
+        ValueError: If an actuator lacks gains.
     """
     for actuator in model_actuators(plant, model):
         if not actuator.has_controller():
@@ -190,7 +190,7 @@ def joint_to_actuator(
     Args:
         plant: With the model.
         model: Its model instance.
-        names: Of the joints, in the order of the torques.
+        names: Names of the joints, in the order of the torques.
     """
     joints = [a.joint().name() for a in model_actuators(plant, model)]
     return np.array([[float(name == joint) for name in names] for joint in joints])
@@ -205,7 +205,7 @@ def AddVelocityFeedforward(
     state itself, and keep their effort limits.
 
     Args:
-        builder: Of the diagram that has `desired`.
+        builder: Builder of the diagram that has `desired`.
         desired: Desired state [q; v] (2N).
         kd: Damping of the actuators (N) [N m s / rad or N s / m].
         name: Prefix of the systems' names.

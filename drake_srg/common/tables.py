@@ -1,4 +1,4 @@
-"""Readers of JSON and CSV files of users, which refuse what is not unambiguous."""
+"""Strict readers of users' JSON and CSV files, which refuse ambiguous content."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ T = TypeVar("T")
 
 
 def read_json(path: Path, build: Callable[[Any], T]) -> T:
-    """Return what a function makes of the content of a JSON file.
+    """Return a function's result for the content of a JSON file.
 
     Args:
         path: The file.
@@ -37,7 +37,7 @@ def read_json(path: Path, build: Callable[[Any], T]) -> T:
 
 
 def parse_json(text: str) -> Any:
-    """Return what a text in JSON says.
+    """Return the content of a text in JSON.
 
     Raises:
         ValueError: If it is not JSON, or has a key twice.
@@ -61,7 +61,7 @@ def read_table(
 
     Args:
         path: The file.
-        columns: Those that it must have.
+        columns: Required columns.
         only: Whether it must not have others.
 
     Returns:
@@ -86,7 +86,7 @@ def parse_table(
     Args:
         text: The text.
         name: Its file, for error messages.
-        columns: Those that it must have.
+        columns: Required columns.
         only: Whether it must not have others.
     """
     lines = [

@@ -31,7 +31,7 @@ class Constraints:
     """Constraints of a model.
 
     Attributes:
-        mimics: By the name of the joint that follows.
+        mimics: Mimic joints, by the name of the joint that follows.
         loops: Pins that close its loops.
     """
 
@@ -89,7 +89,7 @@ class PlantReader:
     Args:
         plant: Finalized, with geometry.
         graph: Its scene graph.
-        constraints: What the plant does not tell about its constraints, by instance.
+        constraints: Constraints by instance, as the plant does not report them.
 
     Raises:
         ScenarioError: If there is a soft body or a joint that no file can hold.
@@ -136,11 +136,11 @@ class PlantReader:
         ]
 
     def one(self, instance: str) -> Model:
-        """Return a model by itself; what holds it is left out."""
+        """Return a model by itself, without its connections to other models."""
         return self._describe(instance, [instance], prefixed=False)
 
     def all(self, name: str) -> Model:
-        """Return all models as one; an instance's name precedes those of its links."""
+        """Return all models as one, with links named after their instance."""
         return self._describe(name, self.instances, prefixed=True)
 
     def _describe(self, name: str, instances: Sequence[str], prefixed: bool) -> Model:
@@ -304,7 +304,7 @@ class PlantReader:
     def _filtered(
         self, bodies: Sequence[RigidBody]
     ) -> Iterator[tuple[RigidBody, RigidBody]]:
-        """Yield the pairs of bodies of which no geometries can touch.
+        """Yield the pairs of bodies whose contacts are all filtered out.
 
         Bodies that share a joint are left out, because every simulator filters them.
         """
@@ -339,7 +339,7 @@ class PlantReader:
 
 
 def _from_roots(joints: Sequence[Joint]) -> Iterator[Joint]:
-    """Yield the joints, those of parents before those of their children.
+    """Yield the joints, parents before children.
 
     Raises:
         ScenarioError: If a joint's child holds its parent.

@@ -32,7 +32,7 @@ class ExportedModel:
 
     Attributes:
         path: The file.
-        model: What it holds.
+        model: The model in it.
         wires: The wires in it.
     """
 
@@ -42,7 +42,7 @@ class ExportedModel:
 
 
 def export_scenario(scenario: Scenario, kind: str, out: Path) -> list[ExportedModel]:
-    """Write a scenario's models: one file each, and one of all in their places.
+    """Write a scenario's models: one file each, and one with all models in place.
 
     Meshes go into the folder `meshes` beside them. Existing files of the same names are
     replaced.
@@ -101,7 +101,7 @@ def _file_name(name: str) -> str:
 
 
 def _write(files: dict[str, str], out: Path) -> None:
-    """Write files into a folder, all or none."""
+    """Write files into a folder: all of them, or none."""
     out.mkdir(parents=True, exist_ok=True)
     with tempfile.TemporaryDirectory(prefix=".export.", dir=out) as folder:
         for name, text in files.items():

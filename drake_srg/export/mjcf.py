@@ -97,7 +97,7 @@ class Wires:
         drive: Motor, wires and springs.
         palm: The link that carries the motor.
         fingers: The branches of each wire.
-        springs: Of each joint: stiffness [N m/rad], and angle without torque [rad].
+        springs: Stiffness [N m/rad] and torque-free angle [rad] of each joint's spring.
     """
 
     drive: TendonDriveConfig
@@ -111,8 +111,8 @@ def find_wires(model: Model, driver: GripperDriver | None, prefix: str) -> Wires
 
     Args:
         model: The model.
-        driver: Of the gripper.
-        prefix: What precedes the names of the gripper's joints.
+        driver: Driver of the gripper.
+        prefix: Prefix of the names of the gripper's joints.
     """
     names = [] if driver is None else [f"{prefix}{n}" for n in driver.joint_names]
     known = {joint.name for joint in model.joints}
@@ -234,8 +234,8 @@ _OPTIONS: dict[str, object] = {
 # Its defaults let the wire turn the light finger links 0.4 rad beyond their limits:
 # time constant [s] and damping, and share held, 0 .. 1.
 _STIFF, _HARD = (0.004, 1.0), (0.99, 0.999, 0.001)
-# MuJoCo's contacts are points. What is as soft as a pad (2 MPa) touches with an area
-# and resists being turned on it: pressed evenly on a disc as wide as a pad, 30 mm, by
+# MuJoCo's contacts are points. Material as soft as a pad (2 MPa) makes contact over an
+# area, which resists twisting: pressed evenly on a disc as wide as a pad, 30 mm, by
 # friction at two thirds of its radius [m].
 _SOFT, _ARM = 1e7, 2.0 / 3.0 * 0.015  # Pa, m
 

@@ -49,7 +49,7 @@ class Link:
         p_LC: Centre of mass on the link [m], shape (3,).
         I_C: Inertia about the centre of mass, in the link's axes [kg m²], (3, 3).
         X_WL: Its pose in world at the start.
-        geometries: What is seen of it, and what collides.
+        geometries: Visual and collision geometries.
         free: Whether it floats.
     """
 
@@ -92,7 +92,7 @@ class Joint:
         effort: Greatest force or torque of its actuator; 0: it has no actuator.
         damping: Viscous damping.
         rotor_inertia: Inertia of its motor's rotor [kg m²].
-        gear_ratio: Of its motor.
+        gear_ratio: Gear ratio of its motor.
         gains: Stiffness and damping of its position controller, if it has one.
         start: Position at the start.
         mimic: The joint that it follows.
@@ -151,7 +151,7 @@ class Model:
         name: Its name.
         links: Its links.
         joints: Their joints; parents come before their children.
-        loops: What closes their loops.
+        loops: Constraints that close kinematic loops.
         apart: Pairs of links that never collide, beyond links that share a joint.
     """
 
@@ -179,7 +179,7 @@ def add(parent: ET.Element, tag: str, **attributes: object) -> ET.Element:
 
 
 def numbers(value: object) -> str:
-    """Return a number or numbers as text that reads back to 12 digits."""
+    """Return a number or numbers as text with 12 significant digits."""
     if isinstance(value, str):
         return value
     return " ".join(_digits(x) for x in np.ravel(np.asarray(value, float)))
@@ -203,7 +203,7 @@ class MeshFile:
     """A mesh as models refer to it.
 
     Attributes:
-        name: Of the file, without its suffix; unique in the folder.
+        name: Name of the file without suffix; unique in the folder.
         scale: Factors along x, y, z, shape (3,).
         convex: Whether it stands for its convex hull.
     """
@@ -267,7 +267,7 @@ class Meshes:
 
 
 def _plain(path: Path) -> str:
-    """Return a Wavefront file without materials, which the models give."""
+    """Return a Wavefront file without materials: the models set the colours."""
     lines = path.read_text("utf-8", errors="replace").splitlines()
     kept = [line for line in lines if not line.startswith(("mtllib", "usemtl"))]
     return "\n".join(kept) + "\n"

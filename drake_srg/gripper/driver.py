@@ -47,7 +47,7 @@ class GraspDetectorConfig(Config):
 
 
 class GraspDetector(LeafSystem):
-    """Reports a grasp once every finger has sensed something for a while.
+    """Reports a grasp once every finger has sensed contact for some time.
 
     .. pydrake_system::
 
@@ -59,8 +59,8 @@ class GraspDetector(LeafSystem):
 
     `triggered` (m) is nonzero where a sensor fires. `grasped` (1) is 1 while at least
     one sensor of each finger has fired without a break for `config.post_contact_delay`,
-    else 0. The fingers of a closed empty hand sense each other: to tell that from a
-    grasp, look at the joint angles, too.
+    else 0. The fingers of a closed empty hand sense each other: the joint angles
+    distinguish this from a grasp.
 
     Args:
         fingers: The indices of each finger's sensors.
@@ -123,8 +123,8 @@ class FingerSensingConfig(Config):
 
     layout: ClassVar[FingerLayout]
 
-    # Name of the field whose sensor tells the driver that a link has reached something.
-    # The thesis's V-REP model uses proximity sensors instead of touch.
+    # Name of the field whose sensor detects that a link has reached something. The
+    # thesis's V-REP model uses proximity sensors instead of touch.
     trigger: str = "proximity"
     proximity: ProximityConfig = dc.field(default_factory=ProximityConfig)
     touch: TouchConfig = dc.field(default_factory=TouchConfig)
@@ -316,11 +316,11 @@ class GripperDriver(FingerSensingConfig, abc.ABC):
 
     @property
     def wire_motor(self) -> WireMotor | None:
-        """The motor that winds the gripper's wires; None without wires."""
+        """The motor that winds the gripper's wires; None if it has no wires."""
         return None
 
     def empty_hand(self, closure: float) -> tuple[float, Vector]:
-        """Return how far one motor closes an empty hand, and its joints there [rad].
+        """Return the closure of an empty hand moved by one motor, and its joints [rad].
 
         The travel of the motor is in the driver's own unit. The joints are in the order
         of `joint_names`.
@@ -336,7 +336,7 @@ class GripperDriver(FingerSensingConfig, abc.ABC):
         )
 
     def prepare_plant(self, plant: MultibodyPlant, gripper: ModelInstanceIndex) -> None:
-        """Change the plant as the driver needs it, before the plant is finalized."""
+        """Prepare the plant for the driver, before the plant is finalized."""
 
     @abc.abstractmethod
     def AddControl(

@@ -133,7 +133,7 @@ class MinimumJerkReference(LeafSystem):
         )
 
     def SetPosition(self, context: Context, position: Vector) -> None:
-        """Put the reference at rest.
+        """Set the reference to a position at rest.
 
         Args:
             context: This system's.

@@ -1,4 +1,4 @@
-"""The SRG with its own drive: from closure to the spool, its servo and the wires."""
+"""The SRG with its real drive: one servo, a spool, and a wire per finger."""
 
 import dataclasses as dc
 import math
@@ -278,7 +278,7 @@ class SrgTendonDriver(GripperDriver):
         return empty_hand(closure, config.full_scale, config.base_limit)
 
     def prepare_plant(self, plant: MultibodyPlant, gripper: ModelInstanceIndex) -> None:
-        """Change the plant as the driver needs it; see `SetTendonDynamics`."""
+        """Prepare the plant for the driver; see `SetTendonDynamics`."""
         SetTendonDynamics(plant, gripper, self.drive)
 
     def AddControl(

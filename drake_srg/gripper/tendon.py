@@ -54,7 +54,7 @@ def tip_moment_arm(tip: Any) -> Any:
 
 
 def wire_travel(base: Any, tip: Any) -> Any:
-    """Return the length of wire that moves a finger from open to these angles [m].
+    """Return the wire length that moves a finger from open to these angles [m].
 
     It is the integral of the moment arms, so the wire's work is the joints' work.
 
@@ -97,7 +97,7 @@ WIRE_PRESLIDING = 1e-4
 
 @dc.dataclass(kw_only=True)
 class DriveFrictionConfig(Config):
-    """Friction of gears and wires. Off by default: no data sheet states any of it."""
+    """Friction of gears and wires. Off by default: no data sheet states a value."""
 
     # Friction of the gear train at the spool: a constant part [N m], and a share of the
     # wires' torque, due to tooth forces (at 1, the load cannot drive the motor back).
@@ -112,30 +112,30 @@ class DriveFrictionConfig(Config):
     # and with exp(wire) while it pays out.
     wire: float = dc.field(default=0.0, metadata={"ge": 0.0, "le": 1.0})
 
-    def of_gears(self, load: Any) -> Any:
+    def gear_torque(self, load: Any) -> Any:
         """Return the friction torque of the moving gears at a load, both in N m."""
         return self.gear + self.gear_load * load
 
     def motor_torque(self, load: float) -> float:
         """Return the torque that winds the spool against a load [N m]."""
-        return load + float(self.of_gears(load))
+        return load + float(self.gear_torque(load))
 
     def load(self, motor_torque: float) -> float:
         """Return the load against which a motor torque just winds [N m]."""
         return (motor_torque - self.gear) / (1.0 + self.gear_load)
 
 
-def slowed(speed: Any, most: Any) -> Any:
-    """Return a speed after Coulomb friction, which never reverses it.
+def reduce_magnitude(value: Any, most: Any) -> Any:
+    """Return a value moved towards 0 by at most `most`, as Coulomb friction slows.
 
     Args:
-        speed: Without the friction [rad/s].
-        most: Largest change of speed by friction in this step [rad/s].
+        value: Such as a speed without friction [rad/s].
+        most: Such as the largest change of speed by friction in a step [rad/s].
     """
-    return max_(speed - most, 0.0) + min_(speed + most, 0.0)
+    return max_(value - most, 0.0) + min_(value + most, 0.0)
 
 
-def held(before: Any, speed: Any, most: Any, after: Any) -> Any:
+def apply_stiction(before: Any, speed: Any, most: Any, after: Any) -> Any:
     """Return the speed after friction, which is 0 while stiction holds the spool.
 
     Args:
@@ -150,8 +150,8 @@ def held(before: Any, speed: Any, most: Any, after: Any) -> Any:
     return 0.0 * after if before == 0.0 and abs(speed) <= most else after
 
 
-def slid(state: Any, travel: Any, presliding: float) -> Any:
-    """Return how far a wire's friction has built up: -1 paying out .. 1 winding in.
+def wire_slip(state: Any, travel: Any, presliding: float) -> Any:
+    """Return the state of a wire's friction: -1 sliding out .. 1 sliding in.
 
     Args:
         state: Before the travel, -1 .. 1.
@@ -161,11 +161,11 @@ def slid(state: Any, travel: Any, presliding: float) -> Any:
     return max_(-1.0, min_(1.0, state + travel / presliding))
 
 
-def passed_on(state: Any, friction: float) -> Any:
+def transmitted_share(state: Any, friction: float) -> Any:
     """Return the share of the spool's pull that reaches the finger.
 
     Args:
-        state: State of the friction, from `slid`.
+        state: State of the friction, from `wire_slip`.
         friction: Coefficient times angle of wrap [rad].
     """
     if isinstance(state, float):
@@ -254,7 +254,7 @@ class TendonDriveConfig(Config):
         if self.dead_band == 0.0:
             return pwm
         band = self.dead_band / self.full_scale
-        return slowed(pwm, band) / (1.0 - self.dead_band)
+        return reduce_magnitude(pwm, band) / (1.0 - self.dead_band)
 
     def pwm_of(self, useful: float) -> float:
         """Return the PWM that `useful_pwm` maps to a value above 0."""
@@ -404,7 +404,7 @@ def TendonDrive_(T: Any) -> Any:  # noqa: D103 (the class below is the documenta
             wires = self._wires(context)
             if stuck:
                 wires = [
-                    (force * passed_on(s, config.friction.wire), *arms)
+                    (force * transmitted_share(s, config.friction.wire), *arms)
                     for s, (force, *arms) in zip(stuck, wires, strict=True)
                 ]
             for (base, tip), (force, base_arm, tip_arm) in zip(
@@ -451,17 +451,19 @@ def TendonDrive_(T: Any) -> Any:  # noqa: D103 (the class below is the documenta
             before, total = speed, inertia + dt * damping
             speed = (inertia * before + dt * (torque - load)) / total
             if friction.gear or friction.gear_load:
-                most = dt * friction.of_gears(load) / total
-                after = slowed(speed, most)
+                most = dt * friction.gear_torque(load) / total
+                after = reduce_magnitude(speed, most)
                 if friction.stiction > 1.0:
-                    after = held(before, speed, friction.stiction * most, after)
+                    after = apply_stiction(
+                        before, speed, friction.stiction * most, after
+                    )
                 speed = after
             motion = [angle + dt * speed, speed]
             for s, (base, tip), (_, base_arm, tip_arm) in zip(
                 stuck, FINGERS, wires, strict=False
             ):
                 rate = base_arm * state[4 + base] + tip_arm * state[4 + tip]
-                motion.append(slid(s, dt * rate, WIRE_PRESLIDING))
+                motion.append(wire_slip(s, dt * rate, WIRE_PRESLIDING))
             discrete_state.set_value(motion)
 
     return Impl

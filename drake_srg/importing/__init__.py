@@ -1,1 +1,1 @@
-"""Arms from URDF and SDF files of others: models, limits, homes, scenarios, checks."""
+"""Imports arms from URDF and SDF files: models, limits, homes, scenarios, checks."""

@@ -1,4 +1,4 @@
-"""Puts an arm with the gripper into the kitchen: base, home and scenario file."""
+"""Places an arm with the gripper in the kitchen: base, home and scenario file."""
 
 from __future__ import annotations
 
@@ -56,7 +56,7 @@ class Placement:
         home: Positions of the joints at the start, shape (N,) [rad or m].
         radii: Distances from the base's axis on the map, shape (R,) [m].
         heights: Heights of the grasp above the base on the map, shape (Z,) [m].
-        reached: Where the hand can point down on the map, shape (Z, R).
+        reached: Whether the hand can point down in each cell of the map, shape (Z, R).
         places: Share of the task's places that are within reach, 0 .. 1.
         sees: Whether the camera sees all places while the arm is home.
     """
@@ -139,7 +139,7 @@ arm: !ArmPositionDriver
 
 
 def draw_reach(picture: Image, placement: Placement) -> Image:
-    """Return a picture with the map of what the hand reaches beside it.
+    """Return a picture of the arm beside a map of the hand's reach.
 
     On the map, the base is at the lower left; dark squares are within reach.
 
@@ -183,7 +183,7 @@ class _Hand:
         nominal: Vector,
         starts: int = _STARTS,
     ) -> Vector | None:
-        """Return a free posture with the grasp's centre at a place; None without."""
+        """Return a free posture with the grasp's centre at a place, or None."""
         down = AxisTarget(np.array([1.0, 0.0, 0.0]), np.array([0.0, 0.0, -1.0]), _TILT)
         target = HandTarget(
             np.asarray(p_WC, float), axes=(down,), p_GT=self._X_GC.translation()
@@ -196,7 +196,7 @@ class _Hand:
         return self.posture(p_WC, nominal) is not None
 
     def score(self, q: Vector, places: Vector) -> float:
-        """Return how good a posture is as a home.
+        """Return a score of a posture as a home.
 
         It is good if the nearest postures over the places are free, and then if it is
         high, far from limits and from singularities.
@@ -254,7 +254,7 @@ def _base(
     grid = (np.arange(a, b, _BASE_STEP) for a, b in zip(low, high, strict=True))
 
     def score(xy: Sequence[float]) -> tuple[float, float]:
-        """Return the share of places within reach, and the room at its ends [m]."""
+        """Return the share of places within reach, and the margin of reach [m]."""
         distances = np.linalg.norm(places - xy, axis=1)
         if distances.min() < _BASE_ROOM:
             return 0.0, 0.0
@@ -275,7 +275,7 @@ def _base(
 def _sights(
     scenario: Scenario, places: Vector
 ) -> Iterator[tuple[Cylinder, RigidTransform]]:
-    """Yield what must be free for the first camera to see each place."""
+    """Yield the lines of sight that the first camera needs to each place."""
     camera = scenario.cameras[scenario.localizer.cameras[0]]
     p_WC = camera.X_PB.GetDeterministicValue().translation()
     for x, y in places:

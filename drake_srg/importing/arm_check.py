@@ -1,4 +1,4 @@
-"""Checks of an imported arm: it holds still, follows, and keeps its limits."""
+"""Checks that an imported arm holds still, follows commands, and keeps its limits."""
 
 from __future__ import annotations
 
@@ -26,8 +26,8 @@ STILL, FOLLOWS = 0.002, 0.02
 _STEP, _SHARE = 0.3, 0.5
 # Peaks of a minimum-jerk move of unit length in unit time.
 _PEAK_SPEED, _PEAK_ACCELERATION = 1.875, 5.7735
-# How far beyond its limits each joint is commanded, from how far inside, and what it
-# may overrun them by [rad or m].
+# Each joint is commanded so far beyond its limits, from so far inside them, and may
+# overrun them by at most the last number [rad or m].
 _BEYOND, _INSIDE, OVERRUN = 0.3, 0.1, 0.02
 _TIME_STEP, _TIME = 0.001, 0.5  # s
 
@@ -53,7 +53,7 @@ class ArmCheck:
     gravity: float
 
     def problems(self) -> list[str]:
-        """Return what is wrong, in words."""
+        """Return the problems, in words."""
         return [
             text
             for wrong, text in (
@@ -120,7 +120,7 @@ def check_arm(scenario: Scenario, model: Path) -> tuple[ArmCheck, Image]:
 
 
 def _move(plant: MultibodyPlant, home: Vector) -> tuple[Vector, float]:
-    """Return where to move from home, inwards, and the time it takes [s]."""
+    """Return the goal of a move from home, inwards, and its duration [s]."""
     arm = plant.GetModelInstanceByName("arm")
     lower = plant.GetPositionsFromArray(arm, plant.GetPositionLowerLimits())
     upper = plant.GetPositionsFromArray(arm, plant.GetPositionUpperLimits())

@@ -1,7 +1,7 @@
 """Reads an arm from a URDF or SDF file: one chain of joints from a base to a tip.
 
-Drake's parser tells how joints and links hang together. It gets the file without
-geometry, inertia and limits, which public files have in every state of disrepair.
+Drake's parser determines how joints connect links. It gets the file without geometry,
+inertia and limits, which public files have in every state of disrepair.
 """
 
 from __future__ import annotations
@@ -69,7 +69,7 @@ class ArmJoint:
     """A joint of the chain, between a parent link P and its child link C.
 
     Attributes:
-        name: Of the joint.
+        name: Name of the joint.
         kind: `revolute` or `prismatic`.
         X_PC: Pose of the child in the parent where the position is 0 [m].
         X_CJ: Pose of the joint's frame in the child [m].
@@ -100,7 +100,7 @@ class ArmLink:
     """A rigid link L: a body of the file and all that is fixed to it.
 
     Attributes:
-        name: Of the body that gives L its frame.
+        name: Name of the body that gives L its frame.
         contents: Geometry and inertia of all bodies, in L.
         frames: Poses of the other bodies in L, by name [m].
     """
@@ -119,7 +119,7 @@ class ArmFile:
         links: From the base to the last, N + 1.
         joints: N, one between each two links.
         X_LT: Pose of the flange in the last link: z points out of the arm [m].
-        warnings: What was mended, assumed or left out.
+        warnings: Repairs, assumptions and omissions, in words.
     """
 
     path: Path
@@ -131,7 +131,7 @@ class ArmFile:
 
 @dc.dataclass(frozen=True)
 class GivenLimits:
-    """Limits that replace a file's: none, one for all joints, or one per joint."""
+    """Limits that replace a file's limits: none, one for all joints, or one each."""
 
     velocity: Sequence[float] = ()
     acceleration: Sequence[float] = ()
@@ -143,7 +143,7 @@ def read_arm(path: Path, tip: str = "", given: GivenLimits | None = None) -> Arm
 
     Args:
         path: A URDF or SDF file.
-        tip: Link or frame that carries the gripper; what is beyond it is left out.
+        tip: Link or frame that carries the gripper; links beyond it are left out.
             Empty: the end of the chain, if there is only one.
         given: Limits.
 
@@ -303,7 +303,7 @@ class _Tree:
                 yield from self._moving(joint.child_body().name())
 
     def _common(self, names: Sequence[str]) -> str:
-        """Return the last body that all of some bodies hang from."""
+        """Return the last common ancestor of some bodies."""
         ways = []
         for name in names:
             way = [name]

@@ -65,7 +65,7 @@ class _Memory:
 
     Attributes:
         q: Commanded positions of the arm's joints, shape (N,).
-        before: Those of the previous period.
+        before: Commanded positions of the previous period.
         ticks: Control periods since the start.
         closure: Commanded closure.
         attempt: The subclass's memory; None before the object was found.
@@ -135,7 +135,7 @@ class CellPlanner(LeafSystem):
         raise NotImplementedError
 
     def act(self, context: Context, attempt: Any) -> tuple[Any, Command]:
-        """Return the attempt one control period on, and what to do until then.
+        """Return the attempt after one control period, and the command until then.
 
         It is not called again after a command that ends the attempt.
         """
@@ -277,7 +277,7 @@ class GraspPlanner(CellPlanner):
     def act(
         self, context: Context, attempt: _GraspAttempt
     ) -> tuple[_GraspAttempt, Command]:
-        """Return the attempt one control period on, and what to do until then."""
+        """Return the attempt after one control period, and the command until then."""
         del context
         command = self._command(attempt.grasp, attempt.tick)
         return dc.replace(attempt, tick=attempt.tick + 1), command
@@ -399,7 +399,7 @@ class PolicyPlanner(CellPlanner):
     def act(
         self, context: Context, attempt: _PolicyAttempt
     ) -> tuple[_PolicyAttempt, Command]:
-        """Return the attempt one control period on, and what to do until then."""
+        """Return the attempt after one control period, and the command until then."""
         attempt = dc.replace(attempt, tick=attempt.tick + 1)
         far = ticks_between(self.start, self._workspace.start)
         if attempt.tick <= far:

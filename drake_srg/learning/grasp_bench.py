@@ -63,7 +63,7 @@ class BenchHand:
         driver: Driver of `Physics` that decides on the plant.
         coarse: File of its model for training.
         fine: The accurate one.
-        changes: What else becomes of the scenario's tree.
+        changes: Further changes to the scenario's tree.
     """
 
     fingers: Fingers
@@ -97,7 +97,7 @@ HANDS: Mapping[str, BenchHand] = {
 
 @dc.dataclass(frozen=True, eq=False, kw_only=True)
 class GraspLabel:
-    """A grasp and what became of it.
+    """A grasp and its outcome.
 
     Attributes:
         grasp: The grasp.
@@ -105,10 +105,10 @@ class GraspLabel:
             if it did not, 0 if it did not bear the weight, or never held it.
         epsilon: Ferrari and Canny's measure of the contacts before the shake, merged to
             five points a finger, with forces of 1; 0 without force closure.
-        closure: That was commanded, 0 .. 1.
+        closure: The commanded closure, 0 .. 1.
         opened: Joint angles before closing, by name [rad].
         closed: Joint angles before the shake, by name [rad].
-        failure: What Drake said if it gave up.
+        failure: Drake's error message if the simulation failed.
     """
 
     grasp: SampledGrasp
@@ -126,7 +126,7 @@ class GraspLabel:
 
     @property
     def margin(self) -> float:
-        """By how much its strength exceeds what is needed, -1 .. 0.6 [g]."""
+        """Strength beyond the required one, -1 .. 0.6 [g]."""
         return self.strength - NEEDED
 
     @property
@@ -254,7 +254,7 @@ class GraspBench(EpisodeStation):
         return True
 
     def _shake(self, closure: float) -> float:
-        """Shake ever harder until the object is lost, and return how hard [g]."""
+        """Shake ever harder until the object is lost, and return the strength [g]."""
         start, count = self._p_GC(), round(_SHAKE / CONTROL_PERIOD)
         strength = 0.0  # only its weight pulls at first
         for i in range(-_REST, count):

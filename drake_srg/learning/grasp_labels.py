@@ -63,15 +63,15 @@ _HOPELESS = 40
 
 @dc.dataclass(frozen=True)
 class LabelJob:
-    """What is labelled, and how.
+    """A labelling task: the object, the hand and the physics.
 
     Attributes:
-        name: Of the object, for files and messages.
+        name: Name of the object, for files and messages.
         model: Path or URL of its model.
         scale: Metres per unit of a mesh.
         hand: One of `HANDS`.
         physics: `train`, `fast` or `accurate`.
-        seed: Of the samples.
+        seed: Seed of the samples.
     """
 
     name: str
@@ -94,7 +94,7 @@ def label_direction(job: LabelJob, direction: int) -> list[GraspLabel]:
     """
     solid, p_OC = object_pieces(job.name, job.object)
     fingers = HANDS[job.hand].fingers
-    grasps = sample_grasps(fingers, solid.shifted(p_OC), job.seed, direction)
+    grasps = sample_grasps(fingers, solid.translated(p_OC), job.seed, direction)
     labels = map(_bench(job, job.physics).label, grasps)
     return [label for label in labels if label is not None]
 
@@ -115,7 +115,7 @@ def label_grasps(
     """Return n labelled grasps; the same for any number of processes.
 
     Args:
-        job: What is labelled.
+        job: The object, hand and physics.
         n: Number of grasps, at least 1.
         engine: Runs them; entered.
         tell: Is called with the number of labels so far.
@@ -142,7 +142,7 @@ def check_labels(
     engine: Engine,
     tell: Callable[[int], None],
 ) -> list[tuple[GraspLabel, GraspLabel]]:
-    """Return some labels, evenly spread, each with that of the accurate physics."""
+    """Return some labels, each with the label that the accurate physics gives."""
     every = np.linspace(0, len(labels) - 1, min(count, len(labels))).astype(int)
     chosen = [labels[i] for i in dict.fromkeys(every.tolist())]
 
@@ -160,7 +160,7 @@ def check_labels(
 def _in_order(
     engine: Engine, submit: Callable[[int], Future[Any] | None]
 ) -> Iterator[Any]:
-    """Yield the results of tasks 0, 1, ... in this order, until there is none."""
+    """Yield the results of tasks 0, 1, ... in this order, until one has none."""
     pending: collections.deque[Future[Any]] = collections.deque()
     number, more = 0, True
     while more or pending:
@@ -273,7 +273,7 @@ def _parquet(job: LabelJob, labels: Sequence[GraspLabel]) -> bytes:
 
 
 def best(labels: Sequence[GraspLabel], count: int = 10) -> list[GraspLabel]:
-    """Return the strongest grasps; of equally strong ones those with most epsilon."""
+    """Return the strongest grasps; the larger epsilon breaks ties."""
     return sorted(labels, key=lambda x: (x.strength, x.epsilon), reverse=True)[:count]
 
 

@@ -91,7 +91,7 @@ DAGGER = CloningConfig(hidden=(128, 128))
 def clone(
     x: Array, actions: Array, rng: Generator, config: CloningConfig = CLONING
 ) -> Network:
-    """Fit a network, the tanh of which is the action, to demonstrations.
+    """Fit a network to demonstrations; the tanh of its output is the action.
 
     The rate falls linearly to zero. At a constant rate, the last batches would keep
     disturbing the network, and its quality would depend on the last step.
@@ -162,7 +162,7 @@ class _Rounds:
         raise NotImplementedError
 
     def save(self, folder: Path) -> None:
-        """Write everything that `restore` needs."""
+        """Write the state that `restore` reads."""
         counts = {"steps": self.steps, "episodes": self.episodes}
         draws = {"rng": json.dumps(self._rng.bit_generator.state)}
         file = io.BytesIO()
@@ -170,7 +170,7 @@ class _Rounds:
         write_file(folder / CHECKPOINT, file.getvalue())
 
     def restore(self, folder: Path) -> None:
-        """Go on from what `save` wrote."""
+        """Continue from the files of `save`."""
         path = folder / CHECKPOINT
         try:
             state = torch.load(path, weights_only=True)  # runs no code of the file
@@ -252,7 +252,7 @@ class QRounds(_Rounds):
             _descend(self._optimizer, (off**2).mean(dim=1).sum())
 
     def policy(self) -> tuple[Kind, Network]:
-        """Return the policy so far: its kind and its network."""
+        """Return the present policy: its kind and its network."""
         return "q", self._perceptrons.network()
 
     def _state(self) -> dict[str, Any]:
@@ -289,7 +289,7 @@ class CloningRounds(_Rounds):
             self._done.extend(episode.actions)
 
     def policy(self) -> tuple[Kind, Network]:
-        """Return the policy so far: its kind and its network."""
+        """Return the present policy: its kind and its network."""
         if not self._seen:
             raise ScenarioError("--algo bc: no demonstration succeeded; add --steps")
         return "actor", self._fit(CLONING)
@@ -356,7 +356,7 @@ class DaggerRounds(CloningRounds):
             self._done.append(self._rule(observation))
 
     def policy(self) -> tuple[Kind, Network]:
-        """Return the policy so far: its kind and its network."""
+        """Return the present policy: its kind and its network."""
         self._network = self._fit(DAGGER)
         return "actor", self._network
 
@@ -489,7 +489,7 @@ def _scaled(env: Any) -> Any:
 
 
 def _descend(optimizer: AdamW, loss: Tensor) -> None:
-    """Change the parameters once, against the gradient of a loss."""
+    """Take one gradient step that reduces a loss."""
     optimizer.zero_grad()
     loss.backward()
     optimizer.step()

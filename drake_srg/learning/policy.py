@@ -82,7 +82,7 @@ def best_action(
     caution: float = _CAUTION,
     seed: int = 0,
 ) -> Array:
-    """Return the action to which networks give the greatest value.
+    """Return the action with the greatest value according to networks.
 
     The same arguments give the same action.
 

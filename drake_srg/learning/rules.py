@@ -68,9 +68,10 @@ def pick(
     """Come from above, close across the nearer side, wait for still fingers, lift.
 
     The rule takes the nearer side, not the narrower one. A network that imitates it
-    cannot tell which side of a nearly square box is narrower, and would turn halfway.
-    `narrower` weighs one against the other. The hand turns to a narrower side that is
-    farther away only counterclockwise, because a network would average two directions.
+    cannot see which side of a nearly square box is narrower, and would turn the hand
+    halfway. `narrower` weighs one against the other. The hand turns to a narrower side
+    that is farther away only counterclockwise, because a network would average two
+    directions.
 
     Args:
         observation: Observation of `PickEnv`.
@@ -203,7 +204,7 @@ TOUCH_RULES = dict.fromkeys(
 
 
 def _sweep(o: Array, gain: float) -> Array:
-    """Sweep a cylinder to a known place, and then pick it up."""
+    """Push a cylinder to a known place, and then pick it up."""
     step = _step(o)
     if step >= _LIFTED_AT and o[22] > 0.0:
         return _LIFT.copy()
@@ -230,7 +231,7 @@ def _sweep(o: Array, gain: float) -> Array:
 
 
 def _retry(o: Array) -> Array:
-    """Pick a box up at its seen place, or else beside that."""
+    """Pick a box up where it was seen, or else beside that place."""
     across = o[3] > 0.0  # the fingers close along the box's y, not its x
     width = _SIZE * (o[7] if across else o[6])
     base = _ANGLE * o[10:12].mean()
@@ -297,5 +298,5 @@ def rule_of(env: Any, rule: str = RULE) -> Act:
 
 
 def named_rule(environment: str, rule: str) -> Act | None:
-    """Return a hand-written policy of one of our environments, None without one."""
+    """Return a hand-written policy of one of our environments, or None."""
     return _RULES[rule].get(environment)

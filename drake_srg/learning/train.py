@@ -1,4 +1,4 @@
-"""Trains a policy and keeps the latest of the best ones (extra `learn`).
+"""Trains a policy, and keeps the latest of the best ones (extra `learn`).
 
 DIR/policy.npz       the policy, chosen by validation episodes
 DIR/policy.onnx      the same for other programs, but not of `q`
@@ -92,10 +92,10 @@ class Learner(Protocol):
         """Run at least a number of steps; return the success of each episode."""
 
     def policy(self) -> tuple[Kind, Network]:
-        """Return the policy so far: its kind and its network."""
+        """Return the present policy: its kind and its network."""
 
     def save(self, folder: Path) -> None:
-        """Write everything that `restore` needs."""
+        """Write the state that `restore` reads."""
 
     def restore(self, folder: Path) -> None:
         """Continue from the files of `save`."""
@@ -241,7 +241,7 @@ def validate(policy: Policy, env: Any, episodes: int) -> float:
 
 
 def _least(highest: float, episodes: int) -> float:
-    """Return the least share of episodes within chance of the highest."""
+    """Return the lowest success rate within one standard error of the highest."""
     return highest - math.sqrt(highest * (1.0 - highest) / episodes)
 
 

@@ -146,7 +146,7 @@ class ClutterConfig(Config):
 
 @dc.dataclass(kw_only=True)
 class SleepingConfig(Config):
-    """Conditions for the sleep of resting objects, which then cost hardly any time."""
+    """Conditions under which resting objects sleep, to save time."""
 
     # An object falls asleep after it has been at rest for this long [s].
     after: float = dc.field(default=0.5, metadata=positive())

@@ -140,7 +140,7 @@ def disturb(
     course: Course,
     period: float,
 ) -> tuple[Course, Wrench | None]:
-    """Return the present force of a disturbance that has begun.
+    """Return the present force of a disturbance that is under way.
 
     Args:
         disturbance: The disturbance.

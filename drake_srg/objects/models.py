@@ -86,7 +86,7 @@ def known_shape(name: str, config: ObjectConfig) -> Shape | None:
 
 
 def simple_shape(name: str, config: ObjectConfig) -> Shape | None:
-    """Return the simple shape of an object, or its proxy; None without one.
+    """Return the simple shape of an object, its proxy, or None.
 
     Raises:
         ScenarioError: If the model cannot be read.

@@ -91,7 +91,7 @@ def SetMass(root: ET.Element, mass: float) -> None:
 
 
 def SetContact(root: ET.Element, values: Mapping[str, float | None]) -> None:
-    """Set contact properties of all collisions in a tree that have some.
+    """Set the contact properties of all collisions in a tree that have any.
 
     Args:
         root: The tree.

@@ -1,4 +1,4 @@
-"""Solids that represent objects: their extents, and the known ones."""
+"""Solids that represent objects: extents, and shapes for localizer and planner."""
 
 from __future__ import annotations
 
@@ -136,7 +136,7 @@ def planned_solid(name: str, config: ObjectConfig) -> Solid | None:
     if known is None:
         return None
     solid, p_OC = known
-    return solid.shifted(p_OC) if isinstance(solid, ConvexPieces) else solid
+    return solid.translated(p_OC) if isinstance(solid, ConvexPieces) else solid
 
 
 def object_pieces(name: str, config: ObjectConfig) -> tuple[ConvexPieces, Vector]:

@@ -55,7 +55,7 @@ SeenT = TypeVar("SeenT")
 class PlannerConfig(MotionConfig):
     """Configuration of a planner and its motions. Times are simulated.
 
-    A derived class stands for a planner, and its name is the tag in scenario files.
+    Each planner has a derived class, whose name is the tag in scenario files.
     """
 
     # Simulated duration of planning, from a decision to the first motion [s].
@@ -159,7 +159,7 @@ class PickAndPlace(PlannerConfig):
 
 @dc.dataclass(kw_only=True)
 class Clear(PlannerConfig):
-    """Takes away one thing after another, whatever their shapes."""
+    """Clears things of any shape off the table, one after another."""
 
 
 @dc.dataclass(kw_only=True)
@@ -193,7 +193,7 @@ class HandSenses(Generic[SeenT]):
 
 @dc.dataclass(frozen=True)
 class Observation:
-    """The facts that decide the next mode; each mode fills in those of its row."""
+    """Facts that decide the next mode; each mode sets only those of its table row."""
 
     ready: bool = False  # motions are planned, and the planning latency has passed
     pushing: bool = False  # a push is planned, and the planning latency has passed
@@ -245,7 +245,7 @@ class Transitions:
                     )
 
     def check_actions(self, modes: Collection[AnyMode]) -> None:
-        """Check that a planner's modes are those of the table.
+        """Check that a planner has actions for all modes of the table.
 
         Raises:
             ValueError: If a mode of the table is missing.
@@ -279,7 +279,7 @@ class Transitions:
 
 @dc.dataclass
 class MotionMemory(Memory, abc.ABC):
-    """State of every planner: its commands. Derive the planner's own from it."""
+    """Base class of planners' memories: the commands."""
 
     motion: Motion  # the arm's; at first, it rests at home
     closure: float = 0.0  # commanded, 0 open .. 1 closed
@@ -296,7 +296,7 @@ class PlannerMode(ModeActions[AnyMode, MotionMemoryT, SensesT, Observation]):
     """A mode of a planner: its motion, commands and observations.
 
     Attributes:
-        mode: Which mode it is.
+        mode: Its own mode.
     """
 
     mode: ClassVar[AnyMode]
@@ -307,7 +307,7 @@ class PlannerMode(ModeActions[AnyMode, MotionMemoryT, SensesT, Observation]):
         return 0.0
 
     def trajectory(self, memory: MotionMemoryT) -> Trajectory | None:
-        """Return the planned motion of the mode, None where the arm rests."""
+        """Return the planned motion of the mode; None if the arm rests."""
         return None
 
     def enter(
@@ -319,14 +319,14 @@ class PlannerMode(ModeActions[AnyMode, MotionMemoryT, SensesT, Observation]):
         return memory
 
     def observe(self, memory: MotionMemoryT, now: Moment[SensesT]) -> Observation:
-        """Return exactly the observation on which the mode's transitions depend."""
+        """Return the facts on which the mode's transitions depend, and no others."""
         failure = self.final_failure(memory, now.time)
         if failure is not None:
             return Observation(failure=failure)
         return self.observe_mode(memory, now)
 
     def final_failure(self, memory: MotionMemoryT, time: float) -> Failure | None:
-        """Return the failure that ends the task in any mode; None without one."""
+        """Return the failure that ends the task in any mode, or None."""
         return None
 
     def observe_mode(self, memory: MotionMemoryT, now: Moment[SensesT]) -> Observation:
@@ -338,7 +338,7 @@ class PlannerMachine(
     StateMachine[AnyMode, MotionMemoryT, SensesT, Observation],
     Generic[MotionMemoryT, SensesT],
 ):
-    """A planner whose outputs come from its memory; it begins in IDLE.
+    """Base class of planners: their outputs come from memory, and they begin in IDLE.
 
     Its modes may be ours, members of your own enum, strings, or a mixture. A run ends
     once the planner is in a mode named `done` or `failed`.
@@ -401,7 +401,7 @@ class PlannerMachine(
         AddStatusOutput(self, self._calc_status, {self.state_ticket})
 
     def own_joints(self, arm: str) -> slice:
-        """Return which joints of the motion that `commands` returns are an arm's."""
+        """Return an arm's joints among those of the motion from `commands`."""
         return self._own[arm]
 
     def commands(self, memory: MotionMemoryT, arm: str) -> tuple[Motion, float]:
@@ -571,7 +571,7 @@ class _PlanningClock:
 
     @contextlib.contextmanager
     def running(self) -> Iterator[None]:
-        """Count the time until the context ends as planning."""
+        """Count the time within the context as planning."""
         start = wall.perf_counter()
         try:
             yield

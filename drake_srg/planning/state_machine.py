@@ -53,7 +53,7 @@ def next_mode(
 
 @dc.dataclass(frozen=True)
 class Moment(Generic[SensesT]):
-    """Time and senses: a mode's whole knowledge of the world."""
+    """Time and senses: everything that a mode knows about the world."""
 
     time: float  # s
     senses: SensesT
@@ -70,7 +70,7 @@ class Entry(Moment[SensesT], Generic[SensesT, ModeT, ObservationT]):
 
 @dc.dataclass
 class Memory:
-    """A memory, or a part of one, that modes may change; derive from it.
+    """Base class of memories that modes may change.
 
     The machine gives a mode a draft: a copy of the memory and of its parts that also
     derive from this class. Modes change attributes of the draft. All copies share
@@ -103,7 +103,7 @@ class ModeActions(abc.ABC, Generic[ModeT, MemoryT, SensesT, ObservationT]):
         return memory
 
     def observe_entry(self, memory: MemoryT) -> ObservationT | None:
-        """Return an observation that may end the mode at once; None: wait.
+        """Return an observation that may end the mode immediately; None: wait.
 
         The machine evaluates the transition with it at time 0 in the mode.
         """
@@ -213,7 +213,7 @@ class StateMachine(LeafSystem, Generic[ModeT, MemoryT, SensesT, ObservationT]):
         return context.get_abstract_state(int(self._state)).get_value()
 
     def sense(self, context: Context) -> SensesT:
-        """Return the modes' knowledge of the inputs; override it to read them."""
+        """Return the senses that modes read; override it to read the inputs."""
         return None  # type: ignore[return-value]  # without inputs there is nothing
 
     def _calc_mode(self, context: Context, output: AbstractValue) -> None:
@@ -255,7 +255,7 @@ class StateMachine(LeafSystem, Generic[ModeT, MemoryT, SensesT, ObservationT]):
     def _entered(
         self, mode: ModeT, memory: MemoryT, entry: Entry[SensesT, ModeT, ObservationT]
     ) -> MachineState[ModeT, MemoryT]:
-        """Return the state after a mode has begun, or one that follows at once."""
+        """Return the state after a mode has begun, or after an immediate successor."""
         for _ in self._modes:
             actions = self._actions(mode)
             memory = actions.enter(memory, entry)

@@ -88,7 +88,7 @@ def camera_info_message(
 def calibration_topics(
     camera: str, model: CameraModel, period: float, *, depth: bool = False
 ) -> list[Topic]:
-    """Return the topics that tell where a camera is and how it projects.
+    """Return the topics with a camera's pose and intrinsics.
 
     Both are what the robot believes: with the errors of its calibration.
 

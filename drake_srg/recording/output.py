@@ -56,13 +56,13 @@ def output_folder(out: Path | None) -> Iterator[None]:
         raise
 
 
-def counted(number: int, thing: str) -> str:
-    """Return a number of things in words: `1 attempt`, `2 attempts`."""
+def count_phrase(number: int, thing: str) -> str:
+    """Return a number with its noun: `1 attempt`, `2 attempts`."""
     return f"{number} {thing}" + "s" * (number != 1)
 
 
 def verdict(metrics: Mapping[str, Any]) -> str:
-    """Describe the end of a run.
+    """Return a run's verdict, in words.
 
     Args:
         metrics: Contents of its metrics.json.
@@ -73,9 +73,11 @@ def verdict(metrics: Mapping[str, Any]) -> str:
     else:
         word = "success" if metrics["success"] else f"failure: {metrics['failure']}"
     if metrics.get("objects_total") is None:
-        return f"{word}, {counted(tries, 'attempt')}"
+        return f"{word}, {count_phrase(tries, 'attempt')}"
     cleared, total = metrics["objects_cleared"], metrics["objects_total"]
-    return f"{word}, {cleared} of {total} objects cleared, {counted(tries, 'pick')}"
+    return (
+        f"{word}, {cleared} of {total} objects cleared, {count_phrase(tries, 'pick')}"
+    )
 
 
 class OutputFile:
@@ -156,8 +158,8 @@ class Recorder(LeafSystem):
     """A system that writes a file until it is closed; use it as a context manager.
 
     An error or the user's interrupt ends the recording. The file is still completed,
-    because it shows the cause. A recorder that nobody closes completes its file, with a
-    warning, when it or the program ends.
+    because it shows the cause. A recorder that is never closed completes its file, with
+    a warning, when it is deleted or the program ends.
     """
 
     _output: OutputFile

@@ -98,8 +98,8 @@ class Recording:
     """The files of a simulation; use it as a context manager around the simulation.
 
     At the end, it completes the files, even after an error or the user's interrupt,
-    because they show the cause. A recording that nobody closes completes them, with a
-    warning, when it or the program ends.
+    because they show the cause. A recording that is never closed completes them, with a
+    warning, when it is deleted or the program ends.
 
     Args:
         out: The folder; None: nothing is written.
@@ -117,7 +117,7 @@ class Recording:
         close_at_exit(self, Recording._close_forgotten)
 
     def record(self, recorders: Mapping[str, Recorder]) -> None:
-        """Complete these recorders' files, too.
+        """Add recorders, whose files are completed with the others.
 
         Args:
             recorders: The recorders by kind of file.
@@ -351,7 +351,7 @@ def _topic(name: str, port: OutputPort) -> Topic:
     """Return the topic of a port.
 
     Raises:
-        ValueError: If there is none for its values.
+        ValueError: If no topic type holds its values.
     """
     words = re.sub(r"[^A-Za-z0-9.]+", "_", name.split("[", maxsplit=1)[0]).strip("_")
     topic = "/" + words.replace(".", "/")

@@ -97,7 +97,7 @@ def float64_array(name: str, port: str, size: int) -> Topic:
 
 
 def string(name: str, port: str, model: AbstractValue | None = None) -> Topic:
-    """Return a topic of a string, or of the name of a mode, as std_msgs/msg/String.
+    """Return a topic of a string or a mode's name, as std_msgs/msg/String.
 
     Args:
         name: The topic's.

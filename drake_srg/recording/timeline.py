@@ -239,7 +239,7 @@ _MOST_BANDS = 40
 
 
 def mode_changes(mode: Sequence[str]) -> list[int]:
-    """Return the samples at which a mode begins."""
+    """Return the indices of the samples at which a mode begins."""
     return [i for i in range(len(mode)) if i == 0 or mode[i] != mode[i - 1]]
 
 

@@ -44,7 +44,7 @@ class View:
     kinds: Mapping[str, str] = dc.field(default_factory=dict)
 
     def names(self, poses: Mapping[str, RigidTransform]) -> Names:
-        """Return the places for the names of visible objects, one below another.
+        """Return the positions of the names of visible objects, without overlap.
 
         Args:
             poses: Poses X_WO of the objects by name.
@@ -170,7 +170,9 @@ class VideoFile:
         self._encode(rgb)
 
     def hold(self, success: bool, verdict: str) -> None:
-        """Show the last image for some more time, with a verdict above the caption.
+        """Repeat the last image for some time, with a verdict in the caption's place.
+
+        There, it hides nothing of the scene.
 
         Args:
             success: Whether the run succeeded.
@@ -179,8 +181,8 @@ class VideoFile:
         if self._last is None:
             return
         rgb = self._last.copy()
-        end = len(rgb) - len(rgb) // 15
-        strip = rgb[end - max(1, len(rgb) // 11) : end]
+        strip = rgb[-max(1, len(rgb) // 15) :]
+        strip[:] = 0
         write_line(strip, verdict, _GOOD if success else _BAD, 2)
         for _ in range(max(1, round(_LAST_FRAME / self._tick))):
             self._encode(rgb)

@@ -1,5 +1,5 @@
 from drake_srg.scenario.load import SCENARIOS as SCENARIOS
-from drake_srg.scenario.load import Drawn as Drawn
+from drake_srg.scenario.load import DrawnScenario as DrawnScenario
 from drake_srg.scenario.load import draw_scenario as draw_scenario
 from drake_srg.scenario.load import list_scenarios as list_scenarios
 from drake_srg.scenario.load import load_scenario as load_scenario

@@ -1,4 +1,4 @@
-"""Checks of a scenario, and the task that `task.pick` asks for."""
+"""Checks of a scenario, and the task that `task.pick` describes."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ _ALLOWED = "all, a list of names, {colour: COLOUR}"
 
 
 def resolve_pick(tree: Mapping[str, Any], origin: str) -> Mapping[str, Any]:
-    """Return a scenario's tree with its bins and selections written out.
+    """Return a scenario's tree with explicit bins and selections.
 
     `task.pick` with `task.place.bin` becomes an entry of `task.place.bins`, and the
     names of the objects for the bins or the row become `task.clear.objects`.
@@ -75,7 +75,7 @@ def resolve_pick(tree: Mapping[str, Any], origin: str) -> Mapping[str, Any]:
 def _bins(
     pick: Any, place: Mapping[str, Any], objects: Mapping[str, Any], origin: str
 ) -> Any:
-    """Return what goes where: trees of SelectionConfigs by the name of the place."""
+    """Return the objects of each place: trees of SelectionConfigs by place."""
     into, bins = place.get("bin"), place.get("bins")
     if into and not isinstance(into, str):
         fail(origin, "task.place.bin", f"must be text, got {_shown(into)}")
@@ -96,7 +96,7 @@ def _bins(
 
 
 def _without_bin(tree: Mapping[str, Any], origin: str) -> Mapping[str, Any]:
-    """Return the tree of a scenario that sets one object down; a list may name it."""
+    """Return the tree of a scenario that places one object, which a list may name."""
     task, pick = tree["task"], tree["task"].get("pick")
     if pick == _ALL and _ALL not in tree["objects"]:
         fail(origin, "task.place.bin", "must name the bin where `all` are picked")
@@ -113,7 +113,7 @@ def _without_bin(tree: Mapping[str, Any], origin: str) -> Mapping[str, Any]:
 def _selection(
     given: Any, objects: Mapping[str, Any], origin: str, key: str
 ) -> Mapping[str, Any]:
-    """Return what `task.pick` or a bin selects, as the tree of a SelectionConfig."""
+    """Return the selection of `task.pick` or a bin: a tree of SelectionConfig."""
     if given == _ALL and _ALL not in objects:
         return {}
     if isinstance(given, str):
@@ -171,7 +171,7 @@ def clear_problems(scenario: Scenario) -> Iterator[tuple[str, str]]:
 
 
 def _bin_problems(scenario: Scenario) -> Iterator[tuple[str, str]]:
-    """Yield bins that are not there, and what the cameras cannot tell."""
+    """Yield missing bins, and labels that the cameras cannot tell apart."""
     added = [d.add_model.name for d in scenario.directives if d.add_model is not None]
     arms = robot_arms(scenario)
     moving = {*(a.arm_model for a in arms), *(a.gripper_model for a in arms)}
@@ -201,7 +201,7 @@ _CENIC = "cenic"
 
 
 def check_scenario(scenario: Scenario, origin: str) -> None:
-    """Check what depends on several fields, and the numbers that crash Drake.
+    """Check fields against each other, and numbers that would crash Drake.
 
     Args:
         scenario: A loaded scenario, before positions are drawn.
@@ -264,7 +264,7 @@ def _config_problems(scenario: Scenario) -> Iterator[tuple[str, str]]:
 
 
 def _step_problems(scenario: Scenario) -> Iterator[tuple[str, str]]:
-    """Yield what does not fit the plant's time step and the integrator."""
+    """Yield problems with the plant's time step and the integrator."""
     step = scenario.plant_config.time_step
     scheme = scenario.simulator_config.integration_scheme
     if not (step > 0.0 or (step == 0.0 and scheme == _CENIC)):
@@ -329,7 +329,7 @@ _TAKEN = ("arm", "gripper", "safety", "planner", "localizer", "station", "object
 
 
 def _arms_problems(scenario: Scenario) -> Iterator[tuple[str, str]]:
-    """Yield the problems of several arms: their names, and a short form besides."""
+    """Yield the problems of several arms: invalid names, and a short form as well."""
     if not scenario.arms:
         return
     for key in ("arm", "gripper", "safety"):
@@ -406,7 +406,7 @@ def _object_problems(
 
 
 def _sleeping_problems(scenario: Scenario) -> Iterator[tuple[str, str]]:
-    """Yield what keeps resting objects from sleeping."""
+    """Yield the problems that keep resting objects from sleeping."""
     if scenario.sleeping is None:
         return
     step, period = scenario.plant_config.time_step, scenario.sleeping.period

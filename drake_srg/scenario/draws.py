@@ -141,10 +141,10 @@ def load_distribution(node: Mapping[str, Any], origin: str, key: str) -> Any:
 def draw_choices(
     tree: Mapping[str, Any], seed: int, origin: str, values: dict[str, Any]
 ) -> dict[str, Any]:
-    """Return a scenario's tree with one of each group of its `choices` laid over it.
+    """Return a scenario's tree merged with one choice of each group in `choices`.
 
-    A choice may have choices of its own; they are drawn next. What `chosen` names by
-    group is not drawn.
+    A choice may contain `choices` itself; they are drawn next. Groups named in `chosen`
+    are not drawn.
 
     Args:
         tree: Tree of the whole scenario; not changed.
@@ -184,7 +184,7 @@ def draw_choices(
 def _of_what_is_left(
     tree: Mapping[str, Any], choice: Mapping[str, Any]
 ) -> dict[str, Any]:
-    """Return a choice without changes of entries that a variant has removed by null."""
+    """Return a choice without changes to entries that a variant has removed by null."""
     left = dict(choice)
     for group in ("objects", "cameras"):
         given, entries = choice.get(group), tree.get(group)

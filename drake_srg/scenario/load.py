@@ -30,7 +30,7 @@ SCENARIOS = Path(__file__).parents[1] / "scenarios"
 
 
 @dc.dataclass(frozen=True)
-class Drawn:
+class DrawnScenario:
     """A scenario with all its random values drawn, and these values."""
 
     scenario: Scenario
@@ -39,7 +39,9 @@ class Drawn:
     values: Mapping[str, float | int | str]
 
 
-def draw_scenario(tree: Mapping[str, Any], origin: str, seed: int | None) -> Drawn:
+def draw_scenario(
+    tree: Mapping[str, Any], origin: str, seed: int | None
+) -> DrawnScenario:
     """Draw the random values of a scenario's tree, load it and check it.
 
     Args:
@@ -57,7 +59,7 @@ def draw_scenario(tree: Mapping[str, Any], origin: str, seed: int | None) -> Dra
         raise ScenarioError(_blamed(str(error), tree, origin)) from None
 
 
-def _drawn(tree: dict[str, Any], origin: str, seed: int | None) -> Drawn:
+def _drawn(tree: dict[str, Any], origin: str, seed: int | None) -> DrawnScenario:
     if seed is not None:
         tree["random_seed"] = seed
     # The draws need the seed, so it is checked first.
@@ -73,14 +75,14 @@ def _drawn(tree: dict[str, Any], origin: str, seed: int | None) -> Drawn:
     _play_messages(scenario, origin)
     check_scenario(scenario, origin)
     _draw_positions(scenario, origin, values)
-    return Drawn(scenario, values)
+    return DrawnScenario(scenario, values)
 
 
 def _blamed(message: str, tree: Mapping[str, Any], origin: str) -> str:
-    """Return a message about a key with the name of the base that the key is from.
+    """Return a message about a key, with the name of the base that sets the key.
 
     Args:
-        message: What is wrong, after `origin` and a dotted key.
+        message: The error message, which starts with `origin` and a dotted key.
         tree: The scenario's tree.
         origin: The scenario's file or name.
     """
@@ -103,14 +105,14 @@ def _blamed(message: str, tree: Mapping[str, Any], origin: str) -> str:
 
 
 def _entry(path: Sequence[str], tree: Any) -> Any:
-    """Return the entry of a tree at a path of keys; None without."""
+    """Return the entry of a tree at a path of keys, or None."""
     for key in path:
         tree = tree.get(key) if isinstance(tree, Mapping) else None
     return tree
 
 
 def _with_arm_driver(tree: Mapping[str, Any]) -> Mapping[str, Any]:
-    """Return the tree with arms that are position-controlled, unless they have tags."""
+    """Return the tree with position-controlled arms, unless they have tags."""
     arm, arms = tree.get("arm"), tree.get("arms")
     if isinstance(arms, Mapping):
         named = {
@@ -159,7 +161,7 @@ def _play_messages(scenario: Scenario, origin: str) -> None:
 
 
 def _draw_positions(scenario: Scenario, origin: str, values: dict[str, Any]) -> None:
-    """Draw places for the objects without one, clear of all others."""
+    """Draw free places for the objects that have none."""
     objects, pick = scenario.objects, scenario.task.pick
     homeless = [n for n, o in objects.items() if o.position is None and o.pose is None]
     # The picked object comes first, so that the others do not change its place.
@@ -211,7 +213,7 @@ def list_scenarios() -> list[str]:
 
 
 def is_scenario(name: str) -> bool:
-    """Return whether a name is a scenario's as `load_tree` takes it."""
+    """Return whether `load_tree` accepts a name."""
     return name == "-" or name.endswith(".yaml") or name in list_scenarios()
 
 
@@ -250,7 +252,7 @@ def override_tree(tree: dict[str, Any], overrides: Iterable[str]) -> None:
         overrides: Entries `KEY=VALUE`; see `load_scenario`.
 
     Raises:
-        ScenarioError: If an entry is none, or its key leads nowhere.
+        ScenarioError: If an entry is not KEY=VALUE, or its key does not exist.
     """
     for override in overrides:
         key, equals, value = override.partition("=")

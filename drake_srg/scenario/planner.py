@@ -33,7 +33,7 @@ _EARLIER = {
 
 
 def with_planner_tag(tree: Mapping[str, Any], origin: str) -> Mapping[str, Any]:
-    """Return a scenario's tree with a planner that picks and places, unless tagged.
+    """Return a scenario's tree with a planner that picks and places by default.
 
     Args:
         tree: With bases and overrides.

@@ -194,7 +194,7 @@ class TableConfig(RegionConfig):
 
 @dc.dataclass(kw_only=True)
 class ClearConfig(Config):
-    """Objects to take away one after the other, whatever their shapes."""
+    """Objects of any shape to clear away, one after another."""
 
     # Their names; `task.pick` fills them in.
     objects: list[str] = dc.field(default_factory=list)
@@ -204,7 +204,7 @@ class ClearConfig(Config):
 
 @dc.dataclass(kw_only=True)
 class TaskConfig(Config):
-    """The planner's task: pick an object and place it, or clear the table of many."""
+    """The planner's task: pick and place one object, or clear many off the table."""
 
     # Name of the object; empty: nothing to do. With `place.bin`, `all`, a list of names
     # or a colour (see SelectionConfig); with `place.bins`, `all`. Once loaded, the
@@ -384,10 +384,10 @@ def _widen(
 
 @dc.dataclass(frozen=True)
 class RobotArm:
-    """An arm with its gripper, as all of the package tells it from others.
+    """An arm with its gripper, and the names that distinguish it from other arms.
 
-    The only arm of a scenario, in `arm` and `gripper`, has no name. So whatever serves
-    several arms serves one.
+    The only arm of a scenario, in `arm` and `gripper`, has no name. Code for several
+    arms therefore also works for one.
     """
 
     name: str = ""  # empty: the scenario's only arm
@@ -397,7 +397,7 @@ class RobotArm:
 
     @property
     def prefix(self) -> str:
-        """What precedes the names of ports that the name alone does not tell apart."""
+        """Prefix of port names that would otherwise be ambiguous."""
         return f"{self.name}." if self.name else ""
 
     @property
@@ -412,12 +412,12 @@ class RobotArm:
 
     @property
     def key(self) -> str:
-        """What precedes `arm`, `gripper` and `safety` among the scenario's keys."""
+        """Prefix of the keys `arm`, `gripper` and `safety` in the scenario."""
         return f"arms.{self.name}." if self.name else ""
 
     @contextlib.contextmanager
     def named_errors(self) -> Iterator[None]:
-        """Have errors about a driver's key name the arm that it belongs to."""
+        """Make errors about a driver's key name its arm."""
         try:
             yield
         except (ScenarioError, ValueError) as error:
@@ -431,7 +431,7 @@ class RobotArm:
         return f"{self.name}_{name}" if self.name else name
 
     def seed(self, seed: int) -> int:
-        """Return the seed of the arm's noise: no two arms have the same."""
+        """Return the seed of the arm's noise, unique for each arm."""
         return zlib.crc32(f"{seed}/{self.name}".encode()) if self.name else seed
 
 
@@ -450,7 +450,7 @@ def check_single_arm(scenario: Scenario, what: str) -> None:
 
     Args:
         scenario: The scenario.
-        what: What takes one arm only, for the message.
+        what: The feature that supports one arm only, for the message.
 
     Raises:
         ScenarioError: If it has several.
@@ -463,7 +463,7 @@ def check_single_arm(scenario: Scenario, what: str) -> None:
 
 
 def script_of(scenario: Scenario) -> list[ScriptStep]:
-    """Return the steps of a scenario's script; empty: it has a planner that looks."""
+    """Return the steps of a scenario's script; empty if its planner uses cameras."""
     planner = scenario.planner
     return planner.steps if isinstance(planner, Script) else []
 
@@ -475,7 +475,7 @@ def servo_of(scenario: Scenario) -> ServoingConfig | None:
 
 
 def perception_cameras(scenario: Scenario) -> list[str]:
-    """Return the names of the cameras by which the planner sees, each once."""
+    """Return the names of the planner's cameras, each once."""
     return list(
         dict.fromkeys([*scenario.localizer.cameras, *scenario.task.place.cameras])
     )

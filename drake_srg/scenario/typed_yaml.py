@@ -1,4 +1,4 @@
-"""YAML as a tree that knows its lines, checked against typed dataclasses.
+"""YAML trees with line numbers, checked against typed dataclasses.
 
 A tree consists of dicts, lists and scalars. A tag is the entry `_tag` of its mapping.
 
@@ -47,7 +47,7 @@ def parse_yaml(text: str, origin: str) -> Any:
 
 @functools.lru_cache(maxsize=64)
 def _parse(text: str) -> Any:
-    """Parse YAML text; scenarios share bases, whose text takes tens of milliseconds."""
+    """Parse YAML text; cached, because shared bases take tens of milliseconds."""
     try:
         tree = yaml_load(data=text)
     except RecursionError:  # too deep for the check in C, which would crash
@@ -65,15 +65,15 @@ _KEYS = ("tag:yaml.org,2002:str", "tag:yaml.org,2002:merge")
 
 
 class _BadTreeError(ValueError):
-    """YAML that is valid, but no tree with keys of text, each once."""
+    """Valid YAML that is not a tree with unique text keys."""
 
 
 def _check_node(node: yaml.Node | None, finished: dict[int, bool]) -> None:
-    """Check that a node is a tree whose mappings have keys of text, each once.
+    """Check that a node is a tree whose mappings have unique text keys.
 
     Args:
         node: The node; None for empty text.
-        finished: By identity, whether a node has been checked or is being checked.
+        finished: Whether each node is checked or still being checked, by its id.
 
     Raises:
         _BadTreeError: If it is not; the message says where.
@@ -192,7 +192,7 @@ def entry_names(items: Sequence[Any]) -> list[str]:
 def _entry_index(
     items: Sequence[Any], name: str, origin: str, key: str, *, indices: bool = False
 ) -> int:
-    """Return the index of the entry of a list that a key means.
+    """Return the index of the list entry that a key refers to.
 
     Args:
         items: The list.
@@ -314,7 +314,7 @@ def load_typed(schema: type[Any], tree: Any, origin: str) -> Any:
 
 @dc.dataclass(frozen=True)
 class _Field:
-    """A field of a dataclass to be loaded, told from others by its value's text."""
+    """A field of a dataclass to load, as a cache key: equal text, equal value."""
 
     schema: type[Any]
     key: str
@@ -325,7 +325,7 @@ class _Field:
 
 @functools.lru_cache(maxsize=256)
 def _load_field(field: _Field) -> Any:
-    """Return the value of a field; trials share most, whose text takes milliseconds."""
+    """Return the value of a field, cached: trials share most, at milliseconds each."""
     data = yaml_dump({field.key: field.value})
     return getattr(read_typed(field.schema, data), field.key)
 

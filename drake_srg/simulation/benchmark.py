@@ -110,7 +110,7 @@ class InputRecorder:
                 return
 
     def trajectories(self) -> dict[str, PiecewisePolynomial]:
-        """Return what the plant's input ports got, by their names."""
+        """Return the recorded inputs of the plant, by port name."""
         # The last step can be shorter than the plant's. Keep one sample per time.
         unique = np.unique(np.round(self._times, 9), return_index=True)[1]
         breaks = np.array(self._times)[unique]
@@ -271,7 +271,7 @@ def run_benchmark(scenario: Scenario, name: str = "scenario") -> Benchmark:
 
 
 def import_times() -> dict[str, float]:
-    """Return how long processes take that only import, by what they import [s]."""
+    """Return the durations of processes that only import, by the import [s]."""
     programs = {
         "python without imports": "",
         "import drake_srg": "import drake_srg",
@@ -285,7 +285,7 @@ def import_times() -> dict[str, float]:
 
 
 def _look_time(scenario: Scenario, looks: int) -> float:
-    """Return the wall-clock time of that many looks of the planner [s].
+    """Return the wall-clock time of a number of looks by the planner [s].
 
     A look is at the blobs or, if the scenario clears its table, at the height map of
     the table. Looks into the bins count as looks at the table.

@@ -1,4 +1,4 @@
-"""What happens between several arms of a run: contacts, distances, internal forces."""
+"""Quantities between the arms of a run: contacts, distances, internal forces."""
 
 from __future__ import annotations
 
@@ -62,7 +62,7 @@ class ArmContacts:
 
 
 class InternalForce:
-    """Reads by how much two hands press against one another through an object.
+    """Reads the force with which two hands press on each other through an object.
 
     It is the internal force of Williams and Khatib, "The Virtual Linkage: A Model for
     Internal Forces in Multi-Grasp Manipulation", ICRA (1993): the part of the hands'
@@ -71,7 +71,7 @@ class InternalForce:
     Args:
         plant: The finalized plant that computes the results.
         name: Model instance of the object.
-        hands: Those of the two grippers.
+        hands: Model instances of the two grippers.
     """
 
     def __init__(
@@ -106,7 +106,7 @@ class InternalForce:
 
 
 def largest_internal_force(log: Mapping[str, Vector]) -> float | None:
-    """Return the largest internal force in any sample of a run [N]; None without.
+    """Return the largest internal force in any sample of a run [N], or None.
 
     Args:
         log: Arrays of log.npz.

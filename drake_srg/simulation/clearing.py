@@ -30,7 +30,7 @@ _LIFTED = (
 def attempts_of(
     scenario: Scenario, log: Mapping[str, Vector], facts: Mapping[str, ObjectFacts]
 ) -> dict[str, int]:
-    """Return how many grasps have closed nearest to each object."""
+    """Return the number of grasps that closed nearest to each object."""
     counts = dict.fromkeys(facts, 0)
     if not facts:  # the cameras may see a colour that no object is said to have
         return counts
@@ -58,15 +58,15 @@ def arm_modes(log: Mapping[str, Vector], arm: RobotArm) -> Vector:
 def loads_carried(
     scenario: Scenario, log: Mapping[str, Vector], facts: Mapping[str, ObjectFacts]
 ) -> list[list[str]]:
-    """Return the names of what each grasp carried, at the end of its transfer.
+    """Return the names of the objects that each grasp carried to its transfer's end.
 
-    That is whatever is higher by then than it was as the fingers closed. Of several
-    arms, the one whose hand is nearest carries it.
+    These are the objects that are higher by then than when the fingers closed. With
+    several arms, the one whose hand is nearest carries it.
 
     Args:
         scenario: The scenario.
         log: Arrays of log.npz, with the poses of all objects.
-        facts: Of the objects, by name.
+        facts: Facts about the objects, by name.
     """
 
     def middle(name: str, row: np.integer[Any]) -> Vector:
@@ -98,7 +98,7 @@ def loads_carried(
 def _hands(
     scenario: Scenario, log: Mapping[str, Vector], row: np.integer[Any]
 ) -> dict[str, Vector]:
-    """Return where the middles between the fingers are, by the arms' names, (3,)."""
+    """Return the points midway between the fingers, by the arms' names, (3,)."""
     hands = {}
     for arm in robot_arms(scenario):
         states = measures.arm_states(log, [arm])
@@ -113,9 +113,9 @@ def _nearest(hands: Mapping[str, Vector], p_W: Vector) -> str:
 
 
 def delivered(loads: Sequence[Collection[str]], cleared: Collection[str]) -> int:
-    """Return how many grasps have brought something where it rests in the end.
+    """Return the number of grasps that took an object to its final place.
 
-    What a later grasp has carried once more counts there only.
+    An object that a later grasp carried again counts only for that grasp.
 
     Args:
         loads: Names of what each grasp carried, the first grasp first.
@@ -180,18 +180,17 @@ class ClearingOutcome:
     """Outcome for all objects.
 
     Attributes:
-        objects: Those that belong into a bin.
+        objects: Outcomes of the objects that belong into a bin.
         picks: Grasps begun.
-        picks_held: Those that held by the planner's word.
-        picks_delivered: Those of which something rests where it belongs, by ground
-            truth.
-        picks_per_hour: Of those that held.
-        multi_object_picks: Those that carried several objects.
-        multi_object_picks_seen: Those after which the planner has seen several.
+        picks_held: Picks that held, as the planner reports.
+        picks_delivered: Picks after which something rests where it belongs, by
+            ground truth.
+        picks_per_hour: Held picks per hour.
+        multi_object_picks: Picks that carried several objects.
+        multi_object_picks_seen: Picks after which the planner saw several objects.
         in_wrong_bin: Names of all objects that rest in a bin that is not theirs.
-        others_moved: Largest distance of any object that belongs into no bin from where
-            it was when the first pick was planned, at any time [m]; None without a pick
-            or such an object.
+        others_moved: Largest distance that any object without a bin has moved since the
+            first pick was planned [m]; None if there is no pick or no such object.
         bins: Number of bins.
     """
 
@@ -229,8 +228,8 @@ class ClearingOutcome:
         }
 
     @property
-    def honest(self) -> bool:
-        """Whether all that is left is named, and nothing claimed that is not true."""
+    def report_is_true(self) -> bool:
+        """Whether the planner's report matches the ground truth."""
         lost = (Failure.NOT_SEEN.value, Failure.DROPPED.value)
         named = all(
             thing.cleared or thing.outcome not in lost
@@ -243,7 +242,7 @@ class ClearingOutcome:
 def clearing_outcome(
     scenario: Scenario, log: Mapping[str, Vector], status: PlannerStatus
 ) -> ClearingOutcome:
-    """Return what became of the objects of a scenario with `task.clear`.
+    """Return the outcomes of the objects of a scenario with `task.clear`.
 
     Args:
         scenario: The scenario.
@@ -315,12 +314,12 @@ def clearing_outcome(
 def resting_places(
     scenario: Scenario, log: Mapping[str, Vector], facts: Mapping[str, ObjectFacts]
 ) -> dict[str, str | None]:
-    """Return the bin, or the row, in which each object rests at the end; None: none.
+    """Return the bin, or the row, in which each object rests at the end, or None.
 
     Args:
         scenario: The scenario.
         log: `time` and the poses of the objects.
-        facts: Of the objects, by name.
+        facts: Facts about the objects, by name.
     """
     boxes = bin_boxes(scenario)
     found = {
@@ -341,7 +340,7 @@ def resting_places(
 
 
 def least_width(p: Vector) -> float:
-    """Return the least distance of two parallel lines that enclose points (n, 2)."""
+    """Return the least width between parallel lines that enclose points (n, 2)."""
     angles = np.deg2rad(np.arange(0.0, 180.0, 1.0))
     along = p @ np.array([np.cos(angles), np.sin(angles)])
     return float(np.min(along.max(axis=0) - along.min(axis=0)))
@@ -352,7 +351,7 @@ def _covered(
     facts: Mapping[str, ObjectFacts],
     outcomes: Mapping[str, ObjectOutcome],
 ) -> dict[str, str]:
-    """Return which of the objects that are left lie under which others."""
+    """Return the remaining objects that lie under others, with the others."""
     poses = {n: row_to_pose(log[pose_key(n)][-1]) for n, o in outcomes.items()}
     left = [name for name, outcome in outcomes.items() if not outcome.cleared]
     middles = {n: poses[n] @ (0.5 * (facts[n].low + facts[n].high)) for n in left}
@@ -401,7 +400,7 @@ def _stands_at(
 def _others_moved(
     log: Mapping[str, Vector], others: Collection[str], status: PlannerStatus
 ) -> float | None:
-    """Return how far any of the others was from where it came to rest [m].
+    """Return the largest distance of any other object from its resting place [m].
 
     It is None if there are no others, or if nothing was picked.
     """
@@ -432,7 +431,7 @@ def _dropped(
     outcomes: Mapping[str, ObjectOutcome],
     left: Sequence[Remaining],
 ) -> list[str]:
-    """Return what must be the loads that the planner has not seen in their bins.
+    """Return the objects that must be the loads not seen in their bins.
 
     These are unnamed objects, as many as there were such loads, the nearest first.
     """

@@ -118,7 +118,7 @@ class _Root(DiagramBuilder):
         self._open[-1].outputs[name] = output
 
     def Connect(self, output: OutputPort, input: InputPort) -> None:
-        """Connect to an input, and to those that are exported together with it."""
+        """Connect to an input, and to all inputs that are exported together with it."""
         for port in (input, *self._together.get(_key(input), ())):
             super().Connect(output, port)
 

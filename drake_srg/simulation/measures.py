@@ -1,4 +1,4 @@
-"""Quantities of a run's log that metrics are made of.
+"""Quantities of a run's log, from which metrics are computed.
 
 Unless stated otherwise, arrays have one row per sample: `time` [s], `mode` (index into
 `MODES`) and `poses` of the picked object (see `pose_to_row`).
@@ -45,13 +45,13 @@ def hand_poses(
 
 
 def end_error(scenario: Scenario, X_WO: RigidTransform) -> Vector | None:
-    """Return how far the end of an inserted peg is from its place, shape (3,) [m].
+    """Return the error of an inserted peg's end, shape (3,) [m].
 
     That place is in the middle of the true hole, at the planner's depth. The axes are
     those of the hole.
 
     Args:
-        scenario: The scenario; its models tell where the hole truly is.
+        scenario: The scenario; its models determine the true place of the hole.
         X_WO: The peg's pose [m].
 
     Returns:
@@ -73,7 +73,7 @@ def end_error(scenario: Scenario, X_WO: RigidTransform) -> Vector | None:
 
 
 def hole_force(log: Mapping[str, Vector]) -> float | None:
-    """Return the greatest force between a peg and its hole [N]; None without a hole."""
+    """Return the greatest force between peg and hole [N]; None if there is no hole."""
     force = log.get("hole_force_cheat")
     return None if force is None else float(force[-1, 0])
 
@@ -112,11 +112,12 @@ _NO_JERK = 1e-6
 def arm_states(
     log: Mapping[str, Vector], arms: Sequence[RobotArm] = (RobotArm(),)
 ) -> Vector | None:
-    """Return the arms' true states [q; v], or the measured ones if there are none.
+    """Return the arms' true states [q; v], or else the measured ones.
 
     Args:
         log: Arrays of log.npz.
-        arms: The arms. Of several, q has the joints of all, one arm after the other.
+        arms: The arms. With several arms, q has the joints of all, one arm after the
+            other.
     """
     states = [
         log.get(
@@ -134,10 +135,10 @@ def arm_states(
 def safety_stops(
     log: Mapping[str, Vector], arms: Sequence[RobotArm] = (RobotArm(),)
 ) -> list[dict[str, float | str]] | None:
-    """Return when safety monitors stopped arms, and why; None without a monitor.
+    """Return when safety monitors stopped arms, and why; None if there is no monitor.
 
     Each stop has a `time_s`, that of the first sample in which the arm is stopped, and
-    a `reason`, the value of a `StopReason`. Of several arms, it names the `arm`, too.
+    a `reason`, the value of a `StopReason`. With several arms, it also names the `arm`.
     """
     stops: list[dict[str, float | str]] = []
     monitored = [arm for arm in arms if f"{arm.prefix}safety.state" in log]

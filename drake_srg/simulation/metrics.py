@@ -13,7 +13,7 @@ from pydrake.math import RigidTransform
 from drake_srg.common.log_format import MODES, pose_key, row_to_pose
 from drake_srg.objects.models import simple_shape
 from drake_srg.planning.insertion.config import Insert
-from drake_srg.recording.output import OutputFile, counted, verdict
+from drake_srg.recording.output import OutputFile, count_phrase, verdict
 from drake_srg.scenario import Scenario, robot_arms
 from drake_srg.simulation import measures
 from drake_srg.simulation.between_arms import (
@@ -53,7 +53,7 @@ _INSIDE = 0.005
 
 
 def rounded(value: float) -> str:
-    """Return a measured value with three digits; what is far below 1 is 0."""
+    """Return a measured value with three digits; a value far below 1 becomes 0."""
     return f"{value:.3g}" if abs(value) >= 5e-4 else "0"
 
 
@@ -203,7 +203,7 @@ class Metrics:
             *(
                 (
                     self._called(name),
-                    f"{thing['outcome']}, {counted(thing['attempts'], 'attempt')}",
+                    f"{thing['outcome']}, {count_phrase(thing['attempts'], 'attempt')}",
                 )
                 for name, thing in objects.items()
             ),
@@ -215,7 +215,7 @@ class Metrics:
         return "\n".join(f"{name:{width}} {value}" for name, value in rows)
 
     def _called(self, name: str) -> str:
-        """Return the name of an object, and its kind if the seed has drawn it."""
+        """Return the name of an object, with its kind if a seed drew it."""
         kind = (self.kinds or {}).get(name)
         return name if kind is None else f"{name} ({kind})"
 
@@ -227,7 +227,7 @@ class Metrics:
         if self.min_arm_distance_m is None:
             return []
         near = f"{rounded(1e3 * self.min_arm_distance_m)} mm"
-        contacts = counted(self.arm_contacts or 0, "contact")
+        contacts = count_phrase(self.arm_contacts or 0, "contact")
         rows = [("between the arms", f"{near} at least, {contacts}")]
         if self.internal_force_n is not None:
             rows.append(("internal force", f"{rounded(self.internal_force_n)} N"))
@@ -242,10 +242,10 @@ class Metrics:
         return [("multi-object picks", f"{self.multi_object_picks}, {seen}")]
 
     def _choice_rows(self) -> list[tuple[str, str]]:
-        """Return the rows about the wrong bin and about what must stay."""
+        """Return the rows about wrong bins and about objects that must stay."""
         rows = []
         if self.objects_in_wrong_bin is not None:
-            wrong = counted(self.objects_in_wrong_bin, "object")
+            wrong = count_phrase(self.objects_in_wrong_bin, "object")
             rows.append(("in a wrong bin", wrong))
         if self.others_moved_m is not None:
             moved = f"{rounded(1e3 * self.others_moved_m)} mm"
@@ -253,7 +253,7 @@ class Metrics:
         return rows
 
     def write(self, path: Path) -> None:
-        """Write metrics.json, whole or not at all; infinities and NaN become null."""
+        """Write metrics.json completely or not at all; infinity and NaN become null."""
         fields = dc.asdict(self)
         if self.objects is None:
             fields = {k: v for k, v in fields.items() if k not in OF_SEVERAL}
@@ -344,7 +344,7 @@ def calc_metrics(
         peak = float(np.max(log["contact_force"])) or None
         home = measures.is_home(scenario, log)
         others = cleared.others_moved
-        success = status.done and home and cleared.honest
+        success = status.done and home and cleared.report_is_true
     failure = status.failure
     if status.done and not success:
         failure = Failure.MISPLACED
@@ -394,9 +394,9 @@ def _at_goal(
 
     Args:
         scenario: The scenario.
-        error: Of its position, shape (3,) [m].
+        error: Error of its position, shape (3,) [m].
         tilt: From its goal [rad]; None: it has none.
-        end: Of an inserted peg, see `measures.end_error` [m]; None: it is none.
+        end: Error of an inserted peg, see `measures.end_error` [m]; None: no peg.
     """
     if end is not None and isinstance(scenario.planner, Insert):
         inside = bool(np.linalg.norm(end[:2]) <= _INSIDE)
@@ -413,13 +413,13 @@ def is_placed(
     poses: Vector,
     touching: Collection[str],
 ) -> bool:
-    """Return whether the picked object rests at its goal, touched by its support alone.
+    """Return whether the picked object rests at its goal and touches only its support.
 
     Args:
         scenario: The scenario.
         start: Pose at which the object was first found, X_WO [m].
         time: Times of the samples (K) [s].
-        poses: Of the object at these times, shape (K, 7), as of `pose_to_row`.
+        poses: Poses of the object at these times, shape (K, 7), see `pose_to_row`.
         touching: Names of the bodies that touch it at the end; see `calc_metrics`.
     """
     final = row_to_pose(poses[-1])

@@ -219,7 +219,7 @@ def recorded_topics(cell: Diagram, scenario: Scenario) -> list[Topic]:
 
 
 def _motor_topics(robot: RobotArm, ports: Mapping[str, OutputPort]) -> list[Topic]:
-    """Return the topics of the motors of an arm's gripper, as far as it has the ports.
+    """Return the topics of the motors of an arm's gripper that have ports.
 
     The current [A] is what the servo's register shows; see `motor_load`.
     """
@@ -248,7 +248,7 @@ def _motor_topics(robot: RobotArm, ports: Mapping[str, OutputPort]) -> list[Topi
 
 
 def _arm_joints(scenario: Scenario, robot: RobotArm) -> list[Joint]:
-    """Return an arm's joints in the order of its state; none without an arm."""
+    """Return an arm's joints in the order of its state; empty without an arm."""
     if robot.arm is None:
         return []
     plant = MakeModelsPlant(scenario)
@@ -265,7 +265,7 @@ def _gripper_names(robot: RobotArm) -> tuple[tuple[str, ...], tuple[str, ...]]:
 
 
 def run_labels(name: str, scenario: Scenario) -> Labels:
-    """Return what a run's log does not say about its columns."""
+    """Return the labels of a run's columns, which its log lacks."""
     arms = [_arm_labels(scenario, robot) for robot in robot_arms(scenario)]
     title, pick = f"{name}, seed {scenario.random_seed}", scenario.task.pick
     if scenario.arms:

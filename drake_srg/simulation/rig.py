@@ -1,4 +1,4 @@
-"""A station by hand: benches, tables, drops.
+"""A station that a script commands directly: benches, tables, drops.
 
 For example::
 
@@ -216,7 +216,7 @@ class Rig:
         closure: Command | None = None,
         force_limit: Command | None = None,
     ) -> None:
-        """Simulate for a while; None keeps a command.
+        """Simulate for some time; None keeps a command.
 
         Args:
             duration: Time to simulate, rounded to whole periods [s].
@@ -440,7 +440,7 @@ class DropOutcome:
 
 
 def above_table(thing: ObjectConfig) -> Scenario:
-    """Return a scenario in which an object is let go just above a table.
+    """Return a scenario in which an object is released just above a table.
 
     The table brings objects to rest (see `tabletop`).
 
@@ -456,7 +456,7 @@ def above_table(thing: ObjectConfig) -> Scenario:
 
 
 def drop(thing: ObjectConfig) -> DropOutcome:
-    """Drop an object and watch it until it rests, for 3 s at most.
+    """Drop an object, and simulate until it rests, for at most 3 s.
 
     Args:
         thing: The object; it falls as it stands.

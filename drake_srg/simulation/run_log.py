@@ -76,7 +76,7 @@ def merged(forces: Sequence[Mapping[str, float]]) -> dict[str, float]:
 
 
 def _carriers(scenario: Scenario) -> tuple[str, str] | None:
-    """Return the grippers that carry one object together; None: no two do."""
+    """Return the two grippers that carry one object together, or None."""
     planner = scenario.planner
     if not isinstance(planner, CarryTogether):
         return None
@@ -126,7 +126,7 @@ class RunLog(SignalLog):
         self.touching: set[str] = set()
 
     def row(self, context: Context) -> dict[str, Any]:
-        """Return the values of all columns; those of the mode are for `arrays`."""
+        """Return the values of all columns except the mode's, which `arrays` adds."""
         row = super().row(context)
         row["mode"] = Mode.IDLE if self._mode is None else self._mode.Eval(context)
         for name, port in self._own_modes.items():
@@ -172,7 +172,7 @@ class RunLog(SignalLog):
 
     @property
     def clearing_moves(self) -> bool:
-        """Whether an object that is to be cleared still moves."""
+        """Whether an object to be cleared is still moving."""
         time = np.array([row["time"] for row in self._rows])
         return any(
             final_speed(time, np.array([row[name] for row in self._rows])) >= AT_REST

@@ -27,7 +27,7 @@ from drake_srg.simulation.metrics import Metrics, RunTimes, calc_metrics
 from drake_srg.simulation.recorders import AddRecorders
 from drake_srg.simulation.run_log import Samples
 from drake_srg.station import AddCell, MakeCell
-from drake_srg.station.perception import chooses
+from drake_srg.station.perception import needs_labels
 from drake_srg.station.sleeping import MakeAdvance
 from drake_srg.station.video_process import VideoProcess, can_render_apart
 from drake_srg.types import Failure, Mode, PlannerStatus, Vector, mode_words
@@ -41,7 +41,7 @@ _folder: ContextVar[Path | None] = ContextVar("folder", default=None)
 
 @contextlib.contextmanager
 def keep_first_replay(folder: Path | None) -> Iterator[None]:
-    """Have the first `Simulate` without `out` write its replay and log to a folder.
+    """Make the first `Simulate` without `out` write its replay and log to a folder.
 
     Args:
         folder: The folder; None: keep none.
@@ -53,7 +53,7 @@ def keep_first_replay(folder: Path | None) -> Iterator[None]:
         _folder.reset(token)
 
 
-def take_folder() -> Path | None:
+def take_replay_folder() -> Path | None:
     """Return the folder for this run's replay, and None from then on."""
     folder = _folder.get()
     _folder.set(None)
@@ -126,7 +126,7 @@ def Simulate(
         OSError: If `out` cannot be written.
     """
     recorded = record and out is not None
-    kept = take_folder() if out is None else None
+    kept = take_replay_folder() if out is None else None
     own = make_cell is not MakeCell
     built = scenario if own else _without_unused_cameras(scenario, recorded)
     with contextlib.ExitStack() as stack:
@@ -190,7 +190,7 @@ def failure_time(name: str, simulator: Simulator) -> Iterator[None]:
 
 
 def _without_unused_cameras(scenario: Scenario, recorded: bool) -> Scenario:
-    """Return the scenario with only those cameras that are used, to save time."""
+    """Return the scenario without unused cameras, to save time."""
     used = set(perception_cameras(scenario))
     servo = servo_of(scenario)
     if servo is not None:
@@ -203,14 +203,14 @@ def _without_unused_cameras(scenario: Scenario, recorded: bool) -> Scenario:
 
 
 def _needs_color(scenario: Scenario) -> bool:
-    """Return whether the planner of our own cell sees more than heights."""
-    return scenario.task.clear is None or chooses(scenario)
+    """Return whether the planner of our own cell needs colour images."""
+    return scenario.task.clear is None or needs_labels(scenario)
 
 
 def _warm_up(
     simulator: Simulator, cell: Diagram, scenario: Scenario, color: bool
 ) -> None:
-    """Let the cameras set themselves up, so that no run includes the time."""
+    """Render once, so that no run includes the cameras' setup time."""
     root = simulator.get_mutable_context()
     images = ["color_image", "depth_image"] if color else ["depth_image"]
     for camera in perception_cameras(scenario):

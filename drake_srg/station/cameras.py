@@ -46,7 +46,7 @@ def AddCameras(
 
 
 def MakeRemoteCameras(scenario: Scenario) -> Diagram:
-    """Build a diagram of a scenario's cameras that renders a plant simulated elsewhere.
+    """Build a diagram of cameras that render a plant simulated elsewhere.
 
     .. pydrake_system::
 

@@ -1,4 +1,4 @@
-"""The cell: a station with localizer and planner, which works autonomously."""
+"""The cell: a station with localizer and planner, which works on its own."""
 
 import copy
 import functools
@@ -43,7 +43,7 @@ from drake_srg.station.perception import (
     AddLocalizer,
     AddObstacleFinder,
     AddThingLabeler,
-    chooses,
+    needs_labels,
 )
 from drake_srg.station.planners import (
     MakeCarryPlanner,
@@ -191,7 +191,7 @@ def AddScenarioPlanner(
     station: Diagram,
     make_planner: Callable[[Scenario], System] | None = None,
 ) -> System:
-    """Add a scenario's planner and its perception, which sense what the station does.
+    """Add a scenario's planner and perception, which read the station's sensors.
 
     `ConnectCommands` makes the station do what the planner commands.
 
@@ -222,7 +222,7 @@ def load_make_cell(name: str) -> Callable[[Scenario], Diagram]:
         sys.path.insert(0, here)
     try:
         make_cell = getattr(importlib.import_module(module), function, None)
-    except Exception as error:  # whatever the user's module raises
+    except Exception as error:  # the user's module may raise anything
         words = f"{type(error).__name__}: {one_line(error)}"
         raise ScenarioError(f"--cell {name}: cannot be imported: {words}") from error
     if not callable(make_cell):
@@ -269,7 +269,7 @@ def AddClearingPlanner(
     """
     mapper = AddHeightMapper(builder, scenario, station)
     seen = labeled = mapper.GetOutputPort("height_map")
-    if chooses(scenario):
+    if needs_labels(scenario):
         labeled = AddThingLabeler(builder, scenario, station, seen)
     planner = builder.AddNamedSystem("planner", MakeClearingPlanner(scenario))
     destinations = AddDestinationMapper(builder, scenario, station)
@@ -356,7 +356,7 @@ def register_planner(config: type[PlannerConfig], add: AddPlanner) -> None:
 
 
 def _adder(config: PlannerConfig) -> AddPlanner:
-    """Return what adds the planner of a configuration, or of one that it derives from.
+    """Return the function that adds the planner of a configuration or its base class.
 
     Raises:
         ScenarioError: If there is none.
@@ -437,7 +437,7 @@ def ConnectSensors(
     planner: System,
     arms: Sequence[RobotArm] = _ONE_ARM,
 ) -> None:
-    """Connect a station's measurements to those inputs that a planner has for them.
+    """Connect a station's measurements to the planner's inputs for them.
 
     Args:
         builder: The cell's.

@@ -52,8 +52,8 @@ from drake_srg.station.perception import (
     bin_boxes,
     bin_floor,
     bin_key,
-    chooses,
     labels,
+    needs_labels,
     row_places,
 )
 from drake_srg.station.planners import MakeHand, own_scene
@@ -95,7 +95,7 @@ def MakeClearingPlanner(scenario: Scenario) -> ClearingPlanner:
     reach = _reach(scene, fingers, q_over, scenario)
     places = [motions.destination.middle for motions in into]
     q_aside = posture_aside(scene, q_over, places)
-    choosing = chooses(scenario)
+    choosing = needs_labels(scenario)
     kind = ChosenGrasps if choosing else HeightMapGrasps
     grasps = kind(fingers, table, reach=reach)
     if choosing:
@@ -125,7 +125,7 @@ def MakeClearingPlanner(scenario: Scenario) -> ClearingPlanner:
 
 
 def shares_of(scenario: Scenario) -> dict[str, tuple[Scenario, Frontier]]:
-    """Return what each of two arms has to do, and its side, by the arms' names.
+    """Return the share of work of each of two arms, and its side, by name.
 
     An arm's share is a scenario with this arm alone, the bin and the cameras on its
     side, and all objects.
@@ -272,7 +272,7 @@ def _MakeSharingPlanner(
 
 
 def MakeReach(scenario: Scenario) -> Reach:
-    """Return where a scenario's hand can point down with its tips on the table.
+    """Return the region in which a hand can point down with its tips on the table.
 
     Raises:
         ScenarioError: As `MakeClearingPlanner` does, or if the hand cannot in the
@@ -318,7 +318,7 @@ def _reach(
 def _motions(
     scene: PlanningScene, hand: Hand, scenario: Scenario
 ) -> list[ClearingMotions]:
-    """Return the motions to where each label belongs.
+    """Return the motions to the destination of each label.
 
     Raises:
         ScenarioError: If the arm does not reach over a bin or the row.
@@ -407,7 +407,7 @@ def _posture_over(
     Args:
         scene: The arm, and what stands around it.
         q_home: The arm's home, shape (N,) [rad].
-        p_WO: Where the palm must be, shape (3,) [m].
+        p_WO: Position of the palm, shape (3,) [m].
         *yaws: Directions in which the fingers may close, from the world's x [rad];
             later ones only where the arm cannot do any of the earlier ones.
 

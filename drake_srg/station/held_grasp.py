@@ -30,7 +30,7 @@ def read_grasp(station: Diagram, root: Context, name: str) -> HeldGrasp:
     Args:
         station: With the ports of `MakeStation`'s.
         root: Context of the diagram that is simulated.
-        name: Of the object's model; its first body is the object.
+        name: Name of the object's model; its first body is the object.
     """
     plant = station.GetSubsystemByName("plant")
     context = plant.GetMyContextFromRoot(root)

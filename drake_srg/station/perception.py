@@ -140,7 +140,7 @@ def camera_models(scenario: Scenario) -> dict[str, CameraModel]:
 
 
 def destination_camera_models(scenario: Scenario) -> dict[str, CameraModel]:
-    """Return the models of all cameras that see where loads go."""
+    """Return the models of all cameras that see the destinations of loads."""
     return _models(scenario, perception_cameras(scenario))
 
 
@@ -153,7 +153,7 @@ def _models(scenario: Scenario, names: Iterable[str]) -> dict[str, CameraModel]:
 
 
 def _surfaces(scenario: Scenario) -> list[Surface]:
-    """Return where obstacles may stand: around the objects' region and the goal."""
+    """Return the surfaces for obstacles: around the objects' region and the goal."""
     task, table = scenario.task, scenario.table
     low = np.maximum(np.array(task.region.min) - task.spacing, table.min)
     high = np.minimum(np.array(task.region.max) + task.spacing, table.max)
@@ -225,10 +225,10 @@ ROW = "row"  # in place of a bin's name
 
 @dc.dataclass(frozen=True)
 class Label:
-    """A label of things, and the bin that they belong into.
+    """A label of things, and their bin.
 
     Attributes:
-        name: Of an object, of a colour, or `all`.
+        name: Name of an object or a colour, or `all`.
         bin: Name of the bin's model, or `ROW`.
         named: Whether it is the name of an object.
     """
@@ -239,7 +239,7 @@ class Label:
 
 
 def labels(scenario: Scenario) -> tuple[Label, ...]:
-    """Return the labels of a scenario that clears its table, the strongest first.
+    """Return the labels of a scenario that clears its table, in order of priority.
 
     Names count before colours, and colours before `all`.
     """
@@ -254,7 +254,7 @@ def labels(scenario: Scenario) -> tuple[Label, ...]:
 
 
 def row_places(scenario: Scenario) -> dict[str, Vector]:
-    """Return where each object belongs in the row, on its support, (3,) [m]."""
+    """Return the place of each object in the row, on its support, (3,) [m]."""
     place, clear = scenario.task.place, scenario.task.clear
     if place.row is None or clear is None:
         return {}
@@ -267,13 +267,13 @@ def row_places(scenario: Scenario) -> dict[str, Vector]:
     }
 
 
-def chooses(scenario: Scenario) -> bool:
-    """Return whether some things stay, or not all go into the same bin."""
+def needs_labels(scenario: Scenario) -> bool:
+    """Return whether the planner must tell things apart: some stay, or bins differ."""
     return [label.name for label in labels(scenario)] != [ALL]
 
 
 def destinations(scenario: Scenario) -> dict[str, str | None]:
-    """Return the bin that each object belongs into, None for those that must stay.
+    """Return the bin of each object; None for objects that must stay.
 
     The colour of a model is that of its first visual geometry.
 
@@ -297,7 +297,7 @@ def _needs_color(scenario: Scenario) -> bool:
 
 
 def _color(name: str, config: ObjectConfig) -> str:
-    """Return the name of an object's colour; empty if the model does not tell it."""
+    """Return the name of an object's colour; empty if the model has no colour."""
     rgb = body_color(name, config)
     return "" if rgb is None else color_name(rgb)
 
@@ -308,7 +308,7 @@ def AddThingLabeler(
     station: Diagram,
     height_map: OutputPort,
 ) -> OutputPort:
-    """Add what labels a height map, and return the port of the labelled map.
+    """Add a labeler of height maps, and return the port of the labelled map.
 
     Raises:
         ScenarioError: If the localizer does not know an object that is picked by name.
@@ -391,7 +391,7 @@ def bin_key(scenario: Scenario, name: str) -> str:
 
 
 def foot_box(scenario: Scenario) -> tuple[Vector, Vector]:
-    """Return the least and greatest corner of what the arm stands on, (3,) [m]."""
+    """Return the least and greatest corner of the arm's stand, (3,) [m]."""
     return _fixed_box(Models.of(scenario), robot_arms(scenario)[0].arm_model)
 
 
@@ -475,7 +475,7 @@ def AddHeightMapper(
 def AddDestinationMapper(
     builder: DiagramBuilder, scenario: Scenario, station: Diagram
 ) -> HeightMapper:
-    """Add a height mapper of where loads go, connected to the station's cameras."""
+    """Add a height mapper of the loads' destinations, connected to the cameras."""
     places = clearing_destinations(scenario)
     low = np.min([place.low for place in places], axis=0) - BESIDE
     high = np.max([place.high for place in places], axis=0) + BESIDE
@@ -494,7 +494,7 @@ def AddDestinationMapper(
 
 
 def destination_map_limits(scenario: Scenario) -> tuple[float, bool]:
-    """Return `thing` [m] and `over_edge` of the map of where loads go.
+    """Return `thing` [m] and `over_edge` of the map of the loads' destinations.
 
     With them, an arm beside a bin hides nothing inside: what reaches over the map's
     edge that high is the arm at the next thing.

@@ -152,7 +152,7 @@ def register_gripper(
 def MakeHand(
     scenario: Scenario, plant: MultibodyPlant, arm: RobotArm | None = None
 ) -> Hand:
-    """Make what the planner knows of a scenario's gripper.
+    """Make the planner's model of a scenario's gripper.
 
     Args:
         scenario: With a gripper.
@@ -251,7 +251,7 @@ def MakeInsertionPlanner(scenario: Scenario) -> InsertionPlanner:
 
 
 def pick_task(scenario: Scenario) -> PickTask:
-    """Return what a scenario's planner takes, and where it puts it."""
+    """Return the object that a scenario's planner takes, and its goal."""
     name, place = scenario.task.pick, scenario.task.place
     config = scenario.objects[name]
     shape = planned_solid(name, config)
@@ -362,7 +362,7 @@ def _planning_scene(
 
 
 def MakeHandoverPlanner(scenario: Scenario) -> HandoverPlanner:
-    """Make the planner that hands the object of a scenario's task over.
+    """Make the planner of two arms that hand over the object of a scenario's task.
 
     Raises:
         ScenarioError: If the object is no cylinder.

@@ -1,4 +1,4 @@
-"""A scenario's plant: its objects, what is checked before, and what hides them.
+"""A scenario's plant: objects, the cards that hide them, and checks beforehand.
 
 Drake refuses some of them in the first step, logs a warning for some, and silently
 ignores others. This module reports all of them before the plant is built.
@@ -86,7 +86,7 @@ class Drops:
         Args:
             name: The object's name, for error messages.
             config: The object, with `drop`.
-            X_WO: Its pose, of which the height does not count [m].
+            X_WO: Its pose [m]; the height does not count.
 
         Raises:
             ScenarioError: If its model cannot be read.
@@ -117,7 +117,7 @@ _GREY = [0.35, 0.35, 0.35, 1.0]
 
 
 def AddCard(plant: MultibodyPlant, scenario: Scenario, name: str, p_WO: Vector) -> None:
-    """Hang up a card that hides part of an object, before the plant is finalized.
+    """Add a card that hides part of an object, before the plant is finalized.
 
     The card can be seen, not touched.
 
@@ -203,7 +203,7 @@ def check_constraints(scenario: Scenario) -> None:
 
 
 def _refused(element: str, scenario: Scenario) -> str:
-    """Return why the solver refuses an element and what is allowed, else empty text."""
+    """Return why the solver refuses an element, with the alternatives, or ""."""
     if is_continuous(scenario):
         discrete = f"plant_config.time_step greater than 0.0 with {_SAP}"
         if element.endswith("tendon_constraint"):
@@ -220,7 +220,7 @@ def _refused(element: str, scenario: Scenario) -> str:
 
 
 def _ignored(suffix: str, text: str) -> Iterator[tuple[str, str]]:
-    """Yield elements that Drake silently ignores, and what is allowed instead."""
+    """Yield elements that Drake silently ignores, with the alternatives."""
     why = "which Drake ignores (allowed: {})"
     if suffix == ".urdf" and _count("drake:mimic", text):
         yield "drake:mimic", why.format("<mimic>")
@@ -285,10 +285,10 @@ _LID = "package://drake_srg/sdf/lid.sdf"
 _CATCH_DEPTH, _CATCH_SIDE = 5.0, 10_000.0
 
 
-def AddCatch(plant: MultibodyPlant, scenario: Scenario) -> None:
-    """Add a floor that nobody sees, far below, to a plant that is not finalized.
+def AddCatchFloor(plant: MultibodyPlant, scenario: Scenario) -> None:
+    """Add an invisible floor far below, before the plant is finalized.
 
-    What leaves the cell would otherwise fall for ever, out of all numbers' range.
+    Objects that leave the cell would otherwise fall for ever, until numbers overflow.
     """
     properties = ProximityProperties()
     # Soft and damped: an object that arrives at 10 m/s rebounds at 1 cm/s at
@@ -330,7 +330,7 @@ def AddPlant(
     AddDirectives(plant, scenario)
     AddObjects(plant, scenario)
     if catch:
-        AddCatch(plant, scenario)
+        AddCatchFloor(plant, scenario)
     robots = robot_arms(scenario)
     for robot in robots:
         _check_models(plant, robot)
@@ -354,7 +354,7 @@ def AddPlant(
 
 
 def _check_models(plant: MultibodyPlant, robot: RobotArm) -> None:
-    """Check that one of several arms has its models.
+    """Check that the models of each of several arms exist.
 
     Raises:
         ScenarioError: If it lacks one.
@@ -370,7 +370,7 @@ def _check_models(plant: MultibodyPlant, robot: RobotArm) -> None:
 
 
 def check_driven(plant: MultibodyPlant, scenario: Scenario) -> None:
-    """Check that something drives every model with motors: it would go limp.
+    """Check that every model with motors has a driver: it would go limp.
 
     Raises:
         ScenarioError: If nothing does.

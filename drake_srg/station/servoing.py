@@ -61,7 +61,7 @@ class CameraMount:
 
         Args:
             scenario: With a visual servo.
-            plant: Of the scenario's models.
+            plant: Plant of the scenario's models.
 
         Raises:
             ScenarioError: If the camera is not fixed to the hand.
@@ -115,7 +115,7 @@ def silhouette_at(
     grasp: Grasp,
     X_CO: RigidTransform,
 ) -> FeatureSighting:
-    """Return what the tracker finds in an image of the object at a pose."""
+    """Return the tracker's result for an image of the object at a pose."""
     servo = servo_of(scenario)
     assert servo is not None
     thing = scenario.objects[target.name]
@@ -246,7 +246,7 @@ def MakeServoingPlanner(scenario: Scenario) -> Diagram:
 
 
 def MakeServoTaskPlanner(scenario: Scenario) -> ServoingPlanner:
-    """Make the planner of a scenario with a visual servo, whose servo is elsewhere."""
+    """Make the planner of a scenario with a visual servo, but not the servo."""
     config = scenario.planner
     assert isinstance(config, Servoing)
     return ServoingPlanner(MakeTaskPlanner(scenario), pick_task(scenario), config)
@@ -255,7 +255,7 @@ def MakeServoTaskPlanner(scenario: Scenario) -> ServoingPlanner:
 def ConnectHandCamera(
     builder: DiagramBuilder, station: Diagram, planner: System
 ) -> None:
-    """Connect the images of a station to those inputs that a planner has for them."""
+    """Connect a station's images to the planner's inputs for them."""
     for name, port in output_ports(station).items():
         target = name.removeprefix("camera_")
         if target != name and planner.HasInputPort(target):
@@ -264,7 +264,7 @@ def ConnectHandCamera(
 
 @dc.dataclass(frozen=True)
 class _Goal:
-    """The object in the hand that has reached it."""
+    """The goal of a servo: the object between the fingers."""
 
     plant: MultibodyPlant  # of the scenario's models
     mount: CameraMount
@@ -327,7 +327,7 @@ def MakeTracker(scenario: Scenario) -> Tracker:
 
 
 def _grasp(scenario: Scenario, plant: MultibodyPlant) -> Grasp:
-    """Return the one way in which the hand may take the object."""
+    """Return the only grasp of the object that the hand may use."""
     name = scenario.task.pick
     shape = object_shape(name, scenario.objects[name])
     grasps = MakeHand(scenario, plant).grasps(shape, RigidTransform())

@@ -1,4 +1,4 @@
-"""Objects that sleep: resting ones that nothing comes near.
+"""Puts objects to sleep that rest while nothing is near them.
 
 A sleeping object is locked in its place (`RigidBody.Lock`), and its contact with what
 rests as well is left out. Both are parameters of plant and scene graph, which no system
@@ -50,13 +50,13 @@ _ROUNDING = 1e-9  # s; times this close are equal
 
 @dc.dataclass(frozen=True)
 class _Filter(Shared):  # Drake's ids cannot be deep-copied
-    """The collision filter between what rests, if there is one."""
+    """The collision filter between resting bodies, if there is one."""
 
     id: FilterId | None = None
 
 
 class SleepMonitor(LeafSystem):
-    """Tells which objects sleep.
+    """Decides which objects sleep.
 
     .. pydrake_system::
 
@@ -83,7 +83,7 @@ class SleepMonitor(LeafSystem):
 
     Args:
         plant: The finalized plant.
-        inspector: Of the plant's geometry.
+        inspector: Inspector of the plant's geometry.
         objects: The bodies of the objects that may sleep, by name.
         config: Times, speed and margin.
     """
@@ -179,7 +179,7 @@ class SleepMonitor(LeafSystem):
         return moving + turning * self._radii
 
     def _near(self, context: Context) -> _Mask:
-        """Return which objects (rows) each body (columns) is near to."""
+        """Return whether each object (row) is near each body (column)."""
         poses = self.GetInputPort("body_poses").Eval(context)
         R = np.array([poses[i].rotation().matrix() for i in self._bodies])
         p = np.array([poses[i].translation() for i in self._bodies])
@@ -251,7 +251,7 @@ def MakeAdvance(simulator: Simulator, system: Diagram, scenario: Scenario) -> Ad
     """Return a function that advances to a time [s], like `simulator.AdvanceTo`.
 
     Args:
-        simulator: Of a diagram with `system` in it.
+        simulator: Simulator of a diagram that contains `system`.
         system: A station, or a diagram with a subsystem `station`.
         scenario: The scenario that they were made from.
 
@@ -316,7 +316,7 @@ class _Sleepers:
         ]
 
     def update(self) -> None:
-        """Lock and unlock as the monitor says."""
+        """Lock and unlock objects as the monitor decides."""
         asleep: frozenset[str] = self._output.Eval(self._monitor_context)
         locked = {
             name

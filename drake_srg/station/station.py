@@ -253,7 +253,7 @@ def _AddSafety(
     robot: RobotArm,
     safety: SafetyConfig,
 ) -> SafetyMonitor:
-    """Add the system that stands between the commands and the arm's driver."""
+    """Add the safety monitor between the commands and the arm's driver."""
     config, prefix = robot.arm, robot.arm_model
     assert config is not None
     monitor = AddSafetyMonitor(

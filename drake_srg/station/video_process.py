@@ -132,7 +132,7 @@ class VideoProcess:
         """Wait until the video is complete, and return its number of frames.
 
         Args:
-            verdict: With what it ends, see `VideoFile.hold`.
+            verdict: Verdict on the last frame, see `VideoFile.hold`.
 
         Returns:
             0 if the process could not make it; `tell` was called with the reason.
@@ -169,7 +169,7 @@ class VideoProcess:
         return False
 
     def _end(self) -> str:
-        """Return how the process ended without an answer, in words."""
+        """Describe how the process ended without an answer."""
         code = self._process.wait()
         if self._hung:
             return f"hung (no sign of life for {self._patience:g} s)"
@@ -195,7 +195,7 @@ class RemoteVideoRecorder(CaptionedRecorder):
         path: The .mp4 file.
         state_size: Size of the plant's state.
         frame_rate: Images per simulated second [Hz].
-        view: Where the camera sees objects; None: no names.
+        view: Projection that places objects' names; None: no names.
 
     Raises:
         OSError: If the file cannot be written.
@@ -232,7 +232,7 @@ class RemoteVideoRecorder(CaptionedRecorder):
 
 
 def main() -> None:
-    """Render what arrives on standard input until it ends."""
+    """Render the frames that arrive on standard input until it ends."""
     lower_priority()
     answers = os.fdopen(os.dup(1), "wb")
     os.dup2(2, 1)  # whatever libraries print

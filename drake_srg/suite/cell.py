@@ -1,4 +1,4 @@
-"""A cell whose robot takes its commands from outside, beside the planner's own."""
+"""A cell whose robot is commanded from outside while a planner proposes commands."""
 
 from __future__ import annotations
 

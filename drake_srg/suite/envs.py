@@ -97,7 +97,7 @@ class ProprioceptionEnv(gymnasium.Env[Array, Array]):
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
     ) -> tuple[Array, dict[str, Any]]:
-        """Begin an episode of the scenario's seed; without one, it is drawn."""
+        """Begin an episode of the scenario's seed, which is drawn by default."""
         super().reset(seed=seed)
         if seed is None:
             seed = int(self.np_random.integers(VALIDATION))
@@ -161,7 +161,7 @@ class ProprioceptionEnv(gymnasium.Env[Array, Array]):
         self.suite.close()
 
     def _kick(self) -> Array | float:
-        """Return the disturbance of a step; a share of each joint's fastest motion."""
+        """Return the disturbance of a step, as a share of each joint's top speed."""
         disturbed = self._disturbed and self.noise > 0.0
         if not disturbed or self.np_random.random() >= _KICKED:
             return 0.0
@@ -184,7 +184,7 @@ class ProprioceptionEnv(gymnasium.Env[Array, Array]):
 
 
 class StateEnv(ProprioceptionEnv):
-    """The same with the true place of the object that the task picks.
+    """A task of the suite in flat vectors, with the true place of the picked object.
 
     An observation ends with 9 K + 3 more entries for K hands: for each hand, in its
     palm's frame, the object's position [0.5 m] and x and z axes; and then the vector

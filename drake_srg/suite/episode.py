@@ -1,4 +1,4 @@
-"""An episode of a task: its simulation, and what is true in it."""
+"""An episode of a task: its simulation, and the ground truth."""
 
 from __future__ import annotations
 
@@ -53,13 +53,13 @@ class EpisodeError(Exception):
 
 
 def reading_times(tick: int, periods: Iterable[float]) -> Vector:
-    """Return when arms' drivers read their commands within a period of actions [s].
+    """Return the times within an action period at which drivers read commands [s].
 
     The command must move between any two readings, or the driver gets a wrong speed.
 
     Args:
         tick: Number of the period of actions.
-        periods: Of the drivers [s].
+        periods: Periods of the drivers [s].
     """
     times = []
     for period in periods:
@@ -84,7 +84,7 @@ class Episode:
     Args:
         task_goal: `lift`, `place` or `clear`; see `Task`.
         scenario: Drawn, with the cameras that are needed.
-        name: Of the task, for error messages.
+        name: Name of the task, for error messages.
         expert: The `Task.expert` that proposes actions; None: none does.
 
     Raises:
@@ -217,7 +217,7 @@ class Episode:
     # What is true.
 
     def succeeds(self) -> bool:
-        """Return whether the goal is reached, and has been for half a second.
+        """Return whether the goal has been reached for half a second.
 
         For `place` and `clear`, that the object rests at the end of this time counts.
         """
@@ -288,7 +288,7 @@ class Episode:
 
     @property
     def status(self) -> PlannerStatus:
-        """What the expert believes."""
+        """The expert's own status report."""
         status: PlannerStatus = self.measured("planner.status")
         return status
 

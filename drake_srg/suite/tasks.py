@@ -26,11 +26,11 @@ class Task(Config):
     Attributes:
         scenario: Name of the scenario that it varies.
         set: Its changes to the scenario, `KEY=VALUE` each, as for `--set`.
-        goal: What counts as success: `lift`, the picked object is 5 cm higher than at
+        goal: Condition of success: `lift`, the picked object is 5 cm higher than at
             the start; `place`, it rests on its goal; `clear`, all objects rest in their
             bins or at their places in the row.
         wordings: The task in plain words, three times.
-        varied: What differs between episodes.
+        varied: Differences between episodes, in words.
         seconds: Longest episode [s].
         expert: `planner`, the scenario's own, or `touch`, the rule that searches by
             touch.
@@ -48,7 +48,7 @@ class Task(Config):
 
     @property
     def picks(self) -> bool:
-        """Whether one object is picked, and not all of them."""
+        """Whether one object is picked, rather than all."""
         return self.goal != "clear"
 
 
@@ -69,7 +69,7 @@ def find_tasks(names: str | Iterable[str]) -> list[str]:
         names: Names, or one text with names between commas; `all` is all of them.
 
     Raises:
-        ScenarioError: If one is unknown, twice there, or there is none.
+        ScenarioError: If a name is unknown or repeated, or there are no names.
     """
     parts = names.split(",") if isinstance(names, str) else list(names)
     found = [name.strip() for name in parts if name.strip()]

@@ -46,7 +46,7 @@ class Engine(Protocol):
 
     Attributes:
         name: Its name for `--engine`.
-        jobs: How many functions run at a time; None: it varies.
+        jobs: Number of functions that run at a time; None: it varies.
         deaths: Exceptions of a future whose worker has died.
         shares_files: Whether this process can read the files that functions write.
     """
@@ -72,7 +72,7 @@ class Engine(Protocol):
         """Stop all running functions at once."""
 
     def slots(self) -> int:
-        """Return how many functions run at a time."""
+        """Return the number of functions that run at a time."""
 
     def submit(self, function: Callable[..., T], *arguments: Any) -> Future[T]:
         """Run a function of a module; at most `slots` at a time."""
@@ -201,7 +201,7 @@ def _in_main_thread() -> bool:
 
 
 def _begin_worker(parent: int) -> None:
-    """Prepare a worker, and end it when its parent has gone: nothing else would."""
+    """Prepare a worker, and end it when its parent has died, as nothing else would."""
     # A worker that replaces a dead one does not inherit this.
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     signal.signal(signal.SIGHUP, signal.SIG_IGN)
@@ -281,7 +281,7 @@ class RayEngine:
             ) from error
 
     def _check_versions(self) -> None:
-        """Fail before the first trial if it could not run."""
+        """Fail before the first trial if trials could not run."""
         try:
             self.submit(os.getpid).result()
         except self._ray.exceptions.RayError as error:
@@ -314,7 +314,7 @@ class RayEngine:
 
 
 def _reach(address: str) -> None:
-    """Raise an OSError if nothing listens there; Ray would wait for a long time."""
+    """Raise an OSError if nothing listens at an address; Ray would wait for long."""
     _, _, place = address.rpartition("://")
     host, colon, port = place.partition(":")
     if colon and port.isdigit():

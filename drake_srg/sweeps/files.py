@@ -1,7 +1,8 @@
 """Writes files and folders that appear under their names only when complete.
 
-Power may fail at any time: whatever has its name is on the disk. Until then the name
-ends in `.partial`; the next process to use the folder removes such leftovers.
+Power may fail at any time: a file under its final name is complete on the disk. Until
+then the name ends in `.partial`; the next process to use the folder removes such
+leftovers.
 """
 
 from __future__ import annotations

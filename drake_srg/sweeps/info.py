@@ -1,4 +1,4 @@
-"""The identity of a sweep: its sweep.json, and a hash of what a trial depends on.
+"""The identity of a sweep: sweep.json, and a hash of all inputs of a trial.
 
 The package's version does not identify them: it changes with a release, not a commit.
 """
@@ -64,7 +64,7 @@ def hash_files(folders: Mapping[str, Path], left_out: tuple[str, ...] = ()) -> s
     """Return a short hash of the names and contents of files of code and models.
 
     Args:
-        folders: Where to look for files; each key is put before the names of its files.
+        folders: Folders with the files; each key precedes the names of its files.
             Of equal names, the later one counts.
         left_out: Starts of names that do not count.
 
@@ -152,7 +152,7 @@ def hash_model_files(tree: Mapping[str, Any]) -> dict[str, str]:
     """Return a short hash of each model of the user's own that a scenario names.
 
     Args:
-        tree: Of the scenario, before drawing values.
+        tree: Tree of the scenario, before values are drawn.
 
     Returns:
         The hashes by path or URL, as in the scenario. What a model names (meshes,
@@ -186,7 +186,7 @@ def current_versions() -> dict[str, str]:
 
 
 def _processor() -> str:
-    """Return the processor's name from Linux; Python itself only knows its kind."""
+    """Return the processor's name from Linux; Python knows only its architecture."""
     try:
         lines = Path("/proc/cpuinfo").read_text(encoding="utf-8").splitlines()
     except OSError:

@@ -67,7 +67,7 @@ _ROW_FILE = re.compile(r"[0-9]{6,}\.parquet")  # see `row_path`
 
 
 class BrokenRowsError(ScenarioError):
-    """A file that does not contain the rows that it should contain.
+    """Raised for a file without the rows that it should contain.
 
     Attributes:
         problem: The message without advice.
@@ -108,7 +108,7 @@ def all_rows_path(folder: Path) -> Path:
 
 
 def row_paths(folder: Path) -> list[Path]:
-    """Return the files that contain rows, the file of all rows first.
+    """Return the files with rows, the file of all rows first.
 
     Raises:
         ScenarioError: If a folder cannot be read.
@@ -122,7 +122,7 @@ def row_paths(folder: Path) -> list[Path]:
 
 
 def _names(folder: Path) -> list[str]:
-    """Return the names in a folder; `Path.glob` takes an unreadable one for empty."""
+    """Return the names in a folder; `Path.glob` treats an unreadable one as empty."""
     try:
         return [path.name for path in folder.iterdir()]
     except FileNotFoundError:

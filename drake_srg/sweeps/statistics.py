@@ -21,7 +21,7 @@ LARGEST_EXACT = 10_000
 def wilson_interval(
     successes: int, trials: int, confidence: float = 0.95
 ) -> tuple[float, float]:
-    """Return the bounds of a success probability, given the observed successes.
+    """Return the bounds of a success probability, given observed successes.
 
     E. B. Wilson, J. Am. Stat. Assoc. 22:209, 1927: the probabilities p from which the
     observed share is at most z standard deviations √(p (1 - p) / n) away.

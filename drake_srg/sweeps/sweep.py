@@ -285,14 +285,14 @@ def dispatch(
 
 
 def _words(error: OSError) -> str:
-    """Return in one line what went wrong, and with which file."""
+    """Return an error in one line, with its file."""
     if error.strerror is None:
         return one_line(error)
     return f"{error.filename}: {error.strerror}" if error.filename else error.strerror
 
 
 def _cause(error: Exception) -> Exception:
-    """Return a worker's own exception, which Ray wraps."""
+    """Return a worker's own exception, unwrapped from Ray's."""
     inner: Any = getattr(error, "cause", None)
     return inner if isinstance(inner, Exception) else error
 
@@ -320,7 +320,7 @@ def run_missing_trials(
         resume: Whether `out` may already contain trials of this sweep.
         progress: Whether to show progress on standard error.
         tell: Receives warnings, one line each.
-        noun: What the trials are called in the progress.
+        noun: Word for the trials in the progress line.
 
     Returns:
         All rows, a pyarrow.Table.
@@ -381,7 +381,7 @@ def run_sweep(
         engine: Runs the trials; entered here.
         seed: Seed of trial 0; None: the scenario's `random_seed`.
         overrides: `KEY=VALUE` each; see `load_scenario`.
-        record: Which trials keep a recording: `none`, `failures` or `all`.
+        record: Trials that keep a recording: `none`, `failures` or `all`.
         resume: Whether `out` may already contain trials of this sweep.
         progress: Whether to show progress on standard error.
         tell: Receives warnings, one line each.
@@ -449,7 +449,7 @@ def check_scenario(
         tree: The scenario, from `load_tree`.
         scenario: Its name or path.
         seed: Seed of trial 0; None: the scenario's `random_seed`.
-        record: Which trials keep a recording.
+        record: Trials that keep a recording.
         cell: See `run_sweep`.
 
     Raises:

@@ -49,7 +49,7 @@ def run_trial(
     record: str = "none",
     simulate: Callable[..., Result] | None = None,
 ) -> TrialResult:
-    """Run a trial and judge it; an error in it is an outcome, too.
+    """Run a trial and judge it; an error during the trial counts as an outcome.
 
     Args:
         tree: The scenario, from `load_tree`.
@@ -110,7 +110,7 @@ def empty_row(seed: int, trial: int, message: str) -> dict[str, Any]:
     Args:
         seed: Seed of the sweep.
         trial: Number of the trial.
-        message: What went wrong, in one line.
+        message: The error, in one line.
     """
     return {
         "trial": trial,
@@ -178,7 +178,7 @@ def _outcome(result: Result) -> dict[str, Any]:
 
 
 def _different(row: Mapping[str, Any], again: Mapping[str, Any]) -> str:
-    """Return a warning if a trial did not repeat itself when it was recorded."""
+    """Return a warning if a trial had another outcome when it was recorded."""
     changed = [n for n in row if n not in TIMING_COLUMNS and row[n] != again[n]]
     if not changed:
         return ""

@@ -1,4 +1,4 @@
-"""Methods of the two theses, to compare with."""
+"""Methods of the two theses, for comparison."""
 
 from drake_srg.face import face
 

@@ -1,4 +1,4 @@
-"""The five-axis arm's thesis's own localizer: a colour, a depth and two formulas.
+"""The localizer of the five-axis arm's thesis: a colour, a depth and two formulas.
 
 It is here to be compared with `BlobLocalizer`, not to be used.
 """
@@ -27,7 +27,7 @@ DEPTH_OFFSET = 0.01  # added to the depth of the blob's middle [m]
 
 @dc.dataclass(kw_only=True)
 class ThesisBlobConfig(Config):
-    """Options of the thesis's localizer; the rest is as printed."""
+    """Options of the thesis's localizer; all else is as printed."""
 
     # Time between images until the blob has been sent [s].
     period: float = dc.field(default=0.05, metadata=positive())
@@ -111,7 +111,7 @@ class ThesisBlobLocalizer(LeafSystem):
         return EventStatus.Succeeded()
 
     def locate(self, context: Context) -> Blob | None:
-        """Return the blob in the present images, sent or not; None without one."""
+        """Return the blob in the present images, sent or not; None if there is none."""
         color: Any = self._color.Eval(context).data
         depth: Any = self._depth.Eval(context).data[..., 0]
         center = first_blob(color)
@@ -130,7 +130,7 @@ class ThesisBlobLocalizer(LeafSystem):
 
 
 def first_blob(image: npt.NDArray[np.uint8]) -> tuple[float, float] | None:
-    """Return the middle of the first blob of the colour; None if there is none.
+    """Return the middle of the first blob of the colour, or None.
 
     CoppeliaSim's images begin at the lower left, row by row, so the first blob is the
     one whose lowest row is lowest.

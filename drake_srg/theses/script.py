@@ -107,7 +107,7 @@ class Script(PlannerConfig):
 
 
 class ScriptedPlanner(LeafSystem):
-    """Plays a script without looking at the outcome.
+    """Plays a script, regardless of the outcome.
 
     .. pydrake_system::
 
@@ -129,7 +129,7 @@ class ScriptedPlanner(LeafSystem):
     contains only the mode.
 
     Args:
-        home: Where the arm is at first, shape (N,) [rad or m].
+        home: First position of the arm, shape (N,) [rad or m].
         script: The steps, at least one.
         jumps: Whether `position_commanded` also changes as soon as a step begins. It
             then needs a system that turns these jumps into motion.
@@ -190,7 +190,7 @@ class ScriptedPlanner(LeafSystem):
         )
 
     def _step(self, context: Context) -> int:
-        """Return the index of the step under way, or that after the last."""
+        """Return the index of the present step, or one past the last."""
         # Times of updates are rounded multiples of a period. One that is rounded down
         # still belongs to the step that begins there.
         return bisect.bisect_right(self._ends, context.get_time() + 1e-9)

@@ -183,11 +183,11 @@ class TaughtMode(PlannerMode[TaughtMemory, Senses]):
     """A mode that moves the arm or waits, and commands the fingers.
 
     Attributes:
-        commands: What it commands the fingers as it begins, 0 open .. 1 closed; None:
+        commands: Closure that it commands as it begins, 0 open .. 1 closed; None:
             as before.
         planner: Plans the motions.
         config: Waits and limits.
-        name: Of the blob to take.
+        name: Name of the blob to take.
     """
 
     commands: ClassVar[float | None] = None
@@ -198,7 +198,7 @@ class TaughtMode(PlannerMode[TaughtMemory, Senses]):
         self.name = name
 
     def trajectory(self, memory: TaughtMemory) -> Trajectory | None:
-        """Return the planned motion of the mode, None where the arm rests."""
+        """Return the planned motion of the mode; None if the arm rests."""
         return memory.motions.get(self.mode)
 
     def enter(self, memory: TaughtMemory, entry: Entry) -> TaughtMemory:
@@ -209,13 +209,13 @@ class TaughtMode(PlannerMode[TaughtMemory, Senses]):
         return super().enter(memory, entry)
 
     def update(self, memory: TaughtMemory, now: Now) -> TaughtMemory:
-        """Notice since when both fingers have sensed something."""
+        """Record since when both fingers have sensed contact."""
         since = min(memory.gripped_since, now.time)
         memory.gripped_since = since if now.senses.gripped else np.inf
         return memory
 
     def final_failure(self, memory: TaughtMemory, time: float) -> Failure | None:
-        """Return that the time is up, if it is."""
+        """Return the failure once the time budget is used up."""
         over = time - memory.report.localized_at > self.config.time_budget
         return Failure.TIME_BUDGET if over else None
 
@@ -254,7 +254,7 @@ class Idle(TaughtMode):
         return memory
 
     def _look(self, memory: TaughtMemory, now: Now) -> Vector | None:
-        """Return where the tip must grasp (3,) [m]; None if there is no blob."""
+        """Return the tip's position for the grasp (3,) [m]; None if no blob is seen."""
         seen = tuple(now.senses.see())
         report = dc.replace(memory.report, looks=memory.report.looks + 1, blobs=seen)
         memory.report = report
@@ -267,7 +267,7 @@ class Idle(TaughtMode):
         return blob.position
 
     def observe(self, memory: TaughtMemory, now: Now) -> Observation:
-        """Report motions, or why there are none, once planning has taken its time."""
+        """Report motions, or why there are none, once the planning latency is over."""
         late = now.time > self.config.search_time
         unseen = Failure.NOT_SEEN if late and not memory.motions else None
         return Observation(
@@ -288,7 +288,7 @@ class Grasp(TaughtMode):
     mode = Mode.GRASP
 
     def enter(self, memory: TaughtMemory, entry: Entry) -> TaughtMemory:
-        """Count the attempt, and go."""
+        """Count the attempt, and move."""
         memory.report = dc.replace(memory.report, attempts=1)
         return super().enter(memory, entry)
 
@@ -324,7 +324,7 @@ class Home(TaughtMode):
 
     @property
     def wait(self) -> float:
-        """Time at home, including that for the fingers to close [s]."""
+        """Time at home, including the time for the fingers to close [s]."""
         return self.config.home_wait + self.config.close_at_home
 
     def update(self, memory: TaughtMemory, now: Now) -> TaughtMemory:
@@ -359,7 +359,7 @@ class Failed(End):
     mode = Mode.FAILED
 
     def enter(self, memory: TaughtMemory, entry: Entry) -> TaughtMemory:
-        """Remember why."""
+        """Record the failure."""
         observed = entry.observation.failure if entry.observation else None
         failure = memory.report.failure or observed
         memory.report = dc.replace(memory.report, failure=failure)
@@ -421,7 +421,7 @@ class TaughtPlanner(PlannerMachine[TaughtMemory, Senses]):
         self._grasped = self.DeclareVectorInputPort(name="grasped", size=1)
 
     def sense(self, context: Context) -> Senses:
-        """Return the measurements; the camera is asked only while the planner looks."""
+        """Return the measurements; the camera is read only while the planner looks."""
         return Senses(
             q=self._arm.Eval(context)[: self._n],
             gripped=bool(self._grasped.Eval(context)[0]),

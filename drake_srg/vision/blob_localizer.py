@@ -155,7 +155,7 @@ class BlobLocalizer(LeafSystem):
         self,
         images: Mapping[str, tuple[npt.NDArray[Any], npt.NDArray[Any], RigidTransform]],
     ) -> list[Blob]:
-        """Return the blobs in images, as the output `blobs` has them.
+        """Return the blobs in images, as in the output `blobs`.
 
         Args:
             images: Colour, depth and X_WB of each camera; see `localize`.
@@ -306,7 +306,7 @@ def _distinct(blobs: list[Blob], shape: Solid) -> list[Blob]:
 
 
 def _doubt_worse_fits(blobs: list[Blob]) -> list[Blob]:
-    """Return the blobs, UNCERTAIN if another one is clearly more like the target."""
+    """Return the blobs; those that fit clearly worse than another are UNCERTAIN."""
     least = min((blob.misfit for blob in blobs if blob.certain), default=0.0)
     return [
         blob

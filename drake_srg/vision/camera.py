@@ -47,7 +47,7 @@ class CameraModel:
 
     @classmethod
     def from_config(cls, config: CameraConfig) -> "CameraModel":
-        """Return the model of the camera that Drake makes of a config."""
+        """Return the model of the camera that Drake builds from a config."""
         return cls._from_render_cameras(*config.MakeCameras())
 
     @classmethod

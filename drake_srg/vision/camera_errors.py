@@ -164,7 +164,7 @@ class CameraErrors(LeafSystem):
         output.set_value(self._input(context, "body_pose_in_world") @ self._X_BE)
 
     def _slant(self, depth: npt.NDArray[np.float32]) -> Vector:
-        """Return the tangent of the angle at which each pixel's surface slants."""
+        """Return the tangent of the slant of each pixel's surface."""
         finite = np.where(np.isfinite(depth), depth, 0.0)
         step = cv2.morphologyEx(finite, cv2.MORPH_GRADIENT, np.ones((3, 3), np.uint8))
         # The step spans two pixels, each of which is depth / focal wide.

@@ -159,7 +159,7 @@ class _Region:
         return np.asarray(self.labels[window] == self.number)
 
     def around(self, margin: int) -> tuple[slice, slice]:
-        """Return a window that is larger on each side, within the image [pixels]."""
+        """Return the window, enlarged on each side within the image [pixels]."""
         rows, columns = (
             slice(max(0, s.start - margin), min(size, s.stop + margin))
             for s, size in zip(self.window, self.labels.shape, strict=True)
@@ -177,7 +177,7 @@ class _Edge:
         usable: Pixels of the region that have depth.
         rim: The region and the pixels of its own edge.
         beside: Pixels beside the rim.
-        behind: Those of them that lie behind the region.
+        behind: Pixels beside the rim that lie behind the region.
         behind_share: Their share of all pixels beside the rim.
         level_share: Share of the pixels beside the rim that lie level with the region.
         cut: Whether the region reaches the image's border.
@@ -200,11 +200,11 @@ class _Edge:
     pixel: float
 
     def sets_off(self) -> bool:
-        """Return whether depth sets the region off from its surroundings."""
+        """Return whether a step in depth separates the region from its surroundings."""
         return self.behind_share >= _LEAST_BEHIND and self.level_share <= _MOST_LEVEL
 
     def is_too_small(self, picture: Picture, shape: Solid) -> bool:
-        """Return whether the region is a whole thing and still too small for a shape.
+        """Return whether the region is fully visible but too small for a shape.
 
         The pixels beside the thing must show the ground or something far behind it.
         Other parts of the same thing, in another colour, would be nearer. Convex pieces

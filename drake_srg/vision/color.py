@@ -1,4 +1,4 @@
-"""Colours that belong to a target, and their names."""
+"""Colour ranges of targets, and names of colours."""
 
 from __future__ import annotations
 

@@ -93,7 +93,7 @@ def are_rivals(
     best: tuple[float, RigidTransform],
     other: tuple[float, RigidTransform],
 ) -> bool:
-    """Return whether another pose explains a view hardly worse than the best one.
+    """Return whether another pose explains a view nearly as well as the best one.
 
     Each argument is a share of unexplained pixels, and X_WO.
     """
@@ -118,7 +118,7 @@ def _put_down(down: Vector) -> RotationMatrix:
 def _settled(
     shape: ConvexPieces, R_WO: RotationMatrix, points: Vector, view: View
 ) -> tuple[float, RigidTransform]:
-    """Return the best pose with a given rotation, and its misfit.
+    """Return the best pose of a given rotation, and its misfit.
 
     The first pose matches the extents of the points: the middles agree in the camera's
     x and y, the nearest points in depth. Since the points may show only a part, the

@@ -84,7 +84,7 @@ def height_map(
     thing: float = THING,
     over_edge: bool = False,
 ) -> HeightMap:
-    """Return how high things reach above a surface, and the surface's own height.
+    """Return the heights of things above a surface, and the surface's own height.
 
     A cell holds the highest of its points from all clouds. Holes as narrow as a pixel
     are filled from their surroundings. A region that rises above `max_height` belongs
@@ -152,7 +152,7 @@ def _offset(height: Vector, level: float) -> float:
 def _covered(
     part: Surface, origin: Vector, resolution: float, shape: tuple[int, int]
 ) -> Mask:
-    """Return which cells have their middle in one of the parts."""
+    """Return the cells whose middle is in one of the parts."""
     x, y = (
         start + resolution * np.arange(count)
         for start, count in zip(origin, shape[::-1], strict=True)
@@ -178,7 +178,7 @@ def _filled(height: Vector) -> Vector:
 
 
 def _at_edge(things: Mask) -> Mask:
-    """Return where things are at the edge of the map."""
+    """Return the cells at the map's edge that belong to things."""
     inner = np.zeros_like(things)
     inner[1:-1, 1:-1] = True
     return np.asarray(things & ~inner)

@@ -1,4 +1,4 @@
-"""Masks, the noise of depth images, and statistics without outliers."""
+"""Masks, noise of depth images, and robust statistics."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ def window(mask: Mask, margin: int) -> tuple[slice, slice]:
 
     Args:
         mask: Shape (h, w).
-        margin: How much larger the window is on each side, within the image [pixels].
+        margin: Margin of the window on each side, within the image [pixels].
     """
 
     def extent(hits: npt.NDArray[Any]) -> slice:
@@ -51,7 +51,7 @@ def robust_deviation(residuals: npt.NDArray[Any]) -> float:
 
 
 def _median(values: npt.NDArray[Any]) -> float:
-    """Return np.median of values without NaN, in half of its time."""
+    """Return the median of values without NaN, twice as fast as np.median."""
     if values.size == 0:
         return np.nan
     middle = values.size // 2

@@ -34,7 +34,7 @@ _KNOWN = 0.006
 
 
 class ObstacleFinder(LeafSystem):
-    """Finds upright boxes around things that stand on surfaces, by their depth alone.
+    """Finds things on surfaces by depth alone, and returns upright boxes around them.
 
     Points well above a surface are grouped by their gaps as seen from above. Points of
     the best blob of a known object are left out. So are groups that do not stand on a
@@ -236,7 +236,7 @@ def _box_around(group: Vector, height: float, margin: float) -> Obstacle:
     Args:
         group: The points [m].
         height: Height of the surface on which they stand [m].
-        margin: How much wider the box is on each side [m].
+        margin: Margin of the box on each side [m].
     """
     middle = group[:, :2].mean(axis=0)
     center, sides, yaw = narrowest_rectangle(group[:, :2] - middle)

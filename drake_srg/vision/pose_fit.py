@@ -104,7 +104,7 @@ def align(
 
 
 def _matters(shape: Solid) -> list[int]:
-    """Return the axes of `_directions` about which a turn is visible."""
+    """Return the axes of `_directions` about which a rotation is visible."""
     if isinstance(shape, ConvexPieces):
         return [axis for axis in range(3) if axis != round_axis(shape)]
     # The outline of a box shows its turn about z.
@@ -150,7 +150,7 @@ def _depth_cost(
 def _outline_cost(
     outline: Outline, pixels: Vector, side: Vector, softness: float, basis: Vector
 ) -> Normal:
-    """Return the logistic cost of the pixels' sides: 1 is inside, -1 outside."""
+    """Return the logistic cost of pixels on the wrong side: 1 is inside, -1 outside."""
     distance, J = outline.gradient(pixels)
     J = J @ basis
     wrong = 0.5 * (1 + np.tanh(0.5 * side * distance / softness))

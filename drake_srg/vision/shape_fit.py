@@ -143,7 +143,7 @@ class Match:
     view: View
 
     def look(self, X_WO: RigidTransform, margin: int = 0) -> Sight:
-        """Return what the pixels around the solid show; see `sight.look`."""
+        """Return the labelled pixels around the solid; see `sight.look`."""
         return look(self.shape, X_WO, self.view, margin=margin)
 
     def align(
@@ -216,7 +216,7 @@ def find_start(match: Match) -> Start:
 
 
 def _best_of_guesses(match: Match) -> tuple[float, Start]:
-    """Return the best guess, aligned, after the share that it leaves unexplained."""
+    """Return the unexplained share of the best guess, and its aligned pose."""
     view, shape = match.view, match.shape
     guesses = guess_poses(shape, view)
     if isinstance(shape, ConvexPieces):
@@ -248,7 +248,7 @@ def _best_of_pieces(
 
 
 def _try(match: Match, guess: RigidTransform) -> tuple[float, RigidTransform]:
-    """Return the share that an aligned guess leaves unexplained, and its pose."""
+    """Return the unexplained share of an aligned guess, and its pose."""
     X_WO = match.align(guess, _COARSE_SOFTNESS).X_WO
     return match.unexplained(match.look(X_WO)), X_WO
 
@@ -322,7 +322,7 @@ class _Fitter:
         return float(((sight.labels == OUTSIDE) & inside).sum() / sight.blob.sum())
 
     def _doubtful(self, X_WO: RigidTransform, sight: Sight) -> bool:
-        """Return whether a pose leaves much unexplained, or others explain as much.
+        """Return whether a pose leaves much unexplained, or is ambiguous.
 
         A solid with both ends hidden fits as well after a slide along its axis.
         """

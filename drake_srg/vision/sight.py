@@ -137,7 +137,7 @@ class Outline:
         return cls(tuple(PieceOutline.of(p_O, X_WO, view) for p_O in points))
 
     def distance(self, pixels: Vector) -> tuple[Vector, Vector]:
-        """Return how far pixels are beyond the nearest side of the nearest piece.
+        """Return the distances of pixels beyond the nearest side of the nearest piece.
 
         Args:
             pixels: Columns and rows, shape (n, 2).
@@ -149,7 +149,7 @@ class Outline:
         return self._nearest(pixels, PieceOutline.distance)
 
     def gradient(self, pixels: Vector) -> tuple[Vector, Vector]:
-        """Return the same distance, and how it changes.
+        """Return `distance` and its derivatives.
 
         Args:
             pixels: Columns and rows, shape (n, 2).
@@ -193,8 +193,8 @@ class Outline:
         """Return points spaced evenly along the outline.
 
         Args:
-            grow: How far to move them outwards [pixels].
-            count: How many along each piece. Those inside other pieces are left out.
+            grow: Distance by which to move them outwards [pixels].
+            count: Number of points on each piece; those inside others are left out.
 
         Returns:
             Columns and rows, shape (n, 2).
@@ -257,7 +257,7 @@ class PieceOutline:
         return center, float(np.linalg.norm(self.corners - center, axis=1).max())
 
     def distance(self, pixels: Vector) -> tuple[Vector, Vector]:
-        """Return how far pixels are beyond the outline's nearest side.
+        """Return the distances of pixels beyond the outline's nearest side.
 
         See `Outline.distance`.
         """
@@ -266,7 +266,7 @@ class PieceOutline:
         return distance, self.depth[k] + share * (_next(self.depth) - self.depth)[k]
 
     def gradient(self, pixels: Vector) -> tuple[Vector, Vector]:
-        """Return the same distance, and how it changes; see `Outline.gradient`."""
+        """Return `distance` and its derivatives; see `Outline.gradient`."""
         distance, k, share = self._nearest_side(pixels)
         _, _, normals = self._sides
         at_start, at_end = (
@@ -279,7 +279,7 @@ class PieceOutline:
     def _nearest_side(
         self, pixels: Vector
     ) -> tuple[Vector, npt.NDArray[np.intp], Vector]:
-        """Return each pixel's distance from its nearest side, and where that is.
+        """Return each pixel's distance from its nearest side, and that side's location.
 
         Returns:
             Distance [pixels], the side, and the share of the side's length at which the
@@ -298,8 +298,8 @@ class PieceOutline:
         """Return points spaced evenly along the outline.
 
         Args:
-            grow: How far to move them outwards [pixels].
-            count: How many.
+            grow: Distance by which to move them outwards [pixels].
+            count: Number of points.
 
         Returns:
             Columns and rows, shape (count, 2).
@@ -357,7 +357,7 @@ class Sight:
         distance: Signed distance of the pixels to the outline [pixels], shape (n,);
             negative inside.
         labels: OUTSIDE, UNKNOWN or INSIDE, shape (n,).
-        blob: Which pixels belong to the blob and have depth, shape (n,).
+        blob: Whether each pixel belongs to the blob and has depth, shape (n,).
         error: Signed distance of the points to the solid's surface [m], shape (n,);
             infinite where the surface is not visible.
         thickness: Greatest distance at which a point counts as on the surface [m].
@@ -398,7 +398,7 @@ def look(
         shape: The solid.
         X_WO: Its assumed pose.
         view: The view. Its blob must have depth.
-        margin: How far beyond the outline to look [pixels].
+        margin: Greatest distance beyond the outline [pixels].
         doubt: Possible error of the pose, and thus of the points' distance to the
             surface [m].
     """

@@ -1,4 +1,4 @@
-"""Solids: distance to their surface, outline, poses that look alike.
+"""Solids: distance to their surface, outline, symmetric poses.
 
 Points are in the solid's own frame O. The solids are convex, so a solid's outline in an
 image is the convex hull of the images of some of its points.
@@ -100,7 +100,7 @@ def _beyond_pieces(shape: ConvexPieces, p_O: Vector) -> tuple[Vector, Vector]:
 
 
 def _beyond(*away: Vector) -> tuple[Vector, list[Vector]]:
-    """Return distances to a solid from those beyond each of its pairs of faces.
+    """Return distances to a solid from the distances beyond each pair of its faces.
 
     Args:
         away: Negative between the faces, shape (n,) each.
@@ -125,7 +125,7 @@ _ALIKE = 2e-3
 
 
 def least_turned(solid: Solid, X_WO: RigidTransform) -> RigidTransform:
-    """Return the pose that looks like another one and is turned least.
+    """Return the least rotated of the poses that look like a given one.
 
     A ball is not turned at all. A cylinder's z points upwards, and the cylinder does
     not turn about it. A box has four poses that look alike, and more if it has sides of
@@ -186,7 +186,7 @@ def _between_axes(R_12: Vector, axis: int, flips: bool) -> float:
 
 @functools.cache
 def _turns_of_pieces(solid: ConvexPieces) -> tuple[list[Vector], int | None]:
-    """Return rotations (3, 3) that keep a solid's surface, and its round axis.
+    """Return rotations (3, 3) that map a solid onto itself, and its round axis.
 
     They are turns about x, y and z in steps of 30 degrees. If all turns about an axis
     keep the solid, it is round about that axis.
@@ -223,7 +223,7 @@ def _turn_of_z(z_W: Vector) -> Vector:
 
 
 def _turns_onto_itself(size: Vector) -> list[Vector]:
-    """Return the rotations that take a box of some size onto itself, (3, 3) each."""
+    """Return the rotations that map a box onto itself, (3, 3) each."""
     signs = [np.diag(s) for s in itertools.product((1.0, -1.0), repeat=3)]
     swaps = [np.eye(3)[list(order)] for order in itertools.permutations(range(3))]
     turns = (swap @ sign for swap in swaps for sign in signs)

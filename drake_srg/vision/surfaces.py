@@ -1,4 +1,4 @@
-"""Level surfaces of known height, and the camera pose that they correct."""
+"""Level surfaces of known height, and the correction of camera poses by them."""
 
 from __future__ import annotations
 
@@ -26,11 +26,11 @@ class Surface:
     height: float
 
     def contains(self, p_W: Vector, margin: float = 0.0) -> Mask:
-        """Return which points lie above or below the rectangle.
+        """Return whether each point lies above or below the rectangle.
 
         Args:
             p_W: Points in world [m], shape (n, 2 or 3).
-            margin: How far beyond the edges counts, too [m].
+            margin: Distance beyond the edges that still counts [m].
 
         Returns:
             Shape (n,).

@@ -34,7 +34,7 @@ _KERNEL = np.ones((3, 3), np.uint8)
 
 
 def things(height_map: HeightMap, table: float) -> Mask:
-    """Return which cells show something on a table at height `table` [m]."""
+    """Return the cells that show something on a table at height `table` [m]."""
     return np.asarray(
         np.nan_to_num(height_map.height, nan=-np.inf) > table + _LEAST_HEIGHT
     )
@@ -71,7 +71,7 @@ def color_labels(
 
 
 def _by_hue(labels: Labels, on: Mask) -> Labels:
-    """Return labels in which a colourful thing's grey parts have the nearest hue."""
+    """Return labels in which grey parts of colourful things get the nearest hue."""
     hued = (labels >= 0) & (labels < NUM_HUES)
     # Opening removes the narrow edges where pixels blend.
     hued = cv2.morphologyEx(hued.astype(np.uint8), cv2.MORPH_OPEN, _KERNEL) > 0
@@ -94,7 +94,7 @@ def _by_hue(labels: Labels, on: Mask) -> Labels:
 def solid_mask(
     height_map: HeightMap, table: float, solid: Solid, X_WC: RigidTransform
 ) -> Mask:
-    """Return which cells show the surface of a solid.
+    """Return the cells that show the surface of a solid.
 
     Args:
         height_map: The map.

@@ -34,17 +34,17 @@ class Bound:
     """A claim about a quantity: its value is from `low` to `high`.
 
     Attributes:
-        text: How a table shows it.
+        text: The claim as a table shows it.
         low: Least value that passes.
         high: Largest value that passes.
-        size: What the default spread is a share of, beside the value itself.
+        size: Magnitude, besides the value, of which the default spread is a share.
         deviation: Allowed deviation from an expected value; None without one. It limits
             the default spread.
-        spread: How far a value may move from one run to another, or a function of the
+        spread: Largest change of a value between two runs, or a function of the
             value; None for the default, see `row`.
-        clock: How the value depends on the machine's speed, see `Clock`.
+        clock: Dependence of the value on the machine's speed, see `Clock`.
         known: Why the value misses the bound, where that is known.
-        source: Where the bound comes from: thesis, data sheet, vendor, paper, own.
+        source: Source of the bound: thesis, data sheet, vendor, paper, own.
     """
 
     text: str = "a number"

@@ -29,10 +29,10 @@ _STAMP, _STAMPS = "stamp.json", "stamps.json"
 
 @dc.dataclass(frozen=True)
 class Stamp:
-    """What a result was made with.
+    """Provenance of a result: code, version of Drake, and duration.
 
     Attributes:
-        sources: Hash of what the experiment runs, see `sources`.
+        sources: Hash of the files that the experiment runs, see `sources`.
         drake: Version of Drake.
         result: Hash of result.json: a result of other parameters has no stamp.
         seconds: Wall-clock time of the run [s].
@@ -142,10 +142,10 @@ def shrink(picture: Image.Image) -> bytes:
 
 @dc.dataclass(frozen=True)
 class Change:
-    """A row that somebody must look into.
+    """A changed row that needs attention.
 
     Attributes:
-        what: What is wrong with it. A row that fails may have moved as well.
+        what: The defect. A row that fails may have moved as well.
         row: The new row, or the old one if it has vanished.
         old: The committed value; NaN if there is none.
         new: The new value, of a wall-clock row as if measured at the speed of the
@@ -159,7 +159,7 @@ class Change:
 
 
 def compare(old: Sequence[Row] | None, new: Sequence[Row]) -> list[Change]:
-    """Return what changed by more than its spread, appeared, vanished or fails.
+    """Return the rows that moved by more than their spread, are new, gone or fail.
 
     A row with a known reason to miss its criterion does not fail, but may move. Rows
     are the same if they agree in name, quantity and unit; of several such rows, the
@@ -207,7 +207,7 @@ def _moved(old: Row, value: float) -> bool:
 
 
 def slowdown(old: Sequence[Row], new: Sequence[Row]) -> float:
-    """Return how many times as long this run took as the committed one.
+    """Return the ratio of this run's duration to the committed run's.
 
     This is the median over the wall-clock rows; 1 if there are none.
     """

@@ -43,7 +43,7 @@ def grid(**axes: Iterable[Any]) -> list[dict[str, Any]]:
 
 
 def chosen(key: str, names: Sequence[str], known: Collection[str]) -> Collection[str]:
-    """Return names, or all that are known if there are none.
+    """Return the given names, or all known names if there are none.
 
     Raises:
         ScenarioError: If a name is unknown; it names the parameter.
@@ -67,7 +67,7 @@ class Experiment:
             changes; its `Args:` describe them, but for `trials`, `seed` and the like.
         trial: Returns the measures of a case, passed as keyword arguments: numbers,
             text, None, arrays, images (arrays of uint8), lists and mappings of them.
-        claims: By quantity.
+        claims: Claims by quantity.
         by: The axes that name a group of trials, joined by commas; the first one by
             default.
         summary: Returns the values of a group, see `rows_of`; by default, those of its

@@ -73,12 +73,12 @@ def page(name: str, module: str, description: str, stamp: Stamp | None) -> str:
 
 
 def stale(name: str, stamp: Stamp) -> bool:
-    """Return whether what an experiment runs has changed since."""
+    """Return whether the code of an experiment has changed since."""
     return stamp.sources != code_of(name)
 
 
 def verdict(name: str, rows: Sequence[Row], stamp: Stamp) -> str:
-    """Return how many claims hold, and whether that is still known."""
+    """Return the number of claims that hold, and whether the result is up to date."""
     judged = [row for row in rows if row.judged]
     good = sum(row.passed for row in judged)
     text = f"{good} of {len(judged)} claims hold."
@@ -106,7 +106,7 @@ def number(value: float) -> str:
 
 
 def read_claims() -> list[dict[str, Any]]:
-    """Return what is claimed, by whom, where it is tried and what is ours.
+    """Return the claims: text, source, experiment and our figures.
 
     Raises:
         KeyError: If a row that is quoted does not exist.
@@ -139,7 +139,7 @@ def fill(text: str, folder: Path = COMMITTED) -> str:
 
 
 def quoting_pages() -> dict[Path, str]:
-    """Return the text of each page that quotes results, as it must be.
+    """Return the required text of each page that quotes results.
 
     Lines with figures of code that has changed since are marked.
 

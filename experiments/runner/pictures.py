@@ -20,7 +20,7 @@ class Panel(Protocol):
     """Draws one part of a picture."""
 
     def height(self, trials: Trials, rows: Sequence[Row]) -> float:
-        """Return how high it should be [inch]."""
+        """Return its height [inch]."""
 
     def draw(
         self, axes: Any, trials: Trials, rows: Sequence[Row], by: Sequence[str]
@@ -41,7 +41,7 @@ class Bars:
         return [row for row in own if self.names is None or row.name in self.names]
 
     def height(self, trials: Trials, rows: Sequence[Row]) -> float:
-        """Return how high it should be [inch]."""
+        """Return its height [inch]."""
         return min(1.4 + 0.2 * len(self._rows(rows)), 9.0)
 
     def draw(
@@ -97,7 +97,7 @@ class _Plot:
     title: str = ""
 
     def height(self, trials: Trials, rows: Sequence[Row]) -> float:
-        """Return how high it should be [inch]."""
+        """Return its height [inch]."""
         return 3.2
 
     def _groups(
@@ -170,7 +170,7 @@ class Points(_Plot):
 
 @dc.dataclass(frozen=True)
 class Histogram(_Plot):
-    """How a measure, a number or an array of each trial, is distributed in groups."""
+    """The distribution, in groups, of a measure: a number or an array per trial."""
 
     measure: str
 
@@ -196,7 +196,7 @@ class Images:
     across: int = 6  # images beside each other
 
     def height(self, trials: Trials, rows: Sequence[Row]) -> float:
-        """Return how high it should be [inch]."""
+        """Return its height [inch]."""
         return 2.3 * -(-len(trials) // self.across)
 
     def draw(

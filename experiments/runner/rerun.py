@@ -163,7 +163,7 @@ def shortest(
 
 
 def remaining(names: Sequence[str], durations: Mapping[str, float]) -> str:
-    """Return how much work is left, in words."""
+    """Return the remaining work, in words."""
     known = [durations[name] for name in names if name in durations]
     unknown = len(names) - len(known)
     more = f" and {unknown} of unknown duration" * bool(unknown)
@@ -197,7 +197,7 @@ def run_apart(name: str, out: Path) -> str:
 
 @dc.dataclass
 class Report:
-    """What became of the experiments that were to be run."""
+    """Outcome of a rerun of experiments."""
 
     # By experiment: rows that somebody must look into; why there is no result; and,
     # where that is measured, how many times as long it took as the committed run.

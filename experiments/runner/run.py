@@ -111,7 +111,7 @@ def run_experiment(
     Finished trials are kept in `out`, so that a run that was cut off goes on.
 
     Args:
-        name: Of the experiment.
+        name: Name of the experiment.
         out: Folder for result.json, trials.csv, NAME.png and, where the experiment runs
             a cell, replay.html of its first run; None writes nothing.
         overrides: Parameters of the experiment, `KEY=VALUE` each, the value YAML.
@@ -219,7 +219,7 @@ class Kept:
         return result
 
     def add(self, case: Case, result: Any) -> None:
-        """Remember the encoded result of a case."""
+        """Keep the encoded result of a case."""
         # Once through JSON, so that a kept result equals one that has just been made.
         entry = {"case": _key(case), "code": self._code, "result": result}
         text = json.dumps(entry)
@@ -251,7 +251,7 @@ def encode(value: Any) -> Any:
 
 
 def decode(value: Any) -> Any:
-    """Return what `encode` was given; lists of numbers become arrays."""
+    """Return the value that `encode` encoded; lists of numbers become arrays."""
     if isinstance(value, dict):
         if set(value) == {"png"}:
             return np.asarray(Image.open(io.BytesIO(base64.b64decode(value["png"]))))

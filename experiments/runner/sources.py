@@ -1,4 +1,4 @@
-"""What an experiment runs: the code, scenarios, models and data that its stamp hashes.
+"""Sources of an experiment: the code, scenarios, models and data that its stamp hashes.
 
 That is the experiment's module with all that it imports of ours, wherever in a file the
 import stands, and the files that these name. Too much may count, but not too little.
@@ -41,14 +41,14 @@ _COMMAND = ("drake_srg", "drake-srg")  # run in a process of its own: any comman
 
 
 def code_of(name: str) -> str:
-    """Return the hash of what an experiment runs; "" if there is no such experiment."""
+    """Return the hash of an experiment's sources; "" if there is no such experiment."""
     found = find_experiments().get(name)
     return sources_hash(found.module) if found else ""
 
 
 @functools.cache
 def sources_hash(module: str, root: Path = ROOT) -> str:
-    """Return a short hash of what an experiment's module runs, once per process."""
+    """Return a short hash of a module's sources, computed once per process."""
     whole = hashlib.sha256()
     for path in sources_of(module, root):
         name = path.relative_to(root).as_posix()
@@ -98,7 +98,7 @@ def sources_of(module: str, root: Path = ROOT) -> list[Path]:
 
 
 def _modules(module: str, root: Path, planners: Collection[str]) -> dict[str, Path]:
-    """Return a module and all that it imports of ours by name."""
+    """Return a module and all our modules that it imports, by name."""
     unused = tuple(
         start for tag in _PLANNERS if tag not in planners for start in _PLANNERS[tag]
     )
@@ -128,7 +128,7 @@ def _file(module: str, root: Path) -> Path | None:
 
 @functools.cache
 def _imported(module: str, path: Path, root: Path) -> list[str]:
-    """Return what a module imports of ours, faces resolved, but for types alone."""
+    """Return a module's imports of our modules, resolved, except for typing."""
     names = {module.rpartition(".")[0]}
     for node in _running(path):
         match node:
@@ -221,7 +221,7 @@ def _text(path: Path) -> str:
 
 @functools.cache
 def _names_in(path: Path) -> frozenset[str]:
-    """Return what a file may name other files by: words, of code those in strings."""
+    """Return the words by which a file may name others; of code, words in strings."""
     text = _text(path)
     if path.suffix == ".py":
         nodes = (n for n in _running(path) if isinstance(n, ast.Constant))
@@ -240,7 +240,7 @@ def _named(path: Path, names: Collection[str]) -> bool:
 
 
 def _entry(key: str, scenario: Path) -> str:
-    """Return a scenario's base, or the tag of its planner; "" without one."""
+    """Return a scenario's base, or the tag of its planner; "" if there is neither."""
     pattern = {"base": r"^base: (\w+)", "planner": r"^planner: !(\w+)"}[key]
     found = re.search(pattern, scenario.read_text(encoding="utf-8"), re.MULTILINE)
     return found[1] if found else ""

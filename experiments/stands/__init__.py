@@ -1,1 +1,1 @@
-"""What several experiments share: cells run whole, benches, objects to grasp."""
+"""Shared parts of experiments: whole cells, benches, objects to grasp."""

@@ -61,7 +61,7 @@ class Served(NamedTuple):
 
 
 def silent_inbox(*topics: CommandTopic) -> CommandInbox:
-    """Return an inbox that warns nobody."""
+    """Return an inbox that prints no warnings."""
     return CommandInbox(topics, Warnings(lambda text: None))
 
 
@@ -119,7 +119,7 @@ class ServedProcess:
 
 
 def free_port() -> int:
-    """Return a TCP port of this machine that nobody listens at."""
+    """Return a free TCP port of this machine."""
     with socket.socket() as probe:
         probe.bind(("127.0.0.1", 0))
         return int(probe.getsockname()[1])
@@ -127,7 +127,7 @@ def free_port() -> int:
 
 @contextlib.contextmanager
 def open_wire(wire: str, experiment: str) -> Iterator[Wire]:
-    """Open a wire that nobody else uses, ROS 1 with a roscore of its own.
+    """Open a private wire; ROS 1 gets its own roscore.
 
     Raises:
         ScenarioError: If the wire is ROS 1 and this machine has no roscore; it names

@@ -60,11 +60,11 @@ class Shake:
     """A drawn grasp of an object, and how it is shaken.
 
     Attributes:
-        grasp: Where the hand closes.
+        grasp: Pose at which the hand closes.
         rpy: Roll, pitch, yaw of the palm [degrees].
-        mass: Of the object [kg].
-        friction: Of the object.
-        wire_force: Of each wire [N].
+        mass: Mass of the object [kg].
+        friction: Friction of the object.
+        wire_force: Force of each wire [N].
         a_W: Greatest acceleration of the hand, shape (3,) [m/s²].
     """
 
@@ -99,7 +99,7 @@ def draw(name: str, number: int) -> Shake:
     rng = np.random.default_rng([number, *name.encode()])
     thing = household_object(name)
     solid, p_OC = object_pieces(name, thing)
-    solid = solid.shifted(p_OC)
+    solid = solid.translated(p_OC)
     fingers, seed = HANDS["srg"].fingers, int(rng.integers(2**31))
     samples = (sample_grasps(fingers, solid, seed, k) for k in range(_HOPELESS))
     some = next(found for found in samples if found)
@@ -120,7 +120,7 @@ def draw(name: str, number: int) -> Shake:
 
 
 class Engine(Protocol):
-    """What the procedure needs of an engine."""
+    """The interface of an engine that the procedure needs."""
 
     def levitate(self, floats: bool) -> None:
         """Let the object float in the medium, or no longer."""
@@ -142,7 +142,7 @@ class Engine(Protocol):
 
 
 def judge(engine: Engine, drawn: Shake, limit: float) -> ex.Measures:
-    """Close, weigh and shake, and return what became of the object.
+    """Close, weigh and shake, and return the outcome for the object.
 
     Args:
         engine: With the open hand in front of the object.
@@ -198,7 +198,7 @@ def judge(engine: Engine, drawn: Shake, limit: float) -> ex.Measures:
 
 
 class InDrake:
-    """A rig as the procedure needs it."""
+    """Adapts a rig to the procedure."""
 
     def __init__(self, rig: Rig) -> None:
         self._rig = rig
@@ -267,7 +267,7 @@ def in_drake(drawn: Shake, bench: Scenario) -> ex.Measures:
 
 
 class InMujoco:
-    """MuJoCo's state as the procedure needs it."""
+    """Adapts MuJoCo's state to the procedure."""
 
     def __init__(self, model: Any) -> None:
         self._model, self._data = model, mujoco.MjData(model)

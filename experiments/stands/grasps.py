@@ -173,7 +173,7 @@ def creep(time: Vector, p_GO: Vector, seconds: float) -> float:
     Args:
         time: (K) [s].
         p_GO: Its position in the hand (K, 3) [m].
-        seconds: How long the end lasts [s].
+        seconds: Duration of the end [s].
     """
     start = np.searchsorted(time, time[-1] - seconds)
     way = np.linalg.norm(p_GO[-1] - p_GO[start])

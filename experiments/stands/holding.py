@@ -1,4 +1,4 @@
-"""Hands on the bench that hold something, what stands there, and who pushes it."""
+"""Hands on the bench: held objects, models beside them, and pushes."""
 
 from __future__ import annotations
 

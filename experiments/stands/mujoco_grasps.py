@@ -66,10 +66,10 @@ def simulate(
     """Grasp the object of a scenario in MuJoCo, lift it, shake it, and hold it.
 
     Args:
-        scenario: Of `grasps.present`.
+        scenario: Scenario of `grasps.present`.
         grasp: The grasp.
         options: See `change`.
-        hold: How long the hand waits at the end [s].
+        hold: Time that the hand waits at the end [s].
 
     Returns:
         `slip`, `creep` and `wall`, as from `grasps.simulate`.
@@ -103,7 +103,7 @@ def simulate(
 
 
 def _combine_friction(model: Any) -> None:
-    """Give all that touches the object the friction that Drake would have there."""
+    """Set the friction that Drake would use on everything that touches the object."""
     own = np.array(model.geom_bodyid) == model.body(body_name(model)).id
     thing = own & (np.array(model.geom_contype) > 0)  # not what is only seen
     friction = model.geom_friction

@@ -48,7 +48,7 @@ class Eye:
         return [blob for blob in blobs if blob.object_name == self._name]
 
     def offset(self, X_WO: RigidTransform) -> Vector:
-        """Return where the object at X_WO is seen from there, shape (3,) [m].
+        """Return the error of locating an object at X_WO, shape (3,) [m].
 
         It is NaN unless one thing is seen: a second one would be something else.
         """
@@ -64,6 +64,6 @@ class Eye:
 
 
 def angle_between_axes(a: Vector, b: Vector) -> float:
-    """Return the angle between two axes whose ends look alike [rad]."""
+    """Return the angle between two axes, whatever their signs [rad]."""
     turn = np.arctan2(np.linalg.norm(np.cross(a, b)), a @ b)
     return float(min(turn, np.pi - turn))

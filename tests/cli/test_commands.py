@@ -1,4 +1,4 @@
-"""`drake-srg run --hardware` goes by the planner's word: nobody else knows."""
+"""`drake-srg run --hardware` reports the planner's own verdict: there is no other."""
 
 import dataclasses as dc
 import json

@@ -68,7 +68,7 @@ def test_help_after_a_name_shows_its_parameters(fake, capsys):
         "fake_third: A third.",
         "",
         "parameters (--set KEY=VALUE):",
-        "  count=3  How often, in whole numbers.",
+        "  count=3  Number of times, in whole numbers.",
         "  lengths=[2.0, 4.0]  To divide [m].",
         "  kind=third  The part of a length to return.",
     ]

@@ -1,4 +1,4 @@
-"""What a file holds must have the types of the dataclass that it becomes."""
+"""The content of a file must have the types of the dataclass that it fills."""
 
 import dataclasses as dc
 

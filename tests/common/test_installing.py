@@ -8,13 +8,13 @@ import pytest
 from drake_srg.common import installing
 from drake_srg.common.installing import (
     LIBRARIES,
-    advised,
     apt_install,
     library_fix,
     pip_install,
     require,
     require_rendering,
     this_package,
+    with_install_hint,
 )
 
 CHECKOUT = Path(__file__).resolve().parents[2]
@@ -70,5 +70,5 @@ def test_only_errors_about_a_library_get_its_line():
     missing = "libglib-2.0.so.0: cannot open shared object file"
     assert library_fix(missing).endswith("libglib2.0-0 libegl1 libgl1")
     assert library_fix("No module named 'av'") == ""
-    assert advised(missing).count("libegl1") == 1
-    assert advised(advised(missing)).count("libegl1") == 1
+    assert with_install_hint(missing).count("libegl1") == 1
+    assert with_install_hint(with_install_hint(missing)).count("libegl1") == 1

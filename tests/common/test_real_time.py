@@ -1,4 +1,4 @@
-"""A companion outlives Ctrl-C, and its end is told."""
+"""A companion survives Ctrl-C, and its end is reported."""
 
 import gc
 import os

@@ -11,7 +11,7 @@ class Terminal(io.StringIO):
 
 
 class Clock:
-    """A clock that goes on by a step whenever it is read."""
+    """A clock that advances by a step at each reading."""
 
     def __init__(self, step):
         self.step, self.now = step, 0.0
@@ -23,7 +23,7 @@ class Clock:
 
 @pytest.fixture(autouse=True)
 def able_terminal(monkeypatch):
-    """Whatever the terminal is in which the tests run."""
+    """Make the tests independent of the terminal in which they run."""
     monkeypatch.setenv("TERM", "xterm")
 
 

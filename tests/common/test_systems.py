@@ -1,4 +1,4 @@
-"""What a simulation computes from its state belongs to its present state."""
+"""A simulation never uses values computed from an earlier state."""
 
 import numpy as np
 import pytest

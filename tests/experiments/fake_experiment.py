@@ -1,4 +1,4 @@
-"""An experiment that divides lengths, in a folder of its own."""
+"""An experiment that divides lengths, in a separate folder."""
 
 import sys
 
@@ -27,7 +27,7 @@ def cases(
     """Divide lengths.
 
     Args:
-        count: How often,
+        count: Number of times,
             in whole numbers.
         lengths: To divide [m].
         kind: The part of a length to

@@ -1,4 +1,4 @@
-"""What compares Drake and MuJoCo: procedures that are written once for both."""
+"""Comparisons of Drake and MuJoCo, by procedures that are written once for both."""
 
 import numpy as np
 import pytest

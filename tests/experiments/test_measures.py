@@ -1,4 +1,4 @@
-"""What trials measure: formulas that need no simulation, and a few that do."""
+"""The measures of trials: formulas without simulation, and a few with it."""
 
 import numpy as np
 import pytest

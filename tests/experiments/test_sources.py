@@ -1,4 +1,4 @@
-"""What an experiment runs, as its stamp hashes it."""
+"""The sources of an experiment, which its stamp hashes."""
 
 import ast
 import sys
@@ -146,7 +146,7 @@ def test_the_hash_is_the_same_with_each_python():
     "name", ["servo_laws", pytest.param("closing_sequence", marks=pytest.mark.slow)]
 )
 def test_all_that_runs_counts(name):
-    """Whatever calls a function of ours in a trial is among the sources."""
+    """The sources contain every caller of our functions in a trial."""
     experiment = find_experiment(name)
     case = experiment.cases(**experiment.values(name, ()))[0]
     ran = set()

@@ -90,7 +90,7 @@ def test_a_name_that_is_taken_is_refused():
 
 
 def closed(kind):
-    """Where the joints of an empty hand are at `CLOSED`."""
+    """Return the joint angles of an empty hand at `CLOSED`."""
     return kind().empty_hand(CLOSED)[1]
 
 

@@ -1,4 +1,4 @@
-"""What the proximity sensors of the grippers see, and what not."""
+"""The fields of view of the grippers' proximity sensors."""
 
 import functools
 import math

@@ -14,10 +14,10 @@ from drake_srg.gripper.tendon import (
     TendonDrive_,
     TendonDriveConfig,
     base_moment_arm,
-    passed_on,
-    slid,
-    slowed,
+    reduce_magnitude,
     tip_moment_arm,
+    transmitted_share,
+    wire_slip,
     wire_travel,
 )
 from experiments import data
@@ -62,22 +62,22 @@ SHARE = st.floats(0.0, 1.0)
 
 @given(SPEED, st.floats(0.0, 10.0))
 def test_friction_slows_down_but_never_turns(speed, most):
-    after = slowed(speed, most)
+    after = reduce_magnitude(speed, most)
     assert after * speed >= 0.0
     assert abs(after) == pytest.approx(max(abs(speed) - most, 0.0))
 
 
 @given(st.floats(-1.0, 1.0), st.floats(-0.01, 0.01))
 def test_friction_of_a_wire_saturates_both_ways(state, travel):
-    after = slid(state, travel, 1e-4)
+    after = wire_slip(state, travel, 1e-4)
     assert -1.0 <= after <= 1.0
     assert (after - state) * travel >= 0.0
 
 
 @given(SHARE, SHARE)
 def test_what_a_wire_loses_one_way_it_gains_the_other(state, friction):
-    assert passed_on(state, friction) <= 1.0
-    product = passed_on(state, friction) * passed_on(-state, friction)
+    assert transmitted_share(state, friction) <= 1.0
+    product = transmitted_share(state, friction) * transmitted_share(-state, friction)
     assert product == pytest.approx(1.0)
 
 
@@ -141,7 +141,7 @@ def test_stiction_holds_a_resting_spool_beyond_the_friction_of_a_moving_one(
     friction = DriveFrictionConfig(gear=0.1, gear_load=0.3, stiction=1.4)
     drive, context = make(friction, angle=0.3)
     load = 2 * drive.config.spool_radius * read(drive, context, "wire_force")[0]
-    torque = load + side * share * 1.4 * friction.of_gears(load)
+    torque = load + side * share * 1.4 * friction.gear_torque(load)
     fix(drive, context, pwm=torque / drive.config.full_torque)
     update(drive, context)
     _, speed = read(drive, context, "motor_state")

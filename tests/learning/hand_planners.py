@@ -1,4 +1,4 @@
-"""What planners of a hand that points down are tried with."""
+"""Fixtures for planners of a hand that points down."""
 
 from pydrake.math import RigidTransform, RollPitchYaw
 

@@ -109,7 +109,7 @@ def test_values_of_actions_need_episodes_of_one_step():
 
 
 class Drifts(Toy):
-    """The observation is what the last action made of it: mistakes lead elsewhere."""
+    """The observation depends on the last action: mistakes lead to other states."""
 
     def reset(self, *, seed=None, options=None):
         self.acted = []

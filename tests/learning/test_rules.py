@@ -126,7 +126,7 @@ def holds(env, rule, scene):
 
 
 def pick_where_seen(observation):
-    """What the rule does in its first try."""
+    """Return the rule's actions in its first try."""
     return pick(observation, still=0.3, narrower=100.0 * np.pi)
 
 

@@ -7,7 +7,7 @@ WITHIN = 0.3
 
 
 class Toy(gymnasium.Env):
-    """One step: the action must hit a point that the observation tells."""
+    """One step: the action must hit the point in the observation."""
 
     def __init__(self, *, size=2, steps=1, driver="plant"):
         self.observation_space = gymnasium.spaces.Box(-2.0, 4.0, (size,), np.float32)

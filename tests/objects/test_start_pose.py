@@ -1,4 +1,4 @@
-"""Where objects start."""
+"""The start poses of objects."""
 
 import numpy as np
 import pytest

@@ -1,4 +1,4 @@
-"""What holds of every planner for one object: its transitions and its commands."""
+"""Properties of every planner for one object: its transitions and its commands."""
 
 import itertools
 

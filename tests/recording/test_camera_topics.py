@@ -1,4 +1,4 @@
-"""What recordings tell of a camera besides its colours."""
+"""Recordings of a camera apart from its colour images."""
 
 import numpy as np
 import pytest

@@ -30,7 +30,7 @@ class Stage(enum.Enum):
 
 
 class Watch(LeafSystem):
-    """Tells with ports of all kinds whether the box falls."""
+    """Outputs with ports of all kinds whether the box falls."""
 
     def __init__(self, plant):
         super().__init__()

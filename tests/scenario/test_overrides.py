@@ -1,4 +1,4 @@
-"""What `--set` and `overrides` do to a scenario."""
+"""The effect of `--set` and `overrides` on a scenario."""
 
 import numpy as np
 

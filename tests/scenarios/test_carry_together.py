@@ -1,4 +1,4 @@
-"""Two arms carry the crate level onto its mark, and tell what goes wrong by name."""
+"""Two arms carry the crate level onto its mark, and report failures by name."""
 
 import pytest
 

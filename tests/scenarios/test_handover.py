@@ -1,4 +1,4 @@
-"""The bottle changes hands, and what goes wrong is told by name."""
+"""The bottle changes hands, and failures are reported by name."""
 
 import pytest
 
@@ -9,7 +9,7 @@ pytestmark = pytest.mark.slow
 
 
 def test_the_bottle_stands_on_its_mark_and_the_arms_never_touch():
-    """With this seed, fingers opened on the approach, and touched the giver's wrist."""
+    """Regression: fingers opened on the approach and touched the giver's wrist."""
     metrics = Simulate(load_scenario("handover_varied", seed=6019)).metrics
     assert metrics.success, metrics.failure
     assert metrics.attempts == 1

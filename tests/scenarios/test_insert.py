@@ -1,4 +1,4 @@
-"""The peg goes into its hole, and what is no hole for it is told by name."""
+"""The peg goes into its hole, and the planner reports by name why others do not fit."""
 
 import numpy as np
 import pytest

@@ -56,7 +56,7 @@ def test_counts_what_is_in_the_bin(scenario):
     assert found.metrics()["objects_cleared"] == 2
     assert found.metrics()["picks_held"] == 2
     assert found.picks_per_hour == pytest.approx(36000.0)  # two in 0.2 s
-    assert found.honest
+    assert found.report_is_true
 
 
 def test_a_robots_log_does_not_tell_what_became_of_the_objects(scenario):
@@ -83,12 +83,12 @@ def test_what_lies_beside_the_bin_is_not_in_it(scenario, direction, far):
 
 def test_what_is_left_needs_a_reason(scenario):
     ends = {A: IN_BIN, B: ON_TABLE}
-    assert not outcome(scenario, ends).honest
+    assert not outcome(scenario, ends).report_is_true
     elsewhere = Remaining(np.array([0.9, 0.1, 0.05]), Failure.TOO_WIDE)
-    assert not outcome(scenario, ends, left=(elsewhere,)).honest
+    assert not outcome(scenario, ends, left=(elsewhere,)).report_is_true
     there = Remaining(np.array([0.6, 0.1, 0.05]), Failure.TOO_WIDE)
     found = outcome(scenario, ends, left=(elsewhere, there))
-    assert found.honest
+    assert found.report_is_true
     assert found.objects[B].outcome == "too_wide"
 
 
@@ -102,7 +102,7 @@ def test_a_load_that_missed_the_bin_was_dropped(scenario):
     seen = Remaining(np.array([0.6, 0.1, 0.05]), Failure.TOO_WIDE)
     found = outcome(scenario, ends, left=(seen, lost))
     assert found.objects[B].outcome == "too_wide"
-    assert not found.honest  # it was to be cleared
+    assert not found.report_is_true  # it was to be cleared
 
 
 @given(st.lists(st.floats(-0.5, 0.5), min_size=3, max_size=3))
@@ -135,7 +135,7 @@ def test_objects_tell_what_lies_over_them(x, below):
 
 
 def test_a_claim_too_many_is_not_honest(scenario):
-    assert not outcome(scenario, {A: IN_BIN, B: IN_BIN}, cycles=3).honest
+    assert not outcome(scenario, {A: IN_BIN, B: IN_BIN}, cycles=3).report_is_true
 
 
 def test_a_grasp_counts_for_the_nearest_object(scenario):
@@ -149,7 +149,7 @@ def test_a_grasp_counts_for_nothing_where_nothing_belongs_into_a_bin():
     scenario = load_scenario("sort_table", overrides=overrides)
     found = outcome(scenario, dict.fromkeys(scenario.objects, ON_TABLE))
     assert found.objects == {}
-    assert found.honest
+    assert found.report_is_true
 
 
 RED_BIN, BLUE_BIN = [0.3, -0.55, 0.05], [0.3, 0.55, 0.05]
@@ -170,7 +170,7 @@ def test_sorted_objects_are_in_their_own_bins(sorting):
     assert found.metrics()["objects_sorted"] == 6
     assert found.metrics()["objects_in_wrong_bin"] == 0
     assert found.others_moved == 0.0
-    assert found.honest
+    assert found.report_is_true
 
 
 @given(st.floats(0.02, 0.2), st.floats(0.02, 0.2), st.floats(-np.pi, np.pi))
@@ -200,7 +200,7 @@ def test_what_is_in_the_wrong_bin_is_told(sorting, name):
     scenario, ends = sorting
     found = outcome(scenario, ends | {name: BLUE_BIN}, attempts=6, cycles=5)
     assert found.in_wrong_bin == (name,)
-    assert not found.honest
+    assert not found.report_is_true
     if name == "red_can":
         assert found.objects[name].outcome == "wrong_bin"
         assert found.metrics()["objects_sorted"] == 5
@@ -294,7 +294,7 @@ def test_of_two_arms_each_carries_what_is_near_its_hand():
         )
     status = PlannerStatus(mode=Mode.DONE, attempts=2, cycles=2)
     found = clearing_outcome(scenario, made, status)
-    assert found.honest  # either bin is right
+    assert found.report_is_true  # either bin is right
     assert found.metrics()["objects_in_wrong_bin"] is None
     assert (found.cleared, found.picks_delivered) == (2, 2)
     assert found.multi_object_picks == 0

@@ -7,7 +7,7 @@ import pytest
 from pydrake.common.eigen_geometry import AngleAxis
 from pydrake.math import RigidTransform, RollPitchYaw, RotationMatrix
 
-from drake_srg.recording.output import counted
+from drake_srg.recording.output import count_phrase
 from drake_srg.scenario import load_scenario
 from drake_srg.simulation.metrics import kinds_of, rounded
 from drake_srg.theses.script import Script, ScriptStep
@@ -264,7 +264,7 @@ def test_rounding_errors_are_shown_as_zero():
     assert [rounded(x) for x in (1.55e-08, -1e-9, 0.0, 0.123456, 1234.5)] == [
         *("0", "0", "0", "0.123", "1.23e+03")
     ]
-    assert [counted(n, "attempt") for n in (0, 1, 2)] == [
+    assert [count_phrase(n, "attempt") for n in (0, 1, 2)] == [
         *("0 attempts", "1 attempt", "2 attempts")
     ]
 

@@ -2,17 +2,17 @@ import pytest
 
 from drake_srg.scenario import load_scenario
 from drake_srg.simulation import Simulate
-from drake_srg.simulation.simulate import keep_first_replay, take_folder
+from drake_srg.simulation.simulate import keep_first_replay, take_replay_folder
 
 
 def test_only_the_first_run_gets_the_folder(tmp_path):
-    assert take_folder() is None
+    assert take_replay_folder() is None
     with keep_first_replay(tmp_path):
-        assert take_folder() == tmp_path
-        assert take_folder() is None
+        assert take_replay_folder() == tmp_path
+        assert take_replay_folder() is None
         with keep_first_replay(None):
-            assert take_folder() is None
-    assert take_folder() is None
+            assert take_replay_folder() is None
+    assert take_replay_folder() is None
 
 
 @pytest.mark.slow

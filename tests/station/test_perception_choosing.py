@@ -1,11 +1,11 @@
-"""Where objects belong by name or colour, and what is needed to tell them."""
+"""Destinations of objects by name or colour, and the labels that they need."""
 
 import pytest
 
 from drake_srg.common.exceptions import ScenarioError
 from drake_srg.scenario import load_scenario
 from drake_srg.station import MakeCell
-from drake_srg.station.perception import chooses, destinations, labels
+from drake_srg.station.perception import destinations, labels, needs_labels
 
 ONE_BIN = "task.place={bin: red_bin, bins: null}"
 MUG = "objects.mug={model: package://drake_srg/sdf/mug.sdf}"
@@ -13,8 +13,8 @@ FAR = "directives.blue_bin::bottom.add_weld.X_PC.translation=[1.2, 0.5, 0.0]"
 
 
 def test_a_cell_that_clears_all_does_not_choose():
-    assert not chooses(load_scenario("clear_table"))
-    assert chooses(load_scenario("sort_table"))
+    assert not needs_labels(load_scenario("clear_table"))
+    assert needs_labels(load_scenario("sort_table"))
 
 
 def test_objects_belong_where_their_colour_does():

@@ -1,4 +1,4 @@
-"""What the planner knows of the gripper follows the gripper's driver."""
+"""The planner's model of the gripper follows the gripper's driver."""
 
 import dataclasses as dc
 

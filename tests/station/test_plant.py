@@ -85,7 +85,7 @@ def red_pixels(*overrides, seed=0):
 
 @pytest.fixture(scope="module")
 def whole():
-    """Where the camera sees the can without a card."""
+    """Return the pixels in which the camera sees the can without a card."""
     return red_pixels()
 
 

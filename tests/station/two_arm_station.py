@@ -42,7 +42,7 @@ def two_arm_tree(base="kitchen_fast"):
 
 
 def two_arms(change=lambda tree: None, base="kitchen_fast", seed=0):
-    """That scenario, loaded."""
+    """Return the scenario of two arms, loaded."""
     tree = two_arm_tree(base)
     change(tree)
     return draw_scenario(tree, "mine.yaml", seed).scenario

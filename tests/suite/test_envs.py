@@ -1,4 +1,4 @@
-"""What gymnasium and learners ask of the suite's environments, made by their names."""
+"""The requirements of gymnasium and learners on the suite's environments."""
 
 import gymnasium
 import numpy as np

@@ -1,1 +1,1 @@
-"""Golden runs: hashes of what the package computes, compared with committed ones."""
+"""Golden runs: hashes of the package's results, compared with committed ones."""

@@ -24,7 +24,7 @@ FOLDER = Path(__file__).parent
 
 
 def processor() -> str:
-    """Return what decides how floating-point arithmetic is rounded here."""
+    """Return the features of this processor that affect floating-point rounding."""
     import threadpoolctl
 
     config: Any = np.show_config(mode="dicts")
@@ -36,7 +36,7 @@ def processor() -> str:
 def compare(
     results: dict[str, Golden], committed: dict[str, Any], here: str
 ) -> list[str]:
-    """Return what differs from the committed results, one line each.
+    """Return the differences from the committed results, one line each.
 
     Args:
         results: New results, by the case's name.
@@ -61,7 +61,7 @@ def compare(
 
 
 def run_all(cases: list[Case], jobs: int) -> tuple[dict[str, Golden], list[str]]:
-    """Return the results by name, and what failed."""
+    """Return the results by name, and the failures."""
     results, failed = {}, []
     with concurrent.futures.ThreadPoolExecutor(jobs) as pool:
         futures = {pool.submit(run_case, case): case.name for case in cases}

@@ -1,4 +1,4 @@
-"""The golden cases: what each runs, and the hashes of what it gives."""
+"""The golden cases: the commands, and the hashes of their results."""
 
 from __future__ import annotations
 
@@ -32,8 +32,8 @@ class Golden:
     """The results of a case.
 
     Attributes:
-        outcome: What holds on every machine: a task's success, failure and attempts.
-        hashes: By the name of an array, a metric or a file.
+        outcome: Results that no machine may change: success, failure and attempts.
+        hashes: Hashes by the name of an array, a metric or a file.
     """
 
     outcome: dict[str, Any]
@@ -42,7 +42,7 @@ class Golden:
 
 @dc.dataclass(frozen=True)
 class Case:
-    """Something to run whose results are compared."""
+    """A run whose results are compared."""
 
     name: str
     run: Callable[[Path], Golden]

@@ -49,7 +49,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 
 def _tell(step: str) -> None:
-    """Say what begins now, on standard error."""
+    """Announce the next step on standard error."""
     print(f"site: {step}", file=sys.stderr, flush=True)
 
 

@@ -41,7 +41,7 @@ class Page(HTMLParser):
 
 
 def problems(site: Path) -> list[str]:
-    """Return what is wrong with a site, in words; nothing if it is good."""
+    """Return the problems of a site, in words."""
     pages = {path: Page(path.read_text("utf-8")) for path in site.rglob("*.html")}
     found = [*link_problems(site, pages)]
     names = inventory((site / "objects.inv").read_bytes())
@@ -71,7 +71,7 @@ def _text(path: Path) -> str:
 
 
 def link_problems(site: Path, pages: Mapping[Path, Page]) -> Iterator[str]:
-    """Yield links that lead nowhere, and whatever a page fetches from elsewhere."""
+    """Yield broken links, and resources that a page fetches from other hosts."""
     for path, page in sorted(pages.items()):
         where = path.relative_to(site)
         for address in page.fetched:

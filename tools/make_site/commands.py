@@ -20,7 +20,7 @@ def command_parsers() -> Mapping[str, argparse.ArgumentParser]:
 
 
 def commands_page() -> str:
-    """Return a section per command: usage, what it does, its arguments."""
+    """Return a section per command: usage, description, arguments."""
     return "\n".join(
         _section(name, parser) for name, parser in command_parsers().items()
     )

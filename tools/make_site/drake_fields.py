@@ -1,4 +1,4 @@
-"""Comments on the fields of Drake's schema classes, which Python does not tell."""
+"""Comments on the fields of Drake's schema classes, which Python cannot read."""
 
 from __future__ import annotations
 

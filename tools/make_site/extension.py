@@ -1,4 +1,4 @@
-"""What Sphinx does for our docstrings besides autodoc.
+"""Sphinx extension for our docstrings, in addition to autodoc.
 
 * `pydrake_system` blocks become port pictures.
 * A field of a dataclass and a constant of a module are described by their comments.
@@ -64,7 +64,7 @@ class PydrakeSystem(SphinxDirective):
 
 
 def _ports(ports: Iterable[str], side: str) -> nodes.Node:
-    """Return the names of ports, each with what is said about it in brackets."""
+    """Return the names of ports, each with its remark in brackets."""
     found = nodes.bullet_list(classes=[f"system-{side}"])
     for text in ports:
         name, _, remark = text.partition("(")
@@ -80,7 +80,7 @@ def _ports(ports: Iterable[str], side: str) -> nodes.Node:
 
 
 def name_templates(app: Sphinx) -> None:
-    """Give classes that Drake's templates make the names by which one imports them.
+    """Rename classes made by Drake's templates to the names for importing them.
 
     Autodoc would take `GripperServo`, whose own name is `GripperServo_𝓣float𝓤`, for an
     alias, and leave its documentation out.
@@ -128,7 +128,7 @@ def mark_names(app: Sphinx, document: nodes.document) -> None:
 def find_name(
     app: Sphinx, env: BuildEnvironment, node: pending_xref, content: nodes.Node
 ) -> nodes.Node | None:
-    """Link a name to what has it: in full, in its module, or alone in the package."""
+    """Link a name to its target, by full name, within its module, or if unique."""
     if node.get("reftype") != _OURS:
         return None
     target = node["reftarget"].removesuffix("()")

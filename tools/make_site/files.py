@@ -1,4 +1,4 @@
-"""Tables of what runs write: metrics.json, log.npz and ROS topics."""
+"""Tables of the outputs of runs: metrics.json, log.npz and ROS topics."""
 
 from __future__ import annotations
 

@@ -12,11 +12,11 @@ from experiments import find_experiments
 from make_site.systems import ROOT
 
 # The runs whose replays the gallery shows. The notebook of the arm shows its, too.
-RUNS = ("kitchen", "assistive_arm", "clear_table_fast", "sort_table")
+RUNS = ("kitchen", "assistive_arm", "clear_table_fast", "sort_table", "insert")
 
 
 def figures() -> str:
-    """Return the figure of every experiment, with a link to what it shows."""
+    """Return the figure of every experiment, with a link to its page."""
     cards = [
         f"[![{found.description}](experiments/{name}.png)](experiments/{name}.md)\n\n"
         f"[{name}](experiments/{name}.md): {found.description}"

@@ -121,7 +121,7 @@ def _breakable(path: str) -> str:
 
 
 def _value_words(key: Key) -> str:
-    """Return what a key takes: its type, unit and bounds."""
+    """Return the values of a key in words: type, unit and bounds."""
     unit = f" [{key.unit}]" if key.unit else ""
     return ", ".join(filter(None, [f"{key.type}{unit}", key.bounds]))
 
@@ -138,9 +138,9 @@ class _Walk:
 
         Args:
             kind: A dataclass, or one of Drake's schema classes.
-            value: Whose values are the defaults; None: the class requires some.
-            path: Of the class's keys.
-            tag: Where a tag chose the class.
+            value: An instance with the defaults; None: the class requires arguments.
+            path: Dotted path of the class's keys.
+            tag: The tag that chose the class, if any.
         """
         comments = field_comments(kind)
         for name, hint, bounds, own in schema_fields(kind):
@@ -170,7 +170,7 @@ class _Walk:
             yield from below
 
     def _place(self, kind: Any, value: Any, path: str) -> str:
-        """Return where the keys of a class are already, or enter it and return ""."""
+        """Return the place of a class's keys, or record it and return "" at first."""
         if not dc.is_dataclass(kind) or len(dc.fields(kind)) <= _REPEATED:
             return ""
         entered = self._entered.setdefault(kind, [])

@@ -1,4 +1,4 @@
-"""Tables of what comes with the package: scenarios and household objects."""
+"""Tables of the package's scenarios and household objects."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Notebooks as pages: what they show is saved in them, so nothing is executed."""
+"""Notebooks as pages, with their saved outputs: nothing is executed."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ def notebook_page(path: Path, images: Path) -> str:
     """Return a notebook as Markdown, and write its pictures beside the page.
 
     Args:
-        path: Of the notebook, with its outputs.
+        path: Path of the notebook with its outputs.
         images: Folder for the pictures, beside the page.
     """
     parts: list[str] = []

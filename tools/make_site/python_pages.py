@@ -1,4 +1,4 @@
-"""The reference of public names: a page per face of the package, made by autodoc."""
+"""The reference of public names: a page per package, made by autodoc."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ WHOLE = ("drake_srg.types", "drake_srg.lifetime")
 
 @functools.cache
 def faces() -> dict[str, dict[str, str]]:
-    """Return the homes of the public names by package, or module, and name."""
+    """Return the defining modules of public names, by package or module and name."""
     stubs = sorted([PACKAGE / "__init__.pyi", *PACKAGE.glob("*/__init__.pyi")])
     packages = [".".join(stub.parent.relative_to(ROOT).parts) for stub in stubs]
     found = {package: names_of(package) for package in packages}
@@ -38,7 +38,7 @@ def _defined(module: str) -> list[str]:
 
 
 def public_names() -> list[str]:
-    """Return the dotted names of whatever has its place on a page."""
+    """Return the dotted names of everything on a page."""
     return [f"{face}.{name}" for face, names in _documented() for name in names]
 
 
@@ -51,7 +51,7 @@ def _documented() -> list[tuple[str, list[str]]]:
 
 
 def python_pages() -> dict[str, str]:
-    """Return the page of each face by its name, and of all as `index`."""
+    """Return the page of each package by its name, and the overview as `index`."""
     documented = dict(_documented())
     pages = {_page_name(face): _page(face, names) for face, names in documented.items()}
     rows = [
@@ -80,7 +80,7 @@ def _page_name(face: str) -> str:
 
 
 def _page(face: str, names: list[str]) -> str:
-    """Return the page of a face, as reStructuredText."""
+    """Return the page of a package, as reStructuredText."""
     parts = [f"{face}\n{'=' * len(face)}\n", f".. automodule:: {face}\n"]
     for name in names:
         value = getattr(importlib.import_module(face), name)

@@ -70,7 +70,7 @@ def contents(text: str) -> str:
     """Return the table of contents of an index: the pages that its lists link to.
 
     Args:
-        text: Of the index. Lists, and first columns of tables, may link to pages.
+        text: Text of the index. Lists, and first columns of tables, may link to pages.
     """
     lists = re.findall(r"^\* .*(?:\n +.*)*|^\| \[[^|]*", text, re.MULTILINE)
     links = re.findall(r"\]\(([\w./]+)\.(?:md|ipynb)\)", "\n".join(lists))
@@ -79,7 +79,7 @@ def contents(text: str) -> str:
 
 
 def update(folder: Path, staged: Path) -> None:
-    """Move what has changed to a folder, so that Sphinx reads only that again."""
+    """Move the changed files to a folder, so that Sphinx reads only these again."""
     new = {path.relative_to(staged) for path in staged.rglob("*") if path.is_file()}
     for path in [path for path in folder.rglob("*") if path.is_file()]:
         if path.relative_to(folder) not in new:
@@ -107,7 +107,7 @@ def relink(text: str, depth: int) -> str:
     """Return a page whose links to files of the repository lead to pages of the site.
 
     Args:
-        text: Of the page.
+        text: Text of the page.
         depth: Folders between the page and the top of the site.
     """
     top = "../" * depth

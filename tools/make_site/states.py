@@ -104,7 +104,7 @@ def _arrow(start: int, end: int, middle: float) -> str:
 
 
 def condition_words(condition: Callable[..., bool]) -> str:
-    """Return what a condition tests: the source of a lambda's body, else its name."""
+    """Return a condition in words: the source of a lambda's body, else its name."""
     place = condition.__code__
     if condition.__name__ != "<lambda>":
         return condition.__name__.strip("_")

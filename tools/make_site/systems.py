@@ -34,7 +34,7 @@ class Block:
 
     @property
     def target(self) -> str:
-        """Name of what is documented, below its module.
+        """Name of the documented class or function, below its module.
 
         A system for several scalar types is the class `Impl` inside a template; it is
         imported by the system's own name.

@@ -1,1 +1,1 @@
-"""What `tools/build_models.py` builds from; one file a robot, one for the props."""
+"""Sources of `tools/build_models.py`: one file per robot, and one for the props."""

@@ -60,11 +60,11 @@ class Flat:
     """A wall of a hole that touches its outline.
 
     Attributes:
-        name: Of its pieces.
+        name: Name of its pieces.
         angle: Direction in which the wall lies, from x [rad].
-        distance: Of its face from the axis [m].
+        distance: Distance of its face from the axis [m].
         aside: From the foot of the perpendicular to the middle of the face [m].
-        width: Of the face [m].
+        width: Width of the face [m].
         thick: From the face outwards [m].
     """
 
@@ -172,7 +172,7 @@ def _block(
     """Return the files of a block with a hole, and of one that is chamfered.
 
     Args:
-        name: Of the model.
+        name: Name of the model.
         what: The hole in words.
         flats: Its walls.
         reach: Half of the floor's width [m].

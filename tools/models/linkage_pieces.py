@@ -143,7 +143,7 @@ def tip_pieces(curved: bool, material: Proximity) -> list[Piece]:
 
     Args:
         curved: Whether the pad is cut to the cylinder.
-        material: Of the pad.
+        material: Material of the pad.
     """
     back = PAD_FACE - PAD_THICKNESS
     x0, x1 = PAD_X - 0.0094, PAD_X + 0.0094

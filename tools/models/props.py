@@ -38,10 +38,10 @@ def table(
     """Return a table with its top at z = 0; an arm stands on it at the origin.
 
     Args:
-        name: Of the model.
-        top: What its top is made of.
-        comment: What it is.
-        meshes: What its meshes' names begin with.
+        name: Name of the model.
+        top: Material of its top.
+        comment: Description of the model.
+        meshes: Prefix of the names of its meshes.
         half: Half its width along y [m].
     """
     looks = {"top": (0.74, 0.70, 0.63), "legs": (0.45, 0.46, 0.48)}
@@ -95,8 +95,8 @@ def _slide(
     The rails lie TRAY_HEIGHT below the origin.
 
     Args:
-        name: Of the model.
-        comment: What it is.
+        name: Name of the model.
+        comment: Description of the model.
         rails: Their ends along y [m].
         half: Half the plate's length along y [m].
         travel: Limits of the joint [m].

@@ -123,10 +123,10 @@ def _bent(
     """Return a rod along a circular arc in the plane z = height, piece by piece.
 
     Args:
-        radius: Of the cross sections, evenly spaced [m].
+        radius: Radii of the evenly spaced cross sections [m].
         arc: Radius of the arc [m].
-        length: Of the arc [m].
-        height: Of the arc above z = 0 [m].
+        length: Length of the arc [m].
+        height: Height of the arc above z = 0 [m].
         count: Sides of the cross sections, whose flats touch their circle.
     """
     angles = (np.linspace(-0.5, 0.5, len(radius))) * length / arc

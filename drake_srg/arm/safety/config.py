@@ -64,7 +64,7 @@ class SafetyConfig(Config):
     # Largest speed of the tool's origin [m/s], and its workspace; null: no limit.
     tool_speed: float | None = dc.field(default=None, metadata=positive())
     workspace: WorkspaceConfig | None = None
-    # Largest external torques [N m], without and with what the hand carries; null: no
+    # Largest external torques [N m], without and with the load in the hand; null: no
     # limit.
     external_torque: list[float] | None = dc.field(default=None, metadata=positive())
     # Limits of the force at the tool that best explains the external torques.

@@ -288,7 +288,7 @@ class Tool:
         return p_WT
 
     def force(self, q: Vector, torque: Vector) -> float:
-        """Return the size of the force on the point that best explains torques [N].
+        """Return the size of the force at the point that best explains torques [N].
 
         It is the least-squares solution of J(q)ᵀ f = torque, for a contact at this
         point alone. A contact nearer to the base presses harder than this force.
@@ -325,11 +325,11 @@ def _find(plant: MultibodyPlant, name: str) -> Frame:
 
 @dc.dataclass(frozen=True)
 class TouchLimits:
-    """Limits of external torques, and of the force that explains them.
+    """Limits of external torques, and of the equivalent force at the tool.
 
     Attributes:
         torque: Torque of each joint, shape (N,) [N m].
-        tool: Point at which the force acts; None without limits of the force.
+        tool: Point at which the force acts; None if the force has no limits.
         transient: Largest force [N].
         quasi_static: Largest force that lasts longer than `transient_time` [N].
         transient_time: Time for which a force counts as an impact [s].

@@ -32,7 +32,7 @@ from drake_srg.types import Vector
 
 @dc.dataclass(frozen=True)
 class Observation:
-    """The facts that decide the next state."""
+    """Facts that decide the next state of the monitor."""
 
     reason: StopReason = StopReason.NONE  # the first reason to stop, if any holds now
     braked_for: StopReason = StopReason.NONE  # the reason why the arm is being stopped
@@ -241,7 +241,7 @@ class SafetyMonitor(LeafSystem):
     def _condition(
         self, memory: Memory, context: Context, time: float
     ) -> tuple[StopReason, float]:
-        """Return the first reason to stop besides the commands, if any holds now.
+        """Return the first present reason to stop, apart from invalid commands, if any.
 
         The second value is the start of the tool's pressing [s], as in the memory.
         """

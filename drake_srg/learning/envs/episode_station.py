@@ -117,7 +117,7 @@ class EpisodeStation:
         self._begin(X_WO, q)
 
     def _forget(self) -> None:
-        """Set all but the scene graphs to the defaults."""
+        """Reset the context to its defaults, except for the scene graphs."""
         for system, context in self._reset:
             system.SetDefaultContext(context)
         # A discrete plant would keep the contacts of its last step.

@@ -28,7 +28,8 @@ class Truth:
         success: Whether the task is done.
         lost: Whether the episode can no longer succeed.
         scene: The episode's object.
-        grasp: The grasp by the lifted hand, before the shake; None without one.
+        grasp: The grasp by the lifted hand, before the shake; None if there is no
+            grasp.
         station: The station in its present state, for rewards that use contacts.
     """
 

@@ -94,7 +94,7 @@ def action_of(
 
 
 def one_shot_state(shape: Shape) -> State:
-    """Return the observation: the size, 1 for 0.15 m, and whether it is round."""
+    """Return the observation: the size in units of 0.15 m, and whether it is round."""
     size = shape.bounding_size / 0.15
     return clipped(np.append(size, isinstance(shape, Cylinder)))
 

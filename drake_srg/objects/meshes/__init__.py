@@ -1,1 +1,1 @@
-"""Objects from files of others: meshes, URDF and SDF become models of convex pieces."""
+"""Imports objects: meshes, URDF and SDF files become models of convex pieces."""

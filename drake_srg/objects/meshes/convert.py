@@ -87,7 +87,7 @@ class MeshReader:
         return self._placed(self._mesh(geometry).solid, geometry)
 
     def surfaces(self, geometry: Geometry) -> list[tuple[TriangleMesh, Color | None]]:
-        """Return the parts of a geometry by colour, in the link.
+        """Return the surfaces of a geometry by colour, in the link.
 
         Raises:
             ScenarioError: If a mesh is broken.

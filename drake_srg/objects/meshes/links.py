@@ -230,7 +230,7 @@ class SdfReader:
         return self._rgb("diffuse", text, (3, 4)) if text else None
 
     def contact(self, node: ET.Element) -> ET.Element | None:
-        """Return Drake's contact properties; None without."""
+        """Return Drake's contact properties, or None."""
         return node.find(PROXIMITY)
 
     def _rgb(self, key: str, text: str, counts: tuple[int, ...]) -> Color:
@@ -360,7 +360,7 @@ class UrdfReader(SdfReader):
         return None
 
     def contact(self, node: ET.Element) -> ET.Element | None:
-        """Return Drake's contact properties; None without."""
+        """Return Drake's contact properties, or None."""
         contact = copy.deepcopy(node.find(PROXIMITY))
         for child in () if contact is None else contact:
             child.text = child.attrib.pop("value", None)  # as in an SDF
@@ -403,7 +403,7 @@ def resolved(path: Path, uri: str) -> Path:
 
 
 def _package_name(folder: Path) -> str | None:
-    """Return the name in a folder's package.xml; None without one."""
+    """Return the name in a folder's package.xml, or None."""
     try:
         return ET.parse(folder / "package.xml").getroot().findtext("name")
     except (OSError, ET.ParseError):

@@ -220,7 +220,7 @@ def _named_files(path: Path, changed: int, size: int) -> list[Path]:
 
 @functools.lru_cache(maxsize=256)
 def _taken(path: Path, _changed: int, _size: int) -> ET.Element | None:
-    """Return the tree of an SDF that Drake can read; None if it must be converted."""
+    """Return the tree of an SDF that Drake can read; None if it needs conversion."""
     if path.suffix.lower() != ".sdf":
         return None
     root = read_xml(path, [])

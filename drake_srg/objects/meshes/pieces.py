@@ -96,7 +96,7 @@ def convex_pieces(
 
 
 def decimated(points: Vector) -> Vector:
-    """Return the corners of a hull that replaces the hull of points.
+    """Return the corners of a simpler hull that replaces the hull of points.
 
     Starting from the extreme points along 14 directions, it repeatedly adds the point
     that stands out most, until all are within 0.05 mm or there are `MOST_CORNERS`. If

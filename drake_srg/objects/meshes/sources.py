@@ -1,4 +1,4 @@
-"""The bytes of a mesh file and of all files that it names.
+"""The bytes of a mesh file, and of all files that it refers to.
 
 Readers get only these bytes, so the cache's key covers everything that they read.
 """
@@ -28,7 +28,7 @@ SUFFIXES = (".obj", ".stl", ".glb", ".gltf")
 
 @dc.dataclass(frozen=True, eq=False)
 class MeshSource:
-    """A mesh file with the files that it names.
+    """A mesh file, with the files that it refers to.
 
     Attributes:
         path: The file.
@@ -45,7 +45,7 @@ class MeshSource:
     neighbours: list[Path] = dc.field(default_factory=list)
 
     def neighbour(self, *names: str) -> bytes | None:
-        """Return the bytes of the first name that is a file; None without one.
+        """Return the bytes of the first name that is a file, or None.
 
         Names are relative to the mesh's folder. An absolute name from another machine
         is also looked for in that folder.
@@ -83,7 +83,7 @@ def read_bytes(path: Path) -> bytes:
 
 
 def read_source(path: Path) -> MeshSource:
-    """Read a mesh file and the files that it names.
+    """Read a mesh file, and the files that it refers to.
 
     Raises:
         ScenarioError: If the file cannot be read, or has an unknown format.

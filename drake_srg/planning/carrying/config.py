@@ -23,9 +23,9 @@ class CarryTogether(PlannerConfig):
     settle_time: float = dc.field(default=0.3, metadata=positive())
 
     # How far below the support the object's set-point ends [m]. Arms that yield then
-    # press the object on its support: 4 mm are some 15 N per hand of the iiwa. Opening
-    # fingers, of which one leaves first, do not shift it so. `place_height` does not
-    # count.
+    # press the object on its support: 4 mm are some 15 N per hand of the iiwa. Then it
+    # does not shift when one opening finger leaves it before the other. `place_height`
+    # does not count.
     press_depth: float = dc.field(default=0.004, metadata={"ge": 0.0, "le": 0.02})
 
     several_arms: ClassVar[bool] = True

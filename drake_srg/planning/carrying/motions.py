@@ -35,7 +35,7 @@ from drake_srg.planning.motion.paths import plan_cartesian_path
 from drake_srg.planning.motion.planning_scene import (
     NoPathError,
     PlanningFailure,
-    most_telling,
+    most_specific,
 )
 from drake_srg.planning.pick_and_place.task_motions import (
     Obstacles,
@@ -69,7 +69,7 @@ class EndWall:
     box: Box
 
     def grasps(self, hand: Hand, firmness: float = 1.0) -> list[SrgGrasp]:
-        """Return the pinches from above across the wall, of which X_GO is X_GE."""
+        """Return the pinches from above across the wall, with X_GO equal to X_GE."""
         across = np.array([1.0, 0.0, 0.0])
         return [
             dc.replace(grasp, p_GO=grasp.p_GO - np.array([_DEEPER, 0.0, 0.0]))
@@ -124,7 +124,7 @@ class PairGrasp(SrgGrasp):
         return all(super(PairGrasp, self).holds(*hand) for hand in hands)
 
     def X_WGs(self, X_WO: RigidTransform) -> tuple[RigidTransform, RigidTransform]:
-        """Return where the hands are that hold the object at `X_WO` [m]."""
+        """Return the poses of the hands that hold the object at `X_WO` [m]."""
         first, second = self.X_GOs
         return X_WO @ first.inverse(), X_WO @ second.inverse()
 
@@ -189,10 +189,10 @@ class CarryTaskPlanner(TaskPlanner):
         """Plan the motions of both arms from `q_start` over pick and place to home.
 
         Args:
-            q_start: Where both are, at rest, shape (2N,) [rad].
+            q_start: Positions of both arms, at rest, shape (2N,) [rad].
             X_WO: The object's pose [m].
             shape: The object's shape, with end walls.
-            X_WO_goal: Where it must go [m]; see `aligned`.
+            X_WO_goal: Goal of the object [m]; see `aligned`.
             obstacles: Other objects and their poses [m].
             tried: Names of grasps that failed.
         """
@@ -266,20 +266,20 @@ class CarryTaskPlanner(TaskPlanner):
             return error.failure
 
     def rests(self, shape: Solid, X_WO: RigidTransform) -> bool:
-        """Return whether an object at `X_WO` [m] is on something, and in nothing."""
+        """Return whether an object at `X_WO` [m] has support and penetrates nothing."""
         return self.planners[0].rests(shape, X_WO)
 
     def others(
         self, q: Vector, fingers: Mapping[str, float], obstacles: Obstacles
     ) -> Obstacles:
-        """Return the obstacles that are neither arm, seen by a camera."""
+        """Return the obstacles that are not views of either arm."""
         for planner, half in zip(self.planners, np.split(q, 2), strict=True):
             obstacles = planner.others(half, fingers, obstacles)
         return obstacles
 
     @contextlib.contextmanager
     def _ready(self, obstacles: Obstacles) -> Iterator[None]:
-        """Let obstacles stand in both scenes; restore all that a plan changes."""
+        """Add obstacles to both scenes; restore everything that a plan changes."""
         fingers = [arm.scene.fingers for arm in self.pair.arms]
         homes = np.split(self.q_home, 2)
         try:
@@ -324,7 +324,7 @@ class CarryTaskPlanner(TaskPlanner):
         X_WO_goal: RigidTransform,
         tried: Sequence[str],
     ) -> TaskMotions:
-        """Return the motions with the cheapest pair of grasps that has some.
+        """Return the motions with the cheapest feasible pair of grasps.
 
         Raises:
             NoPathError: If no pair has.
@@ -357,7 +357,7 @@ class CarryTaskPlanner(TaskPlanner):
                 return TaskMotions(grasp, {**reach, **carry})
             except NoPathError as error:
                 failures.append(error.failure)
-        raise NoPathError(most_telling(failures))
+        raise NoPathError(most_specific(failures))
 
     def _grips(
         self,
@@ -367,7 +367,7 @@ class CarryTaskPlanner(TaskPlanner):
         shape: Solid,
         firmness: float,
     ) -> list[_Grip]:
-        """Return the ways in which an arm takes a wall.
+        """Return the grasps of a wall by one arm.
 
         Raises:
             NoPathError: If there is none.
@@ -483,10 +483,10 @@ class CarryTaskPlanner(TaskPlanner):
     def _carrying(
         self, grasp: PairGrasp, shape: Solid, margin: float | None = None
     ) -> Iterator[None]:
-        """Let both hands hold the object; the first one's scene knows its shape.
+        """Let both hands hold the object; only the first hand's scene knows its shape.
 
         Args:
-            grasp: How they hold it.
+            grasp: The grasp of both hands.
             shape: The object's.
             margin: Distance that it keeps from furniture [m]; None: the hands'.
         """
@@ -506,13 +506,13 @@ class CarryTaskPlanner(TaskPlanner):
         X_WO_end: RigidTransform,
         what: str,
     ) -> tuple[Trajectory, Vector]:
-        """Return the motion along a straight line of the object, and where it ends.
+        """Return the motion along a straight line of the object, and its end.
 
         Args:
-            q: Where both arms are, shape (2N,) [rad].
-            grasp: How both hands hold the object.
+            q: Positions of both arms, shape (2N,) [rad].
+            grasp: The grasp of both hands.
             X_WO: The object's pose at `q` [m].
-            X_WO_end: That at the end [m].
+            X_WO_end: Pose of the object at the end [m].
             what: The motion is, for messages.
 
         Raises:
@@ -527,7 +527,7 @@ class CarryTaskPlanner(TaskPlanner):
 
 @dc.dataclass(frozen=True)
 class _Grip:
-    """How one arm takes one wall."""
+    """A grasp of one wall by one arm."""
 
     grasp: SrgGrasp
     X_GO: RigidTransform

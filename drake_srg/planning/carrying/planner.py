@@ -53,28 +53,28 @@ carry_transition = Transitions(CARRY_TRANSITIONS, FATAL)
 
 
 class LargeSightings(Sightings):
-    """Reads views for an object that is larger than the distance between look-alikes.
+    """Reads views of an object that is larger than the distance between look-alikes.
 
     A part of it that something hides from the rest is a blob, too, but no certain one.
     """
 
     def obstacles(self, view: View, p_WO: Vector | None = None) -> Obstacles:
-        """See `Sightings`; a look-alike must be certain to be an obstacle."""
+        """Return the other objects; only a certain look-alike is an obstacle."""
         certain = [blob for blob in view.blobs if blob.certain]
         return super().obstacles(View(certain, view.obstacles), p_WO)
 
 
 class CarryReplanner(Replanner):
-    """Plans for both arms from what is seen and from where the hands are."""
+    """Plans for both arms, from sightings and the poses of the hands."""
 
     _task_planner: CarryTaskPlanner
 
     def regrasp(self, memory: PlannerMemory, q: Vector, time: float) -> None:
-        """Plan from hands that hold the object, which stands as it was seen.
+        """Plan with the object in both hands, at the pose in which it was seen.
 
         Args:
             memory: The planner's.
-            q: Where both arms are, shape (2N,) [rad].
+            q: Positions of both arms, shape (2N,) [rad].
             time: Now [s].
         """
         attempt, X_WO = memory.attempt, memory.attempt.X_WO
@@ -97,7 +97,7 @@ def _pair_grasp(grasp: Grasp) -> PairGrasp:
 
 
 class Settle(Carrying):
-    """Moves the set-points to where the hands are, so that these pull at nothing.
+    """Moves the set-points to the actual poses of the hands, so that no hand pulls.
 
     The hands have met the walls where they are, not where they were believed to be. The
     rest of the task is planned from there.
@@ -108,7 +108,7 @@ class Settle(Carrying):
     replanner: CarryReplanner
 
     def enter(self, memory: PlannerMemory, entry: Entry) -> PlannerMemory:
-        """Go there, and plan the rest."""
+        """Move the set-points, and plan the rest."""
         memory = super().enter(memory, entry)
         q_from, q = memory.motion.position(entry.time), entry.senses.q
         there = PiecewisePolynomial.CubicWithContinuousSecondDerivatives(
@@ -136,25 +136,25 @@ class Settle(Carrying):
 
 
 class SetDown(Place):
-    """Sets the object down, and lets arms that yield come to rest with it."""
+    """Sets the object down, and waits until the compliant arms rest with it."""
 
     config: CarryTogether
 
     @property
     def wait(self) -> float:
-        """Time for that [s]."""
+        """Time to settle [s]."""
         return self.config.settle_time
 
 
 def carry_modes(
     config: CarryTogether, replanner: CarryReplanner, repeat: int
 ) -> dict[AnyMode, TaskMode]:
-    """Return what the planner does in each mode.
+    """Return the planner's actions in each mode.
 
     Args:
         config: Times and limits.
         replanner: Plans from what is seen.
-        repeat: How many cycles the task has.
+        repeat: Number of cycles.
     """
     return {
         **task_modes(config, replanner, repeat),

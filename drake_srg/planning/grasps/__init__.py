@@ -1,1 +1,1 @@
-"""Grasps of a hand, and the search for one that the arm reaches."""
+"""Grasps of a hand, and the search for grasps that the arm can reach."""

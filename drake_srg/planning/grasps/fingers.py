@@ -1,4 +1,4 @@
-"""Two fingers that take things from above, as modelled by the search for grasps."""
+"""Two fingers that grasp from above, as the search for grasps models them."""
 
 from __future__ import annotations
 
@@ -103,7 +103,7 @@ class Fingers(abc.ABC):
         """
 
     def wrapped(self, width: float) -> FingerState:
-        """Return the hand that presses on a thing that it wraps; needs `wrap`.
+        """Return the hand that presses on a wrapped thing; needs `wrap`.
 
         Args:
             width: Width of the thing [m].
@@ -115,7 +115,7 @@ class Fingers(abc.ABC):
 
     @abc.abstractmethod
     def holds(self, width: float, q: Vector, proximity: Vector) -> bool:
-        """Return whether closed fingers whose sensors fire hold a thing of some width.
+        """Return whether fingers whose sensors fire hold something of a given width.
 
         Args:
             width: Expected width between the pads [m].
@@ -134,7 +134,7 @@ class Fingers(abc.ABC):
 
     @abc.abstractmethod
     def detectable(self, width: float) -> bool:
-        """Return whether joint angles reveal a held thing of a width [m]."""
+        """Return whether the joint angles reveal a held thing of a given width [m]."""
 
 
 def lowest(points: Vector, offsets: Vector, floor: float) -> Vector:

@@ -111,7 +111,7 @@ def _side(
     thing: Collection[GeometryId],
     hand: Collection[GeometryId],
 ) -> float:
-    """Return 1 for a pair of thing and hand, -1 for hand and thing, else 0."""
+    """Return 1 for the pair (object, hand), -1 for (hand, object), else 0."""
     first, second = pair
     if first in thing and second in hand:
         return 1.0
@@ -152,7 +152,7 @@ def _point(info: PointPairContactInfo, sign: float, mu: float) -> Patch | None:
 def merged(
     p: Vector, n: Vector, force: Vector, points: int
 ) -> tuple[Vector, Vector, Vector]:
-    """Merge the faces of a patch around few points: its middle and four ends.
+    """Merge the faces of a patch around five points: its centre and four ends.
 
     The ends are the faces that lie farthest along the principal directions of the
     pressure. Every face adds its force to the nearest point, and the point moves to the

@@ -124,7 +124,7 @@ class Grasp(abc.ABC):
 
     @abc.abstractmethod
     def holds(self, q: Vector, proximity: Vector) -> bool:
-        """Return whether closed fingers that fire hold an object of the right size.
+        """Return whether fingers whose sensors fire hold the object, by its size.
 
         Args:
             q: Measured angles of the gripper's joints, shape (n,) [rad].
@@ -134,13 +134,13 @@ class Grasp(abc.ABC):
 
 @dc.dataclass(frozen=True, kw_only=True)
 class PinchGrasp(Grasp):
-    """A grasp between the pads of fingers whose angles reveal what they hold."""
+    """A grasp between the pads of fingers whose angles reveal the held width."""
 
     fingers: Fingers
     width: float  # between the pads [m]
 
     def holds(self, q: Vector, proximity: Vector) -> bool:
-        """Return whether closed fingers that fire hold an object of the right size."""
+        """Return whether fingers whose sensors fire hold the object, by its size."""
         return self.fingers.holds(self.width, q, proximity)
 
 
@@ -175,7 +175,7 @@ class Hand(abc.ABC):
 
 
 def _axes(z: Vector, y: Vector) -> RotationMatrix:
-    """Return the rotation of a frame whose z, and about it y, point as given."""
+    """Return the rotation of a frame with a given z axis, and y nearest to `y`."""
     z = z / np.linalg.norm(z)
     x = np.cross(y, z)
     x = x / np.linalg.norm(x)

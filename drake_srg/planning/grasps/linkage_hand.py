@@ -118,11 +118,11 @@ class LinkageFingers(Fingers):
         return FingerState(1.0, crank_joints(crank_angle(0.5 * width)))
 
     def holds(self, width: float, q: Vector, proximity: Vector) -> bool:
-        """Return whether closed fingers that fire hold a thing of some width."""
+        """Return whether fingers whose sensors fire hold something of a given width."""
         return bool(np.max(q) < 0.5 * (crank_angle(0.5 * width) + EMPTY_ANGLE))
 
     def detectable(self, width: float) -> bool:
-        """Return whether joint angles reveal a held thing of a width [m]."""
+        """Return whether the joint angles reveal a held thing of a given width [m]."""
         return EMPTY_ANGLE - crank_angle(0.5 * width) > _DETECTABLE
 
 

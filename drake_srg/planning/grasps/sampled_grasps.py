@@ -1,4 +1,4 @@
-"""Samples of grasps of a known solid from all directions, good ones and worse ones."""
+"""Samples of grasps of a known solid from all directions, good and bad."""
 
 from __future__ import annotations
 
@@ -24,13 +24,13 @@ _TURN = np.deg2rad(15.0)  # about any axis, at most
 
 @dc.dataclass(frozen=True, eq=False, kw_only=True)
 class SampledGrasp:
-    """A place of the hand, from which its fingers close.
+    """A pose of the hand from which the fingers close.
 
     Attributes:
         X_OG: Pose of the palm in the object's frame [m].
-        half_gap: Of the open fingers' ends [m].
+        half_gap: Half the gap between the ends of the open fingers [m].
         width: Expected between the pads [m].
-        score: That of the planned grasp; higher is better.
+        score: Score of the planned grasp; higher is better.
         shifted: Whether it is a planned grasp that was moved at random.
         wrapped: Whether the planned grasp is a wrap, not a pinch.
     """
@@ -61,7 +61,7 @@ def sample_grasps(
     rng = np.random.default_rng([seed, direction])
     up_O = rng.normal(size=3)
     R_OS = RotationMatrix.MakeFromOneVector(up_O / np.linalg.norm(up_O), 2)
-    turned = solid.turned(R_OS.inverse().matrix())
+    turned = solid.rotated(R_OS.inverse().matrix())
     below = turned.half_extent(np.array([0.0, 0.0, -1.0]))
     X_OS = RigidTransform(R_OS.inverse(), [0.0, 0.0, below]).inverse()
     plan = HeightMapGrasps(fingers, 0.0).plan(

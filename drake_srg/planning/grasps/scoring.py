@@ -42,9 +42,8 @@ STEEPEST = 0.45
 # Weights of the score's terms (docs/grasps.md): twist, wedge, lever [1/m].
 _TWIST, _WEDGE, _LEVER = 2.0, 2.0, 48.0
 # With a friction of 0.6, a lying squeeze bottle of 0.575 kg holds by levers of up to
-# 10 mm. Beyond that it swings, however long the lever. So a lever longer than
-# `_LONGEST` costs no more than that, and an unknown lever costs as much as `_UNKNOWN`
-# [m].
+# 10 mm. Beyond that it swings, however long the lever. So the cost grows only up to
+# `_LONGEST`, and an unknown lever costs as much as `_UNKNOWN` [m].
 _LONGEST, _UNKNOWN = 0.05, 0.017
 # A thing that sticks out along the closing direction tips between the pads. Their
 # friction and pressure resist by N (mu w + h), if they are w apart and h high. Up to
@@ -81,7 +80,7 @@ _BESIDE, _YAWS = 0.03, 36
 def extent(
     mask: npt.NDArray[np.bool_], s: Vector
 ) -> tuple[Vector, Vector, npt.NDArray[np.bool_]]:
-    """Return the first and last offset where a mask (..., S) is set, and if any is."""
+    """Return the first and last set offset of a mask (..., S), and if any is set."""
     some = np.asarray(mask.any(axis=-1))
     first = mask.argmax(axis=-1)
     last = len(s) - 1 - mask[..., ::-1].argmax(axis=-1)
@@ -162,7 +161,7 @@ class Candidates:
         low: Start of the thing along the closing direction, shape (n,) [m].
         high: End of the thing, shape (n,) [m].
         top: Height above the table of the thing between the fingers, shape (n,) [m].
-        lean: How far its flanks lean inwards, as a tangent, shape (n,).
+        lean: Tangent of the angle by which its flanks lean inwards, shape (n,).
         score: Higher is better, shape (n,).
     """
 
@@ -442,7 +441,7 @@ class WrapJudge(TopGraspJudge):
 
         Args:
             segments: The segmented map of the table.
-            things: Those to wrap.
+            things: Things to wrap.
 
         Returns:
             x, y of the palm's axis in world, shape (n, 2) [m], and directions of

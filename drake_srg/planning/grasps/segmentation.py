@@ -98,7 +98,7 @@ class Segmentation:
         return cls(map_, above, unknown, noise, least, labels, things)
 
     def only(self, thing: Thing) -> Segmentation:
-        """Return the same segmentation with only one of its things."""
+        """Return the segmentation reduced to one of its things."""
         above = np.where(self.labels == thing.label, self.above, np.float32(0.0))
         return dc.replace(self, above=above, things=(thing,))
 
@@ -149,8 +149,8 @@ class Segmentation:
     def thing_middles(self) -> Vector:
         """Middle of the thing in each cell, shape (ny, nx, 2) [m]; NaN in empty cells.
 
-        Things that touch count as one. But a long thin part, or a broad one beside
-        something wide, has a middle of its own, because it may be another thing.
+        Things that touch count as one. But a long thin part, or a broad part beside
+        something wide, has its own middle, because it may be another thing.
         """
         result = np.full((*self.labels.shape, 2), np.nan)
         for thing in self.things:
@@ -281,7 +281,7 @@ def _things(
 def _middle(
     map_: HeightMap, above: npt.NDArray[np.float32], cells: npt.NDArray[np.intp]
 ) -> Vector:
-    """Return x, y of the middle of the volume of some cells (n, 2), shape (2,) [m]."""
+    """Return x, y of the centre of volume of some cells (n, 2), shape (2,) [m]."""
     heights = above[tuple(cells.T)].astype(float)
     points = map_.centers()[tuple(cells.T)]
     middle: Vector = np.average(points, axis=0, weights=heights)

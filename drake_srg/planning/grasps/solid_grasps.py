@@ -44,7 +44,7 @@ def solid_pinches(
         clearance: Distance that the hand must keep from the table [m].
     """
     R_OS = RotationMatrix.MakeFromOneVector(np.array(up_O), 2)
-    solid = solid.turned(R_OS.inverse().matrix())
+    solid = solid.rotated(R_OS.inverse().matrix())
     X_SO = RigidTransform([0.0, 0.0, solid.half_extent(np.array([0.0, 0.0, -1.0]))])
     search = HeightMapGrasps(fingers, 0.0, table_gap=clearance + _SPARE)
     found = search.plan(solid_map(solid)).grasps[:_MOST]

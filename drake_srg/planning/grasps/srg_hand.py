@@ -218,7 +218,7 @@ class SrgFingers(Fingers):
         return self._pressing(base, tip, self.squeeze)
 
     def wrapped(self, width: float) -> FingerState:
-        """Return the hand that presses on a thing that it wraps; needs `wrap`."""
+        """Return the hand that presses on a wrapped thing; needs `wrap`."""
         base, tip = wrap_angles(0.5 * width, self.wrap.gap)
         return self._pressing(base, tip, _WRAP_SQUEEZE)
 
@@ -227,7 +227,7 @@ class SrgFingers(Fingers):
         return FingerState(min(1.0, closure), finger_joints(base, tip))
 
     def holds(self, width: float, q: Vector, proximity: Vector) -> bool:
-        """Return whether closed fingers whose sensors fire hold a thing of some width.
+        """Return whether fingers whose sensors fire hold something of a given width.
 
         The base links come first in `q`. The width says little, because a height map
         shows things too wide or too narrow. So it suffices that something is between
@@ -243,7 +243,7 @@ class SrgFingers(Fingers):
         return bool(np.max(q[2:]) < _STRAIGHT)
 
     def detectable(self, width: float) -> bool:
-        """Return whether joint angles reveal a held thing of a width [m]."""
+        """Return whether the joint angles reveal a held thing of a given width [m]."""
         return width - _BLUR > 2.0 * _LEAST_GAP
 
 
@@ -284,7 +284,7 @@ class SrgGrasp(Grasp):
     tip_angle: float  # expected when holding [rad]
 
     def holds(self, q: Vector, proximity: Vector) -> bool:
-        """Return whether closed fingers that fire hold an object of the right size.
+        """Return whether fingers whose sensors fire hold the object, by its size.
 
         The base links come first in `q` and `proximity`.
         """

@@ -128,7 +128,7 @@ class GraspPlan:
 
     @functools.cached_property
     def refused(self) -> tuple[Refusal, ...]:
-        """Things that no grasp takes. Finding the reasons takes as long as planning."""
+        """Things without a grasp. To find the reasons takes as long as planning."""
         return self.explain()
 
 
@@ -198,10 +198,10 @@ class Reach:
 class HeightMapGrasps:
     """Finds grasps without knowing or separating the things on a table.
 
-    It tries points on things, times directions, and judges all depths and openings at
-    once (see `PinchJudge`). The best are moved until both pads touch at the same time,
-    turned a little, and judged once more. Things that no pinch takes may be wrapped
-    (`WrapJudge`).
+    It combines points on things with directions, and judges all depths and openings
+    together (see `PinchJudge`). The best are moved until both pads touch at the same
+    time, turned a little, and judged once more. Things that no pinch takes may be
+    wrapped (`WrapJudge`).
 
     Args:
         fingers: The hand's.
@@ -258,7 +258,7 @@ class HeightMapGrasps:
         return np.repeat(p_W, len(yaws), axis=0), np.tile(yaws, len(p_W))
 
     def segment(self, height_map: HeightMap) -> Segmentation:
-        """Return what stands on the table according to a height map."""
+        """Return the things on the table according to a height map."""
         return Segmentation.of(
             height_map,
             self._table,
@@ -289,7 +289,7 @@ class HeightMapGrasps:
     def _refusals(
         self, segments: Segmentation, grasps: Sequence[TopGrasp], seed: int
     ) -> tuple[Refusal, ...]:
-        """Return the things that no grasp takes."""
+        """Return the things without a grasp."""
         return tuple(
             self._refuse(segments, thing, seed)
             for thing in _not_taken(segments, grasps)
@@ -373,7 +373,7 @@ class HeightMapGrasps:
         grasps: Sequence[TopGrasp],
         tried: Sequence[TopGrasp],
     ) -> tuple[list[TopGrasp], list[TopGrasp]]:
-        """Return distinct grasps, the best first: new ones, and those like failed ones.
+        """Return distinct grasps, the best first: new ones, and ones like failed ones.
 
         Among those like failed ones, grasps at other places come first.
         """
@@ -400,7 +400,7 @@ class HeightMapGrasps:
         return new, alike + old
 
     def _takes(self, segments: Segmentation, seed: int) -> bool:
-        """Return whether any grasp takes anything."""
+        """Return whether there is any grasp."""
         found = self._pinches(segments, seed) or self._wraps(segments, segments.things)
         return bool(found)
 
@@ -430,7 +430,7 @@ class HeightMapGrasps:
 
 
 def _not_taken(segments: Segmentation, grasps: Sequence[TopGrasp]) -> list[Thing]:
-    """Return the things that no grasp takes."""
+    """Return the things without a grasp."""
     taken: set[int] = set()
     for grasp in grasps:
         along = np.array([np.cos(grasp.yaw), np.sin(grasp.yaw)])

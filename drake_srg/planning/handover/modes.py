@@ -84,7 +84,7 @@ class HandoverReplanner(Replanner):
 
 
 def memory_of(memory: PlannerMemory) -> HandoverMemory:
-    """Return the memory, typed as that of a handover."""
+    """Return the memory, cast to a handover's type."""
     assert isinstance(memory, HandoverMemory)
     return memory
 
@@ -202,7 +202,7 @@ class Reach(Approach):
     mode = HandoverMode.REACH
 
     def enter(self, memory: PlannerMemory, entry: Entry) -> PlannerMemory:
-        """Go."""
+        """Begin the motion."""
         return super(Approach, self).enter(memory, entry)
 
 
@@ -259,7 +259,7 @@ class Pull(_ReceiversTurn, Carrying):
         return float(wrench[:3] @ -_UP)
 
     def observe_mode(self, memory: PlannerMemory, now: Now) -> Observation:
-        """Report that the giver has felt the pull, or that it is over."""
+        """Report that the giver has felt the pull, or that the pull is over."""
         if memory.attempt.lost:
             return Observation(arrived=True)
         return super().observe_mode(memory, now)
@@ -270,12 +270,12 @@ class Pull(_ReceiversTurn, Carrying):
 
 
 class LetGo(_Turn, Release):
-    """Opens the giver's fingers: the receiver has the object, or neither arm has."""
+    """Opens the giver's fingers: the receiver has the object, or it is lost."""
 
     mode = HandoverMode.LET_GO
 
     def enter(self, memory: PlannerMemory, entry: Entry) -> PlannerMemory:
-        """Open the fingers; plan a way out if the receiver has not taken the object."""
+        """Open the fingers; plan an escape if the receiver has not taken the object."""
         mine = memory_of(memory)
         if not mine.taken:
             return super().enter(mine, entry)
@@ -362,7 +362,7 @@ _WORDS = {
 
 
 class HomeReceived(Home):
-    """Moves the receiver home, and looks whether the object is on its goal."""
+    """Moves the receiver home, and checks whether the object is on its goal."""
 
     mode = Mode.HOME
     config: Handover

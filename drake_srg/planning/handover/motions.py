@@ -33,7 +33,7 @@ from drake_srg.planning.motion.planning_scene import (
     NoPathError,
     PlanningFailure,
     PlanningScene,
-    most_telling,
+    most_specific,
 )
 from drake_srg.planning.pick_and_place.task_motions import (
     Obstacles,
@@ -66,7 +66,7 @@ class HandoverMotions(TaskMotions):
 
 
 class GivingHand(Hand):
-    """A hand that takes standing objects only from above, by their upper ends.
+    """A hand that grasps standing objects only from above, by their upper ends.
 
     Args:
         hand: The hand.
@@ -81,7 +81,7 @@ class GivingHand(Hand):
     def grasps(
         self, shape: Solid, X_WO: RigidTransform, firmness: float = 1.0
     ) -> list[Grasp]:
-        """Return the grasps from above, by less of the pads; see `Hand`."""
+        """Return the grasps from above that use less of the pads; see `Hand`."""
         found = self._hand.grasps(shape, X_WO, firmness)
         farther = np.array([_LESS, 0.0, 0.0])
         return [
@@ -154,13 +154,13 @@ class HandoverTaskPlanner(TaskPlanner):
     def giver_beside(
         self, q: Vector, fingers: Mapping[str, float]
     ) -> AbstractContextManager[None]:
-        """Let the giver plan beside a receiver at `q` within the context."""
+        """Let the giver avoid a receiver at `q` within the context."""
         return self.pair.beside(0, q, fingers)
 
     def receiver_beside(
         self, q: Vector, fingers: Mapping[str, float]
     ) -> AbstractContextManager[None]:
-        """Let the receiver plan beside a giver at `q` within the context."""
+        """Let the receiver avoid a giver at `q` within the context."""
         return self.pair.beside(1, q, fingers)
 
     def plan(
@@ -199,7 +199,7 @@ class HandoverTaskPlanner(TaskPlanner):
                 return self._received(given, shape, X_WO_goal, obstacles)
             except NoPathError as error:
                 failures.append(error.failure)
-        return most_telling(failures)
+        return most_specific(failures)
 
     def waiting_fingers(self, shape: Solid) -> Mapping[str, float]:
         """Return the receiver's fingers, by name [rad], while it waits for an object.
@@ -294,7 +294,7 @@ class HandoverTaskPlanner(TaskPlanner):
             # Another side may have a way past the giver, but not more reach.
             if all(f.failure is not Failure.BLOCKED for f in failures):
                 break
-        raise NoPathError(most_telling(failures))
+        raise NoPathError(most_specific(failures))
 
     def _taken(
         self,

@@ -1,1 +1,1 @@
-"""Pegs into holes that are hardly wider, by an arm that yields."""
+"""Inserts pegs into tight holes with a compliant arm."""

@@ -1,4 +1,4 @@
-"""What the planner that inserts pegs into holes is told, knows and remembers."""
+"""Configuration, knowledge and memory of the planner that inserts pegs into holes."""
 
 import dataclasses as dc
 import enum
@@ -42,8 +42,9 @@ class Insert(PlannerConfig):
     # Whether the peg is a cap that goes over a pin.
     over: bool = False
     # Amplitude of the turns about its axis [rad]. A cylinder turns once it has entered,
-    # so that friction hardly resists its way down. A box, the proxy of a peg with a key
-    # or corners, turns while it goes no deeper, to find its way.
+    # so that friction acts along the turn and hardly resists the descent. A box, the
+    # proxy of a peg with a key or corners, turns while it goes no deeper, to find its
+    # way.
     twist: float = dc.field(default=0.15, metadata={"ge": 0.0, "le": 0.2})
     # Height over the hole at which the insertion begins [m].
     hover: float = dc.field(default=0.008, metadata=positive())
@@ -91,7 +92,7 @@ class InsertMode(enum.Enum):
 
 @dc.dataclass
 class Insertion(Memory):
-    """The tip T of the peg: its middle, z along the peg's axis, up into the hand."""
+    """Progress of an insertion; T is the peg's tip, z along the peg into the hand."""
 
     tries: int = 0
     # Commanded turn in addition to the followed orientation, shape (3,) [rad].

@@ -1,9 +1,9 @@
-"""The modes of an insertion: their pulls on the tip of the peg, and their ends.
+"""The modes of an insertion: how each pulls on the peg's tip, and when it ends.
 
 The hand yields like a spring, so a set-point away from the measured tip is a force.
-Where the peg must find its own way, the set-point follows the smoothed measurement at
-the distance of that force. A set-point never pulls harder than the limits of the
-configuration.
+In modes in which the peg must be free to move, the set-point follows the smoothed
+measurement at the distance that gives this force. A set-point never pulls harder than
+the limits of the configuration.
 """
 
 from __future__ import annotations
@@ -64,7 +64,7 @@ _STRAY = 0.002
 
 
 def insertion_of(memory: PlannerMemory) -> Insertion:
-    """Return the part of an insertion planner's memory for these modes."""
+    """Return the memory of the insertion."""
     insertion: Insertion = memory.insertion  # type: ignore[attr-defined]  # see planner
     return insertion
 
@@ -191,7 +191,7 @@ class Inserting(Carrying, abc.ABC):
         return turned(tip.X_WU.rotation(), tip.angle * np.cross(_UP, tip.along))
 
     def progress(self, tip: Insertion) -> float:
-        """Return the mode's progress [m]; while it is constant, the peg rests."""
+        """Return the mode's progress [m], which is constant while the peg rests."""
         return float(-tip.p[2])
 
     def stalled(self, tip: Insertion, time: float) -> bool:
@@ -531,7 +531,7 @@ class ReleaseSeated(Release):
 
 
 class HomeInserted(Home):
-    """Moves the arm home, and looks from there whether the peg is as deep as it felt.
+    """Moves the arm home, and checks from there whether the peg is as deep as it felt.
 
     Args:
         task: All that is known.
@@ -562,7 +562,7 @@ def insertion_modes(
 
     Args:
         task: All that is known.
-        modes: Those of picking and placing.
+        modes: Modes of picking and placing.
         replanner: Plans from sightings.
         repeat: Number of the task's cycles.
     """

@@ -28,7 +28,7 @@ NOT_INSERTED = (Failure.NO_HOLE, Failure.HOLE_BLOCKED, Failure.TOO_TIGHT)
 
 
 def _then(strategy: str) -> Condition:
-    """Return the condition that a mode has ended, with this strategy next."""
+    """Return the condition that a mode has ended and this strategy comes next."""
     return lambda o, t, c: o.arrived and getattr(c, "strategy", "") == strategy
 
 

@@ -25,12 +25,12 @@ from drake_srg.types import Vector
 
 @dc.dataclass(frozen=True)
 class ArmChain:
-    """The serial joints of an arm, at their places if all angles are 0.
+    """The serial joints of an arm, placed with all angles at 0.
 
     Attributes:
         axes: Directions of their axes in W, shape (N, 3).
         points: A point of each axis in W, and the hand's origin, shape (N + 1, 3) [m].
-        turns: Which joints are revolute, shape (N,); the others are prismatic.
+        turns: Whether each joint is revolute, shape (N,); the others are prismatic.
         reach: Largest distance of a point of a link from the line between the points at
             its ends, and of a point of the hand from the hand's origin [m].
     """

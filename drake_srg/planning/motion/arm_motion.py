@@ -110,7 +110,7 @@ class Motion:
         """Return the rest of a stopped motion; it accelerates as gently as it braked.
 
         Args:
-            time: When it begins [s].
+            time: Start of the motion [s].
             since: Time in its trajectory at which the rest begins [s].
         """
         if self.trajectory is None:

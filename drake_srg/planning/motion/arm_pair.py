@@ -1,4 +1,4 @@
-"""Two arms that plan beside one another, or move together.
+"""Two arms that avoid each other, or move together.
 
 A posture of both, shape (2N,) [rad], has the joints of the first arm, then those of the
 second one.
@@ -44,10 +44,10 @@ class PairedArm:
     """One of two arms.
 
     Attributes:
-        name: Of the arm, for messages.
+        name: Name of the arm, for messages.
         arm: Its model instance.
-        gripper: That of its gripper.
-        scene: Where it plans; the other arm is an obstacle there.
+        gripper: Model instance of its gripper.
+        scene: Its planning scene, in which the other arm is an obstacle.
     """
 
     name: str
@@ -76,11 +76,11 @@ class ArmPair:
     def beside(
         self, index: int, q: Vector, fingers: Mapping[str, float]
     ) -> Iterator[None]:
-        """Let one arm plan beside the other one within the context.
+        """Let one arm avoid the other one within the context.
 
         Args:
-            index: Of the arm that plans, 0 or 1.
-            q: Where the other one is, shape (N,) [rad].
+            index: Index of the arm that plans, 0 or 1.
+            q: Positions of the other arm, shape (N,) [rad].
             fingers: Angles of the other gripper's joints by name [rad].
         """
         other = self.arms[1 - index]
@@ -116,7 +116,7 @@ class ArmPair:
         """Return a motion of both arms in which nothing collides.
 
         Args:
-            motion: Of both.
+            motion: Motion of both arms.
             what: It is, for the message.
 
         Raises:
@@ -140,7 +140,7 @@ class ArmPair:
         Collisions are not checked.
 
         Args:
-            q: Where both are, shape (2N,) [rad].
+            q: Positions of both arms, shape (2N,) [rad].
             poses: K poses X_WG of the hands [m].
             what: The motion is, for messages.
 
@@ -170,7 +170,7 @@ class ArmPair:
 
 
 def together(motions: Sequence[Trajectory]) -> Trajectory:
-    """Return motions of both arms as one; the faster one is slowed down."""
+    """Return the motions of both arms as one motion; the faster one is slowed down."""
     duration = max(motion.end_time() for motion in motions)
     both = StackedTrajectory(rowwise=True)
     for motion in motions:
@@ -192,11 +192,12 @@ def minimum_jerk_motion(path: Vector, limits: Sequence[MotionLimits]) -> Traject
     """Return the motion of both arms along a path of equal steps, from rest to rest.
 
     The share of the path follows the minimum-jerk profile of Flash and Hogan, J.
-    Neurosci. 5(7), 1985. So whatever moves along a line by equal steps does so, too.
+    Neurosci. 5(7), 1985. Points that move along a line in equal steps then have minimum
+    jerk, too.
 
     Args:
         path: Postures of both, shape (K, 2N) [rad]; K >= 3.
-        limits: Of each arm's joints. Those of torques are not checked.
+        limits: Limits of each arm's joints. Torques are not checked.
     """
     shares = np.linspace(0.0, 1.0, len(path))
     spline = PiecewisePolynomial.CubicWithContinuousSecondDerivatives(shares, path.T)

@@ -176,13 +176,13 @@ def find_posture(
     max_starts: int = 12,
     seed: int = 0,
 ) -> IkSolution | None:
-    """Return a free solution of `solve_inverse_kinematics`, None without one.
+    """Return a free solution of `solve_inverse_kinematics`, or None.
 
     It does not look for the reason, which would take as long as several solutions.
 
     Args:
         scene: See `solve_inverse_kinematics`, as for the other arguments.
-        target: Where the hand has to be.
+        target: Target of the hand.
         q_nominal: Preferred joint positions, shape (N,) [rad].
         q_guess: First start, shape (N,) [rad]; None: `q_nominal`.
         max_starts: Number of starts.
@@ -221,7 +221,7 @@ class _Search:
     def solution(
         self, max_starts: int, check_clearance: bool, seed: int = 0
     ) -> IkSolution | None:
-        """Return the first free solution; None without."""
+        """Return the first free solution, or None."""
         scene, q_nominal = self._scene, self._q_nominal
         program = _Program(scene, self._target, self._limits, extend=self._extend)
         for count, start in enumerate(
@@ -356,7 +356,7 @@ class _Program:
                     )
 
     def solve_without(self, own: Binding, start: Vector) -> float | None:
-        """Return the rest's violation of one of `own`; None: the rest is not met."""
+        """Return the violation of one of `own` if all others are met, else None."""
         self._prog.RemoveConstraint(own)
         result = self._solve(start, start)
         self._prog.AddConstraint(own)

@@ -113,7 +113,7 @@ class InverseDynamics:
         return -gravity[self._arm.arm_indices]
 
     def moving(self, v: Vector, a: Vector) -> Vector:
-        """Return the torques of a motion besides those that hold the arm, (N,) [N m].
+        """Return the torques of a motion beyond the holding torques, (N,) [N m].
 
         Args:
             v: Velocities, shape (N,) [rad/s].

@@ -55,10 +55,10 @@ class PlanningFailure:
     message: str
 
 
-def most_telling(failures: Sequence[PlanningFailure]) -> PlanningFailure:
-    """Return the first failure of which surroundings are to blame, or the first.
+def most_specific(failures: Sequence[PlanningFailure]) -> PlanningFailure:
+    """Return the first failure that is due to the surroundings, or else the first one.
 
-    That is a better reason than one that is out of the arm's reach.
+    Such a failure explains more than one that is out of the arm's reach.
     """
     blocked = [f for f in failures if f.failure is Failure.BLOCKED]
     return (blocked or failures)[0]
@@ -188,7 +188,7 @@ class PlanningScene(ArmModel):
         self._checker.SetPaddingOneRobotBodyAllEnvironmentPairs(body, margin)
 
     def copy(self) -> "PlanningScene":
-        """Return a scene of the same model with a state of its own.
+        """Return a scene with the same model and an independent state.
 
         It takes a tenth of the time of building one.
         """
@@ -312,7 +312,7 @@ class PlanningScene(ArmModel):
 
     @contextlib.contextmanager
     def shared_with(self, gripper: str) -> Iterator[None]:
-        """Let another gripper touch what is held within the context.
+        """Let another gripper touch the held object within the context.
 
         Args:
             gripper: The name of its model instance.
@@ -365,14 +365,14 @@ class PlanningScene(ArmModel):
             self._positions = before
 
     def AddFixture(self, shape: Solid, X_WO: RigidTransform) -> None:
-        """Add a shape to the furniture for good, at X_WO [m]."""
+        """Add a shape to the furniture permanently, at X_WO [m]."""
         self._AddShape(self._obstacle, shape, X_WO)
 
     @contextlib.contextmanager
     def standing(
         self, shape: Solid, X_WO: RigidTransform, *, touchable: bool = False
     ) -> Iterator[None]:
-        """Let `shape` stand at `X_WO` [m] within the context.
+        """Add `shape` at `X_WO` [m] within the context.
 
         A `touchable` shape blocks only the arm, not the gripper and the held object.
         """

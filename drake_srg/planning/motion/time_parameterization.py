@@ -67,7 +67,7 @@ class _MemberOnDemand:
 
 @contextlib.contextmanager
 def on_demand(*names: str) -> Iterator[None]:
-    """Delay other imports of the modules imported in the block until their first use.
+    """Defer the modules that the block would import until their first use.
 
     The modules may call names that they import `from` the others, and read their
     attributes. They may not derive from such names or test for their instances.

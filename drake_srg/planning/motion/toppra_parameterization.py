@@ -52,7 +52,7 @@ def toppra_parameterization(
 
 
 class _Limits(LinearConstraint):
-    """All limits of a motion as bounds along its path.
+    """All limits of a motion, as bounds along its path.
 
     With the path's speed squared x and its acceleration u, a joint's acceleration is
     q' u + q'' x, and its torque M q' u + (M q'' + C(q, q') q') x + g (Pham and Pham,

@@ -53,7 +53,7 @@ class PathPart:
 
 
 def joined(parts: Sequence[PathPart]) -> PathPart:
-    """Return parts of a path as one.
+    """Return the parts of a path, joined.
 
     A motion may cut the corner between two parts, within the nearer half of each.
 

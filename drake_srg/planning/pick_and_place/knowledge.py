@@ -182,7 +182,7 @@ def watch_grasp(
 
 
 def watch_touch(memory: PlannerMemory, senses: Senses, config: PlannerConfig) -> None:
-    """Stop a moving arm where it is when it meets something."""
+    """Stop a moving arm in place when it touches something."""
     limits, torque = config.max_external_torque, senses.external_torque
     if limits is None or torque is None or memory.motion.trajectory is None:
         return

@@ -52,7 +52,7 @@ class TaskMode(PlannerMode[PlannerMemory, Senses]):
     `mode`. If you override `enter` or `update`, call that of the base class.
 
     Attributes:
-        mode: Which mode it is.
+        mode: Its own mode.
         motion_of: Name of its planned motion; None: that of the mode.
         config: Times and limits.
         replanner: Plans from sightings.
@@ -74,17 +74,17 @@ class TaskMode(PlannerMode[PlannerMemory, Senses]):
         return super().enter(memory, entry)
 
     def trajectory(self, memory: PlannerMemory) -> Trajectory | None:
-        """Return the planned motion of the mode, None where the arm rests."""
+        """Return the planned motion of the mode; None if the arm rests."""
         planned = memory.attempt.motions
         return planned.motions.get(self.motion_of or self.mode) if planned else None
 
     def update(self, memory: PlannerMemory, now: Now) -> PlannerMemory:
-        """Stop the arm if it meets something."""
+        """Stop the arm if it touches something."""
         watch_touch(memory, now.senses, self.config)
         return memory
 
     def final_failure(self, memory: PlannerMemory, time: float) -> Failure | None:
-        """Return the failure that ends the task in any mode; None without one."""
+        """Return the failure that ends the task in any mode, or None."""
         if memory.attempt.trapped:
             return memory.trouble.failure
         if memory.trouble.touched:
@@ -108,7 +108,7 @@ class Moving(TaskMode):
         """Look at the end of the motion."""
 
     def observe_mode(self, memory: PlannerMemory, now: Now) -> Observation:
-        """Report whether the arm has arrived, or something has stopped it."""
+        """Report that the arm has arrived, or that something has stopped it."""
         if memory.motion.arrived(now.senses.q, now.time):
             return self.observe_arrived(memory, now)
         late = now.time > memory.motion.due + self.config.arrival_timeout
@@ -123,7 +123,7 @@ class Carrying(Moving):
     """A mode that moves the arm with the object in the hand."""
 
     def enter(self, memory: PlannerMemory, entry: Entry) -> PlannerMemory:
-        """Remember the fingers' hold on the object, unless a mode has, and go."""
+        """Record the fingers' hold on the object, unless a mode has, and move."""
         if not len(memory.grip.angles):
             memory.grip.angles = entry.senses.fingers.copy()
             memory.grip.unheld_since = np.inf
@@ -149,10 +149,10 @@ class Verifying(Carrying):
 
 
 class BetweenAttempts(TaskMode):
-    """A mode without a plan; as it begins, the previous plan is forgotten."""
+    """A mode without a plan, which begins by discarding the previous plan."""
 
     def enter(self, memory: PlannerMemory, entry: Entry) -> PlannerMemory:
-        """Judge the attempt that has ended, and forget its plan."""
+        """Judge the attempt that has ended, and discard its plan."""
         attempt, trouble = memory.attempt, memory.trouble
         observed = entry.observation.failure if entry.observation else None
         failure = observed or trouble.failure
@@ -187,11 +187,11 @@ class Idle(BetweenAttempts):
         return memory
 
     def look(self, memory: PlannerMemory, now: Now) -> None:
-        """Look, and plan from what is seen."""
+        """Look, and plan from the sighting."""
         self.replanner.plan(now.senses.see(), memory, now.time)
 
     def observe_mode(self, memory: PlannerMemory, now: Now) -> Observation:
-        """Report motions, a way out or a failure, once planning has taken its time."""
+        """Report motions, an escape or a failure, once the planning latency is over."""
         attempt = memory.attempt
         if now.time < attempt.ready_at:
             return Observation()
@@ -206,14 +206,14 @@ class PreGrasp(Moving):
     mode = Mode.PRE_GRASP
 
     def enter(self, memory: PlannerMemory, entry: Entry) -> PlannerMemory:
-        """Open the fingers as far as the object needs, and go."""
+        """Open the fingers as far as the object needs, and move."""
         grasp = memory.attempt.planned.grasp
         memory.closure = grasp.closure_open
         memory.grip.fingers_open = grasp.fingers_open
         return super().enter(memory, entry)
 
     def look(self, memory: PlannerMemory, now: Now) -> None:
-        """Check that the object is still at the place of the planned grasp."""
+        """Check that the object is still where the grasp was planned."""
         if self.config.look_before_grasp:
             self.replanner.compare(now.senses.see(), memory, now.time)
 
@@ -228,7 +228,7 @@ class Grasp(Moving):
     mode = Mode.GRASP
 
     def enter(self, memory: PlannerMemory, entry: Entry) -> PlannerMemory:
-        """Count the attempt, and go."""
+        """Count the attempt, and move."""
         memory.cycle.attempts += 1
         memory.totals.attempts += 1
         return super().enter(memory, entry)
@@ -273,12 +273,12 @@ class Transfer(Verifying):
     mode = Mode.TRANSFER
 
     def look(self, memory: PlannerMemory, now: Now) -> None:
-        """Find the object's pose in the hand, and correct its placing."""
+        """Find the object's pose in the hand, and correct the placement."""
         if self.config.look_before_place and not memory.attempt.lost:
             self.replanner.correct(now.senses.see(), memory, now.time)
 
     def observe_arrived(self, memory: PlannerMemory, now: Now) -> Observation:
-        """Report whether the object is held, and how planning went."""
+        """Report whether the object is held, and the result of planning."""
         return Observation(
             arrived=True,
             holding=holding(memory, now.senses),
@@ -293,7 +293,7 @@ class Place(Carrying):
     mode = Mode.PLACE
 
     def update(self, memory: PlannerMemory, now: Now) -> PlannerMemory:
-        """End if the object meets its goal early, as one that hangs askew does."""
+        """End early if the object reaches its goal sooner, because it hangs askew."""
         touched = memory.trouble.touched
         left = np.max(np.abs(memory.motion.destination - now.senses.q))
         memory = super().update(memory, now)
@@ -321,7 +321,7 @@ class Release(TaskMode):
         return memory
 
     def observe_entry(self, memory: PlannerMemory) -> Observation | None:
-        """Report that the arm has no way out."""
+        """Report that the arm has no escape."""
         if not memory.attempt.trapped:
             return None
         return Observation(failure=memory.trouble.failure)
@@ -344,13 +344,13 @@ class Retreat(Moving):
 
 
 class Home(Moving):
-    """Moves the arm home, and looks from there whether the object is on its goal."""
+    """Moves the arm home, and checks from there whether the object is on its goal."""
 
     mode: ClassVar[AnyMode] = Mode.HOME
 
     @property
     def wait(self) -> float:
-        """Time at home, including that for the fingers to close [s]."""
+        """Time at home, including the time for the fingers to close [s]."""
         return self.config.home_wait + self.config.close_at_home
 
     def trajectory(self, memory: PlannerMemory) -> Trajectory | None:

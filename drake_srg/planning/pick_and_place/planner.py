@@ -77,7 +77,7 @@ class PickAndPlacePlanner(PlannerMachine[PlannerMemory, Senses]):
 
     Args:
         task_planner: Plans the motions.
-        task: What it takes, and where it puts it.
+        task: The object to take, and its goal.
         config: Times, speeds and limits.
         make_modes: Makes the actions of each mode. Add your own modes to those of
             `task_modes`.
@@ -129,7 +129,7 @@ class PickAndPlacePlanner(PlannerMachine[PlannerMemory, Senses]):
         )
 
     def sense(self, context: Context) -> Senses:
-        """Return the measurements; the cameras are asked only when a mode looks."""
+        """Return the measurements; the cameras are read only when a mode looks."""
         torque = self._external_torque
         return Senses(
             **vars(self.hand_senses(context, lambda: self._see(context))),

@@ -1,4 +1,4 @@
-"""Plans, corrections and ways out, from sightings."""
+"""Plans, corrections and escapes, from sightings."""
 
 from __future__ import annotations
 
@@ -74,7 +74,7 @@ class Replanner:
         return back or self._task.goal
 
     def find(self, view: View) -> Blob | None:
-        """Return the most trustworthy sighting of the object, None without one."""
+        """Return the most trustworthy sighting of the object, or None."""
         return self._sightings.best(view, self._rests)
 
     def judge(self, view: View, memory: PlannerMemory, time: float) -> None:
@@ -94,14 +94,14 @@ class Replanner:
         time: float,
         travel: Vector | None = None,
     ) -> None:
-        """Look for the object, and plan the whole cycle from where the arm is.
+        """Look for the object, and plan the whole cycle from the arm's position.
 
         Args:
             view: Present view.
             memory: The planner's memory.
             time: Present time [s].
-            travel: How far the object will have moved before the hand is there, shape
-                (3,) [m]; None: it rests.
+            travel: Motion of the object until the hand is there, shape (3,) [m]; None:
+                it rests.
         """
         blob, attempt = self.find(view), memory.attempt
         _look(memory, view, blob, time)
@@ -126,7 +126,7 @@ class Replanner:
         memory.seen.obstacles = obstacles
         if isinstance(result, PlanningFailure):
             _fail(memory, result.failure, result.message)
-            # From home, there may be a plan even if there is none from here.
+            # There may be a plan from home even if there is none from here.
             if not self._at_home(q):
                 self.escape(memory, time)
             return
@@ -137,7 +137,7 @@ class Replanner:
         memory.trouble = Trouble()
 
     def wait(self, view: View, memory: PlannerMemory, time: float, place: str) -> None:
-        """Look again later for an object that is not at a place, or give up."""
+        """Schedule another look for an object that is not visible, or give up."""
         _look(memory, view, None, time)
         memory.attempt.next_look = np.inf
         self._miss_object(memory, time, f"no {self._task.object_name} in {place}")
@@ -153,7 +153,7 @@ class Replanner:
             self.escape(memory, time)  # the arm may hide it
 
     def compare(self, view: View, memory: PlannerMemory, time: float) -> None:
-        """Check that the object has not moved, and that the motions are free."""
+        """Check that the object has not moved, and that the motions are still free."""
         blob = self.find(view)
         certain = blob if blob is not None and blob.certain else None
         _look(memory, view, certain, time)
@@ -274,7 +274,7 @@ class Replanner:
     def _obstruction(
         self, task: TaskMotions, mode: AnyMode, obstacles: Obstacles
     ) -> str | None:
-        """Describe the obstacle to the motions after that of `mode`."""
+        """Describe the obstacle to the motions that follow `mode`."""
         rest = {m: t for m, t in task.motions.items() if _ORDER[m] > _ORDER[mode]}
         task = dc.replace(task, motions=rest)
         return self._task_planner.obstruction(task, self._shape, obstacles)
@@ -295,7 +295,7 @@ class Replanner:
 
 
 def _look(memory: PlannerMemory, view: View, used: Blob | None, time: float) -> None:
-    """Remember a look, and the blob that it is used for, if any."""
+    """Record a look, and the blob that the planner uses, if any."""
     memory.attempt.looked = True
     memory.totals.looks += 1
     memory.seen.blobs = tuple(view.blobs)
@@ -304,14 +304,14 @@ def _look(memory: PlannerMemory, view: View, used: Blob | None, time: float) -> 
 
 
 def _trap(memory: PlannerMemory, why: PlanningFailure) -> None:
-    """Remember that the arm has no way out."""
+    """Record that the arm has no escape."""
     memory.attempt.trapped = True
     memory.trouble.failure = memory.trouble.failure or why.failure
     memory.trouble.message = why.message
 
 
 def _fail(memory: PlannerMemory, failure: Failure, message: str) -> None:
-    """Remember a failure, unless there is a more specific one.
+    """Record a failure, unless there is a more specific one.
 
     More specific is the fate of an object that was in the hand.
     """

@@ -1,4 +1,4 @@
-"""Poses of the planner's object and of the others, read from blobs."""
+"""Poses of the planner's object and of other objects, read from blobs."""
 
 from __future__ import annotations
 
@@ -23,12 +23,12 @@ _UP = np.array([0.0, 0.0, 1.0])
 
 @dc.dataclass(frozen=True, eq=False)
 class PickTask:
-    """An object to take, and where it must go.
+    """An object to take, and its goal.
 
     Attributes:
         object_name: Name of its blobs.
         shape: Its known shape.
-        goal: Where it must go, X_WO [m]; its turn about z does not count.
+        goal: Its goal X_WO [m]; the rotation about z does not count.
         tolerance: Distance from the goal that counts as placed [m].
         obstacles: Names and shapes of the other objects. Motions keep clear of them.
         repeat: Number of cycles. Every second one takes the object back to its first
@@ -52,10 +52,10 @@ class View:
 
 
 class Sightings:
-    """Reads views for one object to take and others to keep clear of.
+    """Reads in views the object to take, and the others to keep clear of.
 
     Args:
-        task: What it takes.
+        task: The object to take, and its goal.
         upright_within: Lean up to which an object counts as standing upright [rad].
     """
 
@@ -98,11 +98,11 @@ class Sightings:
         return [blob for blob in view.blobs if blob.object_name == name]
 
     def pose(self, blob: Blob) -> RigidTransform:
-        """Return the object's pose X_WO [m]; a round one's turn has no meaning."""
+        """Return the object's pose X_WO [m], with any turn if the object is round."""
         return self._pose(self.task.shape, blob)
 
     def middle(self, blob: Blob) -> Vector:
-        """Return where the object's middle is, in world, shape (3,) [m]."""
+        """Return the object's middle in world, shape (3,) [m]."""
         p_W: Vector = blob.X_WO @ middle_of(self.task.shape)
         return p_W
 
@@ -167,7 +167,7 @@ def _resting(X_WO: RigidTransform, solid: ConvexPieces) -> RigidTransform:
 
 
 def _turned_up(X_WO: RigidTransform, up: Vector) -> RigidTransform:
-    """Return a pose turned by the least angle that turns a direction upwards.
+    """Return a pose turned by the smallest angle that points a direction upwards.
 
     Args:
         X_WO: The pose [m].

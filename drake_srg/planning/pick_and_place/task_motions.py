@@ -31,7 +31,7 @@ from drake_srg.planning.motion.planning_scene import (
     PlanningFailure,
     PlanningScene,
     carried_drift,
-    most_telling,
+    most_specific,
 )
 from drake_srg.planning.motion.trajectories import motion_samples
 from drake_srg.planning.planner_machine import PlannerConfig
@@ -200,7 +200,7 @@ class TaskPlanner:
                 break
         if not reasons:
             return PlanningFailure(Failure.NO_GRASP, f"no known grasp takes a {shape}")
-        return most_telling(reasons)
+        return most_specific(reasons)
 
     def _with_grasp(
         self,
@@ -269,13 +269,13 @@ class TaskPlanner:
     def leave(
         self, q_place: Vector, grasp: Grasp, shape: Solid, X_WO: RigidTransform
     ) -> dict[AnyMode, Trajectory]:
-        """Return the motions away from an object that the hand leaves, and home.
+        """Return the motions of the empty hand away from an object, and home.
 
         Args:
             q_place: Posture of the arm, at rest, shape (N,) [rad].
             grasp: The grasp.
             shape: The object's shape.
-            X_WO: Where the object is [m]. The turn about its axis is as in the hand.
+            X_WO: Pose of the object [m]. The turn about its axis is as in the hand.
 
         Raises:
             NoPathError: If a motion does not exist.
@@ -306,7 +306,8 @@ class TaskPlanner:
             self.config.place_height,
             angle_tolerance=_UPRIGHT,
         )
-        # A straight path keeps the object upright. If there is none, any path will do.
+        # A straight path keeps the object upright. If there is no such path, any other
+        # path will do.
         across = self._across(q_lifted, place.shifted(lift))
         with scene.supporting(SUPPORT_OVERLAP):
             if across is not None:
@@ -354,7 +355,7 @@ class TaskPlanner:
 
     @restores_fingers
     def rests(self, shape: Solid, X_WO: RigidTransform) -> bool:
-        """Return whether an object at `X_WO` [m] rests on something, inside nothing."""
+        """Return whether an object at `X_WO` [m] has support and penetrates nothing."""
         lowered = RigidTransform([0.0, 0.0, 2.0 * SUPPORT_OVERLAP]) @ X_WO
         return not self._overlap(shape, X_WO) and bool(self._overlap(shape, lowered))
 
@@ -375,7 +376,7 @@ class TaskPlanner:
     def others(
         self, q: Vector, fingers: Mapping[str, float], obstacles: Obstacles
     ) -> Obstacles:
-        """Return the obstacles, without those that are views of the arm itself.
+        """Return the obstacles, except views of the arm itself.
 
         In images, the arm may differ from its model by a few pixels, a bent joint and a
         yielding finger. Everything closer to the arm than the motions' clearance is the
@@ -453,7 +454,7 @@ class TaskPlanner:
 
     @contextlib.contextmanager
     def standing(self, obstacles: Obstacles) -> Iterator[None]:
-        """Let obstacles stand in the scene within the context."""
+        """Add obstacles to the scene within the context."""
         with contextlib.ExitStack() as stack:
             for shape, X_WO in obstacles:
                 stack.enter_context(self.scene.standing(shape, X_WO))

@@ -70,7 +70,7 @@ class ServoingConfig(ServoConfig):
 
 @dc.dataclass(kw_only=True)
 class WindowConfig(Config):
-    """Where the planner takes an object that moves: a rectangle in world.
+    """The window in which the planner takes a moving object: a rectangle in world.
 
     It waits for `search_time` until the object is seen there, and twice in all.
     """
@@ -78,8 +78,8 @@ class WindowConfig(Config):
     # Corners [x, y] in world [m].
     min: list[float] = dc.field(default_factory=list)
     max: list[float] = dc.field(default_factory=list)
-    # The hand goes to where the object will be after this time [s]: that for planning
-    # and for the way there. The servo corrects the rest.
+    # The hand goes to where the object will be after this time [s]: it covers planning
+    # and the approach. The servo corrects the rest.
     lead_time: float = dc.field(default=1.5, metadata={"ge": 0.0})
 
     def contains(self, p_W: Vector) -> bool:

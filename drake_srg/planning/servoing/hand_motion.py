@@ -138,7 +138,7 @@ def turned(R: RotationMatrix, turn: Vector) -> RotationMatrix:
 
 
 def limited(vector: Vector, most: float) -> Vector:
-    """Return a vector, shortened to the length `most` if it is longer."""
+    """Return a vector, shortened to the length `most` if necessary."""
     length = float(np.linalg.norm(vector))
     return vector if length <= most else vector * (most / length)
 

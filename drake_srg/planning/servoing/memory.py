@@ -33,7 +33,7 @@ class MovingGoal:
         return self.p_W + (time - self.time) * self.v_W
 
     def seen(self, p_W: Vector, time: float, alpha: float, beta: float) -> MovingGoal:
-        """Return the goal after a sighting.
+        """Return the goal, updated by a sighting.
 
         Args:
             p_W: Seen position of the goal, shape (3,) [m].
@@ -152,7 +152,7 @@ class Memory(Shared):
         return dc.replace(memory, heard=time)
 
     def following(self) -> Memory:
-        """Return the memory of a servo that needs no images any more."""
+        """Return the memory of a servo that no longer needs images."""
         return self._reporting(state=ServoState.FOLLOWING, fault=None)
 
     def raising(self, height: float, config: ServoConfig) -> Memory:
@@ -165,7 +165,7 @@ class Memory(Shared):
     def compared(
         self, frame: int, p_WG: Vector, config: ServoConfig
     ) -> tuple[Memory, bool]:
-        """Return the memory after an image, and whether it is an old one.
+        """Return the memory after an image, and whether the image is old.
 
         Args:
             frame: Frame of the image.
@@ -178,7 +178,7 @@ class Memory(Shared):
         return dc.replace(self, same=self.same + 1), moved > config.moved
 
     def waited(self, time: float, config: ServoConfig) -> Memory:
-        """Return the memory after a time at which there was no new image."""
+        """Return the memory after a period without a new image."""
         memory = dc.replace(self, next_look=time)
         if time - self.heard < config.patience * config.camera_period:
             return memory
@@ -214,7 +214,7 @@ class Memory(Shared):
         return memory._close(float(np.linalg.norm(p_goal - p_WG)), config)
 
     def near(self, p_WG: Vector, time: float, config: ServoConfig) -> Memory:
-        """Return the memory after a time at which no image was looked at."""
+        """Return the memory after a period in which no image was read."""
         assert self.goal is not None, "an image that counts shows the goal"
         return self._close(float(np.linalg.norm(self.goal.at(time) - p_WG)), config)
 

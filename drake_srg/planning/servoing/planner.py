@@ -104,7 +104,7 @@ class ServoIdle(Idle):
     config: Servoing
 
     def look(self, memory: PlannerMemory, now: Now) -> None:
-        """Look twice, and plan from where the object will be."""
+        """Look twice, and plan for the place that the object will have reached."""
         window = self.config.window
         if window is None:
             super().look(memory, now)
@@ -124,7 +124,7 @@ class ServoIdle(Idle):
 
 
 class Servoed(TaskMode):
-    """A mode in which the servo moves the arm, and the planner's motion follows it."""
+    """A mode in which the servo moves the arm and the planner's motion follows."""
 
     def trajectory(self, memory: PlannerMemory) -> Trajectory | None:
         """Return None, because the servo moves the arm."""
@@ -187,7 +187,7 @@ class ServoLift(Lift):
     mode = Mode.LIFT
 
     def enter(self, memory: PlannerMemory, entry: Entry) -> PlannerMemory:
-        """Remember the fingers' hold on the object, and brake."""
+        """Record the fingers' hold on the object, and brake."""
         memory = super().enter(memory, entry)
         memory.motion = Motion(_servo(entry).q)
         return memory
@@ -206,7 +206,7 @@ class ServoLift(Lift):
             )
 
     def observe_mode(self, memory: PlannerMemory, now: Now) -> Observation:
-        """Report a failed plan, and otherwise the same as every lift."""
+        """Report a failed plan, or else the same as every lift."""
         if memory.attempt.trapped:
             return Observation(failure=memory.trouble.failure)
         if not memory.attempt.looked:
@@ -273,7 +273,7 @@ class ServoingPlanner(PickAndPlacePlanner):
 
     Args:
         task_planner: Plans the motions.
-        task: What it takes, and where it puts it.
+        task: The object to take, and its goal.
         config: Times, speeds and limits.
     """
 

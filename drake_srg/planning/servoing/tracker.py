@@ -26,7 +26,7 @@ from drake_srg.vision.solids import signed_distance
 
 
 @dc.dataclass(frozen=True, eq=False)
-class Taken:
+class Capture:
     """Time of an image, and the arm's positions at that time."""
 
     time: float = -np.inf  # by the servo's clock [s]
@@ -41,7 +41,7 @@ class Sighting(Shared):
     # When the image was taken, by the clock of camera and arm [s]; NaN: now.
     stamp: float = dc.field(default=np.nan, kw_only=True)
     # The same by the servo's clock, with the arm's positions; None: now.
-    taken: Taken | None = dc.field(default=None, kw_only=True)
+    taken: Capture | None = dc.field(default=None, kw_only=True)
 
 
 @dc.dataclass(frozen=True, eq=False)
@@ -82,8 +82,8 @@ class ArmHistory(Shared):
     def followed_by(self, stamp: float, time: float, q: Vector) -> ArmHistory:
         """Return the history with one more measurement.
 
-        A measurement that is not new changes nothing. If the arm's clock was set back,
-        the history begins anew.
+        A measurement that is not new changes nothing. If the arm's clock jumps back,
+        the history starts again.
 
         Args:
             stamp: Time of measurement by the arm's clock [s]; NaN: unknown.
@@ -102,8 +102,8 @@ class ArmHistory(Shared):
             np.vstack([known.positions[kept], q]),
         )
 
-    def at(self, stamp: float) -> Taken | None:
-        """Return our time and the arm's positions at a time of the arm's clock [s].
+    def at(self, stamp: float) -> Capture | None:
+        """Return our time, and the arm's positions, at a time of the arm's clock [s].
 
         Returns:
             Both, interpolated between measurements; None outside of the history.
@@ -111,10 +111,10 @@ class ArmHistory(Shared):
         if not len(self.stamps) or not self.stamps[0] <= stamp <= self.stamps[-1]:
             return None
         q = [np.interp(stamp, self.stamps, joint) for joint in self.positions.T]
-        return Taken(float(np.interp(stamp, self.stamps, self.times)), np.array(q))
+        return Capture(float(np.interp(stamp, self.stamps, self.times)), np.array(q))
 
 
-_NOTHING = Sighting(taken=Taken())
+_NOTHING = Sighting(taken=Capture())
 
 
 @dc.dataclass(frozen=True)

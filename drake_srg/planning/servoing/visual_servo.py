@@ -28,10 +28,10 @@ from drake_srg.planning.servoing.hand_motion import (
 )
 from drake_srg.planning.servoing.memory import Memory
 from drake_srg.planning.servoing.tracker import (
+    Capture,
     FeatureSighting,
     PoseSighting,
     Sighting,
-    Taken,
 )
 from drake_srg.types import Vector
 
@@ -200,14 +200,14 @@ class VisualServo(LeafSystem):
         return EventStatus.Succeeded()
 
     def _looked(self, context: Context, memory: Memory, time: float) -> Memory:
-        """Return the memory after an image, or after its due time without one."""
+        """Return the memory after an image, or after an image that is overdue."""
         config = self.config
         q = self._measured.Eval(context)[: self._arm.num_joints]
         if config.looks and memory.status.images >= config.looks:
             memory = dc.replace(memory, next_look=time + config.camera_period)
             return memory.near(self._arm.X_WG(q).translation(), time, config)
         sighting: Sighting = self._sighting.Eval(context)
-        taken = sighting.taken or Taken(time, q)
+        taken = sighting.taken or Capture(time, q)
         if taken.time <= memory.taken:
             return memory.waited(time, config)
         next_look = time + config.camera_period if sighting.taken is None else time
@@ -309,7 +309,7 @@ class PositionBasedServo(VisualServo):
         self._p_CO_goal = X_CO_goal.translation()
 
     def goal_camera(self, sighting: PoseSighting) -> Vector | ServoFault:
-        """Return the camera's goal, seen from where it is; see `VisualServo`."""
+        """Return the camera's goal in its present frame; see `VisualServo`."""
         if sighting.X_CO is None:
             return ServoFault.LOST
         return sighting.X_CO.translation() - self._p_CO_goal
@@ -335,8 +335,8 @@ class ImageBasedServo(VisualServo):
     inverse of their interaction matrix (see `image_displacement`). If the matrix is
     nearly singular, the hand is held.
 
-    Args: as of `VisualServo`, with the goal in place of a sighting. Of the camera's
-        believed pose, only the orientation matters.
+    Args: as of `VisualServo`, with the goal in place of a sighting. Only the
+        orientation of the camera's believed pose matters.
         goal: The points with the hand at its goal.
     """
 
@@ -353,7 +353,7 @@ class ImageBasedServo(VisualServo):
         self._goal = goal
 
     def goal_camera(self, sighting: FeatureSighting) -> Vector | ServoFault:
-        """Return the camera's goal, seen from where it is; see `VisualServo`."""
+        """Return the camera's goal in its present frame; see `VisualServo`."""
         if not len(sighting.points):
             return ServoFault.LOST
         found = image_displacement(

@@ -75,7 +75,7 @@ class Node:
 def write_glb(
     nodes: Sequence[Node], extras: Mapping[str, Any], images: Sequence[bytes] = ()
 ) -> bytes:
-    """Return a GLB file; its y is up, as glTF demands, and is the nodes' world z.
+    """Return a GLB file; its y axis is up, as glTF demands, for the nodes' z axis.
 
     Args:
         nodes: The scene.

@@ -32,7 +32,7 @@ _TYPES = {
 
 
 def _features(env: Any) -> dict[str, PolicyFeature]:
-    """Return what an environment takes and shows, by its own names."""
+    """Return the actions and observations of an environment, by its own names."""
     features = {"action": PolicyFeature(FeatureType.ACTION, env.action_space.shape)}
     for key, space in env.observation_space.items():
         if key != "pixels":
@@ -47,7 +47,7 @@ def _features(env: Any) -> dict[str, PolicyFeature]:
 
 
 def _policy_name(key: str) -> str:
-    """Return LeRobot's name of what a policy takes or gives."""
+    """Return LeRobot's name for a policy's input or output."""
     names = {"action": "action", "agent_pos": "observation.state"}
     names["pixels"] = "observation.image"
     if key.startswith("pixels/"):
@@ -74,7 +74,7 @@ class DrakeSrgSuite(EnvConfig):
     episode_length: int | None = None
 
     def __post_init__(self) -> None:
-        """Say what the environments show and take: all tasks the same.
+        """Declare observations and actions, which are the same for all tasks.
 
         Raises:
             ScenarioError: If a task is unknown, or has another arm than the first.
@@ -133,14 +133,14 @@ class DrakeSrgHand(EnvConfig):
 
     Attributes:
         task: Name of the environment.
-        keywords: Of the environment, such as `{"observation": "images"}`.
+        keywords: Keywords of the environment, such as `{"observation": "images"}`.
     """
 
     task: str | None = "Pick-v0"
     keywords: dict[str, Any] = dc.field(default_factory=dict)
 
     def __post_init__(self) -> None:
-        """Say what the environment shows and takes."""
+        """Declare observations and actions."""
         env = LeRobotEnv(self.task or "", **self.keywords)
         self.fps = env.metadata["render_fps"]
         self.features = _features(env)

@@ -131,7 +131,7 @@ def column_statistics(column: pa.ChunkedArray | pa.Array) -> Statistics:
 
 
 class ImageStatistics:
-    """Exact statistics of images in constant memory: counts how often values occur.
+    """Exact statistics of images in constant memory, from counts of values.
 
     Args:
         depth: Whether the images hold depths [mm], up to `DEPTH_MAX`.

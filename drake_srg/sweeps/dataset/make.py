@@ -278,7 +278,7 @@ class Dataset:
         successes: Number of successful episodes.
         frames: Number of frames.
         fps: Frames per second.
-        left_out: How many recordings are no episodes and why, in words.
+        left_out: Recordings that are not episodes, counted by reason, in words.
     """
 
     path: Path
@@ -398,7 +398,7 @@ def _finger_names(scenario: Scenario | None) -> dict[str, list[str]]:
 
 
 def _known_object(info: SweepInfo, trial: int) -> dict[str, Any]:
-    """Return what the robot knows of a trial's picked object, as in `format.TRIAL`."""
+    """Return the robot's knowledge of the picked object, as in `format.TRIAL`."""
     unknown = {"object_size": None, "object_round": None}
     scenario = _scenario(info, trial)
     if scenario is None:
@@ -424,7 +424,7 @@ def _task_and_robot(info: SweepInfo, sweep: Path) -> tuple[str, str]:
 
 
 def _recorded_trials(sweep: Path, only_success: bool) -> tuple[list[Path], str]:
-    """Return the folders of recordings in order, and in words what is left out.
+    """Return the folders of recordings in order, and the omitted ones in words.
 
     The sweep may still be running: a trial's recording is complete before its row is
     written.

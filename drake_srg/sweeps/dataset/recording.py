@@ -1,4 +1,4 @@
-"""Reads what a data set needs from the recording of a trial."""
+"""Reads the data of an episode from the recording of a trial."""
 
 from __future__ import annotations
 
@@ -231,7 +231,7 @@ def read_signals(path: Path) -> Signals:
 
 
 def _value(topic: str, message: Any) -> Any:
-    """Return what a data set needs of a message: an array, or the mode in words."""
+    """Return a message's content for a data set: an array, or the mode in words."""
     if topic == _JOINTS:
         return np.stack([message.position, message.effort])
     if topic == OBJECT_POSE or _owner(topic, _POSE):
@@ -253,7 +253,7 @@ def _more(
     joints: Sequence[str],
     robots: Sequence[RobotArm],
 ) -> Iterator[tuple[str, Vectors, npt.NDArray[Any]]]:
-    """Yield the features besides states and actions: name, dimensions and values.
+    """Yield the features other than states and actions: name, dimensions, values.
 
     Args:
         values: Values by topic, as from `_value`.
@@ -424,6 +424,6 @@ def _even_times(
 def _held(
     at: npt.NDArray[np.float64], times: list[float], values: npt.NDArray[np.float64]
 ) -> npt.NDArray[np.float64]:
-    """Return the last value up to each time; before the first value, the first."""
+    """Return the last value before each time; before the first value, the first."""
     index = np.searchsorted(times, at + _STAMP_TOLERANCE, side="right") - 1
     return values[np.maximum(index, 0)]

@@ -56,7 +56,7 @@ def table(
     Args:
         head: Titles of the columns.
         rows: Cells of each row.
-        label: What the table contains, for screen readers.
+        label: Description of the table, for screen readers.
         class_: CSS class of the table.
     """
     return element(
@@ -114,11 +114,11 @@ def definitions(rows: Sequence[tuple[str, Child]]) -> Element:
 def in_part(
     items: Sequence[Item], opened: int, show: Callable[[Sequence[Item]], Element]
 ) -> list[Element]:
-    """Return the first items, and the others folded away.
+    """Return the first items, with the others folded.
 
     Args:
         items: All items.
-        opened: How many are not folded.
+        opened: Number of items that are not folded.
         show: Makes an element of some items.
     """
     shown = [show(items[:opened])] if opened else []
@@ -146,13 +146,13 @@ def code(text: str) -> Element:
 
 
 def percent(share: float, trials: int) -> str:
-    """Return a share as text, with enough digits to show one of so many trials."""
+    """Return a share as a percentage, precise enough to show a single trial."""
     digits = max(1, math.ceil(math.log10(max(trials, 1))) - 2)
     return f"{100.0 * share:.{digits}f} %"
 
 
 def quantile(values: Vector, share: float) -> float | None:
-    """Return a quantile of the finite values; None without any."""
+    """Return a quantile of the finite values, or None if there are none."""
     finite = values[np.isfinite(values)]
     if not len(finite):
         return None
@@ -213,7 +213,7 @@ def histogram(
     Args:
         values: Shape (n,), nan where a trial has none.
         success: Shape (n,).
-        label: What the plot shows, for screen readers.
+        label: Description of the plot, for screen readers.
         whole: Whether the values are whole numbers, with one bar each.
     """
     shown = np.isfinite(values)
@@ -275,7 +275,7 @@ def against(
         bins: At least one, in order of the quantity.
         axis: Lowest and highest outcome that the plot shows.
         text: Formats a number on the outcome's axis.
-        label: What the plot shows, for screen readers.
+        label: Description of the plot, for screen readers.
         strokes: Values of the quantity that are marked at the bottom.
     """
     low, high = bins[0].low, bins[-1].high

@@ -43,7 +43,7 @@ _OPEN_EFFECTS = 12  # plots that are open; the others are folded away
 
 
 def effects(trials: Trials) -> Element:
-    """Return the section: what failures, placement error and cycle time depend on."""
+    """Return the section on the causes of failures, placement error and cycle time."""
     ranked = rank_effects(
         trials.quantities(),
         trials.success,
@@ -105,7 +105,7 @@ def _rates(ranked: Sequence[Effect], trials: Trials) -> list[Element]:
 
 
 def _medians(ranked: Sequence[Effect], trials: Trials) -> list[Element]:
-    """Return plots of placement error and cycle time, where a quantity matters."""
+    """Return plots of placement error and cycle time against significant quantities."""
     figures = []
     for name, unit, outcome, relations in (
         (
@@ -169,7 +169,7 @@ def _verdict(ranked: Sequence[Effect], trials: Trials) -> Element:
 
 
 def _found(found: Sequence[Effect], trials: Trials) -> Element:
-    """Return in words what each quantity that matters does."""
+    """Return in words the effect of each significant quantity."""
     items = []
     for effect in found:
         words: list[str] = []
@@ -203,7 +203,7 @@ def _ends(rows: Sequence[Bin]) -> str:
 
 
 def _where(relation: Relation, neutral: float) -> str:
-    """Return in words which values of a quantity have more of an outcome."""
+    """Return in words the values of a quantity with more of an outcome."""
     more = relation.strength > neutral
     if relation.ends:
         return "at both ends" if more else "in the middle"
@@ -431,7 +431,7 @@ def totals(trials: Trials, jobs: int | None) -> Element:
 
     Args:
         trials: All trials.
-        jobs: How many ran at a time; None: one per worker.
+        jobs: Number of trials that ran at a time; None: one per worker.
     """
     own = trials.numbers("trial_time_s")
     # There are more names than workers if some were replaced.

@@ -1,4 +1,4 @@
-"""The rows of a sweep as arrays, and how much the outcome depends on each."""
+"""The rows of a sweep as arrays, and the effect of each quantity on the outcome."""
 
 from __future__ import annotations
 
@@ -47,7 +47,7 @@ class Relation:
 
     @property
     def significant(self) -> bool:
-        """Whether this is more than chance."""
+        """Whether the dependence is statistically significant."""
         return self.p <= FALSE_DISCOVERIES
 
 
@@ -63,7 +63,7 @@ class Effect:
 
     @property
     def significant(self) -> bool:
-        """Whether any outcome depends on it."""
+        """Whether any outcome depends significantly on the quantity."""
         relations = (self.failure, self.placement, self.cycle)
         return any(r is not None and r.significant for r in relations)
 
@@ -86,7 +86,7 @@ def rank_effects(
     placement_error: Vector,
     cycle_time: Vector,
 ) -> list[Effect]:
-    """Return the effects of all quantities, those that matter most first.
+    """Return the effects of all quantities, the strongest first.
 
     A quantity may matter by being large or small, or by being far from its usual value,
     like errors of either sign. Both are tested, and the smaller p-value is doubled. The

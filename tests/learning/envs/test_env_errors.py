@@ -1,4 +1,4 @@
-"""What environments say to wrong keywords and wrong scenes."""
+"""The environments' errors for invalid keywords and scenes."""
 
 import gymnasium
 import pytest

@@ -1,4 +1,4 @@
-"""What gymnasium and its users ask of every environment."""
+"""The requirements of gymnasium and its users on every environment."""
 
 import gymnasium
 import numpy as np
@@ -177,7 +177,7 @@ def test_what_a_list_holds_is_drawn_anew():
 
 
 def test_a_model_has_its_own_friction_again():
-    """That of the scene before stayed."""
+    """Regression: the friction of the previous scene stayed."""
     env = gymnasium.make(
         "drake_srg/Pick-v0",
         overrides=["clutter=null", f"objects.can={CAN}", "task.pick=can"],

@@ -250,7 +250,7 @@ def test_our_own_code_is_part_of_the_key(tmp_path, monkeypatch):
 @pytest.mark.parametrize("name", ["my things", "50%", "a#b?c", "rot-ü", "a&b<c"])
 @pytest.mark.parametrize("home", [False, True])
 def test_paths_may_have_any_character(tmp_path, monkeypatch, name, home):
-    """Those of an import, of an SDF that is taken as it is, and of the cache."""
+    """Paths of an import, of an SDF that needs none, and of the cache."""
     folder = tmp_path / name
     folder.mkdir()
     if home:

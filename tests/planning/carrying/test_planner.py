@@ -1,4 +1,4 @@
-"""What the planner that carries together sees and refuses."""
+"""Sightings and refusals of the planner of two arms that carry together."""
 
 import numpy as np
 import pytest

@@ -167,7 +167,7 @@ def test_presses_a_load_no_further_than_it_may(tolerance, early):
 
 @pytest.mark.parametrize("places", [False, True])
 def test_opens_fully_where_nothing_stands_beside_the_load(places):
-    """What has slipped up in the hand fits through less than it came in by."""
+    """An object that slipped upwards in the hand needs fingers opened wider."""
     only = run(A)
     only.motions.places = places
     pick(only, after=table())
@@ -225,7 +225,7 @@ def test_goes_up_all_the_way_out_of_a_row_or_where_it_must(rim):
     [(0.1, True, True), (0.1, False, False), (None, False, True)],
 )
 def test_an_empty_hand_does_not_go_down_in_a_bin(rim, felt, placed):
-    """What stands in a row, and may not fall, is never let go above it."""
+    """An object for a row, which must not fall, is never released above it."""
     deep = in_a_bin()
     deep.motions.destination = dc.replace(BIN, rim=rim)
     pick(deep, after=table(B), felt=felt)

@@ -1,4 +1,4 @@
-"""Where loads go: what sticks out, lanes for long loads, places for tall ones."""
+"""Destinations of loads: overhang, lanes for long loads, places for tall ones."""
 
 import dataclasses as dc
 

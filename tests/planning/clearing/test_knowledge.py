@@ -1,4 +1,4 @@
-"""What the planner concludes of loads that it let go, and of things beside the bin."""
+"""The planner's conclusions about released loads, and about things beside the bin."""
 
 import dataclasses as dc
 
@@ -240,7 +240,7 @@ def with_one_beside(*seen):
     """Return a run in which a thing lies beside the bin after two were let go there.
 
     Args:
-        seen: Where the first one is seen in the bin.
+        seen: Place in the bin at which the first one is seen.
     """
     result = run(A, B, FELL, shown=table(A, B))
     result.show_bin()

@@ -1,4 +1,4 @@
-"""What maps of a bin show of a load that was dropped, and what counts as arrived."""
+"""Dropped loads on maps of a bin, and the criterion for their arrival."""
 
 import dataclasses as dc
 
@@ -120,7 +120,7 @@ def test_a_bar_over_the_rim_is_in_the_bin_with_both_its_ends(outside, lies):
     ],
 )
 def test_more_may_be_gone_from_a_heap_than_the_load(felt, now, comes):
-    """What had settled with a load seemed to be a part of it that had not come."""
+    """Regression: an object that settled with a load counted as a lost part of it."""
     heap = dc.replace(
         LOAD, volume=6.0 * LOAD.volume, height=TALL, felt=felt, core=LOAD.volume
     )
@@ -137,7 +137,7 @@ def test_noise_is_no_load_of_a_heap(seed):
 
 
 def test_a_heap_loses_at_least_half_of_what_was_at_the_grasp():
-    """What is upset in the bin as a box bounces out of it is not the box."""
+    """An object that a bouncing box displaces in the bin is not taken for the box."""
     heap = dc.replace(
         LOAD, volume=6.0 * LOAD.volume, height=TALL, core=2.5 * LOAD.volume
     )

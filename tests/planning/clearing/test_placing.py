@@ -1,4 +1,4 @@
-"""Where the arm carries its load, with the scenario's own arm and bin."""
+"""The motions to a load's destination, with the scenario's own arm and bin."""
 
 import dataclasses as dc
 
@@ -143,7 +143,7 @@ def test_loads_are_dropped_in_the_middle_of_the_bin_and_beside_it(
 
 
 def test_the_arm_rests_only_at_the_grasp_and_over_the_bin(motions):
-    """What may hang from the hand comes to rest above the table, too."""
+    """A load that may hang from the hand comes to rest above the table, too."""
 
     def rests(grasp, height_map):
         planned = motions.plan(motions.q_home, grasp, height_map)

@@ -16,7 +16,7 @@ def link_distances(model, shape, grasp, fingers):
     Args:
         model: Name of the gripper's model.
         shape: The object's.
-        grasp: How it is held.
+        grasp: The grasp that holds it.
         fingers: Joint angles of the gripper by name [rad].
     """
     builder = DiagramBuilder()

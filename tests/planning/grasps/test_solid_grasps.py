@@ -25,7 +25,9 @@ HAMMER = ConvexPieces((HANDLE, block([0.04, 0.1, 0.04], [0.02, 0.0, 0.0])))
 
 def test_a_map_shows_the_top_of_each_part():
     shelf = block([0.1, 0.1, 0.01], [0.0, 0.0, 0.09])
-    seen = solid_map(ConvexPieces((block([0.02, 0.02, 0.1]), shelf)).shifted([0, 0, 3]))
+    seen = solid_map(
+        ConvexPieces((block([0.02, 0.02, 0.1]), shelf)).translated([0, 0, 3])
+    )
     inside = np.max(np.abs(seen.centers()), axis=-1) < 0.049
     np.testing.assert_allclose(seen.height[inside], 0.1)
     outside = np.max(np.abs(seen.centers()), axis=-1) > 0.051
@@ -84,7 +86,7 @@ def test_pinches_near_the_centre_of_mass_are_better():
 
 def test_the_hand_is_where_the_solid_is():
     """Wherever it stands, the arm's target puts the palm above it."""
-    grasp = solid_pinches(FINGERS, HAMMER.shifted([0.1, 0.0, 0.2]), UP, CLEARANCE)[0]
+    grasp = solid_pinches(FINGERS, HAMMER.translated([0.1, 0.0, 0.2]), UP, CLEARANCE)[0]
     X_WO = RigidTransform(RollPitchYaw(0.0, 0.0, 1.2), [0.6, 0.1, 0.5])
     target = grasp.pick_target(X_WO)
     np.testing.assert_allclose(target.p_WT, X_WO.translation())
@@ -105,7 +107,7 @@ def test_what_lies_on_another_side_is_taken_as_it_lies(turn):
     """The same grasps as of a solid that is modelled like that."""
     R = RollPitchYaw(*turn, 0.0).ToRotationMatrix().matrix()
     lying = solid_pinches(FINGERS, HAMMER, tuple(R[2]), CLEARANCE)
-    modelled = solid_pinches(FINGERS, HAMMER.turned(R), UP, CLEARANCE)
+    modelled = solid_pinches(FINGERS, HAMMER.rotated(R), UP, CLEARANCE)
     best, same = (min(found, key=lambda g: g.cost) for found in (lying, modelled))
     assert best.width == pytest.approx(same.width, abs=0.01)
     np.testing.assert_allclose(best.axis_O, R[2], atol=1e-9)

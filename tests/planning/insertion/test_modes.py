@@ -1,4 +1,4 @@
-"""Where the set-points of an insertion pull the peg, and when its modes end."""
+"""The set-points of an insertion's modes, and the modes' ends."""
 
 import dataclasses as dc
 import types
@@ -35,7 +35,7 @@ X_TG = RigidTransform([0.0, 0.0, 0.1])
 
 @dc.dataclass(frozen=True)
 class Measured:
-    """What the modes read of the senses."""
+    """The part of the senses that the modes read."""
 
     def see(self):
         return None

@@ -30,7 +30,7 @@ NOW = 7.0  # s
 
 
 class NoReplanner:
-    """Finds no way out, and must not be asked for anything else."""
+    """Finds no escape, and must not be asked for anything else."""
 
     def escape(self, memory, time):
         memory.attempt.trapped = True

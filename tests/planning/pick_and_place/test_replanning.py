@@ -1,4 +1,4 @@
-"""What the planner does about what it sees on the way."""
+"""The planner's reactions to sightings on the way."""
 
 import dataclasses as dc
 

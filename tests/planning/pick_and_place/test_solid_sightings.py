@@ -1,4 +1,5 @@
-"""What the planner makes of sightings of solids, such as a box with a knob aside."""
+"""The planner's reading of sightings of solids, such as a box with a knob at its
+side."""
 
 import numpy as np
 import pytest

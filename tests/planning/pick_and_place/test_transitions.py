@@ -1,4 +1,4 @@
-"""What holds of the transitions whatever is observed; the table itself is data."""
+"""Properties of the transitions for any observation; the table itself is data."""
 
 import dataclasses as dc
 import functools
@@ -172,7 +172,7 @@ def test_a_held_object_is_released_only_where_it_is_placed(mode, o, t):
 
 @given(observations, times)
 def test_an_object_that_has_left_the_hand_is_not_placed(o, t):
-    """Whatever else fails, the arm goes home without it."""
+    """The arm goes home without the object, even if more fails."""
     failure = None if o.failure in FINAL else o.failure
     o = dc.replace(o, holding=False, arrived=True, failure=failure)
     for mode in (Mode.VERIFY, Mode.LIFT, Mode.TRANSFER):

@@ -11,7 +11,7 @@ from pydrake.systems.analysis import Simulator
 
 from drake_srg.planning.servoing.config import ServoCommand, ServoConfig
 from drake_srg.planning.servoing.hand_motion import ServoArm
-from drake_srg.planning.servoing.tracker import FeatureSighting, PoseSighting, Taken
+from drake_srg.planning.servoing.tracker import Capture, FeatureSighting, PoseSighting
 from drake_srg.planning.servoing.visual_servo import ImageBasedServo, PositionBasedServo
 from drake_srg.scenario import load_scenario
 from drake_srg.station.plant import MakeModelsPlant
@@ -81,7 +81,7 @@ class IdealHand:
         return moved @ self.X_WO
 
     def sight(self):
-        """What the camera shows now."""
+        """The present image of the camera."""
         X_CO = (arm().X_WG(self.q) @ X_GC).inverse() @ self.X_WO_now()
         self.frame += 1
         if self.kind == "pbvs":
@@ -125,12 +125,12 @@ class LateHand(IdealHand):
     def __init__(self, *arguments, **settings):
         super().__init__(*arguments, **settings)
         self.silent, self._taken = False, []
-        self._latest = dc.replace(super().sight(), taken=Taken())
+        self._latest = dc.replace(super().sight(), taken=Capture())
 
     def sight(self):
         ticks = round(self.time / self.config.period)
         if ticks % round(self.config.camera_period / self.config.period) == 0:
-            taken = Taken(self.time, self.q)
+            taken = Capture(self.time, self.q)
             self._taken.append(dc.replace(super().sight(), taken=taken))
         arrived = [s for s in self._taken if s.taken.time <= self.time - 0.1]
         if arrived and not self.silent:

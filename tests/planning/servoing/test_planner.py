@@ -1,4 +1,4 @@
-"""What the planner does while a servo moves the arm."""
+"""The planner while a servo moves the arm."""
 
 import dataclasses as dc
 

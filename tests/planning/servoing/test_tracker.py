@@ -1,4 +1,4 @@
-"""Where the arm was when a picture was taken that arrives late.
+"""The arm's position at the time of an image that arrives late.
 
 Silhouettes in images: their ellipses, and when they do not count.
 The pose of a solid from the points on its visible surface.

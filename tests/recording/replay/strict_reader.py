@@ -1,4 +1,4 @@
-"""Reads glTF without mercy: what does not follow the specification fails."""
+"""Reads glTF strictly: any violation of the specification fails."""
 
 import numpy as np
 

@@ -101,7 +101,7 @@ def test_a_picture_of_too_many_pixels_is_refused(tmp_path):
 
 
 def test_a_board_of_an_older_opencv_is_found_and_told(mounting, caplog):
-    """With an even number of rows, where the pattern differs."""
+    """The pattern of a board with an even number of rows differs."""
     board = dc.replace(mounting.board, rows=4)
     old = dc.replace(board, legacy=True)
     taken = shots(picture(old), np.roll(picture(old), 5))

@@ -38,7 +38,7 @@ class Gripper:
     Attributes:
         table: The registers.
         loads: Every load that the servo had, of 1023.
-        fault: What it reports.
+        fault: Fault that it reports.
     """
 
     def __init__(self):

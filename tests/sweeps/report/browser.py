@@ -1,4 +1,4 @@
-"""What a browser makes of a report."""
+"""A report as a browser renders it."""
 
 _LOOK = """(() => {
   const boxes = [...document.body.querySelectorAll("*")].filter(

@@ -1,4 +1,4 @@
-"""The checks of the finished site find what they look for."""
+"""The checks of the finished site find the faults that they look for."""
 
 import zlib
 

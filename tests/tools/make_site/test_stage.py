@@ -1,4 +1,4 @@
-"""What is done to the pages of the repository before Sphinx reads them."""
+"""The preparation of the repository's pages for Sphinx."""
 
 import nbformat
 import pytest

@@ -18,8 +18,8 @@ class EmulatedLine:
     Attributes:
         bus: The servos.
         q: Positions of the joints [rad].
-        closure: Of the gripper.
-        load: Of the gripper's servo, as a fraction of full PWM.
+        closure: Closure of the gripper.
+        load: Load of the gripper's servo, as a fraction of full PWM.
         spoil: Changes replies on their way.
         silent: Whether replies are lost.
         writes: Number of packets sent.

@@ -13,7 +13,7 @@ pytestmark = NEEDS_DDS
 
 
 class Peer:
-    """What a humanoid's controller sees, and a hand whose time it drives."""
+    """A humanoid's controller, which sees a hand and drives its clock."""
 
     def __init__(self, inbox, gripper, side, participant):
         from cyclonedds.pub import DataWriter

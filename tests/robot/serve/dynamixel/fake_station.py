@@ -28,8 +28,8 @@ class FakeMotor:
     """A motor without inertia whose fingers meet, or an object that they hold.
 
     Attributes:
-        commands: That it obeys, by input port.
-        angle: Of the spool [rad].
+        commands: Commands that it obeys, by input port.
+        angle: Angle of the spool [rad].
         pwm: As a fraction of full scale.
         time: Simulated [s].
         meets: Angle at which the fingers stop [rad].

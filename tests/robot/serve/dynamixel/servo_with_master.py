@@ -17,9 +17,9 @@ class WithMaster:
     """A servo whose registers can be written and read by name through packets.
 
     Attributes:
-        errors: Of the protocol's status packets.
+        errors: Error codes of the protocol's status packets.
         wrong_checksum: The one for that.
-        identity: What a ping tells.
+        identity: Reply to a ping.
         warned: Kinds of the warnings so far.
         now: Simulated time [s].
     """
@@ -67,7 +67,7 @@ class WithMaster:
 
 
 class ServoWithMaster(WithMaster, Mx64):
-    """With Protocol 1.0."""
+    """A servo that speaks Protocol 1.0."""
 
     errors, wrong_checksum, identity = Error1, Error1.CHECKSUM, b""
 
@@ -79,7 +79,7 @@ class ServoWithMaster(WithMaster, Mx64):
 
 
 class ServoWithMaster2(WithMaster, Mx64P2):
-    """With Protocol 2.0."""
+    """A servo that speaks Protocol 2.0."""
 
     errors, wrong_checksum, identity = Refusal, Refusal.CHECKSUM, b"\x37\x01\x2d"
 

@@ -18,7 +18,7 @@ class SimulatedGripper:
         bridge: Its servo.
         time: Simulated [s].
         q: Positions of the finger joints [rad].
-        force: Of the wires [N].
+        force: Force of the wires [N].
         told: Warnings so far.
     """
 

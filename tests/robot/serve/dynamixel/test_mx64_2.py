@@ -200,7 +200,7 @@ def test_the_profile_moves_the_target(servo):
 
 @pytest.mark.parametrize("registers", [{"drive_mode": 4}, {"acceleration_limit": 0}])
 def test_a_goal_where_the_target_is_ends_the_motion(servo, registers):
-    """With ramps that last, or that allow no acceleration."""
+    """Ramps may last, or allow no acceleration."""
     ramps = {"profile_velocity": 100, "profile_acceleration": 20}
     switch_on(servo, **registers, **ramps)
     for _ in range(2):

@@ -53,7 +53,7 @@ class Roscore:
         Args:
             command: The program and its arguments.
             until: Words that end a program which would run forever.
-            timeout: When to kill the program at the latest [s].
+            timeout: Time after which to kill the program [s].
         """
         process = subprocess.Popen(
             command,

@@ -29,7 +29,7 @@ def inbox(told):
 
 @pytest.fixture
 def topics():
-    """What the bridge publishes; test modules override it."""
+    """Topics that the bridge publishes; test modules override it."""
     return []
 
 
