@@ -48,7 +48,6 @@ _PUSH = (0.01, 0.04)
 
 
 def cases(trials: int = 100) -> list[ex.Case]:
-    """Run every method in every situation."""
     return [
         {"name": f"{c['situation']}: {c['method']}", **c}
         for c in ex.grid(
@@ -93,7 +92,6 @@ def summary(own: ex.Trials) -> ex.Values:
 
 
 def better(trials: ex.Trials) -> dict[str, ex.Values]:
-    """Compare methods where one must be better than the other."""
     found: dict[str, ex.Values] = {ANYWHERE: {}, PUSHED: {}}
     for situation, method, other in (
         (ANYWHERE, ONE_LOOK, FIXED),

@@ -96,7 +96,6 @@ def overrides(tip: str, seed: int, model: Path) -> list[str]:
 
 
 def cases(trials: int = 5) -> list[ex.Case]:
-    """Grasp, carry and place the cylinder with every combination."""
     return ex.grid(**LEVELS, seed=range(trials))
 
 

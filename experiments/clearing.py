@@ -62,7 +62,6 @@ def _reach(scene: str) -> Reach:
 
 
 def table_trial(scene: str, seed: int) -> ex.Measures:
-    """Run a scene, and count objects and picks."""
     name, overrides = SCENES[scene]
     metrics = metrics_of(name, seed, overrides)
     things = metrics["objects"] or {}
@@ -129,10 +128,7 @@ def summary(place: str) -> Callable[[ex.Trials], ex.Values]:
 def _cases(
     scenes: Sequence[str], trials: int, seed: int
 ) -> Callable[..., list[ex.Case]]:
-    """Return the cases of an experiment: all scenes with one seed before the next."""
-
     def cases(trials: int = trials, seed: int = seed) -> list[ex.Case]:
-        """Run every scene."""
         return ex.grid(seed=range(seed, seed + trials), scene=scenes)
 
     return cases

@@ -89,7 +89,6 @@ _BASE_LEVER, _TIP_LEVER = 0.5 * SRG.base_length, round(SRG.pad_middle, 3)
 
 
 def sequence_trial(driver: str) -> ex.Measures:
-    """Close a hand around the can."""
     scenario = can_in_hand(DRIVERS[driver])
     with Rig(scenario, name="closing_sequence", log_period=LOG_PERIOD) as rig:
         rig.advance(START)
@@ -200,7 +199,6 @@ def ramp(t: float) -> float:
 
 
 def gentle_trial(way: str) -> ex.Measures:
-    """Close the hand around the can and lift it by 0.1 m."""
     underactuation, trigger = WAYS[way]
     scenario = can_in_hand(
         f"!SrgPositionDriver {{underactuation: {underactuation}, "

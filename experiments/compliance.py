@@ -20,10 +20,9 @@ from pydrake.multibody.inverse_kinematics import InverseKinematics
 from pydrake.solvers import Solve
 
 import experiments.runner as ex
+from drake_srg import Rig, load_scenario
 from drake_srg.common.geometry import minimum_jerk_blend
 from drake_srg.planning.grasps.srg_hand import SrgHand
-from drake_srg.scenario import load_scenario
-from drake_srg.simulation.rig import Rig
 from drake_srg.station.plant import MakeModelsPlant
 from drake_srg.types import Cylinder, Vector
 from experiments.stands.holding import weld_model
@@ -188,7 +187,6 @@ def trial(driver: str, seed: int, insertions: int) -> ex.Measures:
 
 
 def whole(trials: ex.Trials) -> dict[str, ex.Values]:
-    """Expect the compliant arm to seat within the clearance, the stiff one to jam."""
     found: dict[str, ex.Values] = {}
     for driver in DRIVERS:
         own = trials.where(driver=driver)

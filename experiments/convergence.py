@@ -63,7 +63,6 @@ def trial(grip: str, variant: str) -> ex.Measures:
 
 
 def differences(trials: ex.Trials) -> dict[str, ex.Values]:
-    """Return how the accurate bench differs from others."""
     found: dict[str, ex.Values] = {}
     for grip in GRIPS:
         a = trials.where(grip=grip, variant=ACCURATE)[0]

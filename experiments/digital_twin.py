@@ -13,6 +13,7 @@ from collections.abc import Iterator, Mapping
 import numpy as np
 
 import experiments.runner as ex
+from drake_srg import Mode, Scenario, load_scenario
 from drake_srg.common.systems import MakeSimulator, output_ports
 from drake_srg.lifetime import my_context
 from drake_srg.robot.drive.config import HardwareConfig
@@ -20,11 +21,9 @@ from drake_srg.robot.serve.pictures import BLOBS, camera_topics, served_camera
 from drake_srg.robot.twin.comparison import KINDS
 from drake_srg.robot.twin.loop import Listener, TwinLoop
 from drake_srg.robot.twin.station import AddTwin, MakeTwin
-from drake_srg.scenario import Scenario, load_scenario
 from drake_srg.simulation.flat import MakeRoot
 from drake_srg.simulation.recorders import recorded_topics
 from drake_srg.station import AddCell, MakeCell
-from drake_srg.types import Mode
 from experiments.stands.direct_node import DirectNode, make_message
 
 _SCENARIO = "kitchen_fast"
@@ -112,7 +111,6 @@ def talk(
 
 
 def trial(robot: str, seed: int) -> ex.Measures:
-    """Run a robot with its twin beside it."""
     fault = FAULTS[robot]
     overrides = (*fault.both, *fault.overrides)
     real = load_scenario(_SCENARIO, seed=seed, overrides=overrides)

@@ -76,7 +76,6 @@ def summary(own: ex.Trials) -> ex.Values:
 
 
 def agreement(trials: ex.Trials) -> dict[str, ex.Values]:
-    """Return how many verdicts of each engine are those of the reference."""
     held = {
         name: np.array(own["slip"]) < SLIP
         for name, own in trials.groups("engine").items()

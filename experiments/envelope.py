@@ -190,7 +190,6 @@ def bisect(
 
 
 def summary(own: ex.Trials) -> ex.Values:
-    """Judge the claims and report the rest."""
     way = own.name
     if way == "edges":
         return {}

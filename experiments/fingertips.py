@@ -63,7 +63,6 @@ def cases() -> list[ex.Case]:
 def trial(
     group: str, pads: str, surface: str, direction: str, offset: float, step: float
 ) -> ex.Measures:
-    """Take and carry the cylinder, off its middle."""
     # The camera's x and y are the world's -y and -x.
     off = {"x": [0.0, -1e-3 * offset, 0.0], "y": [-1e-3 * offset, 0.0, 0.0]}[direction]
     overrides = (

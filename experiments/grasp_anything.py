@@ -21,12 +21,11 @@ from pydrake.common.schema import Transform
 from pydrake.math import RigidTransform, RotationMatrix
 
 import experiments.runner as ex
-from drake_srg.common.exceptions import ScenarioError
+from drake_srg import ScenarioError, load_scenario
 from drake_srg.objects.config import ObjectConfig
 from drake_srg.objects.household import HOUSEHOLD, household_object, object_facts
 from drake_srg.planning.grasps.srg_hand import SrgFingers
 from drake_srg.planning.grasps.top_grasps import HeightMapGrasps, Reach, TopGrasp
-from drake_srg.scenario import load_scenario
 from drake_srg.simulation.rig import Rig, bench_scenario, tabletop
 from drake_srg.types import Failure, HeightMap
 from drake_srg.vision.camera import CameraModel
@@ -143,7 +142,6 @@ def drop(name: str, thing: ObjectConfig, rng: Generator) -> RigidTransform:
 
 
 def placed(thing: ObjectConfig, X_WO: RigidTransform) -> ObjectConfig:
-    """Return a thing that starts at a pose."""
     return dc.replace(thing, pose=Transform(X_WO), position=None)
 
 
@@ -252,7 +250,6 @@ def draw(figure: Any, trials: ex.Trials, rows: Sequence[Any]) -> None:
 
 
 def whole(trials: ex.Trials) -> dict[str, ex.Values]:
-    """Expect more than another underactuated hand holds, and state the rest."""
     found: dict[str, ex.Values] = {}
     graspable = trials.where(graspable=True)
     for name, own, bound in (

@@ -148,7 +148,6 @@ def auc_by_object(value: Vector, held: Flags, names: Any) -> float:
 
 
 def whole(trials: ex.Trials) -> dict[str, ex.Values]:
-    """Compare the measures of lifted grasps with the shakes."""
     made, lifted = trials.where(aborted=False), trials.where(lifted=True)
     some = ex.number(spread=0.05 * len(made))
     held, names = lifted["held"], lifted["object"]

@@ -96,7 +96,6 @@ def summary(own: ex.Trials) -> ex.Values:
 
 
 def whole(trials: ex.Trials) -> dict[str, ex.Values]:
-    """Compare the shake's own policy with the best that never saw a shake."""
     shares = {r: np.mean(own["unseen"]) for r, own in trials.groups("reward").items()}
     shaken = shares[_SHAKEN[0]]
     best = max(share for reward, share in shares.items() if reward not in _SHAKEN)

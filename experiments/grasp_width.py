@@ -62,7 +62,6 @@ class Thing:
 
 
 def box(width: float) -> Thing:
-    """Return a box that stands between the fingers."""
     size = [_DEPTH, width, HEIGHT]
     config = ObjectConfig(shape=Box(size), mass=_MASS, friction=_FRICTION)
     return Thing(config, HEIGHT + _ABOVE_BOX)
@@ -209,7 +208,6 @@ HANDS = {
 
 
 def bottle_trial(hand: str, offset: float) -> ex.Measures:
-    """Close the hand across the lying bottle."""
     bottle = household_objects()["squeeze_bottle"]
     bottle.pose = Transform()
     bottle.pose.translation = [_BENCH_X - _MIDDLE - offset, 0.0, 0.5 * _HEIGHT]

@@ -120,7 +120,6 @@ def trial(model: str) -> ex.Measures:
 
 
 def compare(trials: ex.Trials) -> dict[str, ex.Values]:
-    """Compare rows; those of the specimen are judged, the others only told."""
     measured, found = vendor_log(), dict[str, ex.Values]()
     for t in trials:
         model = t["model"]

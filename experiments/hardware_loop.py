@@ -21,14 +21,13 @@ import numpy as np
 import yaml
 
 import experiments.runner as ex
-from drake_srg.common.exceptions import ScenarioError
+from drake_srg import Mode, ScenarioError
 from drake_srg.common.log_format import MODES, row_to_pose
 from drake_srg.recording.output import read_log
 from drake_srg.robot.serve.dynamixel.servo import JOINT
 from drake_srg.robot.serve.loop import LONGEST
 from drake_srg.scenario import Scenario, load_scenario, servo_of
 from drake_srg.station.planners import final_pose
-from drake_srg.types import Mode
 from experiments.servo_bus import rounding
 from experiments.stands.bridge_client import ServedProcess, free_port, open_wire
 from experiments.stands.cells import metrics_of

@@ -27,7 +27,6 @@ SLIP = 5.0  # in the hand, from the lift to the end, of an object that is held [
 
 
 def cases(objects: Sequence[str] = ()) -> list[ex.Case]:
-    """Grasp, lift and shake objects in every way."""
     wanted = ex.chosen("objects", objects, {name for name, _ in grasps()})
     return [
         {"object": name, "approach": approach}

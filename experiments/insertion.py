@@ -12,11 +12,10 @@ from pydrake.multibody.math import SpatialForce
 from pydrake.multibody.plant import ExternallyAppliedSpatialForce
 
 import experiments.runner as ex
+from drake_srg import Simulate, load_scenario
 from drake_srg.common.srg_geometry import SRG
 from drake_srg.objects.config import ObjectConfig
 from drake_srg.planning.grasps.srg_hand import pinch_angles
-from drake_srg.scenario import load_scenario
-from drake_srg.simulation import Simulate
 from drake_srg.simulation.rig import Rig, bench_scenario
 from drake_srg.types import Cylinder
 
@@ -37,7 +36,6 @@ _PALM = 0.226  # height of the palm over the table; the pads hold the peg's midd
 
 
 def told_cases() -> list[ex.Case]:
-    """Try each."""
     return ex.grid(failure=HOLES)
 
 
@@ -51,7 +49,6 @@ def told_trial(failure: str) -> ex.Measures:
 
 
 def told_summary(own: ex.Trials) -> ex.Values:
-    """Judge whether the planner names the cause, and the force on the hole."""
     bounds = {
         "told by name [-]": ex.at_least(1.0),
         "force on the hole [N]": ex.at_most(

@@ -82,7 +82,6 @@ def shape_cases(
 
 
 def model_cases(trials: int = 6, seed: int = 945_000) -> list[ex.Case]:
-    """Pick and place every object."""
     return ex.grid(case=MODELS, seed=range(seed, seed + trials))
 
 

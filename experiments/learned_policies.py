@@ -99,8 +99,6 @@ def held(
 
 
 def whole(trials: ex.Trials) -> dict[str, ex.Values]:
-    """Judge trainings and rules."""
-
     def played(rule: str, noise: float) -> float:
         return float(np.mean(trials.where(name=rule, noise=noise).one("unseen")))
 

@@ -52,7 +52,6 @@ def environment(way: str) -> GraspOneShotEnv:
 
 
 def closing(driver: str) -> ex.Measures:
-    """Close a hand with a driver on nothing, and on a can."""
     bench = functools.partial(bench_scenario, scenario="gripper_bench_fast")
     empty = bench(overrides=[f"gripper={driver}", "object.present=false"])
     with Rig(empty, name="plant_servo") as rig:

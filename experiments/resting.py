@@ -105,7 +105,6 @@ COMPARED = ("005_tomato_soup_can", "056_tennis_ball", "mug", "wrench")
 
 
 def cases(objects: Sequence[str] = ()) -> list[ex.Case]:
-    """Drop every object in every pose from every height."""
     things = household_objects()
     resting = [
         (name, pose)
@@ -239,7 +238,6 @@ def _AddTable(plant: MultibodyPlant, settings: Settings) -> None:
 
 
 def summary(own: ex.Trials) -> ex.Values:
-    """Expect rest with the chosen settings, and report the others."""
     n, height = len(own), "height at rest"
     exploded, soon, late = (sum(own[k]) for k in ("exploded", "soon", "late"))
     chosen = own.whole.where(settings="chosen")

@@ -14,13 +14,12 @@ from collections.abc import Callable
 import numpy as np
 
 import experiments.runner as ex
+from drake_srg import Rig, load_scenario
 from drake_srg.arm.drivers import ArmPositionDriver
 from drake_srg.arm.safety.limits import JointLimits, Tool
 from drake_srg.common.geometry import minimum_jerk_blend
 from drake_srg.common.safety_states import SafetyState, StopReason, safety_state
 from drake_srg.common.systems import model_actuators
-from drake_srg.scenario import load_scenario
-from drake_srg.simulation.rig import Rig
 from drake_srg.station.plant import MakeModelsPlant
 from drake_srg.types import Vector
 from experiments.stands.holding import push
@@ -123,19 +122,13 @@ class Stand:
 make_stand = functools.cache(Stand)
 
 
-def cases(faults: int = 200) -> list[ex.Case]:
-    """Stop the arm after each of the faults in turn.
-
-    Args:
-        faults: How many in all.
-    """
-    kinds = list(FAULTS)
-    n = len(kinds)
-    return [{"fault": kinds[i % n], "number": i // n} for i in range(faults)]
+def cases(trials: int = 200) -> list[ex.Case]:
+    """Stop the arm after each of the faults in turn."""
+    kinds, n = list(FAULTS), len(FAULTS)
+    return [{"fault": kinds[i % n], "number": i // n} for i in range(trials)]
 
 
 def trial(fault: str, number: int) -> ex.Measures:
-    """Move the arm until a fault."""
     stand = make_stand()
     random = np.random.default_rng([number, list(FAULTS).index(fault)])
     q, duration = stand.motion(stand.home, random)
@@ -171,7 +164,6 @@ def _with_fault(
     since: float,
     random: np.random.Generator,
 ) -> Callable[[float], Vector]:
-    """Return commands that are at fault from a time on [s]."""
     direction = random.choice([-1.0, 1.0], len(stand.home))
     jump = random.uniform(2.0, 20.0) * stand.limits.step * direction
     kick = random.uniform(2.0, 4.0) * stand.limits.bend * direction
@@ -239,7 +231,6 @@ def _distance(p: Vector, line: Vector) -> float:
 
 
 def summary(own: ex.Trials) -> ex.Values:
-    """Return the worst of a fault's stops."""
     share, full = own["stop [s]"] / own["bound"], own["saturated"]
     return {
         "reaction, longest [s]": max(own["reaction"]),
@@ -250,11 +241,6 @@ def summary(own: ex.Trials) -> ex.Values:
         "way of the tool, longest [m]": max(own["way [m]"]),
         "tool off its path, farthest [m]": max(own["off path"]),
     }
-
-
-def noticed(own: ex.Trials) -> ex.Bound:
-    slow = own.name in ("lost heartbeat", "push")
-    return ex.number() if slow else ex.at_most(make_stand().period)
 
 
 def whole(trials: ex.Trials) -> dict[str, ex.Values]:
@@ -280,7 +266,11 @@ safety = ex.Experiment(
         "speed / limit": ex.at_most(1.0),
         "deceleration / limit": ex.at_most(1.001),
         "motion once stopped": ex.at_most(0.0),
-        "reaction, longest": noticed,
+        "reaction, longest": lambda own: (
+            ex.number()
+            if own.name in ("lost heartbeat", "push")
+            else ex.at_most(make_stand().period)
+        ),
         "commands at rest, latest": ex.at_most(0.2),
         "arm at rest / its bound": ex.at_most(1.0 + 1e-9),  # for rounding
     },

@@ -94,7 +94,6 @@ class LatePictures:
                 self.show(self._name, taken, state, outlet)
 
     def show(self, name: str, time: float, state: Vector, outlet: Outlet) -> None:
-        """Publish what a camera sees of a state of the plant, taken at a time [s]."""
         images = (COLOR, DEPTH, CAMERA_INFO)
         values = self._viewers[name].look(time, state, images)
         for key, topic in self._cameras[name].topics.items():
@@ -135,7 +134,6 @@ class ServedRobot:
 
     @property
     def time(self) -> float:
-        """Simulated time [s]."""
         return float(self._root.get_time())
 
     def advance(self) -> None:
@@ -147,7 +145,6 @@ class ServedRobot:
         self._loop.advance(self._steps * self._period)
 
     def show(self, camera: str) -> None:
-        """Publish what a camera sees now."""
         plant = self.station.GetSubsystemByName("station").GetSubsystemByName("plant")
         context = plant.GetMyContextFromRoot(self._root)
         state = plant.get_state_output_port().Eval(context)

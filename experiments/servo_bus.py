@@ -17,6 +17,7 @@ from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import DiagramBuilder
 
 import experiments.runner as ex
+from drake_srg import MakeCell, MakeStation, Scenario, load_scenario
 from drake_srg.common.safety_states import SafetyState, safety_state
 from drake_srg.common.systems import MakeSimulator
 from drake_srg.planning.servoing.hand_motion import ServoArm
@@ -37,8 +38,6 @@ from drake_srg.robot.serve.dynamixel.mx64 import Mx64, Mx64P2
 from drake_srg.robot.serve.dynamixel.protocol import PacketReader
 from drake_srg.robot.serve.dynamixel.servo import JOINT
 from drake_srg.robot.serve.loop import AddServedStation
-from drake_srg.scenario import Scenario, load_scenario
-from drake_srg.station import MakeCell, MakeStation
 from drake_srg.station.planners import final_pose, final_tilt
 from drake_srg.station.plant import MakeModelsPlant
 from drake_srg.types import Mode, Vector
@@ -99,7 +98,6 @@ class ServoRobot:
         self._sense(until)
 
     def value(self, name: str) -> Any:
-        """Return the value of an output port."""
         return self._station.GetOutputPort(name).Eval(self._context)
 
     def pose(self) -> RigidTransform:
@@ -165,7 +163,6 @@ class DirectLine:
         pass
 
     def _worn(self, data: bytes) -> bytes:
-        """Return the bytes that arrive."""
         if not data or self._random.random() >= self._loss:
             return data
         lost = int(self._random.integers(len(data)))
@@ -296,7 +293,6 @@ def trial(wire: str, seed: int) -> ex.Measures:
 
 
 def summary(own: ex.Trials) -> ex.Values:
-    """Judge the runs over a wire by those without a bus."""
     n, clean = len(own), own.name in _CLEAN
     placed, missed = own.where(placed=True), own.where(placed=False)
     worst = max(placed["error"], default=np.nan)

@@ -80,7 +80,6 @@ def _close_and_open(time: Vector) -> tuple[Vector, Vector, Vector]:
 
 
 def _grip(time: Vector) -> tuple[Vector, Vector, Vector]:
-    """Return a minimum-jerk move to where closing hands send their base joints."""
     q, v, a = _move(time, START_TIME, SRG.joint_limit - START)
     return START + q, v, a
 
@@ -215,7 +214,6 @@ def trial(law: str, motion: str) -> ex.Measures:
 
 
 def summary(own: ex.Trials) -> ex.Values:
-    """Compare the responses of a law with theory."""
     t: dict[str, Any] = {t["motion"]: t for t in own}
     found: ex.Values = {}
     for motion, judge in (
@@ -244,7 +242,6 @@ def _error(t: Any) -> Vector:
 
 
 def _at_limit(law: str, t: Any) -> float:
-    """Return the share of time during which the PWM is at its limit."""
     limit, steps = MOTIONS[t["motion"]].force_limit, LAWS[law].pwm_steps
     if steps:
         limit = np.floor(steps * limit) / steps
@@ -353,7 +350,6 @@ def _grip_torque(law: str, t: Any) -> ex.Values:
 
 
 def _ends(law: str, t: Any) -> ex.Values:
-    """Judge where closing and opening end."""
     closing = t["time [s]"] <= OPENING_TIME
     closed = np.max(t["angle [rad]"][closing]) - t["reference"][closing][-1]
     opened = abs(float(np.mean(_error(t)[-round(0.3 / STEP) :])))

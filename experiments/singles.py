@@ -66,7 +66,6 @@ def cases(trials: int = 1000, seed: int = 1_110_000) -> list[ex.Case]:
 
 
 def trial(group: str, seed: int) -> ex.Measures:
-    """Clear one thing."""
     start = clock.process_time()
     own = f"objects={{thing: {thing(group, seed // len(GROUPS))}}}"
     overrides = (*NOISE, "clutter.count=0", own)
@@ -103,7 +102,6 @@ def _pick_time(time: Vector, mode: Vector, latency: float) -> float | None:
 
 
 def whole(trials: ex.Trials) -> dict[str, ex.Values]:
-    """Sum up the things that count, in all and in each group."""
     own = trials.where(counts=True)
     found: dict[str, ex.Values] = {}
     for name in ("all", *GROUPS):

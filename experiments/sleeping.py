@@ -202,7 +202,6 @@ SOME, PART = ex.number(spread=3.0), ex.number(spread=0.01)
 
 
 def task_cases(trials: int = 300, seed: int = 0) -> list[ex.Case]:
-    """Simulate each trial awake and asleep."""
     seeds = range(seed, seed + trials)
     return [{"kind": kind, "seed": s} for s in seeds for kind in (AWAKE, ASLEEP)]
 

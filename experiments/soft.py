@@ -202,7 +202,6 @@ def pad_gap(rig: Rig, state: Vector) -> Vector:
 
 
 def elasticity(trials: ex.Trials) -> dict[str, ex.Values]:
-    """Compare squeeze and force with elasticity, statics and each other."""
     e, nu = FOAM.youngs_modulus, FOAM.poissons_ratio
     confined = e * (1.0 - nu) / ((1.0 + nu) * (1.0 - 2.0 * nu))
     column, side = SRG.pad_width * (SIZE[2] - CLEARANCE), SIZE[0] * SIZE[2]

@@ -49,7 +49,6 @@ def cases() -> list[ex.Case]:
 
 
 def trial(scenario: str, wire: str) -> ex.Measures:
-    """Serve a scenario in real time to a client that sends the scenario's messages."""
     return demonstrate(scenario, wire)
 
 

@@ -17,8 +17,7 @@ from pydrake.multibody.plant import MultibodyPlant
 from pydrake.systems.analysis import Simulator
 
 import experiments.runner as ex
-from drake_srg.scenario import load_scenario
-from drake_srg.station import MakeStation
+from drake_srg import MakeStation, load_scenario
 from drake_srg.station.plant import MakeModelsPlant
 from drake_srg.theses.arm_kinematics import (
     ASSISTIVE_ARM_HOME,
@@ -49,7 +48,6 @@ VARIANTS: Mapping[str, tuple[str, tuple[str, ...], int | None]] = {
 
 
 def cases(seeds: int = 50) -> list[ex.Case]:
-    """Run every variant from every position."""
     return [
         {"variant": name, "seed": seed}
         for name, (_, _, most) in VARIANTS.items()
@@ -137,7 +135,6 @@ SIMULATED = np.array([-136.342, -68.221, -108.737])
 
 
 def kinematics(trials: ex.Trials) -> dict[str, ex.Values]:
-    """Compare printed, predicted, modelled and simulated angles of the tip."""
     q = np.deg2rad(POSTURE)
     digit = 1e-4  # of the print's last one [degrees]
     theirs = ex.at_most(np.max(np.abs(SIMULATED - PREDICTED)), source="thesis")

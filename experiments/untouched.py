@@ -38,12 +38,10 @@ _WAITING = (
 
 
 def cases(trials: int = 4, seed: int = 10200) -> list[ex.Case]:
-    """Leave tables of both kinds alone, with all settings."""
     return ex.grid(seed=range(seed, seed + trials), table=TABLES, settings=SETTINGS)
 
 
 def trial(seed: int, table: str, settings: str) -> ex.Measures:
-    """Simulate a table that nobody touches."""
     overrides = (*_WAITING, *SETTINGS[settings])
     scenario = load_scenario(TABLES[table], seed=seed, overrides=overrides)
     log = simulate_whole(scenario, record=False).log
@@ -90,7 +88,6 @@ def find_stay(
 
 
 def summary(own: ex.Trials) -> ex.Values:
-    """Expect that what is at rest stays, with the scenarios as they are."""
     rests, moved = own.known("rest"), own.known("moved").max(initial=0.0)
     as_is = own[0]["settings"] == AS_IS
     bound = ex.at_most(1.0) if as_is else ex.number(spread=max(1.0, moved))

@@ -61,7 +61,6 @@ class Served(NamedTuple):
 
 
 def silent_inbox(*topics: CommandTopic) -> CommandInbox:
-    """Return an inbox that warns nobody."""
     return CommandInbox(topics, Warnings(lambda text: None))
 
 
@@ -191,12 +190,10 @@ class Client:
             raise
 
     def send(self, values: Mapping[str, Any]) -> None:
-        """Publish values by topic."""
         for name, value in values.items():
             self._bridge.publish(self._topics[name], 0.0, [value])
 
     def close(self) -> None:
-        """Disconnect."""
         self._bridge.close()
 
     def _is_subscribed(self) -> bool:

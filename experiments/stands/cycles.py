@@ -88,7 +88,6 @@ def in_hand(
 
 
 def _angle(z_1: Vector, z_2: Vector) -> float:
-    """Return the angle between two unit vectors [rad]."""
     return float(np.arctan2(np.linalg.norm(np.cross(z_1, z_2)), z_1 @ z_2))
 
 
@@ -104,5 +103,4 @@ def shares(own: ex.Trials) -> ex.Values:
 
 
 def placed_interval(own: ex.Trials) -> tuple[float, float]:
-    """Return the 95 % interval (Wilson) of the share that was placed."""
     return ex.wilson(sum(own["placed"]), len(own))

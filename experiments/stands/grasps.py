@@ -76,12 +76,10 @@ class GraspConfig:
 
     @property
     def R_WG(self) -> RotationMatrix:
-        """Orientation of the palm frame in world."""
         return RollPitchYaw(np.deg2rad(self.hand)).ToRotationMatrix()
 
     @property
     def R_WO(self) -> RotationMatrix:
-        """Orientation of the object in world."""
         return RollPitchYaw(np.deg2rad(self.object)).ToRotationMatrix()
 
 

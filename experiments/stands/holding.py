@@ -14,8 +14,7 @@ from pydrake.multibody.math import SpatialForce
 from pydrake.multibody.parsing import AddModel, AddWeld, ModelDirective
 from pydrake.multibody.plant import ExternallyAppliedSpatialForce
 
-from drake_srg.scenario import Scenario
-from drake_srg.simulation.rig import Rig
+from drake_srg import Rig, Scenario
 from drake_srg.types import Vector
 
 

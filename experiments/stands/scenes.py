@@ -9,8 +9,7 @@ import numpy as np
 from pydrake.math import RigidTransform
 from pydrake.systems.framework import DiagramBuilder
 
-from drake_srg.scenario import Scenario
-from drake_srg.station import MakeStation
+from drake_srg import MakeStation, Scenario
 from drake_srg.station.perception import AddLocalizer
 from drake_srg.theses.blob_localizer import ThesisBlobLocalizer
 from drake_srg.types import Blob, Vector
