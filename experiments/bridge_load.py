@@ -53,19 +53,15 @@ class Change(NamedTuple):
     rest: float
 
 
-def cases(
-    duration: float = 60.0, free_duration: float = 8.0, images: int = 100
-) -> list[ex.Case]:
+def cases(duration: float = 60.0) -> list[ex.Case]:
     """Load the station over each wire, and run the scenarios at full speed.
 
     Args:
         duration: Duration of each load [s].
-        free_duration: Duration of each run at full speed [s].
-        images: Number of images to send over each wire.
     """
     loads = ex.grid(wire=WIRES, what=LOADS, amount=[duration])
-    free = ex.grid(wire=["ROS 2"], what=FREE, amount=[free_duration])
-    sent = ex.grid(wire=WIRES, what=["image"], amount=[images])
+    free = ex.grid(wire=["ROS 2"], what=FREE, amount=[8.0])  # s
+    sent = ex.grid(wire=WIRES, what=["image"], amount=[100])  # images
     return [
         *({"name": f"{case['wire']}, {case['what']}"} | case for case in loads),
         *({"name": case["what"]} | case for case in free),

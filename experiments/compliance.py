@@ -36,6 +36,7 @@ DRIVERS = {
     "{frame: 'gripper::palm', centre: [0.198, 0.0, 0.0]}}",
 }
 ERRORS = (0.0, 0.5e-3, 1.0e-3, 1.5e-3, 2.0e-3)  # in the plane [m]
+_INSERTIONS = 10  # after each grasp, with each error
 _DEEPEST = 2e-3  # the goal is up to this much too low [m]
 _FRICTION, _MASS = (0.3, 0.8), (0.016, 0.024)  # drawn evenly; mass [kg]
 # Seated: so near to the floor of the recess, and so upright.
@@ -161,22 +162,21 @@ class InsertionStand:
         raise RuntimeError(f"compliance: the hand cannot reach {p_WG}")
 
 
-def cases(grasps: int = 20, insertions: int = 10) -> list[ex.Case]:
+def cases(seeds: int = 20) -> list[ex.Case]:
     """Set the cylinder back many times, with each driver and error.
 
     Args:
-        grasps: Number of grasps, each with its own friction and mass.
-        insertions: Number of insertions after each grasp, driver and error.
+        seeds: Grasps with each driver, each with its own friction and mass.
     """
-    return ex.grid(driver=DRIVERS, seed=range(grasps), insertions=[insertions])
+    return ex.grid(driver=DRIVERS, seed=range(seeds))
 
 
-def trial(driver: str, seed: int, insertions: int) -> ex.Measures:
+def trial(driver: str, seed: int) -> ex.Measures:
     """Return the insertions after one grasp, lists by error."""
     random = np.random.default_rng(seed)
     friction, mass = random.uniform(*_FRICTION), random.uniform(*_MASS)
-    angles = random.uniform(0.0, 2.0 * np.pi, insertions)
-    depths = random.uniform(0.0, _DEEPEST, insertions)
+    angles = random.uniform(0.0, 2.0 * np.pi, _INSERTIONS)
+    depths = random.uniform(0.0, _DEEPEST, _INSERTIONS)
     stand = InsertionStand(DRIVERS[driver], mass, friction)
     x, y = np.cos(angles), np.sin(angles)
     made = [

@@ -62,17 +62,12 @@ _UNSEEN = {
 }
 
 
-def cases(seeds: int = 5, fault_seeds: int = 2) -> list[ex.Case]:
-    """Run each robot with its twin beside it.
-
-    Args:
-        seeds: Number of runs of the healthy robot.
-        fault_seeds: Number of runs with each fault.
-    """
+def cases() -> list[ex.Case]:
+    """Run each robot with its twin beside it, the healthy one more often."""
     return [
         {"robot": name, "seed": seed}
         for name in FAULTS
-        for seed in range(seeds if name == "healthy" else fault_seeds)
+        for seed in range(5 if name == "healthy" else 2)
     ]
 
 

@@ -54,7 +54,6 @@ def cases(
     """Shake every object in every engine.
 
     Args:
-        engines: Names of the engines; all by default.
         shakes: Of each object; 100 take 7 hours of one core.
     """
     return ex.grid(

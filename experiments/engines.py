@@ -40,11 +40,7 @@ MUJOCO: dict[str, dict[str, Any]] = {
 
 
 def cases(objects: Sequence[str] = (), engines: Sequence[str] = ()) -> list[ex.Case]:
-    """Grasp every object in every way, in every engine.
-
-    Args:
-        engines: Names of the engines; all by default.
-    """
+    """Grasp every object in every way, in every engine."""
     known = {name for name, _ in grasps.grasps()}
     wanted = ex.chosen("objects", objects, known)
     return [

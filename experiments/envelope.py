@@ -40,6 +40,7 @@ GRIDS = {
     },
 }
 RADIAL, OFF = "distance from joint 1 [mm]", "angle off radial [degrees]"
+_RUNS = 10  # simulated cycles
 _NEAR = 0.245  # where the region begins, straight in front of the arm [m]
 
 
@@ -105,12 +106,8 @@ class Cell:
 cell = functools.cache(Cell)
 
 
-def cases(runs: int = 10) -> list[ex.Case]:
-    """Plan for every case, simulate some, and find the edges of the envelope.
-
-    Args:
-        runs: Number of simulated cycles.
-    """
+def cases() -> list[ex.Case]:
+    """Plan for every case, simulate some, and find the edges of the envelope."""
     here = cell()
     found = [(UPRIGHT, p, 0.0, 0.0) for p in here.places(5, 5)]
     for way, (lean, grid, step, start) in GRIDS.items():
@@ -118,7 +115,7 @@ def cases(runs: int = 10) -> list[ex.Case]:
             directions = map(float, range(start + step, 1 - start, step))
             found += [(way, place, lean, off) for off in directions]
     planned, rng = len(found), np.random.default_rng(0)
-    while len(found) < planned + runs:
+    while len(found) < planned + _RUNS:
         place = rng.uniform(here.region.min, here.region.max)
         bound = np.deg2rad(OFF_RADIAL)
         off = float(np.rad2deg(rng.uniform(-bound, bound) + np.pi * rng.integers(2)))

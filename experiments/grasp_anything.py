@@ -46,6 +46,8 @@ _REACH = Reach((0.5, 0.0), 0.0, 0.38)
 _SURFACE = Surface((0.0, -0.5), (1.0, 0.5), 0.0)
 _APPROACH, _LIFT = 0.12, 0.15  # m
 _ARRIVE, _CLOSE, _RAISE, _HOLD = 0.8, 1.2, 0.8, 1.0  # s
+_ATTEMPTS = 3  # grasps to try before giving up
+_NOISE = CameraErrorsConfig(depth_noise=1e-3, depth_dropout=0.01)
 # Contact settings in which things rest (see `resting`), and the position driver as in
 # `kitchen`.
 _SETTINGS = (
@@ -59,43 +61,30 @@ _SETTINGS = (
 
 
 def cases(
-    objects: Sequence[str] = (),
-    trials: int = 6,
-    seed: int = 1000,
-    attempts: int = 3,
-    depth_noise: float = 1e-3,
+    objects: Sequence[str] = (), trials: int = 6, seed: int = 1000
 ) -> list[ex.Case]:
     """Grasp every object in random poses.
 
     Args:
-        objects: Names of household objects, or files of models; all household objects
-            by default.
-        attempts: Grasps to try before giving up.
-        depth_noise: Standard deviation of depth at 1 m [m]; see `camera_errors`.
+        objects: Household objects, or files of models; all of the former by default.
     """
     named = [name for name in objects if Path(name).suffix not in _MODELS]
     ex.chosen("objects", named, HOUSEHOLD)
     # All objects in one pose before any in the next.
-    return ex.grid(
-        seed=range(seed, seed + trials),
-        object=objects or HOUSEHOLD,
-        attempts=[attempts],
-        depth_noise=[depth_noise],
-    )
+    return ex.grid(seed=range(seed, seed + trials), object=objects or HOUSEHOLD)
 
 
-def trial(seed: int, object: str, attempts: int, depth_noise: float) -> ex.Measures:
+def trial(seed: int, object: str) -> ex.Measures:
     """Drop a thing and try to lift it, until it is held or all attempts failed."""
     known = object in HOUSEHOLD
     thing = household_object(object) if known else ObjectConfig(model=object)
     name = Path(object).stem
     planner = HeightMapGrasps(SrgFingers(), _SURFACE.height, reach=_REACH)
-    noise = CameraErrorsConfig(depth_noise=depth_noise, depth_dropout=0.01)
     X_WO = drop(name, thing, default_rng([seed, sum(map(ord, name))]))
     tried: list[TopGrasp] = []
     held, wrong, reasons, planning, image = [], 0, [], [], None
-    for number in range(attempts):
-        map_ = look(thing, X_WO, noise, seed * 100 + number)
+    for number in range(_ATTEMPTS):
+        map_ = look(thing, X_WO, seed * 100 + number)
         began = clock.perf_counter()
         plan = planner.plan(map_, tried=tried, seed=seed)
         planning.append(1e3 * (clock.perf_counter() - began))
@@ -160,15 +149,13 @@ def settle(name: str, thing: ObjectConfig, X_WO: RigidTransform) -> RigidTransfo
         return rig.X_WO("thing")
 
 
-def look(
-    thing: ObjectConfig, X_WO: RigidTransform, noise: CameraErrorsConfig, seed: int
-) -> HeightMap:
+def look(thing: ObjectConfig, X_WO: RigidTransform, seed: int) -> HeightMap:
     """Return the height map of the table from the image of `kitchen`'s camera."""
     camera = load_scenario("kitchen").cameras["ceiling"]
     scenario = tabletop({"thing": placed(thing, X_WO)})
     scenario.random_seed = seed
     scenario.cameras = {"ceiling": camera}
-    scenario.camera_errors = {"ceiling": noise}
+    scenario.camera_errors = {"ceiling": _NOISE}
     with Rig(scenario, name="look", period=0.05, log_period=0.05, images=True) as rig:
         context = rig.station.GetMyContextFromRoot(rig.context)
         image, X_WB = (

@@ -50,11 +50,7 @@ _FEW = 5  # grasps that held, or that did not, below which an object's AUC says 
 
 
 def cases(trials: int = 2000, seed: int = 0) -> list[ex.Case]:
-    """Shake grasps of every object.
-
-    Args:
-        trials: Shakes, of all objects together.
-    """
+    """Shake grasps of every object."""
     possible = [
         {"object": name, "approach": approach}
         for (name, approach), grasp in grasps().items()

@@ -125,29 +125,21 @@ def grasp(thing: Thing) -> ex.Measures:
 
 def cases() -> list[ex.Case]:
     """Grasp boxes from narrow to wide, then thin objects, then flat boxes."""
-    found: list[ex.Case] = [
-        {
-            "name": f"{kind}, {1e3 * size:{'.0f' if kind == 'box' else '.2g'}} mm",
-            **{"kind": kind, "size": size, "gap": 0.0},
-        }
-        for kind, sizes in SIZES.items()
-        for size in sizes
+    found = []
+    for kind, sizes in SIZES.items():
+        for size in sizes:
+            shown = f"{1e3 * size:.0f}" if kind == "box" else f"{1e3 * size:.2g}"
+            found.append({"name": f"{kind}, {shown} mm", "kind": kind, "size": size})
+    wrapped = [
+        {"name": f"wrapped, {1e3 * c['size']:.0f} mm, gap {1e3 * c['gap']:.0f} mm", **c}
+        for c in ex.grid(kind=["wrapped"], size=FLAT, gap=GAPS)
     ]
-    return found + [
-        {
-            "name": f"wrapped, {1e3 * size:.0f} mm, gap {1e3 * gap:.0f} mm",
-            **{"kind": "wrapped", "size": size, "gap": gap},
-        }
-        for size in FLAT
-        for gap in GAPS
-    ]
+    return [case | {"gap": 0.0} for case in found] + wrapped
 
 
 def trial(name: str, kind: str, size: float, gap: float) -> ex.Measures:
-    if kind == "wrapped":
-        found = grasp(flat_box(size, gap))
-    else:
-        found = grasp({"box": box, "sheet": sheet, "rod": rod}[kind](size))
+    makers = {"box": box, "sheet": sheet, "rod": rod}
+    found = grasp(makers[kind](size) if kind in makers else flat_box(size, gap))
     if kind == "box":
         found["motion out of the hand [mm]"] = found["moved"]
     if kind != "box" or size <= CLAIM:

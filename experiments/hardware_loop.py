@@ -94,7 +94,6 @@ def cases(
     """Do the tasks through every wire.
 
     Args:
-        cases: Names of cases; all by default.
         rate: Times each case's own rate, for a machine that is too slow.
     """
     ways = ex.chosen("cases", cases, WAYS)

@@ -72,11 +72,6 @@ CASES = {**{name: (*_THING, *own) for name, own in SHAPES.items()}, **MODELS}
 def shape_cases(
     trials: int = 40, seed: int = 940_000, cases: Sequence[str] = ()
 ) -> list[ex.Case]:
-    """Pick and place things of every case.
-
-    Args:
-        cases: Their names; all by default.
-    """
     seeds = range(seed, seed + trials)
     return ex.grid(case=ex.chosen("cases", cases, SHAPES), seed=seeds)
 

@@ -25,6 +25,7 @@ from drake_srg.vision.solids import turn_between
 from experiments.stands.scenes import Eye
 
 UPRIGHT, RESTING = "upright", "on any side"
+POSES = {UPRIGHT: 6, RESTING: 4}  # of each object
 # What a grasp needs, and the accuracy at which the can is located [mm, degrees].
 MOST_OFF, MOST_TURN = 1.0, 1.0
 # Less saturated colours count as grey, and less bright ones as black.
@@ -33,24 +34,12 @@ _GREY, _BLACK = 0.15, 0.2
 _REGION = np.array([[0.45, -0.15], [0.7, 0.25]])
 
 
-def cases(
-    upright: int = 6, resting: int = 4, objects: Sequence[str] = ()
-) -> list[ex.Case]:
-    """Locate household objects in many poses.
-
-    Args:
-        upright: Poses in which each object stands.
-        resting: Poses in which it rests on a random side.
-    """
-    return [
-        {"object": name, "way": way, "upright": upright, "resting": resting}
-        for name in objects or HOUSEHOLD
-        for way, count in ((UPRIGHT, upright), (RESTING, resting))
-        if count
-    ]
+def cases(objects: Sequence[str] = ()) -> list[ex.Case]:
+    """Locate household objects in many poses."""
+    return ex.grid(object=objects or HOUSEHOLD, way=POSES)
 
 
-def trial(object: str, way: str, upright: int, resting: int) -> ex.Measures:
+def trial(object: str, way: str) -> ex.Measures:
     """Locate an object in random poses of a way; those of the other are drawn, too."""
     config = with_color(object, household_object(object))
     scenario = load_scenario("kitchen", seed=0)
@@ -62,7 +51,7 @@ def trial(object: str, way: str, upright: int, resting: int) -> ex.Measures:
     solid, _ = known
     eye, rng = Eye(scenario), np.random.default_rng(0)
     off, turn, certain = [], [], []
-    for drawn in (UPRIGHT,) * upright + (RESTING,) * resting:
+    for drawn in (way for way, count in POSES.items() for _ in range(count)):
         down = np.array([0.0, 0.0, -1.0])
         if drawn == RESTING:
             down = pieces.resting[rng.integers(len(pieces.resting))]

@@ -61,6 +61,7 @@ from experiments.visual_servoing import (
 _STOPPED = (SafetyState.PROTECTIVE_STOP, SafetyState.EMERGENCY_STOP)
 _TRIES = 10  # periods before the start, which measurements may take to arrive
 _ROUNDING = 1e-9  # s
+_LATE = 0.1  # that pictures arrive [s]
 
 
 class LatePictures:
@@ -71,13 +72,13 @@ class LatePictures:
             rendered.
     """
 
-    def __init__(self, scenario: Scenario, late: float) -> None:
+    def __init__(self, scenario: Scenario) -> None:
         self._cameras = {camera.name: camera for camera in served_cameras(scenario)}
         self._viewers = {
             name: Viewer(camera.scenario, name)
             for name, camera in self._cameras.items()
         }
-        self._name, self._late = servo_of(scenario).camera, late
+        self._name = servo_of(scenario).camera
         self._taken: deque[tuple[float, Vector]] = deque()
         self._next, self.wanted = 0.0, False
 
@@ -88,7 +89,7 @@ class LatePictures:
         if time > self._next - _ROUNDING:
             self._next = time + self._cameras[self._name].period
             self._taken.append((time, plant_state()))
-        while self._taken and self._taken[0][0] + self._late < time + _ROUNDING:
+        while self._taken and self._taken[0][0] + _LATE < time + _ROUNDING:
             taken, state = self._taken.popleft()
             if self.wanted:
                 self.show(self._name, taken, state, outlet)
@@ -102,12 +103,9 @@ class LatePictures:
 
 
 class ServedRobot:
-    """A served station in the same process as its client, which has the `node`.
+    """A served station in the same process as its client, which has the `node`."""
 
-    Without `arm.limits`, it follows trajectories. Pictures are late by `late` [s].
-    """
-
-    def __init__(self, scenario: Scenario, late: float) -> None:
+    def __init__(self, scenario: Scenario) -> None:
         builder, self.station = MakeRoot(
             "served_station", MakeServedStation, AddServedStation, scenario, SCENARIO
         )
@@ -116,7 +114,7 @@ class ServedRobot:
         self.context = my_context(self.station, self._root)
         fix_defaults(self.station, self.context)
         simulator.Initialize()
-        self.node, self.pictures = DirectNode(), LatePictures(scenario, late)
+        self.node, self.pictures = DirectNode(), LatePictures(scenario)
         warnings = Warnings(self.node.told.append)
         self._outlet = Outlet([DirectBridge(self.node)], warnings)
         self._inbox = station_inbox(scenario, self.station, warnings)
@@ -168,16 +166,12 @@ class PromptCamera(Camera):
 
 
 class LockstepPlanner(PlannerLink):
-    """A planner that takes no simulated time, but waits for the pictures of its looks.
-
-    These arrive `late` [s].
-    """
+    """A planner that takes no simulated time, but waits for the pictures it asks for."""
 
     def __init__(
-        self, cell: PlannerCell, robot: ServedRobot, camera: PromptCamera, late: float
+        self, cell: PlannerCell, robot: ServedRobot, camera: PromptCamera
     ) -> None:
-        self._cell, self._robot, self._camera = cell, robot, camera
-        self._late, self._due = late, 0.0
+        self._cell, self._robot, self._camera, self._due = cell, robot, camera, 0.0
         self._answers: list[Answer] = []
 
     def post(self, tick: Tick) -> None:
@@ -185,7 +179,7 @@ class LockstepPlanner(PlannerLink):
             return
         looks = self._camera.looks
         (answer,) = self._cell.answers(tick)
-        waits = self._late if self._camera.looks > looks else 0.0
+        waits = _LATE if self._camera.looks > looks else 0.0
         self._due = self._robot.time + waits
         self._robot.pictures.wanted = answer.command is ServoCommand.TRACK
         self._answers.append(answer)
@@ -197,8 +191,8 @@ class LockstepPlanner(PlannerLink):
         return taken
 
 
-def make_loop(robot: ServedRobot, scenario: Scenario, late: float) -> ControlLoop:
-    """Return the control loop of a robot's planner; pictures arrive `late` [s]."""
+def make_loop(robot: ServedRobot, scenario: Scenario) -> ControlLoop:
+    """Return the control loop of a robot's planner."""
     parts = robot.node.robot(scenario)
     links = [Ros2Arm().connect(parts), Ros2Gripper().connect(parts)]
     ceiling, hand = scenario.localizer.cameras[0], servo_of(scenario).camera
@@ -217,33 +211,29 @@ def make_loop(robot: ServedRobot, scenario: Scenario, late: float) -> ControlLoo
     hardware = Hardware(links, {}, start)
     station = MakeHardwareStation(scenario, hardware)
     mirror = Hardware([MirrorLink(measurements(station))], cameras, start)
-    planner = LockstepPlanner(PlannerCell(scenario, mirror), robot, looking, late)
+    planner = LockstepPlanner(PlannerCell(scenario, mirror), robot, looking)
     cell = MakeHardwareCell(scenario, station, planner, LONGEST, hardware.lag)
     builder = DiagramBuilder()
     builder.AddNamedSystem("cell", cell)
     return ControlLoop(SCENARIO, scenario, builder.Build(), cell)
 
 
-def cases(trials: int = 200, seed: int = 930_000, late: float = 0.1) -> list[ex.Case]:
-    """Grasp with both servos at every speed.
-
-    Args:
-        late: How late pictures arrive [s].
-    """
+def cases(trials: int = 200, seed: int = 930_000) -> list[ex.Case]:
+    """Grasp with both servos at every speed."""
     return ex.grid(
         seed=range(seed, seed + trials),
         case=("0 mm/s", "20 mm/s", "50 mm/s"),
         method=SERVOS,
-        late=[late],
     )
 
 
-def trial(seed: int, case: str, method: str, late: float) -> ex.Measures:
+def trial(seed: int, case: str, method: str) -> ex.Measures:
     """Try one grasp, as `visual_servoing` does, but through messages."""
     free_diagrams()  # of the last trial
+    # Without limits, the served arm follows trajectories.
     scenario = grasp_scenario(case, method, seed, ["arm.limits=null"])
-    robot = ServedRobot(scenario, late)
-    loop = make_loop(robot, scenario, late)
+    robot = ServedRobot(scenario)
+    loop = make_loop(robot, scenario)
     watch = GraspWatch(scenario, robot.station, robot.context)
     ended = None
     try:

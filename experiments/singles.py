@@ -57,11 +57,7 @@ def thing(group: str, number: int) -> str:
 
 
 def cases(trials: int = 1000, seed: int = 1_110_000) -> list[ex.Case]:
-    """Clear single things of all groups in turn.
-
-    Args:
-        trials: Of all groups together.
-    """
+    """Clear single things of all groups in turn."""
     return [{"group": GROUPS[s % 3], "seed": s} for s in range(seed, seed + trials)]
 
 

@@ -65,11 +65,7 @@ def scene(seed: int) -> tuple[dict[str, ObjectConfig], float]:
 
 
 def cases(seeds: int = 300) -> list[ex.Case]:
-    """Measure the cost of objects at rest, then push cartons in many scenes.
-
-    Args:
-        seeds: Scenes.
-    """
+    """Measure the cost of objects at rest, then push cartons in many scenes."""
     costs = ex.grid(name=["6 objects", "40 objects"], kind=(AWAKE, ASLEEP), seed=[None])
     return costs + [
         {"name": "scenes", "kind": kind, "seed": seed}
