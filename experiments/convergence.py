@@ -88,8 +88,4 @@ convergence = ex.Experiment(
     {"variants that hold the can": lambda own: ex.at_least(len(own))},
     summary=lambda own: {"variants that hold the can []": sum(own["held"])},
     whole=differences,
-    picture=[
-        ex.Bars(["largest angle difference"]),
-        ex.Bars(["largest relative force difference"]),
-    ],
 )

@@ -69,10 +69,11 @@ class Cell:
     def pose(self, place: Vector, lean: float, off: float) -> RigidTransform:
         """Return the cylinder's X_WO, with its rim or side on the table."""
         tilt = np.deg2rad(lean)
-        R_WO = RollPitchYaw(self.turn(place, lean, off)).ToRotationMatrix()
         height = 0.5 * self._shape.length * np.cos(tilt)
         height += self._table.height + self._shape.radius * np.sin(tilt)
-        return RigidTransform(R_WO, [*place, height])
+        return RigidTransform(
+            RollPitchYaw(self.turn(place, lean, off)), [*place, height]
+        )
 
     def turn(self, place: Vector, lean: float, off: float) -> Vector:
         """Return roll (which turns z towards -y), pitch and yaw, shape (3,) [rad]."""
@@ -211,11 +212,9 @@ def summary(own: ex.Trials) -> ex.Values:
     if way == LYING:
         (edge,) = own.whole.where(way="edges")
         far, left, right = edge["edges"]
-        found |= {
-            "largest distance from joint 1, radial [mm]": far,
-            "largest angle off radial, to the left [deg]": left,
-            "largest angle off radial, to the right [deg]": right,
-        }
+        found["largest distance from joint 1, radial [mm]"] = far
+        found["largest angle off radial, to the left [deg]"] = left
+        found["largest angle off radial, to the right [deg]"] = right
     return found
 
 

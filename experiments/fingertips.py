@@ -50,9 +50,8 @@ def cases() -> list[ex.Case]:
     """Return `SERIES` with both pads, and coarse steps that show slip."""
     ends = (OFFSETS[0], OFFSETS[-1])
     return [
-        {"group": f"{pads}, {surface}, along {direction}"}
-        | {"pads": pads, "surface": surface, "direction": direction}
-        | {"offset": offset, "step": step}
+        {"group": f"{pads}, {surface}, along {direction}", "pads": pads}
+        | {"surface": surface, "direction": direction, "offset": offset, "step": step}
         for series, step in ((SERIES, _STEP), ((("dry", "x", ends),), 2.0 * _STEP))
         for pads in SCENARIOS
         for surface, direction, offsets in series
@@ -84,7 +83,7 @@ def trial(
 
 
 def up_to(own: ex.Trials, good: Callable[[Mapping[str, Any]], bool]) -> float:
-    """Return the offset up to which all cases are good [mm]; NaN if none is."""
+    """Return the offset up to which all cases are good [mm]; NaN without any."""
     found = [t["offset"] for t in itertools.takewhile(good, own.where(fine=True))]
     return found[-1] if found else np.nan
 

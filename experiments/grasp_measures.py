@@ -158,15 +158,14 @@ def whole(trials: ex.Trials) -> dict[str, ex.Values]:
     }
     for name in MEASURES:
         area = auc(lifted[name], held)
-        found[name] = {
+        values = {
             "AUC []": area,
             "AUC, mean of objects []": auc_by_object(lifted[name], held, names),
             "AUC, standard error []": auc_error(area, held),
             "cost [ms]": np.mean(lifted[f"cost of {name}"]),
         }
-        for what in list(found[name]):  # without enough shakes, there is none
-            if not np.isfinite(found[name][what]):
-                del found[name][what]
+        # Without enough shakes, there is none.
+        found[name] = {what: x for what, x in values.items() if np.isfinite(x)}
     return found
 
 

@@ -200,12 +200,8 @@ def robot_file(
 ) -> str:
     """Return the text of the hardware file for a scenario that is served in a way.
 
-    Args:
-        way: How it is served.
-        scenario: That is served.
-        arguments: Of `drake-srg serve` for the wire.
-        port: Of the servo bus.
-        rate: Seconds of both sides per real second.
+    The wire has `arguments` of `drake-srg serve`, the servo bus a `port`; `rate` is
+    seconds of both sides per real second.
     """
     ros = "Ros1" if way.wire == "ROS 1" else "Ros2"
     bus: dict[str, Any] = {"port": f"tcp:127.0.0.1:{port}", "timeout": _SILENCE}

@@ -64,12 +64,12 @@ def trial(object: str, way: str) -> ex.Measures:
             continue
         blob = next(iter(eye.blobs(X_WO)), None)
         certain.append(blob is not None and blob.certain)
-        seen = blob is not None
-        off.append(
-            1e3 * np.linalg.norm(blob.X_WO @ p_OC - X_WO @ p_OC) if seen else np.nan
-        )
-        angle = turn_between(solid, blob.X_WO.rotation(), R_WO) if seen else np.nan
-        turn.append(np.rad2deg(angle))
+        if blob is None:
+            off.append(np.nan)
+            turn.append(np.nan)
+            continue
+        off.append(1e3 * np.linalg.norm(blob.X_WO @ p_OC - X_WO @ p_OC))
+        turn.append(np.rad2deg(turn_between(solid, blob.X_WO.rotation(), R_WO)))
     return {"off": off, "turn": turn, "certain": certain}
 
 

@@ -152,8 +152,7 @@ def trial(
 def largest(holds: Callable[[float], ex.Measures], mass: float) -> ex.Measures:
     """Hold a mass [kg], then bisect for the largest that is held, `largest`.
 
-    At the end, the heaviest mass held is within `_RESOLUTION` of the lightest mass
-    lost. The search gives up when a hundredth of the claimed mass is lost.
+    The search gives up when a hundredth of the claimed mass is lost.
     """
     first: ex.Measures = {}
     held, lost, next_mass = 0.0, np.inf, mass

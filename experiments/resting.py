@@ -10,15 +10,7 @@ from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
-from pydrake.geometry import (
-    AddCompliantHydroelasticProperties,
-    AddContactMaterial,
-    AddRigidHydroelasticProperties,
-    Box,
-    Mesh,
-    ProximityProperties,
-    Shape,
-)
+from pydrake import geometry as geo
 from pydrake.math import RigidTransform, RollPitchYaw
 from pydrake.multibody.plant import (
     AddMultibodyPlant,
@@ -211,27 +203,27 @@ def tipping_angle(name: str, config: ObjectConfig, pose: str) -> float:
 
 def _AddTable(plant: MultibodyPlant, settings: Settings) -> None:
     """Add a table whose top is z = 0."""
-    shape: Shape = Box(2 * _HALF, 2 * _HALF, _THICKNESS)
+    shape: geo.Shape = geo.Box(2 * _HALF, 2 * _HALF, _THICKNESS)
     X_WT = RigidTransform([0.0, 0.0, -0.5 * _THICKNESS])
     if settings.cell:  # the same box, but for the grid of its top
         mesh = FOLDER / f"data/tables/facets_{1e3 * settings.cell:.0f}_mm.obj"
-        shape, X_WT = Mesh(str(mesh)), RigidTransform()
+        shape, X_WT = geo.Mesh(str(mesh)), RigidTransform()
     d = settings.mat_dissipation if settings.mat else 0.0
-    properties = ProximityProperties()
-    AddContactMaterial(
+    properties = geo.ProximityProperties()
+    geo.AddContactMaterial(
         dissipation=d,
         friction=CoulombFriction(_FRICTION, _FRICTION),
         properties=properties,
     )
     properties.AddProperty("material", "relaxation_time", relaxation_time(d))
     if settings.mat:
-        AddCompliantHydroelasticProperties(
+        geo.AddCompliantHydroelasticProperties(
             resolution_hint=_HALF,  # a box ignores it
             hydroelastic_modulus=settings.mat,
             properties=properties,
         )
     else:
-        AddRigidHydroelasticProperties(properties)
+        geo.AddRigidHydroelasticProperties(properties)
     plant.RegisterCollisionGeometry(
         plant.world_body(), X_WT, shape, "table_top", properties
     )

@@ -199,8 +199,8 @@ def _measure(
     def rest(moving: Vector) -> float:
         return max(float(np.flatnonzero(moving)[-1] + 1 - fault) * period, 0.0)
 
-    tool = np.array([stand.tool.position(q) for q in state[fault:, :n]])
-    line = np.array([stand.tool.position(q) for q in path])
+    tool = stand.tool.position
+    way, line = (np.array([tool(q) for q in of]) for of in (state[fault:, :n], path))
     commanded = rest(np.any(steps != 0.0, axis=1))
     tail = stand.settling_time(allowed[-1])
     effort = np.abs(log["arm.torque_measured"][fault:]) / stand.efforts
@@ -212,10 +212,8 @@ def _measure(
         "stop [s]": rest(speed > _RESTING),
         "bound": commanded + 2.0 * period + tail,
         "saturated": np.max(effort) >= _SATURATED,
-        "way [m]": np.sum(np.linalg.norm(np.diff(tool, axis=0), axis=1)),
-        "off path": max(
-            _distance(stand.tool.position(q), line) for q in allowed[fault:]
-        ),
+        "way [m]": np.sum(np.linalg.norm(np.diff(way, axis=0), axis=1)),
+        "off path": max(_distance(tool(q), line) for q in allowed[fault:]),
         "speed / limit": np.max(np.abs(steps) / stand.limits.step),
         "brake / limit": np.max(np.abs(np.diff(steps, axis=0)) / stand.limits.brake),
         "drift": np.max(np.ptp(allowed[-20:], axis=0)),
@@ -244,12 +242,12 @@ def summary(own: ex.Trials) -> ex.Values:
 
 
 def whole(trials: ex.Trials) -> dict[str, ex.Values]:
-    right = [
-        t["reason"] == FAULTS[t["fault"]].value and t["reaction"] >= 0.0 for t in trials
-    ]
     return {
         f"{len(trials)} faults": {
-            "stopped otherwise, or not []": len(right) - sum(right),
+            "stopped otherwise, or not []": sum(
+                t["reason"] != FAULTS[t["fault"]].value or not t["reaction"] >= 0.0
+                for t in trials
+            ),
             "speed / limit []": max(trials["speed / limit"]),
             "deceleration / limit []": max(trials["brake / limit"]),
             "motion once stopped [rad]": max(trials["drift"]),

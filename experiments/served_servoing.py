@@ -166,7 +166,7 @@ class PromptCamera(Camera):
 
 
 class LockstepPlanner(PlannerLink):
-    """A planner that takes no simulated time, but waits for the pictures it asks for."""
+    """A planner that takes no simulated time, but waits for pictures it asks for."""
 
     def __init__(
         self, cell: PlannerCell, robot: ServedRobot, camera: PromptCamera

@@ -81,7 +81,8 @@ class ServoRobot:
         self._station = builder.Build()
         self._simulator = MakeSimulator(self._station, scenario.simulator_config)
         self._context = self._simulator.get_mutable_context()
-        self._fix("gripper.closure_commanded", np.zeros(1))
+        fix = self._station.GetInputPort
+        fix("gripper.closure_commanded").FixValue(self._context, np.zeros(1))
         self._simulator.Initialize()
         self._inbox = CommandInbox([], warnings)
         firmware = Mx64 if protocol == 1 else Mx64P2
@@ -93,7 +94,7 @@ class ServoRobot:
     def advance(self, until: float) -> None:
         """Obey the servos until a time [s]."""
         for name, value in self._inbox.take().items():
-            self._fix(name, value)
+            self._station.GetInputPort(name).FixValue(self._context, value)
         self._simulator.AdvanceTo(until)
         self._sense(until)
 
@@ -108,9 +109,6 @@ class ServoRobot:
     def _sense(self, time: float) -> None:
         self.time = time
         self.bus.sense(time, {name: self.value(name) for name in self.bus.ports})
-
-    def _fix(self, name: str, value: Vector) -> None:
-        self._station.GetInputPort(name).FixValue(self._context, value)
 
 
 class SimulatedCamera(Camera):
@@ -131,11 +129,7 @@ class SimulatedCamera(Camera):
 
 
 class DirectLine:
-    """A line to servos without a wire, which loses a share of the packets.
-
-    Attributes:
-        silent: Whether all replies are lost.
-    """
+    """A line without a wire that loses packets; all replies while it is `silent`."""
 
     def __init__(self, bus: EmulatedBus, loss: float, seed: int) -> None:
         self.silent = False
@@ -201,13 +195,13 @@ def connect(
     return cycle, Hardware(links, cameras, found)
 
 
-def run_over_servos(name: str, seed: int, wire: Wire) -> ex.Measures:
-    """Run a scenario's task, with everything but pictures over a servo bus.
+def run_over_servos(seed: int, wire: Wire) -> ex.Measures:
+    """Do the task, with everything but pictures over a servo bus.
 
     `error` is the larger of the placement errors in x and y; `rounding`, by how much
     whole counts of the joints may move the object where it is let go [mm].
     """
-    scenario = load_scenario(name, seed=seed)
+    scenario = load_scenario(_SCENARIO, seed=seed)
     robot = ServoRobot(scenario, wire.protocol, Warnings(lambda text: None))
     line, start = DirectLine(robot.bus, wire.loss, seed), robot.pose()
     cycle, hardware = connect(scenario, robot, line, wire)
@@ -240,10 +234,10 @@ def run_over_servos(name: str, seed: int, wire: Wire) -> ex.Measures:
     final, report = robot.pose(), status.Eval(context)
     error = final.translation() - final_pose(scenario, start).translation()
     tilt = final_tilt(scenario, start, final)
-    near = bool(np.linalg.norm(error) <= scenario.task.place.tolerance)
+    near = np.linalg.norm(error) <= scenario.task.place.tolerance
     return {
         "claimed": report.mode is Mode.DONE,
-        "placed": near and (tilt is None or bool(tilt <= _MAX_TILT)),
+        "placed": bool(near and (tilt is None or tilt <= _MAX_TILT)),
         "reason": stopped or (report.failure.value if report.failure else ""),
         "error": 1e3 * np.max(np.abs(error[:2])),
         "rounding": 1e3 * counts,
@@ -270,7 +264,7 @@ def cases(seeds: int = 20) -> list[ex.Case]:
 
 def trial(wire: str, seed: int) -> ex.Measures:
     if wire != _WITHOUT:
-        return run_over_servos(_SCENARIO, seed, WIRES[wire])
+        return run_over_servos(seed, WIRES[wire])
     cycle = run_cycle(_SCENARIO, seed)
     error = cycle["placement"]
     return {

@@ -104,14 +104,13 @@ def whole(trials: ex.Trials) -> dict[str, ex.Values]:
         these = own if name == "all" else own.where(group=name)
         found[name] = {"counted []": (len(these), ex.number(spread=5.0))}
         for what, measure, asked in (
-            ("first grasp", "once", FIRST),
-            ("three grasps", "cleared", ANY),
+            ("in the bin, first grasp", "once", FIRST),
+            ("in the bin, three grasps", "cleared", ANY),
         ):
-            quantity, n = f"in the bin, {what}", sum(these[measure])
-            values = dict(ex.share(quantity, n, len(these), spread=0.04))
+            n = sum(these[measure])
+            found[name] |= ex.share(what, n, len(these), spread=0.04)
             if name == "all":
-                values[f"{quantity} []"] = (n / max(len(these), 1), asked)
-            found[name] |= values
+                found[name][f"{what} []"] = (n / max(len(these), 1), asked)
     times = own.known("pick_time")
     rate = 3600.0 / np.median(times) if len(times) else 0.0
     found["all"] |= {

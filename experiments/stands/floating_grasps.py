@@ -16,7 +16,7 @@ from typing import Any
 
 import mujoco
 import numpy as np
-from pydrake.common.schema import Rotation, Transform
+from pydrake.common.schema import Transform
 from pydrake.common.value import AbstractValue
 from pydrake.math import RigidTransform, RollPitchYaw
 from pydrake.multibody.math import SpatialForce
@@ -57,32 +57,21 @@ _HOPELESS = 40  # directions without a grasp
 
 @dc.dataclass(frozen=True, eq=False)
 class Shake:
-    """A drawn grasp of an object, and how it is shaken.
-
-    Attributes:
-        grasp: Where the hand closes.
-        rpy: Roll, pitch, yaw of the palm [degrees].
-        mass: Of the object [kg].
-        friction: Of the object.
-        wire_force: Of each wire [N].
-        a_W: Greatest acceleration of the hand, shape (3,) [m/s²].
-    """
+    """A drawn grasp of an object, and how it is shaken."""
 
     grasp: SampledGrasp
-    rpy: list[float]
-    mass: float
-    friction: float
-    wire_force: float
-    a_W: Vector
+    rpy: list[float]  # roll, pitch, yaw of the palm [degrees]
+    mass: float  # of the object [kg]
+    friction: float  # of the object
+    wire_force: float  # of each wire [N]
+    a_W: Vector  # greatest acceleration of the hand (3) [m/s²]
 
     def scenario(self, name: str, scenario: str, overrides: Any = ()) -> Scenario:
         """Return the bench with the object in front of the open hand."""
         thing = household_object(name)
         R_WG = RollPitchYaw(np.deg2rad(self.rpy)).ToRotationMatrix()
         X_WO = RigidTransform(R_WG, MIDDLE + _HOME) @ self.grasp.X_OG.inverse()
-        thing.pose = Transform()
-        thing.pose.translation = X_WO.translation()
-        thing.pose.rotation = Rotation(RollPitchYaw(X_WO.rotation()))
+        thing.pose = Transform(X_WO)
         thing.mass, thing.friction = self.mass, self.friction
         return bench_scenario(
             thing,
@@ -105,16 +94,13 @@ def draw(name: str, number: int) -> Shake:
     some = next(found for found in samples if found)
     direction = rng.normal(size=3)
     direction *= rng.uniform(*_STRENGTH) / np.linalg.norm(direction)
-    spread = {
-        key: float(np.exp(rng.uniform(*np.log(shares))))
-        for key, shares in (("mass", _MASS), ("force", _FORCE))
-    }
+    mass, force = (float(np.exp(rng.uniform(*np.log(s)))) for s in (_MASS, _FORCE))
     return Shake(
         some[int(rng.integers(len(some)))],
         _HANDS[int(rng.integers(2))],
-        object_facts(name, thing).mass * spread["mass"],
+        object_facts(name, thing).mass * mass,
         float(rng.uniform(*_FRICTION)),
-        _WIRE_FORCE * spread["force"],
+        _WIRE_FORCE * force,
         direction,
     )
 

@@ -166,13 +166,7 @@ def stops(scenario: Scenario, grasp: GraspConfig) -> tuple[Vector, Vector]:
 
 
 def creep(time: Vector, p_GO: Vector, seconds: float) -> float:
-    """Return the mean speed of an object in the hand at the end [um/s].
-
-    Args:
-        time: (K) [s].
-        p_GO: Its position in the hand (K, 3) [m].
-        seconds: How long the end lasts [s].
-    """
+    """Return the mean speed of p_GO (K, 3) [m] in the last seconds [um/s]."""
     start = np.searchsorted(time, time[-1] - seconds)
     way = np.linalg.norm(p_GO[-1] - p_GO[start])
     return 1e6 * float(way / (time[-1] - time[start]))

@@ -43,10 +43,13 @@ def weld_model(scenario: Scenario, file: str, link: str, p_W: npt.ArrayLike) -> 
     scenario.directives = [*scenario.directives, model, weld]
 
 
-def push(rig: Rig, body: str, force: npt.ArrayLike) -> None:
-    """Push at a body's origin with a force (3) in world [N], until further notice."""
+def push(
+    rig: Rig, body: str, force: npt.ArrayLike, p_BoBq_B: npt.ArrayLike = (0, 0, 0)
+) -> None:
+    """Push at a body's point (3) [m] with a force (3) in world [N], until told else."""
     applied = ExternallyAppliedSpatialForce()
     applied.body_index = body_of(rig, body).index()
+    applied.p_BoBq_B = np.array(p_BoBq_B, dtype=float)
     applied.F_Bq_W = SpatialForce(tau=np.zeros(3), f=force)
     port = rig.diagram.GetInputPort("object_forces_cheat")
     port.FixValue(rig.context, AbstractValue.Make([applied]))
