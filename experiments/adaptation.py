@@ -36,8 +36,7 @@ _WAITS = ("planner.grip_wait=0.1", "planner.release_wait=0.5")
 METHODS: Mapping[str, tuple[str, ...]] = {
     FIXED: (_HOME, _TAUGHT, *_WAITS),
     ONE_LOOK: (
-        *(_HOME, _ONCE),
-        "planner.look_before_grasp=false",
+        *(_HOME, _ONCE, "planner.look_before_grasp=false"),
         "planner.look_before_place=false",
     ),
     LOOKS: (_HOME, _ONCE),

@@ -19,9 +19,8 @@ YAW = "object.yaw=!Uniform {min: -3.1416, max: 3.1416}"
 
 def _lying(shape: str, height: float) -> tuple[str, ...]:
     """Return the overrides of a shape that lies, its middle at a height [m]."""
-    place = (
-        f"!UniformVector {{min: [0.45, -0.2, {height}], max: [0.75, 0.2, {height}]}}"
-    )
+    low, high = [0.45, -0.2, height], [0.75, 0.2, height]
+    place = f"!UniformVector {{min: {low}, max: {high}}}"
     turn = "!Rpy {deg: !UniformVector {min: [90, 0, -180], max: [90, 0, 180]}}"
     pose = f"{{base_frame: world, translation: {place}, rotation: {turn}}}"
     return f"object.shape={shape}", f"object.pose={pose}"

@@ -26,37 +26,17 @@ from drake_srg.robot.drive.planner_process import MirrorLink, PlannerCell
 from drake_srg.robot.drive.remote_planner import Answer, Ended, PlannerLink, Tick
 from drake_srg.robot.drive.run import ControlLoop, MakeHardwareCell, measurements
 from drake_srg.robot.drive.station import MakeHardwareStation
+from drake_srg.robot.serve import loop as serving
+from drake_srg.robot.serve import pictures as served
 from drake_srg.robot.serve.bridge import Outlet
 from drake_srg.robot.serve.commands import Warnings
-from drake_srg.robot.serve.loop import (
-    AddServedStation,
-    MakeServedStation,
-    ServedLoop,
-    control_period,
-    fix_defaults,
-    station_inbox,
-)
-from drake_srg.robot.serve.pictures import (
-    CAMERA_INFO,
-    COLOR,
-    DEPTH,
-    Viewer,
-    served_cameras,
-)
 from drake_srg.scenario import Scenario, servo_of
 from drake_srg.simulation.flat import MakeRoot
 from drake_srg.simulation.recorders import recorded_topics
 from drake_srg.station.sleeping import MakeAdvance
 from drake_srg.types import Vector
+from experiments import visual_servoing as prompt
 from experiments.stands.direct_node import DirectBridge, DirectNode
-from experiments.visual_servoing import (
-    LONGEST,
-    SCENARIO,
-    SERVOS,
-    GraspWatch,
-    grasp_scenario,
-    grasp_values,
-)
 
 _STOPPED = (SafetyState.PROTECTIVE_STOP, SafetyState.EMERGENCY_STOP)
 _TRIES = 10  # periods before the start, which measurements may take to arrive
@@ -73,9 +53,11 @@ class LatePictures:
     """
 
     def __init__(self, scenario: Scenario) -> None:
-        self._cameras = {camera.name: camera for camera in served_cameras(scenario)}
+        self._cameras = {
+            camera.name: camera for camera in served.served_cameras(scenario)
+        }
         self._viewers = {
-            name: Viewer(camera.scenario, name)
+            name: served.Viewer(camera.scenario, name)
             for name, camera in self._cameras.items()
         }
         self._name = servo_of(scenario).camera
@@ -95,7 +77,7 @@ class LatePictures:
                 self.show(self._name, taken, state, outlet)
 
     def show(self, name: str, time: float, state: Vector, outlet: Outlet) -> None:
-        images = (COLOR, DEPTH, CAMERA_INFO)
+        images = (served.COLOR, served.DEPTH, served.CAMERA_INFO)
         values = self._viewers[name].look(time, state, images)
         for key, topic in self._cameras[name].topics.items():
             if key in values:
@@ -107,20 +89,24 @@ class ServedRobot:
 
     def __init__(self, scenario: Scenario) -> None:
         builder, self.station = MakeRoot(
-            "served_station", MakeServedStation, AddServedStation, scenario, SCENARIO
+            "served_station",
+            serving.MakeServedStation,
+            serving.AddServedStation,
+            scenario,
+            prompt.SCENARIO,
         )
         simulator = MakeSimulator(builder.Build(), scenario.simulator_config)
         self._root = simulator.get_mutable_context()
         self.context = my_context(self.station, self._root)
-        fix_defaults(self.station, self.context)
+        serving.fix_defaults(self.station, self.context)
         simulator.Initialize()
         self.node, self.pictures = DirectNode(), LatePictures(scenario)
         warnings = Warnings(self.node.told.append)
         self._outlet = Outlet([DirectBridge(self.node)], warnings)
-        self._inbox = station_inbox(scenario, self.station, warnings)
-        self._steps, self._period = 0, control_period(scenario)
-        self._loop = ServedLoop(
-            SCENARIO,
+        self._inbox = serving.station_inbox(scenario, self.station, warnings)
+        self._steps, self._period = 0, serving.control_period(scenario)
+        self._loop = serving.ServedLoop(
+            prompt.SCENARIO,
             simulator,
             MakeAdvance(simulator, self.station, scenario),
             self.station,
@@ -212,10 +198,10 @@ def make_loop(robot: ServedRobot, scenario: Scenario) -> ControlLoop:
     station = MakeHardwareStation(scenario, hardware)
     mirror = Hardware([MirrorLink(measurements(station))], cameras, start)
     planner = LockstepPlanner(PlannerCell(scenario, mirror), robot, looking)
-    cell = MakeHardwareCell(scenario, station, planner, LONGEST, hardware.lag)
+    cell = MakeHardwareCell(scenario, station, planner, prompt.LONGEST, hardware.lag)
     builder = DiagramBuilder()
     builder.AddNamedSystem("cell", cell)
-    return ControlLoop(SCENARIO, scenario, builder.Build(), cell)
+    return ControlLoop(prompt.SCENARIO, scenario, builder.Build(), cell)
 
 
 def cases(trials: int = 200, seed: int = 930_000) -> list[ex.Case]:
@@ -223,7 +209,7 @@ def cases(trials: int = 200, seed: int = 930_000) -> list[ex.Case]:
     return ex.grid(
         seed=range(seed, seed + trials),
         case=("0 mm/s", "20 mm/s", "50 mm/s"),
-        method=SERVOS,
+        method=prompt.SERVOS,
     )
 
 
@@ -231,13 +217,13 @@ def trial(seed: int, case: str, method: str) -> ex.Measures:
     """Try one grasp, as `visual_servoing` does, but through messages."""
     free_diagrams()  # of the last trial
     # Without limits, the served arm follows trajectories.
-    scenario = grasp_scenario(case, method, seed, ["arm.limits=null"])
+    scenario = prompt.grasp_scenario(case, method, seed, ["arm.limits=null"])
     robot = ServedRobot(scenario)
     loop = make_loop(robot, scenario)
-    watch = GraspWatch(scenario, robot.station, robot.context)
+    watch = prompt.GraspWatch(scenario, robot.station, robot.context)
     ended = None
     try:
-        while ended is None and robot.time < LONGEST:
+        while ended is None and robot.time < prompt.LONGEST:
             robot.advance()
             goes_on = loop.advance() and loop.safety[0] not in _STOPPED
             ended = watch.look(loop.status.mode) if goes_on else watch.ended("stopped")
@@ -249,7 +235,7 @@ def trial(seed: int, case: str, method: str) -> ex.Measures:
 
 
 def summary(own: ex.Trials) -> ex.Values:
-    found = grasp_values(own, held=True, off=True)
+    found = prompt.grasp_values(own, held=True, off=True)
     found["stopped by the safety monitor []"] = sum(bool(t["stopped"]) for t in own)
     errors = own.known("error")
     return found | ({"grasp error, worst [m]": np.max(errors)} if len(errors) else {})

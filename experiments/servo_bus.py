@@ -23,12 +23,8 @@ from drake_srg.common.systems import MakeSimulator
 from drake_srg.planning.servoing.hand_motion import ServoArm
 from drake_srg.robot.drive.cameras import Camera, Picture
 from drake_srg.robot.drive.config import FaultsConfig, FaultyLink, HardwareConfig
+from drake_srg.robot.drive.dynamixel import drivers
 from drake_srg.robot.drive.dynamixel.bus import ServoBus
-from drake_srg.robot.drive.dynamixel.drivers import (
-    BusCycle,
-    DynamixelArm,
-    DynamixelGripper,
-)
 from drake_srg.robot.drive.link import Link
 from drake_srg.robot.drive.opening import Hardware, MakeRobot
 from drake_srg.robot.drive.station import MakeHardwareStation
@@ -165,18 +161,18 @@ class DirectLine:
 
 def connect(
     scenario: Scenario, robot: ServoRobot, line: DirectLine, wire: Wire
-) -> tuple[BusCycle, Hardware]:
+) -> tuple[drivers.BusCycle, Hardware]:
     """Return the exchange with a robot's servos, and the links to them."""
     warnings = Warnings(lambda text: None)
     parts, n = MakeRobot(scenario, HardwareConfig(), warnings), len(scenario.arm.home)
     travel, _ = scenario.gripper.empty_hand(1.0)
     closed = round(JOINT.to_counts(-travel))
     bus: dict[str, Any] = {"port": "tcp:127.0.0.1:1", "protocol": wire.protocol}
-    cycle = BusCycle(lambda: ServoBus(line, wire.protocol), warnings)
+    cycle = drivers.BusCycle(lambda: ServoBus(line, wire.protocol), warnings)
     links: list[Link] = []
     for driver in (
-        DynamixelArm(**bus),
-        DynamixelGripper(**bus, id=n + 1, open=JOINT.zero, closed=closed),
+        drivers.DynamixelArm(**bus),
+        drivers.DynamixelGripper(**bus, id=n + 1, open=JOINT.zero, closed=closed),
     ):
         driver.share(parts, cycle)  # so that nothing connects to the port
         link = driver.connect(parts)

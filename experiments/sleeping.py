@@ -66,13 +66,9 @@ def scene(seed: int) -> tuple[dict[str, ObjectConfig], float]:
 
 def cases(seeds: int = 300) -> list[ex.Case]:
     """Measure the cost of objects at rest, then push cartons in many scenes."""
-    costs = ex.grid(name=["6 objects", "40 objects"], kind=(AWAKE, ASLEEP), seed=[None])
-    return costs + [
-        {"name": "scenes", "kind": kind, "seed": seed}
-        for seed in range(seeds)
-        for kind in (AWAKE, ASLEEP, HALF)
-        if kind != HALF or seed % 10 == 0
-    ]
+    costs = ex.grid(name=["6 objects", "40 objects"], seed=[None], kind=(AWAKE, ASLEEP))
+    scenes = ex.grid(name=["scenes"], seed=range(seeds), kind=(AWAKE, ASLEEP, HALF))
+    return costs + [c for c in scenes if c["kind"] != HALF or c["seed"] % 10 == 0]
 
 
 def trial(name: str, kind: str, seed: int | None) -> ex.Measures:
@@ -101,8 +97,7 @@ def trial(name: str, kind: str, seed: int | None) -> ex.Measures:
         b = rig.X_WO(thing)
         moved.append(b.translation() - a.translation())
         upright = np.clip(a.rotation().col(2) @ b.rotation().col(2), -1.0, 1.0)
-        far = np.linalg.norm(moved[-1]) > MOVED
-        fell = np.arccos(upright) > FELL
+        fell, far = np.arccos(upright) > FELL, np.linalg.norm(moved[-1]) > MOVED
         words.append("fell" if fell else "moved" if far else "stayed")
     return {"moved": moved, "words": " ".join(words), "slept": slept}
 
