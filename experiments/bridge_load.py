@@ -51,13 +51,14 @@ def cases(duration: float = 60.0) -> list[ex.Case]:
     Args:
         duration: Duration of each load [s].
     """
-    loads = ex.grid(wire=bridges.WIRES, what=LOADS, amount=[duration])
-    free = ex.grid(wire=["ROS 2"], what=FREE, amount=[8.0])  # s
-    sent = ex.grid(wire=bridges.WIRES, what=["image"], amount=[100])  # images
+    cases = [
+        *ex.grid(wire=bridges.WIRES, what=LOADS, amount=[duration]),
+        *ex.grid(wire=["ROS 2"], what=FREE, amount=[8.0]),  # s
+        *ex.grid(wire=bridges.WIRES, what=["image"], amount=[100]),  # images
+    ]
     return [
-        *({"name": f"{case['wire']}, {case['what']}"} | case for case in loads),
-        *({"name": case["what"]} | case for case in free),
-        *({"name": f"{case['wire']}, image"} | case for case in sent),
+        {"name": c["what"] if c["what"] in FREE else f"{c['wire']}, {c['what']}", **c}
+        for c in cases
     ]
 
 
@@ -67,9 +68,8 @@ def trial(name: str, wire: str, what: str, amount: float) -> ex.Measures:
         return {"time to send, median [ms]": 1e3 * image_cost(wire, int(amount))}
     with bridges.open_wire(wire, _NAME) as opened:
         if what in FREE:
-            station = bridges.ServedProcess(
-                *(what, "--no-record", "--rate", "0", *opened.arguments)
-            )
+            options = ("--no-record", "--rate", "0", *opened.arguments)
+            station = bridges.ServedProcess(what, *options)
             wall.sleep(amount)
             served = station.stop()
             return {"largest real-time factor []": served.sim_time / served.wall_time}

@@ -17,16 +17,10 @@ from pydrake.math import RigidTransform
 import experiments.runner as ex
 from drake_srg import Scenario, ScenarioError, load_scenario
 from drake_srg.objects.models import object_shape
+from drake_srg.robot.calibrate import solve
 from drake_srg.robot.calibrate.mounting import Board, Mounting, mount
 from drake_srg.robot.calibrate.overlay import X_PB
 from drake_srg.robot.calibrate.shots import find_views, take_shots
-from drake_srg.robot.calibrate.solve import (
-    Calibration,
-    Unknowns,
-    View,
-    calibrate,
-    residuals,
-)
 from drake_srg.station.planners import own_scene
 from drake_srg.types import Vector
 from drake_srg.vision.camera import CameraCalibrationConfig
@@ -61,9 +55,9 @@ class Rendered:
     """A calibration from rendered images: None if it failed."""
 
     mounting: Mounting
-    truth: Unknowns
-    views: list[View]
-    result: Calibration | None
+    truth: solve.Unknowns
+    views: list[solve.View]
+    result: solve.Calibration | None
 
 
 def render(camera: str, seed: int) -> Rendered:
@@ -75,7 +69,7 @@ def render(camera: str, seed: int) -> Rendered:
     mounting = mount(scenario, own, scene, Board())
     views = find_views(take_shots(scenario, mounting, scene, _IMAGES), mounting)
     X_PC = mounting.X_PB @ mounting.model.X_BC
-    truth = Unknowns(mounting.focal, mounting.center, X_PC, mounting.X_QO)
+    truth = solve.Unknowns(mounting.focal, mounting.center, X_PC, mounting.X_QO)
     return Rendered(mounting, truth, views, _try(views, truth, np.ones(2)))
 
 
@@ -91,7 +85,7 @@ def synthesize(runs: list[Rendered], rng: np.random.Generator) -> list[float] | 
         X_QB=runs[0].truth.X_QB @ _random_pose(rng, 0.005, np.radians(2.0)),
     )
     pool = [
-        (view, residuals(run.truth, view))
+        (view, solve.residuals(run.truth, view))
         for run in runs
         for view in run.views
         if len(view.pixels)
@@ -102,12 +96,14 @@ def synthesize(runs: list[Rendered], rng: np.random.Generator) -> list[float] | 
         _, errors = pool[rng.integers(len(pool))]
         # A view with fewer corners lends some of its errors twice.
         drawn = np.resize(errors, (len(view.pixels), 2))
-        exact = residuals(truth, view) + view.pixels
+        exact = solve.residuals(truth, view) + view.pixels
         views.append(dc.replace(view, pixels=exact + drawn))
     return errors_of(_try(views, truth, rng.uniform(-1.0, 1.0, 2)), truth)
 
 
-def errors_of(result: Calibration | None, truth: Unknowns) -> list[float] | None:
+def errors_of(
+    result: solve.Calibration | None, truth: solve.Unknowns
+) -> list[float] | None:
     """Return the errors of position [mm], rotation [degrees] and focal length [%].
 
     Last comes the calibration's own standard deviation of the position [mm].
@@ -124,10 +120,12 @@ def errors_of(result: Calibration | None, truth: Unknowns) -> list[float] | None
     ]
 
 
-def _try(views: list[View], truth: Unknowns, wrong: Vector) -> Calibration | None:
+def _try(
+    views: list[solve.View], truth: solve.Unknowns, wrong: Vector
+) -> solve.Calibration | None:
     focal = truth.focal * (1.0 + _WRONG_FOCAL * wrong)
     try:
-        return calibrate(views, focal, truth.center + 10.0 * wrong)
+        return solve.calibrate(views, focal, truth.center + 10.0 * wrong)
     except ScenarioError:
         return None
 
@@ -184,7 +182,7 @@ def trial(camera: str) -> ex.Measures:
     """Calibrate a camera many times, and locate objects with the results."""
     runs = [render(camera, _SEED + i) for i in range(_RENDERED)]
     rng = np.random.default_rng(0)
-    corners = [residuals(run.truth, v) for run in runs for v in run.views]
+    corners = [solve.residuals(run.truth, v) for run in runs for v in run.views]
     sizes = np.linalg.norm(np.concatenate(corners), axis=1)
     errors = {
         "rendered": [errors_of(run.result, run.truth) for run in runs],

@@ -154,12 +154,10 @@ def order_and_agreement(trials: ex.Trials) -> dict[str, ex.Values]:
         base = np.rad2deg(np.max(depth[bases]) / _BASE_LEVER)
         # The tip's angle is relative to the base link, so the base's error adds to it.
         tip = base + np.rad2deg(np.max(depth[tips]) / _TIP_LEVER)
+        what = "{} at the end, difference from wires [degrees]"
         found[driver] = {
-            f"{link} at the end, difference from wires [degrees]": (
-                np.max(off[joints]),
-                ex.at_most(limit),
-            )
-            for link, joints, limit in (("base", bases, base), ("tip", tips, tip))
+            what.format("base"): (np.max(off[bases]), ex.at_most(base)),
+            what.format("tip"): (np.max(off[tips]), ex.at_most(tip)),
         }
     return found
 

@@ -73,10 +73,7 @@ def cases() -> list[ex.Case]:
 def talk(
     scenario: Scenario, node: DirectNode, joint: int | None
 ) -> Iterator[tuple[float, Mode]]:
-    """Simulate a cell and tell its messages to a node; yield time [s] and mode.
-
-    The encoder of a joint of the arm may be off.
-    """
+    """Tell the messages of a cell, with an encoder off; yield time [s] and mode."""
     builder, cell = MakeRoot("cell", MakeCell, AddCell, scenario, "robot")
     simulator = MakeSimulator(builder.Build(), scenario.simulator_config)
     context = my_context(cell, simulator.get_mutable_context())
@@ -90,8 +87,7 @@ def talk(
         simulator.AdvanceTo(time)
         for topic in topics:
             values = [
-                ports[port].Eval(context) if port in ports else None
-                for port in topic.ports
+                ports[p].Eval(context) if p in ports else None for p in topic.ports
             ]
             message = topic.convert(make_message, time, *values)
             if joint is not None and topic.name == "/joint_states":

@@ -110,11 +110,7 @@ def inside(scenario: str, seed: int) -> tuple[float, float]:
 
 
 def check_speed(way: Way, speed: float, rate: float) -> None:
-    """Check that a machine is fast enough that runs a way's scenario at a speed.
-
-    Raises:
-        ScenarioError: If it is not.
-    """
+    """Raise a ScenarioError if a machine runs a way's scenario too slowly."""
     rate *= way.rate
     needed = _RESERVE * rate
     if speed < needed:

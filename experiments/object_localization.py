@@ -68,7 +68,7 @@ def trial(object: str, way: str) -> ex.Measures:
             off.append(np.nan)
             turn.append(np.nan)
             continue
-        off.append(1e3 * np.linalg.norm(blob.X_WO @ p_OC - X_WO @ p_OC))
+        off.append(1e3 * float(np.linalg.norm(blob.X_WO @ p_OC - X_WO @ p_OC)))
         turn.append(np.rad2deg(turn_between(solid, blob.X_WO.rotation(), R_WO)))
     return {"off": off, "turn": turn, "certain": certain}
 

@@ -173,11 +173,10 @@ def trial(settings: str, object: str, pose: str, height: float) -> ex.Measures:
         rows = (time > span[0] - 1e-9) & (time < span[1] + 1e-9)
         return bool(not rows.any() or speed[rows].max() > REST)
 
-    creep = None
-    if creeps:
-        first = min(int(np.searchsorted(time, CREEP[0] - 1e-9)), len(time) - 1)
-        crept = 1e3 * np.linalg.norm(position[-1] - position[first])
-        creep = crept if time[-1] >= CREEP[0] else np.inf
+    creep = np.inf if creeps else None
+    if creeps and time[-1] >= CREEP[0]:
+        first = np.searchsorted(time, CREEP[0] - 1e-9)
+        creep = 1e3 * float(np.linalg.norm(position[-1] - position[first]))
     return {
         "exploded": failed or position[:, 2].max() > position[0, 2] + _RISE,
         "soon": moves(SOON),

@@ -178,16 +178,16 @@ def trial(law: str, motion: str) -> ex.Measures:
     target = table(q if moved.target is None else np.outer(_BASES, moved.target(time)))
     loaded = to_ours[len(order) :, len(order) :].T @ _BASES
     load = table(np.outer(loaded, moved.load(time)))
-    for output, port in (
-        (plant.get_state_output_port(gripper), encoders.get_input_port()),
-        (encoders.get_output_port(), servo.GetInputPort("state_measured")),
-        (reference.get_output_port(), servo.GetInputPort("reference")),
-        (target.get_output_port(), servo.GetInputPort("position_desired")),
-        (servo.get_output_port(), motors.get_input_port()),
-        (motors.get_output_port(), plant.get_actuation_input_port(gripper)),
-        (load.get_output_port(), plant.get_applied_generalized_force_input_port()),
+    builder.Connect(plant.get_state_output_port(gripper), encoders.get_input_port())
+    for system, port in (
+        (encoders, servo.GetInputPort("state_measured")),
+        (reference, servo.GetInputPort("reference")),
+        (target, servo.GetInputPort("position_desired")),
+        (servo, motors.get_input_port()),
+        (motors, plant.get_actuation_input_port(gripper)),
+        (load, plant.get_applied_generalized_force_input_port()),
     ):
-        builder.Connect(output, port)
+        builder.Connect(system.get_output_port(), port)
     logs = [
         LogVectorOutput(system.get_output_port(), builder, STEP)
         for system in (reference, encoders, servo)
@@ -383,9 +383,10 @@ def _tracking(law: str, t: Any) -> ex.Values:
 
 
 def _limited(law: str, t: Any) -> ex.Values:
+    motion = t["motion"]
     return {
-        f"{t['motion']}: share at the limit []": _at_limit(law, t),
-        f"{t['motion']}: RMS error [rad]": _rms(_error(t)),
+        f"{motion}: share at the limit []": _at_limit(law, t),
+        f"{motion}: RMS error [rad]": _rms(_error(t)),
     }
 
 

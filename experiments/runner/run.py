@@ -38,11 +38,7 @@ REPLAY = "replay.html"
 
 
 def find_experiment(name: str) -> Experiment:
-    """Return an experiment.
-
-    Raises:
-        ScenarioError: If there is no such experiment.
-    """
+    """Return an experiment; it is a ScenarioError if there is none of that name."""
     found = find_experiments()
     if name not in found:
         raise ScenarioError(f"unknown experiment {name!r} {suggest(name, found)}")
@@ -52,11 +48,7 @@ def find_experiment(name: str) -> Experiment:
 
 
 def describe(name: str) -> str:
-    """Return an experiment's description and its parameters as text.
-
-    Raises:
-        ScenarioError: If there is no such experiment.
-    """
+    """Return an experiment's description and its parameters as text."""
     experiment = find_experiment(name)
     parameters = experiment.parameters()
     lines = [f"{name}: {experiment.description}", ""]

@@ -129,11 +129,7 @@ def present(
     p_WG = p_WO - grasp.R_WG @ np.array(grasp.grip) - MIDDLE
     home = list(p_WG + grasp.R_WG @ np.array(grasp.retreat))
     bench = bench_scenario(
-        thing,
-        gripper_rpy=grasp.hand,
-        home=home,
-        scenario=scenario,
-        overrides=overrides,
+        thing, gripper_rpy=grasp.hand, home=home, scenario=scenario, overrides=overrides
     )
     for i, support in enumerate(grasp.supports):
         bench.objects[f"support_{i}"] = ObjectConfig(

@@ -16,11 +16,7 @@ from drake_srg.types import Blob, Vector
 
 
 class Eye:
-    """The station and the localizer of a scenario, without the rest of its cell.
-
-    Args:
-        scenario: Names what to look for.
-    """
+    """The station and the localizer of a scenario, without the rest of its cell."""
 
     def __init__(self, scenario: Scenario):
         self._name = scenario.task.pick
