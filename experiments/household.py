@@ -11,9 +11,9 @@ import numpy as np
 
 import experiments.runner as ex
 from drake_srg.common.srg_geometry import SRG
-from drake_srg.gripper.tendon import TendonDriveConfig
 from experiments.data import household_objects
 from experiments.stands import grasps as stand
+from experiments.stands.holding import FULL_FORCE
 
 OPENING = 1e3 * SRG.parallel_gap  # between parallel pads, base links sideways [mm]
 SLIP = 5.0  # in the hand, from the lift to the end, of an object that is held [mm]
@@ -54,9 +54,7 @@ household = ex.Experiment(
         "held by the hand alone for": ex.at_least(stand.HELD),
         "slip": slip,
         "turn in the hand": ex.at_most(10.0),
-        "wire force": ex.at_most(
-            TendonDriveConfig().full_wire_force, source="data sheet"
-        ),
+        "wire force": FULL_FORCE,
         "too wide: opening needed": ex.at_least(OPENING),
         "acceleration of the hand": ex.within(stand.ACCELERATION, relative=0.05),
     },

@@ -16,14 +16,13 @@ from pydrake.math import RollPitchYaw
 
 import experiments.runner as ex
 from drake_srg.common.srg_geometry import SRG
-from drake_srg.gripper.tendon import TendonDriveConfig
 from drake_srg.gripper.underactuation import FINGERS
 from drake_srg.objects.config import ObjectConfig
 from drake_srg.scenario import Scenario, load_scenario
 from drake_srg.simulation.rig import Rig, bench_scenario
 from drake_srg.types import Cylinder, Vector
 from experiments.hold_drift import creep, things
-from experiments.stands.holding import in_hand, is_free, weld_model
+from experiments.stands.holding import FULL_FORCE, in_hand, is_free, weld_model
 
 # As wide as the soup can and long enough to lie on the cradle; friction of painted
 # metal on rubber, like the can.
@@ -54,6 +53,7 @@ LIFT_HEIGHT = 0.06  # m
 # 5 kg by 12 mm). The tips must then reach around the object: base plus tip angle above
 # 90 degrees.
 _MOST_MOTION = 0.005
+_TIME = "time since the lift began [s]"
 _RESOLUTION = 0.02  # relative, of largest masses
 BENCH, FAST = "gripper_bench", "gripper_bench_fast"
 
@@ -121,7 +121,7 @@ def judge_hold(grip: str, time: Vector, p_GO: Vector, q: Vector) -> ex.Measures:
         "held_for": float(held_for),
         "slip": 1e3 * np.linalg.norm(p_GO[lifted] - p_GO[closed]),
         "creep": 1e6 * np.linalg.norm(p_GO[-1] - p_GO[lifted]) / HOLD,
-        "time since the lift began [s]": time[closed:],
+        _TIME: time[closed:],
         "motion in the hand [mm]": 1e3
         * np.linalg.norm(p_GO[closed:] - p_GO[closed], axis=1),
     }
@@ -192,19 +192,11 @@ def summary(own: ex.Trials) -> ex.Values:
 COMMON: dict[str, Any] = {
     "cases": cases,
     "trial": trial,
-    "claims": {
-        "wire force": ex.at_most(
-            TendonDriveConfig().full_wire_force, source="data sheet"
-        )
-    },
+    "claims": {"wire force": FULL_FORCE},
     "by": ("grip", "direction"),
     "summary": summary,
     "picture": [
-        ex.Curves(
-            "time since the lift began [s]",
-            "motion in the hand [mm]",
-            where={"scenario": BENCH},
-        ),
+        ex.Curves(_TIME, "motion in the hand [mm]", where={"scenario": BENCH}),
         ex.Bars(["largest mass held", f"largest mass held, {FAST}"]),
     ],
 }

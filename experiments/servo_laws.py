@@ -64,24 +64,28 @@ def _hold(angle: Callable[[Vector], Vector]) -> Reference:
     return lambda time: (angle(time), 0.0 * time, 0.0 * time)
 
 
-def _move(time: Vector, start_time: float, distance: float) -> list[Vector]:
-    """Return a minimum-jerk move from 0 by a distance [rad], at the joints' speed."""
-    duration = 15.0 / 8.0 * abs(distance) / SRG.joint_speed
+def _moves(start: float, *moves: tuple[float, float]) -> Reference:
+    """Return minimum-jerk moves, at the joints' speed, from a start [rad].
+
+    Each move begins at a time [s] and goes a distance [rad].
+    """
     blend = np.polynomial.Polynomial([0, 0, 0, 10, -15, 6])  # as in minimum_jerk.py
-    share = np.clip((time - start_time) / duration, 0.0, 1.0)
-    return [distance * blend.deriv(k)(share) / duration**k for k in range(3)]
+
+    def reference(time: Vector) -> tuple[Vector, Vector, Vector]:
+        found = np.zeros((3, len(time)))
+        for since, distance in moves:
+            duration = 15.0 / 8.0 * abs(distance) / SRG.joint_speed
+            share = np.clip((time - since) / duration, 0.0, 1.0)
+            for k in range(3):
+                found[k] += distance * blend.deriv(k)(share) / duration**k
+        return start + found[0], found[1], found[2]
+
+    return reference
 
 
-def _close_and_open(time: Vector) -> tuple[Vector, Vector, Vector]:
-    """Return 0.3 to 1.3 rad and back with minimum jerk."""
-    closing, opening = _move(time, START_TIME, 1.0), _move(time, OPENING_TIME, -1.0)
-    q, v, a = (there + back for there, back in zip(closing, opening, strict=True))
-    return 0.3 + q, v, a
-
-
-def _grip(time: Vector) -> tuple[Vector, Vector, Vector]:
-    q, v, a = _move(time, START_TIME, SRG.joint_limit - START)
-    return START + q, v, a
+# Close and open; close to where closing hands send their base joints.
+_close_and_open = _moves(0.3, (START_TIME, 1.0), (OPENING_TIME, -1.0))
+_grip = _moves(START, (START_TIME, SRG.joint_limit - START))
 
 
 def _sine(time: Vector) -> tuple[Vector, Vector, Vector]:

@@ -108,8 +108,8 @@ def run_experiment(
             a cell, replay.html of its first run; None writes nothing.
         overrides: Parameters of the experiment, `KEY=VALUE` each, the value YAML.
         quick: Whether to run only one case for each value of the first axis.
-        workers: Processes that run trials; 0 for as many as there are cores, or one if
-            the experiment measures wall-clock time.
+        workers: Processes that run trials; 0 for one a core, or for one alone if the
+            experiment measures wall-clock time.
         any_code: Whether kept trials of other code count, too.
         progress: Whether to show progress on standard error.
 

@@ -167,7 +167,12 @@ class Client:
         )
         self._bridge = make_bridge(inbox, topics)
         try:
-            wait_for(lambda: bool(self.arm and self.closure) and self._is_subscribed())
+            wait_for(
+                lambda: (
+                    bool(self.arm and self.closure)
+                    and all(map(self._bridge.has_subscribers, self._topics))
+                )
+            )
         except ScenarioError:
             self.close()
             raise
@@ -178,9 +183,6 @@ class Client:
 
     def close(self) -> None:
         self._bridge.close()
-
-    def _is_subscribed(self) -> bool:
-        return all(self._bridge.has_subscribers(name) for name in self._topics)
 
 
 @contextlib.contextmanager

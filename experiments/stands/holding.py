@@ -14,8 +14,13 @@ from pydrake.multibody.math import SpatialForce
 from pydrake.multibody.parsing import AddModel, AddWeld, ModelDirective
 from pydrake.multibody.plant import ExternallyAppliedSpatialForce
 
+import experiments.runner as ex
 from drake_srg import Rig, Scenario
+from drake_srg.gripper.tendon import TendonDriveConfig
 from drake_srg.types import Vector
+
+# A claim: no wire pulls with more than the servo gives.
+FULL_FORCE = ex.at_most(TendonDriveConfig().full_wire_force, source="data sheet")
 
 
 def is_free(rig: Rig) -> bool:
