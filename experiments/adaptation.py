@@ -70,23 +70,19 @@ def situation_overrides(situation: str, seed: int) -> tuple[str, ...]:
 
 
 def trial(name: str, method: str, situation: str, seed: int) -> ex.Measures:
-    """Run a method in a situation; what is not placed has no figures."""
     overrides = (*METHODS[method], *situation_overrides(situation, seed))
-    cycle = run_cycle("assistive_arm_fast", seed, overrides)
-    done = {key: cycle[key] for key in ("lifted", "placed", "failure")}
-    keys = ("distance", "placing", "cycle", "smoothness")
-    return done | {key: cycle[key] if cycle["placed"] else None for key in keys}
+    return run_cycle("assistive_arm_fast", seed, overrides)
 
 
 def summary(own: ex.Trials) -> ex.Values:
-    found = shares(own)
+    found, placed = shares(own), own.where(placed=True)
     for what, unit, measure in (
         ("placement error", "mm", "distance"),
         ("time to placement", "s", "placing"),
         ("cycle", "s", "cycle"),
         ("smoothness", "", "smoothness"),
     ):
-        found |= ex.quantiles(what, unit, own.known(measure))
+        found |= ex.quantiles(what, unit, placed.known(measure))
     return found
 
 

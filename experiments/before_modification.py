@@ -105,9 +105,7 @@ def trial(
     with tempfile.TemporaryDirectory() as folder:
         model = Path(folder) / "linkage_gripper.sdf"
         model.write_text(gripper_sdf(shape, material, friction), encoding="utf-8")
-        cycle = run_cycle(SCENARIO, seed, overrides(tip, seed, model))
-    keys = ("lifted", "placed", "failure", "distance", "placing")
-    return {key: cycle[key] for key in keys}
+        return run_cycle(SCENARIO, seed, overrides(tip, seed, model))
 
 
 def whole(trials: ex.Trials) -> dict[str, ex.Values]:

@@ -81,16 +81,10 @@ def model_cases(trials: int = 6, seed: int = 945_000) -> list[ex.Case]:
 
 def trial(case: str, seed: int) -> ex.Measures:
     metrics = metrics_of("kitchen", seed, CASES[case])
-    error = metrics["placement_error_m"]
-    distance = None
-    if metrics["success"] and error is not None:
-        distance = 1e3 * np.linalg.norm(error[:2])
-    return {
-        "placed": bool(metrics["success"]),
-        "failure": metrics["failure"],
-        "attempts": metrics["attempts"],
-        "distance from the goal [mm]": distance,
-    }
+    error, placed = metrics["placement_error_m"], bool(metrics["success"])
+    off = 1e3 * np.linalg.norm(error[:2]) if placed and error is not None else None
+    counts = {key: metrics[key] for key in ("failure", "attempts")}
+    return {"placed": placed, "distance from the goal [mm]": off} | counts
 
 
 def summary(own: ex.Trials) -> ex.Values:

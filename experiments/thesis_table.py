@@ -47,8 +47,7 @@ def trial(variant: str, seed: int) -> ex.Measures:
     """Run a cycle; errors in mm."""
     scenario, overrides, _ = VARIANTS[variant]
     cycle = run_cycle(scenario, seed, overrides)
-    keys = ("placed", "lifted", "failure", "placing", "cycle", "smoothness")
-    found = {key: cycle[key] for key in keys}
+    found = dict(cycle)
     # Of every cylinder that was released, seated or not.
     placement = cycle["placement"] if cycle["error_G"] is not None else None
     for what, error in (("placed", placement), ("seen", cycle["localization"])):
