@@ -2,11 +2,10 @@
 
 A can stands 4 mm from the palm; the hand points to the front and closes. By wires,
 contact stops the base and the tip follows. Algorithm 1 switches from base to tip when a
-sensor fires, proximity or touch. It drives a base whose sensor has fired on to its last
-target: the full closure after a step command, hardly beyond the sensor's angle after
-the ramp that the thesis's client sends. A base that freezes stops by itself. The thesis
-promises that no force moves the object until the tip closes: a base that stops before
-it touches must keep that.
+sensor fires. It drives the base on to its last target: the full closure after a step
+command, hardly beyond the sensor's angle after the ramp that the thesis's client sends.
+A base that freezes stops by itself. The thesis promises that no force moves the object
+until the tip closes: a base that stops before it touches must keep that.
 """
 
 from collections.abc import Callable, Mapping

@@ -5,8 +5,8 @@ sets it back where it believes the recess to be. Only contact corrects its error
 Friction and mass are drawn for each grasp, the error's direction and height for each
 insertion. Both drivers and all sizes of the error get the same draws.
 
-The criteria were set before the first run. A yielding arm must seat the cylinder up to
-an error of 1 mm; and the hypothesis was that a stiff one jams there, mostly.
+Set before the first run: a yielding arm must seat the cylinder up to an error of 1 mm,
+and a stiff one mostly jams there.
 """
 
 import dataclasses as dc

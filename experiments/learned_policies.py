@@ -2,9 +2,8 @@
 
 Each recipe of docs/training.md trains with several seeds. The policies then grasp
 unseen objects, also on the accurate physics and, in place of our planner, in the
-kitchen. Hand-written rules of `Pick` show what an object is worth whose place is not
-known well: one closes where the object was seen, and one finds it by touch: it sweeps a
-cylinder to where it is known to be, and tries a box again beside the estimate.
+kitchen. Two hand-written rules of `Pick` show what a well known place is worth: one
+closes where the object was seen, the other finds it by touch.
 
 A place known to 15 mm costs a fifth of the objects, one known to 20 mm a third. Touch
 brings most of them back, and the policies that imitate it do so as well.

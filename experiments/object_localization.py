@@ -96,9 +96,7 @@ def with_color(name: str, config: ObjectConfig) -> ObjectConfig:
 
 
 def summary(own: ex.Trials) -> ex.Values:
-    certain, off, turn = (
-        np.concatenate([t[key] for t in own]) for key in ("certain", "off", "turn")
-    )
+    certain, off, turn = (np.concatenate(own[k]) for k in ("certain", "off", "turn"))
     found: dict[str, Any] = {"share located with certainty []": np.mean(certain)}
     for what, unit, values in (
         ("error of the centre", "mm", off[certain]),

@@ -30,6 +30,8 @@ PUSH, PUSHED_FOR, END = 1.1, 0.1, 1.6
 MOVED, FELL = 0.005, np.deg2rad(45.0)  # an object moved [m], or fell over [rad]
 AWAKE, ASLEEP, HALF = "awake", "asleep", "half the step"
 _AT_REST = ("005_tomato_soup_can", "mug", "bowl", "squeeze_bottle", "wrench")
+# By how many trials a count, and by how much a share, differs from run to run.
+SOME, PART = ex.number(spread=3.0), ex.number(spread=0.01)
 _COST = 2.0  # simulated time over which the cost is measured [s]
 QUANTILES = {"median": 0.5, "95th percentile": 0.95, "largest": 1.0}
 
@@ -152,10 +154,9 @@ def outcomes(trials: ex.Trials) -> dict[str, ex.Values]:
         value, limit = (np.quantile(apart(o), QUANTILES[word]) for o in (asleep, half))
         key = f"difference of positions, {word}, at most with half the step [mm]"
         same[key] = (value, ex.at_most(limit))
-    other = {f"{what} [of {len(half)}]": (others(half), ex.number(spread=3.0))}
     return {
         ASLEEP: {"scenes in which all slept []": np.mean(asleep["slept"])},
-        f"awake and {HALF}": other,
+        f"awake and {HALF}": {f"{what} [of {len(half)}]": (others(half), SOME)},
         "awake and asleep": same,
     }
 
@@ -167,8 +168,8 @@ sleeping = ex.Experiment(
     {
         "scenes in which all slept": ex.at_least(1.0),
         "cost asleep over cost awake": ex.at_most(0.5),
-        f"{AWAKE}, real-time factor": ex.number(clock="rate"),
-        f"{ASLEEP}, real-time factor": ex.number(clock="rate"),
+        "awake, real-time factor": ex.number(clock="rate"),
+        "asleep, real-time factor": ex.number(clock="rate"),
     },
     summary=costs,
     whole=outcomes,
@@ -188,8 +189,6 @@ _TASK_OVERRIDES = (
     "ignored_contacts=[['arm::*', 'arm::*'], ['arm::*', 'gripper::*']]",
     "clutter.count=2",
 )
-# By how many trials a count, and by how much a share, differs from run to run.
-SOME, PART = ex.number(spread=3.0), ex.number(spread=0.01)
 
 
 def task_cases(trials: int = 300, seed: int = 0) -> list[ex.Case]:
@@ -220,13 +219,12 @@ def task_outcomes(trials: ex.Trials) -> dict[str, ex.Values]:
     other = int(np.sum(awake["outcome"] != asleep["outcome"]))
     low, high = ex.wilson(other, n)
     moved = np.sum(awake["touched"] != asleep["touched"])
-    what = f"trials in which only one moves another object [of {n}]"
     apart = [np.linalg.norm(a["ends"] - b["ends"], axis=1).max() for a, b in pairs]
     found: ex.Values = {
         f"trials that end otherwise [of {n}]": (other, ex.at_most(0.0)),
         "their share, at least []": (low, PART),
         "their share, at most []": (high, PART),
-        what: (moved, SOME),
+        f"trials in which only one moves another object [of {n}]": (moved, SOME),
     }
     for word, share in QUANTILES.items():
         value = 1e3 * np.quantile(apart, share)

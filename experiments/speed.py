@@ -2,13 +2,11 @@
 
 `time_parameterization`: motions of the kitchen's arm by toppra, which all planners use,
 and by Drake's own solver.
-`recording_cost`: processor time of all threads in a worker of a sweep, with one thread
-each for rendering and linear algebra, relative to an unrecorded trial; it varies by a
-tenth between equal runs. `sweep_throughput`: the wall clock of a whole sweep with one
-worker and with two, including checks and the start of the workers; it is meaningful
-only on an otherwise idle machine with at least two cores. `overhead` is what `make
-bench-guard` runs: a scenario's wall-clock time over that of its bare plant on the same
-inputs, and over that of a loop in Python, which slow down together on a slow machine.
+`recording_cost`: processor time of all threads in a worker of a sweep, relative to an
+unrecorded trial; it varies by a tenth. `sweep_throughput`: the wall clock of a whole
+sweep with one worker and with two; it needs an idle machine with two cores. `overhead`
+is what `make bench-guard` runs: a scenario's wall-clock time over that of its bare
+plant on the same inputs, and over that of a loop in Python.
 """
 
 import tempfile

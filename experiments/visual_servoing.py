@@ -3,11 +3,10 @@
 The can stands on a tray that moves, or the camera is not where it is believed to be. A
 trial ends once the can is lifted and held, or the first attempt has failed.
 
-The criteria were set before the first run: a servo must grasp in every case, and be
-within the distance at which `servoing.tolerance` lets the fingers close. All methods
-must grasp an object at rest with a good calibration. With half the step, no more of a
-servo's trials may end otherwise than it may lose, and the grasp error may change by a
-sixth of its limit (median).
+Set before the first run: a servo must grasp in every case, within the distance at which
+`servoing.tolerance` lets the fingers close. All methods must grasp an object at rest
+with a good calibration. With half the step, no more of a servo's trials may end
+otherwise than it may lose; its error may change by a sixth of the limit (median).
 """
 
 import dataclasses as dc
