@@ -1,12 +1,13 @@
 """Adaptive or preprogrammed: what looking is worth to the five-axis arm.
 
-The arm takes the cylinder from a pose that it was taught, or from where it has seen it
-at the beginning, or looks again before the grasp and before placing. The cylinder
-stands where it was taught, anywhere in the pick region, or is pushed away during the
-approach. Every method has one attempt. This is the third research question of the arm's
-thesis. Where the cylinder is not where it was taught, a method that sees it must be
-better than the fixed pose beyond doubt: its interval lies above the other's. The same
-holds for a second look after a push.
+Three methods pick the cylinder. The first uses a taught pose. The second uses the pose
+that the camera saw at the beginning. The third also looks again before the grasp and
+before placing. The cylinder stands where it was taught, or anywhere in the pick region,
+or is pushed away during the approach. Each trial has one attempt.
+
+This is the third research question of the arm's thesis. If the cylinder is not where it
+was taught, a method that sees it must be better than the fixed pose beyond doubt: its
+interval must lie above the other's. After a push, the same holds for a second look.
 """
 
 from collections.abc import Mapping

@@ -1,12 +1,13 @@
 """What mended the five-axis arm after its beginning: its fingertips or its tip frame.
 
-The thesis of the five-axis arm began with flat, hard, smooth fingertips and a tip frame
-as drawn, and reports frequent failures and a constant offset. With curved fingertips
-and the tip frame moved, it reports ten of ten grasps. Here, the cylinder stands
-anywhere in the pick region, and the arm takes it by the thesis's rules, with every
-combination of flat or curved pads, hard plastic or rubber, friction between pad and
-cylinder, and tip as drawn or corrected. P3 and P4 are taught with either tip: they take
-it to the same places.
+The thesis of the five-axis arm began with flat, hard, smooth fingertips and an
+uncorrected tip frame. It reports frequent failures and a constant offset. With curved
+fingertips and a moved tip frame, it reports ten of ten grasps.
+
+Here, the cylinder stands anywhere in the pick region, and the arm picks it by the
+thesis's rules. The trials combine flat or curved pads, hard plastic or rubber, the
+friction between pad and cylinder, and the tip frame as drawn or corrected. With either
+tip frame, the taught poses P3 and P4 lead to the same places.
 """
 
 import json

@@ -3,8 +3,8 @@
 A client in this process commands a kitchen that `drake-srg serve` runs in another
 process, on all four topics of the thesis at once. Its commands change from time to
 time. The delay is the time from a change until the station publishes that its drivers
-follow it: a wait for the next control period plus scheduling, so it does not scale with
-the machine's speed.
+follow it. It consists of a wait for the next control period and of scheduling, so it
+does not scale with the machine's speed.
 """
 
 import contextlib

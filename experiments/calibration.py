@@ -1,10 +1,11 @@
 """How accurately cameras are calibrated, fixed and in the hand, and what that is for.
 
-A camera's truth is known in simulation. Rendered runs move the arm and find the corners
-of the board in images with noise and blur. Synthetic ones draw their views, and the
-errors of their corners, from those of the rendered runs. Then objects are located by a
-camera as built, knocked out of place, and calibrated after that. A grasp needs 1 mm,
-and the localizer errs by 0.3 mm.
+In simulation, the true calibration is known. Some runs render images with noise and
+blur while the arm moves, and find the board's corners in them. Synthetic runs draw
+their views, and the errors of their corners, from those of the rendered runs.
+
+Then a camera locates objects: as built, knocked out of place, and calibrated after
+that. A grasp needs 1 mm, and the localizer errs by 0.3 mm.
 """
 
 import dataclasses as dc

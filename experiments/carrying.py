@@ -2,10 +2,11 @@
 
 Contact without slip gives a held object the hand's velocity at the beginning of each
 step. The step then moves the object along a straight line, while the joints move the
-hand along a curve. So in each step h the object leaves the path outwards by h^2 a_n /
-2, where a_n is the acceleration across the path, and friction sees no slip to act
-against. Over a motion this adds up to h/2 times the integral of a_n. Unless the pads
-hold the object back, it slides by that distance, which vanishes with the step.
+hand along a curve. In each step h, the object therefore moves outwards by h^2 a_n / 2,
+where a_n is the acceleration across the path. Friction sees no slip to act against.
+
+Over a motion, this adds up to h/2 times the integral of a_n. Unless the pads hold the
+object back, it slides by that distance, which vanishes with the step.
 """
 
 import numpy as np

@@ -1,13 +1,14 @@
 """Tables cleared into a bin, and sorted into bins or a row.
 
-The seeds are not those that the planner was tuned on. Every scene is drawn from its
-seed: where objects lie, how they are turned; in `varied` also light, camera, motors.
-Shares count objects in reach that fit the hand; picks count by ground truth and by the
-planner's word, which may claim no object that is not in place.
+The planner was tuned on other seeds. The seed draws each scene: where objects lie and
+how they are turned; in the `varied` scenarios also light, camera and motors. Shares
+count objects in reach that fit the hand. Picks are counted by ground truth, and as the
+planner claims them. It must not claim an object that is not in place.
 
-Published rates are not comparable as they stand: Dex-Net 4.0 (Mahler et al., Science
-Robotics 4(26), 2019) took more than 300 picks an hour at 95 % reliability from heaps of
-real objects, with a parallel-jaw gripper and a suction cup; people take 400 to 600.
+Published rates are not directly comparable. Dex-Net 4.0 (Mahler et al., Science
+Robotics 4(26), 2019) made more than 300 picks an hour at 95 % reliability. It picked
+from heaps of real objects, with a parallel-jaw gripper and a suction cup. People take
+400 to 600.
 """
 
 import functools

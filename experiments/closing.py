@@ -1,11 +1,13 @@
 """A hand that closes around a can: the order of events, and how gently it does so.
 
-A can stands 4 mm from the palm; the hand points to the front and closes. By wires,
+A can stands 4 mm from the palm. The hand points to the front and closes. With wires,
 contact stops the base and the tip follows. Algorithm 1 switches from base to tip when a
-sensor fires. It drives the base on to its last target: the full closure after a step
-command, hardly beyond the sensor's angle after the ramp that the thesis's client sends.
-A base that freezes stops by itself. The thesis promises that no force moves the object
-until the tip closes: a base that stops before it touches must keep that.
+proximity or touch sensor fires. It then drives the base to its last target: the full
+closure after a step command, or hardly beyond the sensor's angle after the ramp of the
+thesis's client. A base that freezes stops by itself.
+
+The thesis promises that no force moves the object until the tip closes. If the base
+stops before it touches the object, this must hold.
 """
 
 from collections.abc import Callable, Mapping

@@ -1,12 +1,12 @@
 """Placing into a recess by a stiff and by a compliant arm, with errors of the goal.
 
-The kitchen's arm has taken a cylinder out of a recess that leaves 1 mm all around, and
-sets it back where it believes the recess to be. Only contact corrects its error.
-Friction and mass are drawn for each grasp, the error's direction and height for each
-insertion. Both drivers and all sizes of the error get the same draws.
+The kitchen's arm has taken a cylinder out of a recess, and sets it back where it
+believes the recess to be. The recess leaves 1 mm all around. Only contact corrects its
+error. Each grasp draws friction and mass, each insertion the error's direction and
+height. Both drivers and all sizes of the error get the same draws.
 
-Set before the first run: a yielding arm must seat the cylinder up to an error of 1 mm,
-and a stiff one mostly jams there.
+The criteria were set before the first run. A yielding arm must seat the cylinder up to
+an error of 1 mm. The hypothesis was that a stiff arm usually jams there.
 """
 
 import dataclasses as dc

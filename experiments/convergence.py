@@ -1,8 +1,9 @@
 """A wrapped and a pinched can, with halved time steps and refined meshes.
 
 Each variant changes one thing in the accurate bench: the plant's time step, the facets
-of the can, or the mesh of the pads. The finest of each may differ by an angle that
-moves a fingertip, 0.11 m from the base hinge, by 2 mm, and by a tenth of a force.
+of the can, or the mesh of the pads. Between the two finest variants, an angle may
+differ by as much as moves a fingertip, 0.11 m from the base hinge, by 2 mm. A force may
+differ by a tenth.
 """
 
 import numpy as np

@@ -1,9 +1,9 @@
 """A twin beside simulated robots, healthy and faulty: when it reports a difference.
 
-Robot and twin are two simulations of the fast kitchen. The robot does its task by its
-own planner, and tells its joints, commands and sightings by the messages of `serve`.
-The twin hears these messages alone. Both advance in turn, so that nothing depends on
-the machine's speed.
+Robot and twin are two simulations of the fast kitchen. The robot does its task with its
+own planner, and sends its joints, commands and sightings as messages of `serve`. The
+twin receives only these messages. Both advance in turn, so no result depends on the
+machine's speed.
 """
 
 import dataclasses as dc

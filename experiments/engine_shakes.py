@@ -1,13 +1,15 @@
 """Verdicts of Drake's solvers and of MuJoCo about the same shaken grasps.
 
-Twenty household objects are grasped as drawn by `drake-srg grasps`, half of the grasps
-moved at random; the rest is drawn as in `grasp_measures`. All engines get the same
-models, commands and times: an object is lost once it has moved by 15 mm in the hand.
-The reference has finely meshed pads and steps of 1 ms. Times are those of the
-processor.
+The grasps of twenty household objects are drawn as by `drake-srg grasps`, from all
+sides, and half of them are moved at random. Wire force, mass, friction and shake are
+drawn as in `grasp_measures`. All engines get the same models, commands and times. An
+object counts as lost once it has moved by 15 mm in the hand (`floating_grasps`). The
+reference is the bench with finely meshed pads and steps of 1 ms. Times are processor
+times.
 
-Wires need a discrete plant. So the convex integrator (CENIC) is compared with joint
-servos on the bench of `drake-srg grasps`: a grasp holds if it withstands 1 g.
+Wires need a discrete plant. The convex integrator (CENIC) is therefore tested with
+joint servos, on the bench of `drake-srg grasps`, and compared with `accurate` there. A
+grasp holds if it withstands 1 g.
 """
 
 from collections.abc import Mapping, Sequence

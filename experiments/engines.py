@@ -1,10 +1,12 @@
 """Household objects grasped and shaken in Drake and in MuJoCo, with the same models.
 
 The grasps are those of `household`; afterwards, the hand waits for 5 s. MuJoCo loads
-what `drake-srg export` writes. A grasp holds if the object moves less than 5 mm in the
-hand. The verdicts are compared with those of Drake's contact surfaces. Of two
-coefficients of friction, MuJoCo takes the larger one and Drake the harmonic mean: on
-objects of 0.5, the pads (0.8) grip 1.3 times as hard in MuJoCo.
+the files that `drake-srg export` writes. A grasp holds if the object moves less than 5
+mm in the hand. The reference is Drake with contact surfaces.
+
+For two coefficients of friction, MuJoCo uses the larger and Drake the harmonic mean. On
+objects with a coefficient of 0.5, the pads (0.8) therefore grip 1.3 times as well in
+MuJoCo.
 """
 
 from collections.abc import Sequence

@@ -1,11 +1,12 @@
 """Where the five-axis arm can grasp a leaning or lying cylinder and stand it upright.
 
 The pads must hold the cylinder along its axis, with its middle at the tip. These are
-five conditions, so five joints leave no choice of the approach: the hand must come
-straight from above onto a cylinder that lies on the table. The planner plans for a grid
-of places and directions without simulation. Then the cell simulates some cases within
-the claimed envelope. A leaning cylinder would need a support, so it is only planned
-for, as if it stood on its rim.
+five conditions, so five joints leave no choice of the approach. The hand must come
+straight from above onto a cylinder that lies on the table.
+
+The planner plans for a grid of places and directions without simulation. Then the cell
+simulates some cases within the claimed envelope. A leaning cylinder would need a
+support. It is only planned, as if it stood on its rim.
 """
 
 import functools

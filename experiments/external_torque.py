@@ -1,8 +1,8 @@
 """External torques of carrying arms and the limits of their protective stops.
 
-Each cell runs on the fast and on the accurate physics. The former derives the torques
-from contacts, the latter estimates them from motors and motion. In normal operation,
-they stay below half of a joint's limit.
+Each cell runs on the fast and on the accurate physics. The fast physics derives the
+torques from contacts, the accurate one estimates them from motors and motion. In normal
+operation, the torques must stay below half of a joint's limit.
 """
 
 import numpy as np

@@ -1,13 +1,16 @@
 """Flat and curved fingertips that grasp a cylinder off its middle and carry it fast.
 
 The thesis of the five-axis arm reports that flat fingertips let the object slip. Here,
-a misplaced camera makes the hand stop up to 8 mm short of the cylinder, along the
-palm's x, or beside it, along y. The cylinder is as smooth as the scenario allows
-("dry") or smoother ("greasy"). Motion that remains at step 0, extrapolated, is slip.
+an error of the camera's pose makes the hand miss the cylinder's middle by up to 8 mm:
+it stops short, along the palm's x, or beside it, along y. The cylinder is as smooth as
+the scenario allows ("dry") or smoother ("greasy"). A time step moves a held object
+along the tangent of its path. The motion that remains when extrapolated to a step of 0
+is slip.
 
-An arc of radius r that spans +-a pushes a cylinder of the same radius to the middle up
-to an offset d = r (sin(a) - sin(atan(mu))): there, the surface normal at the arc's end
-is at the angle of friction to the closing direction.
+Suppose the fingertip is an arc of radius r that spans +-a. It pushes a cylinder of the
+same radius to the middle up to an offset d = r (sin(a) - sin(atan(mu))). At this
+offset, the surface normal at the arc's end is at the angle of friction to the closing
+direction.
 """
 
 import itertools

@@ -1,9 +1,11 @@
 """Friction of gears and wires, on and off: back-driving, hysteresis and creep.
 
-The tips press on each other while the motor's torque rises to 60 % and falls again;
-then it loses its power. After that, a can is lifted and held for 5 s with 107 N at each
-wire. The gears' friction is what `drake-srg identify` finds in the vendor's log. No
-measurement tells the wires'; they get the capstan friction of a polyethylene line on
+The tips press on each other while the motor's torque rises to 60 % and falls again.
+Then the motor loses its power. After that, the hand lifts a can and holds it for 5 s
+with 107 N at each wire.
+
+The gears' friction is what `drake-srg identify` finds in the vendor's log. The wires'
+friction was never measured. They get the capstan friction of a polyethylene line on
 metal (coefficient 0.1) around pulleys at base and tip hinge, 1.5 rad in all.
 """
 

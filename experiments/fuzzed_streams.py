@@ -1,8 +1,9 @@
 """Streams of good and bad messages from a robot: what the arm is sent meanwhile.
 
-A planner moves the kitchen's arm, while the robot's messages are silent for a while,
-jump, are old, lack numbers or joints, or have NaN. Each stream is drawn from its seed.
-There must be no motion beyond the limits, and no exception.
+A planner moves the kitchen's arm while the robot's messages are faulty: they stop for a
+while, jump, are old, lack numbers or joints, or have NaN. Each stream is drawn from its
+seed. The arm must never be commanded beyond its limits, and the program must not raise
+an exception.
 """
 
 import dataclasses as dc

@@ -1,10 +1,10 @@
 """Household objects in random poses, grasped from above by the depth image alone.
 
-Each object is dropped in a random orientation. The planner does not know what it is: a
-noisy depth image becomes a height map, the best grasp on it is tried, and the thing
-counts as held if the hand alone holds it one second after it was lifted by 15 cm. After
-a failure, the camera looks again at where the thing has come to rest. Another
-underactuated hand, with RP joints, grasps 87 % of household objects at best.
+Each object is dropped in a random orientation, and the planner does not know the
+object. It makes a height map of a noisy depth image, and tries the best grasp on this
+map. The object counts as held if only the hand holds it one second after it was lifted
+by 15 cm. After a failure, the camera looks again. Another underactuated hand, with RP
+joints, grasps 87 % of household objects at best.
 """
 
 import dataclasses as dc

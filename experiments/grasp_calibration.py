@@ -1,10 +1,13 @@
 """Where closing fingers move a cylinder, and the frames that correct for it.
 
-The thesis of the five-axis arm measured by hand how far the object shifts while its
-fingers close, and moved the arm's tip by that distance. Here, a first round of cycles
-measures where in the palm the closed fingers hold the object: there, the tip belongs. A
-second round, with that tip, measures how far from its goal the object ends: it moves
-while it is set down and released. A last round, elsewhere, applies both corrections.
+The thesis of the five-axis arm measured by hand how far the object shifts while the
+fingers close. It moved the arm's tip frame by that distance. Here, a first round of
+cycles measures where in the palm the closed fingers hold the object. The tip frame
+moves there.
+
+A second round, with that tip, measures how far the object ends from its goal, because
+it moves while it is set down and released. A last round, at other places, applies both
+corrections.
 
 `--out models/calibration` overwrites the frames, SCENARIO_tip.dmd.yaml, that the
 scenario and those based on it use.

@@ -1,12 +1,14 @@
 """Measures of grasps against simulated shakes: which of them tell what will hold.
 
-The grasps of data/grasps.yaml are shifted at random, and wire force, friction and mass
-are drawn, so that about half of the objects are lost. Each grasp closes and lifts. The
-contacts then give the measures, and a shake gives the answer. AUC is the chance that a
-measure ranks a grasp that holds above one that does not: 0.5 for a coin, 1 for an
-oracle; over all objects, and as a mean over objects, because a measure may only tell
-light ones from heavy ones. The acceleration that a grasp can resist tells best; what
-knows only where the contacts are tells little more than a coin.
+The grasps of data/grasps.yaml are shifted at random. Wire force, friction and mass are
+drawn so that about half of the objects are lost. Each grasp closes and lifts. The
+contacts then give the measures, and a shake shows whether the grasp holds.
+
+AUC is the chance that a measure ranks a grasp that holds above one that does not: 0.5
+for a coin, 1 for an oracle. It is computed over all objects, and as a mean over
+objects, because a measure may only distinguish light objects from heavy ones. The
+acceleration that a grasp can resist predicts best. Measures that use only the places of
+the contacts are hardly better than a coin.
 """
 
 import copy

@@ -1,13 +1,14 @@
 """Rewards for learning to grasp: which learns fastest, and whose policy holds on.
 
-The same learner learns the same one-shot grasp with each reward. Success is always
-judged by the shake, also where the reward knows nothing of it. The final policies grasp
-unseen objects, and then heavy and slippery ones, for which no policy was trained. The
-thesis of the SRG leaves the question as future work.
+The same learner learns the same one-shot grasp with each reward. The shake always
+decides about success, even with a reward that does not depend on it. The final policies
+grasp unseen objects, and then heavy and slippery ones, on which no policy was trained.
+The thesis of the SRG leaves this question as future work.
 
-The shake teaches, but so do volume and epsilon weighted by the present forces, which
-never see one; `shaped` holds most. Three trainings tell good rewards from bad ones, no
-more: which of the good ones is ahead is chance.
+Rewards with the shake teach well. So do volume and epsilon weighted by the present
+forces, which are measured before the shake. The reward `shaped` holds most objects.
+Three trainings distinguish good rewards from bad ones only; the order of the good ones
+is chance.
 """
 
 import numpy as np

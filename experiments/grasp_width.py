@@ -2,10 +2,10 @@
 
 The hand comes from above, closes on an object that stands on the table, lifts it and
 shakes it gently. The object counts as held if at the end it touches only the gripper
-and has not moved in it. Flat boxes are wrapped as `clear_table` does it, with the palm
+and has not moved in the hand. Flat boxes are wrapped as in `clear_table`, with the palm
 at the right height, too low and too high.
 
-`low_things`: a squeeze bottle, 94 mm wide and 58 mm high as it lies, which only the
+`low_things` uses a squeeze bottle, 94 mm wide and 58 mm high as it lies, which only the
 tips touch. The hand takes it at some distance from its middle, lifts and shakes it.
 """
 

@@ -1,7 +1,7 @@
 """From a command to a grip: counts, wire, current, wire force, pad force and payload.
 
-The hand closes on boxes of 20, 68 and 140 mm with rising effort, each from the open
-hand. One table and one figure are what owners of the gripper need (docs/gripper.md).
+The hand closes on boxes of 20, 68 and 140 mm with rising effort, each time from the
+open hand. docs/gripper.md shows the resulting table and figure.
 """
 
 import numpy as np

@@ -1,12 +1,12 @@
 """A simulated gripper beside a real one: currents, stops and heat by the registers.
 
 The vendor's test runs on the data-sheet model (`gripper_bench`) and on the specimen
-that `drake-srg identify` made of the vendor's log (`srg_specimen`), driven by the
-servo's registers as a script on a serial line does. Rows of the specimen are judged:
-10 % for currents and times, 6 counts for stops.
+that `drake-srg identify` made from the vendor's log (`srg_specimen`). It uses the
+servo's registers, like a script on a serial line. Only the specimen is judged, with
+tolerances of 10 % for currents and times and of 6 counts for stops.
 
-The test is that of `drake-srg identify --record`. Its time "until it stopped" is mostly
-its own wait of 1 s; it times no closing.
+The test is that of `drake-srg identify --record`. Most of its time "until it stopped"
+is its own wait of 1 s, so it does not measure how fast the hand closes.
 """
 
 import dataclasses as dc

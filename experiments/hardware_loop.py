@@ -1,10 +1,12 @@
 """Pick and place through wires: our planner on one side, our served cell on the other.
 
 `drake-srg serve` runs the cell in one process, and `drake-srg run --hardware` does its
-task from another. The judge is the served cell's log, which the planner's side never
-sees. A clean wire is judged by the same seeds in one process: placement may be off by
-twice as much, besides what whole counts of servos make of it. With a fault, a run must
-place the object, or say why it did not.
+task from another. The served cell's log, which the planner's process never sees,
+decides about success.
+
+Without faults, the reference is the same seeds in one process. The placement error may
+be twice as large, plus the rounding of servo positions to counts. With a fault, a run
+must place the object, or give the reason why it did not.
 """
 
 import dataclasses as dc

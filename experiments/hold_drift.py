@@ -1,7 +1,7 @@
 """Creep of a held can and box, by step, contact approximation and stiction tolerance.
 
-With regularised contact, anything held by friction slides slowly, at a rate that the
-solver's settings determine. Users of MuJoCo report 50 to 2,300 um/s.
+With regularised contact, anything held by friction slides slowly, at a speed that
+depends on the solver's settings. Users of MuJoCo report 50 to 2,300 um/s.
 """
 
 from collections.abc import Sequence

@@ -1,8 +1,8 @@
 """Household objects grasped from above and the side, lifted and shaken at 1 g, 2 Hz.
 
-data/grasps.yaml says how each object is presented and grasped, and why. Objects that
-fit between the pads must be held firmly. Pads that cannot become parallel press on a
-wider object's edges and slip off them.
+data/grasps.yaml states how each object is presented and grasped, and why. The hand must
+hold objects firmly that fit between the pads. On wider objects, the pads cannot become
+parallel. They press on the edges and slip off.
 """
 
 from collections.abc import Sequence

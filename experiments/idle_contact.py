@@ -1,9 +1,9 @@
 """Whether fingers that press on each other chatter when the hand is closed on nothing.
 
 Both fingers press on each other with the full force of their driver, at several time
-steps, for as long as the payload experiments hold a load. When the hand points down,
-the weight of the fingers presses evenly. With one finger above the other, it moves both
-slowly until the drive balances it.
+steps. They do so for as long as the payload experiments hold a load. When the hand
+points down, the weight of the fingers presses evenly. With one finger above the other,
+the weight moves both slowly until the drive balances it.
 """
 
 import numpy as np

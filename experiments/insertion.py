@@ -1,9 +1,10 @@
 """What cannot be inserted, and how the hand holds what can.
 
-In `insertion_told`, what is no hole for the peg is told by name: a plate without a
-hole, a hole 0.05 mm too narrow, and a hole with a plug in it.
-`insertion_turn` presses on the end of a held peg. Soft fingers alone might lead it into
-a hole, if they gave way and came back.
+`insertion_told` checks that the planner names the cause if an insertion is impossible:
+a plate without a hole, a hole that is 0.05 mm too narrow, and a hole with a plug in it.
+
+`insertion_turn` presses on the end of a held peg. Soft fingers alone might lead a peg
+into a hole, if they gave way and came back.
 """
 
 import numpy as np

@@ -1,9 +1,9 @@
 """Known objects, picked and placed by the planner of `kitchen`.
 
-`known_shapes`: boxes, balls and lying cans of known shape and colour lie anywhere in
-the pick region, turned at will. What lies is to be set upright. `known_models`: objects
-of any form, whose convex pieces and colours the planner knows, are to be set down as
-they were.
+In `known_shapes`, boxes, balls and lying cans of known shape and colour lie anywhere in
+the pick region, turned at random. The arm must set lying objects upright. In
+`known_models`, objects may have any form. The planner knows their convex pieces and
+colours, and must set them down as they were.
 """
 
 from collections.abc import Sequence

@@ -1,12 +1,13 @@
 """Policies that learn in minutes: where they hold, and what uncertainty costs.
 
 Each recipe of docs/training.md trains with several seeds. The policies then grasp
-unseen objects, also on the accurate physics and, in place of our planner, in the
-kitchen. Two hand-written rules of `Pick` show what a well known place is worth: one
-closes where the object was seen, the other finds it by touch.
+unseen objects, also on the accurate physics, and in the kitchen in place of our
+planner. Two hand-written rules of `Pick` show the effect of an uncertain position. One
+closes at the estimate. The other searches by touch: it sweeps a cylinder to a known
+place, and tries a box again beside the estimate.
 
-A place known to 15 mm costs a fifth of the objects, one known to 20 mm a third. Touch
-brings most of them back, and the policies that imitate it do so as well.
+A standard deviation of 15 mm costs a fifth of the objects, 20 mm a third. Touch regains
+most of them, and so do the policies that imitate the rule with touch.
 """
 
 import dataclasses as dc

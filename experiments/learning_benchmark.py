@@ -1,7 +1,7 @@
 """How fast the environments for learning simulate and reset, and what memory they keep.
 
-Times are processor times of one core, but for two workers, whose wall clock counts. The
-limits were set before the run, for a machine that does nothing else. Contact costs
+Times are processor times of one core, except for two workers, which are judged by real
+time. The limits were set before the run, for an otherwise idle machine. Contact costs
 most: while the hand holds something, contact surfaces take two thirds of the time, and
 all Python together an eighth.
 """

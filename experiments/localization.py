@@ -2,11 +2,12 @@
 
 The scenario's ceiling camera and localizer locate the cylinder in many poses, with
 images of three sizes. Then the cameras of both varied scenarios look at scenes with
-other lights, noise, clutter and occlusion. Nothing is simulated, but for images.
+other lights, noise, clutter and occlusion. Only images are simulated, no motion.
 
-`thesis_localizer` compares the rule of the five-axis arm's thesis, which knows no
-shape: it takes the middle of a blob and the depth of one pixel plus 10 mm. Both look
-at the thesis's place with three cameras, and all over the pick region with ours.
+`thesis_localizer` compares the rule of the five-axis arm's thesis, which does not know
+the shape: it takes the middle of a blob and the depth of one pixel plus 10 mm. Both
+localizers look at the thesis's place with three cameras, and all over the pick region
+with our camera.
 """
 
 import dataclasses as dc

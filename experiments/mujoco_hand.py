@@ -1,10 +1,11 @@
 """The exported hand in MuJoCo: payload, and closing on nothing and on a can.
 
-Of two coefficients of friction, MuJoCo takes the larger one and Drake the harmonic
-mean, so the payload is found with either. The trials are those of `payload_wrap`,
-`payload_pinch`, `free_closing` and `closing_sequence`, judged alike. An empty finger
-closes without gravity and contact, with the vendor's stops, against the vendor's
-statics, its spool wound step by step.
+The trials are those of `payload_wrap`, `payload_pinch`, `free_closing` and
+`closing_sequence`, judged alike. For two coefficients of friction, MuJoCo uses the
+larger and Drake the harmonic mean, so the payload is measured with either.
+
+An empty finger closes without gravity and contact, with the vendor's stops, while its
+spool winds step by step. The reference is the vendor's statics.
 """
 
 import dataclasses as dc

@@ -1,9 +1,9 @@
 """How accurately the kitchen's camera locates household objects, with their yaw.
 
-Each object stands in random places or rests there on a random side. Nothing is
-simulated: only the images are judged. The localizer knows each object's collision
-geometry and one colour of its model. Of the sightings that count as certain, a few show
-too little of what makes an object's turn visible, such as a handle underneath it.
+Each object stands in random places or rests there on a random side. Only images are
+simulated and judged. The localizer knows each object's collision geometry and one
+colour of its model. In a few sightings that count as certain, the part that shows the
+object's turn is hardly visible, such as a handle underneath.
 """
 
 import colorsys

@@ -1,10 +1,11 @@
 """The claimed payload, held with the palm down and to the side, and the largest mass.
 
-`payload_wrap` has the fingers envelop a 68 mm cylinder; `payload_pinch` holds it
-between the pads. The arm lifts it slowly off its support and holds it for 10 s.
+In `payload_wrap`, the fingers envelop a 68 mm cylinder; in `payload_pinch`, the pads
+hold it. The arm lifts the cylinder slowly off its support and holds it for 10 s.
 
-`specimen`: at the same command, the gripper that `drake-srg identify` makes of the
-vendor's log pulls its wires less than the data-sheet model. Does it still hold as much?
+`specimen` repeats this with the gripper that `drake-srg identify` makes from the
+vendor's log. At the same command, it pulls its wires less than the data-sheet model.
+Does it still hold as much?
 """
 
 from collections.abc import Callable

@@ -1,9 +1,9 @@
 """The plant's own servos against sampled drivers: closing, force, borderline grasps.
 
 Grasps are drawn so that about half of them hold. The same grasp of the same object is
-simulated coarsely, as policies are trained, and in fine steps. The speed limit of both
-servos is that of the joint; the reference of the sampled driver spends half of its time
-on starting and stopping.
+simulated coarsely, as in training, and in fine steps. Both servos have the joint's
+speed limit. The reference of the sampled driver spends half of its time on starting and
+stopping.
 """
 
 import functools

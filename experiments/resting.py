@@ -1,6 +1,6 @@
 """How household objects that are dropped on a table come to rest.
 
-One set of contact settings must bring all objects to rest. Each other set differs from
+One set of contact settings must bring all objects to rest. Every other set differs from
 it in one setting.
 """
 

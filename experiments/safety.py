@@ -1,11 +1,12 @@
 """How fast and how far the safety monitor stops the kitchen's arm after random faults.
 
-The arm moves between random postures, at random shares of its speed limits, until
-something fails in the middle of a motion. Nothing is in its way: this is about stops.
+The arm moves between random postures, at random shares of its speed limits, until a
+fault occurs in the middle of a motion. There are no obstacles, because only the stop is
+measured.
 
-A robot that has lost its commands must be sent to rest within 0.2 s: the time to
-notice, 0.05 s for a watchdog, and top speed over a stop's deceleration, 0.10 s for the
-slowest joint. The arm itself rests later, by the time in which its joints settle.
+After a robot has lost its commands, the commands must come to rest within 0.2 s. This
+is the time to notice, 0.05 s for a watchdog, and the time to brake from top speed, 0.10
+s for the slowest joint. The arm itself rests later, when its joints have settled.
 """
 
 import functools

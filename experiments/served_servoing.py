@@ -1,7 +1,7 @@
 """Visual servoing through a served station's messages, with pictures that are late.
 
-The can stands on a tray that moves. Arm, gripper and cameras are behind the messages of
-`drake-srg serve`; control loop, safety monitor, servo and planner are those of
+The can stands on a tray that moves. Arm, gripper and cameras exchange the messages of
+`drake-srg serve`. Control loop, safety monitor, servo and planner are those of
 `drake-srg run --hardware`. Both sides advance in turn, so no result depends on the
 machine's speed. Grasps and criteria are those of `visual_servoing`.
 """

@@ -1,10 +1,10 @@
 """The five-axis arm's task by our planner over a bus of emulated servos.
 
-Joints and gripper are commanded and measured by packets of the Dynamixel protocols
-alone: the planner has no distance sensors, and joints in counts of 0.088 degrees.
-Pictures come straight from the simulated camera. Both sides advance in turn, so no
-result depends on the machine's speed. Placement may be off by twice what it is without
-a bus, besides what whole counts of the joints make of it.
+Only packets of the Dynamixel protocols command and measure joints and gripper. The
+planner therefore has no distance sensors, and joint angles in counts of 0.088 degrees.
+Images come directly from the simulated camera. Both sides advance in turn, so no result
+depends on the machine's speed. The placement error may be twice as large as without a
+bus, plus the rounding of the joints to counts.
 """
 
 import dataclasses as dc

@@ -1,12 +1,12 @@
 """Responses of the servo laws: ours and both readings of the thesis's equation 2.3.
 
-The base joints of an SRG move under a servo law alone, the palm fixed and the fingers
-horizontal, so that their weight has no effect. The reference bypasses the minimum-jerk
-generator. The left base joint, which closes with positive angles, is judged. Expected
+The base joints of an SRG move under a servo law alone, without the minimum-jerk
+generator. The palm is fixed and the fingers are horizontal, so their weight has no
+effect. The left base joint, which closes with positive angles, is judged. Expected
 values follow from the gains, the torque limit and the joint's inertia.
 
-The integral term as printed, K_I e q', is zero where the reference rests; with the
-standard one, a grip winds up to the limit. Evaluated literally, e = q* - q drives the
+The integral term as printed, K_I e q', is zero when the reference rests. With the
+standard term, a grip winds up to the limit. Evaluated literally, e = q* - q drives the
 joint ahead of its reference, and nothing holds it against a load.
 """
 

@@ -1,8 +1,9 @@
 """One thing at a time cleared into a bin: household objects, shapes and new meshes.
 
-It falls on the table in any orientation. The planner sees a noisy depth image and knows
-nothing of it. Whether it offers a side that the hand takes is judged here, by ground
-truth: the distance of two parallel vertical planes that enclose it where it rests.
+Each object falls on the table in any orientation. The planner sees only a noisy depth
+image and does not know the object. Ground truth decides whether the object has a side
+that fits the hand: the distance of two parallel vertical planes that enclose it where
+it rests.
 """
 
 import time as clock

@@ -1,12 +1,13 @@
 """Whether resting objects that sleep save time, and change no outcome.
 
-In each scene, a carton at rest is pushed into things that stand and lie on a table. It
-is simulated with all objects awake and with objects that sleep until something comes
-near; every tenth, awake with half the step, too. Pushes are chaotic: half the step
-changes a larger share of the outcomes than sleep does.
+In each scene, a resting carton is pushed into objects that stand and lie on a table. It
+is simulated with all objects awake, and with objects that sleep until something comes
+near. Every tenth scene is also simulated awake with half the step. Pushes are chaotic:
+half the step changes more outcomes than sleep does.
 
-`sleeping_tasks`: trials of the varied kitchen with a can and two pieces of clutter must
-end the same in words: success, the reason of a failure, the number of attempts.
+In `sleeping_tasks`, trials of the varied kitchen with a can and two pieces of clutter
+must give the same result in words: success, the reason of a failure, the number of
+attempts.
 """
 
 import dataclasses as dc

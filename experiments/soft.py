@@ -2,9 +2,9 @@
 
 The gripper closes on a block of foam that stands on the table. The foam's elasticity
 and the wires' moments about the base hinges determine the expected squeeze and grip
-force: the block is at least as stiff as the column between the pads alone, free to
-bulge, and at most as stiff as if it were squeezed uniformly and could not bulge. Half
-the time step, or a finer mesh, may change the squeeze by a tenth.
+force. The block is at least as stiff as the column between the pads if this could bulge
+freely. It is at most as stiff as a block that is squeezed uniformly and cannot bulge.
+Half the time step, or a finer mesh, may change the squeeze by a tenth.
 """
 
 from typing import Any

@@ -1,12 +1,16 @@
 """What work costs on this machine: motions, recording, and sweeps.
 
-`time_parameterization`: motions of the kitchen's arm by toppra, which all planners use,
-and by Drake's own solver.
-`recording_cost`: processor time of all threads in a worker of a sweep, relative to an
-unrecorded trial; it varies by a tenth. `sweep_throughput`: the wall clock of a whole
-sweep with one worker and with two; it needs an idle machine with two cores. `overhead`
-is what `make bench-guard` runs: a scenario's wall-clock time over that of its bare
-plant on the same inputs, and over that of a loop in Python.
+* `time_parameterization` compares toppra, which all planners use, with Drake's own
+  solver, for motions of the kitchen's arm.
+* `recording_cost` is the processor time of all threads in a worker of a sweep, relative
+  to an unrecorded trial. Rendering and linear algebra have one thread each. The time
+  varies by a tenth between equal runs.
+* `sweep_throughput` is the real time of a whole sweep with one worker and with two,
+  including checks and the start of the workers. It needs an otherwise idle machine with
+  at least two cores.
+* `overhead` is what `make bench-guard` runs: a scenario's real time, divided by that of
+  its bare plant on the same inputs, and by that of a loop in Python. On a slow machine,
+  all of them slow down together.
 """
 
 import tempfile

@@ -1,9 +1,8 @@
 """The SRG thesis's demonstration, commanded by messages over ROS 1 and ROS 2.
 
 A client in a separate process sends the thesis's 5752 messages at the thesis's pace to
-a station that is served in real time. A witness, which reads the ground truth and
-commands nothing, records the motion of the can, which must end upright at its original
-place.
+a station that is served in real time. An observer reads the ground truth and records
+the motion of the can. The can must end upright at its original place.
 """
 
 import multiprocessing as mp

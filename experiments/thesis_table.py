@@ -1,12 +1,13 @@
 """The five-axis arm's cell compared with the results of its thesis.
 
-Table 1 of the thesis reports ten grasps of a cylinder at one place. Here that place is
-one of the variants, by the thesis's own rules (localizer, taught waypoints, motions and
-waits); in the others, the cylinder stands anywhere in the pick region, and the rules
-are the thesis's or ours. Ours must seat every cylinder and be no worse than what the
-thesis's rules give in the same run. The arm's forward kinematics are checked as the
-thesis does, at one posture. Errors in x and y depend on a camera that it does not
-publish; see `thesis_localizer`.
+Table 1 of the thesis reports ten grasps of a cylinder at one place. One variant repeats
+this by the thesis's own rules (localizer, taught waypoints, motions and waits). In the
+others, the cylinder stands anywhere in the pick region, and the rules are the thesis's
+or ours. Ours must seat every cylinder, and be no worse than the thesis's rules in the
+same run.
+
+The arm's forward kinematics are checked at one posture, as in the thesis. Errors in x
+and y depend on a camera whose data the thesis does not publish; see `thesis_localizer`.
 """
 
 from collections.abc import Mapping

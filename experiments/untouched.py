@@ -1,8 +1,7 @@
 """How far things on a table move that have come to rest and that nobody touches.
 
-The objects of the cells that clear a table fall as they do there, and the arm waits at
-home. What sleeps cannot move. The seeds are not those that stiction tolerance and steps
-were chosen on.
+The objects fall as in the cells that clear a table, and the arm waits at home. Sleeping
+objects cannot move. Stiction tolerance and steps were chosen on other seeds.
 """
 
 from collections.abc import Mapping

@@ -1,12 +1,13 @@
 """Grasping by looking once, looking twice and visual servoing: motion, calibration.
 
-The can stands on a tray that moves, or the camera is not where it is believed to be. A
-trial ends once the can is lifted and held, or the first attempt has failed.
+The can stands on a tray that moves, or the camera's pose is wrong. A trial ends once
+the can is lifted and held, or the first attempt has failed.
 
-Set before the first run: a servo must grasp in every case, within the distance at which
-`servoing.tolerance` lets the fingers close. All methods must grasp an object at rest
-with a good calibration. With half the step, no more of a servo's trials may end
-otherwise than it may lose; its error may change by a sixth of the limit (median).
+The criteria were set before the first run. A servo must grasp in every case, with an
+error below the distance at which `servoing.tolerance` lets the fingers close. All
+methods must grasp an object at rest with a good calibration. The results must not
+depend on the time step. With half the step, no more trials may end differently than a
+servo may lose. The median grasp error may change by a sixth of its limit.
 """
 
 import dataclasses as dc
