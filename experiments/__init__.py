@@ -2,7 +2,7 @@
 
 A file here holds one or a few experiments; `runner` runs and judges them, `stands` has
 what several share. Run one with `python -m experiments NAME`, and see
-docs/extending.md for how to add a claim.
+docs/experiments.md for how to add a claim.
 """
 
 import ast

@@ -37,8 +37,7 @@ _WAITS = ("planner.grip_wait=0.1", "planner.release_wait=0.5")
 METHODS: Mapping[str, tuple[str, ...]] = {
     FIXED: (_HOME, _TAUGHT, *_WAITS),
     ONE_LOOK: (
-        *(_HOME, _ONCE),
-        "planner.look_before_grasp=false",
+        *(_HOME, _ONCE, "planner.look_before_grasp=false"),
         "planner.look_before_place=false",
     ),
     LOOKS: (_HOME, _ONCE),
@@ -49,7 +48,6 @@ _PUSH = (0.01, 0.04)
 
 
 def cases(trials: int = 100) -> list[ex.Case]:
-    """Run every method in every situation."""
     return [
         {"name": f"{c['situation']}: {c['method']}", **c}
         for c in ex.grid(
@@ -73,28 +71,23 @@ def situation_overrides(situation: str, seed: int) -> tuple[str, ...]:
 
 
 def trial(name: str, method: str, situation: str, seed: int) -> ex.Measures:
-    """Run a method in a situation; an object that is not placed has no figures."""
     overrides = (*METHODS[method], *situation_overrides(situation, seed))
-    cycle = run_cycle("assistive_arm_fast", seed, overrides)
-    done = {key: cycle[key] for key in ("lifted", "placed", "failure")}
-    keys = ("distance", "placing", "cycle", "smoothness")
-    return done | {key: cycle[key] if cycle["placed"] else None for key in keys}
+    return run_cycle("assistive_arm_fast", seed, overrides)
 
 
 def summary(own: ex.Trials) -> ex.Values:
-    found = shares(own)
+    found, placed = shares(own), own.where(placed=True)
     for what, unit, measure in (
         ("placement error", "mm", "distance"),
         ("time to placement", "s", "placing"),
         ("cycle", "s", "cycle"),
         ("smoothness", "", "smoothness"),
     ):
-        found |= ex.quantiles(what, unit, own.known(measure))
+        found |= ex.quantiles(what, unit, placed.known(measure))
     return found
 
 
 def better(trials: ex.Trials) -> dict[str, ex.Values]:
-    """Compare methods where one must be better than the other."""
     found: dict[str, ex.Values] = {ANYWHERE: {}, PUSHED: {}}
     for situation, method, other in (
         (ANYWHERE, ONE_LOOK, FIXED),

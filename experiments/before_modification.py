@@ -97,7 +97,6 @@ def overrides(tip: str, seed: int, model: Path) -> list[str]:
 
 
 def cases(trials: int = 5) -> list[ex.Case]:
-    """Grasp, carry and place the cylinder with every combination."""
     return ex.grid(**LEVELS, seed=range(trials))
 
 
@@ -107,9 +106,7 @@ def trial(
     with tempfile.TemporaryDirectory() as folder:
         model = Path(folder) / "linkage_gripper.sdf"
         model.write_text(gripper_sdf(shape, material, friction), encoding="utf-8")
-        cycle = run_cycle(SCENARIO, seed, overrides(tip, seed, model))
-    keys = ("lifted", "placed", "failure", "distance", "placing")
-    return {key: cycle[key] for key in keys}
+        return run_cycle(SCENARIO, seed, overrides(tip, seed, model))
 
 
 def whole(trials: ex.Trials) -> dict[str, ex.Values]:
@@ -119,17 +116,18 @@ def whole(trials: ex.Trials) -> dict[str, ex.Values]:
     tip as drawn, whatever the pads.
     """
     found: dict[str, ex.Values] = {
-        f"{factor} {level}": (shares(trials.where(**{factor: level})))
+        f"{factor} {level}": shares(trials.where(**{factor: level}))
         for factor, levels in LEVELS.items()
         for level in levels
     }
-    some, named = ex.number(spread=0.2), "{shape}, {material}, friction {friction:g}, "
+    some = ex.number(spread=0.2)
+    named = "{shape}, {material}, friction {friction:g}, tip {tip}"
     for own in trials.groups("shape", "material", "tip").values():
         name = "{shape}, {material}, tip {tip}".format_map(own[0])
-        distance = own.known("distance")
-        found[name] = ex.quantiles("distance from the goal", "mm", distance)
+        off = own.known("distance")
+        found[name] = ex.quantiles("distance from the goal", "mm", off)
     for own in trials.groups("shape", "material", "friction", "tip").values():
-        found[f"{named}tip {{tip}}".format_map(own[0])] = {
+        found[named.format_map(own[0])] = {
             "grasped and lifted, share []": (np.mean(own["lifted"]), some),
             "placed, share []": (np.mean(own["placed"]), some),
         }

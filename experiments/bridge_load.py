@@ -19,15 +19,7 @@ from drake_srg.robot.serve.loop import control_period
 from drake_srg.robot.serve.pictures import COLOR, camera_topics, served_camera
 from drake_srg.scenario import load_scenario
 from drake_srg.types import Vector
-from experiments.stands.bridge_client import (
-    WIRES,
-    Client,
-    ServedProcess,
-    open_wire,
-    silent_inbox,
-    wait_for,
-    watch,
-)
+from experiments.stands import bridge_client as bridges
 
 _NAME, SCENARIO = "bridge_load", "kitchen"
 # Messages on each topic [Hz]. The station reads commands every 5 ms; 27 Hz is not in
@@ -53,23 +45,20 @@ class Change(NamedTuple):
     rest: float
 
 
-def cases(
-    duration: float = 60.0, free_duration: float = 8.0, images: int = 100
-) -> list[ex.Case]:
+def cases(duration: float = 60.0) -> list[ex.Case]:
     """Load the station over each wire, and run the scenarios at full speed.
 
     Args:
         duration: Duration of each load [s].
-        free_duration: Duration of each run at full speed [s].
-        images: Number of images to send over each wire.
     """
-    loads = ex.grid(wire=WIRES, what=LOADS, amount=[duration])
-    free = ex.grid(wire=["ROS 2"], what=FREE, amount=[free_duration])
-    sent = ex.grid(wire=WIRES, what=["image"], amount=[images])
+    cases = [
+        *ex.grid(wire=bridges.WIRES, what=LOADS, amount=[duration]),
+        *ex.grid(wire=["ROS 2"], what=FREE, amount=[8.0]),  # s
+        *ex.grid(wire=bridges.WIRES, what=["image"], amount=[100]),  # images
+    ]
     return [
-        *({"name": f"{case['wire']}, {case['what']}"} | case for case in loads),
-        *({"name": case["what"]} | case for case in free),
-        *({"name": f"{case['wire']}, image"} | case for case in sent),
+        {"name": c["what"] if c["what"] in FREE else f"{c['wire']}, {c['what']}", **c}
+        for c in cases
     ]
 
 
@@ -77,17 +66,16 @@ def trial(name: str, wire: str, what: str, amount: float) -> ex.Measures:
     """Measure delays under a load, full speed without commands, or cost of images."""
     if what == "image":
         return {"time to send, median [ms]": 1e3 * image_cost(wire, int(amount))}
-    with open_wire(wire, _NAME) as opened:
+    with bridges.open_wire(wire, _NAME) as opened:
         if what in FREE:
-            station = ServedProcess(
-                *(what, "--no-record", "--rate", "0", *opened.arguments)
-            )
+            options = ("--no-record", "--rate", "0", *opened.arguments)
+            station = bridges.ServedProcess(what, *options)
             wall.sleep(amount)
             served = station.stop()
             return {"largest real-time factor []": served.sim_time / served.wall_time}
-        station = ServedProcess(SCENARIO, "--no-record", *opened.arguments)
+        station = bridges.ServedProcess(SCENARIO, "--no-record", *opened.arguments)
         try:
-            with contextlib.closing(Client(opened.make_client)) as client:
+            with contextlib.closing(bridges.Client(opened.make_client)) as client:
                 found = measure_delays(client, LOADS[what], amount)
         finally:
             served = station.stop()
@@ -105,7 +93,7 @@ def trial(name: str, wire: str, what: str, amount: float) -> ex.Measures:
     }
 
 
-def measure_delays(client: Client, rate: float, duration: float) -> ex.Measures:
+def measure_delays(client: bridges.Client, rate: float, duration: float) -> ex.Measures:
     """Command a served kitchen on all topics, and measure how soon it follows.
 
     At each topic's rate [Hz], for a real time [s].
@@ -173,11 +161,13 @@ def image_cost(wire: str, count: int) -> float:
     pixels = np.random.default_rng(0).integers(0, 256, (480, 640, 3), dtype=np.uint8)
     costs = []
     with (
-        open_wire(wire, _NAME) as opened,
-        contextlib.closing(opened.make_station(silent_inbox(), [topic])) as bridge,
-        watch(opened.make_client, topic.name, topic.type),
+        bridges.open_wire(wire, _NAME) as opened,
+        contextlib.closing(
+            opened.make_station(bridges.silent_inbox(), [topic])
+        ) as bridge,
+        bridges.watch(opened.make_client, topic.name, topic.type),
     ):
-        wait_for(lambda: bridge.has_subscribers(COLOR))
+        bridges.wait_for(lambda: bridge.has_subscribers(COLOR))
         for i in range(count):
             wall.sleep(0.03)
             start = wall.perf_counter()

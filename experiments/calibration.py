@@ -16,19 +16,12 @@ from pydrake.common.schema import Transform
 from pydrake.math import RigidTransform
 
 import experiments.runner as ex
-from drake_srg.common.exceptions import ScenarioError
+from drake_srg import Scenario, ScenarioError, load_scenario
 from drake_srg.objects.models import object_shape
+from drake_srg.robot.calibrate import solve
 from drake_srg.robot.calibrate.mounting import Board, Mounting, mount
 from drake_srg.robot.calibrate.overlay import X_PB
 from drake_srg.robot.calibrate.shots import find_views, take_shots
-from drake_srg.robot.calibrate.solve import (
-    Calibration,
-    Unknowns,
-    View,
-    calibrate,
-    residuals,
-)
-from drake_srg.scenario import Scenario, load_scenario
 from drake_srg.station.planners import own_scene
 from drake_srg.types import Vector
 from drake_srg.vision.camera import CameraCalibrationConfig
@@ -40,7 +33,9 @@ KNOCK = {"translation": [0.006, -0.006, 0.0053], "rotation": [0.02, 0.02, 0.0204
 # First seed of the rendered runs. The package's defaults were chosen on other seeds.
 _SEED = 2000
 _MORE = 0.5  # by how much the mean error of locating an object may grow [mm]
-_LOCATED = 3  # calibrations with which objects are located
+# Calibrations of each camera from rendered images and from drawn views, images of each;
+# calibrations with which objects are located, and where.
+_RENDERED, _SYNTHETIC, _IMAGES, _LOCATED, _PLACES = 7, 200, 24, 3, 20
 BUILT, KNOCKED, CALIBRATED = "as built", "knocked", "knocked and calibrated"
 # Noise and blur of a good camera indoors, see `CameraErrorsConfig`.
 _NOISE = {"color_noise": 2.0, "blur": 0.5}
@@ -61,27 +56,25 @@ class Rendered:
     """A calibration from rendered images: None if it failed."""
 
     mounting: Mounting
-    truth: Unknowns
-    views: list[View]
-    result: Calibration | None
+    truth: solve.Unknowns
+    views: list[solve.View]
+    result: solve.Calibration | None
 
 
-def render(camera: str, seed: int, images: int) -> Rendered:
+def render(camera: str, seed: int) -> Rendered:
     """Calibrate a camera once, from images of a simulated run."""
     name, own, overrides = CELLS[camera]
     noise = [f"camera_errors.{own}.{k}={v}" for k, v in _NOISE.items()]
     scenario = load_scenario(name, seed=seed, overrides=[*overrides, *noise])
     scene = own_scene(scenario)
     mounting = mount(scenario, own, scene, Board())
-    views = find_views(take_shots(scenario, mounting, scene, images), mounting)
+    views = find_views(take_shots(scenario, mounting, scene, _IMAGES), mounting)
     X_PC = mounting.X_PB @ mounting.model.X_BC
-    truth = Unknowns(mounting.focal, mounting.center, X_PC, mounting.X_QO)
+    truth = solve.Unknowns(mounting.focal, mounting.center, X_PC, mounting.X_QO)
     return Rendered(mounting, truth, views, _try(views, truth, np.ones(2)))
 
 
-def synthesize(
-    runs: list[Rendered], rng: np.random.Generator, images: int
-) -> list[float] | None:
+def synthesize(runs: list[Rendered], rng: np.random.Generator) -> list[float] | None:
     """Calibrate a camera from views drawn from runs; return `errors_of` that.
 
     The camera and the board are moved at random by some centimetres and degrees. The
@@ -93,26 +86,28 @@ def synthesize(
         X_QB=runs[0].truth.X_QB @ _random_pose(rng, 0.005, np.radians(2.0)),
     )
     pool = [
-        (view, residuals(run.truth, view))
+        (view, solve.residuals(run.truth, view))
         for run in runs
         for view in run.views
         if len(view.pixels)
     ]
     views = []
-    for i in rng.choice(len(pool), images, replace=False):
+    for i in rng.choice(len(pool), _IMAGES, replace=False):
         view, _ = pool[i]
         _, errors = pool[rng.integers(len(pool))]
         # A view with fewer corners lends some of its errors twice.
         drawn = np.resize(errors, (len(view.pixels), 2))
-        exact = residuals(truth, view) + view.pixels
+        exact = solve.residuals(truth, view) + view.pixels
         views.append(dc.replace(view, pixels=exact + drawn))
     return errors_of(_try(views, truth, rng.uniform(-1.0, 1.0, 2)), truth)
 
 
-def errors_of(result: Calibration | None, truth: Unknowns) -> list[float] | None:
-    """Return errors of position [mm], rotation [degrees] and focal length [%].
+def errors_of(
+    result: solve.Calibration | None, truth: solve.Unknowns
+) -> list[float] | None:
+    """Return the errors of position [mm], rotation [degrees] and focal length [%].
 
-    At last, the standard deviation of the position, as the calibration says it [mm].
+    Last comes the calibration's own standard deviation of the position [mm].
     """
     if result is None:
         return None
@@ -126,10 +121,12 @@ def errors_of(result: Calibration | None, truth: Unknowns) -> list[float] | None
     ]
 
 
-def _try(views: list[View], truth: Unknowns, wrong: Vector) -> Calibration | None:
+def _try(
+    views: list[solve.View], truth: solve.Unknowns, wrong: Vector
+) -> solve.Calibration | None:
     focal = truth.focal * (1.0 + _WRONG_FOCAL * wrong)
     try:
-        return calibrate(views, focal, truth.center + 10.0 * wrong)
+        return solve.calibrate(views, focal, truth.center + 10.0 * wrong)
     except ScenarioError:
         return None
 
@@ -156,7 +153,7 @@ def calibrated(scenario: Scenario, run: Rendered) -> Scenario:
     return dc.replace(scenario, camera_calibrations={mounting.camera: config})
 
 
-def locate(camera: str, runs: list[Rendered], places: int) -> dict[str, Vector]:
+def locate(camera: str, runs: list[Rendered]) -> dict[str, Vector]:
     """Return the errors of locating the picked object in random places [mm]."""
     name, own, _ = CELLS[camera]
     knock = [f"camera_errors.{own}.{k}={v}" for k, v in KNOCK.items()]
@@ -167,49 +164,30 @@ def locate(camera: str, runs: list[Rendered], places: int) -> dict[str, Vector]:
         KNOCKED: [knocked],
         CALIBRATED: [calibrated(knocked, run) for run in good],
     }
-    return {
-        case: np.concatenate([_errors(s, places) for s in scenarios])
-        for case, scenarios in cases.items()
-    }
+    found: dict[str, Vector] = {}
+    for case, scenarios in cases.items():
+        errors = []
+        for scenario in scenarios:
+            eye, rng = Eye(scenario), np.random.default_rng(0)
+            pick, region = scenario.task.pick, scenario.task.region
+            height = 0.5 * object_shape(pick, scenario.objects[pick]).height
+            z = scenario.table.height + height
+            for _ in range(_PLACES):
+                X_WO = RigidTransform([*rng.uniform(region.min, region.max), z])
+                errors.append(1e3 * np.linalg.norm(eye.offset(X_WO)))
+        found[case] = np.array(errors)
+    return found
 
 
-def _errors(scenario: Scenario, places: int) -> Vector:
-    eye, rng = Eye(scenario), np.random.default_rng(0)
-    pick, region = scenario.task.pick, scenario.task.region
-    height = 0.5 * object_shape(pick, scenario.objects[pick]).height
-    z, errors = scenario.table.height + height, []
-    for _ in range(places):
-        X_WO = RigidTransform([*rng.uniform(region.min, region.max), z])
-        errors.append(np.linalg.norm(eye.offset(X_WO)))
-    return 1e3 * np.array(errors)
-
-
-def cases(
-    rendered: int = 7, synthetic: int = 200, images: int = 24, places: int = 20
-) -> list[ex.Case]:
-    """Calibrate each camera many times, and locate objects with the results.
-
-    Args:
-        rendered: Rendered calibrations of each camera.
-        synthetic: Synthetic ones.
-        images: Images of each calibration.
-        places: Places of the objects.
-    """
-    counts = {"rendered": rendered, "synthetic": synthetic}
-    counts |= {"images": images, "places": places}
-    return [{"camera": camera, **counts} for camera in CELLS]
-
-
-def trial(
-    camera: str, rendered: int, synthetic: int, images: int, places: int
-) -> ex.Measures:
-    runs = [render(camera, _SEED + i, images) for i in range(rendered)]
+def trial(camera: str) -> ex.Measures:
+    """Calibrate a camera many times, and locate objects with the results."""
+    runs = [render(camera, _SEED + i) for i in range(_RENDERED)]
     rng = np.random.default_rng(0)
-    corners = [residuals(run.truth, v) for run in runs for v in run.views]
+    corners = [solve.residuals(run.truth, v) for run in runs for v in run.views]
     sizes = np.linalg.norm(np.concatenate(corners), axis=1)
     errors = {
         "rendered": [errors_of(run.result, run.truth) for run in runs],
-        "synthetic": [synthesize(runs, rng, images) for _ in range(synthetic)],
+        "synthetic": [synthesize(runs, rng) for _ in range(_SYNTHETIC)],
     }
     fixed = camera != "camera in the hand"
     known = {kind: [e for e in own if e is not None] for kind, own in errors.items()}
@@ -218,7 +196,7 @@ def trial(
         "error of corners, 99 % quantile [pixels]": np.quantile(sizes, 0.99),
         "failed": {kind: len(own) - len(known[kind]) for kind, own in errors.items()},
         "errors": known,
-        "located": locate(camera, runs, places) if fixed else {},
+        "located": locate(camera, runs) if fixed else {},
         "position [mm]": [e[0] for e in known["synthetic"]],
         "rotation [degrees]": [e[1] for e in known["synthetic"]],
     }
@@ -249,18 +227,17 @@ def _quality(errors: Vector, share: float) -> ex.Values:
     """Judge one camera's calibrations by the quantile `share` of their errors."""
     position, rotation, focal, std = errors.T
     good, n = np.sum((position <= POSITION) & (rotation <= ROTATION)), len(errors)
-    low, high = ex.wilson(good, n)
     words = "largest" if share == 1.0 else f"{100 * share:g} % quantile"
     p, r, f = (np.quantile(values, share) for values in (position, rotation, focal))
-    both = "share within both limits"
+    low, high = ex.wilson(good, n)
     return {
         f"position, {words} [mm]": (p, ex.at_most(POSITION)),
         "position, median [mm]": np.median(position),
         f"rotation, {words} [deg]": (r, ex.at_most(ROTATION)),
         "rotation, median [deg]": np.median(rotation),
-        f"{both} []": good / n,
-        f"{both}, at least []": low,
-        f"{both}, at most []": high,
+        "share within both limits []": good / n,
+        "share within both limits, at least []": low,
+        "share within both limits, at most []": high,
         "position within two standard deviations []": np.mean(position <= 2.0 * std),
         f"focal length, {words} [%]": f,
     }
@@ -268,7 +245,7 @@ def _quality(errors: Vector, share: float) -> ex.Values:
 
 calibration = ex.Experiment(
     "How accurately cameras are calibrated, fixed and in the hand, and what for.",
-    cases,
+    lambda: ex.grid(camera=CELLS),
     trial,
     whole=whole,
     picture=[

@@ -12,9 +12,8 @@ object back, it slides by that distance, which vanishes with the step.
 import numpy as np
 
 import experiments.runner as ex
-from drake_srg.common.exceptions import ScenarioError
+from drake_srg import ScenarioError, load_scenario
 from drake_srg.common.log_format import pose_key
-from drake_srg.scenario import load_scenario
 from drake_srg.simulation.measures import hand_poses
 from drake_srg.types import Mode, Vector
 from experiments.stands.cells import simulate_whole
@@ -33,7 +32,6 @@ LIMIT = 0.2
 
 
 def cases() -> list[ex.Case]:
-    """Carry the cylinder at every step."""
     return [
         {"name": f"{scenario}, {1e3 * h:.3g} ms", "scenario": scenario, "step": h}
         for scenario, (_, steps) in STEPS.items()

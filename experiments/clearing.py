@@ -12,7 +12,7 @@ from heaps of real objects, with a parallel-jaw gripper and a suction cup. Peopl
 """
 
 import functools
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from typing import Any
 
 import numpy as np
@@ -53,6 +53,7 @@ SCENES: dict[str, tuple[str, tuple[str, ...]]] = {
 # Asked for before the first run: least shares of objects in reach that fit the hand,
 # and of picks by ground truth.
 CLEARED = {"spread": 0.99, "spread, noise": 0.99, "heap, noise": 0.97}
+_OWN = "objects in reach that fit the hand"
 DELIVERED = {"spread": 0.95, "spread, noise": 0.95, "heap, noise": 0.85}
 
 
@@ -63,23 +64,21 @@ def _reach(scene: str) -> Reach:
 
 
 def table_trial(scene: str, seed: int) -> ex.Measures:
-    """Run a scene, and count objects and picks."""
     name, overrides = SCENES[scene]
     metrics = metrics_of(name, seed, overrides)
     things = metrics["objects"] or {}
 
-    def fits(thing: Mapping[str, object]) -> bool:
-        return float(str(thing["width_m"])) <= WIDEST
-
-    def in_reach(thing: Mapping[str, object]) -> bool:
-        # Before the first pick: what was scattered later is lost.
-        return bool(_reach(scene).contains(np.array([thing["lay_at_m"]])).all())
-
-    def free(thing: Mapping[str, object]) -> bool:
-        above = things.get(str(thing["under"]))
-        return above is None or fits(above)
-
-    own = [t for t in things.values() if fits(t) and in_reach(t) and free(t)]
+    # Before the first pick: what was scattered later is lost.
+    reached = {
+        name: bool(_reach(scene).contains(np.array([thing["lay_at_m"]])).all())
+        for name, thing in things.items()
+    }
+    fits = {name: float(t["width_m"]) <= WIDEST for name, t in things.items()}
+    own = [
+        thing
+        for name, thing in things.items()
+        if fits[name] and reached[name] and fits.get(thing["under"], True)
+    ]
     counts = {
         key: metrics[key] or 0
         for key in ("objects_total", "objects_cleared", "picks", "picks_held")
@@ -88,7 +87,7 @@ def table_trial(scene: str, seed: int) -> ex.Measures:
         "picks_delivered": metrics["picks_delivered"] or 0,
         "fit": len(own),
         "fit_cleared": sum(bool(t["cleared"]) for t in own),
-        "beyond": sum(not in_reach(t) for t in things.values()),
+        "beyond": sum(not near for near in reached.values()),
         "rate": metrics["picks_per_hour"] or None,
         "false": max(counts["picks_held"] - counts["objects_cleared"], 0),
         "failures": [str(t["outcome"]) for t in things.values() if not t["cleared"]],
@@ -102,12 +101,7 @@ def summary(place: str) -> Callable[[ex.Trials], ex.Values]:
         found: dict[str, Any] = {"trials []": (len(own), ex.number(spread=1.0))}
         for what, some, every, asked in (
             (f"objects {place}", "objects_cleared", "objects_total", {}),
-            (
-                f"objects in reach that fit the hand {place}",
-                "fit_cleared",
-                "fit",
-                CLEARED,
-            ),
+            (f"{_OWN} {place}", "fit_cleared", "fit", CLEARED),
             ("picks that delivered", "picks_delivered", "picks", DELIVERED),
             ("picks held", "picks_held", "picks", {}),
         ):
@@ -130,23 +124,14 @@ def summary(place: str) -> Callable[[ex.Trials], ex.Values]:
 def _cases(
     scenes: Sequence[str], trials: int, seed: int
 ) -> Callable[..., list[ex.Case]]:
-    """Return the cases of an experiment: all scenes with one seed before the next."""
-
     def cases(trials: int = trials, seed: int = seed) -> list[ex.Case]:
-        """Run every scene."""
         return ex.grid(seed=range(seed, seed + trials), scene=scenes)
 
     return cases
 
 
 def _shares(place: str) -> list[ex.Bars]:
-    return [
-        ex.Bars([what])
-        for what in (
-            f"objects in reach that fit the hand {place}",
-            "picks that delivered",
-        )
-    ]
+    return [ex.Bars([f"{_OWN} {place}"]), ex.Bars(["picks that delivered"])]
 
 
 clearing = ex.Experiment(

@@ -90,7 +90,6 @@ _BASE_LEVER, _TIP_LEVER = 0.5 * SRG.base_length, round(SRG.pad_middle, 3)
 
 
 def sequence_trial(driver: str) -> ex.Measures:
-    """Close a hand around the can."""
     scenario = can_in_hand(DRIVERS[driver])
     with Rig(scenario, name="closing_sequence", log_period=LOG_PERIOD) as rig:
         rig.advance(START)
@@ -156,12 +155,10 @@ def order_and_agreement(trials: ex.Trials) -> dict[str, ex.Values]:
         base = np.rad2deg(np.max(depth[bases]) / _BASE_LEVER)
         # The tip's angle is relative to the base link, so the base's error adds to it.
         tip = base + np.rad2deg(np.max(depth[tips]) / _TIP_LEVER)
+        what = "{} at the end, difference from wires [degrees]"
         found[driver] = {
-            f"{link} at the end, difference from wires [degrees]": (
-                np.max(off[joints]),
-                ex.at_most(limit),
-            )
-            for link, joints, limit in (("base", bases, base), ("tip", tips, tip))
+            what.format("base"): (np.max(off[bases]), ex.at_most(base)),
+            what.format("tip"): (np.max(off[tips]), ex.at_most(tip)),
         }
     return found
 
@@ -201,7 +198,6 @@ def ramp(t: float) -> float:
 
 
 def gentle_trial(way: str) -> ex.Measures:
-    """Close the hand around the can and lift it by 0.1 m."""
     underactuation, trigger = WAYS[way]
     scenario = can_in_hand(
         f"!SrgPositionDriver {{underactuation: {underactuation}, "
@@ -236,18 +232,14 @@ def gentle_trial(way: str) -> ex.Measures:
 def better(trials: ex.Trials) -> dict[str, ex.Values]:
     """Expect a gentle closing to be better than a step in all, and about as fast."""
     step, gentle = (trials.where(way=way)[0] for way in (STEP, APPROACH))
-    compared: ex.Values = {
-        f"{name} [{unit}]": (
-            gentle[f"{measure} [{unit}]"],
-            ex.at_most(step[f"{measure} [{unit}]"] + later),
-        )
-        for name, measure, unit, later in (
-            ("base force, impact", IMPACT, "N", 0.0),
-            (STEADY, STEADY, "N", 0.0),
-            (SHIFT, SHIFT, "mm", 0.0),
-            (f"{SLOWEST}, up to 0.1 s later", SLOWEST, "s", 0.1),
-        )
-    }
+    compared: ex.Values = {}
+    for name, measure, later in (
+        ("base force, impact [N]", f"{IMPACT} [N]", 0.0),
+        (f"{STEADY} [N]", f"{STEADY} [N]", 0.0),
+        (f"{SHIFT} [mm]", f"{SHIFT} [mm]", 0.0),
+        (f"{SLOWEST}, up to 0.1 s later [s]", f"{SLOWEST} [s]", 0.1),
+    ):
+        compared[name] = (gentle[measure], ex.at_most(step[measure] + later))
     return {f"{APPROACH}, less than {STEP}": compared}
 
 

@@ -64,7 +64,6 @@ def trial(grip: str, variant: str) -> ex.Measures:
 
 
 def differences(trials: ex.Trials) -> dict[str, ex.Values]:
-    """Return the differences of the accurate bench from others."""
     found: dict[str, ex.Values] = {}
     for grip in GRIPS:
         a = trials.where(grip=grip, variant=ACCURATE)[0]
@@ -90,8 +89,4 @@ convergence = ex.Experiment(
     {"variants that hold the can": lambda own: ex.at_least(len(own))},
     summary=lambda own: {"variants that hold the can []": sum(own["held"])},
     whole=differences,
-    picture=[
-        ex.Bars(["largest angle difference"]),
-        ex.Bars(["largest relative force difference"]),
-    ],
 )

@@ -13,7 +13,6 @@ grasp holds if it withstands 1 g.
 """
 
 from collections.abc import Mapping, Sequence
-from typing import Any
 
 import numpy as np
 
@@ -36,15 +35,8 @@ DRAKE: Mapping[str, tuple[str, tuple[str, ...]]] = {
     ),
 }
 PHYSICS = {SERVOS: "accurate", CENIC: "train"}
-MUJOCO = {
-    name: OPTIONS[name]
-    for name in (
-        "MuJoCo, as exported",
-        "MuJoCo, friction as in Drake",
-        "MuJoCo, without torsion",
-        "MuJoCo, its defaults",
-    )
-}
+_SAME = ("as exported", "friction as in Drake", "without torsion", "its defaults")
+MUJOCO = {f"MuJoCo, {name}": OPTIONS[f"MuJoCo, {name}"] for name in _SAME}
 ENGINES = (*DRAKE, *PHYSICS, *MUJOCO)
 
 
@@ -54,8 +46,7 @@ def cases(
     """Shake every object in every engine.
 
     Args:
-        engines: Names of the engines; all by default.
-        shakes: Number of shakes of each object; 100 take 7 hours of one core.
+        shakes: Of each object; 100 take 7 hours of one core.
     """
     return ex.grid(
         shake=range(shakes),
@@ -89,19 +80,13 @@ def agreement(trials: ex.Trials) -> dict[str, ex.Values]:
             values["grasps that hold []"] = np.sum(held & tested)
             values["grasps tested []"] = np.sum(tested)
             if name not in (REFERENCE, SERVOS):
-                theirs = np.array(reference["held"])
-                values |= _compare(held[tested], theirs[tested])
+                ours, theirs = held[tested], np.array(reference["held"])[tested]
+                same = int(np.sum(ours == theirs))
+                values |= ex.share("same verdict", same, len(ours), spread=0.05)
+                values["holds what the reference loses []"] = np.sum(ours & ~theirs)
+                values["loses what the reference holds []"] = np.sum(theirs & ~ours)
         found[name] = values
     return found
-
-
-def _compare(held: Any, theirs: Any) -> ex.Values:
-    same = int(np.sum(held == theirs))
-    return {
-        **ex.share("same verdict", same, len(held), spread=0.05),
-        "holds what the reference loses []": np.sum(held & ~theirs),
-        "loses what the reference holds []": np.sum(theirs & ~held),
-    }
 
 
 def _costs(own: ex.Trials) -> ex.Values:

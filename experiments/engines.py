@@ -42,11 +42,7 @@ MUJOCO: dict[str, dict[str, Any]] = {
 
 
 def cases(objects: Sequence[str] = (), engines: Sequence[str] = ()) -> list[ex.Case]:
-    """Grasp every object in every way, in every engine.
-
-    Args:
-        engines: Names of the engines; all by default.
-    """
+    """Grasp every object in every way, in every engine."""
     known = {name for name, _ in grasps.grasps()}
     wanted = ex.chosen("objects", objects, known)
     return [
@@ -78,7 +74,6 @@ def summary(own: ex.Trials) -> ex.Values:
 
 
 def agreement(trials: ex.Trials) -> dict[str, ex.Values]:
-    """Return the number of verdicts of each engine that agree with the reference."""
     held = {
         name: np.array(own["slip"]) < SLIP
         for name, own in trials.groups("engine").items()

@@ -41,6 +41,7 @@ GRIDS = {
     },
 }
 RADIAL, OFF = "distance from joint 1 [mm]", "angle off radial [degrees]"
+_RUNS = 10  # simulated cycles
 _NEAR = 0.245  # where the region begins, straight in front of the arm [m]
 
 
@@ -69,10 +70,11 @@ class Cell:
     def pose(self, place: Vector, lean: float, off: float) -> RigidTransform:
         """Return the cylinder's X_WO, with its rim or side on the table."""
         tilt = np.deg2rad(lean)
-        R_WO = RollPitchYaw(self.turn(place, lean, off)).ToRotationMatrix()
         height = 0.5 * self._shape.length * np.cos(tilt)
         height += self._table.height + self._shape.radius * np.sin(tilt)
-        return RigidTransform(R_WO, [*place, height])
+        return RigidTransform(
+            RollPitchYaw(self.turn(place, lean, off)), [*place, height]
+        )
 
     def turn(self, place: Vector, lean: float, off: float) -> Vector:
         """Return roll (which turns z towards -y), pitch and yaw, shape (3,) [rad]."""
@@ -106,12 +108,8 @@ class Cell:
 cell = functools.cache(Cell)
 
 
-def cases(runs: int = 10) -> list[ex.Case]:
-    """Plan for every case, simulate some, and find the edges of the envelope.
-
-    Args:
-        runs: Number of simulated cycles.
-    """
+def cases() -> list[ex.Case]:
+    """Plan for every case, simulate some, and find the edges of the envelope."""
     here = cell()
     found = [(UPRIGHT, p, 0.0, 0.0) for p in here.places(5, 5)]
     for way, (lean, grid, step, start) in GRIDS.items():
@@ -119,7 +117,7 @@ def cases(runs: int = 10) -> list[ex.Case]:
             directions = map(float, range(start + step, 1 - start, step))
             found += [(way, place, lean, off) for off in directions]
     planned, rng = len(found), np.random.default_rng(0)
-    while len(found) < planned + runs:
+    while len(found) < planned + _RUNS:
         place = rng.uniform(here.region.min, here.region.max)
         bound = np.deg2rad(OFF_RADIAL)
         off = float(np.rad2deg(rng.uniform(-bound, bound) + np.pi * rng.integers(2)))
@@ -191,7 +189,6 @@ def bisect(
 
 
 def summary(own: ex.Trials) -> ex.Values:
-    """Judge the claims and report the rest."""
     way = own.name
     if way == "edges":
         return {}
@@ -216,11 +213,9 @@ def summary(own: ex.Trials) -> ex.Values:
     if way == LYING:
         (edge,) = own.whole.where(way="edges")
         far, left, right = edge["edges"]
-        found |= {
-            "largest distance from joint 1, radial [mm]": far,
-            "largest angle off radial, to the left [deg]": left,
-            "largest angle off radial, to the right [deg]": right,
-        }
+        found["largest distance from joint 1, radial [mm]"] = far
+        found["largest angle off radial, to the left [deg]"] = left
+        found["largest angle off radial, to the right [deg]"] = right
     return found
 
 

@@ -8,10 +8,8 @@ operation, the torques must stay below half of a joint's limit.
 import numpy as np
 
 import experiments.runner as ex
-from drake_srg.common.exceptions import ScenarioError
+from drake_srg import Mode, ScenarioError, load_scenario
 from drake_srg.common.log_format import MODES
-from drake_srg.scenario import load_scenario
-from drake_srg.types import Mode
 from experiments.stands.cells import simulate_whole
 
 CELLS = ("kitchen_varied", "assistive_arm_varied")
@@ -22,7 +20,6 @@ _CARRYING = [MODES.index(mode) for mode in (Mode.LIFT, Mode.TRANSFER, Mode.PLACE
 
 
 def cases(seeds: int = 10) -> list[ex.Case]:
-    """Run both cells on both physics."""
     return [
         {"scenario": name, "seed": seed}
         for cell in CELLS
@@ -45,7 +42,6 @@ def trial(scenario: str, seed: int) -> ex.Measures:
 
 
 def summary(own: ex.Trials) -> ex.Values:
-    """Compare with the limits of the cell's protective stop."""
     cell = own.name.removesuffix("_accurate")
     stop = load_scenario(cell, seed=0).planner.max_external_torque
     assert stop is not None

@@ -52,9 +52,8 @@ def cases() -> list[ex.Case]:
     """Return `SERIES` with both pads, and coarse steps that show slip."""
     ends = (OFFSETS[0], OFFSETS[-1])
     return [
-        {"group": f"{pads}, {surface}, along {direction}"}
-        | {"pads": pads, "surface": surface, "direction": direction}
-        | {"offset": offset, "step": step}
+        {"group": f"{pads}, {surface}, along {direction}", "pads": pads}
+        | {"surface": surface, "direction": direction, "offset": offset, "step": step}
         for series, step in ((SERIES, _STEP), ((("dry", "x", ends),), 2.0 * _STEP))
         for pads in SCENARIOS
         for surface, direction, offsets in series
@@ -65,7 +64,6 @@ def cases() -> list[ex.Case]:
 def trial(
     group: str, pads: str, surface: str, direction: str, offset: float, step: float
 ) -> ex.Measures:
-    """Take and carry the cylinder, off its middle."""
     # The camera's x and y are the world's -y and -x.
     off = {"x": [0.0, -1e-3 * offset, 0.0], "y": [-1e-3 * offset, 0.0, 0.0]}[direction]
     overrides = (
@@ -87,7 +85,7 @@ def trial(
 
 
 def up_to(own: ex.Trials, good: Callable[[Mapping[str, Any]], bool]) -> float:
-    """Return the offset up to which all cases are good [mm]; NaN if none is."""
+    """Return the offset up to which all cases are good [mm]; NaN without any."""
     found = [t["offset"] for t in itertools.takewhile(good, own.where(fine=True))]
     return found[-1] if found else np.nan
 

@@ -29,7 +29,6 @@ GAP = "force, opening less closing, at 30 %"
 
 
 def trial(friction: str) -> ex.Measures:
-    """Press the tips on each other with changing torque, let go; then hold a can."""
     gears = load_scenario("srg_specimen").gripper.wire_motor.drive.friction
     config = gears if "gears" in friction else DriveFrictionConfig()
     config = dc.replace(config, wire=WIRE if "wires" in friction else 0.0)

@@ -21,12 +21,11 @@ from pydrake.common.schema import Transform
 from pydrake.math import RigidTransform, RotationMatrix
 
 import experiments.runner as ex
-from drake_srg.common.exceptions import ScenarioError
+from drake_srg import ScenarioError, load_scenario
 from drake_srg.objects.config import ObjectConfig
 from drake_srg.objects.household import HOUSEHOLD, household_object, object_facts
 from drake_srg.planning.grasps.srg_hand import SrgFingers
 from drake_srg.planning.grasps.top_grasps import HeightMapGrasps, Reach, TopGrasp
-from drake_srg.scenario import load_scenario
 from drake_srg.simulation.rig import Rig, bench_scenario, tabletop
 from drake_srg.types import Failure, HeightMap
 from drake_srg.vision.camera import CameraModel
@@ -47,6 +46,8 @@ _REACH = Reach((0.5, 0.0), 0.0, 0.38)
 _SURFACE = Surface((0.0, -0.5), (1.0, 0.5), 0.0)
 _APPROACH, _LIFT = 0.12, 0.15  # m
 _ARRIVE, _CLOSE, _RAISE, _HOLD = 0.8, 1.2, 0.8, 1.0  # s
+_ATTEMPTS = 3  # grasps to try before giving up
+_NOISE = CameraErrorsConfig(depth_noise=1e-3, depth_dropout=0.01)
 # Contact settings in which things rest (see `resting`), and the position driver as in
 # `kitchen`.
 _SETTINGS = (
@@ -60,43 +61,30 @@ _SETTINGS = (
 
 
 def cases(
-    objects: Sequence[str] = (),
-    trials: int = 6,
-    seed: int = 1000,
-    attempts: int = 3,
-    depth_noise: float = 1e-3,
+    objects: Sequence[str] = (), trials: int = 6, seed: int = 1000
 ) -> list[ex.Case]:
     """Grasp every object in random poses.
 
     Args:
-        objects: Names of household objects, or files of models; all household objects
-            by default.
-        attempts: Grasps to try before giving up.
-        depth_noise: Standard deviation of depth at 1 m [m]; see `camera_errors`.
+        objects: Household objects, or files of models; all of the former by default.
     """
     named = [name for name in objects if Path(name).suffix not in _MODELS]
     ex.chosen("objects", named, HOUSEHOLD)
     # All objects in one pose before any in the next.
-    return ex.grid(
-        seed=range(seed, seed + trials),
-        object=objects or HOUSEHOLD,
-        attempts=[attempts],
-        depth_noise=[depth_noise],
-    )
+    return ex.grid(seed=range(seed, seed + trials), object=objects or HOUSEHOLD)
 
 
-def trial(seed: int, object: str, attempts: int, depth_noise: float) -> ex.Measures:
+def trial(seed: int, object: str) -> ex.Measures:
     """Drop a thing and try to lift it, until it is held or all attempts failed."""
     known = object in HOUSEHOLD
     thing = household_object(object) if known else ObjectConfig(model=object)
     name = Path(object).stem
     planner = HeightMapGrasps(SrgFingers(), _SURFACE.height, reach=_REACH)
-    noise = CameraErrorsConfig(depth_noise=depth_noise, depth_dropout=0.01)
     X_WO = drop(name, thing, default_rng([seed, sum(map(ord, name))]))
     tried: list[TopGrasp] = []
     held, wrong, reasons, planning, image = [], 0, [], [], None
-    for number in range(attempts):
-        map_ = look(thing, X_WO, noise, seed * 100 + number)
+    for number in range(_ATTEMPTS):
+        map_ = look(thing, X_WO, seed * 100 + number)
         began = clock.perf_counter()
         plan = planner.plan(map_, tried=tried, seed=seed)
         planning.append(1e3 * (clock.perf_counter() - began))
@@ -143,7 +131,6 @@ def drop(name: str, thing: ObjectConfig, rng: Generator) -> RigidTransform:
 
 
 def placed(thing: ObjectConfig, X_WO: RigidTransform) -> ObjectConfig:
-    """Return a thing that starts at a pose."""
     return dc.replace(thing, pose=Transform(X_WO), position=None)
 
 
@@ -162,15 +149,13 @@ def settle(name: str, thing: ObjectConfig, X_WO: RigidTransform) -> RigidTransfo
         return rig.X_WO("thing")
 
 
-def look(
-    thing: ObjectConfig, X_WO: RigidTransform, noise: CameraErrorsConfig, seed: int
-) -> HeightMap:
+def look(thing: ObjectConfig, X_WO: RigidTransform, seed: int) -> HeightMap:
     """Return the height map of the table from the image of `kitchen`'s camera."""
     camera = load_scenario("kitchen").cameras["ceiling"]
     scenario = tabletop({"thing": placed(thing, X_WO)})
     scenario.random_seed = seed
     scenario.cameras = {"ceiling": camera}
-    scenario.camera_errors = {"ceiling": noise}
+    scenario.camera_errors = {"ceiling": _NOISE}
     with Rig(scenario, name="look", period=0.05, log_period=0.05, images=True) as rig:
         context = rig.station.GetMyContextFromRoot(rig.context)
         image, X_WB = (
@@ -252,7 +237,6 @@ def draw(figure: Any, trials: ex.Trials, rows: Sequence[Any]) -> None:
 
 
 def whole(trials: ex.Trials) -> dict[str, ex.Values]:
-    """Expect more than another underactuated hand holds, and state the rest."""
     found: dict[str, ex.Values] = {}
     graspable = trials.where(graspable=True)
     for name, own, bound in (

@@ -60,7 +60,6 @@ def cases(scenario: str = "assistive_arm", seeds: int = 12) -> list[ex.Case]:
 
 
 def file_name(scenario: str) -> str:
-    """Return the name of the file that contains a scenario's frames."""
     return f"{Path(scenario).stem}_tip.dmd.yaml"
 
 
@@ -116,7 +115,6 @@ def mean(verb: str, values: Vector) -> Vector:
 
 
 def whole(trials: ex.Trials) -> dict[str, ex.Values]:
-    """Judge the errors that remain after correction."""
     (t,) = trials
     found: dict[str, ex.Values] = {}
     for stage, means in t["means"].items():

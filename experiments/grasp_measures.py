@@ -52,11 +52,7 @@ _FEW = 5  # grasps that held, or that did not, below which an object's AUC says 
 
 
 def cases(trials: int = 2000, seed: int = 0) -> list[ex.Case]:
-    """Shake grasps of every object.
-
-    Args:
-        trials: Shakes, of all objects together.
-    """
+    """Shake grasps of every object."""
     possible = [
         {"object": name, "approach": approach}
         for (name, approach), grasp in grasps().items()
@@ -150,7 +146,6 @@ def auc_by_object(value: Vector, held: Flags, names: Any) -> float:
 
 
 def whole(trials: ex.Trials) -> dict[str, ex.Values]:
-    """Compare the measures of lifted grasps with the shakes."""
     made, lifted = trials.where(aborted=False), trials.where(lifted=True)
     some = ex.number(spread=0.05 * len(made))
     held, names = lifted["held"], lifted["object"]
@@ -165,15 +160,14 @@ def whole(trials: ex.Trials) -> dict[str, ex.Values]:
     }
     for name in MEASURES:
         area = auc(lifted[name], held)
-        found[name] = {
+        values = {
             "AUC []": area,
             "AUC, mean of objects []": auc_by_object(lifted[name], held, names),
             "AUC, standard error []": auc_error(area, held),
             "cost [ms]": np.mean(lifted[f"cost of {name}"]),
         }
-        for what in list(found[name]):  # without enough shakes, there is none
-            if not np.isfinite(found[name][what]):
-                del found[name][what]
+        # Without enough shakes, there is none.
+        found[name] = {what: x for what, x in values.items() if np.isfinite(x)}
     return found
 
 

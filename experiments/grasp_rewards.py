@@ -40,35 +40,34 @@ _HARD = [
 # A reward has been learned from once this share of so many episodes in a row succeeds,
 # exploration included.
 _LEARNED, _WINDOW = 0.9, 40
+# Of each training, of which the first 100 are random; then grasps of unseen objects,
+# and as many of hard ones.
+_EPISODES, _TRIALS = 300, 70
 
 
-def cases(episodes: int = 300, seeds: int = 3, trials: int = 70) -> list[ex.Case]:
+def cases(seeds: int = 3) -> list[ex.Case]:
     """Train with every reward and seed, and judge the final policies.
 
     Args:
-        episodes: Number of episodes per training; the first 100 are random.
         seeds: Trainings with each reward.
-        trials: Grasps of each policy of unseen objects, and as many of hard ones.
     """
-    return ex.grid(
-        seed=range(seeds), reward=REWARDS, episodes=[episodes], trials=[trials]
-    )
+    return ex.grid(seed=range(seeds), reward=REWARDS)
 
 
 # The last bits depend on the number of threads.
 @threadpool_limits.wrap(limits=1)
-def trial(seed: int, reward: str, episodes: int, trials: int) -> ex.Measures:
+def trial(seed: int, reward: str) -> ex.Measures:
     """Train once; return successes of the episodes, and of the final policy."""
     training = Training(environment="GraspOneShot", keywords={"reward": reward})
     env = make_environment(training.environment, training.keywords)
     learner = MakeLearner("q", env, seed)
-    done = learner.advance(episodes)
+    done = learner.advance(_EPISODES)
     policy = trained_policy(learner, env, training)
     changed = {**training.keywords, "overrides": _HARD}
     hard = make_environment(training.environment, changed)
-    first = EVALUATION + seed * trials
+    first = EVALUATION + seed * _TRIALS
     unseen, held = (
-        [run_episode(e, policy, first + k).success for k in range(trials)]
+        [run_episode(e, policy, first + k).success for k in range(_TRIALS)]
         for e in (env, hard)
     )
     rate = np.convolve(done, np.ones(_WINDOW), "valid") / _WINDOW
@@ -83,9 +82,8 @@ def trial(seed: int, reward: str, episodes: int, trials: int) -> ex.Measures:
 
 
 def summary(own: ex.Trials) -> ex.Values:
-    episodes = own[0]["episodes"]
-    until = [episodes if t["learned"] is None else t["learned"] for t in own]
-    some, one = ex.number(spread=0.2 * episodes), ex.number(spread=1.0)
+    until = [_EPISODES if t["learned"] is None else t["learned"] for t in own]
+    some, one = ex.number(spread=0.2 * _EPISODES), ex.number(spread=1.0)
     found: ex.Values = {
         "episodes until 90 % succeed, median []": (np.median(until), some),
         "trainings that reach 90 % []": (len(own.known("learned")), one),
@@ -97,7 +95,6 @@ def summary(own: ex.Trials) -> ex.Values:
 
 
 def whole(trials: ex.Trials) -> dict[str, ex.Values]:
-    """Compare the shake's own policy with the best that never saw a shake."""
     shares = {r: np.mean(own["unseen"]) for r, own in trials.groups("reward").items()}
     shaken = shares[_SHAKEN[0]]
     best = max(share for reward, share in shares.items() if reward not in _SHAKEN)

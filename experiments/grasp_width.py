@@ -62,7 +62,6 @@ class Thing:
 
 
 def box(width: float) -> Thing:
-    """Return a box that stands between the fingers."""
     size = [_DEPTH, width, HEIGHT]
     config = ObjectConfig(shape=Box(size), mass=_MASS, friction=_FRICTION)
     return Thing(config, HEIGHT + _ABOVE_BOX)
@@ -126,29 +125,21 @@ def grasp(thing: Thing) -> ex.Measures:
 
 def cases() -> list[ex.Case]:
     """Grasp boxes from narrow to wide, then thin objects, then flat boxes."""
-    found: list[ex.Case] = [
-        {
-            "name": f"{kind}, {1e3 * size:{'.0f' if kind == 'box' else '.2g'}} mm",
-            **{"kind": kind, "size": size, "gap": 0.0},
-        }
-        for kind, sizes in SIZES.items()
-        for size in sizes
+    found = []
+    for kind, sizes in SIZES.items():
+        for size in sizes:
+            shown = f"{1e3 * size:.0f}" if kind == "box" else f"{1e3 * size:.2g}"
+            found.append({"name": f"{kind}, {shown} mm", "kind": kind, "size": size})
+    wrapped = [
+        {"name": f"wrapped, {1e3 * c['size']:.0f} mm, gap {1e3 * c['gap']:.0f} mm", **c}
+        for c in ex.grid(kind=["wrapped"], size=FLAT, gap=GAPS)
     ]
-    return found + [
-        {
-            "name": f"wrapped, {1e3 * size:.0f} mm, gap {1e3 * gap:.0f} mm",
-            **{"kind": "wrapped", "size": size, "gap": gap},
-        }
-        for size in FLAT
-        for gap in GAPS
-    ]
+    return [case | {"gap": 0.0} for case in found] + wrapped
 
 
 def trial(name: str, kind: str, size: float, gap: float) -> ex.Measures:
-    if kind == "wrapped":
-        found = grasp(flat_box(size, gap))
-    else:
-        found = grasp({"box": box, "sheet": sheet, "rod": rod}[kind](size))
+    makers = {"box": box, "sheet": sheet, "rod": rod}
+    found = grasp(makers[kind](size) if kind in makers else flat_box(size, gap))
     if kind == "box":
         found["motion out of the hand [mm]"] = found["moved"]
     if kind != "box" or size <= CLAIM:
@@ -196,20 +187,17 @@ _WIDTH, _HEIGHT, _MIDDLE = 0.094, 0.058, 0.0704
 _BENCH_X, _GAP = 0.5, 0.012
 OFFSETS = (-0.04, -0.03, -0.02, -0.01, 0.0, 0.01, 0.02, 0.03, 0.04)  # to the nozzle [m]
 _CURL = f"{_POSITION}{{base: freeze, approach_speed: 1.0, tip: curl}}}}"
+_SPRINGS = "{base_spring: {preload: 0.03}, tip_spring: {preload: 0.05}}"
 HANDS = {
     "Algorithm 1": (_CURL.replace("curl", "algorithm_1"),),
     "tips that curl": (_CURL,),
     "tips that curl, half the step": (_CURL, "plant_config.time_step=0.001"),
-    # With the springs of `clear_table_tendon`.
-    "wires": (
-        "gripper=!SrgTendonDriver {drive: "
-        "{base_spring: {preload: 0.03}, tip_spring: {preload: 0.05}}}",
-    ),
+    # As in `clear_table_tendon`.
+    "wires": (f"gripper=!SrgTendonDriver {{drive: {_SPRINGS}}}",),
 }
 
 
 def bottle_trial(hand: str, offset: float) -> ex.Measures:
-    """Close the hand across the lying bottle."""
     bottle = household_objects()["squeeze_bottle"]
     bottle.pose = Transform()
     bottle.pose.translation = [_BENCH_X - _MIDDLE - offset, 0.0, 0.5 * _HEIGHT]
@@ -224,12 +212,8 @@ low_things = ex.Experiment(
     lambda: ex.grid(hand=HANDS, offset=OFFSETS),
     bottle_trial,
     {
-        "share held": {
-            name: ex.at_least(0.85, spread=0.15)
-            if "curl" in name
-            else ex.number(spread=0.15)
-            for name in HANDS
-        }
+        "share held": dict.fromkeys(HANDS, ex.number(spread=0.15))
+        | {name: ex.at_least(0.85, spread=0.15) for name in HANDS if "curl" in name}
     },
     summary=lambda own: {
         "share held []": np.mean(own["free"]),

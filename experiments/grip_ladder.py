@@ -51,7 +51,6 @@ def cases(scenario: str = "srg_specimen") -> list[ex.Case]:
 
 
 def trial(name: str, width: float, effort: float, scenario: str) -> ex.Measures:
-    """Close on a box that stands on the table."""
     thing = box(width)
     height = thing.z if width > _WIDE else 0.7 * HEIGHT + SRG.grasp_center_x
     bench = bench_scenario(thing.config, home=[0.0, 0.0, height], scenario=scenario)

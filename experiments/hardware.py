@@ -104,23 +104,21 @@ def trial(model: str) -> ex.Measures:
         for row in measured
     ]
     shift = calibrated_zero(simulated) - calibrated_zero(measured)
-    presses = [
-        (real, ours)
-        for real, ours in zip(measured, simulated, strict=True)
-        if real.test == "position"
-    ]
+    real, ours = (
+        [row for row in rows if row.test == "position"]
+        for rows in (measured, simulated)
+    )
     return {
         "rows": [dc.asdict(row) for row in simulated],
-        "set point [%]": [real.setpoint_pct for real, _ in presses],
-        "current [mA]": [ours.current_ma for _, ours in presses],
-        "real current [mA]": [real.current_ma for real, _ in presses],
-        "stop [counts]": [ours.stop_counts - shift for _, ours in presses],
-        "real stop [counts]": [real.stop_counts for real, _ in presses],
+        "set point [%]": [row.setpoint_pct for row in real],
+        "current [mA]": [row.current_ma for row in ours],
+        "real current [mA]": [row.current_ma for row in real],
+        "stop [counts]": [row.stop_counts - shift for row in ours],
+        "real stop [counts]": [row.stop_counts for row in real],
     }
 
 
 def compare(trials: ex.Trials) -> dict[str, ex.Values]:
-    """Compare rows; only the specimen's rows are judged."""
     measured, found = vendor_log(), dict[str, ex.Values]()
     for t in trials:
         model = t["model"]

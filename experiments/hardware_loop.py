@@ -23,14 +23,13 @@ import numpy as np
 import yaml
 
 import experiments.runner as ex
-from drake_srg.common.exceptions import ScenarioError
+from drake_srg import Mode, ScenarioError
 from drake_srg.common.log_format import MODES, row_to_pose
 from drake_srg.recording.output import read_log
 from drake_srg.robot.serve.dynamixel.servo import JOINT
 from drake_srg.robot.serve.loop import LONGEST
 from drake_srg.scenario import Scenario, load_scenario, servo_of
 from drake_srg.station.planners import final_pose
-from drake_srg.types import Mode
 from experiments.servo_bus import rounding
 from experiments.stands.bridge_client import ServedProcess, free_port, open_wire
 from experiments.stands.cells import metrics_of
@@ -97,7 +96,6 @@ def cases(
     """Do the tasks through every wire.
 
     Args:
-        cases: Names of cases; all by default.
         rate: Times each case's own rate, for a machine that is too slow.
     """
     ways = ex.chosen("cases", cases, WAYS)
@@ -114,11 +112,7 @@ def inside(scenario: str, seed: int) -> tuple[float, float]:
 
 
 def check_speed(way: Way, speed: float, rate: float) -> None:
-    """Check that a speed is enough to serve a scenario in real time.
-
-    Raises:
-        ScenarioError: If it is not.
-    """
+    """Raise a ScenarioError if a machine runs a way's scenario too slowly."""
     rate *= way.rate
     needed = _RESERVE * rate
     if speed < needed:
@@ -204,12 +198,8 @@ def robot_file(
 ) -> str:
     """Return the text of the hardware file for a scenario that is served in a way.
 
-    Args:
-        way: Protocol by which it is served.
-        scenario: The served scenario.
-        arguments: Arguments of `drake-srg serve` for the wire.
-        port: Port of the servo bus.
-        rate: Seconds of both sides per real second.
+    The wire has `arguments` of `drake-srg serve`, the servo bus a `port`; `rate` is
+    seconds of both sides per real second.
     """
     ros = "Ros1" if way.wire == "ROS 1" else "Ros2"
     bus: dict[str, Any] = {"port": f"tcp:127.0.0.1:{port}", "timeout": _SILENCE}

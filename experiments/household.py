@@ -11,35 +11,27 @@ import numpy as np
 
 import experiments.runner as ex
 from drake_srg.common.srg_geometry import SRG
-from drake_srg.gripper.tendon import TendonDriveConfig
 from experiments.data import household_objects
-from experiments.stands.grasps import (
-    ACCELERATION,
-    HELD,
-    grasps,
-    present,
-    simulate,
-    width_between_pads,
-)
+from experiments.stands import grasps as stand
+from experiments.stands.holding import FULL_FORCE
 
 OPENING = 1e3 * SRG.parallel_gap  # between parallel pads, base links sideways [mm]
 SLIP = 5.0  # in the hand, from the lift to the end, of an object that is held [mm]
 
 
 def cases(objects: Sequence[str] = ()) -> list[ex.Case]:
-    """Grasp, lift and shake objects in every way."""
-    wanted = ex.chosen("objects", objects, {name for name, _ in grasps()})
+    wanted = ex.chosen("objects", objects, {name for name, _ in stand.grasps()})
     return [
         {"object": name, "approach": approach}
-        for name, approach in grasps()
+        for name, approach in stand.grasps()
         if name in wanted
     ]
 
 
 def trial(object: str, approach: str) -> ex.Measures:
-    grasp = grasps()[object, approach]
-    found = simulate(present(household_objects()[object], grasp), grasp)
-    width = 1e3 * width_between_pads(object, grasp)
+    grasp = stand.grasps()[object, approach]
+    found = stand.simulate(stand.present(household_objects()[object], grasp), grasp)
+    width = 1e3 * stand.width_between_pads(object, grasp)
     rows = {"slip [mm]": found["slip"], "wire force [N]": found["wire_force"]}
     if width > OPENING:
         rows["too wide: opening needed [mm]"] = width
@@ -59,14 +51,12 @@ household = ex.Experiment(
     cases,
     trial,
     {
-        "held by the hand alone for": ex.at_least(HELD),
+        "held by the hand alone for": ex.at_least(stand.HELD),
         "slip": slip,
         "turn in the hand": ex.at_most(10.0),
-        "wire force": ex.at_most(
-            TendonDriveConfig().full_wire_force, source="data sheet"
-        ),
+        "wire force": FULL_FORCE,
         "too wide: opening needed": ex.at_least(OPENING),
-        "acceleration of the hand": ex.within(ACCELERATION, relative=0.05),
+        "acceleration of the hand": ex.within(stand.ACCELERATION, relative=0.05),
     },
     by=("object", "approach"),
     whole=lambda trials: {

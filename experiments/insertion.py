@@ -8,18 +8,15 @@ into a hole, if they gave way and came back.
 """
 
 import numpy as np
-from pydrake.common.value import AbstractValue
-from pydrake.multibody.math import SpatialForce
-from pydrake.multibody.plant import ExternallyAppliedSpatialForce
 
 import experiments.runner as ex
+from drake_srg import Simulate, load_scenario
 from drake_srg.common.srg_geometry import SRG
 from drake_srg.objects.config import ObjectConfig
 from drake_srg.planning.grasps.srg_hand import pinch_angles
-from drake_srg.scenario import load_scenario
-from drake_srg.simulation import Simulate
 from drake_srg.simulation.rig import Rig, bench_scenario
 from drake_srg.types import Cylinder
+from experiments.stands.holding import push
 
 HOLES = {
     "no_hole": "directives.hole.add_model.file=package://drake_srg/sdf/hole_none.sdf",
@@ -37,11 +34,6 @@ FORCES = (1.5, 3.0, 6.0, 15.0)  # on the end of a held peg [N]
 _PALM = 0.226  # height of the palm over the table; the pads hold the peg's middle [m]
 
 
-def told_cases() -> list[ex.Case]:
-    """Try each."""
-    return ex.grid(failure=HOLES)
-
-
 def told_trial(failure: str) -> ex.Measures:
     changes = [HOLES[failure], "planner.tries=1"]
     metrics = Simulate(load_scenario("insert", overrides=changes)).metrics
@@ -51,29 +43,17 @@ def told_trial(failure: str) -> ex.Measures:
     }
 
 
-def told_summary(own: ex.Trials) -> ex.Values:
-    """Judge whether the planner names the cause, and the force on the hole."""
-    bounds = {
-        "told by name [-]": ex.at_least(1.0),
-        "force on the hole [N]": ex.at_most(
-            MOST_FORCE, known=_THROWN if own.name == "hole_blocked" else ""
-        ),
-    }
-    return {name: (float(own[name][0]), bound) for name, bound in bounds.items()}
-
-
 insertion_told = ex.Experiment(
     "What is no hole for the peg is told by name, with no more force than allowed.",
-    told_cases,
+    lambda: ex.grid(failure=HOLES),
     told_trial,
-    by=("failure",),
-    summary=told_summary,
+    {
+        "told by name": ex.at_least(1.0),
+        "force on the hole": lambda own: ex.at_most(
+            MOST_FORCE, known=_THROWN if own.name == "hole_blocked" else ""
+        ),
+    },
 )
-
-
-def turn_cases() -> list[ex.Case]:
-    """Press on the end of pegs of two sizes, along the pinch axis and across it."""
-    return ex.grid(direction=("along", "across"), radius=(0.0124, 0.0059))
 
 
 def turn_trial(direction: str, radius: float) -> ex.Measures:
@@ -87,6 +67,7 @@ def turn_trial(direction: str, radius: float) -> ex.Measures:
         overrides=["gripper=!SrgPositionDriver {}"],
     )
     closure = (sum(pinch_angles(radius)) + bench.planner.squeeze) / SRG.full_scale
+    aside = np.array([0.0, 1.0, 0.0] if direction == "along" else [1.0, 0.0, 0.0])
     turns: ex.Measures = {}
     with Rig(bench, name="insertion_turn") as rig:
         rig.advance(2.0, closure=closure)
@@ -94,15 +75,7 @@ def turn_trial(direction: str, radius: float) -> ex.Measures:
         rig.move(home + np.array([0.0, 0.0, 0.05]), 1.0)
         axis, height = rig.X_GO().rotation().col(2).copy(), rig.X_WO().translation()[2]
         for force in FORCES:
-            push = ExternallyAppliedSpatialForce()
-            push.body_index = rig.plant.GetBodyByName("object").index()
-            push.p_BoBq_B = np.array([0.0, 0.0, -0.05])
-            aside = np.array(
-                [0.0, 1.0, 0.0] if direction == "along" else [1.0, 0.0, 0.0]
-            )
-            push.F_Bq_W = SpatialForce(tau=np.zeros(3), f=force * aside)
-            forces = rig.diagram.GetInputPort("object_forces_cheat")
-            forces.FixValue(rig.context, AbstractValue.Make([push]))
+            push(rig, "object", force * aside, [0.0, 0.0, -0.05])
             rig.advance(1.0)
             cosine = float(np.clip(axis @ rig.X_GO().rotation().col(2), -1.0, 1.0))
             turns[f"turn at {force:g} N [degrees]"] = np.rad2deg(np.arccos(cosine))
@@ -112,7 +85,8 @@ def turn_trial(direction: str, radius: float) -> ex.Measures:
 
 insertion_turn = ex.Experiment(
     "How far a peg turns between the pads when a force presses on its end.",
-    turn_cases,
+    # Along the pinch axis and across it.
+    lambda: ex.grid(direction=("along", "across"), radius=(0.0124, 0.0059)),
     turn_trial,
     by=("direction", "radius"),
 )

@@ -19,9 +19,8 @@ YAW = "object.yaw=!Uniform {min: -3.1416, max: 3.1416}"
 
 def _lying(shape: str, height: float) -> tuple[str, ...]:
     """Return the overrides of a shape that lies, its middle at a height [m]."""
-    place = (
-        f"!UniformVector {{min: [0.45, -0.2, {height}], max: [0.75, 0.2, {height}]}}"
-    )
+    low, high = [0.45, -0.2, height], [0.75, 0.2, height]
+    place = f"!UniformVector {{min: {low}, max: {high}}}"
     turn = "!Rpy {deg: !UniformVector {min: [90, 0, -180], max: [90, 0, 180]}}"
     pose = f"{{base_frame: world, translation: {place}, rotation: {turn}}}"
     return f"object.shape={shape}", f"object.pose={pose}"
@@ -72,32 +71,20 @@ CASES = {**{name: (*_THING, *own) for name, own in SHAPES.items()}, **MODELS}
 def shape_cases(
     trials: int = 40, seed: int = 940_000, cases: Sequence[str] = ()
 ) -> list[ex.Case]:
-    """Pick and place things of every case.
-
-    Args:
-        cases: Their names; all by default.
-    """
     seeds = range(seed, seed + trials)
     return ex.grid(case=ex.chosen("cases", cases, SHAPES), seed=seeds)
 
 
 def model_cases(trials: int = 6, seed: int = 945_000) -> list[ex.Case]:
-    """Pick and place every object."""
     return ex.grid(case=MODELS, seed=range(seed, seed + trials))
 
 
 def trial(case: str, seed: int) -> ex.Measures:
     metrics = metrics_of("kitchen", seed, CASES[case])
-    error = metrics["placement_error_m"]
-    distance = None
-    if metrics["success"] and error is not None:
-        distance = 1e3 * np.linalg.norm(error[:2])
-    return {
-        "placed": bool(metrics["success"]),
-        "failure": metrics["failure"],
-        "attempts": metrics["attempts"],
-        "distance from the goal [mm]": distance,
-    }
+    error, placed = metrics["placement_error_m"], bool(metrics["success"])
+    off = 1e3 * np.linalg.norm(error[:2]) if placed and error is not None else None
+    counts = {key: metrics[key] for key in ("failure", "attempts")}
+    return {"placed": placed, "distance from the goal [mm]": off} | counts
 
 
 def summary(own: ex.Trials) -> ex.Values:

@@ -39,34 +39,27 @@ _CELL, _DRIVER = "kitchen_fast", ["gripper=!PlantServoDriver {}"]
 SEEN, TOUCHED = "where it was seen", "by touch"
 RULES: dict[str, Act] = {SEEN: pick, TOUCHED: pick_by_touch}
 NOISES = (0.005, 0.015, 0.02)  # m
+# Unseen objects for each rule with each noise, and for each policy; of these on the
+# accurate physics, and as many trials in the kitchen.
+_EPISODES, _UNSEEN, _ELSEWHERE = 1000, 200, 20
 # By how much rule and policies with touch must beat the rule without.
 _BETTER = ex.at_least(0.15, spread=0.05)
 
 
-def cases(
-    seeds: int = 3, trials: int = 200, elsewhere: int = 20, episodes: int = 1000
-) -> list[ex.Case]:
+def cases(seeds: int = 3) -> list[ex.Case]:
     """Train, and judge the policies; judge the rules.
 
     Args:
         seeds: Trainings of each recipe.
-        trials: Unseen objects for each policy.
-        elsewhere: Unseen objects on the accurate physics, and trials in the kitchen.
-        episodes: Number of episodes of each rule at each uncertainty.
     """
-    trained = {"name": RECIPES, "seed": range(seeds), "elsewhere": [elsewhere]}
-    return [
-        *ex.grid(**trained, trials=[trials]),
-        *ex.grid(name=RULES, noise=NOISES, trials=[episodes]),
-    ]
+    trained = ex.grid(name=RECIPES, seed=range(seeds), noise=[0.0])
+    return trained + ex.grid(name=RULES, seed=[0], noise=NOISES)
 
 
-def trial(
-    name: str, trials: int, seed: int = 0, elsewhere: int = 0, noise: float = 0.0
-) -> ex.Measures:
+def trial(name: str, seed: int, noise: float) -> ex.Measures:
     """Play a rule, or train once: successes by place, minutes of processor time."""
     if name in RULES:
-        return {"unseen": held(RULES[name], "Pick", {"noise": noise}, trials)}
+        return {"unseen": held(RULES[name], "Pick", {"noise": noise}, _EPISODES)}
     training = dc.replace(RECIPES[name][0], seed=seed)
     environment, keywords = training.environment, training.keywords
     with TemporaryDirectory() as folder:
@@ -77,13 +70,13 @@ def trial(
         file = str(Path(folder) / POLICY)
         cell = [
             run_cell_trial(file, policy.info.environment, tree, _CELL, EVALUATION, k)
-            for k in range(elsewhere)
+            for k in range(_ELSEWHERE)
         ]
     accurate = {**keywords, "physics": "accurate"}
     return {
         "minutes": minutes,
-        "unseen": held(policy, environment, keywords, trials),
-        "accurate": held(policy, environment, accurate, elsewhere),
+        "unseen": held(policy, environment, keywords, _UNSEEN),
+        "accurate": held(policy, environment, accurate, _ELSEWHERE),
         "kitchen": [bool(trial.row["success"]) for trial in cell],
     }
 
@@ -99,8 +92,6 @@ def held(
 
 
 def whole(trials: ex.Trials) -> dict[str, ex.Values]:
-    """Judge trainings and rules."""
-
     def played(rule: str, noise: float) -> float:
         return float(np.mean(trials.where(name=rule, noise=noise).one("unseen")))
 

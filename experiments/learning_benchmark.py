@@ -30,21 +30,17 @@ CASES = {
 }
 FIRST, *_, REFERENCE = CASES
 WORKERS = "two workers"
+# Episodes of each, and short ones over which the memory is watched.
+_EPISODES, _SHORT = 12, 10_000
 # Steps of the hand: down over a cylinder, closing, up until the shake.
 _DOWN, _CLOSE = 6, 14
 _FREE = 15  # steps of turning over the object
 _OLD = "" if has_fast_contact() else f"needs the faster contact of {NEWER_DRAKE}"
 
 
-def cases(episodes: int = 12, short: int = 10_000) -> list[ex.Case]:
-    """Measure steps, resets and memory of the environments.
-
-    Args:
-        episodes: Number of episodes of each.
-        short: Number of short episodes over which the memory is watched.
-    """
-    measured = ex.grid(name=CASES, episodes=[episodes], short=[short])
-    return [*measured, {"name": WORKERS, "episodes": 10 * episodes, "short": 0}]
+def cases() -> list[ex.Case]:
+    """Measure steps, resets and memory of the environments, then two workers."""
+    return ex.grid(name=(*CASES, WORKERS))
 
 
 def make(name: str) -> PickEnv:
@@ -52,17 +48,17 @@ def make(name: str) -> PickEnv:
     return PickEnv(scenario=scenario, physics=physics, driver=driver)
 
 
-def trial(name: str, episodes: int, short: int) -> ex.Measures:
+def trial(name: str) -> ex.Measures:
     """Play the same grasp, and reset to other objects in between."""
     if name == WORKERS:
-        return {"scaling": 2.0 * slowest(1, episodes) / slowest(2, episodes)}
+        return {"scaling": 2.0 * slowest(1) / slowest(2)}
     env = make(name)
     x, y = env.mover.pose(env.q_start)[:2]
     cylinder = {"_tag": "!Cylinder", "radius": 0.03, "length": 0.1}
     thing = {"shape": cylinder, "mass": 0.2, "friction": 0.8, "resolution": 0.018}
     scene = {"object": {**thing, "position": [float(x), float(y)]}}
     ticks, free, resets, held = [], [], [], []
-    for k in range(episodes):
+    for k in range(_EPISODES):
         start = time.process_time()
         env.reset(seed=k)
         resets.append(1e3 * (time.process_time() - start))
@@ -79,7 +75,7 @@ def trial(name: str, episodes: int, short: int) -> ex.Measures:
         "free of contact [1/s]": np.median(free),
         "reset [ms]": np.median(resets),
         "episodes held []": np.mean(held),
-        "memory per 1,000 episodes [MB]": memory_growth(env, short),
+        "memory per 1,000 episodes [MB]": memory_growth(env),
     }
 
 
@@ -95,23 +91,23 @@ def grasp(env: PickEnv) -> bool:
     return bool(info["success"])
 
 
-def memory_growth(env: PickEnv, episodes: int) -> float:
+def memory_growth(env: PickEnv) -> float:
     """Return how the memory grows over episodes of two steps [MB per 1,000]."""
     memory = []
-    for k in range(episodes):
+    for k in range(_SHORT):
         env.reset(seed=k)
         for _ in range(2):
             env.step(env.action_space.sample())
         memory.append(resident_memory() or np.nan)
-    warm = episodes // 5  # by then all caches are full
-    slope = np.polyfit(np.arange(episodes - warm), memory[warm:], 1)[0]
+    warm = _SHORT // 5  # by then all caches are full
+    slope = np.polyfit(np.arange(_SHORT - warm), memory[warm:], 1)[0]
     return 1e3 * float(slope)
 
 
-def slowest(workers: int, episodes: int) -> float:
-    """Return the longest duration among workers that run at the same time [s]."""
+def slowest(workers: int) -> float:
+    """Return the longest of the times that some workers need at once [s]."""
     with ProcessPoolExecutor(workers, mp.get_context("spawn")) as pool:
-        return max(pool.map(timed_grasps, [episodes] * workers))
+        return max(pool.map(timed_grasps, [10 * _EPISODES] * workers))
 
 
 def timed_grasps(episodes: int) -> float:
@@ -129,13 +125,12 @@ def compared(trials: ex.Trials) -> dict[str, ex.Values]:
     rates = {
         name: trials.where(name=name)[0]["control periods [1/s]"] for name in CASES
     }
-    ratios = {name: rate / rates[REFERENCE] for name, rate in rates.items()}
-    del ratios[REFERENCE]
-    what = f"rate over {REFERENCE} []"
-    found: dict[str, ex.Values] = {
-        name: {what: (ratio, ex.number(spread=0.4 * ratio))}
-        for name, ratio in ratios.items()
-    }
+    reference = rates.pop(REFERENCE)
+    found: dict[str, ex.Values] = {}
+    for name, rate in rates.items():
+        ratio = rate / reference
+        same = ex.number(spread=0.4 * ratio)
+        found[name] = {f"rate over {REFERENCE} []": (ratio, same)}
     found[FIRST]["two workers over one []"] = trials.where(name=WORKERS).one("scaling")
     return found
 
@@ -161,6 +156,5 @@ learning_benchmark = ex.Experiment(
         "two workers over one": ex.at_least(1.8),
     },
     whole=compared,
-    picture=[ex.Bars(["control periods"]), ex.Bars(["reset"])],
     serial=True,
 )

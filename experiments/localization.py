@@ -39,43 +39,37 @@ _PLAY = 0.7e-3  # in the recess, on both axes; less than its clearance [m]
 # fingers allow.
 WITHIN = {"kitchen_varied": 3.0, "assistive_arm_varied": 1.5}
 ANOTHER = 20.0  # a sighting farther off shows another thing [mm]
+# Standing places along each side of the pick region and in the recess; tilted places,
+# lying ones, and scenes of each varied scenario.
+_SIDE, _OTHERS = 9, 60
 
 
 @functools.cache
 def load(size: str) -> Scenario:
-    """Return the scenario with camera images of a size."""
     sides = zip(("width", "height"), SIZES[size], strict=True)
     changes = [f"cameras.{CAMERA}.{key}={value}" for key, value in sides]
     return load_scenario(SCENARIO, seed=0, overrides=changes)
 
 
-@functools.lru_cache(maxsize=1)
-def eye(size: str) -> Eye:
-    return Eye(load(size))
+eye = functools.lru_cache(maxsize=1)(lambda size: Eye(load(size)))
 
 
-def poses(
-    scenario: Scenario, way: str, side: int, others: int
-) -> Iterator[RigidTransform]:
-    """Yield poses X_WO of the cylinder all over the pick region, or in the recess.
-
-    STANDING along each `side` of the region, as many in the RECESS; `others` are TILTED
-    or LYING.
-    """
+def poses(scenario: Scenario, way: str) -> Iterator[RigidTransform]:
+    """Yield poses X_WO of the cylinder all over the pick region, or in the recess."""
     rng = np.random.default_rng(0)
     shape, region = scenario.objects[scenario.task.pick].shape, scenario.task.region
     assert isinstance(shape, Cylinder)
     assert region is not None
     if way == STANDING:
-        sides = np.linspace(region.min, region.max, side).T
+        sides = np.linspace(region.min, region.max, _SIDE).T
         places = np.stack(np.meshgrid(*sides), axis=-1).reshape(-1, 2)
     elif way == RECESS:
-        places = rng.uniform(-_PLAY, _PLAY, (side, 2)) + scenario.task.place.position
+        places = rng.uniform(-_PLAY, _PLAY, (_SIDE, 2)) + scenario.task.place.position
     else:
-        places = rng.uniform(region.min, region.max, (others, 2))
+        places = rng.uniform(region.min, region.max, (_OTHERS, 2))
     tilts = np.zeros(len(places))
     if way not in UPRIGHT:
-        tilts = rng.uniform(0.0 if way == TILTED else np.pi / 2, np.pi / 2, others)
+        tilts = rng.uniform(0.0 if way == TILTED else np.pi / 2, np.pi / 2, _OTHERS)
     for place, tilt in zip(places, tilts, strict=True):
         azimuth = rng.uniform(-np.pi, np.pi)
         level = np.array([np.cos(azimuth), np.sin(azimuth), 0.0])
@@ -86,29 +80,24 @@ def poses(
         yield RigidTransform(R_WO, [*place, height])
 
 
-def cases(grid: int = 9, others: int = 60, scenes: int = 60) -> list[ex.Case]:
+def cases(scenes: int = 60) -> list[ex.Case]:
     """Locate a cylinder in many places with images of three sizes, then in scenes.
 
     Args:
-        grid: Standing places along each side of the pick region.
-        others: Tilted places, and lying ones.
         scenes: Scenes of each varied scenario.
     """
     sizes = ex.grid(size=SIZES, way=(STANDING, RECESS, TILTED, LYING))
-    known = [{"name": f"{c['way']}, {c['size']}", **c} for c in sizes]
-    known.append({"name": "at the thesis's place", "size": OWN, "way": "thesis"})
-    counts = {"side": grid, "others": others, "seed": None}
-    return [case | counts for case in known] + [
+    known = [{"name": f"{c['way']}, {c['size']}", **c, "seed": None} for c in sizes]
+    at_place = {"name": "at the thesis's place", "size": OWN, "way": "thesis"}
+    return [*known, at_place | {"seed": None}] + [
         {"name": f"{scenario}, {scenes} scenes", "size": "", "way": scenario}
-        | (counts | {"seed": seed})
+        | {"seed": seed}
         for scenario in WITHIN
         for seed in range(scenes)
     ]
 
 
-def trial(
-    name: str, size: str, way: str, side: int, others: int, seed: int | None
-) -> ex.Measures:
+def trial(name: str, size: str, way: str, seed: int | None) -> ex.Measures:
     """Look at the cylinder in every pose of a case, or at a scene."""
     if seed is not None:
         looker = Eye(load_scenario(way, seed=seed))
@@ -120,7 +109,7 @@ def trial(
         return {"distance": 1e3 * np.linalg.norm(off), "certain": certain}
     places = [RigidTransform(THESIS_PLACE)]
     if way != "thesis":
-        places = list(poses(load(size), way, side, others))
+        places = list(poses(load(size), way))
     errors, turns, tilts = [], [], []
     for X_WO in places:
         blobs, axis = eye(size).blobs(X_WO), X_WO.rotation().matrix()[:, 2]
@@ -140,7 +129,6 @@ def trial(
 
 
 def by_axis(what: str, errors: Any, bounds: Any) -> ex.Values:
-    """Return rows of errors along x, y and z [mm]."""
     return {
         f"{what.format(axis=axis)} [mm]": (error, bound)
         for axis, error, bound in zip("xyz", errors, bounds, strict=True)
@@ -148,7 +136,6 @@ def by_axis(what: str, errors: Any, bounds: Any) -> ex.Values:
 
 
 def no_worse(errors: Any) -> ex.Values:
-    """Expect errors of at most the thesis's (3) [mm]."""
     bounds = [ex.at_most(theirs, source="thesis") for theirs in abs(PRINTED)]
     return by_axis("error in {axis}; expected: the thesis's", errors, bounds)
 
@@ -174,7 +161,6 @@ def summary(own: ex.Trials) -> ex.Values:
 
 
 def of_scenes(own: ex.Trials, most: float) -> ex.Values:
-    """Judge how well the picked object is located in varied scenes."""
     distances, certain = np.array(own["distance"], dtype=float), own["certain"]
     seen, near = np.isfinite(distances), np.mean(distances <= most)
     wrong = np.sum(certain & (distances > ANOTHER))
@@ -229,20 +215,15 @@ def two_eyes(camera: str) -> dict[str, Eye]:
     return {THESIS_RULE: Eye(thesis), OUR_RULE: Eye(scenario)}
 
 
-def thesis_cases(grid: int = 9) -> list[ex.Case]:
-    """Look from three places, then all over the region.
-
-    Args:
-        grid: Places along each side of the pick region.
-    """
-    return [*ex.grid(camera=CAMERAS, side=[0]), {"camera": OURS, "side": grid}]
+def thesis_cases() -> list[ex.Case]:
+    return [*ex.grid(camera=CAMERAS, side=[0]), {"camera": OURS, "side": _SIDE}]
 
 
 def thesis_trial(camera: str, side: int) -> ex.Measures:
     """Return the errors of both on the same images, (K, 3) each [mm]."""
     places = [RigidTransform(THESIS_PLACE)]
     if side:
-        places = list(poses(load(OWN), STANDING, side, 0))
+        places = list(poses(load(OWN), STANDING))
     x, y, _ = np.array([X_WO.translation() for X_WO in places]).T
     found: ex.Measures = {"x": x, "y": y}
     for rule, one in two_eyes(camera).items():
@@ -252,7 +233,6 @@ def thesis_trial(camera: str, side: int) -> ex.Measures:
 
 
 def judge_rules(trials: ex.Trials) -> dict[str, ex.Values]:
-    """Judge the thesis's place, then the region."""
     found: dict[str, ex.Values] = {}
     for t in trials.where(side=0):
         case = f"at the thesis's place, camera {t['camera']}"
@@ -268,14 +248,13 @@ def judge_rules(trials: ex.Trials) -> dict[str, ex.Values]:
     region = next(t for t in trials if t["side"])
     for rule in (THESIS_RULE, OUR_RULE):
         largest = np.max(np.abs(region[rule]), axis=0)
-        bounds = [ex.number()] * 3
-        rows = by_axis("largest error in {axis}", largest, bounds)
+        rows = by_axis("largest error in {axis}", largest, [ex.number()] * 3)
         found[f"all over the region, {rule}"] = rows
     thesis, own = (
         np.linalg.norm(region[rule], axis=1) for rule in (THESIS_RULE, OUR_RULE)
     )
-    what = "places where our localizer is nearer to the centre []"
     nearer = (np.sum(own < thesis), ex.at_least(len(own)))
+    what = "places where our localizer is nearer to the centre []"
     return found | {"all over the region": {what: nearer}}
 
 

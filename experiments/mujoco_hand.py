@@ -22,22 +22,10 @@ from drake_srg.gripper.underactuation import FINGERS
 from drake_srg.scenario import Scenario
 from drake_srg.simulation.rig import bench_scenario
 from drake_srg.types import Vector
+from experiments import payload
 from experiments.closing import DURATION, START, TOUCHED, can_in_hand, first
 from experiments.free_closing import STOPS, THREE_PERCENT, VENDOR, deviations, vendors
-from experiments.payload import (
-    BENCH,
-    CLOSE,
-    DIRECTIONS,
-    HOLD,
-    LIFT,
-    LIFT_HEIGHT,
-    MASSES,
-    VENDORS,
-    judge_hold,
-    largest,
-    payload_scenario,
-)
-from experiments.stands.mujoco_grasps import body_name, change, scene
+from experiments.stands.mujoco_grasps import MujocoBench
 
 _WIRE_FORCES = {"wrap": 200.0, "pinch": 125.0}  # as in payload_wrap, payload_pinch [N]
 _DRAKES = ", friction as in Drake"
@@ -50,47 +38,30 @@ _LOG = 0.01  # s
 _TIP = "off by 0.15 degrees just after the tip starts, which we have not explained"
 
 
-class Hand:
-    """The exported hand, with the gantry and the object of a scenario."""
+class Hand(MujocoBench):
+    """The exported hand, with its joints and what touches the object."""
 
     def __init__(self, scenario: Scenario, options: Mapping[str, Any]) -> None:
-        self.model = model = scene(scenario)
-        change(model, options)
-        self.data = mujoco.MjData(model)
-        mujoco.mj_resetDataKeyframe(model, self.data, 0)
-        names = [model.actuator(i).name for i in range(model.nu)]
-        self._arm = [i for i, name in enumerate(names) if name.startswith("arm_")]
-        self.wire = names.index("wire_motor")
-        self._joints = [model.joint(f"gripper_{link}_joint") for link in _LINKS]
+        super().__init__(scenario, options)
+        self._joints = [self.model.joint(f"gripper_{link}_joint") for link in _LINKS]
         self._home = np.array(scenario.arm.home)
-        self._palm = self.data.body("gripper_palm")
 
-    def advance(self, until: float, pwm: float, rise: float = 0.0) -> None:
+    def advance(self, until: float, rise: float = 0.0) -> None:
         """Simulate until a time [s], the gantry `rise` above its home [m]."""
         while self.data.time < until:
-            self.data.ctrl[self._arm] = self._home + np.array([0.0, 0.0, rise])
-            self.data.ctrl[self.wire] = pwm
-            mujoco.mj_step(self.model, self.data)
+            self.step(self._home + np.array([0.0, 0.0, rise]))
 
     def q(self) -> Vector:
-        """Return the joint angles (4) [rad]."""
         return np.array([self.data.qpos[j.qposadr[0]] for j in self._joints])
 
-    def limit(self, stops: tuple[float, float]) -> None:
+    def set_stops(self, stops: tuple[float, float]) -> None:
         """Set the upper stops of base and tip [rad]."""
         for joint, stop in zip(self._joints, np.repeat(stops, 2), strict=True):
             self.model.jnt_range[joint.id] = 0.0, stop
 
-    def p_GO(self) -> Vector:
-        """Return the object's place in the hand (3) [m]."""
-        thing = self.data.body(body_name(self.model))
-        R_GW = self._palm.xmat.reshape(3, 3).T
-        p_GO: Vector = R_GW @ (thing.xpos - self._palm.xpos)
-        return p_GO
-
     def touched(self) -> dict[str, float]:
         """Return the normal force on the object by the body that touches it [N]."""
-        own, found = self.data.body(body_name(self.model)).id, dict[str, float]()
+        own, found = self.thing.id, dict[str, float]()
         for i, contact in enumerate(self.data.contact):
             bodies = [int(self.model.geom_bodyid[geom]) for geom in contact.geom]
             if own in bodies:
@@ -104,7 +75,11 @@ class Hand:
 
 def cases() -> list[ex.Case]:
     """Hold in both ways and directions, wrapped with each friction, and close."""
-    holds = [f"{grip}, {direction}" for grip in MASSES for direction in DIRECTIONS]
+    holds = [
+        f"{grip}, {direction}"
+        for grip in payload.MASSES
+        for direction in payload.DIRECTIONS
+    ]
     # Pads and cylinder have the same friction, which is also its mean.
     other = [f"{name}{_DRAKES}" for name in holds if name.startswith("wrap")]
     return ex.grid(what=[*holds, *other, _FREE, _CAN])
@@ -116,8 +91,8 @@ def trial(what: str) -> ex.Measures:
     if what == _CAN:
         return _close_on_can()
     grip, direction = what.removesuffix(_DRAKES).split(", ")
-    mass, options = MASSES[grip], {"harmonic": True} if _DRAKES in what else {}
-    found = largest(lambda m: _hold(grip, direction, m, options), mass)
+    mass, options = payload.MASSES[grip], {"harmonic": True} if _DRAKES in what else {}
+    found = payload.largest(lambda m: _hold(grip, direction, m, options), mass)
     return {
         f"{mass:g} kg held for [s]": found["held_for"],
         "slip while the load comes on [mm]": found["slip"],
@@ -129,18 +104,22 @@ def trial(what: str) -> ex.Measures:
 def _hold(
     grip: str, direction: str, mass: float, options: Mapping[str, Any]
 ) -> ex.Measures:
-    bench = payload_scenario(grip, direction, mass, BENCH)
+    lifted, end = (
+        payload.CLOSE + payload.LIFT,
+        payload.CLOSE + payload.LIFT + payload.HOLD,
+    )
+    bench = payload.payload_scenario(grip, direction, mass, payload.BENCH)
     limit = bench.gripper.wire_motor.drive.force_limit_of(_WIRE_FORCES[grip])
-    hand, rows = Hand(bench, options), []
-    others = set[str]()
-    for t in np.arange(_LOG, CLOSE + LIFT + HOLD + 0.5 * _LOG, _LOG):
-        rise = LIFT_HEIGHT * float(minimum_jerk_blend((t - CLOSE) / LIFT))
-        hand.advance(t, limit, rise)
+    hand, rows, others = Hand(bench, options), [], set[str]()
+    hand.close(limit)
+    for t in np.arange(_LOG, end + 0.5 * _LOG, _LOG):
+        share = float(minimum_jerk_blend((t - payload.CLOSE) / payload.LIFT))
+        hand.advance(t, share * payload.LIFT_HEIGHT)
         rows.append((t, hand.p_GO(), hand.q()))
-        if abs(t - CLOSE - LIFT) < 0.5 * _LOG:
+        if abs(t - lifted) < 0.5 * _LOG:
             others = {n for n in hand.touched() if not n.startswith("gripper")}
     time, p_GO, q = (np.array(x) for x in zip(*rows, strict=True))
-    found = judge_hold(grip, time, p_GO, q)
+    found = payload.judge_hold(grip, time, p_GO, q)
     return found | ({"held_for": 0.0} if others else {})
 
 
@@ -150,7 +129,7 @@ def _close_free() -> ex.Measures:
     drive, hand = bench.gripper.wire_motor.drive, Hand(bench, {})
     hand.model.opt.gravity[:] = 0.0
     hand.model.geom_contype[:] = hand.model.geom_conaffinity[:] = 0
-    hand.limit(STOPS[VENDOR])
+    hand.set_stops(STOPS[VENDOR])
     slide = hand.model.actuator_trnid[hand.wire, 0]
     place, dof = hand.model.jnt_qposadr[slide], hand.model.jnt_dofadr[slide]
     last = vendors()[0][-1]
@@ -190,11 +169,13 @@ def _close_free() -> ex.Measures:
 
 def _close_on_can() -> ex.Measures:
     bench = can_in_hand("!SrgTendonDriver {}")
-    hand, limit = Hand(bench, {}), bench.gripper.servo.force_limit
-    hand.advance(START, 0.0)
-    start, rows = hand.p_GO(), []
+    hand, rows = Hand(bench, {}), []
+    hand.close(0.0)
+    hand.advance(START)
+    start = hand.p_GO()
+    hand.close(bench.gripper.servo.force_limit)
     for t in np.arange(0.0, DURATION, 0.2 * _LOG):
-        hand.advance(START + t, limit)
+        hand.advance(START + t)
         forces = hand.touched()
         touch = [forces.get(f"gripper_{link}_link", 0.0) for link in _LINKS]
         rows.append((t, touch, hand.q()))
@@ -216,7 +197,9 @@ mujoco_hand = ex.Experiment(
     cases,
     trial,
     {
-        **{f"{mass:g} kg held for": VENDORS for mass in MASSES.values()},
+        **{
+            f"{mass:g} kg held for": payload.VENDORS for mass in payload.MASSES.values()
+        },
         "base: angle at equal force": THREE_PERCENT,
         "tip: angle at equal force": dc.replace(THREE_PERCENT, known=_TIP),
     },

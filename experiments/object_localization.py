@@ -25,6 +25,7 @@ from drake_srg.vision.solids import turn_between
 from experiments.stands.scenes import Eye
 
 UPRIGHT, RESTING = "upright", "on any side"
+POSES = {UPRIGHT: 6, RESTING: 4}  # of each object
 # What a grasp needs, and the accuracy at which the can is located [mm, degrees].
 MOST_OFF, MOST_TURN = 1.0, 1.0
 # Less saturated colours count as grey, and less bright ones as black.
@@ -33,25 +34,13 @@ _GREY, _BLACK = 0.15, 0.2
 _REGION = np.array([[0.45, -0.15], [0.7, 0.25]])
 
 
-def cases(
-    upright: int = 6, resting: int = 4, objects: Sequence[str] = ()
-) -> list[ex.Case]:
-    """Locate household objects in many poses.
-
-    Args:
-        upright: Poses in which each object stands.
-        resting: Poses in which it rests on a random side.
-    """
-    return [
-        {"object": name, "way": way, "upright": upright, "resting": resting}
-        for name in objects or HOUSEHOLD
-        for way, count in ((UPRIGHT, upright), (RESTING, resting))
-        if count
-    ]
+def cases(objects: Sequence[str] = ()) -> list[ex.Case]:
+    """Locate household objects in many poses."""
+    return ex.grid(object=objects or HOUSEHOLD, way=POSES)
 
 
-def trial(object: str, way: str, upright: int, resting: int) -> ex.Measures:
-    """Locate an object in random poses of one kind; the other kind is drawn as well."""
+def trial(object: str, way: str) -> ex.Measures:
+    """Locate an object in random poses of a way; those of the other are drawn, too."""
     config = with_color(object, household_object(object))
     scenario = load_scenario("kitchen", seed=0)
     scenario.objects = {object: dc.replace(config, position=[0.6, 0.1])}
@@ -62,7 +51,7 @@ def trial(object: str, way: str, upright: int, resting: int) -> ex.Measures:
     solid, _ = known
     eye, rng = Eye(scenario), np.random.default_rng(0)
     off, turn, certain = [], [], []
-    for drawn in (UPRIGHT,) * upright + (RESTING,) * resting:
+    for drawn in (way for way, count in POSES.items() for _ in range(count)):
         down = np.array([0.0, 0.0, -1.0])
         if drawn == RESTING:
             down = pieces.resting[rng.integers(len(pieces.resting))]
@@ -75,12 +64,12 @@ def trial(object: str, way: str, upright: int, resting: int) -> ex.Measures:
             continue
         blob = next(iter(eye.blobs(X_WO)), None)
         certain.append(blob is not None and blob.certain)
-        seen = blob is not None
-        off.append(
-            1e3 * np.linalg.norm(blob.X_WO @ p_OC - X_WO @ p_OC) if seen else np.nan
-        )
-        angle = turn_between(solid, blob.X_WO.rotation(), R_WO) if seen else np.nan
-        turn.append(np.rad2deg(angle))
+        if blob is None:
+            off.append(np.nan)
+            turn.append(np.nan)
+            continue
+        off.append(1e3 * float(np.linalg.norm(blob.X_WO @ p_OC - X_WO @ p_OC)))
+        turn.append(np.rad2deg(turn_between(solid, blob.X_WO.rotation(), R_WO)))
     return {"off": off, "turn": turn, "certain": certain}
 
 
@@ -107,9 +96,7 @@ def with_color(name: str, config: ObjectConfig) -> ObjectConfig:
 
 
 def summary(own: ex.Trials) -> ex.Values:
-    certain, off, turn = (
-        np.concatenate([t[key] for t in own]) for key in ("certain", "off", "turn")
-    )
+    certain, off, turn = (np.concatenate(own[k]) for k in ("certain", "off", "turn"))
     found: dict[str, Any] = {"share located with certainty []": np.mean(certain)}
     for what, unit, values in (
         ("error of the centre", "mm", off[certain]),

@@ -17,14 +17,13 @@ from pydrake.math import RollPitchYaw
 
 import experiments.runner as ex
 from drake_srg.common.srg_geometry import SRG
-from drake_srg.gripper.tendon import TendonDriveConfig
 from drake_srg.gripper.underactuation import FINGERS
 from drake_srg.objects.config import ObjectConfig
 from drake_srg.scenario import Scenario, load_scenario
 from drake_srg.simulation.rig import Rig, bench_scenario
 from drake_srg.types import Cylinder, Vector
 from experiments.hold_drift import creep, things
-from experiments.stands.holding import in_hand, is_free, weld_model
+from experiments.stands.holding import FULL_FORCE, in_hand, is_free, weld_model
 
 # As wide as the soup can and long enough to lie on the cradle; friction of painted
 # metal on rubber, like the can.
@@ -55,6 +54,7 @@ LIFT_HEIGHT = 0.06  # m
 # 5 kg by 12 mm). The tips must then reach around the object: base plus tip angle above
 # 90 degrees.
 _MOST_MOTION = 0.005
+_TIME = "time since the lift began [s]"
 _RESOLUTION = 0.02  # relative, of largest masses
 BENCH, FAST = "gripper_bench", "gripper_bench_fast"
 
@@ -89,13 +89,7 @@ def payload_scenario(grip: str, direction: str, mass: float, scenario: str) -> S
 def hold(
     grip: str, direction: str, scenario: str, mass: float, wire_force: float
 ) -> ex.Measures:
-    """Close on the cylinder, lift it off its support and hold it.
-
-    Returns:
-        How long it was held, `held_for` [s]; motion in the hand while the load comes
-        on, `slip` [mm], and during the hold, `creep` [um/s]; the largest `wire_force`
-        [N]; since the lift began, the motion in the hand over time.
-    """
+    """Close on the cylinder, lift it off its support and hold it; see `judge_hold`."""
     bench = payload_scenario(grip, direction, mass, scenario)
     limit = bench.gripper.wire_motor.drive.force_limit_of(wire_force)
     with Rig(bench, name="payload") as rig:
@@ -107,19 +101,14 @@ def hold(
         log = rig.log()
     angles, force = log["gripper.state_measured"][:, :4], log["gripper.wire_force"]
     found = judge_hold(grip, log["time"], in_hand(log), angles)
-    if not free:
-        found["held_for"] = 0.0
-    return found | {"wire_force": np.max(force)}
+    return found | {"wire_force": np.max(force)} | ({} if free else {"held_for": 0.0})
 
 
 def judge_hold(grip: str, time: Vector, p_GO: Vector, q: Vector) -> ex.Measures:
-    """Return the results of `hold` except the wire force, if nothing else touches.
+    """Judge a hold by times (K) [s], places in the hand (K, 3) [m], joints (K, 4).
 
-    Args:
-        grip: `wrap` or `pinch`.
-        time: (K) [s].
-        p_GO: The object's place in the hand (K, 3) [m].
-        q: Joint angles (K, 4) [rad].
+    Return how long it was `held_for` [s]; its motion while the load comes on, `slip`
+    [mm], and during the hold, `creep` [um/s]; and since the lift began, over time.
     """
     time = time - CLOSE
     closed, lifted = (int(np.argmin(np.abs(time - t))) for t in (0.0, LIFT))
@@ -128,13 +117,12 @@ def judge_hold(grip: str, time: Vector, p_GO: Vector, q: Vector) -> ex.Measures:
     lost = np.linalg.norm(p_GO - p_GO[since], axis=1)[lifted:] > _MOST_MOTION
     if grip == "wrap":
         lost |= angle[lifted:] < 0.5 * np.pi
+    held_for = time[lifted + np.argmax(lost)] - LIFT if lost.any() else HOLD
     return {
-        "held_for": float(time[lifted + np.argmax(lost)] - LIFT)
-        if lost.any()
-        else HOLD,
+        "held_for": float(held_for),
         "slip": 1e3 * np.linalg.norm(p_GO[lifted] - p_GO[closed]),
         "creep": 1e6 * np.linalg.norm(p_GO[-1] - p_GO[lifted]) / HOLD,
-        "time since the lift began [s]": time[closed:],
+        _TIME: time[closed:],
         "motion in the hand [mm]": 1e3
         * np.linalg.norm(p_GO[closed:] - p_GO[closed], axis=1),
     }
@@ -148,7 +136,7 @@ def cases(
     """Hold a mass in both directions, and find the largest mass held.
 
     Args:
-        grip: Whether the fingers wrap the cylinder or pinch it between the pads.
+        grip: How the fingers hold the cylinder.
         mass: Claimed mass, held first [kg].
         wire_force: Force of each wire [N]; the servo gives up to 308.7 N.
     """
@@ -159,15 +147,13 @@ def cases(
 def trial(
     grip: str, direction: str, scenario: str, mass: float, wire_force: float
 ) -> ex.Measures:
-    """Hold the claimed mass, and find the largest mass that the grip holds."""
     return largest(lambda m: hold(grip, direction, scenario, m, wire_force), mass)
 
 
 def largest(holds: Callable[[float], ex.Measures], mass: float) -> ex.Measures:
     """Hold a mass [kg], then bisect for the largest that is held, `largest`.
 
-    At the end, the heaviest mass held is within `_RESOLUTION` of the lightest mass
-    lost. The search gives up when a hundredth of the claimed mass is lost.
+    The search gives up when a hundredth of the claimed mass is lost.
     """
     first: ex.Measures = {}
     held, lost, next_mass = 0.0, np.inf, mass
@@ -186,7 +172,6 @@ def largest(holds: Callable[[float], ex.Measures], mass: float) -> ex.Measures:
 
 
 def held(mass: float, found: Any) -> ex.Values:
-    """Return the result for a mass [kg] among those of `hold`."""
     return {
         f"{mass:g} kg held for [s]": (found["held_for"], VENDORS),
         "slip while the load comes on [mm]": found["slip"],
@@ -195,7 +180,6 @@ def held(mass: float, found: Any) -> ex.Values:
 
 
 def summary(own: ex.Trials) -> ex.Values:
-    """Judge the bench; the fast one must agree."""
     bench, fast = (own.where(scenario=scenario)[0] for scenario in (BENCH, FAST))
     mass, largest = bench["mass"], bench["largest"]
     agrees = ex.within(largest, relative=0.05)
@@ -209,19 +193,11 @@ def summary(own: ex.Trials) -> ex.Values:
 COMMON: dict[str, Any] = {
     "cases": cases,
     "trial": trial,
-    "claims": {
-        "wire force": ex.at_most(
-            TendonDriveConfig().full_wire_force, source="data sheet"
-        )
-    },
+    "claims": {"wire force": FULL_FORCE},
     "by": ("grip", "direction"),
     "summary": summary,
     "picture": [
-        ex.Curves(
-            "time since the lift began [s]",
-            "motion in the hand [mm]",
-            where={"scenario": BENCH},
-        ),
+        ex.Curves(_TIME, "motion in the hand [mm]", where={"scenario": BENCH}),
         ex.Bars(["largest mass held", f"largest mass held, {FAST}"]),
     ],
 }
@@ -239,13 +215,10 @@ payload_pinch = ex.Experiment(
 MODELS = {"data sheet": "gripper_bench", "specimen": "srg_specimen"}
 MASSES = {"wrap": 5.0, "pinch": 2.5}  # kg
 EFFORT = 0.8  # share of the servo's range, of SAKE's driver
-# A wire force as in `payload_pinch` for the creep of a held can and box, 0.35 of the
-# data-sheet model's full PWM [N].
-_CREEP_FORCE = 107.0
+_CREEP_FORCE = 107.0  # of a held can and box: 0.35 of the data-sheet model's PWM [N]
 
 
 def specimen_cases() -> list[ex.Case]:
-    """Hold the claimed masses, close and hold still with both models."""
     what = [f"{grip}, {direction}" for grip in MASSES for direction in DIRECTIONS]
     return [
         {"name": f"{model}, {name}".removesuffix(", closing")}
@@ -261,17 +234,14 @@ def specimen_trial(name: str, model: str, what: str) -> ex.Measures:
     if what in things():
         limit = drive.force_limit_of(_CREEP_FORCE)
         rate = creep(what, scenario, (), limit)
-        return {f"creep, {_CREEP_FORCE:g} N per wire [um/s]": rate}
+        return {"creep, 107 N per wire [um/s]": rate}
     force = drive.wire_force_of(EFFORT)
     if what == "closing":
         return {
-            f"wire force at {100 * EFFORT:g} % effort [N]": force,
+            "wire force at 80 % effort [N]": force,
             "wire force at full effort [N]": drive.full_wire_force,
-        } | {
-            f"closing time at {100 * effort:g} % effort [s]": closing_time(
-                scenario, effort
-            )
-            for effort in (EFFORT, 1.0)
+            "closing time at 80 % effort [s]": closing_time(scenario, EFFORT),
+            "closing time at 100 % effort [s]": closing_time(scenario, 1.0),
         }
     grip, direction = what.split(", ")
     return hold(grip, direction, scenario, MASSES[grip], force)
@@ -284,9 +254,10 @@ def specimen_summary(own: ex.Trials) -> ex.Values:
 
 def closing_time(scenario: str, effort: float) -> float:
     """Return the time in which the empty hand closes [s]; NaN if it does not."""
-    empty = ["object.present=false"]
     bench = bench_scenario(
-        gripper_rpy=[0.0, 0.0, 0.0], scenario=scenario, overrides=empty
+        gripper_rpy=[0.0, 0.0, 0.0],
+        scenario=scenario,
+        overrides=["object.present=false"],
     )
     with Rig(bench, name="specimen") as rig:
         rig.advance(0.1)

@@ -26,14 +26,10 @@ WAYS = {"train plant": ("train", "plant"), "accurate plant": ("accurate", "plant
 _FIRST_SEED = 9_000_000
 
 
-def cases(grasps: int = 89) -> list[ex.Case]:
-    """Compare the drivers' closing, and grasps that nearly fail.
-
-    Args:
-        grasps: Number of grasps.
-    """
+def cases(trials: int = 89) -> list[ex.Case]:
+    """Compare the drivers' closing, and grasps that nearly fail."""
     closings = ex.grid(name=DRIVERS, grasp=[None])
-    return closings + ex.grid(name=WAYS, grasp=range(grasps))
+    return closings + ex.grid(name=WAYS, grasp=range(trials))
 
 
 def trial(name: str, grasp: int | None) -> ex.Measures:
@@ -52,7 +48,6 @@ def environment(way: str) -> GraspOneShotEnv:
 
 
 def closing(driver: str) -> ex.Measures:
-    """Close a hand with a driver on nothing, and on a can."""
     bench = functools.partial(bench_scenario, scenario="gripper_bench_fast")
     empty = bench(overrides=[f"gripper={driver}", "object.present=false"])
     with Rig(empty, name="plant_servo") as rig:

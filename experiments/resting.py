@@ -10,15 +10,7 @@ from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
-from pydrake.geometry import (
-    AddCompliantHydroelasticProperties,
-    AddContactMaterial,
-    AddRigidHydroelasticProperties,
-    Box,
-    Mesh,
-    ProximityProperties,
-    Shape,
-)
+from pydrake import geometry as geo
 from pydrake.math import RigidTransform, RollPitchYaw
 from pydrake.multibody.plant import (
     AddMultibodyPlant,
@@ -105,7 +97,6 @@ COMPARED = ("005_tomato_soup_can", "056_tennis_ball", "mug", "wrench")
 
 
 def cases(objects: Sequence[str] = ()) -> list[ex.Case]:
-    """Drop every object in every pose from every height."""
     things = household_objects()
     resting = [
         (name, pose)
@@ -182,11 +173,10 @@ def trial(settings: str, object: str, pose: str, height: float) -> ex.Measures:
         rows = (time > span[0] - 1e-9) & (time < span[1] + 1e-9)
         return bool(not rows.any() or speed[rows].max() > REST)
 
-    creep = None
-    if creeps:
-        first = min(int(np.searchsorted(time, CREEP[0] - 1e-9)), len(time) - 1)
-        crept = 1e3 * np.linalg.norm(position[-1] - position[first])
-        creep = crept if time[-1] >= CREEP[0] else np.inf
+    creep = np.inf if creeps else None
+    if creeps and time[-1] >= CREEP[0]:
+        first = np.searchsorted(time, CREEP[0] - 1e-9)
+        creep = 1e3 * float(np.linalg.norm(position[-1] - position[first]))
     return {
         "exploded": failed or position[:, 2].max() > position[0, 2] + _RISE,
         "soon": moves(SOON),
@@ -212,34 +202,33 @@ def tipping_angle(name: str, config: ObjectConfig, pose: str) -> float:
 
 def _AddTable(plant: MultibodyPlant, settings: Settings) -> None:
     """Add a table whose top is z = 0."""
-    shape: Shape = Box(2 * _HALF, 2 * _HALF, _THICKNESS)
+    shape: geo.Shape = geo.Box(2 * _HALF, 2 * _HALF, _THICKNESS)
     X_WT = RigidTransform([0.0, 0.0, -0.5 * _THICKNESS])
     if settings.cell:  # the same box, but for the grid of its top
         mesh = FOLDER / f"data/tables/facets_{1e3 * settings.cell:.0f}_mm.obj"
-        shape, X_WT = Mesh(str(mesh)), RigidTransform()
+        shape, X_WT = geo.Mesh(str(mesh)), RigidTransform()
     d = settings.mat_dissipation if settings.mat else 0.0
-    properties = ProximityProperties()
-    AddContactMaterial(
+    properties = geo.ProximityProperties()
+    geo.AddContactMaterial(
         dissipation=d,
         friction=CoulombFriction(_FRICTION, _FRICTION),
         properties=properties,
     )
     properties.AddProperty("material", "relaxation_time", relaxation_time(d))
     if settings.mat:
-        AddCompliantHydroelasticProperties(
+        geo.AddCompliantHydroelasticProperties(
             resolution_hint=_HALF,  # a box ignores it
             hydroelastic_modulus=settings.mat,
             properties=properties,
         )
     else:
-        AddRigidHydroelasticProperties(properties)
+        geo.AddRigidHydroelasticProperties(properties)
     plant.RegisterCollisionGeometry(
         plant.world_body(), X_WT, shape, "table_top", properties
     )
 
 
 def summary(own: ex.Trials) -> ex.Values:
-    """Expect rest with the chosen settings, and report the others."""
     n, height = len(own), "height at rest"
     exploded, soon, late = (sum(own[k]) for k in ("exploded", "soon", "late"))
     chosen = own.whole.where(settings="chosen")

@@ -15,13 +15,12 @@ from collections.abc import Callable
 import numpy as np
 
 import experiments.runner as ex
+from drake_srg import Rig, load_scenario
 from drake_srg.arm.drivers import ArmPositionDriver
 from drake_srg.arm.safety.limits import JointLimits, Tool
 from drake_srg.common.geometry import minimum_jerk_blend
 from drake_srg.common.safety_states import SafetyState, StopReason, safety_state
 from drake_srg.common.systems import model_actuators
-from drake_srg.scenario import load_scenario
-from drake_srg.simulation.rig import Rig
 from drake_srg.station.plant import MakeModelsPlant
 from drake_srg.types import Vector
 from experiments.stands.holding import push
@@ -124,19 +123,13 @@ class Stand:
 make_stand = functools.cache(Stand)
 
 
-def cases(faults: int = 200) -> list[ex.Case]:
-    """Stop the arm after each of the faults in turn.
-
-    Args:
-        faults: Number of faults in all.
-    """
-    kinds = list(FAULTS)
-    n = len(kinds)
-    return [{"fault": kinds[i % n], "number": i // n} for i in range(faults)]
+def cases(trials: int = 200) -> list[ex.Case]:
+    """Stop the arm after each of the faults in turn."""
+    kinds, n = list(FAULTS), len(FAULTS)
+    return [{"fault": kinds[i % n], "number": i // n} for i in range(trials)]
 
 
 def trial(fault: str, number: int) -> ex.Measures:
-    """Move the arm until a fault."""
     stand = make_stand()
     random = np.random.default_rng([number, list(FAULTS).index(fault)])
     q, duration = stand.motion(stand.home, random)
@@ -172,7 +165,6 @@ def _with_fault(
     since: float,
     random: np.random.Generator,
 ) -> Callable[[float], Vector]:
-    """Return commands that are faulty from a time on [s]."""
     direction = random.choice([-1.0, 1.0], len(stand.home))
     jump = random.uniform(2.0, 20.0) * stand.limits.step * direction
     kick = random.uniform(2.0, 4.0) * stand.limits.bend * direction
@@ -208,8 +200,8 @@ def _measure(
     def rest(moving: Vector) -> float:
         return max(float(np.flatnonzero(moving)[-1] + 1 - fault) * period, 0.0)
 
-    tool = np.array([stand.tool.position(q) for q in state[fault:, :n]])
-    line = np.array([stand.tool.position(q) for q in path])
+    tool = stand.tool.position
+    way, line = (np.array([tool(q) for q in of]) for of in (state[fault:, :n], path))
     commanded = rest(np.any(steps != 0.0, axis=1))
     tail = stand.settling_time(allowed[-1])
     effort = np.abs(log["arm.torque_measured"][fault:]) / stand.efforts
@@ -221,10 +213,8 @@ def _measure(
         "stop [s]": rest(speed > _RESTING),
         "bound": commanded + 2.0 * period + tail,
         "saturated": np.max(effort) >= _SATURATED,
-        "way [m]": np.sum(np.linalg.norm(np.diff(tool, axis=0), axis=1)),
-        "off path": max(
-            _distance(stand.tool.position(q), line) for q in allowed[fault:]
-        ),
+        "way [m]": np.sum(np.linalg.norm(np.diff(way, axis=0), axis=1)),
+        "off path": max(_distance(tool(q), line) for q in allowed[fault:]),
         "speed / limit": np.max(np.abs(steps) / stand.limits.step),
         "brake / limit": np.max(np.abs(np.diff(steps, axis=0)) / stand.limits.brake),
         "drift": np.max(np.ptp(allowed[-20:], axis=0)),
@@ -240,7 +230,6 @@ def _distance(p: Vector, line: Vector) -> float:
 
 
 def summary(own: ex.Trials) -> ex.Values:
-    """Return the worst of a fault's stops."""
     share, full = own["stop [s]"] / own["bound"], own["saturated"]
     return {
         "reaction, longest [s]": max(own["reaction"]),
@@ -253,18 +242,13 @@ def summary(own: ex.Trials) -> ex.Values:
     }
 
 
-def noticed(own: ex.Trials) -> ex.Bound:
-    slow = own.name in ("lost heartbeat", "push")
-    return ex.number() if slow else ex.at_most(make_stand().period)
-
-
 def whole(trials: ex.Trials) -> dict[str, ex.Values]:
-    right = [
-        t["reason"] == FAULTS[t["fault"]].value and t["reaction"] >= 0.0 for t in trials
-    ]
     return {
         f"{len(trials)} faults": {
-            "stopped otherwise, or not []": len(right) - sum(right),
+            "stopped otherwise, or not []": sum(
+                t["reason"] != FAULTS[t["fault"]].value or not t["reaction"] >= 0.0
+                for t in trials
+            ),
             "speed / limit []": max(trials["speed / limit"]),
             "deceleration / limit []": max(trials["brake / limit"]),
             "motion once stopped [rad]": max(trials["drift"]),
@@ -281,7 +265,11 @@ safety = ex.Experiment(
         "speed / limit": ex.at_most(1.0),
         "deceleration / limit": ex.at_most(1.001),
         "motion once stopped": ex.at_most(0.0),
-        "reaction, longest": noticed,
+        "reaction, longest": lambda own: (
+            ex.number()
+            if own.name in ("lost heartbeat", "push")
+            else ex.at_most(make_stand().period)
+        ),
         "commands at rest, latest": ex.at_most(0.2),
         "arm at rest / its bound": ex.at_most(1.0 + 1e-9),  # for rounding
     },

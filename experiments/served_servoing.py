@@ -26,41 +26,22 @@ from drake_srg.robot.drive.planner_process import MirrorLink, PlannerCell
 from drake_srg.robot.drive.remote_planner import Answer, Ended, PlannerLink, Tick
 from drake_srg.robot.drive.run import ControlLoop, MakeHardwareCell, measurements
 from drake_srg.robot.drive.station import MakeHardwareStation
+from drake_srg.robot.serve import loop as serving
+from drake_srg.robot.serve import pictures as served
 from drake_srg.robot.serve.bridge import Outlet
 from drake_srg.robot.serve.commands import Warnings
-from drake_srg.robot.serve.loop import (
-    AddServedStation,
-    MakeServedStation,
-    ServedLoop,
-    control_period,
-    fix_defaults,
-    station_inbox,
-)
-from drake_srg.robot.serve.pictures import (
-    CAMERA_INFO,
-    COLOR,
-    DEPTH,
-    Viewer,
-    served_cameras,
-)
 from drake_srg.scenario import Scenario, servo_of
 from drake_srg.simulation.flat import MakeRoot
 from drake_srg.simulation.recorders import recorded_topics
 from drake_srg.station.sleeping import MakeAdvance
 from drake_srg.types import Vector
+from experiments import visual_servoing as prompt
 from experiments.stands.direct_node import DirectBridge, DirectNode
-from experiments.visual_servoing import (
-    LONGEST,
-    SCENARIO,
-    SERVOS,
-    GraspWatch,
-    grasp_scenario,
-    grasp_values,
-)
 
 _STOPPED = (SafetyState.PROTECTIVE_STOP, SafetyState.EMERGENCY_STOP)
 _TRIES = 10  # periods before the start, which measurements may take to arrive
 _ROUNDING = 1e-9  # s
+_LATE = 0.1  # that pictures arrive [s]
 
 
 class LatePictures:
@@ -71,13 +52,15 @@ class LatePictures:
             rendered.
     """
 
-    def __init__(self, scenario: Scenario, late: float) -> None:
-        self._cameras = {camera.name: camera for camera in served_cameras(scenario)}
+    def __init__(self, scenario: Scenario) -> None:
+        self._cameras = {
+            camera.name: camera for camera in served.served_cameras(scenario)
+        }
         self._viewers = {
-            name: Viewer(camera.scenario, name)
+            name: served.Viewer(camera.scenario, name)
             for name, camera in self._cameras.items()
         }
-        self._name, self._late = servo_of(scenario).camera, late
+        self._name = servo_of(scenario).camera
         self._taken: deque[tuple[float, Vector]] = deque()
         self._next, self.wanted = 0.0, False
 
@@ -88,14 +71,13 @@ class LatePictures:
         if time > self._next - _ROUNDING:
             self._next = time + self._cameras[self._name].period
             self._taken.append((time, plant_state()))
-        while self._taken and self._taken[0][0] + self._late < time + _ROUNDING:
+        while self._taken and self._taken[0][0] + _LATE < time + _ROUNDING:
             taken, state = self._taken.popleft()
             if self.wanted:
                 self.show(self._name, taken, state, outlet)
 
     def show(self, name: str, time: float, state: Vector, outlet: Outlet) -> None:
-        """Publish a camera's image of a state of the plant, taken at a time [s]."""
-        images = (COLOR, DEPTH, CAMERA_INFO)
+        images = (served.COLOR, served.DEPTH, served.CAMERA_INFO)
         values = self._viewers[name].look(time, state, images)
         for key, topic in self._cameras[name].topics.items():
             if key in values:
@@ -103,27 +85,28 @@ class LatePictures:
 
 
 class ServedRobot:
-    """A served station in the same process as its client, which has the `node`.
+    """A served station in the same process as its client, which has the `node`."""
 
-    Without `arm.limits`, it follows trajectories. Pictures are late by `late` [s].
-    """
-
-    def __init__(self, scenario: Scenario, late: float) -> None:
+    def __init__(self, scenario: Scenario) -> None:
         builder, self.station = MakeRoot(
-            "served_station", MakeServedStation, AddServedStation, scenario, SCENARIO
+            "served_station",
+            serving.MakeServedStation,
+            serving.AddServedStation,
+            scenario,
+            prompt.SCENARIO,
         )
         simulator = MakeSimulator(builder.Build(), scenario.simulator_config)
         self._root = simulator.get_mutable_context()
         self.context = my_context(self.station, self._root)
-        fix_defaults(self.station, self.context)
+        serving.fix_defaults(self.station, self.context)
         simulator.Initialize()
-        self.node, self.pictures = DirectNode(), LatePictures(scenario, late)
+        self.node, self.pictures = DirectNode(), LatePictures(scenario)
         warnings = Warnings(self.node.told.append)
         self._outlet = Outlet([DirectBridge(self.node)], warnings)
-        self._inbox = station_inbox(scenario, self.station, warnings)
-        self._steps, self._period = 0, control_period(scenario)
-        self._loop = ServedLoop(
-            SCENARIO,
+        self._inbox = serving.station_inbox(scenario, self.station, warnings)
+        self._steps, self._period = 0, serving.control_period(scenario)
+        self._loop = serving.ServedLoop(
+            prompt.SCENARIO,
             simulator,
             MakeAdvance(simulator, self.station, scenario),
             self.station,
@@ -135,7 +118,6 @@ class ServedRobot:
 
     @property
     def time(self) -> float:
-        """Simulated time [s]."""
         return float(self._root.get_time())
 
     def advance(self) -> None:
@@ -147,7 +129,6 @@ class ServedRobot:
         self._loop.advance(self._steps * self._period)
 
     def show(self, camera: str) -> None:
-        """Publish a camera's present image."""
         plant = self.station.GetSubsystemByName("station").GetSubsystemByName("plant")
         context = plant.GetMyContextFromRoot(self._root)
         state = plant.get_state_output_port().Eval(context)
@@ -171,16 +152,12 @@ class PromptCamera(Camera):
 
 
 class LockstepPlanner(PlannerLink):
-    """A planner that takes no simulated time, but waits for the pictures of its looks.
-
-    These arrive `late` [s].
-    """
+    """A planner that takes no simulated time, but waits for pictures it asks for."""
 
     def __init__(
-        self, cell: PlannerCell, robot: ServedRobot, camera: PromptCamera, late: float
+        self, cell: PlannerCell, robot: ServedRobot, camera: PromptCamera
     ) -> None:
-        self._cell, self._robot, self._camera = cell, robot, camera
-        self._late, self._due = late, 0.0
+        self._cell, self._robot, self._camera, self._due = cell, robot, camera, 0.0
         self._answers: list[Answer] = []
 
     def post(self, tick: Tick) -> None:
@@ -188,7 +165,7 @@ class LockstepPlanner(PlannerLink):
             return
         looks = self._camera.looks
         (answer,) = self._cell.answers(tick)
-        waits = self._late if self._camera.looks > looks else 0.0
+        waits = _LATE if self._camera.looks > looks else 0.0
         self._due = self._robot.time + waits
         self._robot.pictures.wanted = answer.command is ServoCommand.TRACK
         self._answers.append(answer)
@@ -200,8 +177,8 @@ class LockstepPlanner(PlannerLink):
         return taken
 
 
-def make_loop(robot: ServedRobot, scenario: Scenario, late: float) -> ControlLoop:
-    """Return the control loop of a robot's planner; pictures arrive `late` [s]."""
+def make_loop(robot: ServedRobot, scenario: Scenario) -> ControlLoop:
+    """Return the control loop of a robot's planner."""
     parts = robot.node.robot(scenario)
     links = [Ros2Arm().connect(parts), Ros2Gripper().connect(parts)]
     ceiling, hand = scenario.localizer.cameras[0], servo_of(scenario).camera
@@ -220,37 +197,33 @@ def make_loop(robot: ServedRobot, scenario: Scenario, late: float) -> ControlLoo
     hardware = Hardware(links, {}, start)
     station = MakeHardwareStation(scenario, hardware)
     mirror = Hardware([MirrorLink(measurements(station))], cameras, start)
-    planner = LockstepPlanner(PlannerCell(scenario, mirror), robot, looking, late)
-    cell = MakeHardwareCell(scenario, station, planner, LONGEST, hardware.lag)
+    planner = LockstepPlanner(PlannerCell(scenario, mirror), robot, looking)
+    cell = MakeHardwareCell(scenario, station, planner, prompt.LONGEST, hardware.lag)
     builder = DiagramBuilder()
     builder.AddNamedSystem("cell", cell)
-    return ControlLoop(SCENARIO, scenario, builder.Build(), cell)
+    return ControlLoop(prompt.SCENARIO, scenario, builder.Build(), cell)
 
 
-def cases(trials: int = 200, seed: int = 930_000, late: float = 0.1) -> list[ex.Case]:
-    """Grasp with both servos at every speed.
-
-    Args:
-        late: Delay of the images [s].
-    """
+def cases(trials: int = 200, seed: int = 930_000) -> list[ex.Case]:
+    """Grasp with both servos at every speed."""
     return ex.grid(
         seed=range(seed, seed + trials),
         case=("0 mm/s", "20 mm/s", "50 mm/s"),
-        method=SERVOS,
-        late=[late],
+        method=prompt.SERVOS,
     )
 
 
-def trial(seed: int, case: str, method: str, late: float) -> ex.Measures:
+def trial(seed: int, case: str, method: str) -> ex.Measures:
     """Try one grasp, as `visual_servoing` does, but through messages."""
     free_diagrams()  # of the last trial
-    scenario = grasp_scenario(case, method, seed, ["arm.limits=null"])
-    robot = ServedRobot(scenario, late)
-    loop = make_loop(robot, scenario, late)
-    watch = GraspWatch(scenario, robot.station, robot.context)
+    # Without limits, the served arm follows trajectories.
+    scenario = prompt.grasp_scenario(case, method, seed, ["arm.limits=null"])
+    robot = ServedRobot(scenario)
+    loop = make_loop(robot, scenario)
+    watch = prompt.GraspWatch(scenario, robot.station, robot.context)
     ended = None
     try:
-        while ended is None and robot.time < LONGEST:
+        while ended is None and robot.time < prompt.LONGEST:
             robot.advance()
             goes_on = loop.advance() and loop.safety[0] not in _STOPPED
             ended = watch.look(loop.status.mode) if goes_on else watch.ended("stopped")
@@ -262,7 +235,7 @@ def trial(seed: int, case: str, method: str, late: float) -> ex.Measures:
 
 
 def summary(own: ex.Trials) -> ex.Values:
-    found = grasp_values(own, held=True, off=True)
+    found = prompt.grasp_values(own, held=True, off=True)
     found["stopped by the safety monitor []"] = sum(bool(t["stopped"]) for t in own)
     errors = own.known("error")
     return found | ({"grasp error, worst [m]": np.max(errors)} if len(errors) else {})

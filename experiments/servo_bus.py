@@ -17,17 +17,14 @@ from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import DiagramBuilder
 
 import experiments.runner as ex
+from drake_srg import MakeCell, MakeStation, Scenario, load_scenario
 from drake_srg.common.safety_states import SafetyState, safety_state
 from drake_srg.common.systems import MakeSimulator
 from drake_srg.planning.servoing.hand_motion import ServoArm
 from drake_srg.robot.drive.cameras import Camera, Picture
 from drake_srg.robot.drive.config import FaultsConfig, FaultyLink, HardwareConfig
+from drake_srg.robot.drive.dynamixel import drivers
 from drake_srg.robot.drive.dynamixel.bus import ServoBus
-from drake_srg.robot.drive.dynamixel.drivers import (
-    BusCycle,
-    DynamixelArm,
-    DynamixelGripper,
-)
 from drake_srg.robot.drive.link import Link
 from drake_srg.robot.drive.opening import Hardware, MakeRobot
 from drake_srg.robot.drive.station import MakeHardwareStation
@@ -37,8 +34,6 @@ from drake_srg.robot.serve.dynamixel.mx64 import Mx64, Mx64P2
 from drake_srg.robot.serve.dynamixel.protocol import PacketReader
 from drake_srg.robot.serve.dynamixel.servo import JOINT
 from drake_srg.robot.serve.loop import AddServedStation
-from drake_srg.scenario import Scenario, load_scenario
-from drake_srg.station import MakeCell, MakeStation
 from drake_srg.station.planners import final_pose, final_tilt
 from drake_srg.station.plant import MakeModelsPlant
 from drake_srg.types import Mode, Vector
@@ -82,7 +77,8 @@ class ServoRobot:
         self._station = builder.Build()
         self._simulator = MakeSimulator(self._station, scenario.simulator_config)
         self._context = self._simulator.get_mutable_context()
-        self._fix("gripper.closure_commanded", np.zeros(1))
+        fix = self._station.GetInputPort
+        fix("gripper.closure_commanded").FixValue(self._context, np.zeros(1))
         self._simulator.Initialize()
         self._inbox = CommandInbox([], warnings)
         firmware = Mx64 if protocol == 1 else Mx64P2
@@ -94,12 +90,11 @@ class ServoRobot:
     def advance(self, until: float) -> None:
         """Obey the servos until a time [s]."""
         for name, value in self._inbox.take().items():
-            self._fix(name, value)
+            self._station.GetInputPort(name).FixValue(self._context, value)
         self._simulator.AdvanceTo(until)
         self._sense(until)
 
     def value(self, name: str) -> Any:
-        """Return the value of an output port."""
         return self._station.GetOutputPort(name).Eval(self._context)
 
     def pose(self) -> RigidTransform:
@@ -110,9 +105,6 @@ class ServoRobot:
     def _sense(self, time: float) -> None:
         self.time = time
         self.bus.sense(time, {name: self.value(name) for name in self.bus.ports})
-
-    def _fix(self, name: str, value: Vector) -> None:
-        self._station.GetInputPort(name).FixValue(self._context, value)
 
 
 class SimulatedCamera(Camera):
@@ -133,11 +125,7 @@ class SimulatedCamera(Camera):
 
 
 class DirectLine:
-    """A line to servos without a wire, which loses a share of the packets.
-
-    Attributes:
-        silent: Whether all replies are lost.
-    """
+    """A line without a wire that loses packets; all replies while it is `silent`."""
 
     def __init__(self, bus: EmulatedBus, loss: float, seed: int) -> None:
         self.silent = False
@@ -165,7 +153,6 @@ class DirectLine:
         pass
 
     def _worn(self, data: bytes) -> bytes:
-        """Return the bytes that arrive."""
         if not data or self._random.random() >= self._loss:
             return data
         lost = int(self._random.integers(len(data)))
@@ -174,18 +161,18 @@ class DirectLine:
 
 def connect(
     scenario: Scenario, robot: ServoRobot, line: DirectLine, wire: Wire
-) -> tuple[BusCycle, Hardware]:
+) -> tuple[drivers.BusCycle, Hardware]:
     """Return the exchange with a robot's servos, and the links to them."""
     warnings = Warnings(lambda text: None)
     parts, n = MakeRobot(scenario, HardwareConfig(), warnings), len(scenario.arm.home)
     travel, _ = scenario.gripper.empty_hand(1.0)
     closed = round(JOINT.to_counts(-travel))
     bus: dict[str, Any] = {"port": "tcp:127.0.0.1:1", "protocol": wire.protocol}
-    cycle = BusCycle(lambda: ServoBus(line, wire.protocol), warnings)
+    cycle = drivers.BusCycle(lambda: ServoBus(line, wire.protocol), warnings)
     links: list[Link] = []
     for driver in (
-        DynamixelArm(**bus),
-        DynamixelGripper(**bus, id=n + 1, open=JOINT.zero, closed=closed),
+        drivers.DynamixelArm(**bus),
+        drivers.DynamixelGripper(**bus, id=n + 1, open=JOINT.zero, closed=closed),
     ):
         driver.share(parts, cycle)  # so that nothing connects to the port
         link = driver.connect(parts)
@@ -204,13 +191,13 @@ def connect(
     return cycle, Hardware(links, cameras, found)
 
 
-def run_over_servos(name: str, seed: int, wire: Wire) -> ex.Measures:
-    """Run a scenario's task, with everything but pictures over a servo bus.
+def run_over_servos(seed: int, wire: Wire) -> ex.Measures:
+    """Do the task, with everything but pictures over a servo bus.
 
     `error` is the larger of the placement errors in x and y; `rounding`, by how much
     whole counts of the joints may move the object where it is let go [mm].
     """
-    scenario = load_scenario(name, seed=seed)
+    scenario = load_scenario(_SCENARIO, seed=seed)
     robot = ServoRobot(scenario, wire.protocol, Warnings(lambda text: None))
     line, start = DirectLine(robot.bus, wire.loss, seed), robot.pose()
     cycle, hardware = connect(scenario, robot, line, wire)
@@ -243,10 +230,10 @@ def run_over_servos(name: str, seed: int, wire: Wire) -> ex.Measures:
     final, report = robot.pose(), status.Eval(context)
     error = final.translation() - final_pose(scenario, start).translation()
     tilt = final_tilt(scenario, start, final)
-    near = bool(np.linalg.norm(error) <= scenario.task.place.tolerance)
+    near = np.linalg.norm(error) <= scenario.task.place.tolerance
     return {
         "claimed": report.mode is Mode.DONE,
-        "placed": near and (tilt is None or bool(tilt <= _MAX_TILT)),
+        "placed": bool(near and (tilt is None or tilt <= _MAX_TILT)),
         "reason": stopped or (report.failure.value if report.failure else ""),
         "error": 1e3 * np.max(np.abs(error[:2])),
         "rounding": 1e3 * counts,
@@ -266,24 +253,14 @@ def rounding(scenario: Scenario, q: Vector, p_WO: Vector) -> float:
     return float(half * np.max(np.sum(np.abs(of_object[:2]), axis=1)))
 
 
-def cases(seeds: int = 20, fault_seeds: int = 20) -> list[ex.Case]:
-    """Do the task over every kind of wire, and without a bus.
-
-    Args:
-        seeds: Runs over each protocol, and without a bus.
-        fault_seeds: Runs with each fault.
-    """
-    clean = (_WITHOUT, *_CLEAN)
-    faulty = [name for name in WIRES if name not in clean]
-    return [
-        *ex.grid(wire=clean, seed=range(seeds)),
-        *ex.grid(wire=faulty, seed=range(fault_seeds)),
-    ]
+def cases(seeds: int = 20) -> list[ex.Case]:
+    """Do the task without a bus, and over every kind of wire."""
+    return ex.grid(wire=(_WITHOUT, *WIRES), seed=range(seeds))
 
 
 def trial(wire: str, seed: int) -> ex.Measures:
     if wire != _WITHOUT:
-        return run_over_servos(_SCENARIO, seed, WIRES[wire])
+        return run_over_servos(seed, WIRES[wire])
     cycle = run_cycle(_SCENARIO, seed)
     error = cycle["placement"]
     return {
@@ -296,7 +273,6 @@ def trial(wire: str, seed: int) -> ex.Measures:
 
 
 def summary(own: ex.Trials) -> ex.Values:
-    """Judge the runs over a wire by those without a bus."""
     n, clean = len(own), own.name in _CLEAN
     placed, missed = own.where(placed=True), own.where(placed=False)
     worst = max(placed["error"], default=np.nan)

@@ -64,25 +64,28 @@ def _hold(angle: Callable[[Vector], Vector]) -> Reference:
     return lambda time: (angle(time), 0.0 * time, 0.0 * time)
 
 
-def _move(time: Vector, start_time: float, distance: float) -> list[Vector]:
-    """Return a minimum-jerk move from 0 by a distance [rad], at the joints' speed."""
-    duration = 15.0 / 8.0 * abs(distance) / SRG.joint_speed
+def _moves(start: float, *moves: tuple[float, float]) -> Reference:
+    """Return minimum-jerk moves, at the joints' speed, from a start [rad].
+
+    Each move begins at a time [s] and goes a distance [rad].
+    """
     blend = np.polynomial.Polynomial([0, 0, 0, 10, -15, 6])  # as in minimum_jerk.py
-    share = np.clip((time - start_time) / duration, 0.0, 1.0)
-    return [distance * blend.deriv(k)(share) / duration**k for k in range(3)]
+
+    def reference(time: Vector) -> tuple[Vector, Vector, Vector]:
+        found = np.zeros((3, len(time)))
+        for since, distance in moves:
+            duration = 15.0 / 8.0 * abs(distance) / SRG.joint_speed
+            share = np.clip((time - since) / duration, 0.0, 1.0)
+            for k in range(3):
+                found[k] += distance * blend.deriv(k)(share) / duration**k
+        return start + found[0], found[1], found[2]
+
+    return reference
 
 
-def _close_and_open(time: Vector) -> tuple[Vector, Vector, Vector]:
-    """Return 0.3 to 1.3 rad and back with minimum jerk."""
-    closing, opening = _move(time, START_TIME, 1.0), _move(time, OPENING_TIME, -1.0)
-    q, v, a = (there + back for there, back in zip(closing, opening, strict=True))
-    return 0.3 + q, v, a
-
-
-def _grip(time: Vector) -> tuple[Vector, Vector, Vector]:
-    """Return a minimum-jerk move to where closing hands send their base joints."""
-    q, v, a = _move(time, START_TIME, SRG.joint_limit - START)
-    return START + q, v, a
+# Close and open; close to where closing hands send their base joints.
+_close_and_open = _moves(0.3, (START_TIME, 1.0), (OPENING_TIME, -1.0))
+_grip = _moves(START, (START_TIME, SRG.joint_limit - START))
 
 
 def _sine(time: Vector) -> tuple[Vector, Vector, Vector]:
@@ -179,16 +182,16 @@ def trial(law: str, motion: str) -> ex.Measures:
     target = table(q if moved.target is None else np.outer(_BASES, moved.target(time)))
     loaded = to_ours[len(order) :, len(order) :].T @ _BASES
     load = table(np.outer(loaded, moved.load(time)))
-    for output, port in (
-        (plant.get_state_output_port(gripper), encoders.get_input_port()),
-        (encoders.get_output_port(), servo.GetInputPort("state_measured")),
-        (reference.get_output_port(), servo.GetInputPort("reference")),
-        (target.get_output_port(), servo.GetInputPort("position_desired")),
-        (servo.get_output_port(), motors.get_input_port()),
-        (motors.get_output_port(), plant.get_actuation_input_port(gripper)),
-        (load.get_output_port(), plant.get_applied_generalized_force_input_port()),
+    builder.Connect(plant.get_state_output_port(gripper), encoders.get_input_port())
+    for system, port in (
+        (encoders, servo.GetInputPort("state_measured")),
+        (reference, servo.GetInputPort("reference")),
+        (target, servo.GetInputPort("position_desired")),
+        (servo, motors.get_input_port()),
+        (motors, plant.get_actuation_input_port(gripper)),
+        (load, plant.get_applied_generalized_force_input_port()),
     ):
-        builder.Connect(output, port)
+        builder.Connect(system.get_output_port(), port)
     logs = [
         LogVectorOutput(system.get_output_port(), builder, STEP)
         for system in (reference, encoders, servo)
@@ -215,7 +218,6 @@ def trial(law: str, motion: str) -> ex.Measures:
 
 
 def summary(own: ex.Trials) -> ex.Values:
-    """Compare the responses of a law with theory."""
     t: dict[str, Any] = {t["motion"]: t for t in own}
     found: ex.Values = {}
     for motion, judge in (
@@ -244,7 +246,6 @@ def _error(t: Any) -> Vector:
 
 
 def _at_limit(law: str, t: Any) -> float:
-    """Return the share of time during which the PWM is at its limit."""
     limit, steps = MOTIONS[t["motion"]].force_limit, LAWS[law].pwm_steps
     if steps:
         limit = np.floor(steps * limit) / steps
@@ -353,7 +354,6 @@ def _grip_torque(law: str, t: Any) -> ex.Values:
 
 
 def _ends(law: str, t: Any) -> ex.Values:
-    """Judge where closing and opening end."""
     closing = t["time [s]"] <= OPENING_TIME
     closed = np.max(t["angle [rad]"][closing]) - t["reference"][closing][-1]
     opened = abs(float(np.mean(_error(t)[-round(0.3 / STEP) :])))
@@ -387,9 +387,10 @@ def _tracking(law: str, t: Any) -> ex.Values:
 
 
 def _limited(law: str, t: Any) -> ex.Values:
+    motion = t["motion"]
     return {
-        f"{t['motion']}: share at the limit []": _at_limit(law, t),
-        f"{t['motion']}: RMS error [rad]": _rms(_error(t)),
+        f"{motion}: share at the limit []": _at_limit(law, t),
+        f"{motion}: RMS error [rad]": _rms(_error(t)),
     }
 
 

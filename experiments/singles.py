@@ -58,16 +58,11 @@ def thing(group: str, number: int) -> str:
 
 
 def cases(trials: int = 1000, seed: int = 1_110_000) -> list[ex.Case]:
-    """Clear single things of all groups in turn.
-
-    Args:
-        trials: Number of trials of all groups together.
-    """
+    """Clear single things of all groups in turn."""
     return [{"group": GROUPS[s % 3], "seed": s} for s in range(seed, seed + trials)]
 
 
 def trial(group: str, seed: int) -> ex.Measures:
-    """Clear one thing."""
     start = clock.process_time()
     own = f"objects={{thing: {thing(group, seed // len(GROUPS))}}}"
     overrides = (*NOISE, "clutter.count=0", own)
@@ -104,21 +99,19 @@ def _pick_time(time: Vector, mode: Vector, latency: float) -> float | None:
 
 
 def whole(trials: ex.Trials) -> dict[str, ex.Values]:
-    """Sum up the things that count, in all and in each group."""
     own = trials.where(counts=True)
     found: dict[str, ex.Values] = {}
     for name in ("all", *GROUPS):
         these = own if name == "all" else own.where(group=name)
         found[name] = {"counted []": (len(these), ex.number(spread=5.0))}
         for what, measure, asked in (
-            ("first grasp", "once", FIRST),
-            ("three grasps", "cleared", ANY),
+            ("in the bin, first grasp", "once", FIRST),
+            ("in the bin, three grasps", "cleared", ANY),
         ):
-            quantity, n = f"in the bin, {what}", sum(these[measure])
-            values = dict(ex.share(quantity, n, len(these), spread=0.04))
+            n = sum(these[measure])
+            found[name] |= ex.share(what, n, len(these), spread=0.04)
             if name == "all":
-                values[f"{quantity} []"] = (n / max(len(these), 1), asked)
-            found[name] |= values
+                found[name][f"{what} []"] = (n / max(len(these), 1), asked)
     times = own.known("pick_time")
     rate = 3600.0 / np.median(times) if len(times) else 0.0
     found["all"] |= {

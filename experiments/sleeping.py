@@ -31,6 +31,8 @@ PUSH, PUSHED_FOR, END = 1.1, 0.1, 1.6
 MOVED, FELL = 0.005, np.deg2rad(45.0)  # an object moved [m], or fell over [rad]
 AWAKE, ASLEEP, HALF = "awake", "asleep", "half the step"
 _AT_REST = ("005_tomato_soup_can", "mug", "bowl", "squeeze_bottle", "wrench")
+# By how many trials a count, and by how much a share, differs from run to run.
+SOME, PART = ex.number(spread=3.0), ex.number(spread=0.01)
 _COST = 2.0  # simulated time over which the cost is measured [s]
 QUANTILES = {"median": 0.5, "95th percentile": 0.95, "largest": 1.0}
 
@@ -66,18 +68,10 @@ def scene(seed: int) -> tuple[dict[str, ObjectConfig], float]:
 
 
 def cases(seeds: int = 300) -> list[ex.Case]:
-    """Measure the cost of objects at rest, then push cartons in many scenes.
-
-    Args:
-        seeds: Scenes.
-    """
-    costs = ex.grid(name=["6 objects", "40 objects"], kind=(AWAKE, ASLEEP), seed=[None])
-    return costs + [
-        {"name": "scenes", "kind": kind, "seed": seed}
-        for seed in range(seeds)
-        for kind in (AWAKE, ASLEEP, HALF)
-        if kind != HALF or seed % 10 == 0
-    ]
+    """Measure the cost of objects at rest, then push cartons in many scenes."""
+    costs = ex.grid(name=["6 objects", "40 objects"], seed=[None], kind=(AWAKE, ASLEEP))
+    scenes = ex.grid(name=["scenes"], seed=range(seeds), kind=(AWAKE, ASLEEP, HALF))
+    return costs + [c for c in scenes if c["kind"] != HALF or c["seed"] % 10 == 0]
 
 
 def trial(name: str, kind: str, seed: int | None) -> ex.Measures:
@@ -106,8 +100,7 @@ def trial(name: str, kind: str, seed: int | None) -> ex.Measures:
         b = rig.X_WO(thing)
         moved.append(b.translation() - a.translation())
         upright = np.clip(a.rotation().col(2) @ b.rotation().col(2), -1.0, 1.0)
-        far = np.linalg.norm(moved[-1]) > MOVED
-        fell = np.arccos(upright) > FELL
+        fell, far = np.arccos(upright) > FELL, np.linalg.norm(moved[-1]) > MOVED
         words.append("fell" if fell else "moved" if far else "stayed")
     return {"moved": moved, "words": " ".join(words), "slept": slept}
 
@@ -162,10 +155,9 @@ def outcomes(trials: ex.Trials) -> dict[str, ex.Values]:
         value, limit = (np.quantile(apart(o), QUANTILES[word]) for o in (asleep, half))
         key = f"difference of positions, {word}, at most with half the step [mm]"
         same[key] = (value, ex.at_most(limit))
-    other = {f"{what} [of {len(half)}]": (others(half), ex.number(spread=3.0))}
     return {
         ASLEEP: {"scenes in which all slept []": np.mean(asleep["slept"])},
-        f"awake and {HALF}": other,
+        f"awake and {HALF}": {f"{what} [of {len(half)}]": (others(half), SOME)},
         "awake and asleep": same,
     }
 
@@ -177,8 +169,8 @@ sleeping = ex.Experiment(
     {
         "scenes in which all slept": ex.at_least(1.0),
         "cost asleep over cost awake": ex.at_most(0.5),
-        f"{AWAKE}, real-time factor": ex.number(clock="rate"),
-        f"{ASLEEP}, real-time factor": ex.number(clock="rate"),
+        "awake, real-time factor": ex.number(clock="rate"),
+        "asleep, real-time factor": ex.number(clock="rate"),
     },
     summary=costs,
     whole=outcomes,
@@ -198,12 +190,9 @@ _TASK_OVERRIDES = (
     "ignored_contacts=[['arm::*', 'arm::*'], ['arm::*', 'gripper::*']]",
     "clutter.count=2",
 )
-# By how many trials a count, and by how much a share, differs from run to run.
-SOME, PART = ex.number(spread=3.0), ex.number(spread=0.01)
 
 
 def task_cases(trials: int = 300, seed: int = 0) -> list[ex.Case]:
-    """Simulate each trial awake and asleep."""
     seeds = range(seed, seed + trials)
     return [{"kind": kind, "seed": s} for s in seeds for kind in (AWAKE, ASLEEP)]
 
@@ -231,13 +220,12 @@ def task_outcomes(trials: ex.Trials) -> dict[str, ex.Values]:
     other = int(np.sum(awake["outcome"] != asleep["outcome"]))
     low, high = ex.wilson(other, n)
     moved = np.sum(awake["touched"] != asleep["touched"])
-    what = f"trials in which only one moves another object [of {n}]"
     apart = [np.linalg.norm(a["ends"] - b["ends"], axis=1).max() for a, b in pairs]
     found: ex.Values = {
         f"trials that end otherwise [of {n}]": (other, ex.at_most(0.0)),
         "their share, at least []": (low, PART),
         "their share, at most []": (high, PART),
-        what: (moved, SOME),
+        f"trials in which only one moves another object [of {n}]": (moved, SOME),
     }
     for word, share in QUANTILES.items():
         value = 1e3 * np.quantile(apart, share)

@@ -22,13 +22,12 @@ from pydrake.multibody.optimization import Toppra
 from pydrake.trajectories import BsplineTrajectory, Trajectory
 
 import experiments.runner as ex
+from drake_srg import Simulate, load_scenario
 from drake_srg.lifetime import free_diagrams
 from drake_srg.planning.motion.arm_model import ArmModel
 from drake_srg.planning.motion.limits import MotionLimits
 from drake_srg.planning.motion.time_parameterization import load_toppra
 from drake_srg.planning.motion.trajectories import grid_of, rounded_path
-from drake_srg.scenario import load_scenario
-from drake_srg.simulation import Simulate
 from drake_srg.simulation.benchmark import run_benchmark
 from drake_srg.station import MakeTaskPlanner
 from drake_srg.sweeps.engines import JoblibEngine
@@ -59,15 +58,6 @@ def solve_with_drake(
         bound[arm.arm_indices] = np.minimum(limit, 1e6)
         add(-bound, bound)
     return solver.SolvePathParameterization()
-
-
-def path_cases(paths: int = 60) -> list[ex.Case]:
-    """Compare both on random paths of the kitchen's arm.
-
-    Args:
-        paths: Number of paths.
-    """
-    return [{"paths": paths}]
 
 
 def path_trial(paths: int) -> ex.Measures:
@@ -104,16 +94,11 @@ def path_trial(paths: int) -> ex.Measures:
 
 
 def path_rows(trials: ex.Trials) -> dict[str, ex.Values]:
-    """Judge the ratios toppra / Drake, and state the times."""
     (t,) = trials
     ratios, alike = t["toppra: duration [s]"] / t["Drake: duration [s]"], {}
-    for name, function in (
-        ("smallest", np.min),
-        ("median", np.median),
-        ("largest", np.max),
-    ):
-        bound = ex.within(1.0, absolute=0.05)
-        alike[f"duration, {name} ratio []"] = (function(ratios), bound)
+    for word, share in (("smallest", 0.0), ("median", 0.5), ("largest", 1.0)):
+        value = np.quantile(ratios, share)
+        alike[f"duration, {word} ratio []"] = (value, ex.within(1.0, absolute=0.05))
     found: dict[str, ex.Values] = {"all paths": alike}
     for grid in np.unique(t["grids"]):
         own = t["times"][:, t["grids"] == grid]
@@ -128,7 +113,7 @@ def path_rows(trials: ex.Trials) -> dict[str, ex.Values]:
 
 time_parameterization = ex.Experiment(
     "Motions of the kitchen's arm by toppra and by Drake: durations and speed.",
-    path_cases,
+    lambda: [{"paths": 60}],
     path_trial,
     whole=path_rows,
     picture=[ex.Points("Drake: duration [s]", "toppra: duration [s]", equal=True)],
@@ -181,18 +166,16 @@ def recording_trial(scenario: str) -> ex.Measures:
     return found | {"unrecorded [s]": np.median(costs[:, 0])}
 
 
-def varies(cost: float) -> float:
-    """Return the spread of a ratio of costs that each vary by a tenth."""
-    return 0.2 * cost
-
-
+VARIES = ex.number(spread=lambda cost: 0.2 * cost)  # costs that vary by a tenth
 recording_cost = ex.Experiment(
     "Cost of recording a trial of a sweep, part by part, over an unrecorded one.",
     lambda: ex.grid(scenario=("kitchen_varied", "assistive_arm_varied")),
     recording_trial,
     {
-        **dict.fromkeys(PARTS, ex.number(spread=varies)),
-        "everything": ex.at_most(3.0, spread=varies, known="images take most of it"),
+        **dict.fromkeys(PARTS, VARIES),
+        "everything": ex.at_most(
+            3.0, spread=VARIES.spread, known="images take most of it"
+        ),
         "unrecorded": ex.number(clock="time"),
     },
     picture=[ex.Bars([part]) for part in ("numbers alone", "everything")],
@@ -227,7 +210,6 @@ def sweep_trial(jobs: int) -> ex.Measures:
 
 
 def sweep_rows(trials: ex.Trials) -> dict[str, ex.Values]:
-    """Expect two workers to be nearly twice as fast, and memory not to grow."""
     one, two = trials["wall"]
     found: dict[str, ex.Values] = {
         "2 : 1": {"throughput []": (one / two, ex.at_least(1.9))}
@@ -258,8 +240,6 @@ sweep_throughput = ex.Experiment(
     serial=True,
 )
 
-_SLOWER = 0.15  # share by which a ratio may grow
-
 
 def loop_time() -> float:
     """Return the time of a fixed amount of work in Python and NumPy [s]."""
@@ -270,7 +250,6 @@ def loop_time() -> float:
 
 
 def overhead_trial(scenario: str) -> ex.Measures:
-    """Return medians of five runs."""
     loaded, ratios = load_scenario(scenario), []
     for _ in range(5):
         loop, benchmark = loop_time(), run_benchmark(loaded, scenario)
@@ -280,18 +259,13 @@ def overhead_trial(scenario: str) -> ex.Measures:
     return {"over the bare plant [x]": plant, "over the loop [x]": loop}
 
 
-def slower(ratio: float) -> float:
-    """Return the spread of a ratio."""
-    return _SLOWER * ratio
-
-
 overhead = ex.Experiment(
     "Wall-clock time of a run over that of its bare plant, and of a loop in Python.",
     lambda: ex.grid(scenario=("kitchen", "kitchen_fast")),
     overhead_trial,
-    {
-        "over the bare plant": ex.number(spread=slower),
-        "over the loop": ex.number(spread=slower),
-    },
+    dict.fromkeys(
+        ("over the bare plant", "over the loop"),
+        ex.number(spread=lambda ratio: 0.15 * ratio),
+    ),
     serial=True,
 )

@@ -20,7 +20,6 @@ from drake_srg.robot.serve.commands import CommandInbox
 from drake_srg.robot.serve.loop import Serve
 from drake_srg.scenario import Scenario, load_scenario
 from drake_srg.scenario.schema import script_of
-from drake_srg.theses.script import MessagesConfig
 from experiments.stands.bridge_client import Client, MakeBridge, open_wire
 
 
@@ -48,7 +47,6 @@ def cases() -> list[ex.Case]:
 
 
 def trial(scenario: str, wire: str) -> ex.Measures:
-    """Serve a scenario in real time to a client that sends the scenario's messages."""
     return demonstrate(scenario, wire)
 
 
@@ -91,24 +89,20 @@ def demonstrate(name: str, wire: str, overrides: Sequence[str] = ()) -> ex.Measu
 
 def messages(scenario: Scenario) -> Iterator[dict[str, Any]]:
     """Yield the messages of a scenario in order, as data by topic."""
+    planner: Any = scenario.planner
     for step in script_of(scenario):
-        for _ in range(round(step.duration * _config(scenario).rate)):
+        for _ in range(round(step.duration * planner.messages.rate)):
             if step.arm is not None:
                 yield {"/kuka": step.arm}
             elif step.closure is not None:
                 yield {"/grasp": round(100 * step.closure)}
 
 
-def _config(scenario: Scenario) -> MessagesConfig:
-    planner: Any = scenario.planner
-    config: MessagesConfig = planner.messages
-    return config
-
-
 def _send(name: str, overrides: Sequence[str], make_bridge: MakeBridge) -> None:
     """Run the client's process: send all messages at their rate."""
     scenario = load_scenario(name, overrides=overrides)
-    config, client = _config(scenario), Client(make_bridge)
+    planner: Any = scenario.planner
+    config, client = planner.messages, Client(make_bridge)
     start = wall.monotonic()
     for i, message in enumerate(messages(scenario)):
         wall.sleep(max(start + i / config.rate - wall.monotonic(), 0.0))

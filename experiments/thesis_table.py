@@ -15,42 +15,28 @@ from typing import Any
 
 import numpy as np
 from pydrake.multibody.plant import MultibodyPlant
-from pydrake.systems.analysis import Simulator
 
 import experiments.runner as ex
-from drake_srg.scenario import load_scenario
-from drake_srg.station import MakeStation
+from drake_srg import Rig, load_scenario
 from drake_srg.station.plant import MakeModelsPlant
-from drake_srg.theses.arm_kinematics import (
-    ASSISTIVE_ARM_HOME,
-    ASSISTIVE_ARM_HOME_PRINTED,
-    ASSISTIVE_ARM_HOME_SECTION_4_4_3,
-    ASSISTIVE_ARM_SCREWS,
-    ASSISTIVE_ARM_SCREWS_PRINTED,
-    euler_angles,
-    forward_kinematics,
-)
+from drake_srg.theses import arm_kinematics as theirs
 from drake_srg.types import Vector
 from experiments.stands.cycles import THESIS_PLACE, run_cycle
 
 OURS, FLAT, RULES = "ours", "ours, flat fingertips", "thesis's rules"
 AT_PLACE = f"{RULES}, at its place"
+_PLACE = f"object.position={THESIS_PLACE[:2].tolist()}"
 # Scenario, overrides and most runs: at its place, as many as in the thesis, where only
 # the friction differs from run to run.
 VARIANTS: Mapping[str, tuple[str, tuple[str, ...], int | None]] = {
     OURS: ("assistive_arm", (), None),
     FLAT: ("assistive_arm_flat", (), None),
-    AT_PLACE: (
-        "assistive_arm_thesis",
-        (f"object.position={THESIS_PLACE[:2].tolist()}",),
-        10,
-    ),
+    AT_PLACE: ("assistive_arm_thesis", (_PLACE,), 10),
     RULES: ("assistive_arm_thesis", (), None),
 }
 
 
 def cases(seeds: int = 50) -> list[ex.Case]:
-    """Run every variant from every position."""
     return [
         {"variant": name, "seed": seed}
         for name, (_, _, most) in VARIANTS.items()
@@ -62,8 +48,7 @@ def trial(variant: str, seed: int) -> ex.Measures:
     """Run a cycle; errors in mm."""
     scenario, overrides, _ = VARIANTS[variant]
     cycle = run_cycle(scenario, seed, overrides)
-    keys = ("placed", "lifted", "failure", "placing", "cycle", "smoothness")
-    found = {key: cycle[key] for key in keys}
+    found = dict(cycle)
     # Of every cylinder that was released, seated or not.
     placement = cycle["placement"] if cycle["error_G"] is not None else None
     for what, error in (("placed", placement), ("seen", cycle["localization"])):
@@ -138,15 +123,17 @@ SIMULATED = np.array([-136.342, -68.221, -108.737])
 
 
 def kinematics(trials: ex.Trials) -> dict[str, ex.Values]:
-    """Compare printed, predicted, modelled and simulated angles of the tip."""
     q = np.deg2rad(POSTURE)
     digit = 1e-4  # of the print's last one [degrees]
-    theirs = ex.at_most(np.max(np.abs(SIMULATED - PREDICTED)), source="thesis")
+    coppelia = ex.at_most(np.max(np.abs(SIMULATED - PREDICTED)), source="thesis")
     printed, section = (
-        _largest(predict(ASSISTIVE_ARM_SCREWS_PRINTED, home, q) - PREDICTED)
-        for home in (ASSISTIVE_ARM_HOME_PRINTED, ASSISTIVE_ARM_HOME_SECTION_4_4_3)
+        _largest(predict(theirs.ASSISTIVE_ARM_SCREWS_PRINTED, home, q) - PREDICTED)
+        for home in (
+            theirs.ASSISTIVE_ARM_HOME_PRINTED,
+            theirs.ASSISTIVE_ARM_HOME_SECTION_4_4_3,
+        )
     )
-    model = predict(ASSISTIVE_ARM_SCREWS, ASSISTIVE_ARM_HOME, q)
+    model = predict(theirs.ASSISTIVE_ARM_SCREWS, theirs.ASSISTIVE_ARM_HOME, q)
     simulated = _largest(simulated_angles(q) - model)
     of_print = "appendix A's screws and M against the printed angles"
     of_section = "the same with the M of section 4.4.3; expected: more than that"
@@ -156,15 +143,17 @@ def kinematics(trials: ex.Trials) -> dict[str, ex.Values]:
         "forward kinematics": {
             f"{of_print} [degrees]": (printed, ex.at_most(digit, source="thesis")),
             f"{of_section} [degrees]": (section, ex.at_least(digit)),
-            f"{of_arm} [degrees]": (simulated, theirs),
-            f"{of_plant} [degrees]": (kinematics_error(), theirs),
+            f"{of_arm} [degrees]": (simulated, coppelia),
+            f"{of_plant} [degrees]": (kinematics_error(), coppelia),
         }
     }
 
 
 def predict(screws: Vector, home: Vector, q: Vector) -> Vector:
     """Return the tip's Euler angles by the product of exponentials (3) [degrees]."""
-    return np.rad2deg(euler_angles(forward_kinematics(screws, home, q)[:3, :3]))
+    return np.rad2deg(
+        theirs.euler_angles(theirs.forward_kinematics(screws, home, q)[:3, :3])
+    )
 
 
 def simulated_angles(q: Vector) -> Vector:
@@ -173,18 +162,13 @@ def simulated_angles(q: Vector) -> Vector:
     It holds it against gravity. Nothing collides: the hand would be in the bench.
     """
     changes = [
-        f"arm.home={q.tolist()}",
-        "object.present=false",
+        *(f"arm.home={q.tolist()}", "object.present=false"),
         'ignored_contacts=[["*", "*"]]',
     ]
-    station = MakeStation(load_scenario("assistive_arm", seed=0, overrides=changes))
-    simulator = Simulator(station)
-    context = simulator.get_mutable_context()
-    station.GetInputPort("arm.position_commanded").FixValue(context, q)
-    station.GetInputPort("gripper.closure_commanded").FixValue(context, [0.0])
-    simulator.AdvanceTo(3.0)
-    plant = station.GetSubsystemByName("plant")
-    return tip_angles(plant, plant.GetMyContextFromRoot(context))
+    bench = load_scenario("assistive_arm", seed=0, overrides=changes)
+    with Rig(bench, name="thesis_table") as rig:
+        rig.advance(3.0)
+        return tip_angles(rig.plant, rig.plant_context)
 
 
 def tip_angles(plant: MultibodyPlant, context: object) -> Vector:
@@ -192,15 +176,11 @@ def tip_angles(plant: MultibodyPlant, context: object) -> Vector:
     arm = plant.GetModelInstanceByName("arm")
     base, tip = (plant.GetFrameByName(name, arm) for name in ("base", "tip"))
     R_BT = plant.CalcRelativeTransform(context, base, tip).rotation().matrix()
-    return np.rad2deg(euler_angles(R_BT))
+    return np.rad2deg(theirs.euler_angles(R_BT))
 
 
 def kinematics_error() -> float:
-    """Return the largest error of the plant's forward kinematics [degrees].
-
-    That is the difference of the tip's Euler angles from those of the product of
-    exponentials, over 1,000 random postures within the joint limits.
-    """
+    """Return the plant's largest error in 1,000 postures within limits [degrees]."""
     plant = MakeModelsPlant(load_scenario("assistive_arm"))
     context, arm = plant.CreateDefaultContext(), plant.GetModelInstanceByName("arm")
     lower, upper = (
@@ -210,7 +190,7 @@ def kinematics_error() -> float:
     worst = 0.0
     for q in np.random.default_rng(0).uniform(lower, upper, (1000, len(lower))):
         plant.SetPositions(context, arm, q)
-        predicted = predict(ASSISTIVE_ARM_SCREWS, ASSISTIVE_ARM_HOME, q)
+        predicted = predict(theirs.ASSISTIVE_ARM_SCREWS, theirs.ASSISTIVE_ARM_HOME, q)
         worst = max(worst, _largest(tip_angles(plant, context) - predicted))
     return worst
 

@@ -18,15 +18,12 @@ from drake_srg.types import Vector
 from experiments.stands.cells import simulate_whole
 
 TABLES = {"spread": "clear_table_fast", "heap": "clear_heap_fast"}
-AS_IS = "as it is"
+AS_IS, _AWAKE = "as it is", ("sleeping=null",)
 SETTINGS: Mapping[str, tuple[str, ...]] = {
     AS_IS: (),
-    "awake, 5 ms": ("sleeping=null", "plant_config.time_step=0.005"),
-    "awake, 2.5 ms": ("sleeping=null", "plant_config.time_step=0.0025"),
-    "awake, Drake's stiction": (
-        "sleeping=null",
-        "plant_config.stiction_tolerance=1.0e-3",
-    ),
+    "awake, 5 ms": (*_AWAKE, "plant_config.time_step=0.005"),
+    "awake, 2.5 ms": (*_AWAKE, "plant_config.time_step=0.0025"),
+    "awake, Drake's stiction": (*_AWAKE, "plant_config.stiction_tolerance=1.0e-3"),
 }
 LATEST, SPAN = 15.0, 10.0  # when all must be at rest, and how long then to watch [s]
 # The arm waits until the time is over.
@@ -37,12 +34,10 @@ _WAITING = (
 
 
 def cases(trials: int = 4, seed: int = 10200) -> list[ex.Case]:
-    """Leave tables of both kinds alone, with all settings."""
     return ex.grid(seed=range(seed, seed + trials), table=TABLES, settings=SETTINGS)
 
 
 def trial(seed: int, table: str, settings: str) -> ex.Measures:
-    """Simulate a table that nobody touches."""
     overrides = (*_WAITING, *SETTINGS[settings])
     scenario = load_scenario(TABLES[table], seed=seed, overrides=overrides)
     log = simulate_whole(scenario, record=False).log
@@ -89,15 +84,12 @@ def find_stay(
 
 
 def summary(own: ex.Trials) -> ex.Values:
-    """Expect that objects at rest stay, with the scenarios' own settings."""
     rests, moved = own.known("rest"), own.known("moved").max(initial=0.0)
     as_is = own[0]["settings"] == AS_IS
     bound = ex.at_most(1.0) if as_is else ex.number(spread=max(1.0, moved))
+    some = (len(rests), ex.number(spread=2.0))
     return {
-        f"at rest within {LATEST:g} s [of {len(own)} tables]": (
-            len(rests),
-            ex.number(spread=2.0),
-        ),
+        f"at rest within {LATEST:g} s [of {len(own)} tables]": some,
         f"farthest motion in {SPAN:g} s [mm]": (moved, bound),
     }
 

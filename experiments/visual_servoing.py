@@ -85,20 +85,11 @@ def grasp_scenario(
     translation *= distance / np.linalg.norm(translation)
     rotation *= np.deg2rad(angle) / np.linalg.norm(rotation)
     errors = f"{{translation: {translation.tolist()}, rotation: {rotation.tolist()}}}"
-    scenario = load_scenario(
-        SCENARIO,
-        seed=seed,
-        overrides=[
-            *settings,
-            *overrides,
-            f"slides.tray.speed={speed}",
-            f"camera_errors={{{camera}: {errors}}}",
-            "planner.max_attempts=1",
-        ],
-    )
-    used = {*scenario.localizer.cameras, "hand"}
-    if servo_of(scenario) is None:
-        used.remove("hand")
+    changes = [*settings, *overrides, "planner.max_attempts=1"]
+    changes.append(f"slides.tray.speed={speed}")
+    changes.append(f"camera_errors={{{camera}: {errors}}}")
+    scenario = load_scenario(SCENARIO, seed=seed, overrides=changes)
+    used = [*scenario.localizer.cameras, *(["hand"] if servo_of(scenario) else [])]
     cameras = {name: c for name, c in scenario.cameras.items() if name in used}
     return dc.replace(scenario, cameras=cameras)
 
@@ -133,8 +124,8 @@ class GraspWatch:
     def ended(self, reason: str) -> ex.Measures:
         """Return the end of a trial; "" if the object is held.
 
-        `error` is the distance of the object from its place in the hand as the fingers
-        begin to close [m]; None if they did not.
+        `error` is how far it is from its place in the hand as the fingers begin to
+        close [m]; None if they did not.
         """
         error = None if self._off is None else float(np.linalg.norm(self._off))
         return {"held": not reason, "error": error, "reason": reason}
@@ -154,19 +145,15 @@ def _hand() -> tuple[ServoArm, Vector]:
     return ServoArm(plant), grasp.p_GO
 
 
-def cases(trials: int = 200, seed: int = 910_000, half: int = 20) -> list[ex.Case]:
-    """Grasp in every case by every method, and some again with half the step.
-
-    Args:
-        half: Trials of these per case and servo that run again with half the step.
-    """
+def cases(trials: int = 200, seed: int = 910_000) -> list[ex.Case]:
+    """Grasp in every case by every method, and some again with half the step."""
     seeds = range(seed, seed + trials)
     return [
         {"name": f"{case['case']}, {case['method']}", **case, "step": ""}
         for case in ex.grid(seed=seeds, case=CASES, method=METHODS)
     ] + [
         {"name": f"{case['method']}, half the step", **case, "step": "half"}
-        for case in ex.grid(seed=seeds[:half], case=CASES, method=SERVOS)
+        for case in ex.grid(seed=seeds[:20], case=CASES, method=SERVOS)
     ]
 
 
@@ -192,10 +179,7 @@ def trial(name: str, seed: int, case: str, method: str, step: str) -> ex.Measure
 
 
 def grasp_values(own: ex.Trials, held: bool, off: bool) -> ex.Values:
-    """Return the share of cans held and the median grasp error, with intervals.
-
-    `held` and `off` say whether share and error are judged.
-    """
+    """Return share held and median error; `held` and `off` say which are judged."""
     bound = ex.at_least(0.95) if held else None
     found = ex.share("held", sum(own["held"]), len(own), bound, spread=0.05)
     errors = own.known("error")

@@ -31,31 +31,20 @@ _OWN = "own"  # a source: we ask for it
 
 @dc.dataclass(frozen=True)
 class Bound:
-    """A claim about a quantity: its value is from `low` to `high`.
+    """A claim about a quantity: its value is from `low` to `high`."""
 
-    Attributes:
-        text: The claim as a table shows it.
-        low: Least value that passes.
-        high: Largest value that passes.
-        size: Magnitude, besides the value, of which the default spread is a share.
-        deviation: Allowed deviation from an expected value; None without one. It limits
-            the default spread.
-        spread: Largest change of a value between two runs, or a function of the
-            value; None for the default, see `row`.
-        clock: Dependence of the value on the machine's speed, see `Clock`.
-        known: Why the value misses the bound, where that is known.
-        source: Source of the bound: thesis, data sheet, vendor, paper, own.
-    """
-
-    text: str = "a number"
-    low: float = -math.inf
-    high: float = math.inf
-    size: float = 0.0
+    text: str = "a number"  # how a table shows it
+    low: float = -math.inf  # least value that passes
+    high: float = math.inf  # largest value that passes
+    size: float = 0.0  # what the default spread is a share of, beside the value itself
+    # Allowed from an expected value, and then a limit of the default spread.
     deviation: float | None = None
+    # How far a value may move from one run to another, or a function of the value; None
+    # for the default, see `row`.
     spread: float | Callable[[float], float] | None = None
-    clock: Clock = ""
-    known: str = ""
-    source: str = _OWN
+    clock: Clock = ""  # how the value depends on the machine's speed
+    known: str = ""  # why the value misses the bound, where that is known
+    source: str = _OWN  # of the bound: thesis, data sheet, vendor, paper, own
 
 
 def number(**options: Any) -> Bound:

@@ -29,19 +29,12 @@ _STAMP, _STAMPS = "stamp.json", "stamps.json"
 
 @dc.dataclass(frozen=True)
 class Stamp:
-    """Provenance of a result: code, version of Drake, and duration.
+    """What a result was made with."""
 
-    Attributes:
-        sources: Hash of the files that the experiment runs, see `sources`.
-        drake: Version of Drake.
-        result: Hash of result.json: a result of other parameters has no stamp.
-        seconds: Wall-clock time of the run [s].
-    """
-
-    sources: str
-    drake: str
-    result: str
-    seconds: float
+    sources: str  # hash of what the experiment runs, see `sources`
+    drake: str  # version of Drake
+    result: str  # hash of result.json: a result of other parameters has no stamp
+    seconds: float  # wall-clock time of the run [s]
 
 
 def drake_version() -> str:
@@ -93,21 +86,13 @@ def read_rows(result: Path) -> list[Row]:
 
 
 def committed_rows(name: str, folder: Path = COMMITTED) -> list[Row] | None:
-    """Return the rows of an experiment; None if there is no committed result.
-
-    Raises:
-        ScenarioError: If the file is not a result.
-    """
+    """Return the rows of an experiment; None if there is no committed result."""
     path = folder / f"{name}.json"
     return read_rows(path) if path.exists() else None
 
 
 def read_stamps(folder: Path = COMMITTED) -> dict[str, Stamp]:
-    """Return the stamps of committed results by experiment.
-
-    Raises:
-        ScenarioError: If the file does not hold stamps.
-    """
+    """Return the stamps of committed results by experiment."""
     path = folder / _STAMPS
     if not path.exists():
         return {}
@@ -144,18 +129,14 @@ def shrink(picture: Image.Image) -> bytes:
 class Change:
     """A changed row that needs attention.
 
-    Attributes:
-        what: The defect. A row that fails may have moved as well.
-        row: The new row, or the old one if it has vanished.
-        old: The committed value; NaN if there is none.
-        new: The new value, of a wall-clock row as if measured at the speed of the
-            machine that made the committed one; NaN if there is none.
+    A row that fails may have moved as well. The new value of a wall-clock row is as if
+    measured at the speed of the machine that made the committed one.
     """
 
     what: Literal["failed", "moved", "appeared", "vanished"]
-    row: Row
-    old: float
-    new: float
+    row: Row  # the new one, or the old one if it has vanished
+    old: float  # NaN if there is none
+    new: float  # NaN if there is none
 
 
 def compare(old: Sequence[Row] | None, new: Sequence[Row]) -> list[Change]:

@@ -78,10 +78,9 @@ def stale(name: str, stamp: Stamp) -> bool:
 
 
 def verdict(name: str, rows: Sequence[Row], stamp: Stamp) -> str:
-    """Return the number of claims that hold, and whether the result is up to date."""
-    judged = [row for row in rows if row.judged]
-    good = sum(row.passed for row in judged)
-    text = f"{good} of {len(judged)} claims hold."
+    """Return how many claims hold, and whether that is still known."""
+    judged = [row.passed for row in rows if row.judged]
+    text = f"{sum(judged)} of {len(judged)} claims hold."
     if not judged:
         text = f"{len(rows)} figures."
     return f"{text} Not run since the code changed." if stale(name, stamp) else text
@@ -106,11 +105,7 @@ def number(value: float) -> str:
 
 
 def read_claims() -> list[dict[str, Any]]:
-    """Return the claims: text, source, experiment and our figures.
-
-    Raises:
-        KeyError: If a row that is quoted does not exist.
-    """
+    """Return what is claimed, by whom, where it is tried and what is ours."""
     text = (FOLDER / "data/claims.yaml").read_text(encoding="utf-8")
     keys = ("claim", "source", "experiments", "ours")
     claims = [dict(zip(keys, line, strict=True)) for line in yaml.safe_load(text)]
@@ -121,6 +116,9 @@ def fill(text: str, folder: Path = COMMITTED) -> str:
     """Return a text with `{EXPERIMENT|ROW|QUANTITY|FORMAT}` replaced by values.
 
     A row `*` stands for the least value of all rows of that quantity.
+
+    Raises:
+        KeyError: If a row that is quoted does not exist.
     """
 
     def value(match: re.Match[str]) -> str:
@@ -142,9 +140,6 @@ def quoting_pages() -> dict[Path, str]:
     """Return the required text of each page that quotes results.
 
     Lines with figures of code that has changed since are marked.
-
-    Raises:
-        KeyError: If a row that is quoted does not exist.
     """
     stamps, texts = read_stamps(), {}
     old = {name for name, stamp in stamps.items() if stale(name, stamp)}
@@ -184,10 +179,9 @@ def link(name: str, stamps: dict[str, Stamp]) -> str:
     rows, stamp = committed_rows(name), stamps.get(name)
     if rows is None or stamp is None:
         return f"[{name}](experiments/{name}.md) (no result)"
-    judged = [row for row in rows if row.judged]
-    good = sum(row.passed for row in judged)
+    judged = [row.passed for row in rows if row.judged]
     since = ", not run since" * stale(name, stamp)
-    return f"[{name}](experiments/{name}.md) ({good}/{len(judged)}{since})"
+    return f"[{name}](experiments/{name}.md) ({sum(judged)}/{len(judged)}{since})"
 
 
 def index() -> str:

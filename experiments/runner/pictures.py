@@ -5,7 +5,7 @@ from __future__ import annotations
 import dataclasses as dc
 import textwrap
 from collections.abc import Callable, Iterator, Sequence
-from typing import Any, Protocol
+from typing import Any, TypeAlias
 
 import numpy as np
 
@@ -14,18 +14,9 @@ from drake_srg.types import Vector
 from experiments.runner.claims import Row, Trials
 
 _STYLES, _MARKERS = ("-", "--", ":", "-."), "os^v"
-
-
-class Panel(Protocol):
-    """Draws one part of a picture."""
-
-    def height(self, trials: Trials, rows: Sequence[Row]) -> float:
-        """Return its height [inch]."""
-
-    def draw(
-        self, axes: Any, trials: Trials, rows: Sequence[Row], by: Sequence[str]
-    ) -> None:
-        """Draw on axes; `by` are the axes that name a group of trials."""
+# Draws one part of a picture: `draw` on axes, `by` being the axes that name a group of
+# trials; `height` is how high it should be [inch].
+Panel: TypeAlias = "Bars | Curves | Points | Histogram | Images"
 
 
 @dc.dataclass(frozen=True)
@@ -41,13 +32,11 @@ class Bars:
         return [row for row in own if self.names is None or row.name in self.names]
 
     def height(self, trials: Trials, rows: Sequence[Row]) -> float:
-        """Return its height [inch]."""
         return min(1.4 + 0.2 * len(self._rows(rows)), 9.0)
 
     def draw(
         self, axes: Any, trials: Trials, rows: Sequence[Row], by: Sequence[str]
     ) -> None:
-        """Draw on axes."""
         drawn = self._rows(rows)
         names = list(dict.fromkeys(row.name for row in drawn))
         found = {(row.name, row.quantity): row.measured for row in rows}
@@ -97,7 +86,6 @@ class _Plot:
     title: str = ""
 
     def height(self, trials: Trials, rows: Sequence[Row]) -> float:
-        """Return its height [inch]."""
         return 3.2
 
     def _groups(
@@ -130,7 +118,6 @@ class Curves(_Plot):
     def draw(
         self, axes: Any, trials: Trials, rows: Sequence[Row], by: Sequence[str]
     ) -> None:
-        """Draw on axes."""
         measures = [self.y] if isinstance(self.y, str) else list(self.y)
         style_axes(axes, xlabel=self.x, ylabel=", ".join(measures)[:60])
         for name, color, before, own in self._groups(trials, by):
@@ -156,7 +143,6 @@ class Points(_Plot):
     def draw(
         self, axes: Any, trials: Trials, rows: Sequence[Row], by: Sequence[str]
     ) -> None:
-        """Draw on axes."""
         style_axes(axes, xlabel=self.x, ylabel=self.y)
         for name, color, before, own in self._groups(trials, by):
             x, y = _values(own, self.x), _values(own, self.y)
@@ -177,7 +163,6 @@ class Histogram(_Plot):
     def draw(
         self, axes: Any, trials: Trials, rows: Sequence[Row], by: Sequence[str]
     ) -> None:
-        """Draw on axes."""
         style_axes(axes, xlabel=self.measure, ylabel="trials")
         every = np.append(_values(trials.where(**self.where), self.measure), 0.0)
         edges = np.linspace(np.nanmin(every), np.nanmax(every) + 1e-9, 31)
@@ -196,7 +181,6 @@ class Images:
     across: int = 6  # images beside each other
 
     def height(self, trials: Trials, rows: Sequence[Row]) -> float:
-        """Return its height [inch]."""
         return 2.3 * -(-len(trials) // self.across)
 
     def draw(
@@ -231,18 +215,14 @@ def draw_legends(figure: Any) -> None:
     style: dict[str, Any] = {"fontsize": 7, "frameon": False}
     if len({tuple(handles) for handles in found.values()}) == 1:
         handles = next(iter(found.values()))
-        columns = _columns(list(handles), figure.get_figwidth())
+        wide = 0.5 + 0.06 * max(map(len, handles))  # of a name in 7 points [inch]
+        columns = max(1, int(figure.get_figwidth() / wide))
         place = {"loc": "outside lower center", "ncols": columns}
         figure.legend(handles.values(), handles.keys(), **place, **style)
         return
     for axes, handles in found.items():
         place = {"loc": "upper left", "bbox_to_anchor": (1.0, 1.0)}
         axes.legend(handles.values(), handles.keys(), **place, **style)
-
-
-def _columns(names: Sequence[str], width: float) -> int:
-    """Return how many names of 7 points fit beside each other [inch]."""
-    return max(1, int(width / (0.5 + 0.06 * max(map(len, names)))))
 
 
 def _floats(value: Any) -> Any:

@@ -86,13 +86,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 
 def rerun(options: argparse.Namespace) -> int:
-    """Run, compare and report as the options say; returns the exit code.
-
-    Raises:
-        ScenarioError: If an experiment is unknown, none is left to run, or committed
-            results are not readable.
-        OSError: If results cannot be written.
-    """
+    """Run, compare and report as the options say; returns the exit code."""
     stamps = read_stamps()
     durations = {name: stamp.seconds for name, stamp in stamps.items()}
     names = choose(list(find_experiments()), options.only, options.left_out)
@@ -139,11 +133,7 @@ def say(text: str) -> None:
 def choose(
     names: Sequence[str], only: Sequence[str], left_out: Sequence[str]
 ) -> list[str]:
-    """Return the names to run, in order.
-
-    Raises:
-        ScenarioError: If a name is unknown.
-    """
+    """Return the names to run, in order; an unknown one is a ScenarioError."""
     wanted = chosen("--only", only, names)
     chosen("--except", left_out, names)
     return [name for name in names if name in wanted and name not in left_out]
@@ -254,18 +244,11 @@ def changes_table(changes: Mapping[str, Sequence[Change]]) -> str:
         return f"{value:.4g}" if math.isfinite(value) else "-"
 
     lines = [("experiment", "row", "quantity", "old", "new", "spread", "unit", "")]
-    lines += [
-        (
-            name,
-            change.row.name,
-            change.row.quantity,
-            number(change.old),
-            number(change.new),
-            f"{change.row.spread:.2g}",
-            change.row.unit,
-            change.what + (f": {change.row.expected}" * (change.what == "failed")),
-        )
-        for name in changes
-        for change in changes[name]
-    ]
+    for name, own in changes.items():
+        for change in own:
+            row, what = change.row, str(change.what)
+            if change.what == "failed":
+                what += f": {row.expected}"
+            numbers = (number(change.old), number(change.new), f"{row.spread:.2g}")
+            lines.append((name, row.name, row.quantity, *numbers, row.unit, what))
     return align(lines)

@@ -38,11 +38,7 @@ REPLAY = "replay.html"
 
 
 def find_experiment(name: str) -> Experiment:
-    """Return an experiment.
-
-    Raises:
-        ScenarioError: If there is no such experiment.
-    """
+    """Return an experiment; it is a ScenarioError if there is none of that name."""
     found = find_experiments()
     if name not in found:
         raise ScenarioError(f"unknown experiment {name!r} {suggest(name, found)}")
@@ -52,11 +48,7 @@ def find_experiment(name: str) -> Experiment:
 
 
 def describe(name: str) -> str:
-    """Return an experiment's description and its parameters as text.
-
-    Raises:
-        ScenarioError: If there is no such experiment.
-    """
+    """Return an experiment's description and its parameters as text."""
     experiment = find_experiment(name)
     parameters = experiment.parameters()
     lines = [f"{name}: {experiment.description}", ""]
@@ -116,8 +108,8 @@ def run_experiment(
             a cell, replay.html of its first run; None writes nothing.
         overrides: Parameters of the experiment, `KEY=VALUE` each, the value YAML.
         quick: Whether to run only one case for each value of the first axis.
-        workers: Processes that run trials; 0 for as many as there are cores, or one if
-            the experiment measures wall-clock time.
+        workers: Processes that run trials; 0 for one a core, or for one alone if the
+            experiment measures wall-clock time.
         any_code: Whether kept trials of other code count, too.
         progress: Whether to show progress on standard error.
 

@@ -21,20 +21,15 @@ import numpy as np
 
 from drake_srg.common.exceptions import ScenarioError
 from drake_srg.recording.rosbag import MakeMessage, Topic, float64_array
+from drake_srg.robot.serve import commands
 from drake_srg.robot.serve.bridge import Bridge
-from drake_srg.robot.serve.commands import (
-    CommandInbox,
-    CommandTopic,
-    PortValues,
-    Warnings,
-)
 from drake_srg.types import Vector
 
 _PATIENCE = 60.0  # how long to wait for a start or an end [s]
 WIRES = ("ROS 1", "ROS 2")
 
 # Makes one side of a wire: it receives into the inbox and publishes the topics.
-MakeBridge = Callable[[CommandInbox, Sequence[Topic]], Bridge]
+MakeBridge = Callable[[commands.CommandInbox, Sequence[Topic]], Bridge]
 
 
 class Wire(NamedTuple):
@@ -60,17 +55,12 @@ class Served(NamedTuple):
     seen_time: float
 
 
-def silent_inbox(*topics: CommandTopic) -> CommandInbox:
-    """Return an inbox that prints no warnings."""
-    return CommandInbox(topics, Warnings(lambda text: None))
+def silent_inbox(*topics: commands.CommandTopic) -> commands.CommandInbox:
+    return commands.CommandInbox(topics, commands.Warnings(lambda text: None))
 
 
 def wait_for(connected: Callable[[], bool]) -> None:
-    """Wait until client and station are connected.
-
-    Raises:
-        ScenarioError: If they do not connect within a minute.
-    """
+    """Wait until client and station are connected, for a minute at most."""
     end = wall.monotonic() + _PATIENCE
     while not connected():
         if wall.monotonic() > end:
@@ -100,11 +90,7 @@ class ServedProcess:
         self._start = wall.monotonic()
 
     def stop(self) -> Served:
-        """Stop the process by SIGTERM and return its report.
-
-        Raises:
-            ScenarioError: If it ended without a report.
-        """
+        """Stop the process by SIGTERM and return its report."""
         seen_time = wall.monotonic() - self._start
         self._process.terminate()
         output, _ = self._process.communicate(timeout=_PATIENCE)
@@ -161,12 +147,8 @@ def open_wire(wire: str, experiment: str) -> Iterator[Wire]:
 class Client:
     """Commands a served kitchen, and records the commands to its drivers.
 
-    Attributes:
-        arm: Messages on /arm/position_commanded as (real time [s], positions [rad]).
-        closure: Messages on /gripper/closure_commanded as (real time [s], closure).
-
-    Raises:
-        ScenarioError: If the station does not connect within a minute.
+    `arm` and `closure` are messages on /arm/position_commanded and
+    /gripper/closure_commanded as (real time [s], positions [rad] or closure).
     """
 
     def __init__(self, make_bridge: MakeBridge):
@@ -185,22 +167,22 @@ class Client:
         )
         self._bridge = make_bridge(inbox, topics)
         try:
-            wait_for(lambda: bool(self.arm and self.closure) and self._is_subscribed())
+            wait_for(
+                lambda: (
+                    bool(self.arm and self.closure)
+                    and all(map(self._bridge.has_subscribers, self._topics))
+                )
+            )
         except ScenarioError:
             self.close()
             raise
 
     def send(self, values: Mapping[str, Any]) -> None:
-        """Publish values by topic."""
         for name, value in values.items():
             self._bridge.publish(self._topics[name], 0.0, [value])
 
     def close(self) -> None:
-        """Disconnect."""
         self._bridge.close()
-
-    def _is_subscribed(self) -> bool:
-        return all(self._bridge.has_subscribers(name) for name in self._topics)
 
 
 @contextlib.contextmanager
@@ -218,7 +200,7 @@ def watch(make_bridge: MakeBridge, topic: str, type: str) -> Iterator[None]:
 
 
 def _watch(make_bridge: MakeBridge, topic: str, type: str) -> None:
-    inbox = silent_inbox(CommandTopic(topic, type, lambda data: {}))
+    inbox = silent_inbox(commands.CommandTopic(topic, type, lambda data: {}))
     with contextlib.closing(make_bridge(inbox, [])):
         threading.Event().wait()  # until the process is terminated
 
@@ -230,9 +212,11 @@ def _scalar(name: str, type: str, convert: Callable[[Any], Any]) -> Topic:
     return Topic(name, type, {}, message)
 
 
-def _recorded(name: str, type: str, into: list[tuple[float, Vector]]) -> CommandTopic:
-    def convert(data: Any) -> PortValues:
+def _recorded(
+    name: str, type: str, into: list[tuple[float, Vector]]
+) -> commands.CommandTopic:
+    def convert(data: Any) -> commands.PortValues:
         into.append((wall.monotonic(), np.atleast_1d(data).copy()))
         return {}
 
-    return CommandTopic(name, f"std_msgs/msg/{type}", convert)
+    return commands.CommandTopic(name, f"std_msgs/msg/{type}", convert)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from typing import Any
 
 import numpy as np
 
@@ -17,11 +18,7 @@ from experiments.stands.cells import simulate_whole
 THESIS_PLACE = np.array([-0.32495, -0.17498, 0.125])
 
 
-def run_cycle(
-    name: str,
-    seed: int,
-    overrides: Sequence[str] = (),
-) -> ex.Measures:
+def run_cycle(name: str, seed: int, overrides: Sequence[str] = ()) -> ex.Measures:
     """Run a scenario once, without recordings.
 
     Of the run's metrics, return `placed`, `lifted`, `failure`, `cycle`, `placing` [s]
@@ -61,11 +58,8 @@ def in_hand(
     begun = [k for k in range(len(mode)) if k == 0 or mode[k] is not mode[k - 1]]
     opened = [k for k in begun if mode[k] is Mode.CLOSE][-1:]
     held = [k for k, m in enumerate(mode) if m is Mode.VERIFY][-1:]
-    carried = [
-        k
-        for k, m in enumerate(mode)
-        if held and k > held[0] and m in (Mode.LIFT, Mode.TRANSFER)
-    ]
+    up = [k for k, m in enumerate(mode) if m in (Mode.LIFT, Mode.TRANSFER)]
+    carried = [k for k in up if held and k > held[0]]
     arm, poses = log["arm.state_measured"], log[pose_key(scenario.task.pick)]
     placed = [k for k, m in enumerate(mode) if m is Mode.PLACE][-1:]
     rows = sorted({*opened, *held, *carried, *placed})
@@ -80,29 +74,23 @@ def in_hand(
     if carried:
         z_GO = {k: X.rotation().col(2) for k, X in X_GO.items()}
         found["slip"] = max(np.linalg.norm(p_GO[k] - p_GO[held[0]]) for k in carried)
-        found["turn"] = max(_angle(z_GO[k], z_GO[held[0]]) for k in carried)
+        z = z_GO[held[0]]
+        found["turn"] = max(
+            float(np.arctan2(np.linalg.norm(np.cross(z_GO[k], z)), z_GO[k] @ z))
+            for k in carried
+        )
     if placed and error is not None:
         R_GW = X_WG[placed[0]].rotation().inverse()
         found["error_G"] = R_GW @ np.array(error)
     return found
 
 
-def _angle(z_1: Vector, z_2: Vector) -> float:
-    """Return the angle between two unit vectors [rad]."""
-    return float(np.arctan2(np.linalg.norm(np.cross(z_1, z_2)), z_1 @ z_2))
-
-
 def shares(own: ex.Trials) -> ex.Values:
     """Return the shares of trials that lift the cylinder, and that place it."""
-    return {
-        key: value
-        for what, measure in (("grasped and lifted", "lifted"), ("placed", "placed"))
-        for key, value in ex.share(
-            what, sum(own[measure]), len(own), spread=0.05, first=", share"
-        ).items()
-    }
+    common: dict[str, Any] = {"trials": len(own), "spread": 0.05, "first": ", share"}
+    lifted = ex.share("grasped and lifted", sum(own["lifted"]), **common)
+    return lifted | ex.share("placed", sum(own["placed"]), **common)
 
 
 def placed_interval(own: ex.Trials) -> tuple[float, float]:
-    """Return the 95 % interval (Wilson) of the share that was placed."""
     return ex.wilson(sum(own["placed"]), len(own))

@@ -3,7 +3,7 @@
 The object floats in front of the open hand, so that it may be grasped from anywhere.
 Meanwhile, a viscous medium hinders it: the finger that arrives first would kick it out
 of the hand. Once the fingers stand still, it gets its weight, and the gantry shakes the
-hand. The procedure is written once: an engine offers what it needs (`Engine`).
+hand. The procedure is written once, for `InDrake` and `InMujoco`.
 """
 
 from __future__ import annotations
@@ -12,11 +12,11 @@ import dataclasses as dc
 import functools
 import time
 from collections.abc import Callable, Mapping
-from typing import Any, Protocol
+from typing import Any
 
 import mujoco
 import numpy as np
-from pydrake.common.schema import Rotation, Transform
+from pydrake.common.schema import Transform
 from pydrake.common.value import AbstractValue
 from pydrake.math import RigidTransform, RollPitchYaw
 from pydrake.multibody.math import SpatialForce
@@ -32,7 +32,7 @@ from drake_srg.simulation.rig import Rig, bench_scenario, shake
 from drake_srg.types import Vector
 from experiments.stands.grasps import MIDDLE
 from experiments.stands.holding import body_of
-from experiments.stands.mujoco_grasps import body_name, change, scene
+from experiments.stands.mujoco_grasps import MujocoBench
 
 # Of the palm, in which the hand points down or to the front [degrees].
 _HANDS = ([0.0, 90.0, 0.0], [0.0, 0.0, 0.0])
@@ -57,32 +57,21 @@ _HOPELESS = 40  # directions without a grasp
 
 @dc.dataclass(frozen=True, eq=False)
 class Shake:
-    """A drawn grasp of an object, and how it is shaken.
-
-    Attributes:
-        grasp: Pose at which the hand closes.
-        rpy: Roll, pitch, yaw of the palm [degrees].
-        mass: Mass of the object [kg].
-        friction: Friction of the object.
-        wire_force: Force of each wire [N].
-        a_W: Greatest acceleration of the hand, shape (3,) [m/s²].
-    """
+    """A drawn grasp of an object, and how it is shaken."""
 
     grasp: SampledGrasp
-    rpy: list[float]
-    mass: float
-    friction: float
-    wire_force: float
-    a_W: Vector
+    rpy: list[float]  # roll, pitch, yaw of the palm [degrees]
+    mass: float  # of the object [kg]
+    friction: float  # of the object
+    wire_force: float  # of each wire [N]
+    a_W: Vector  # greatest acceleration of the hand (3) [m/s²]
 
     def scenario(self, name: str, scenario: str, overrides: Any = ()) -> Scenario:
         """Return the bench with the object in front of the open hand."""
         thing = household_object(name)
         R_WG = RollPitchYaw(np.deg2rad(self.rpy)).ToRotationMatrix()
         X_WO = RigidTransform(R_WG, MIDDLE + _HOME) @ self.grasp.X_OG.inverse()
-        thing.pose = Transform()
-        thing.pose.translation = X_WO.translation()
-        thing.pose.rotation = Rotation(RollPitchYaw(X_WO.rotation()))
+        thing.pose = Transform(X_WO)
         thing.mass, thing.friction = self.mass, self.friction
         return bench_scenario(
             thing,
@@ -105,54 +94,23 @@ def draw(name: str, number: int) -> Shake:
     some = next(found for found in samples if found)
     direction = rng.normal(size=3)
     direction *= rng.uniform(*_STRENGTH) / np.linalg.norm(direction)
-    spread = {
-        key: float(np.exp(rng.uniform(*np.log(shares))))
-        for key, shares in (("mass", _MASS), ("force", _FORCE))
-    }
+    mass, force = (float(np.exp(rng.uniform(*np.log(s)))) for s in (_MASS, _FORCE))
     return Shake(
         some[int(rng.integers(len(some)))],
         _HANDS[int(rng.integers(2))],
-        object_facts(name, thing).mass * spread["mass"],
+        object_facts(name, thing).mass * mass,
         float(rng.uniform(*_FRICTION)),
-        _WIRE_FORCE * spread["force"],
+        _WIRE_FORCE * force,
         direction,
     )
 
 
-class Engine(Protocol):
-    """The interface of an engine that the procedure needs."""
+def judge(engine: InDrake | InMujoco, drawn: Shake, limit: float) -> ex.Measures:
+    """Close with a fraction of full PWM, weigh and shake the object.
 
-    def levitate(self, floats: bool) -> None:
-        """Let the object float in the medium, or no longer."""
-
-    def close(self, limit: float) -> None:
-        """Close the fingers with a fraction of full PWM."""
-
-    def advance(self, duration: float, arm: Callable[[float], Vector]) -> None:
-        """Simulate for a while [s]; `arm` is the gantry's place by the time in it."""
-
-    def p_GO(self) -> Vector:
-        """Return the object's place in the palm (3) [m]."""
-
-    def finger_speed(self) -> float:
-        """Return the greatest speed of a finger joint [rad/s]."""
-
-    def depths(self) -> list[float]:
-        """Return how deep each contact with the object is, in rigid shapes [m]."""
-
-
-def judge(engine: Engine, drawn: Shake, limit: float) -> ex.Measures:
-    """Close, weigh and shake, and return the outcome for the object.
-
-    Args:
-        engine: With the open hand in front of the object.
-        drawn: The shake.
-        limit: Fraction of full PWM that gives the drawn wire force.
-
-    Returns:
-        `touched`: whether the open hand touches the object, which ends the trial;
-        `held`; `moved` in the hand [m]; and of those held `creep` at the end [um/s];
-        `depth` to which pads and object overlap before the shake [mm]; `wall` [s].
+    Return `touched`: whether the open hand touches the object, which ends the trial;
+    `held`; of an object that is held, `moved` in the hand [mm], `creep` at the end
+    [um/s], `depth` to which pads and object overlap before the shake [mm]; `wall` [s].
     """
     begin = time.process_time()
 
@@ -198,7 +156,7 @@ def judge(engine: Engine, drawn: Shake, limit: float) -> ex.Measures:
 
 
 class InDrake:
-    """Adapts a rig to the procedure."""
+    """A rig with the open hand in front of the object."""
 
     def __init__(self, rig: Rig) -> None:
         self._rig = rig
@@ -212,6 +170,7 @@ class InDrake:
         self._floats = False
 
     def levitate(self, floats: bool) -> None:
+        """Let the object float in the medium, or no longer."""
         self._floats = floats
         self._push()
 
@@ -233,10 +192,13 @@ class InDrake:
         self._forces.GetMutableData().set_value([applied])
 
     def close(self, limit: float) -> None:
+        """Close the fingers with a fraction of full PWM."""
         self._rig.fix("gripper.closure_commanded", 1.0)
         self._rig.fix("gripper.force_limit", limit)
 
     def advance(self, duration: float, arm: Callable[[float], Vector]) -> None:
+        """Simulate for a while [s]; `arm` is the gantry's place by the time in it."""
+
         def command(t: float) -> Vector:
             if self._floats:
                 self._push()
@@ -245,14 +207,17 @@ class InDrake:
         self._rig.advance(duration, arm=command)
 
     def p_GO(self) -> Vector:
+        """Return the object's place in the palm (3) [m]."""
         p_GO: Vector = self._rig.X_GO().translation()
         return p_GO
 
     def finger_speed(self) -> float:
+        """Return the greatest speed of a finger joint [rad/s]."""
         plant, context = self._rig.plant, self._rig.plant_context
         return float(np.abs(plant.GetVelocities(context, self._gripper)).max())
 
     def depths(self) -> list[float]:
+        """Return how deep each contact with the object is, in rigid shapes [m]."""
         port = self._rig.plant.get_geometry_query_input_port()
         query = port.Eval(self._rig.plant_context)
         pairs = query.ComputePointPairPenetration()
@@ -266,58 +231,41 @@ def in_drake(drawn: Shake, bench: Scenario) -> ex.Measures:
         return judge(InDrake(rig), drawn, limit)
 
 
-class InMujoco:
-    """Adapts MuJoCo's state to the procedure."""
+class InMujoco(MujocoBench):
+    """The same in MuJoCo, with the methods of `InDrake`."""
 
-    def __init__(self, model: Any) -> None:
-        self._model, self._data = model, mujoco.MjData(model)
-        mujoco.mj_resetDataKeyframe(model, self._data, 0)
-        mujoco.mj_forward(model, self._data)
-        names = [model.actuator(i).name for i in range(model.nu)]
-        self._arm = [i for i, name in enumerate(names) if name.startswith("arm_")]
-        self._wire = names.index("wire_motor")
-        self._thing = self._data.body(body_name(model))
-        first = model.body_dofadr[self._thing.id]
+    def __init__(self, scenario: Scenario, options: Mapping[str, Any]) -> None:
+        super().__init__(scenario, options)
+        mujoco.mj_forward(self.model, self.data)
+        first = self.model.body_dofadr[self.thing.id]
         self._dofs = slice(first, first + 6)
-        self._palm = self._data.body("gripper_palm")
-        hinges = np.array(model.jnt_type) == mujoco.mjtJoint.mjJNT_HINGE
-        self._fingers = np.array(model.jnt_dofadr)[hinges]
+        hinges = np.array(self.model.jnt_type) == mujoco.mjtJoint.mjJNT_HINGE
+        self._fingers = np.array(self.model.jnt_dofadr)[hinges]
 
     def levitate(self, floats: bool) -> None:
         # A free joint turns in the axes of the body, near those of its inertia.
-        body = self._model.body(self._thing.id)
+        body = self.model.body(self.thing.id)
         mass, inertia = float(body.mass[0]), body.inertia.max()
-        self._thing.xfrc_applied[2] = floats * 9.81 * mass
+        self.thing.xfrc_applied[2] = floats * 9.81 * mass
         damping = np.repeat([mass, inertia], 3) / _STOP
-        self._model.dof_damping[self._dofs] = floats * damping
-
-    def close(self, limit: float) -> None:
-        self._data.ctrl[self._wire] = limit
+        self.model.dof_damping[self._dofs] = floats * damping
 
     def advance(self, duration: float, arm: Callable[[float], Vector]) -> None:
-        step = self._model.opt.timestep
+        step = self.model.opt.timestep
         for i in range(round(duration / step)):
-            self._data.ctrl[self._arm] = arm(i * step)
-            mujoco.mj_step(self._model, self._data)
-
-    def p_GO(self) -> Vector:
-        R_GW = self._palm.xmat.reshape(3, 3).T
-        p_GO: Vector = R_GW @ (self._thing.xpos - self._palm.xpos)
-        return p_GO
+            self.step(arm(i * step))
 
     def finger_speed(self) -> float:
-        return float(np.abs(self._data.qvel[self._fingers]).max())
+        return float(np.abs(self.data.qvel[self._fingers]).max())
 
     def depths(self) -> list[float]:
-        contacts = self._data.contact
-        bodies = np.array(self._model.geom_bodyid)[contacts.geom]
-        own = (bodies == self._thing.id).any(axis=-1) & (contacts.dist < 0.0)
+        contacts = self.data.contact
+        bodies = np.array(self.model.geom_bodyid)[contacts.geom]
+        own = (bodies == self.thing.id).any(axis=-1) & (contacts.dist < 0.0)
         return [-float(d) for d in contacts.dist[own]]
 
 
 def in_mujoco(drawn: Shake, bench: Scenario, options: Mapping[str, Any]) -> ex.Measures:
-    """Judge a shake on the exported bench, in MuJoCo; for `options`, see `change`."""
+    """Judge a shake on the exported bench; for `options`, see `MujocoBench`."""
     limit = bench.gripper.wire_motor.drive.force_limit_of(drawn.wire_force)
-    model = scene(bench)
-    change(model, options)
-    return judge(InMujoco(model), drawn, limit)
+    return judge(InMujoco(bench, options), drawn, limit)

@@ -76,12 +76,10 @@ class GraspConfig:
 
     @property
     def R_WG(self) -> RotationMatrix:
-        """Orientation of the palm frame in world."""
         return RollPitchYaw(np.deg2rad(self.hand)).ToRotationMatrix()
 
     @property
     def R_WO(self) -> RotationMatrix:
-        """Orientation of the object in world."""
         return RollPitchYaw(np.deg2rad(self.object)).ToRotationMatrix()
 
 
@@ -131,11 +129,7 @@ def present(
     p_WG = p_WO - grasp.R_WG @ np.array(grasp.grip) - MIDDLE
     home = list(p_WG + grasp.R_WG @ np.array(grasp.retreat))
     bench = bench_scenario(
-        thing,
-        gripper_rpy=grasp.hand,
-        home=home,
-        scenario=scenario,
-        overrides=overrides,
+        thing, gripper_rpy=grasp.hand, home=home, scenario=scenario, overrides=overrides
     )
     for i, support in enumerate(grasp.supports):
         bench.objects[f"support_{i}"] = ObjectConfig(
@@ -168,13 +162,7 @@ def stops(scenario: Scenario, grasp: GraspConfig) -> tuple[Vector, Vector]:
 
 
 def creep(time: Vector, p_GO: Vector, seconds: float) -> float:
-    """Return the mean speed of an object in the hand at the end [um/s].
-
-    Args:
-        time: (K) [s].
-        p_GO: Its position in the hand (K, 3) [m].
-        seconds: Duration of the end [s].
-    """
+    """Return the mean speed of p_GO (K, 3) [m] in the last seconds [um/s]."""
     start = np.searchsorted(time, time[-1] - seconds)
     way = np.linalg.norm(p_GO[-1] - p_GO[start])
     return 1e6 * float(way / (time[-1] - time[start]))

@@ -14,9 +14,13 @@ from pydrake.multibody.math import SpatialForce
 from pydrake.multibody.parsing import AddModel, AddWeld, ModelDirective
 from pydrake.multibody.plant import ExternallyAppliedSpatialForce
 
-from drake_srg.scenario import Scenario
-from drake_srg.simulation.rig import Rig
+import experiments.runner as ex
+from drake_srg import Rig, Scenario
+from drake_srg.gripper.tendon import TendonDriveConfig
 from drake_srg.types import Vector
+
+# A claim: no wire pulls with more than the servo gives.
+FULL_FORCE = ex.at_most(TendonDriveConfig().full_wire_force, source="data sheet")
 
 
 def is_free(rig: Rig) -> bool:
@@ -44,10 +48,13 @@ def weld_model(scenario: Scenario, file: str, link: str, p_W: npt.ArrayLike) -> 
     scenario.directives = [*scenario.directives, model, weld]
 
 
-def push(rig: Rig, body: str, force: npt.ArrayLike) -> None:
-    """Push at a body's origin with a force (3) in world [N], until further notice."""
+def push(
+    rig: Rig, body: str, force: npt.ArrayLike, p_BoBq_B: npt.ArrayLike = (0, 0, 0)
+) -> None:
+    """Push at a body's point (3) [m] with a force (3) in world [N], until told else."""
     applied = ExternallyAppliedSpatialForce()
     applied.body_index = body_of(rig, body).index()
+    applied.p_BoBq_B = np.array(p_BoBq_B, dtype=float)
     applied.F_Bq_W = SpatialForce(tau=np.zeros(3), f=force)
     port = rig.diagram.GetInputPort("object_forces_cheat")
     port.FixValue(rig.context, AbstractValue.Make([applied]))

@@ -1,7 +1,4 @@
-"""One grasp of a household object in MuJoCo, with the models that we export.
-
-The commands, their times and the judgement are those of `grasps.simulate`.
-"""
+"""The bench in MuJoCo, with the models that we export, and one grasp of an object."""
 
 import tempfile
 import time as wall_clock
@@ -18,119 +15,101 @@ from drake_srg.export.files import export_scenario
 from drake_srg.scenario import Scenario
 from drake_srg.simulation.rig import shake
 from drake_srg.types import Vector
-from experiments.stands.grasps import (
-    ACCELERATION,
-    ARRIVE,
-    CLOSE,
-    FREQUENCY,
-    LIFT,
-    REST,
-    SHAKE,
-    GraspConfig,
-    creep,
-    stops,
-)
+from experiments.stands import grasps
 
-_LIFTED = ARRIVE + CLOSE + LIFT  # s
-_SHAKEN = _LIFTED + 3.0 * SHAKE + REST
+_LIFTED = grasps.ARRIVE + grasps.CLOSE + grasps.LIFT  # s
+_SHAKEN = _LIFTED + 3.0 * grasps.SHAKE + grasps.REST
 
 
-def scene(scenario: Scenario) -> Any:
-    """Return MuJoCo's model of a scenario, as `drake-srg export` writes it."""
-    with tempfile.TemporaryDirectory() as folder:
-        export_scenario(scenario, "mjcf", Path(folder))
-        return mujoco.MjModel.from_xml_path(f"{folder}/scene.xml")
+class MujocoBench:
+    """The hand of a scenario with its gantry and, if it has one, its object.
 
-
-def change(model: Any, options: Mapping[str, Any]) -> None:
-    """Replace options of an exported model.
-
-    Args:
-        model: MuJoCo's model.
-        options: Fields of its `mjOption`; `condim` is that of all contacts; `harmonic`:
-            pads and object meet with the harmonic mean of their coefficients of
-            friction.
+    `options` replace fields of MuJoCo's `mjOption`; `condim` is that of all contacts;
+    `harmonic`: what touches the object meets it with Drake's coefficient of friction,
+    the harmonic mean of both.
     """
-    for name, value in options.items():
-        if name == "condim":
-            model.geom_condim[:] = value
-        elif name == "harmonic":
-            _combine_friction(model)
-        else:
-            setattr(model.opt, name, value)
+
+    def __init__(self, scenario: Scenario, options: Mapping[str, Any]) -> None:
+        with tempfile.TemporaryDirectory() as folder:
+            export_scenario(scenario, "mjcf", Path(folder))
+            model = mujoco.MjModel.from_xml_path(f"{folder}/scene.xml")
+        self.model, self.data = model, mujoco.MjData(model)
+        names = [model.actuator(i).name for i in range(model.nu)]
+        self._arm = [i for i, name in enumerate(names) if name.startswith("arm_")]
+        self.wire = names.index("wire_motor")
+        self._palm = self.data.body("gripper_palm")
+        bodies = [model.body(i).name for i in range(model.nbody)]
+        things = [name for name in bodies if name.startswith("thing")]
+        self.thing = self.data.body(things[0]) if things else None
+        for name, value in options.items():
+            if name == "condim":
+                model.geom_condim[:] = value
+            elif name == "harmonic":
+                self._combine_friction()
+            else:
+                setattr(model.opt, name, value)
+        mujoco.mj_resetDataKeyframe(model, self.data, 0)
+
+    def _combine_friction(self) -> None:
+        own = np.array(self.model.geom_bodyid) == self.thing.id
+        thing = own & (np.array(self.model.geom_contype) > 0)  # not what is only seen
+        friction = self.model.geom_friction
+        theirs, ours = friction[thing, 0].max(), friction[~thing, 0]
+        friction[~thing, 0] = 2.0 * ours * theirs / (ours + theirs)
+        friction[thing, 0] = 0.0  # MuJoCo takes the larger one
+
+    def close(self, limit: float) -> None:
+        """Close the fingers with a fraction of full PWM."""
+        self.data.ctrl[self.wire] = limit
+
+    def step(self, arm: Vector) -> None:
+        """Simulate a time step with the gantry commanded to `arm` (3) [m]."""
+        self.data.ctrl[self._arm] = arm
+        mujoco.mj_step(self.model, self.data)
+
+    def p_GO(self) -> Vector:
+        """Return the object's place in the hand (3) [m]."""
+        R_GW = self._palm.xmat.reshape(3, 3).T
+        p_GO: Vector = R_GW @ (self.thing.xpos - self._palm.xpos)
+        return p_GO
 
 
 def simulate(
-    scenario: Scenario, grasp: GraspConfig, options: Mapping[str, Any], hold: float
+    scenario: Scenario,
+    grasp: grasps.GraspConfig,
+    options: Mapping[str, Any],
+    hold: float,
 ) -> ex.Measures:
-    """Grasp the object of a scenario in MuJoCo, lift it, shake it, and hold it.
-
-    Args:
-        scenario: Scenario of `grasps.present`.
-        grasp: The grasp.
-        options: See `change`.
-        hold: Time that the hand waits at the end [s].
-
-    Returns:
-        `slip`, `creep` and `wall`, as from `grasps.simulate`.
-    """
-    model = scene(scenario)
-    change(model, options)
-    data = mujoco.MjData(model)
-    mujoco.mj_resetDataKeyframe(model, data, 0)
-    names = [model.actuator(i).name for i in range(model.nu)]
-    arm = [i for i, name in enumerate(names) if name.startswith("arm_")]
-    wire = names.index("wire_motor")
+    """Grasp, lift, shake and hold as `grasps.simulate`: `slip`, `creep` and `wall`."""
+    bench = MujocoBench(scenario, options)
     limit = scenario.gripper.wire_motor.drive.force_limit_of(grasp.wire_force)
-    command = _commands(scenario, grasp)
-    palm, thing = (data.body(name) for name in ("gripper_palm", body_name(model)))
+    home = np.array(scenario.arm.home)
+    there, above = grasps.stops(scenario, grasp)
+    shakes = [
+        shake(above, grasps.ACCELERATION * axis, grasps.FREQUENCY, grasps.SHAKE)
+        for axis in np.eye(3)
+    ]
+
+    def command(t: float) -> Vector:
+        """Return the gantry's commanded position [m]."""
+        if t < _LIFTED:
+            arrival = minimum_jerk_blend(t / grasps.ARRIVE) * (there - home)
+            rise = minimum_jerk_blend((t - grasps.ARRIVE - grasps.CLOSE) / grasps.LIFT)
+            return home + arrival + rise * (above - there)
+        i = int((t - _LIFTED) // grasps.SHAKE)
+        return shakes[i](t - _LIFTED - i * grasps.SHAKE) if i < len(shakes) else above
+
     time, p_GO = [], []
     start = wall_clock.perf_counter()
-    while data.time < _SHAKEN + hold:
-        data.ctrl[arm] = command(data.time)
-        data.ctrl[wire] = limit if data.time > ARRIVE else 0.0
-        mujoco.mj_step(model, data)
-        if data.time > _LIFTED:
-            time.append(data.time)
-            p_GO.append(palm.xmat.reshape(3, 3).T @ (thing.xpos - palm.xpos))
-    wall = (wall_clock.perf_counter() - start) / data.time
+    while bench.data.time < _SHAKEN + hold:
+        bench.close(limit if bench.data.time > grasps.ARRIVE else 0.0)
+        bench.step(command(bench.data.time))
+        if bench.data.time > _LIFTED:
+            time.append(bench.data.time)
+            p_GO.append(bench.p_GO())
     shaken = np.searchsorted(time, _SHAKEN)
     return {
         "slip": 1e3 * float(np.linalg.norm(p_GO[shaken] - p_GO[0])),
-        "creep": creep(np.array(time), np.array(p_GO), 0.8 * hold),
-        "wall": wall,
+        "creep": grasps.creep(np.array(time), np.array(p_GO), 0.8 * hold),
+        "wall": (wall_clock.perf_counter() - start) / bench.data.time,
     }
-
-
-def _combine_friction(model: Any) -> None:
-    """Set the friction that Drake would use on everything that touches the object."""
-    own = np.array(model.geom_bodyid) == model.body(body_name(model)).id
-    thing = own & (np.array(model.geom_contype) > 0)  # not what is only seen
-    friction = model.geom_friction
-    theirs = friction[thing, 0].max()
-    ours = friction[~thing, 0]
-    friction[~thing, 0] = 2.0 * ours * theirs / (ours + theirs)
-    friction[thing, 0] = 0.0  # MuJoCo takes the larger one
-
-
-def body_name(model: Any) -> str:
-    """Return the name of the object's body."""
-    names = [model.body(i).name for i in range(model.nbody)]
-    return next(name for name in names if name.startswith("thing"))
-
-
-def _commands(scenario: Scenario, grasp: GraspConfig) -> Any:
-    """Return the gantry's commanded position [m] as a function of time [s]."""
-    home = np.array(scenario.arm.home)
-    there, above = stops(scenario, grasp)
-    shakes = [shake(above, ACCELERATION * x, FREQUENCY, SHAKE) for x in np.eye(3)]
-
-    def command(t: float) -> Vector:
-        if t < _LIFTED:
-            arrival = minimum_jerk_blend(t / ARRIVE) * (there - home)
-            lift = minimum_jerk_blend((t - ARRIVE - CLOSE) / LIFT) * (above - there)
-            return home + arrival + lift
-        i = int((t - _LIFTED) // SHAKE)
-        return shakes[i](t - _LIFTED - i * SHAKE) if i < len(shakes) else above
-
-    return command

@@ -9,19 +9,14 @@ import numpy as np
 from pydrake.math import RigidTransform
 from pydrake.systems.framework import DiagramBuilder
 
-from drake_srg.scenario import Scenario
-from drake_srg.station import MakeStation
+from drake_srg import MakeStation, Scenario
 from drake_srg.station.perception import AddLocalizer
 from drake_srg.theses.blob_localizer import ThesisBlobLocalizer
 from drake_srg.types import Blob, Vector
 
 
 class Eye:
-    """The station and the localizer of a scenario, without the rest of its cell.
-
-    Args:
-        scenario: Names what to look for.
-    """
+    """The station and the localizer of a scenario, without the rest of its cell."""
 
     def __init__(self, scenario: Scenario):
         self._name = scenario.task.pick

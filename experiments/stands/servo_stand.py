@@ -2,14 +2,12 @@
 
 from __future__ import annotations
 
-from drake_srg.common.exceptions import ScenarioError
+from drake_srg import Rig, Scenario, ScenarioError
 from drake_srg.robot.identify.press_test import TRANSACTION
 from drake_srg.robot.serve.dynamixel.mx64 import Mx64
 from drake_srg.robot.serve.dynamixel.protocol import Instruction, Packet1
 from drake_srg.robot.serve.dynamixel.registers import ControlTable1
 from drake_srg.robot.serve.dynamixel.servo import SpoolMotor
-from drake_srg.scenario import Scenario
-from drake_srg.simulation.rig import Rig
 
 _PERIOD = 0.004  # between exchanges of servo and motor [s]
 _BY_NAME = {register.name: register for register in ControlTable1.registers}

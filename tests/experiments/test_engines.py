@@ -12,7 +12,7 @@ from experiments.payload import CLOSE, HOLD, LIFT, judge_hold, largest
 from experiments.runner import Trials
 from experiments.stands.floating_grasps import LOST, Shake, draw, judge
 from experiments.stands.grasps import grasps, present
-from experiments.stands.mujoco_grasps import body_name, change, scene
+from experiments.stands.mujoco_grasps import MujocoBench
 
 GRASP = SampledGrasp(
     X_OG=RigidTransform(),
@@ -106,11 +106,12 @@ def test_verdicts_are_compared_where_no_open_hand_touches():
 
 def test_drakes_friction_in_mujoco():
     thing = household_objects()["003_cracker_box"]  # 0.6
-    model = scene(present(thing, grasps()["003_cracker_box", "above"]))
-    own = np.array(model.geom_bodyid) == model.body(body_name(model)).id
+    scenario = present(thing, grasps()["003_cracker_box", "above"])
+    bench = MujocoBench(scenario, {"harmonic": True})
+    model = bench.model
+    own = np.array(model.geom_bodyid) == bench.thing.id
     own &= np.array(model.geom_contype) > 0
     pad = model.geom("gripper_left_tip_link_left_pad").id
-    change(model, {"harmonic": True})
     assert max(model.geom_friction[pad, 0], model.geom_friction[own, 0].max()) == (
         pytest.approx(2 * 0.6 * 0.8 / 1.4)
     )
