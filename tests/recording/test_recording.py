@@ -129,9 +129,9 @@ def test_the_first_text_shades_and_the_others_are_panels(out):
     timeline = read_run(out).timeline
     assert timeline.mode[0] == "lies"
     assert "falls" in timeline.mode
-    labels = [label for label, _, _ in timeline.signals]
+    labels = [label for label, _, _ in timeline.panels]
     assert labels == ["word", "number", "pose", "vertical speed\n[m/s]"]
-    _, values, names = timeline.signals[0]
+    _, values, names = timeline.panels[0]
     assert names == ["up", "down"]
     np.testing.assert_array_equal(values.sum(axis=1), 1.0)
 
@@ -181,7 +181,7 @@ def test_modes_alone_make_a_page(tmp_path):
     with AddRecording(builder, plant, graph, tmp_path, ports=ports):
         Simulator(builder.Build()).AdvanceTo(0.1)
     timeline = read_run(tmp_path).timeline
-    assert [label for label, _, _ in timeline.signals] == ["stage"]
+    assert [label for label, _, _ in timeline.panels] == ["stage"]
     assert "falls" in (tmp_path / "replay.html").read_text()
 
 

@@ -24,7 +24,6 @@ from drake_srg.recording.timeline import (
     mode_bands,
     mode_changes,
     run_timeline,
-    timeline_panels,
 )
 
 
@@ -227,7 +226,7 @@ def _data(timeline: Timeline, sights: list[Json], video_start: float) -> Json:
                     for i in range(values.shape[1])
                 ],
             }
-            for label, values, names in timeline_panels(timeline)
+            for label, values, names in timeline.panels
         ],
         "video_start": video_start,
         "sights": sights,
