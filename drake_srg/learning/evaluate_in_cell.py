@@ -20,8 +20,8 @@ from drake_srg.learning.envs.rewards import LIFTED
 from drake_srg.learning.envs.scenes import DRIVER_TAGS, Workspace
 from drake_srg.learning.envs.tasks import GraspOneShotEnv, PickEnv
 from drake_srg.learning.episodes import EVALUATION, Act, environment_id
-from drake_srg.learning.evaluate import check_seeds, sweep_info
-from drake_srg.learning.policy import Policy, check_sizes, load_policy, policy_digest
+from drake_srg.learning.evaluate import check_seeds, latest_policy
+from drake_srg.learning.policy import check_sizes, policy_digest
 from drake_srg.learning.rules import BUILT_IN, RANDOM, named_rule, random_policy
 from drake_srg.objects.models import known_shape, simple_shape
 from drake_srg.scenario import Scenario, draw_scenario, load_tree
@@ -30,8 +30,8 @@ from drake_srg.simulation import Result, Simulate
 from drake_srg.station import MakeCell
 from drake_srg.station.plant import MakeModelsPlant
 from drake_srg.sweeps.engines import Engine
-from drake_srg.sweeps.sweep import run_missing_trials
-from drake_srg.sweeps.trial import TrialResult, empty_row, run_trial
+from drake_srg.sweeps.sweep import lost_trial, run_missing_trials, sweep_info
+from drake_srg.sweeps.trial import TrialResult, run_trial
 from drake_srg.types import Failure
 
 # Environments whose policies act in cells.
@@ -98,7 +98,7 @@ def cell_policy(policy: str, environment: str, seed: int) -> CellPolicy:
         ScenarioError: If the policy cannot be read, or belongs to an environment whose
             policies do not act in cells.
     """
-    loaded = None if policy in BUILT_IN else _policy(policy)
+    loaded = None if policy in BUILT_IN else latest_policy(policy)
     if loaded is not None:
         environment = loaded.info.environment
     kind = _ENVIRONMENTS.get(environment)
@@ -118,11 +118,6 @@ def cell_policy(policy: str, environment: str, seed: int) -> CellPolicy:
     return next(CellPolicy(rule, name) for name, rule in rules.items() if rule)
 
 
-@functools.lru_cache(maxsize=1)
-def _policy(name: str) -> Policy:
-    return load_policy(name)
-
-
 def check_driver(policy: str, scenario: Scenario, origin: str) -> None:
     """Check that a cell has the gripper for which a policy was trained.
 
@@ -138,7 +133,7 @@ def check_driver(policy: str, scenario: Scenario, origin: str) -> None:
         )
     if policy in BUILT_IN:
         return
-    trained = _policy(policy).info.keywords.get("driver", "plant")
+    trained = latest_policy(policy).info.keywords.get("driver", "plant")
     if known[own] != trained:
         raise ScenarioError(
             f"{policy}: was trained with driver={trained}, {origin} has !{own} "
@@ -268,15 +263,10 @@ def evaluate_in_cell(
     content = {"environment": actor.environment}
     if policy not in BUILT_IN:
         content["policy_sha256"] = policy_digest(policy)
-    info = sweep_info(
-        policy, scenario, trials, seed, engine, overrides, {**content, **tree}
-    )
-
+    whole = {**content, **tree}
+    info = sweep_info(scenario, trials, seed, engine, overrides, whole, policy=policy)
+    lost = functools.partial(lost_trial, tree, scenario, seed)
     run = functools.partial(run_cell_trial, policy, actor.environment)
-
-    def lost(trial: int, reason: str) -> TrialResult:
-        values = draw_scenario(tree, scenario, seed + trial).values
-        return TrialResult({**empty_row(seed, trial, reason), **values})
 
     def submit(trial: int) -> Future[TrialResult]:
         return engine.submit(run, tree, scenario, seed, trial)

@@ -26,24 +26,6 @@ from drake_srg.simulation.metrics import Metrics
 from drake_srg.sweeps.files import write_file
 from drake_srg.sweeps.info import SweepInfo, read_sweep
 
-__all__ = [
-    "TIMING_COLUMNS",
-    "BrokenRowsError",
-    "SweepInfo",
-    "all_rows_path",
-    "metric_columns",
-    "read_file",
-    "read_rows",
-    "read_sweep",
-    "require_sweep",
-    "row_path",
-    "row_paths",
-    "sampled_columns",
-    "unique_rows",
-    "write_row",
-    "write_rows",
-]
-
 # The only columns that differ when the same trial runs again.
 TIMING_COLUMNS = (
     "planning_wall_s",

@@ -15,7 +15,7 @@ import fcntl
 import functools
 import itertools
 import os
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import FIRST_COMPLETED, Future, wait
 from pathlib import Path
 from typing import IO, Any
@@ -350,6 +350,44 @@ def run_missing_trials(
         return folder.finish()
 
 
+def sweep_info(
+    scenario: str,
+    trials: int,
+    seed: int,
+    engine: Engine,
+    overrides: Sequence[str],
+    tree: Mapping[str, Any],
+    *,
+    record: str = "none",
+    policy: str = "",
+    cell: str = "",
+) -> SweepInfo:
+    """Return the identity of a sweep that begins now; see `SweepInfo`."""
+    return SweepInfo(
+        scenario=scenario,
+        seed=seed,
+        trials=trials,
+        record=record,
+        overrides=overrides,
+        tree=dump_tree(tree),
+        versions=current_versions(),
+        files=hash_model_files(tree),
+        engine=engine.name,
+        jobs=engine.jobs,
+        started=datetime.datetime.now().astimezone().isoformat(timespec="seconds"),
+        policy=policy,
+        cell=cell,
+    )
+
+
+def lost_trial(
+    tree: Mapping[str, Any], scenario: str, seed: int, trial: int, reason: str
+) -> TrialResult:
+    """Return the result of a trial of a scenario that keeps killing its worker."""
+    values = draw_scenario(tree, scenario, seed + trial).values
+    return TrialResult({**empty_row(seed, trial, reason), **values})
+
+
 TrialFunction = Callable[[Mapping[str, Any], str, int, int, str], TrialResult]
 
 
@@ -406,24 +444,10 @@ def run_sweep(
     if cell:
         trial_function = functools.partial(run_cell_trial, cell)
     seed = check_scenario(tree, scenario, seed, record, cell)
-    info = SweepInfo(
-        scenario=scenario,
-        seed=seed,
-        trials=trials,
-        record=record,
-        overrides=overrides,
-        tree=dump_tree(tree),
-        versions=current_versions(),
-        files=hash_model_files(tree),
-        engine=engine.name,
-        jobs=engine.jobs,
-        started=datetime.datetime.now().astimezone().isoformat(timespec="seconds"),
-        cell=cell,
+    info = sweep_info(
+        *(scenario, trials, seed, engine, overrides, tree), record=record, cell=cell
     )
-
-    def lost(trial: int, reason: str) -> TrialResult:
-        values = draw_scenario(tree, scenario, seed + trial).values
-        return TrialResult({**empty_row(seed, trial, reason), **values})
+    lost = functools.partial(lost_trial, tree, scenario, seed)
 
     def submit(trial: int) -> Future[TrialResult]:
         arguments = (trial_function, tree, scenario, seed, trial, record)

@@ -9,7 +9,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from drake_srg.common.exceptions import ScenarioError
-from drake_srg.learning.policy import KINDS, best_action, load_policy, npz_bytes, scaled
+from drake_srg.learning.policy import KINDS, best_action, load_policy, scaled
+from drake_srg.recording.output import write_log
 
 from .made_policies import made_network, made_policy
 
@@ -139,7 +140,7 @@ def test_what_is_wrong_with_a_file_is_told(tmp_path, changes, message):
     made_policy().save(path)
     with np.load(path) as file:
         arrays = {name: file[name] for name in file.files}
-    path.write_bytes(npz_bytes(arrays | changes))
+    write_log(path, arrays | changes)
     with pytest.raises(ScenarioError, match=message):
         load_policy(path)
 

@@ -18,7 +18,8 @@ from drake_srg.cli.main import main
 from drake_srg.common.exceptions import ScenarioError
 from drake_srg.sweeps import engines, sweep
 from drake_srg.sweeps.engines import THREADS, JoblibEngine
-from drake_srg.sweeps.rows import TIMING_COLUMNS, read_rows, read_sweep
+from drake_srg.sweeps.info import read_sweep
+from drake_srg.sweeps.rows import TIMING_COLUMNS, read_rows
 from drake_srg.sweeps.sweep import TRIES, SweepFolder
 
 from . import stub
