@@ -90,6 +90,7 @@ class CellPlanner(LeafSystem):
     object upright, `time_budget` if the policy has not finished.
 
     Args:
+        policy: A `Policy`, or a rule of `drake_srg.learning.rules`.
         mover: Mover of the arm; see `drake_srg.learning.envs.hand_task.MakeMover`.
         home: Positions of the arm's joints at the start, shape (N,).
         name: Name of the object.
@@ -98,10 +99,17 @@ class CellPlanner(LeafSystem):
     """
 
     def __init__(
-        self, mover: Mover, home: Sequence[float], name: str, shape: Shape, table: float
+        self,
+        policy: Act,
+        mover: Mover,
+        home: Sequence[float],
+        name: str,
+        shape: Shape,
+        table: float,
     ) -> None:
         super().__init__()
-        self.mover, self.name, self.shape, self.table = mover, name, shape, table
+        self.policy, self.mover = policy, mover
+        self.name, self.shape, self.table = name, shape, table
         q = np.array(home, float)
         self.start = mover.pose(q)
         self._blobs = self.DeclareAbstractInputPort(
@@ -246,32 +254,12 @@ class GraspPlanner(CellPlanner):
 
     The policy sees the object's size and acts once, when `blobs` shows the object for
     the first time. Then everything happens as in the environment: the hand comes down,
-    closes, lifts and shakes. The ports are those of `CellPlanner`.
-
-    Args:
-        act: The policy: a `Policy`, or a rule of `drake_srg.learning.rules`.
-        mover: See `CellPlanner`, as for the other arguments.
-        home: Shape (N,).
-        name: Name of the object.
-        shape: Shape of the object.
-        table: Height of the table [m].
+    closes, lifts and shakes. Ports and arguments are those of `CellPlanner`.
     """
-
-    def __init__(
-        self,
-        act: Act,
-        mover: Mover,
-        home: Sequence[float],
-        name: str,
-        shape: Shape,
-        table: float,
-    ) -> None:
-        super().__init__(mover, home, name, shape, table)
-        self._act = act
 
     def begin(self, estimate: Vector) -> _GraspAttempt:
         """Return the memory of an attempt at an object."""
-        action = checked(self._act(one_shot_state(self.shape)))
+        action = checked(self.policy(one_shot_state(self.shape)))
         return _GraspAttempt(grasp_of(action, estimate, self.table))
 
     def act(
@@ -355,22 +343,13 @@ class PolicyPlanner(CellPlanner):
     and closure every control period. Once the closed hand has risen by 12 cm, it
     shakes, even if empty. (The environment decides by the object's height, for which a
     cell has no sensor.) A policy that does not rise within the time of an episode ends
-    as FAILED. The other ports are those of `CellPlanner`.
-
-    Args:
-        act: The policy: a `Policy`, or a rule of `drake_srg.learning.rules`.
-        mover: See `CellPlanner`, as for `home`, `name`, `shape` and `table`.
-        home: Shape (N,).
-        name: Name of the object.
-        shape: Shape of the object.
-        table: Height of the table [m].
-        workspace: Bounds of the hand's motion.
-        touch: Whether the policy sees the forces; zeros otherwise.
+    as FAILED. The other ports and arguments are those of `CellPlanner`. The hand stays
+    in `workspace`. Without `touch`, the policy sees zeros as forces.
     """
 
     def __init__(
         self,
-        act: Act,
+        policy: Act,
         mover: Mover,
         home: Sequence[float],
         name: str,
@@ -380,8 +359,8 @@ class PolicyPlanner(CellPlanner):
         workspace: Workspace,
         touch: bool = True,
     ) -> None:
-        super().__init__(mover, home, name, shape, table)
-        self._act, self._workspace, self._touch = act, workspace, touch
+        super().__init__(policy, mover, home, name, shape, table)
+        self._workspace, self._touch = workspace, touch
         self._n = len(home)
         self._sensors = {
             port: self.DeclareVectorInputPort(port, size)
@@ -427,7 +406,7 @@ class PolicyPlanner(CellPlanner):
             attempt.closure,
             attempt.steps / MAX_STEPS,
         )
-        action = np.clip(checked(self._act(observation)), -1.0, 1.0)
+        action = np.clip(checked(self.policy(observation)), -1.0, 1.0)
         pose = self._workspace.within(attempt.pose + STEP * action[:4])
         closure = 0.5 * (action[4] + 1.0)
         lowest = min(attempt.lowest, pose[2])

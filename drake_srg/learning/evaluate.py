@@ -130,15 +130,7 @@ def check_seeds(trials: int, seed: int) -> None:
 def run_trial(
     policy: str, environment: str, keywords: str, seed: int, trial: int
 ) -> TrialResult:
-    """Run one episode; an error in it is an outcome.
-
-    Args:
-        policy: See `evaluate`.
-        environment: Id of the environment.
-        keywords: Keyword arguments of the environment, as JSON.
-        seed: Seed of trial 0.
-        trial: Number of the trial, from 0.
-    """
+    """Run one episode; an error in it is an outcome. `keywords` are JSON."""
     start = wall.perf_counter()
     row = empty_row(seed, trial, "")
     try:

@@ -69,15 +69,8 @@ def run_cell_trial(
     """Run a trial of `drake-srg sweep` in which a policy takes the planner's place.
 
     `success` means that the object is up after the shake. Metrics of placing are left
-    out.
-
-    Args:
-        policy: A policy's file or name, or a baseline.
-        environment: Id of the environment that a baseline is for.
-        tree: The scenario, from `load_tree`.
-        origin: Its name or path.
-        seed: Seed of trial 0.
-        trial: Number of the trial, from 0.
+    out. `policy` and `environment` are those of `cell_policy`, the other arguments
+    those of `run_trial`.
     """
     actor = cell_policy(policy, environment, seed + trial)
     simulate = functools.partial(_simulate, actor)
@@ -143,10 +136,6 @@ def check_driver(policy: str, scenario: Scenario, origin: str) -> None:
 
 def make_planner(policy: CellPolicy, scenario: Scenario) -> System:
     """Make the planner of a cell that acts by a policy.
-
-    Args:
-        policy: The policy.
-        scenario: The cell's.
 
     Raises:
         ScenarioError: If the hand does not point down at home or does not reach the
@@ -229,18 +218,8 @@ def evaluate_in_cell(
 ) -> Any:
     """Run a policy in the cell of a scenario, in place of its planner.
 
-    Args:
-        policy: A policy's file or name, or a baseline: `rule` or `random`.
-        scenario: Name or path of the scenario.
-        trials: Number of trials.
-        out: Folder of the rows, as of a sweep.
-        engine: Runs the trials; entered here.
-        environment: Id of the environment that a baseline is for.
-        seed: Seed of the first trial, at least `EVALUATION`.
-        overrides: `KEY=VALUE` each; see `load_scenario`.
-        resume: Whether `out` may contain trials of this evaluation.
-        progress: Whether to show progress on standard error.
-        tell: Receives warnings, one line each.
+    The arguments are those of `evaluate`. `environment` is that of a baseline; a
+    trained policy names its own. `overrides` are `KEY=VALUE` each; see `load_scenario`.
 
     Returns:
         All rows, a pyarrow.Table.

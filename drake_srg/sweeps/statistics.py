@@ -126,8 +126,7 @@ def spearman(first: Vector, second: Vector) -> tuple[float, float]:
 def summary(rows: Any) -> str:
     """Return a short table: success rate, grasps, failures by reason, median times.
 
-    Args:
-        rows: A pyarrow.Table from `rows.read_rows`.
+    The rows are those of `rows.read_rows`.
     """
     trials = rows.num_rows
     succeeded = sum(rows["success"].to_pylist())

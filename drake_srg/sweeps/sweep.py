@@ -65,9 +65,6 @@ class SweepFolder:
     """The rows and recordings of a sweep, locked from `begin` to `close`.
 
     A trial has finished when its row is there; its recording is written before that.
-
-    Args:
-        path: The folder.
     """
 
     def __init__(self, path: Path):
@@ -78,11 +75,6 @@ class SweepFolder:
         """Prepare the folder for a new sweep, or to continue one.
 
         A single row whose content is broken is set aside, so that its trial runs again.
-
-        Args:
-            info: The sweep.
-            resume: Whether the folder may contain trials of it.
-            tell: Receives warnings, one line each.
 
         Returns:
             The rows that are there, a pyarrow.Table.
@@ -467,14 +459,7 @@ def check_scenario(
     record: str,
     cell: str = "",
 ) -> int:
-    """Build the cell of trial 0, and return its seed.
-
-    Args:
-        tree: The scenario, from `load_tree`.
-        scenario: Its name or path.
-        seed: Seed of trial 0; None: the scenario's `random_seed`.
-        record: Which trials keep a recording.
-        cell: See `run_sweep`.
+    """Build the cell of trial 0, and return its seed; see `run_sweep`.
 
     Raises:
         ScenarioError: If the cell cannot be built, so that every trial would fail.

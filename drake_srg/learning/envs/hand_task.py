@@ -246,12 +246,7 @@ class HandTask:
             self._seen = np.array([*self.workspace.start[:2], height, 0.0])
 
     def begin(self, scene: Scene, q: Vector) -> None:
-        """Put object and arm at their start.
-
-        Args:
-            scene: The object and its place.
-            q: Positions of the arm's joints, shape (N,).
-        """
+        """Put object and arm at their start."""
         self._scene = scene
         self.station.reset(scene, q)
         self.q_commanded = q
@@ -345,11 +340,7 @@ class HandTask:
 
 
 def episode_scenario(scenario: Scenario, cameras: Sequence[str]) -> Scenario:
-    """Return a scenario without parts that episodes do not need.
-
-    Args:
-        scenario: With its arm, gripper and object.
-        cameras: Names of the cameras to keep.
+    """Return a scenario without parts that episodes do not need, with these cameras.
 
     Raises:
         ScenarioError: If one of them is missing.

@@ -310,11 +310,7 @@ def _sha256(text: str) -> str:
 
 
 def write_comparison(folders: Sequence[Path], path: Path) -> Path:
-    """Write a page with the replays of several recorded runs.
-
-    Args:
-        folders: Folders of the runs; see `write_page`.
-        path: The page to write.
+    """Write a page with the replays of several recorded runs; see `write_page`.
 
     Returns:
         The path.

@@ -79,12 +79,7 @@ def entity(*parts: str) -> str:
 
 
 class _Writer:
-    """Logs the parts of a run to a stream.
-
-    Args:
-        rr: The module rerun.
-        stream: A RecordingStream.
-    """
+    """Logs the parts of a run to a stream."""
 
     def __init__(self, rr: Any, stream: Any) -> None:
         self._rr, self._stream = rr, stream

@@ -454,15 +454,7 @@ def _vector(names: Sequence[str]) -> Feature:
 def make_info(
     features: Mapping[str, Feature], fps: int, robot: str, episodes: int, frames: int
 ) -> dict[str, Any]:
-    """Return the content of info.json for a data set with one task.
-
-    Args:
-        features: From `make_features`.
-        fps: Frames per second.
-        robot: The robot's type.
-        episodes: Number of episodes.
-        frames: Number of frames.
-    """
+    """Return the content of info.json for a data set with one task."""
     file = "chunk-{chunk_index:03d}/file-{file_index:03d}"
     return {
         "codebase_version": VERSION,
@@ -494,12 +486,7 @@ _LANGUAGE_ROW = pa.struct(
 
 
 def subtask_rows(modes: Sequence[str], fps: int) -> list[dict[str, Any]]:
-    """Return the rows of an episode's subtasks: one where the mode changes.
-
-    Args:
-        modes: The mode of each frame, in words.
-        fps: Frames per second.
-    """
+    """Return the rows of an episode's subtasks: one where frames change the mode."""
     return [
         {
             "role": "assistant",

@@ -352,15 +352,7 @@ def _add_trial(
     every: int,
     about: Mapping[str, Any],
 ) -> None:
-    """Add a trial as an episode.
-
-    Args:
-        writer: Receives the episode.
-        trial: Folder of the recording.
-        layout: Layout of the data set.
-        every: Number of images per frame.
-        about: Values of `format.TRIAL`, except the trial's number.
-    """
+    """Add the trial of a folder, of which `about` says what its number does not."""
     signals = read_signals(trial / _RECORDING)
     if signals.layout != layout:
         raise ScenarioError(

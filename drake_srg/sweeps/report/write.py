@@ -93,10 +93,7 @@ def _html(sweep: SweepInfo, trials: Trials, folder: Path, path: Path) -> str:
 def find_replays(trials: Trials, folder: Path, page: Path) -> dict[int, str]:
     """Return links to the replays of recorded trials by row, the worst first.
 
-    Args:
-        trials: All trials.
-        folder: Folder of the sweep.
-        page: The report, from which the links lead.
+    The links lead from `page` into the folder of the sweep.
     """
     paths = {
         row: folder / f"recordings/{trials.trial[row]:06d}/replay.html"
