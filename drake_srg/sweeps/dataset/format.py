@@ -33,7 +33,7 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 
 from drake_srg.recording.output import require
-from drake_srg.sweeps.dataset.recording import SIGHTING, DepthImage, Image, Layout
+from drake_srg.sweeps.dataset.recording import DepthImage, Image, Layout
 
 CHUNK_SIZE = 1000  # files per folder, as in LeRobot
 
@@ -347,10 +347,6 @@ TRIAL = {
     "object_round": pa.bool_(),
 }
 
-# LeRobot's name for knowledge of the scene besides the robot's state; its policies
-# take it as a vector of its own kind (FeatureType.ENV).
-SIGHTING_KEY = "observation.environment_state"
-
 _SCALARS = {
     "next.done": "bool",
     "next.success": "bool",
@@ -390,16 +386,13 @@ def make_features(
         fps: Frames per second.
         names: Names of the dimensions of features, where the layout has numbers.
     """
-    features: dict[str, Feature] = {
-        "observation.state": _vector(layout.joints),
-        "action": _vector(layout.commands),
-    }
-    if layout.located:
-        features[SIGHTING_KEY] = _vector(SIGHTING)
-    for name, vectors in layout.more.items():
-        own = (names or {}).get(name, ())
-        known = own if len(own) == len(vectors.names) else vectors.names
-        features[name] = {**_vector(known), "info": {"units": list(vectors.units)}}
+    features: dict[str, Feature] = {}
+    for name, vectors in layout.vectors.items():
+        own, count = (names or {}).get(name, ()), len(vectors.names)
+        known = list(own if len(own) == count else vectors.names)
+        features[name] = {"dtype": "float32", "shape": [count], "names": known}
+        if vectors.units:
+            features[name]["info"] = {"units": list(vectors.units)}
     for key, (camera, depth) in videos(layout).items():
         size, intrinsics = layout.cameras[camera], layout.intrinsics.get(camera)
         features[key] = _video(*size, fps, intrinsics, depth)
@@ -445,10 +438,6 @@ def _video(
         "names": ["height", "width", "channels"],
         "info": info,
     }
-
-
-def _vector(names: Sequence[str]) -> Feature:
-    return {"dtype": "float32", "shape": [len(names)], "names": list(names)}
 
 
 def make_info(

@@ -36,6 +36,7 @@ from drake_srg.sweeps.dataset.format import (
 )
 from drake_srg.sweeps.dataset.recording import (
     PWM,
+    STATE,
     TOUCH,
     DepthImage,
     Image,
@@ -189,12 +190,11 @@ class DatasetWriter:
                 stack.callback(video.close)
 
     def _table(self, signals: Signals, success: bool) -> pa.Table:
-        length = len(signals.state)
+        length = len(signals.values[STATE])
         frame = np.arange(length)
         last = frame == length - 1
-        columns = {
-            "observation.state": _vectors(signals.state),
-            "action": _vectors(signals.action),
+        columns = {name: _vectors(rows) for name, rows in signals.values.items()}
+        columns |= {
             "next.done": last,
             "next.success": last & success,
             "timestamp": (frame / self._fps).astype(np.float32),
@@ -203,10 +203,6 @@ class DatasetWriter:
             "index": self._frames + frame,
             "task_index": np.zeros(length, dtype=np.int64),
         }
-        if self._layout.located:
-            columns[fmt.SIGHTING_KEY] = _vectors(signals.sighting)
-        for name, values in signals.more.items():
-            columns[name] = _vectors(values)
         if self._layout.modes:
             rows = fmt.subtask_rows(signals.modes, self._fps)
             columns[fmt.LANGUAGE] = [rows] * length
