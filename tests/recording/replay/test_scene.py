@@ -1,19 +1,18 @@
 import numpy as np
 import pytest
 from pydrake.common.eigen_geometry import Quaternion
-from pydrake.geometry import SceneGraph
 from pydrake.math import RigidTransform
 from pydrake.systems.framework import DiagramBuilder
 from pydrake.systems.primitives import ConstantVectorSource
 
 from drake_srg.objects.config import ObjectConfig, SoftConfig
-from drake_srg.recording.replay.glb import write_glb
+from drake_srg.recording.replay.glb import EXTRAS, write_glb
 from drake_srg.recording.replay.recorder import ReplayRecorder
 from drake_srg.recording.replay.scene import METERS_PER_NEWTON, SceneRecorder
 from drake_srg.simulation.rig import Rig, bench_scenario
 from drake_srg.types import Box
 from recording.replay.strict_reader import Strict
-from recording.replay.tiny_scene import PERIOD, SAMPLES, MakeScene, record
+from recording.replay.tiny_scene import PERIOD, SAMPLES, record
 
 
 @pytest.fixture(scope="module")
@@ -51,6 +50,12 @@ def rotations(poses):
     return np.roll(wxyz, -1, axis=1)
 
 
+def test_the_file_has_labels_and_the_place_of_the_video(strict):
+    extras = strict.document["scenes"][0]["extras"][EXTRAS]
+    assert extras["labels"]["title"] == "tiny, seed 0"
+    assert (extras["video_camera"], extras["video_start"]) == ("side", 0.05)
+
+
 def test_a_force_carries_the_box_after_its_fall(strict):
     name = "force of world on box::body"
     _, shift = strict.track(name, "translation")
@@ -79,17 +84,11 @@ def test_equal_runs_give_equal_bytes(folder, poses, tmp_path):
     assert first.read_bytes() == second.read_bytes()
 
 
-def test_without_contacts_there_are_no_forces():
-    diagram, _ = MakeScene()
-    (graph,) = (s for s in diagram.GetSystems() if isinstance(s, SceneGraph))
-    recorder = SceneRecorder(
-        graph, {"side": diagram.GetSubsystemByName("rgbd_sensor_side")}
-    )
-    context = graph.GetMyContextFromRoot(diagram.CreateDefaultContext())
-    recorder.sample(0.0, graph.get_query_output_port().Eval(context))
-    names = [node.name for node in recorder.nodes()]
-    assert names == ["world", "box::body", "swing::bar", "side"]
-    assert len(recorder) == 1
+def test_without_contact_results_there_are_no_forces(tmp_path):
+    record(tmp_path, contacts=False)
+    strict = Strict((tmp_path / "replay.glb").read_bytes())
+    names = [node["name"] for node in strict.document["nodes"]]
+    assert names == ["world", "box::body", "swing::bar", "side", "world (z up)"]
 
 
 def test_a_diagram_without_a_scene_is_refused():
