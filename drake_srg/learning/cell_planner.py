@@ -14,7 +14,7 @@ from pydrake.systems.framework import BasicVector, Context, EventStatus, State
 
 from drake_srg.common.geometry import minimum_jerk_blend
 from drake_srg.learning.envs.hand_env import checked
-from drake_srg.learning.envs.hand_task import SHAKE, Mover
+from drake_srg.learning.envs.hand_task import Mover, shaken
 from drake_srg.learning.envs.rewards import LIFTED
 from drake_srg.learning.envs.scenes import CONTROL_PERIOD, Workspace
 from drake_srg.learning.envs.tasks import (
@@ -31,7 +31,6 @@ from drake_srg.learning.envs.tasks import (
 from drake_srg.learning.episodes import Act
 from drake_srg.lifetime import LeafSystem
 from drake_srg.planning.planner_machine import AddPlannerOutputs
-from drake_srg.simulation.rig import shake
 from drake_srg.types import Blob, Cylinder, Failure, Mode, PlannerStatus, Shape, Vector
 
 # Longest wait for the localizer to find the object [s].
@@ -230,6 +229,14 @@ def between(start: Vector, end: Vector, tick: int, ticks: int) -> Vector:
     return pose
 
 
+def shake_or_end(pose: Vector, ticks: int, closure: float) -> Command:
+    """Return the command so many control periods after the shake of a pose began."""
+    moved = shaken(pose, ticks * CONTROL_PERIOD)
+    if moved is None:
+        return Command(Mode.DONE, pose, closure)
+    return Command(Mode.VERIFY, moved, closure)
+
+
 @dc.dataclass(frozen=True, eq=False)
 class _GraspAttempt:
     """A grasp, and the control periods since the object was seen."""
@@ -283,12 +290,7 @@ class GraspPlanner(CellPlanner):
             if tick <= ticks:
                 return Command(mode, between(pose, end, tick, ticks), closure)
             tick, pose = tick - ticks, end
-        acceleration, frequency, duration = SHAKE
-        time = tick * CONTROL_PERIOD
-        if time > duration:
-            return Command(Mode.DONE, grasp.up, grasp.closure)
-        motion = shake(grasp.up, acceleration, frequency, duration)
-        return Command(Mode.VERIFY, motion(time), grasp.closure)
+        return shake_or_end(grasp.up, tick, grasp.closure)
 
 
 # The policy's part ends once the closed hand has risen by this [m].
@@ -304,20 +306,16 @@ class _PolicyAttempt:
         pose: Pose of the hand, as commanded, shape (4,).
         tick: Control periods since the object was seen.
         closure: Commanded closure.
-        steps: Number of the policy's steps.
         lowest: Least height of the hand so far [m].
-        risen: Whether the closed hand has risen, so that the shake begins.
-        shaken: Control periods since the shake began.
+        risen: The tick at which the closed hand had risen; the shake begins.
     """
 
     estimate: Vector
     pose: Vector
     tick: int = 0
     closure: float = 0.0
-    steps: int = 0
     lowest: float = np.inf
-    risen: bool = False
-    shaken: int = 0
+    risen: int | None = None
 
 
 class PolicyPlanner(CellPlanner):
@@ -380,19 +378,22 @@ class PolicyPlanner(CellPlanner):
     ) -> tuple[_PolicyAttempt, Command]:
         """Return the attempt one control period on, and what to do until then."""
         attempt = dc.replace(attempt, tick=attempt.tick + 1)
-        far = ticks_between(self.start, self._workspace.start)
+        start = self._workspace.start
+        far = ticks_between(self.start, start)
         if attempt.tick <= far:
-            pose = between(self.start, self._workspace.start, attempt.tick, far)
+            pose = between(self.start, start, attempt.tick, far)
             return attempt, Command(Mode.PRE_GRASP, pose)
-        if attempt.risen:
-            return self._shake(attempt)
-        if attempt.steps < MAX_STEPS:
-            return self._step(context, attempt)
+        if attempt.risen is not None:
+            ticks = attempt.tick - attempt.risen
+            return attempt, shake_or_end(attempt.pose, ticks, attempt.closure)
+        steps = attempt.tick - far - 1  # of the policy so far
+        if steps < MAX_STEPS:
+            return self._step(context, attempt, steps)
         message = f"the closed hand has not risen after {MAX_STEPS} steps"
         return attempt, Command(Mode.FAILED, attempt.pose, attempt.closure, message)
 
     def _step(
-        self, context: Context, attempt: _PolicyAttempt
+        self, context: Context, attempt: _PolicyAttempt, steps: int
     ) -> tuple[_PolicyAttempt, Command]:
         """Let the policy act."""
         sensed = {name: port.Eval(context) for name, port in self._sensors.items()}
@@ -404,7 +405,7 @@ class PolicyPlanner(CellPlanner):
             sensed["gripper_state"],
             sensed["contact_force"] if self._touch else np.zeros(4),
             attempt.closure,
-            attempt.steps / MAX_STEPS,
+            steps / MAX_STEPS,
         )
         action = np.clip(checked(self.policy(observation)), -1.0, 1.0)
         pose = self._workspace.within(attempt.pose + STEP * action[:4])
@@ -415,18 +416,7 @@ class PolicyPlanner(CellPlanner):
             attempt,
             pose=pose,
             closure=closure,
-            steps=attempt.steps + 1,
             lowest=lowest,
-            risen=bool(closed and pose[2] > lowest + _RISEN),
+            risen=attempt.tick if closed and pose[2] > lowest + _RISEN else None,
         )
         return attempt, Command(Mode.CLOSE if closed else Mode.GRASP, pose, closure)
-
-    def _shake(self, attempt: _PolicyAttempt) -> tuple[_PolicyAttempt, Command]:
-        """Shake the hand, and end."""
-        acceleration, frequency, duration = SHAKE
-        attempt = dc.replace(attempt, shaken=attempt.shaken + 1)
-        time = attempt.shaken * CONTROL_PERIOD
-        if time > duration:
-            return attempt, Command(Mode.DONE, attempt.pose, attempt.closure)
-        motion = shake(attempt.pose, acceleration, frequency, duration)
-        return attempt, Command(Mode.VERIFY, motion(time), attempt.closure)
