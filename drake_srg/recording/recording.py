@@ -255,7 +255,6 @@ def AddRecording(
         title: Title of the plots and the page; "": the folder's name.
 
     Raises:
-        ImportError: If PyAV, rosbags or matplotlib is missing.
         OSError: If the folder cannot be written.
         ValueError: If the plant is not finalized, a number is not positive, there are
             no ports, or a port's values cannot be recorded.

@@ -394,7 +394,6 @@ class RosbagRecorder(Recorder):
         period: Time between messages of topics without a period of their own [s].
 
     Raises:
-        ImportError: If rosbags is missing.
         OSError: If the file cannot be written.
         ValueError: If there are no topics, one appears twice, a period is not positive,
             the file is not named .mcap, or two topics disagree on the type of a port.

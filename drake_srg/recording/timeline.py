@@ -30,9 +30,6 @@ def make_figure(
         height: [inch].
         title: Text above the axes, on the left.
         layout: Layout engine of matplotlib; None for axes that are placed by hand.
-
-    Raises:
-        ImportError: If matplotlib is missing.
     """
     require("matplotlib.backends.backend_agg")
     figure = require("matplotlib.figure").Figure(
@@ -120,7 +117,6 @@ def draw_timeline(timeline: Timeline, path: Path | str) -> Path:
         The path.
 
     Raises:
-        ImportError: If matplotlib is missing.
         OSError: If the file cannot be written.
     """
     panels = timeline.panels

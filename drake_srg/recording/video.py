@@ -276,7 +276,6 @@ class VideoRecorder(CaptionedRecorder):
         view: Projection of the camera; None: no names.
 
     Raises:
-        ImportError: If PyAV is missing.
         OSError: If the file cannot be written.
         ValueError: If a number is out of range.
     """

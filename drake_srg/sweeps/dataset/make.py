@@ -70,7 +70,6 @@ class DatasetWriter:
         episodes_at_once: Episodes whose metadata form one row group.
 
     Raises:
-        ImportError: If PyAV is missing.
         OSError: If a file cannot be written.
     """
 
@@ -306,7 +305,6 @@ def make_dataset(
         progress: Whether to show progress on standard error.
 
     Raises:
-        ImportError: If rosbags or PyAV is missing.
         OSError: If `out` cannot be written.
         ScenarioError: If there are no recordings of finished trials, recordings differ
             in their layout, rows cannot be read, `fps` does not fit, or `out` exists.

@@ -135,7 +135,6 @@ def read_signals(path: Path) -> Signals:
         path: A recording.mcap; see `drake_srg.recording.rosbag`.
 
     Raises:
-        ImportError: If rosbags is missing.
         ScenarioError: If it cannot be read, lacks joints, commands or images, contains
             values that are not finite, or its images are not evenly spaced.
     """
