@@ -41,7 +41,7 @@ _PACKAGES = {
 _ROSBAGS = {"rosbags.rosbag2": "rosbags"}
 _PLOTS = {"matplotlib.figure": "matplotlib"}
 _LEARN = ["torch", "stable-baselines3", "tensorboard", "onnx"]
-_SWEEPS = {"joblib": "joblib", "pyarrow": "pyarrow"}
+_SWEEPS = {"jinja2": "jinja2", "joblib": "joblib", "pyarrow": "pyarrow"}
 _IMPORT = {"coacd": "coacd", "scipy": "scipy", "trimesh": "trimesh"}
 _ROS2 = {"cyclonedds.domain": "cyclonedds"}
 

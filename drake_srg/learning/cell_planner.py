@@ -14,7 +14,7 @@ from pydrake.systems.framework import BasicVector, Context, EventStatus, State
 
 from drake_srg.common.geometry import minimum_jerk_blend
 from drake_srg.learning.envs.hand_env import checked
-from drake_srg.learning.envs.hand_task import SHAKE, Mover
+from drake_srg.learning.envs.hand_task import Mover, shaken
 from drake_srg.learning.envs.rewards import LIFTED
 from drake_srg.learning.envs.scenes import CONTROL_PERIOD, Workspace
 from drake_srg.learning.envs.tasks import (
@@ -31,7 +31,6 @@ from drake_srg.learning.envs.tasks import (
 from drake_srg.learning.episodes import Act
 from drake_srg.lifetime import LeafSystem
 from drake_srg.planning.planner_machine import AddPlannerOutputs
-from drake_srg.simulation.rig import shake
 from drake_srg.types import Blob, Cylinder, Failure, Mode, PlannerStatus, Shape, Vector
 
 # Longest wait for the localizer to find the object [s].
@@ -90,6 +89,7 @@ class CellPlanner(LeafSystem):
     object upright, `time_budget` if the policy has not finished.
 
     Args:
+        policy: A `Policy`, or a rule of `drake_srg.learning.rules`.
         mover: Mover of the arm; see `drake_srg.learning.envs.hand_task.MakeMover`.
         home: Positions of the arm's joints at the start, shape (N,).
         name: Name of the object.
@@ -98,10 +98,17 @@ class CellPlanner(LeafSystem):
     """
 
     def __init__(
-        self, mover: Mover, home: Sequence[float], name: str, shape: Shape, table: float
+        self,
+        policy: Act,
+        mover: Mover,
+        home: Sequence[float],
+        name: str,
+        shape: Shape,
+        table: float,
     ) -> None:
         super().__init__()
-        self.mover, self.name, self.shape, self.table = mover, name, shape, table
+        self.policy, self.mover = policy, mover
+        self.name, self.shape, self.table = name, shape, table
         q = np.array(home, float)
         self.start = mover.pose(q)
         self._blobs = self.DeclareAbstractInputPort(
@@ -222,6 +229,14 @@ def between(start: Vector, end: Vector, tick: int, ticks: int) -> Vector:
     return pose
 
 
+def shake_or_end(pose: Vector, ticks: int, closure: float) -> Command:
+    """Return the command so many control periods after the shake of a pose began."""
+    moved = shaken(pose, ticks * CONTROL_PERIOD)
+    if moved is None:
+        return Command(Mode.DONE, pose, closure)
+    return Command(Mode.VERIFY, moved, closure)
+
+
 @dc.dataclass(frozen=True, eq=False)
 class _GraspAttempt:
     """A grasp, and the control periods since the object was seen."""
@@ -246,32 +261,12 @@ class GraspPlanner(CellPlanner):
 
     The policy sees the object's size and acts once, when `blobs` shows the object for
     the first time. Then everything happens as in the environment: the hand comes down,
-    closes, lifts and shakes. The ports are those of `CellPlanner`.
-
-    Args:
-        act: The policy: a `Policy`, or a rule of `drake_srg.learning.rules`.
-        mover: See `CellPlanner`, as for the other arguments.
-        home: Shape (N,).
-        name: Name of the object.
-        shape: Shape of the object.
-        table: Height of the table [m].
+    closes, lifts and shakes. Ports and arguments are those of `CellPlanner`.
     """
-
-    def __init__(
-        self,
-        act: Act,
-        mover: Mover,
-        home: Sequence[float],
-        name: str,
-        shape: Shape,
-        table: float,
-    ) -> None:
-        super().__init__(mover, home, name, shape, table)
-        self._act = act
 
     def begin(self, estimate: Vector) -> _GraspAttempt:
         """Return the memory of an attempt at an object."""
-        action = checked(self._act(one_shot_state(self.shape)))
+        action = checked(self.policy(one_shot_state(self.shape)))
         return _GraspAttempt(grasp_of(action, estimate, self.table))
 
     def act(
@@ -295,12 +290,7 @@ class GraspPlanner(CellPlanner):
             if tick <= ticks:
                 return Command(mode, between(pose, end, tick, ticks), closure)
             tick, pose = tick - ticks, end
-        acceleration, frequency, duration = SHAKE
-        time = tick * CONTROL_PERIOD
-        if time > duration:
-            return Command(Mode.DONE, grasp.up, grasp.closure)
-        motion = shake(grasp.up, acceleration, frequency, duration)
-        return Command(Mode.VERIFY, motion(time), grasp.closure)
+        return shake_or_end(grasp.up, tick, grasp.closure)
 
 
 # The policy's part ends once the closed hand has risen by this [m].
@@ -316,20 +306,16 @@ class _PolicyAttempt:
         pose: Pose of the hand, as commanded, shape (4,).
         tick: Control periods since the object was seen.
         closure: Commanded closure.
-        steps: Number of the policy's steps.
         lowest: Least height of the hand so far [m].
-        risen: Whether the closed hand has risen, so that the shake begins.
-        shaken: Control periods since the shake began.
+        risen: The tick at which the closed hand had risen; the shake begins.
     """
 
     estimate: Vector
     pose: Vector
     tick: int = 0
     closure: float = 0.0
-    steps: int = 0
     lowest: float = np.inf
-    risen: bool = False
-    shaken: int = 0
+    risen: int | None = None
 
 
 class PolicyPlanner(CellPlanner):
@@ -355,22 +341,13 @@ class PolicyPlanner(CellPlanner):
     and closure every control period. Once the closed hand has risen by 12 cm, it
     shakes, even if empty. (The environment decides by the object's height, for which a
     cell has no sensor.) A policy that does not rise within the time of an episode ends
-    as FAILED. The other ports are those of `CellPlanner`.
-
-    Args:
-        act: The policy: a `Policy`, or a rule of `drake_srg.learning.rules`.
-        mover: See `CellPlanner`, as for `home`, `name`, `shape` and `table`.
-        home: Shape (N,).
-        name: Name of the object.
-        shape: Shape of the object.
-        table: Height of the table [m].
-        workspace: Bounds of the hand's motion.
-        touch: Whether the policy sees the forces; zeros otherwise.
+    as FAILED. The other ports and arguments are those of `CellPlanner`. The hand stays
+    in `workspace`. Without `touch`, the policy sees zeros as forces.
     """
 
     def __init__(
         self,
-        act: Act,
+        policy: Act,
         mover: Mover,
         home: Sequence[float],
         name: str,
@@ -380,8 +357,8 @@ class PolicyPlanner(CellPlanner):
         workspace: Workspace,
         touch: bool = True,
     ) -> None:
-        super().__init__(mover, home, name, shape, table)
-        self._act, self._workspace, self._touch = act, workspace, touch
+        super().__init__(policy, mover, home, name, shape, table)
+        self._workspace, self._touch = workspace, touch
         self._n = len(home)
         self._sensors = {
             port: self.DeclareVectorInputPort(port, size)
@@ -401,19 +378,22 @@ class PolicyPlanner(CellPlanner):
     ) -> tuple[_PolicyAttempt, Command]:
         """Return the attempt after one control period, and the command until then."""
         attempt = dc.replace(attempt, tick=attempt.tick + 1)
-        far = ticks_between(self.start, self._workspace.start)
+        start = self._workspace.start
+        far = ticks_between(self.start, start)
         if attempt.tick <= far:
-            pose = between(self.start, self._workspace.start, attempt.tick, far)
+            pose = between(self.start, start, attempt.tick, far)
             return attempt, Command(Mode.PRE_GRASP, pose)
-        if attempt.risen:
-            return self._shake(attempt)
-        if attempt.steps < MAX_STEPS:
-            return self._step(context, attempt)
+        if attempt.risen is not None:
+            ticks = attempt.tick - attempt.risen
+            return attempt, shake_or_end(attempt.pose, ticks, attempt.closure)
+        steps = attempt.tick - far - 1  # of the policy so far
+        if steps < MAX_STEPS:
+            return self._step(context, attempt, steps)
         message = f"the closed hand has not risen after {MAX_STEPS} steps"
         return attempt, Command(Mode.FAILED, attempt.pose, attempt.closure, message)
 
     def _step(
-        self, context: Context, attempt: _PolicyAttempt
+        self, context: Context, attempt: _PolicyAttempt, steps: int
     ) -> tuple[_PolicyAttempt, Command]:
         """Let the policy act."""
         sensed = {name: port.Eval(context) for name, port in self._sensors.items()}
@@ -425,9 +405,9 @@ class PolicyPlanner(CellPlanner):
             sensed["gripper_state"],
             sensed["contact_force"] if self._touch else np.zeros(4),
             attempt.closure,
-            attempt.steps / MAX_STEPS,
+            steps / MAX_STEPS,
         )
-        action = np.clip(checked(self._act(observation)), -1.0, 1.0)
+        action = np.clip(checked(self.policy(observation)), -1.0, 1.0)
         pose = self._workspace.within(attempt.pose + STEP * action[:4])
         closure = 0.5 * (action[4] + 1.0)
         lowest = min(attempt.lowest, pose[2])
@@ -436,18 +416,7 @@ class PolicyPlanner(CellPlanner):
             attempt,
             pose=pose,
             closure=closure,
-            steps=attempt.steps + 1,
             lowest=lowest,
-            risen=bool(closed and pose[2] > lowest + _RISEN),
+            risen=attempt.tick if closed and pose[2] > lowest + _RISEN else None,
         )
         return attempt, Command(Mode.CLOSE if closed else Mode.GRASP, pose, closure)
-
-    def _shake(self, attempt: _PolicyAttempt) -> tuple[_PolicyAttempt, Command]:
-        """Shake the hand, and end."""
-        acceleration, frequency, duration = SHAKE
-        attempt = dc.replace(attempt, shaken=attempt.shaken + 1)
-        time = attempt.shaken * CONTROL_PERIOD
-        if time > duration:
-            return attempt, Command(Mode.DONE, attempt.pose, attempt.closure)
-        motion = shake(attempt.pose, acceleration, frequency, duration)
-        return attempt, Command(Mode.VERIFY, motion(time), attempt.closure)

@@ -6,13 +6,11 @@ import dataclasses as dc
 import importlib
 import re
 from collections.abc import Callable, Mapping
-from types import ModuleType
 from typing import Any
 
 import numpy as np
 
 from drake_srg.common.exceptions import ScenarioError, one_line, suggest
-from drake_srg.common.installing import require
 from drake_srg.learning.policy import Array
 
 NAMESPACE = "drake_srg/"
@@ -29,10 +27,6 @@ Act = Callable[[Array], Array]
 
 def training_seed(run: int, episode: int) -> int:
     """Return the seed of an episode of training.
-
-    Args:
-        run: The seed of training.
-        episode: Its number.
 
     Raises:
         ScenarioError: If one of them is out of range.
@@ -114,9 +108,9 @@ def make_environment(name: str, keywords: Mapping[str, Any] | None = None) -> An
     Raises:
         ScenarioError: If it is unknown, a keyword is wrong, or its spaces do not suit
             learners.
-        ImportError: If gymnasium is missing.
     """
-    gymnasium = require_gymnasium()
+    import gymnasium
+
     name = environment_id(name)
     module, _, registered = name.rpartition(":")
     if name.startswith(NAMESPACE):
@@ -155,12 +149,3 @@ def make_environment(name: str, keywords: Mapping[str, Any] | None = None) -> An
                 f"ENV: {name}: {kind}: learners need finite bounds, -1 .. 1 of actions"
             )
     return env
-
-
-def require_gymnasium() -> ModuleType:
-    """Import gymnasium.
-
-    Raises:
-        ImportError: If it is missing; the message says how to install it.
-    """
-    return require("gymnasium", "", "Learning needs")

@@ -7,13 +7,12 @@ DIR/random/     of random actions
 
 from __future__ import annotations
 
-import datetime
 import functools
 import json
 import os
 import socket
 import time as wall
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping
 from concurrent.futures import Future
 from pathlib import Path
 from typing import Any
@@ -29,13 +28,7 @@ from drake_srg.learning.episodes import (
 from drake_srg.learning.policy import Policy, check_sizes, load_policy, policy_digest
 from drake_srg.learning.rules import BUILT_IN, RANDOM, random_policy, rule_of
 from drake_srg.sweeps.engines import Engine
-from drake_srg.sweeps.info import (
-    SweepInfo,
-    current_versions,
-    dump_tree,
-    hash_model_files,
-)
-from drake_srg.sweeps.sweep import run_missing_trials
+from drake_srg.sweeps.sweep import run_missing_trials, sweep_info
 from drake_srg.sweeps.trial import TrialResult, empty_row, resident_memory
 
 _MOST_SEED = 2**63  # rows have 64-bit integers
@@ -93,14 +86,10 @@ def evaluate(
     # Mistakes fail here, not in every episode.
     plain = json.dumps(keywords, sort_keys=True)
     _actor(policy, environment, plain, seed)
+    overrides = [f"{key}={json.dumps(value)}" for key, value in keywords.items()]
+    tree = {"environment": environment, **content, **keywords}
     sweep = sweep_info(
-        policy,
-        environment,
-        trials,
-        seed,
-        engine,
-        [f"{key}={json.dumps(value)}" for key, value in keywords.items()],
-        {"environment": environment, **content, **keywords},
+        environment, trials, seed, engine, overrides, tree, policy=policy
     )
 
     def lost(trial: int, reason: str) -> TrialResult:
@@ -138,45 +127,10 @@ def check_seeds(trials: int, seed: int) -> None:
         raise ScenarioError(f"--seed {seed}: must be at most {_MOST_SEED - trials}")
 
 
-def sweep_info(
-    policy: str,
-    scenario: str,
-    trials: int,
-    seed: int,
-    engine: Engine,
-    overrides: Sequence[str],
-    tree: Mapping[str, Any],
-) -> SweepInfo:
-    """Return the identity of an evaluation."""
-    now = datetime.datetime.now().astimezone()
-    return SweepInfo(
-        scenario=scenario,
-        seed=seed,
-        trials=trials,
-        record="none",
-        overrides=overrides,
-        tree=dump_tree(tree),
-        versions=current_versions(),
-        files=hash_model_files(tree),
-        engine=engine.name,
-        jobs=engine.jobs,
-        started=now.isoformat(timespec="seconds"),
-        policy=policy,
-    )
-
-
 def run_trial(
     policy: str, environment: str, keywords: str, seed: int, trial: int
 ) -> TrialResult:
-    """Run one episode; an error in it is an outcome.
-
-    Args:
-        policy: See `evaluate`.
-        environment: Id of the environment.
-        keywords: Keyword arguments of the environment, as JSON.
-        seed: Seed of trial 0.
-        trial: Number of the trial, from 0.
-    """
+    """Run one episode; an error in it is an outcome. `keywords` are JSON."""
     start = wall.perf_counter()
     row = empty_row(seed, trial, "")
     try:
@@ -217,7 +171,7 @@ def _actor(policy: str, environment: str, keywords: str, seed: int) -> tuple[Any
         return env, random_policy(env.action_space.shape[0], seed)
     if policy in BUILT_IN:
         return env, rule_of(env, policy)
-    loaded = _policy(policy)
+    loaded = latest_policy(policy)
     observations, actions = env.observation_space.shape[0], env.action_space.shape[0]
     check_sizes(policy, loaded, observations, actions)
     return env, loaded
@@ -229,5 +183,6 @@ def _environment(name: str, keywords: str) -> Any:
 
 
 @functools.lru_cache(maxsize=1)
-def _policy(name: str) -> Policy:
+def latest_policy(name: str) -> Policy:
+    """Return a policy; that of the last call is not read again."""
     return load_policy(name)

@@ -20,8 +20,8 @@ from drake_srg.learning.envs.rewards import LIFTED
 from drake_srg.learning.envs.scenes import DRIVER_TAGS, Workspace
 from drake_srg.learning.envs.tasks import GraspOneShotEnv, PickEnv
 from drake_srg.learning.episodes import EVALUATION, Act, environment_id
-from drake_srg.learning.evaluate import check_seeds, sweep_info
-from drake_srg.learning.policy import Policy, check_sizes, load_policy, policy_digest
+from drake_srg.learning.evaluate import check_seeds, latest_policy
+from drake_srg.learning.policy import check_sizes, policy_digest
 from drake_srg.learning.rules import BUILT_IN, RANDOM, named_rule, random_policy
 from drake_srg.objects.models import known_shape, simple_shape
 from drake_srg.scenario import Scenario, draw_scenario, load_tree
@@ -30,8 +30,8 @@ from drake_srg.simulation import Result, Simulate
 from drake_srg.station import MakeCell
 from drake_srg.station.plant import MakeModelsPlant
 from drake_srg.sweeps.engines import Engine
-from drake_srg.sweeps.sweep import run_missing_trials
-from drake_srg.sweeps.trial import TrialResult, empty_row, run_trial
+from drake_srg.sweeps.sweep import lost_trial, run_missing_trials, sweep_info
+from drake_srg.sweeps.trial import TrialResult, run_trial
 from drake_srg.types import Failure
 
 # Environments whose policies act in cells.
@@ -69,15 +69,8 @@ def run_cell_trial(
     """Run a trial of `drake-srg sweep` in which a policy takes the planner's place.
 
     `success` means that the object is up after the shake. Metrics of placing are left
-    out.
-
-    Args:
-        policy: A policy's file or name, or a baseline.
-        environment: Id of the environment that a baseline is for.
-        tree: The scenario, from `load_tree`.
-        origin: Its name or path.
-        seed: Seed of trial 0.
-        trial: Number of the trial, from 0.
+    out. `policy` and `environment` are those of `cell_policy`, the other arguments
+    those of `run_trial`.
     """
     actor = cell_policy(policy, environment, seed + trial)
     simulate = functools.partial(_simulate, actor)
@@ -98,7 +91,7 @@ def cell_policy(policy: str, environment: str, seed: int) -> CellPolicy:
         ScenarioError: If the policy cannot be read, or belongs to an environment whose
             policies do not act in cells.
     """
-    loaded = None if policy in BUILT_IN else _policy(policy)
+    loaded = None if policy in BUILT_IN else latest_policy(policy)
     if loaded is not None:
         environment = loaded.info.environment
     kind = _ENVIRONMENTS.get(environment)
@@ -118,11 +111,6 @@ def cell_policy(policy: str, environment: str, seed: int) -> CellPolicy:
     return next(CellPolicy(rule, name) for name, rule in rules.items() if rule)
 
 
-@functools.lru_cache(maxsize=1)
-def _policy(name: str) -> Policy:
-    return load_policy(name)
-
-
 def check_driver(policy: str, scenario: Scenario, origin: str) -> None:
     """Check that a cell has the gripper for which a policy was trained.
 
@@ -138,7 +126,7 @@ def check_driver(policy: str, scenario: Scenario, origin: str) -> None:
         )
     if policy in BUILT_IN:
         return
-    trained = _policy(policy).info.keywords.get("driver", "plant")
+    trained = latest_policy(policy).info.keywords.get("driver", "plant")
     if known[own] != trained:
         raise ScenarioError(
             f"{policy}: was trained with driver={trained}, {origin} has !{own} "
@@ -148,10 +136,6 @@ def check_driver(policy: str, scenario: Scenario, origin: str) -> None:
 
 def make_planner(policy: CellPolicy, scenario: Scenario) -> System:
     """Make the planner of a cell that acts by a policy.
-
-    Args:
-        policy: The policy.
-        scenario: The cell's.
 
     Raises:
         ScenarioError: If the hand does not point down at home or does not reach the
@@ -234,18 +218,8 @@ def evaluate_in_cell(
 ) -> Any:
     """Run a policy in the cell of a scenario, in place of its planner.
 
-    Args:
-        policy: A policy's file or name, or a baseline: `rule` or `random`.
-        scenario: Name or path of the scenario.
-        trials: Number of trials.
-        out: Folder of the rows, as of a sweep.
-        engine: Runs the trials; entered here.
-        environment: Id of the environment that a baseline is for.
-        seed: Seed of the first trial, at least `EVALUATION`.
-        overrides: `KEY=VALUE` each; see `load_scenario`.
-        resume: Whether `out` may contain trials of this evaluation.
-        progress: Whether to show progress on standard error.
-        tell: Receives warnings, one line each.
+    The arguments are those of `evaluate`. `environment` is that of a baseline; a
+    trained policy names its own. `overrides` are `KEY=VALUE` each; see `load_scenario`.
 
     Returns:
         All rows, a pyarrow.Table.
@@ -268,15 +242,10 @@ def evaluate_in_cell(
     content = {"environment": actor.environment}
     if policy not in BUILT_IN:
         content["policy_sha256"] = policy_digest(policy)
-    info = sweep_info(
-        policy, scenario, trials, seed, engine, overrides, {**content, **tree}
-    )
-
+    whole = {**content, **tree}
+    info = sweep_info(scenario, trials, seed, engine, overrides, whole, policy=policy)
+    lost = functools.partial(lost_trial, tree, scenario, seed)
     run = functools.partial(run_cell_trial, policy, actor.environment)
-
-    def lost(trial: int, reason: str) -> TrialResult:
-        values = draw_scenario(tree, scenario, seed + trial).values
-        return TrialResult({**empty_row(seed, trial, reason), **values})
 
     def submit(trial: int) -> Future[TrialResult]:
         return engine.submit(run, tree, scenario, seed, trial)

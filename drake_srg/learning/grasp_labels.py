@@ -24,25 +24,22 @@ from typing import Any
 
 import numpy as np
 import yaml
-from pydrake.geometry import (
-    ClippingRange,
-    ColorRenderCamera,
-    LightParameter,
-    MakeRenderEngineVtk,
-    RenderCameraCore,
-    RenderEngineVtkParams,
-)
-from pydrake.math import RigidTransform
+from pydrake.geometry import ClippingRange
 from pydrake.multibody.parsing import Parser
 from pydrake.multibody.plant import AddMultibodyPlantSceneGraph
 from pydrake.systems.framework import DiagramBuilder
-from pydrake.systems.sensors import CameraInfo
 
 from drake_srg.common.exceptions import ScenarioError
 from drake_srg.common.geometry import look_at
 from drake_srg.learning.grasp_bench import HANDS, GraspBench, GraspLabel
 from drake_srg.objects.config import ObjectConfig
-from drake_srg.objects.household import Image, contact_sheet
+from drake_srg.objects.household import (
+    FIELD_OF_VIEW,
+    AddStudio,
+    Image,
+    contact_sheet,
+    photograph,
+)
 from drake_srg.objects.models import AddObject, object_body
 from drake_srg.objects.solids import object_pieces
 from drake_srg.parsing import configure_parser, resolve_url
@@ -52,9 +49,9 @@ from drake_srg.sweeps.files import write_file
 from drake_srg.sweeps.rows import require_sweep
 
 # The hand lies along x, its fingers end here [m]; the camera looks from above.
-_FINGERS_END, _PIXELS, _FIELD_OF_VIEW = 0.2, 200, 0.5
+_FINGERS_END, _PIXELS = 0.2, 200
 _EYE = np.array([0.35, -0.5, 0.8])
-_LIGHTS = ([-0.4, 0.8, -1.0], [0.2, 0.3, -0.8])
+_LIGHTS = (([-0.4, 0.8, -1.0], 1.0), ([0.2, 0.3, -0.8], 1.0))
 
 SUFFIXES = (".yaml", ".yml", ".parquet")
 # Directions without any grasp after which an object counts as too large, or too small.
@@ -285,11 +282,7 @@ def draw_labels(job: LabelJob, labels: Sequence[GraspLabel]) -> Image:
     """
     builder = DiagramBuilder()
     plant, scene_graph = AddMultibodyPlantSceneGraph(builder, time_step=0.0)
-    lights = [
-        LightParameter(type="directional", frame="world", direction=d) for d in _LIGHTS
-    ]
-    params = RenderEngineVtkParams(default_clear_color=[1.0, 1.0, 1.0], lights=lights)
-    scene_graph.AddRenderer("sheet", MakeRenderEngineVtk(params))
+    AddStudio(scene_graph, _LIGHTS)
     parser = Parser(plant)
     configure_parser(parser)
     file = resolve_url(f"package://drake_srg/sdf/{HANDS[job.hand].fine}.sdf")
@@ -303,27 +296,14 @@ def draw_labels(job: LabelJob, labels: Sequence[GraspLabel]) -> Image:
     solid, _ = object_pieces(job.name, job.object)
     middle = np.array([0.5 * _FINGERS_END, 0.0, 0.0])
     most = max(0.5 * _FINGERS_END, 0.5 * float(np.linalg.norm(solid.bounding_size)))
-    far = most / np.sin(0.5 * _FIELD_OF_VIEW) + most
-    eye = middle + far * _EYE / np.linalg.norm(_EYE)
-    camera = ColorRenderCamera(
-        RenderCameraCore(
-            "sheet",
-            CameraInfo(_PIXELS, _PIXELS, _FIELD_OF_VIEW),
-            ClippingRange(0.05 * far, 10.0 * far),
-            RigidTransform(),
-        )
-    )
+    far = most / np.sin(0.5 * FIELD_OF_VIEW) + most
+    X_WC = look_at(middle + far * _EYE / np.linalg.norm(_EYE), middle)
+    clipping = ClippingRange(0.05 * far, 10.0 * far)
     pictures = {}
     for i, label in enumerate(labels):
         for name, angle in label.closed.items():
             plant.GetJointByName(name, hand).set_angle(plant_context, angle)
         plant.SetFreeBodyPose(plant_context, body, label.grasp.X_OG.inverse())
-        query = scene_graph.get_query_output_port().Eval(
-            scene_graph.GetMyContextFromRoot(context)
-        )
-        image = query.RenderColorImage(
-            camera, scene_graph.world_frame_id(), look_at(eye, middle)
-        )
         text = f"{i + 1}: {label.strength:.1f} g, epsilon {label.epsilon:.2f}"
-        pictures[text] = np.array(image.data[:, :, :3])
+        pictures[text] = photograph(scene_graph, context, X_WC, clipping, _PIXELS)
     return contact_sheet(pictures)

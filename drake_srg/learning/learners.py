@@ -120,12 +120,7 @@ def clone(
 
 
 class _Rounds:
-    """Base class of these learners: episodes with their own seeds, and a file.
-
-    Args:
-        env: The environment.
-        run: Seed of training.
-    """
+    """Base class of these learners: episodes with their own seeds, and a file."""
 
     def __init__(self, env: Any, run: int) -> None:
         self.steps, self.episodes, self.round_steps = 0, 0, 250
@@ -379,12 +374,7 @@ _SAC_HIDDEN = [256, 256]
 
 
 class SacRounds:
-    """Soft actor-critic by Stable-Baselines3.
-
-    Args:
-        env: The environment.
-        run: Seed of training.
-    """
+    """Soft actor-critic by Stable-Baselines3."""
 
     def __init__(self, env: Any, run: int) -> None:
         self.steps, self.episodes, self.round_steps = 0, 0, 1000

@@ -4,9 +4,7 @@ from __future__ import annotations
 
 import dataclasses as dc
 import hashlib
-import io
 import json
-import zipfile
 from pathlib import Path
 from typing import Any, Literal
 
@@ -15,7 +13,7 @@ import numpy.typing as npt
 from numpy.random import default_rng
 
 from drake_srg.common.exceptions import ScenarioError, checked_types, one_line
-from drake_srg.recording.output import OutputFile
+from drake_srg.recording.output import write_log
 from drake_srg.sweeps.files import write_file
 
 Array = npt.NDArray[np.floating]
@@ -194,23 +192,7 @@ class Policy:
             zip(self.network.weights, self.network.biases, strict=True)
         ):
             arrays |= {f"weight_{k}": weight, f"bias_{k}": bias}
-        file = OutputFile(path)
-        file.path.write_bytes(npz_bytes(arrays))
-        file.commit()
-
-
-def npz_bytes(arrays: dict[str, Any]) -> bytes:
-    """Return arrays as an .npz file whose bytes depend on the arrays alone."""
-    stream = io.BytesIO()
-    with zipfile.ZipFile(stream, "w", zipfile.ZIP_DEFLATED) as archive:
-        for name, value in arrays.items():
-            content = io.BytesIO()
-            np.lib.format.write_array(content, np.asarray(value), allow_pickle=False)
-            # ZipInfo's default date is fixed; `numpy.savez` writes today's.
-            entry = zipfile.ZipInfo(f"{name}.npy")
-            entry.compress_type = zipfile.ZIP_DEFLATED
-            archive.writestr(entry, content.getvalue())
-    return stream.getvalue()
+        write_log(path, arrays)
 
 
 def write_onnx(policy: Policy, path: Path) -> None:

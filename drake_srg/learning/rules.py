@@ -18,15 +18,20 @@ from numpy.random import default_rng
 from drake_srg.common.exceptions import ScenarioError
 from drake_srg.common.srg_geometry import SRG
 from drake_srg.learning.envs.scenes import LOWEST
-from drake_srg.learning.envs.tasks import MAX_STEPS, STEP
+from drake_srg.learning.envs.tasks import (
+    ANGLE,
+    FAR,
+    HEIGHTS,
+    MAX_STEPS,
+    NEAR,
+    SIZE,
+    STEP,
+    TURN,
+)
 from drake_srg.learning.episodes import Act
 from drake_srg.learning.policy import Array
 from drake_srg.planning.grasps.srg_hand import straight_base_angle
 
-# Scale of lengths in the observations of the environments [m].
-_SIZE, _NEAR = 0.15, 0.2
-_LOWEST, _HIGHEST = 0.025, 0.115  # heights of a one-shot grasp above the table [m]
-_STEP = np.array([0.02, 0.02, 0.02, 0.1])  # a full action of Pick [m, rad]
 # Share of an error that one action corrects. The hand lags by a control period or two,
 # and correcting the full error would make it swing by 1 cm.
 _GAIN = 0.4
@@ -35,9 +40,7 @@ _TURNED = 0.08  # rad
 _STILL = 0.1  # of the joints' scaled speeds
 CLOSED = 0.9  # closure of the grasp
 _WIDE = 0.09  # a side too wide to close across safely [m]
-# Scale of the goal in `PickPlaceEnv`, and horizontal distance at which the hand is
-# above it [m].
-_FAR, _OVER = 0.6, 0.01
+_OVER = 0.01  # horizontal distance at which the hand is above the goal [m]
 # Height of the hand on the way, and above the release; largest error in height that one
 # action corrects on the way down [m].
 _CARRIED, _DROP, _LOWERING = 0.16, 0.002, 0.02
@@ -46,14 +49,14 @@ _DOWN = 0.002  # height error at which the hand lets go [m]
 
 def grasp_height(size_z: float) -> float:
     """Return the height above the table at which to grasp an upright object [m]."""
-    return float(np.clip(0.5 * size_z, _LOWEST, _HIGHEST))
+    return float(np.clip(0.5 * size_z, *HEIGHTS))
 
 
 def grasp_one_shot(observation: Array) -> Array:
     """Grasp in the middle, across the narrower side."""
-    size_x, size_y, size_z = _SIZE * observation[:3].astype(float)
+    size_x, size_y, size_z = SIZE * observation[:3].astype(float)
     height = grasp_height(size_z)
-    z = 2.0 * (height - _LOWEST) / (_HIGHEST - _LOWEST) - 1.0
+    z = 2.0 * (height - HEIGHTS[0]) / (HEIGHTS[1] - HEIGHTS[0]) - 1.0
     # Without a turn, the fingers close along the object's y.
     turn = 0.0 if size_y <= size_x else 1.0
     return np.array([0.0, 0.0, z, turn, -1.0, 2.0 * CLOSED - 1.0], np.float32)
@@ -80,9 +83,9 @@ def pick(
         gain: Share of an error that one action corrects.
     """
     o = observation.astype(float)
-    along = _NEAR * o[:2]
+    along = NEAR * o[:2]
     turn = 0.5 * np.arctan2(o[4], o[3])
-    size_x, size_y, size_z = _SIZE * o[6:9]
+    size_x, size_y, size_z = SIZE * o[6:9]
     period = np.pi
     if max(size_x, size_y) < _WIDE:
         period = 0.5 * np.pi
@@ -99,17 +102,17 @@ def pick(
     resting = np.abs(o[14:18]).max() < still
     pressed = o[18:22].sum() > 0.0
     rise = 0.0
-    height = _NEAR * o[5]
+    height = NEAR * o[5]
     if closing:
         along, turn = np.zeros(2), 0.0
         if resting and pressed:
-            rise = _STEP[2] / gain
+            rise = STEP[2] / gain
     else:
         aligned = np.abs(along).max() < _ALIGNED and abs(turn) < _TURNED
         down = grasp_height(size_z) - height
         rise = down if aligned else 0.0
         closing = aligned and abs(down) < _LEVEL
-    motion = gain * np.array([*along, rise, turn]) / _STEP
+    motion = gain * np.array([*along, rise, turn]) / STEP
     closure = 2.0 * CLOSED - 1.0 if closing else -1.0
     return np.clip(np.append(motion, closure), -1.0, 1.0).astype(np.float32)
 
@@ -117,12 +120,12 @@ def pick(
 def pick_place(observation: Array) -> Array:
     """Pick, carry the object high above the goal, set it down, and rise."""
     o = observation.astype(float)
-    goal, height = _FAR * o[25:27], _NEAR * o[5]
+    goal, height = FAR * o[25:27], NEAR * o[5]
     away = np.abs(goal).max()
     closing, pressed = o[22] > 0.0, o[18:22].sum() > 0.0
     if not closing and away < _OVER:  # it has let go there
         return np.array([0.0, 0.0, 1.0, 0.0, -1.0], np.float32)
-    grasped = grasp_height(_SIZE * o[8])
+    grasped = grasp_height(SIZE * o[8])
     if not (closing and pressed and height > grasped - _LEVEL):
         return pick(observation)
     down = grasped + _DROP - height
@@ -133,7 +136,7 @@ def pick_place(observation: Array) -> Array:
     else:
         rise = 0.0
     letting_go = away < _OVER and down > -_DOWN
-    motion = _GAIN * np.array([*goal, rise, 0.0]) / _STEP
+    motion = _GAIN * np.array([*goal, rise, 0.0]) / STEP
     closure = -1.0 if letting_go else 2.0 * CLOSED - 1.0
     return np.clip(np.append(motion, closure), -1.0, 1.0).astype(np.float32)
 
@@ -146,7 +149,6 @@ RULES = {
 }
 
 
-_ANGLE, _TURN = 2.0, np.pi
 # The hand comes down beside the estimate, four standard deviations of 20 mm away. It
 # moves on until the middle of the pushed object is 45 mm beyond the estimate [m].
 _BESIDE, _BEYOND = 0.08, 0.045
@@ -210,22 +212,22 @@ def _sweep(o: Array, gain: float) -> Array:
         return _LIFT.copy()
     if step >= _OPENED_AT:
         return _pick_beside(o, np.array([_BEYOND - _SHORT, 0.0]), gain)
-    x, y = -_NEAR * o[:2]  # of the hand, from the estimate
-    end = _BEYOND - _HALF_FINGER - 0.5 * _SIZE * o[6]
-    height = max(LOWEST, _SIZE * o[8] - _PALM)
-    base = straight_base_angle(0.5 * _CRADLE * _SIZE * o[6])
+    x, y = -NEAR * o[:2]  # of the hand, from the estimate
+    end = _BEYOND - _HALF_FINGER - 0.5 * SIZE * o[6]
+    height = max(LOWEST, SIZE * o[8] - _PALM)
+    base = straight_base_angle(0.5 * _CRADLE * SIZE * o[6])
     closure = base / SRG.full_scale
     if step < _BESIDE_AT:
         goal = -_BESIDE
         if step < _ASIDE_AT:  # the hand may still be above the object
-            height = _NEAR * o[5]
+            height = NEAR * o[5]
     elif step < _SWEPT_AT:
         goal = min(end, x + _SWEEP / _GAIN)
     elif step < _BACK_AT:
         goal = end - _BACK
     else:
-        goal, height, closure = end - _BACK, grasp_height(_SIZE * o[8]), _OPEN
-    motion = _GAIN * np.array([goal - x, -y, height - _NEAR * o[5], 0.0]) / STEP
+        goal, height, closure = end - _BACK, grasp_height(SIZE * o[8]), _OPEN
+    motion = _GAIN * np.array([goal - x, -y, height - NEAR * o[5], 0.0]) / STEP
     action = np.append(motion, 2.0 * closure - 1.0)
     return np.clip(action, -1.0, 1.0).astype(np.float32)
 
@@ -233,12 +235,12 @@ def _sweep(o: Array, gain: float) -> Array:
 def _retry(o: Array) -> Array:
     """Pick a box up where it was seen, or else beside that place."""
     across = o[3] > 0.0  # the fingers close along the box's y, not its x
-    width = _SIZE * (o[7] if across else o[6])
-    base = _ANGLE * o[10:12].mean()
+    width = SIZE * (o[7] if across else o[6])
+    base = ANGLE * o[10:12].mean()
     closed = o[22] > 0.0 and np.abs(o[14:18]).max() < _STILL_BY_TOUCH
     if closed and base > straight_base_angle(0.5 * _NARROWER * width):
         return _EMPTY.copy()
-    yaw = _TURN * o[24]
+    yaw = TURN * o[24]
     aside = 0.0
     if _step(o) >= _TRIED:
         aside = _ASIDE if _step(o) < _TRIED_AGAIN else -_ASIDE
@@ -247,7 +249,7 @@ def _retry(o: Array) -> Array:
 
 def _pick_beside(o: Array, away: Array, gain: float = _GAIN) -> Array:
     """Pick as if the estimate were shifted by `away`, (2,) [m]."""
-    place = o[:2] + away / _NEAR
+    place = o[:2] + away / NEAR
     seen = np.append(place, o[2:]).astype(np.float32)
     return pick(seen, _STILL_BY_TOUCH, _TURN_PER_WIDTH, gain)
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import dataclasses as dc
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 
 import cv2
 import numpy as np
@@ -16,10 +16,11 @@ from pydrake.geometry import (
     MakeRenderEngineVtk,
     RenderCameraCore,
     RenderEngineVtkParams,
+    SceneGraph,
 )
 from pydrake.math import RigidTransform
 from pydrake.multibody.plant import AddMultibodyPlantSceneGraph
-from pydrake.systems.framework import DiagramBuilder
+from pydrake.systems.framework import Context, DiagramBuilder
 from pydrake.systems.sensors import CameraInfo
 
 from drake_srg.common.geometry import look_at
@@ -109,7 +110,7 @@ def object_facts(name: str, config: ObjectConfig) -> ObjectFacts:
 Image = npt.NDArray[np.uint8]
 
 _DIRECTION = np.array([0.55, -0.70, 0.46])  # from the object to the camera
-_FIELD_OF_VIEW = 0.5  # rad
+FIELD_OF_VIEW = 0.5  # rad
 _LIGHTS = (([-0.4, 0.8, -1.0], 0.9), ([-0.8, 0.1, -0.2], 0.5), ([0.6, 0.6, -0.1], 0.3))
 
 
@@ -127,33 +128,60 @@ def take_portrait(name: str, config: ObjectConfig, size: int = 320) -> Image:
     facts = object_facts(name, config)
     builder = DiagramBuilder()
     plant, scene_graph = AddMultibodyPlantSceneGraph(builder, time_step=0.0)
-    lights = [
-        LightParameter(
-            type="directional", frame="world", direction=direction, intensity=intensity
-        )
-        for direction, intensity in _LIGHTS
-    ]
-    params = RenderEngineVtkParams(default_clear_color=[1.0, 1.0, 1.0], lights=lights)
-    scene_graph.AddRenderer("portrait", MakeRenderEngineVtk(params))
+    AddStudio(scene_graph, _LIGHTS)
     AddObject(plant, name, config)
     plant.Finalize()
     diagram = builder.Build()
     context = diagram.CreateDefaultContext()
+    middle, radius = 0.5 * (facts.low + facts.high), 0.5 * np.linalg.norm(facts.size)
+    distance = 1.05 * radius / math.sin(0.5 * FIELD_OF_VIEW)
+    eye = middle + distance * _DIRECTION / np.linalg.norm(_DIRECTION)
+    X_WC, clipping = look_at(eye, middle), ClippingRange(0.1 * distance, 10 * distance)
+    return photograph(scene_graph, context, X_WC, clipping, size)
+
+
+def AddStudio(
+    scene_graph: SceneGraph, lights: Sequence[tuple[Sequence[float], float]]
+) -> None:
+    """Add a renderer with a white background for `photograph`.
+
+    Args:
+        scene_graph: The scene.
+        lights: Direction and intensity of each directional light.
+    """
+    made = [
+        LightParameter(
+            type="directional", frame="world", direction=direction, intensity=intensity
+        )
+        for direction, intensity in lights
+    ]
+    params = RenderEngineVtkParams(default_clear_color=[1.0, 1.0, 1.0], lights=made)
+    scene_graph.AddRenderer("studio", MakeRenderEngineVtk(params))
+
+
+def photograph(
+    scene_graph: SceneGraph,
+    context: Context,
+    X_WC: RigidTransform,
+    clipping: ClippingRange,
+    size: int,
+) -> Image:
+    """Return an image of a scene with `AddStudio`, RGB, shape (size, size, 3).
+
+    Args:
+        scene_graph: The scene.
+        context: The root diagram's.
+        X_WC: Pose of the camera, whose field of view is `FIELD_OF_VIEW`.
+        clipping: Its nearest and farthest distance.
+        size: Width and height [pixels].
+    """
+    info = CameraInfo(size, size, FIELD_OF_VIEW)
+    core = RenderCameraCore("studio", info, clipping, RigidTransform())
     query = scene_graph.get_query_output_port().Eval(
         scene_graph.GetMyContextFromRoot(context)
     )
-    middle, radius = 0.5 * (facts.low + facts.high), 0.5 * np.linalg.norm(facts.size)
-    distance = 1.05 * radius / math.sin(0.5 * _FIELD_OF_VIEW)
-    core = RenderCameraCore(
-        "portrait",
-        CameraInfo(size, size, _FIELD_OF_VIEW),
-        ClippingRange(0.1 * distance, 10.0 * distance),
-        RigidTransform(),
-    )
     image = query.RenderColorImage(
-        ColorRenderCamera(core),
-        scene_graph.world_frame_id(),
-        look_at(middle + distance * _DIRECTION / np.linalg.norm(_DIRECTION), middle),
+        ColorRenderCamera(core), scene_graph.world_frame_id(), X_WC
     )
     return np.array(image.data[:, :, :3])
 

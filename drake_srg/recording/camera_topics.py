@@ -37,11 +37,7 @@ def millimetres(depth: Vector) -> Any:
 def depth_image(name: str, port: str, frame_id: str, period: float) -> Topic:
     """Return a topic of an ImageDepth32F port, as sensor_msgs/msg/Image in 16UC1 [mm].
 
-    Args:
-        name: The topic's.
-        port: The input port's.
-        frame_id: The camera's frame.
-        period: Time between messages [s].
+    There is a message once a period [s].
     """
 
     def convert(make: MakeMessage, time: float, value: ImageDepth32F) -> Any:

@@ -62,11 +62,7 @@ def count_phrase(number: int, thing: str) -> str:
 
 
 def verdict(metrics: Mapping[str, Any]) -> str:
-    """Return a run's verdict, in words.
-
-    Args:
-        metrics: Contents of its metrics.json.
-    """
+    """Describe the end of a run with these contents of metrics.json."""
     tries = metrics["attempts"]
     if metrics.get("claimed"):
         word = "done, by the planner's word"

@@ -13,7 +13,6 @@ from typing import Any, Self
 
 import numpy as np
 import numpy.typing as npt
-from pydrake.common.value import AbstractValue
 from pydrake.geometry import SceneGraph
 from pydrake.math import RigidTransform
 from pydrake.multibody.plant import MultibodyPlant
@@ -39,7 +38,7 @@ from drake_srg.recording.output import (
 from drake_srg.recording.replay.page import write_page
 from drake_srg.recording.replay.recorder import write_replay
 from drake_srg.recording.replay.scene import SceneRecorder
-from drake_srg.recording.rosbag import MakeMessage, RosbagRecorder, Topic
+from drake_srg.recording.rosbag import RosbagRecorder, Topic
 from drake_srg.recording.scene_topics import scene_topics
 from drake_srg.recording.timeline import Labels, draw_timeline, run_timeline
 from drake_srg.recording.video import VideoRecorder
@@ -57,11 +56,7 @@ FILES = {
 
 
 class SignalLog:
-    """A log of ports by name: vectors, numbers, poses, strings and modes.
-
-    Args:
-        ports: The ports.
-    """
+    """A log of ports by name: vectors, numbers, poses, strings and modes."""
 
     def __init__(self, ports: Mapping[str, InputPort | OutputPort]) -> None:
         self._ports = dict(ports)
@@ -117,11 +112,7 @@ class Recording:
         close_at_exit(self, Recording._close_forgotten)
 
     def record(self, recorders: Mapping[str, Recorder]) -> None:
-        """Add recorders, whose files are completed with the others.
-
-        Args:
-            recorders: The recorders by kind of file.
-        """
+        """Complete these recorders' files, by kind, too."""
         self._recorders |= recorders
 
     def begin(self) -> None:
@@ -208,12 +199,6 @@ def write_samples(
 ) -> dict[str, Path]:
     """Write log.npz and, with `write_glb`, timeline.png and replay.glb.
 
-    Args:
-        out: The folder.
-        log: The log's arrays.
-        labels: Labels of the log's columns.
-        write_glb: Writes the replay's scene to a path.
-
     Returns:
         Paths of the files by kind.
 
@@ -270,7 +255,6 @@ def AddRecording(
         title: Title of the plots and the page; "": the folder's name.
 
     Raises:
-        ImportError: If PyAV, rosbags or matplotlib is missing.
         OSError: If the folder cannot be written.
         ValueError: If the plant is not finalized, a number is not positive, there are
             no ports, or a port's values cannot be recorded.
@@ -364,7 +348,7 @@ def _topic(name: str, port: OutputPort) -> Topic:
     if isinstance(value, (str, enum.Enum)):
         return rosbag.string(topic, name, port.Allocate())
     if isinstance(value, (bool, int, float)):
-        return _number_topic(topic, name, port.Allocate())
+        return rosbag.float64(topic, name, port.Allocate())
     if isinstance(value, RigidTransform):
         kind = "geometry_msgs/msg/PoseStamped"
         return Topic(topic, kind, {name: port.Allocate()}, rosbag.pose_message)
@@ -373,15 +357,6 @@ def _topic(name: str, port: OutputPort) -> Topic:
         "(allowed: a vector, a number, a string, an enum, a RigidTransform; name "
         "cameras in `cameras`)"
     )
-
-
-def _number_topic(name: str, port: str, model: AbstractValue) -> Topic:
-    kind = "std_msgs/msg/Float64"
-
-    def convert(make: MakeMessage, time: float, value: Any) -> Any:
-        return make(kind, data=float(value))
-
-    return Topic(name, kind, {port: model}, convert)
 
 
 class _Sampler(LeafSystem):

@@ -77,12 +77,20 @@ def clock() -> Topic:
     return Topic("/clock", kind, {}, lambda make, t: make(kind, clock=stamp(make, t)))
 
 
-def float64(name: str, port: str) -> Topic:
-    """Return a topic of a vector port of size 1, as std_msgs/msg/Float64."""
+def float64(name: str, port: str, model: int | AbstractValue = 1) -> Topic:
+    """Return a topic of a number, as std_msgs/msg/Float64.
+
+    Args:
+        name: The topic's.
+        port: The input port's.
+        model: Its model value; 1: a vector of size 1.
+    """
     kind = "std_msgs/msg/Float64"
-    return Topic(
-        name, kind, {port: 1}, lambda make, t, value: make(kind, data=float(value[0]))
-    )
+
+    def convert(make: MakeMessage, time: float, value: Any) -> Any:
+        return make(kind, data=float(np.reshape(value, ())))
+
+    return Topic(name, kind, {port: model}, convert)
 
 
 def float64_array(name: str, port: str, size: int) -> Topic:
@@ -96,18 +104,24 @@ def float64_array(name: str, port: str, size: int) -> Topic:
     return Topic(name, kind, {port: size}, convert)
 
 
-def string(name: str, port: str, model: AbstractValue | None = None) -> Topic:
-    """Return a topic of a string or a mode's name, as std_msgs/msg/String.
+def string(
+    name: str,
+    port: str,
+    model: int | AbstractValue | None = None,
+    words: Callable[[Any], str] = mode_name,
+) -> Topic:
+    """Return a topic of a string, or of the name of a mode, as std_msgs/msg/String.
 
     Args:
         name: The topic's.
         port: The input port's.
         model: Its model value; None: a Python object, such as an enum.
+        words: Returns the text for a value.
     """
     kind = "std_msgs/msg/String"
 
     def convert(make: MakeMessage, time: float, value: Any) -> Any:
-        return make(kind, data=mode_name(value))
+        return make(kind, data=words(value))
 
     return Topic(name, kind, {port: model or AbstractValue.Make(object())}, convert)
 
@@ -115,19 +129,13 @@ def string(name: str, port: str, model: AbstractValue | None = None) -> Topic:
 def _safety_topics(safety: str) -> tuple[Topic, Topic]:
     """Return the topics of a safety monitor: state with reason, and speed.
 
-    The state is text: "running", or such as "protective_stop: stale".
+    `safety` is the prefix of its ports.
 
-    Args:
-        safety: Prefix of the monitor's ports.
+    The state is text: "running", or such as "protective_stop: stale".
     """
     topic = topic_of(safety)
-    kind = "std_msgs/msg/String"
-
-    def convert(make: MakeMessage, time: float, value: Any) -> Any:
-        return make(kind, data=describe_safety(value))
-
     return (
-        Topic(f"{topic}/state", kind, {f"{safety}.state": 2}, convert),
+        string(f"{topic}/state", f"{safety}.state", 2, describe_safety),
         float64(f"{topic}/speed_scale", f"{safety}.speed_scale"),
     )
 
@@ -154,11 +162,7 @@ def object_pose(name: str, port: str) -> Topic:
     """Return a topic of the planner's last sighting of its object.
 
     It is a geometry_msgs/msg/PoseStamped with the time of the look. There is no message
-    before the planner has seen the object.
-
-    Args:
-        name: The topic's.
-        port: An input port of `PlannerStatus`.
+    before the planner has seen the object. The port is one of `PlannerStatus`.
     """
 
     def convert(make: MakeMessage, time: float, status: PlannerStatus) -> Any:
@@ -172,11 +176,7 @@ def object_pose(name: str, port: str) -> Topic:
 def image(name: str, port: str, frame_id: str, period: float) -> Topic:
     """Return a topic of an ImageRgba8U port, as sensor_msgs/msg/Image in rgb8.
 
-    Args:
-        name: The topic's.
-        port: The input port's.
-        frame_id: The camera's frame.
-        period: Time between messages [s].
+    There is a message once a period [s].
     """
 
     def convert(make: MakeMessage, time: float, value: ImageRgba8U) -> Any:
@@ -394,7 +394,6 @@ class RosbagRecorder(Recorder):
         period: Time between messages of topics without a period of their own [s].
 
     Raises:
-        ImportError: If rosbags is missing.
         OSError: If the file cannot be written.
         ValueError: If there are no topics, one appears twice, a period is not positive,
             the file is not named .mcap, or two topics disagree on the type of a port.

@@ -117,14 +117,7 @@ def _marker(
 ) -> Any:
     """Return a visualization_msgs/msg/Marker of triangles.
 
-    Args:
-        make: Makes messages.
-        time: Simulated time [s].
-        name: The body's.
-        number: Number of the marker among those of the body.
-        frame: The marker's frame.
-        pose: Pose of the body in that frame, as from `pose_row`.
-        part: The triangles, in the body's frame.
+    The body's pose in `frame` is one of `pose_row`; the triangles are in its own.
     """
     surface = part.surface
     corners = np.round(surface.points[surface.faces.ravel()] * _GRID) / _GRID

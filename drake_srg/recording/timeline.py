@@ -30,9 +30,6 @@ def make_figure(
         height: [inch].
         title: Text above the axes, on the left.
         layout: Layout engine of matplotlib; None for axes that are placed by hand.
-
-    Raises:
-        ImportError: If matplotlib is missing.
     """
     require("matplotlib.backends.backend_agg")
     figure = require("matplotlib.figure").Figure(
@@ -69,6 +66,7 @@ _BANDS = ("#eef2f6", "#dbe4ed")
 # Sizes of the figure, its margins and a panel [inch].
 _WIDTH, _PANEL = 11.0, 1.55
 _LEFT, _RIGHT, _TOP, _BOTTOM = 0.85, 1.15, 1.0, 0.55
+_DEGREES = 180.0 / np.pi  # per radian
 _LABEL = -0.045  # place of the labels on the left, as a share of a panel's width
 
 
@@ -78,40 +76,38 @@ Panel: TypeAlias = tuple[str, Vector, Sequence[str]]
 
 @dc.dataclass(frozen=True)
 class Timeline:
-    """The data of a timeline; a series that is None has no panel.
+    """The data of a timeline.
 
     Attributes:
         time: Sample times [s], shape (K,).
-        mode: Name of the planner's mode at each sample, length K.
-        gripper_position: Gripper joint angles [rad], shape (K, n).
-        gripper_joints: Names of the n joints.
-        closure: Commanded closure, 0 open .. 1 closed, shape (K,).
-        proximity: Finger sensors' distances [m], shape (K, m); inf: nothing in range.
-        sensors: Names of the m sensors.
-        grip_force: Largest contact force on the picked object [N], shape (K,).
-        arm_velocity: Arm joint velocities [rad/s], shape (K, N).
-        arm_torque: Arm joint torques [N m], shape (K, N).
-        arm_slides: Whether the arm's joints are prismatic, with velocities in m/s and
-            forces in N.
-        object_height: Height of the picked object's centre [m], shape (K,).
-        signals: Further panels, as from `timeline_panels`.
+        panels: At least one.
+        mode: Name of the planner's mode at each sample, length K; empty: unknown.
         title: Text above the panels.
+
+    Raises:
+        ValueError: If a series and `time` differ in length, or there is no panel.
     """
 
     time: Vector
+    panels: Sequence[Panel]
     mode: Sequence[str] = ()
-    gripper_position: Vector | None = None
-    gripper_joints: Sequence[str] = ()
-    closure: Vector | None = None
-    proximity: Vector | None = None
-    sensors: Sequence[str] = ()
-    grip_force: Vector | None = None
-    arm_velocity: Vector | None = None
-    arm_torque: Vector | None = None
-    arm_slides: bool = False
-    object_height: Vector | None = None
-    signals: Sequence[Panel] = ()
     title: str = ""
+
+    def __post_init__(self) -> None:
+        lengths = {label: len(values) for label, values, _ in self.panels}
+        if self.mode:
+            lengths["mode"] = len(self.mode)
+        for label, length in lengths.items():
+            if length != len(self.time):
+                name = label.replace("\n", " ")
+                raise ValueError(
+                    f"Timeline: {name} needs {len(self.time)} samples like time, got "
+                    f"{length}"
+                )
+        if not self.panels:
+            raise ValueError(
+                "Timeline: needs at least one series besides time and mode"
+            )
 
 
 def draw_timeline(timeline: Timeline, path: Path | str) -> Path:
@@ -121,11 +117,9 @@ def draw_timeline(timeline: Timeline, path: Path | str) -> Path:
         The path.
 
     Raises:
-        ImportError: If matplotlib is missing.
         OSError: If the file cannot be written.
-        ValueError: If a series and `time` differ in length, or there are no series.
     """
-    panels = timeline_panels(timeline)
+    panels = timeline.panels
     # Placed by hand: a layout engine takes as long as drawing.
     height = _TOP + _PANEL * len(panels) + _BOTTOM
     figure = make_figure(_WIDTH, height, timeline.title, layout=None)
@@ -153,62 +147,6 @@ def draw_timeline(timeline: Timeline, path: Path | str) -> Path:
     if len(timeline.time) > 1:
         all_axes[-1].set_xlim(timeline.time[0], timeline.time[-1])
     return save_png(figure, path)
-
-
-def timeline_panels(timeline: Timeline) -> list[Panel]:
-    """Return label, values (K, n) and names of the lines for each panel.
-
-    Raises:
-        ValueError: If a series and `time` differ in length, or there are no series.
-    """
-    panels = _panels(timeline)
-    count = len(timeline.time)
-    if timeline.mode and len(timeline.mode) != count:
-        raise ValueError(
-            f"Timeline: mode needs {count} samples like time, got {len(timeline.mode)}"
-        )
-    if not panels:
-        raise ValueError("Timeline: needs at least one series besides time and mode")
-    return panels
-
-
-def _panels(timeline: Timeline) -> list[Panel]:
-    arm = (timeline.arm_velocity, timeline.arm_torque)
-    joints = max(0 if one is None else np.shape(one)[1] for one in arm)
-    arm_names = [f"joint {i + 1}" for i in range(joints)]
-    degrees = 180 / np.pi
-    # Field, label, factor from SI, names of the lines.
-    series: list[tuple[str, str, float, Sequence[str]]] = [
-        ("gripper_position", "finger joints\n[deg]", degrees, timeline.gripper_joints),
-        ("closure", "commanded\nclosure", 1.0, ()),
-        ("proximity", "proximity\n[mm]", 1e3, timeline.sensors),
-        ("grip_force", "grip force\n[N]", 1.0, ()),
-        *(
-            (
-                ("arm_velocity", "arm velocity\n[mm/s]", 1e3, arm_names),
-                ("arm_torque", "arm force\n[N]", 1.0, arm_names),
-            )
-            if timeline.arm_slides
-            else (
-                ("arm_velocity", "arm velocity\n[deg/s]", degrees, arm_names),
-                ("arm_torque", "arm torque\n[N m]", 1.0, arm_names),
-            )
-        ),
-        ("object_height", "object height\n[mm]", 1e3, ()),
-    ]
-    count = len(timeline.time)
-    panels = list(timeline.signals)
-    for field, label, unit, names in series:
-        given = getattr(timeline, field)
-        if given is None:
-            continue
-        values = unit * np.asarray(given, dtype=float).reshape(len(given), -1)
-        if len(values) != count:
-            raise ValueError(
-                f"Timeline: {field} needs {count} samples like time, got {len(values)}"
-            )
-        panels.append((label, values, names))
-    return panels
 
 
 def _draw_panel(
@@ -350,53 +288,78 @@ class Labels:
 
 
 def run_timeline(log: Mapping[str, npt.NDArray[Any]], labels: Labels) -> Timeline:
-    """Return the timeline of a log that `Simulate` or `AddRecording` wrote."""
+    """Return the timeline of a log that `Simulate` or `AddRecording` wrote.
+
+    A quantity that is not in the log has no panel.
+
+    Raises:
+        KeyError: If the log lacks time or mode.
+        ValueError: If it has no quantity.
+    """
     if labels.signals:
         return _signal_timeline(log, labels)
+    force = _panel("grip force\n[N]", log.get("contact_force"))
     poses = log.get(pose_key(labels.pick))
-    whole = Timeline(
-        time=log["time"],
-        mode=logged_modes(log),
-        grip_force=log.get("contact_force"),
-        object_height=None if poses is None else poses[:, 2],
-        title=labels.title,
-    )
-    if not labels.arms:
-        return _with_arm(whole, log, labels, "arm", "gripper")
-    panels: list[Panel] = []
-    for arm in labels.arms:
-        own = Timeline(time=log["time"])
-        own = _with_arm(own, log, arm, arm.name, f"{arm.name}.gripper")
-        for label, values, names in _panels(own):
-            panels.append((f"{arm.name} {label}", values, names))
-    return dc.replace(whole, signals=panels)
+    height = _panel("object height\n[mm]", None if poses is None else poses[:, 2], 1e3)
+    if labels.arms:
+        panels = [
+            (f"{arm.name} {label}", values, names)
+            for arm in labels.arms
+            for label, values, names in (
+                *_hand_panels(log, arm, f"{arm.name}.gripper"),
+                *_arm_panels(log, arm, arm.name),
+            )
+        ]
+        panels += force
+    else:
+        panels = _hand_panels(log, labels, "gripper") + force
+        panels += _arm_panels(log, labels, "arm")
+    return Timeline(log["time"], [*panels, *height], logged_modes(log), labels.title)
 
 
-def _with_arm(
-    timeline: Timeline,
-    log: Mapping[str, npt.NDArray[Any]],
-    labels: Labels | ArmLabels,
-    arm_ports: str,
-    gripper_ports: str,
-) -> Timeline:
-    """Return a timeline with the series of an arm and its gripper."""
-    arm = log.get(f"{arm_ports}.state_measured")
-    gripper = log.get(f"{gripper_ports}.state_measured")
-    return dc.replace(
-        timeline,
-        gripper_position=(
-            None if gripper is None else gripper[:, : len(labels.gripper_joints)]
-        ),
-        gripper_joints=[
-            _words(n.removesuffix("_joint")) for n in labels.gripper_joints
-        ],
-        closure=log.get(f"{gripper_ports}.closure_commanded"),
-        proximity=log.get(f"{gripper_ports}.proximity"),
-        sensors=[_words(name) for name in labels.sensors],
-        arm_velocity=None if arm is None else arm[:, arm.shape[1] // 2 :],
-        arm_torque=log.get(f"{arm_ports}.torque_measured"),
-        arm_slides=labels.arm_slides,
+def _panel(
+    label: str,
+    values: npt.NDArray[Any] | None,
+    factor: float = 1.0,
+    names: Sequence[str] = (),
+) -> list[Panel]:
+    """Return the panel of a quantity, times a factor; none without the quantity."""
+    if values is None:
+        return []
+    scaled = factor * np.asarray(values, dtype=float).reshape(len(values), -1)
+    return [(label, scaled, names)]
+
+
+def _hand_panels(
+    log: Mapping[str, npt.NDArray[Any]], labels: Labels | ArmLabels, ports: str
+) -> list[Panel]:
+    """Return the panels of a gripper whose ports have a prefix."""
+    joints = [_words(n.removesuffix("_joint")) for n in labels.gripper_joints]
+    state = log.get(f"{ports}.state_measured")
+    angles = None if state is None else state[:, : len(joints)]
+    sensors = [_words(name) for name in labels.sensors]
+    return [
+        *_panel("finger joints\n[deg]", angles, _DEGREES, joints),
+        *_panel("commanded\nclosure", log.get(f"{ports}.closure_commanded")),
+        *_panel("proximity\n[mm]", log.get(f"{ports}.proximity"), 1e3, sensors),
+    ]
+
+
+def _arm_panels(
+    log: Mapping[str, npt.NDArray[Any]], labels: Labels | ArmLabels, ports: str
+) -> list[Panel]:
+    """Return the panels of an arm whose ports have a prefix."""
+    state, torque = (
+        log.get(f"{ports}.{name}") for name in ("state_measured", "torque_measured")
     )
+    velocity = None if state is None else state[:, state.shape[1] // 2 :]
+    count = max(0 if x is None else x.shape[1] for x in (velocity, torque))
+    joints = [f"joint {i + 1}" for i in range(count)]
+    if labels.arm_slides:
+        velocities = _panel("arm velocity\n[mm/s]", velocity, 1e3, joints)
+        return velocities + _panel("arm force\n[N]", torque, 1.0, joints)
+    velocities = _panel("arm velocity\n[deg/s]", velocity, _DEGREES, joints)
+    return velocities + _panel("arm torque\n[N m]", torque, 1.0, joints)
 
 
 def _signal_timeline(log: Mapping[str, npt.NDArray[Any]], labels: Labels) -> Timeline:
@@ -419,7 +382,7 @@ def _signal_timeline(log: Mapping[str, npt.NDArray[Any]], labels: Labels) -> Tim
     return Timeline(
         time=log["time"],
         mode=[str(value) for value in log[texts[0]]] if texts else (),
-        signals=panels,
+        panels=panels,
         title=labels.title,
     )
 

@@ -72,24 +72,10 @@ class View:
 
 
 class VideoFile:
-    """An MP4 file that plays in any browser.
-
-    Equal images give equal bytes.
-
-    Args:
-        path: The .mp4 file.
-        width: Width of the images [pixels]; an odd last column is left out.
-        height: Height of the images [pixels]; an odd last row is left out.
-        frame_rate: Images per second [Hz].
-        quality: Constant rate factor of x264, 0 (lossless) .. 51; 23 is its default.
+    """An MP4 file that plays in any browser; see `VideoRecorder` for the arguments.
 
     Attributes:
         frames: Number of images so far.
-
-    Raises:
-        ImportError: If PyAV is missing.
-        OSError: If the file cannot be written.
-        ValueError: If a number is out of range.
     """
 
     def __init__(
@@ -170,14 +156,7 @@ class VideoFile:
         self._encode(rgb)
 
     def hold(self, success: bool, verdict: str) -> None:
-        """Repeat the last image for some time, with a verdict in the caption's place.
-
-        There, it hides nothing of the scene.
-
-        Args:
-            success: Whether the run succeeded.
-            verdict: The verdict in words.
-        """
+        """Show the last image for some more time, with a verdict above the caption."""
         if self._last is None:
             return
         rgb = self._last.copy()
@@ -297,7 +276,6 @@ class VideoRecorder(CaptionedRecorder):
         view: Projection of the camera; None: no names.
 
     Raises:
-        ImportError: If PyAV is missing.
         OSError: If the file cannot be written.
         ValueError: If a number is out of range.
     """

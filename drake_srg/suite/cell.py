@@ -37,12 +37,8 @@ def MakeDrivenCell(
     With `arms`, the commands of the arm NAME begin with `NAME.` in place of `arm.` and
     `NAME.gripper.` in place of `gripper.`; the planner's with `planner.NAME.`.
 
-    The planner senses what the robot does, and plans from there, as in `MakeCell`.
-
-    Args:
-        scenario: The scenario of the cell.
-        make_station: See `MakeCell`.
-        make_planner: See `MakeCell`.
+    The planner senses what the robot does, and plans from there, as in `MakeCell`,
+    which has the same arguments.
 
     Raises:
         ScenarioError: If the models do not fit the scenario.

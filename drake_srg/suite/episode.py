@@ -309,10 +309,7 @@ def _touching(scenario: Scenario) -> System:
 def with_cameras(scenario: Scenario, cameras: Sequence[str]) -> Scenario:
     """Return a scenario without the cameras that an episode does not need.
 
-    Args:
-        scenario: The scenario.
-        cameras: Names of the cameras for observations and videos. Those by which the
-            planner sees stay, too.
+    It keeps these cameras, and those by which the planner sees.
     """
     needed = {*cameras, *perception_cameras(scenario)}
     if (servo := servo_of(scenario)) is not None:

@@ -15,7 +15,7 @@ import socket
 import tempfile
 import threading
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from concurrent.futures import BrokenExecutor, Future
 from types import TracebackType
 from typing import Any, Protocol, TypeVar
@@ -125,7 +125,7 @@ class JoblibEngine:
                 except BrokenExecutor:
                     self._stop(kill=True)
             assert self._scratch is not None, "enter the engine before submitting"
-            with _interrupts_ignored():
+            with _handling(_IGNORED):
                 self._executor = self._loky.ProcessPoolExecutor(
                     self._workers,
                     env={**THREADS, "TMPDIR": self._scratch.name},
@@ -161,50 +161,39 @@ def usable_cores() -> int:
 
 
 @contextlib.contextmanager
-def _interrupts_later() -> Iterator[None]:
-    """Delay Ctrl-C, SIGTERM and SIGHUP until the block has ended."""
-    if not _in_main_thread():
-        yield
+def _handling(handlers: Mapping[signal.Signals, Any]) -> Iterator[None]:
+    """Handle signals by these handlers until the block has ended."""
+    if threading.current_thread() is not threading.main_thread():
+        yield  # Python handles signals in the main thread alone
         return
-    came: list[int] = []
-    before = {
-        number: signal.signal(number, lambda number, _: came.append(number))
-        for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
-    }
+    before = {number: signal.signal(number, own) for number, own in handlers.items()}
     try:
         yield
     finally:
         for number, handler in before.items():
             signal.signal(number, handler)
+
+
+@contextlib.contextmanager
+def _interrupts_later() -> Iterator[None]:
+    """Delay Ctrl-C, SIGTERM and SIGHUP until the block has ended."""
+    came: list[int] = []
+    numbers = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
+    with _handling(dict.fromkeys(numbers, lambda number, _: came.append(number))):
+        yield
     if came:
         signal.raise_signal(came[0])
 
 
-@contextlib.contextmanager
-def _interrupts_ignored() -> Iterator[None]:
-    """Ignore Ctrl-C and SIGHUP; processes started here ignore them for good."""
-    if not _in_main_thread():
-        yield
-        return
-    numbers = (signal.SIGINT, signal.SIGHUP)
-    before = {number: signal.signal(number, signal.SIG_IGN) for number in numbers}
-    try:
-        yield
-    finally:
-        for number, handler in before.items():
-            signal.signal(number, handler)
-
-
-def _in_main_thread() -> bool:
-    """Return whether Python can handle signals here."""
-    return threading.current_thread() is threading.main_thread()
+# Processes that are started meanwhile ignore Ctrl-C and SIGHUP for good.
+_IGNORED = {signal.SIGINT: signal.SIG_IGN, signal.SIGHUP: signal.SIG_IGN}
 
 
 def _begin_worker(parent: int) -> None:
     """Prepare a worker, and end it when its parent has died, as nothing else would."""
     # A worker that replaces a dead one does not inherit this.
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
-    signal.signal(signal.SIGHUP, signal.SIG_IGN)
+    for number, handler in _IGNORED.items():
+        signal.signal(number, handler)
 
     def watch() -> None:
         while os.getppid() == parent:
@@ -272,7 +261,8 @@ class RayEngine:
         try:
             if address:
                 _reach(address)
-            with _own_signals():
+            # Ray replaces the handler of SIGTERM.
+            with _handling({signal.SIGTERM: signal.getsignal(signal.SIGTERM)}):
                 self._ray.init(**options, log_to_driver=False, logging_level="ERROR")
         except (ConnectionError, RuntimeError, ValueError, OSError) as error:
             raise ScenarioError(
@@ -339,16 +329,3 @@ def call_on_node(
             "install the same on all nodes"
         )
     return function(*arguments)
-
-
-@contextlib.contextmanager
-def _own_signals() -> Iterator[None]:
-    """Restore the handler of SIGTERM, which Ray replaces."""
-    if threading.current_thread() is not threading.main_thread():  # Python's own limit
-        yield
-        return
-    before = signal.getsignal(signal.SIGTERM)
-    try:
-        yield
-    finally:
-        signal.signal(signal.SIGTERM, before)

@@ -26,24 +26,6 @@ from drake_srg.simulation.metrics import Metrics
 from drake_srg.sweeps.files import write_file
 from drake_srg.sweeps.info import SweepInfo, read_sweep
 
-__all__ = [
-    "TIMING_COLUMNS",
-    "BrokenRowsError",
-    "SweepInfo",
-    "all_rows_path",
-    "metric_columns",
-    "read_file",
-    "read_rows",
-    "read_sweep",
-    "require_sweep",
-    "row_path",
-    "row_paths",
-    "sampled_columns",
-    "unique_rows",
-    "write_row",
-    "write_rows",
-]
-
 # The only columns that differ when the same trial runs again.
 TIMING_COLUMNS = (
     "planning_wall_s",
@@ -85,11 +67,7 @@ class BrokenRowsError(ScenarioError):
 
 
 def require_sweep(module: str, extra: str = "sweep") -> ModuleType:
-    """Import a module that sweeps need.
-
-    Args:
-        module: Name of the module.
-        extra: The extra of this package that contains it.
+    """Import a module that sweeps need, of one of the package's extras.
 
     Raises:
         ImportError: If the module is missing; the message says how to install it.
@@ -142,11 +120,7 @@ def metric_columns() -> dict[str, Any]:
 
 
 def sampled_columns(table: Any) -> list[str]:
-    """Return the names of the columns that contain drawn values.
-
-    Args:
-        table: A pyarrow.Table from `read_rows`.
-    """
+    """Return the names of the columns of `read_rows` that contain drawn values."""
     return [name for name in table.column_names if "." in name]
 
 

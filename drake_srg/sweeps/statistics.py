@@ -123,23 +123,10 @@ def spearman(first: Vector, second: Vector) -> tuple[float, float]:
     return float(rho), float(p)
 
 
-def benjamini_hochberg(p_values: Vector) -> Vector:
-    """Adjust p-values, shape (n,), for their number.
-
-    If results with an adjusted value of at most q are called significant, the expected
-    share of false ones among them is at most q (Y. Benjamini, Y. Hochberg, J. R. Stat.
-    Soc. B 57:289, 1995).
-    """
-    import scipy.stats
-
-    return np.asarray(scipy.stats.false_discovery_control(p_values))
-
-
 def summary(rows: Any) -> str:
     """Return a short table: success rate, grasps, failures by reason, median times.
 
-    Args:
-        rows: A pyarrow.Table from `rows.read_rows`.
+    The rows are those of `rows.read_rows`.
     """
     trials = rows.num_rows
     succeeded = sum(rows["success"].to_pylist())

@@ -15,7 +15,7 @@ import fcntl
 import functools
 import itertools
 import os
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import FIRST_COMPLETED, Future, wait
 from pathlib import Path
 from typing import IO, Any
@@ -65,9 +65,6 @@ class SweepFolder:
     """The rows and recordings of a sweep, locked from `begin` to `close`.
 
     A trial has finished when its row is there; its recording is written before that.
-
-    Args:
-        path: The folder.
     """
 
     def __init__(self, path: Path):
@@ -78,11 +75,6 @@ class SweepFolder:
         """Prepare the folder for a new sweep, or to continue one.
 
         A single row whose content is broken is set aside, so that its trial runs again.
-
-        Args:
-            info: The sweep.
-            resume: Whether the folder may contain trials of it.
-            tell: Receives warnings, one line each.
 
         Returns:
             The rows that are there, a pyarrow.Table.
@@ -350,6 +342,44 @@ def run_missing_trials(
         return folder.finish()
 
 
+def sweep_info(
+    scenario: str,
+    trials: int,
+    seed: int,
+    engine: Engine,
+    overrides: Sequence[str],
+    tree: Mapping[str, Any],
+    *,
+    record: str = "none",
+    policy: str = "",
+    cell: str = "",
+) -> SweepInfo:
+    """Return the identity of a sweep that begins now; see `SweepInfo`."""
+    return SweepInfo(
+        scenario=scenario,
+        seed=seed,
+        trials=trials,
+        record=record,
+        overrides=overrides,
+        tree=dump_tree(tree),
+        versions=current_versions(),
+        files=hash_model_files(tree),
+        engine=engine.name,
+        jobs=engine.jobs,
+        started=datetime.datetime.now().astimezone().isoformat(timespec="seconds"),
+        policy=policy,
+        cell=cell,
+    )
+
+
+def lost_trial(
+    tree: Mapping[str, Any], scenario: str, seed: int, trial: int, reason: str
+) -> TrialResult:
+    """Return the result of a trial of a scenario that keeps killing its worker."""
+    values = draw_scenario(tree, scenario, seed + trial).values
+    return TrialResult({**empty_row(seed, trial, reason), **values})
+
+
 TrialFunction = Callable[[Mapping[str, Any], str, int, int, str], TrialResult]
 
 
@@ -406,24 +436,10 @@ def run_sweep(
     if cell:
         trial_function = functools.partial(run_cell_trial, cell)
     seed = check_scenario(tree, scenario, seed, record, cell)
-    info = SweepInfo(
-        scenario=scenario,
-        seed=seed,
-        trials=trials,
-        record=record,
-        overrides=overrides,
-        tree=dump_tree(tree),
-        versions=current_versions(),
-        files=hash_model_files(tree),
-        engine=engine.name,
-        jobs=engine.jobs,
-        started=datetime.datetime.now().astimezone().isoformat(timespec="seconds"),
-        cell=cell,
+    info = sweep_info(
+        *(scenario, trials, seed, engine, overrides, tree), record=record, cell=cell
     )
-
-    def lost(trial: int, reason: str) -> TrialResult:
-        values = draw_scenario(tree, scenario, seed + trial).values
-        return TrialResult({**empty_row(seed, trial, reason), **values})
+    lost = functools.partial(lost_trial, tree, scenario, seed)
 
     def submit(trial: int) -> Future[TrialResult]:
         arguments = (trial_function, tree, scenario, seed, trial, record)
@@ -443,14 +459,7 @@ def check_scenario(
     record: str,
     cell: str = "",
 ) -> int:
-    """Build the cell of trial 0, and return its seed.
-
-    Args:
-        tree: The scenario, from `load_tree`.
-        scenario: Its name or path.
-        seed: Seed of trial 0; None: the scenario's `random_seed`.
-        record: Trials that keep a recording.
-        cell: See `run_sweep`.
+    """Build the cell of trial 0, and return its seed; see `run_sweep`.
 
     Raises:
         ScenarioError: If the cell cannot be built, so that every trial would fail.

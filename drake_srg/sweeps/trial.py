@@ -83,12 +83,7 @@ def run_trial(
 
 
 def run_cell_trial(cell: str, *arguments: Any) -> TrialResult:
-    """Run a trial as `run_trial` does, in a cell of the user's own.
-
-    Args:
-        cell: See `load_make_cell`.
-        *arguments: Of `run_trial`.
-    """
+    """Run a trial as `run_trial` does, in a cell of `load_make_cell`."""
     make_cell = load_make_cell(cell)
     simulate = functools.partial(Simulate, warm_up=False, make_cell=make_cell)
     return functools.partial(run_trial, simulate=simulate)(*arguments)
@@ -105,13 +100,7 @@ def with_contents(function: Callable[..., TrialResult], *arguments: Any) -> Tria
 
 
 def empty_row(seed: int, trial: int, message: str) -> dict[str, Any]:
-    """Return the row of a trial that ended in an error.
-
-    Args:
-        seed: Seed of the sweep.
-        trial: Number of the trial.
-        message: The error, in one line.
-    """
+    """Return the row of a trial that ended in an error, with a message of one line."""
     return {
         "trial": trial,
         "seed": seed + trial,

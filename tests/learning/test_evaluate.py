@@ -25,11 +25,14 @@ def test_the_rule_succeeds_and_random_actions_seldom_do(tmp_path):
     assert (rule, chance < 4) == (8, True)
 
 
-def test_rows_have_seeds_that_training_never_has(tmp_path):
-    seeds = run("rule", tmp_path)["seed"].to_pylist()
-    assert seeds == [EVALUATION + k for k in range(8)]
-    with pytest.raises(ScenarioError, match="training has those below"):
-        run("rule", tmp_path / "other", seed=VALIDATION)
+@pytest.mark.parametrize(
+    ("seed", "message"),
+    [(VALIDATION, "training has those below"), (2**63 - 3, "--seed .*at most")],
+)
+def test_seeds_are_none_of_trainings_and_fit_into_a_row(tmp_path, seed, message):
+    with pytest.raises(ScenarioError, match=message):
+        run("rule", tmp_path / "out", seed=seed)
+    assert not (tmp_path / "out").exists()
 
 
 def test_a_policy_runs_with_the_keywords_of_its_training(tmp_path):
@@ -65,7 +68,8 @@ def test_interrupted_episodes_run_later(tmp_path):
     run("rule", tmp_path, trials=3)
     with pytest.raises(ScenarioError, match="--resume"):
         run("rule", tmp_path)
-    assert run("rule", tmp_path, resume=True).num_rows == 8
+    rows = run("rule", tmp_path, resume=True)
+    assert rows["seed"].to_pylist() == [EVALUATION + k for k in range(8)]
 
 
 def test_another_policy_under_the_same_name_is_another_evaluation(tmp_path):
@@ -77,9 +81,3 @@ def test_another_policy_under_the_same_name_is_another_evaluation(tmp_path):
     shifted.save(path)
     with pytest.raises(ScenarioError, match="another sweep: policy_sha256"):
         run(path, tmp_path / "out", resume=True)
-
-
-def test_seeds_fit_into_a_row(tmp_path):
-    with pytest.raises(ScenarioError, match=r"--seed .*at most"):
-        run("rule", tmp_path / "out", seed=2**63 - 3)
-    assert not (tmp_path / "out").exists()

@@ -39,7 +39,7 @@ def label(job, n):
 
 @pytest.fixture(scope="module")
 def labels():
-    return label(JOB, 8)
+    return label(JOB, 5)
 
 
 def pose(grasp):
@@ -51,9 +51,9 @@ def pose(grasp):
 
 
 def test_so_many_as_asked_and_fewer_are_the_first_ones(labels):
-    assert len(labels) == 8
+    assert len(labels) == 5
     assert any(x.success for x in labels)
-    for one, other in zip(label(JOB, 3), labels, strict=False):
+    for one, other in zip(label(JOB, 1), labels, strict=False):
         assert one.strength == other.strength
         assert one.grasp.X_OG.IsExactlyEqualTo(other.grasp.X_OG)
 
@@ -64,7 +64,7 @@ def test_yaml_is_an_isaac_grasp_file(labels, tmp_path):
     assert (tree["format"], tree["format_version"]) == ("isaac_grasp", 1.0)
     assert tree["object_frame_link"] == "061_foam_brick"
     assert tree["gripper_frame_link"] == "palm"
-    assert list(tree["grasps"]) == [f"grasp_{i}" for i in range(8)]
+    assert list(tree["grasps"]) == [f"grasp_{i}" for i in range(5)]
     for grasp, expected in zip(tree["grasps"].values(), labels, strict=True):
         assert grasp["confidence"] == float(expected.success)
         assert pose(grasp).IsNearlyEqualTo(expected.grasp.X_OG, 1e-5)
@@ -98,7 +98,7 @@ def test_checks_are_spread_over_the_labels(labels, monkeypatch):
     monkeypatch.setattr(grasp_labels, "check_label", lambda job, x: x)
     with InlineEngine() as engine:
         pairs = check_labels(JOB, labels, 3, engine, lambda count: None)
-    assert [labels.index(a) for a, _ in pairs] == [0, 3, 7]
+    assert [labels.index(a) for a, _ in pairs] == [0, 2, 4]
 
 
 def test_what_no_hand_takes_is_told(monkeypatch):

@@ -149,7 +149,7 @@ def test_boxes_are_first_tried_where_they_were_seen(env):
 def test_an_uneven_closure_does_not_keep_it_from_lifting(env, round_):
     """As networks command it: tips that rest bend at each change."""
     rng = np.random.default_rng(1)
-    seeds = [k for k in range(80) if is_round(env, k) == round_][:6]
+    seeds = [k for k in range(80) if is_round(env, k) == round_][:4]
 
     def act(observation):
         action = pick_by_touch(observation)
@@ -157,7 +157,7 @@ def test_an_uneven_closure_does_not_keep_it_from_lifting(env, round_):
         return action
 
     scenes = [scene_of(env, seed, (0.0, 0.0)) for seed in seeds]
-    assert sum(holds(env, act, scene) for scene in scenes) >= 5
+    assert sum(holds(env, act, scene) for scene in scenes) >= 3
 
 
 def test_the_hand_comes_down_beside_a_cylinder():
@@ -213,7 +213,7 @@ def test_fingers_that_have_closed_on_nothing_open_again(env):
 @pytest.mark.parametrize("round_", [True, False])
 def test_it_holds_what_is_far_from_where_it_was_seen(env, round_):
     """Seen to one side, across the closing direction."""
-    seeds = [k for k in range(80) if is_round(env, k) == round_][:10]
+    seeds = [k for k in range(80) if is_round(env, k) == round_][:6]
     held = dict.fromkeys((pick, pick_by_touch), 0)
     for seed in seeds:
         scene_of(env, seed)
@@ -228,8 +228,8 @@ def test_it_holds_what_is_far_from_where_it_was_seen(env, round_):
         error = away * np.array([np.cos(turn), np.sin(turn)])
         for rule in held:
             held[rule] += holds(env, rule, scene_of(env, seed, error))
-    assert held[pick] <= 3
-    assert held[pick_by_touch] >= 7
+    assert held[pick] <= 2
+    assert held[pick_by_touch] >= 4
 
 
 def test_it_has_a_name(env):

@@ -1,5 +1,6 @@
 """Recordings of any diagram."""
 
+import contextlib
 import enum
 import subprocess
 import sys
@@ -129,9 +130,9 @@ def test_the_first_text_shades_and_the_others_are_panels(out):
     timeline = read_run(out).timeline
     assert timeline.mode[0] == "lies"
     assert "falls" in timeline.mode
-    labels = [label for label, _, _ in timeline.signals]
+    labels = [label for label, _, _ in timeline.panels]
     assert labels == ["word", "number", "pose", "vertical speed\n[m/s]"]
-    _, values, names = timeline.signals[0]
+    _, values, names = timeline.panels[0]
     assert names == ["up", "down"]
     np.testing.assert_array_equal(values.sum(axis=1), 1.0)
 
@@ -175,52 +176,41 @@ def test_the_video_has_an_image_per_frame(out):
     assert frames.get(cv2.CAP_PROP_FRAME_COUNT) == 10
 
 
-def test_modes_alone_make_a_page(tmp_path):
+@contextlib.contextmanager
+def recorded(folder, port):
+    """Record a port of the watch, and return the diagram."""
     builder, plant, graph, watch = falling_box()
-    ports = {"stage": watch.GetOutputPort("stage")}
-    with AddRecording(builder, plant, graph, tmp_path, ports=ports):
-        Simulator(builder.Build()).AdvanceTo(0.1)
+    ports = {port: watch.GetOutputPort(port)}
+    with AddRecording(builder, plant, graph, folder, ports=ports):
+        yield builder.Build()
+
+
+def test_modes_alone_make_a_page(tmp_path):
+    with recorded(tmp_path, "stage") as diagram:
+        Simulator(diagram).AdvanceTo(0.1)
     timeline = read_run(tmp_path).timeline
-    assert [label for label, _, _ in timeline.signals] == ["stage"]
+    assert [label for label, _, _ in timeline.panels] == ["stage"]
     assert "falls" in (tmp_path / "replay.html").read_text()
 
 
-def test_numbers_alone_make_a_page(tmp_path):
-    builder, plant, graph, watch = falling_box()
-    ports = {"speed": watch.GetOutputPort("speed")}
-    with AddRecording(builder, plant, graph, tmp_path, ports=ports):
-        Simulator(builder.Build()).AdvanceTo(0.1)
-    assert read_run(tmp_path).timeline.mode == ()
-    assert (tmp_path / "replay.html").exists()
-
-
-def test_an_error_leaves_what_led_there(tmp_path):
-    builder, plant, graph, watch = falling_box()
-    ports = {"speed": watch.GetOutputPort("speed")}
-    with (
-        pytest.raises(ZeroDivisionError),
-        AddRecording(builder, plant, graph, tmp_path, ports=ports),
-    ):
-        Simulator(builder.Build()).AdvanceTo(0.1)
+def test_numbers_alone_and_what_led_to_an_error_make_a_page(tmp_path):
+    with pytest.raises(ZeroDivisionError), recorded(tmp_path, "speed") as diagram:
+        Simulator(diagram).AdvanceTo(0.1)
         raise ZeroDivisionError
+    assert read_run(tmp_path).timeline.mode == ()
     assert len(read_log(tmp_path / "log.npz")["time"]) == 6
     assert (tmp_path / "replay.html").exists()
     assert (tmp_path / "recording.mcap").exists()
 
 
 def test_what_is_never_simulated_leaves_no_page(tmp_path):
-    builder, plant, graph, watch = falling_box()
-    ports = {"speed": watch.GetOutputPort("speed")}
-    with AddRecording(builder, plant, graph, tmp_path, ports=ports):
-        builder.Build()
+    with recorded(tmp_path, "speed"):
+        pass
     assert not (tmp_path / "replay.html").exists()
 
 
 def test_a_second_run_of_the_same_diagram_is_refused(tmp_path):
-    builder, plant, graph, watch = falling_box()
-    ports = {"speed": watch.GetOutputPort("speed")}
-    with AddRecording(builder, plant, graph, tmp_path, ports=ports):
-        diagram = builder.Build()
+    with recorded(tmp_path, "speed") as diagram:
         Simulator(diagram).AdvanceTo(0.1)
         with pytest.raises(RuntimeError, match=r"time went back from 0.1 to 0 s"):
             Simulator(diagram).AdvanceTo(0.1)
@@ -251,20 +241,22 @@ from test_recording import falling_box
 from drake_srg.recording.recording import AddRecording
 from pydrake.systems.analysis import Simulator
 
-def run():
+def run(out):
     builder, plant, graph, watch = falling_box()
     ports = {"speed": watch.GetOutputPort("speed")}
-    recording = AddRecording(builder, plant, graph, Path("out"), ports=ports)
+    recording = AddRecording(builder, plant, graph, Path(out), ports=ports)
     simulator = Simulator(builder.Build())
     simulator.AdvanceTo(0.1)
     return simulator
+
+run("freed")
+kept = run("kept")
 """
 
 
-@pytest.mark.parametrize("end", ["kept = run()", "run()"])
-def test_a_forgotten_recording_is_completed_and_told(tmp_path, end):
+def test_a_forgotten_recording_is_completed_and_told(tmp_path):
     paths = [str(Path(__file__).parent), str(Path(__file__).parents[1])]
-    program = f"import sys; sys.path[:0] = {paths!r}\n{FORGOTTEN}\n{end}\n"
+    program = f"import sys; sys.path[:0] = {paths!r}\n{FORGOTTEN}"
     done = subprocess.run(
         [sys.executable, "-c", program],
         cwd=tmp_path,
@@ -273,10 +265,10 @@ def test_a_forgotten_recording_is_completed_and_told(tmp_path, end):
         check=False,
     )
     assert done.returncode == 0, done.stderr
-    assert "completed only now" in done.stderr
-    assert {path.name for path in (tmp_path / "out").iterdir()} == {
-        *("log.npz", "timeline.png", "replay.glb", "replay.html", "recording.mcap")
-    }
+    files = {"log.npz", "timeline.png", "replay.glb", "replay.html", "recording.mcap"}
+    for folder in ("freed", "kept"):
+        assert f"{folder}: completed only now" in done.stderr
+        assert {path.name for path in (tmp_path / folder).iterdir()} == files
 
 
 def test_a_recorded_diagram_is_freed(leaked, tmp_path):

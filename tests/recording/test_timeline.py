@@ -1,15 +1,20 @@
+import dataclasses as dc
+
 import cv2
 import numpy as np
 import pytest
 
 from drake_srg.recording.timeline import (
+    Labels,
     Timeline,
     draw_timeline,
     make_figure,
     mode_bands,
+    run_timeline,
     save_png,
     style_axes,
 )
+from drake_srg.types import Mode
 
 
 def test_a_figure_has_the_given_size_and_title(tmp_path):
@@ -36,82 +41,90 @@ def test_an_unwritable_file_raises_an_os_error(tmp_path):
 
 
 TIME = np.linspace(0.0, 4.0, 81)
-FULL = {
-    "mode": ["grasp"] * 40 + ["close"] * 41,
-    "gripper_position": np.outer(TIME, [0.1, 0.2]),
-    "gripper_joints": ["left", "right"],
-    "closure": TIME / 4,
-    "proximity": np.where(TIME[:, None] > 1, 0.02, np.inf),
-    "sensors": ["left"],
-    "grip_force": TIME**2,
-    "arm_velocity": np.sin(np.outer(TIME, np.arange(7))),
-    "arm_torque": np.cos(np.outer(TIME, np.arange(7))),
-    "object_height": 0.05 + 0.01 * TIME,
-    "title": "kitchen",
+ROWS = np.outer(TIME, np.arange(1.0, 5.0))
+LOG = {
+    "time": TIME,
+    "mode": np.repeat([0.0, 1.0], [40, 41]),
+    "arm.state_measured": ROWS,
+    "arm.torque_measured": np.cos(ROWS[:, :2]),
+    "gripper.state_measured": ROWS,
+    "gripper.closure_commanded": TIME / 4,
+    "gripper.proximity": np.where(TIME[:, None] > 1, 0.02, np.inf),
+    "contact_force": TIME**2,
+    "object_pose.can": np.tile([0.1, 0.2, 0.3, 1, 0, 0, 0], (81, 1)),
 }
+LABELS = Labels("title", "can", ("left_base_joint", "right_joint"), ("left_tip",))
 
 
-def draw(path, **fields):
-    return cv2.imread(str(draw_timeline(Timeline(TIME, **fields), path)))
+def test_columns_of_a_log_become_panels_with_names_and_units():
+    timeline = run_timeline(LOG, LABELS)
+    assert timeline.title == "title"
+    assert timeline.mode == [list(Mode)[i].value for i in [0] * 40 + [1] * 41]
+    assert [(label, list(names)) for label, _, names in timeline.panels] == [
+        ("finger joints\n[deg]", ["left base", "right"]),
+        ("commanded\nclosure", []),
+        ("proximity\n[mm]", ["left tip"]),
+        ("grip force\n[N]", []),
+        ("arm velocity\n[deg/s]", ["joint 1", "joint 2"]),
+        ("arm torque\n[N m]", ["joint 1", "joint 2"]),
+        ("object height\n[mm]", []),
+    ]
+    values = [values for _, values, _ in timeline.panels]
+    np.testing.assert_allclose(values[0], np.rad2deg(ROWS[:, :2]))
+    np.testing.assert_array_equal(values[1][:, 0], TIME / 4)
+    np.testing.assert_allclose(values[4], np.rad2deg(ROWS[:, 2:]))
+    np.testing.assert_allclose(values[6], 300.0)
 
 
-@pytest.fixture(scope="module")
-def full_file(tmp_path_factory):
-    path = tmp_path_factory.mktemp("timeline") / "full.png"
-    draw(path, **FULL)
-    return path
+def test_what_a_cell_does_not_measure_has_no_panel():
+    names = ("time", "mode", "arm.state_measured")
+    timeline = run_timeline({name: LOG[name] for name in names}, Labels("title"))
+    (panel,) = timeline.panels
+    assert panel[0] == "arm velocity\n[deg/s]"
 
 
-@pytest.fixture
-def full(full_file):
-    """The image of a timeline with everything."""
-    return cv2.imread(str(full_file))
+def test_an_arm_of_prismatic_joints_has_other_units():
+    timeline = run_timeline(LOG, dc.replace(LABELS, arm_slides=True))
+    (label, values, _), (force, _, _) = timeline.panels[4:6]
+    assert (label, force) == ("arm velocity\n[mm/s]", "arm force\n[N]")
+    np.testing.assert_allclose(values, 1e3 * ROWS[:, 2:])
+
+
+def draw(path, **changes):
+    timeline = dc.replace(run_timeline(LOG, LABELS), **changes)
+    return cv2.imread(str(draw_timeline(timeline, path)))
 
 
 @pytest.mark.slow
-def test_a_full_timeline_has_seven_panels(tmp_path, full):
-    one = draw(tmp_path / "one.png", closure=FULL["closure"])
-    assert full.shape[1] == one.shape[1]
-    assert full.shape[0] > 3 * one.shape[0]
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("field", ["mode", "closure", "arm_velocity", "proximity"])
-def test_every_series_is_drawn(tmp_path, full, field):
-    changed = {**FULL, field: np.roll(FULL[field], 17, axis=0)}
-    if field == "mode":
-        changed["mode"] = changed["mode"].tolist()
-    other = draw(tmp_path / "other.png", **changed)
-    assert full.shape != other.shape or not np.array_equal(full, other)
-
-
-@pytest.mark.slow
-def test_an_arm_of_prismatic_joints_has_another_unit(tmp_path, full):
-    slides = draw(tmp_path / "slides.png", **FULL, arm_slides=True)
-    assert full.shape != slides.shape or not np.array_equal(full, slides)
-
-
-@pytest.mark.slow
-def test_equal_values_give_equal_bytes_and_leave_no_figure(tmp_path, full_file):
+def test_panels_and_modes_are_drawn_and_equal_values_give_equal_bytes(tmp_path):
     from matplotlib import pyplot
 
     before = pyplot.get_fignums()
-    draw(tmp_path / "again.png", **FULL)
-    assert (tmp_path / "again.png").read_bytes() == full_file.read_bytes()
-    assert pyplot.get_fignums() == before
+    full = draw(tmp_path / "full.png")
+    draw(tmp_path / "again.png")
+    assert (tmp_path / "again.png").read_bytes() == (tmp_path / "full.png").read_bytes()
+    assert pyplot.get_fignums() == before  # no figure is left
+    one = draw(tmp_path / "one.png", panels=run_timeline(LOG, LABELS).panels[:1])
+    assert full.shape[1] == one.shape[1]
+    assert full.shape[0] > 3 * one.shape[0]
+    assert not np.array_equal(full, draw(tmp_path / "modes.png", mode=["lift"] * 81))
 
 
 @pytest.mark.parametrize(
-    ("fields", "message"),
+    ("panels", "mode", "message"),
     [
-        ({"closure": TIME[:-1]}, "closure needs 81 samples like time, got 80"),
-        ({"closure": TIME, "mode": ["idle"]}, "mode needs 81 samples like time, got 1"),
-        ({"mode": FULL["mode"]}, "needs at least one series"),
+        (
+            [("a\n[m]", TIME[:-1], ())],
+            (),
+            r"a \[m\] needs 81 samples like time, got 80",
+        ),
+        ([("a", TIME, ())], ["idle"], "mode needs 81 samples like time, got 1"),
+        ([], ["idle"] * 81, "needs at least one series"),
     ],
 )
-def test_errors_name_the_bad_series(tmp_path, fields, message):
+def test_errors_name_the_bad_series(panels, mode, message):
     with pytest.raises(ValueError, match=message):
-        draw(tmp_path / "a.png", **fields)
+        Timeline(TIME, panels, mode)
 
 
 def test_many_modes_become_numbered_cycles():

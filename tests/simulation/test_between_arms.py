@@ -10,7 +10,7 @@ from pydrake.systems.framework import DiagramBuilder
 from station.two_arm_station import two_arms
 
 from drake_srg.common.log_format import MODES, pose_key, pose_to_row
-from drake_srg.recording.timeline import Labels, run_timeline, timeline_panels
+from drake_srg.recording.timeline import Labels, run_timeline
 from drake_srg.scenario import load_scenario, robot_arms
 from drake_srg.simulation.between_arms import (
     ARM_CONTACT,
@@ -201,10 +201,8 @@ def test_recordings_know_the_arms_by_name(scenario):
     assert {"/left/gripper/proximity", "/right/gripper/contact_force"} <= topics.keys()
     labels = run_labels("mine", scenario)
     assert Labels.of_tree(labels.tree()) == labels
-    panels = timeline_panels(
-        run_timeline(log_of((STRAIGHT, TOWARDS)) | modes(1), labels)
-    )
-    words = [label.replace("\n", " ") for label, _, _ in panels]
+    timeline = run_timeline(log_of((STRAIGHT, TOWARDS)) | modes(1), labels)
+    words = [label.replace("\n", " ") for label, _, _ in timeline.panels]
     assert "left finger joints [deg]" in words
     assert "right finger joints [deg]" in words
 

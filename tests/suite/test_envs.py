@@ -48,25 +48,21 @@ def test_gymnasiums_own_checks_pass(name):
 
 
 @pytest.mark.slow
-def test_vectors_of_both_kinds_are_made_by_name_and_equal():
-    seen = []
-    for mode, options in (("sync", {}), ("async", {"context": "forkserver"})):
-        vector = gymnasium.make_vec(
-            f"{MODULE}:{STATES}",
-            num_envs=2,
-            vectorization_mode=mode,
-            vector_kwargs=options,
-            episode_length=2,
-        )
-        vector.action_space.seed(0)
-        rows = [vector.reset(seed=[3, 4])[0]]
-        # The episodes end in the second step, and begin anew in the third.
-        rows += [vector.step(vector.action_space.sample())[0] for _ in range(3)]
-        vector.close()
-        seen.append(np.array(rows))
-    np.testing.assert_array_equal(*seen)
-    assert not np.array_equal(seen[0][2, 0], seen[0][2, 1])
-    np.testing.assert_array_equal(seen[0][3], seen[0][0])
+def test_workers_of_a_vector_make_environments_by_their_name():
+    vector = gymnasium.make_vec(
+        f"{MODULE}:{STATES}",
+        num_envs=2,
+        vectorization_mode="async",
+        vector_kwargs={"context": "forkserver"},
+        episode_length=2,
+    )
+    vector.action_space.seed(0)
+    rows = [vector.reset(seed=[3, 4])[0]]
+    # The episodes end in the second step, and begin anew in the third.
+    rows += [vector.step(vector.action_space.sample())[0] for _ in range(3)]
+    vector.close()
+    assert not np.array_equal(rows[2][0], rows[2][1])
+    np.testing.assert_array_equal(rows[3], rows[0])
 
 
 def test_a_state_is_what_the_task_measures_between_its_limits(env):
@@ -177,31 +173,36 @@ def test_of_two_arms_every_closure_is_no_share_of_a_motion():
     np.testing.assert_allclose(env.suite.episode.command, expected, atol=1e-6)
 
 
-@pytest.mark.parametrize(
-    ("seed", "split", "number"),
-    [
-        (7, "training", 7),
-        (VALIDATION + 1, "training", VALIDATION + 1),
-        (EVALUATION + 3, "evaluation", 3),
-        (EVALUATION + 203, "evaluation", 3),
-    ],
-)
-def test_the_seed_says_the_split(env, seed, split, number):
-    env.reset(seed=seed)
-    assert (env.suite.split, env.suite._number) == (split, number)
-    env.reset()
-    assert env.suite.split == "training"
-
-
-@pytest.mark.parametrize("kind", VECTOR_ENVS.values())
-def test_an_episode_that_cannot_begin_is_truncated_by_its_first_step(monkeypatch, kind):
+@pytest.fixture
+def no_start(monkeypatch):
+    """Let no episode begin: nothing is simulated."""
     from drake_srg.suite import env as module
 
     def fail(*_):
         raise module.EpisodeError("no start")
 
-    env = kind("pick_can", expert=True)
     monkeypatch.setattr(module, "Episode", fail)
+
+
+@pytest.mark.usefixtures("no_start")
+def test_the_seed_says_the_split():
+    env = ProprioceptionEnv("pick_can")
+    for seed, split, number in (
+        (7, "training", 7),
+        (VALIDATION + 1, "training", VALIDATION + 1),
+        (EVALUATION + 3, "evaluation", 3),
+        (EVALUATION + 203, "evaluation", 3),
+        (None, "training", None),
+    ):
+        env.reset(seed=seed)
+        assert env.suite.split == split
+        assert number in (None, env.suite._number)
+
+
+@pytest.mark.usefixtures("no_start")
+@pytest.mark.parametrize("kind", VECTOR_ENVS.values())
+def test_an_episode_that_cannot_begin_is_truncated_by_its_first_step(kind):
+    env = kind("pick_can", expert=True)
     observation, _ = env.reset(seed=0)
     assert env.observation_space.contains(observation)
     *_, truncated, info = env.step(env.rule(observation))

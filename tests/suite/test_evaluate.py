@@ -1,167 +1,116 @@
-import json
-from types import SimpleNamespace
-from typing import ClassVar
-
 import gymnasium
 import numpy as np
 import pytest
 from learning.made_policies import made_policy
+from sweeps.stub import InlineEngine
 
-from drake_srg.common.exceptions import ScenarioError
 from drake_srg.learning.episodes import EVALUATION
 from drake_srg.suite import evaluate
-from drake_srg.types import Failure, Mode
+
+ID = "drake_srg.suite.envs:drake_srg/{}_{}-v0"
 
 
-class Counting(gymnasium.Env):
-    """Its expert succeeds in even episodes after two steps; others never do."""
+class Still(gymnasium.Env):
+    """Succeeds in even episodes if nothing moves; its rule is the expert's."""
 
+    observation_space = gymnasium.spaces.Box(-1.0, 1.0, (2,), np.float32)
     action_space = gymnasium.spaces.Box(-1.0, 1.0, (2,), np.float32)
-    episode = SimpleNamespace(status=SimpleNamespace(mode=Mode.DONE, failure=None))
-    acted: ClassVar[list] = []
 
-    def __init__(self, task, **keywords):
-        self.expert = keywords["expert"]
+    def __init__(self, expert, episode_length=2):
+        self.expert, self.episode_length = expert, episode_length
 
     def reset(self, *, seed=None, options=None):
-        self.number, self.steps = seed, 0
-        return {}, {"is_success": False, "failure": ""}
+        self.number, self.steps, self.still = seed - EVALUATION, 0, True
+        return np.zeros(2, np.float32), {}
 
     def step(self, action):
-        self.acted.append(action)
         self.steps += 1
-        done = self.steps == 2 and self.number % 2 == 0 and np.all(action == 0.5)
-        info = {"is_success": bool(done), "failure": ""}
-        return {}, float(done), done, self.steps == 3, info
+        self.still &= not np.any(action)
+        success = self.still and self.number % 2 == 0
+        ended = self.steps == self.episode_length
+        info = {"success": success}
+        return np.zeros(2, np.float32), float(success), ended, False, info
 
-    def close(self):
-        pass
-
-    def expert_action(self):
+    def rule(self, observation):
         assert self.expert
-        return np.full(2, 0.5, np.float32)
+        return np.zeros(2, np.float32)
 
 
 @pytest.fixture(autouse=True)
-def counting(monkeypatch):
-    monkeypatch.setattr(evaluate, "SuiteEnv", Counting)
-    monkeypatch.setattr(Counting, "acted", [])
+def still(monkeypatch):
+    """Let nothing be simulated."""
+    monkeypatch.setattr(
+        "drake_srg.learning.evaluate.make_environment",
+        lambda name, keywords: Still(**keywords),
+    )
+    monkeypatch.setattr(evaluate, "JoblibEngine", lambda jobs: InlineEngine())
 
 
-def test_rows_tell_success_and_what_the_expert_says():
-    rows = list(evaluate.play_episodes("pick_can", [0, 1]))
-    assert [row["success"] for row in rows] == [True, False]
-    assert [row["steps"] for row in rows] == [2, 3]
-    assert [row["expert"] for row in rows] == ["done", "done"]
+def play(out, *words):
+    return evaluate.main(["pick_can", "--out", str(out), *map(str, words)])
 
 
-def test_a_failure_of_the_expert_is_told_by_its_name(monkeypatch):
-    status = SimpleNamespace(mode=Mode.FAILED, failure=Failure.NO_GRASP)
-    monkeypatch.setattr(Counting, "episode", SimpleNamespace(status=status))
-    (row,) = evaluate.play_episodes("pick_can", [1])
-    assert row["expert"] == "no_grasp"
+def told(capsys):
+    return [" ".join(line.split()) for line in capsys.readouterr().out.splitlines()]
 
 
-def test_random_actions_depend_on_the_episode_alone():
-    played = []
-    for episodes in ([0, 1], [1]):
-        Counting.acted = []
-        rows = list(evaluate.play_episodes("pick_can", episodes, policy="random"))
-        assert not any(row["success"] or row["expert"] for row in rows)
-        played.append(np.array(Counting.acted))
-    np.testing.assert_array_equal(played[0][3:], played[1])
-    assert len({tuple(action) for action in played[0]}) == 6
+@pytest.mark.parametrize(("policy", "done"), [("expert", 2), ("random", 0)])
+def test_the_expert_or_chance_plays_the_episodes_of_evaluation(
+    tmp_path, capsys, policy, done
+):
+    assert play(tmp_path, "--episodes", 3, "--policy", policy) == 0
+    (line,) = told(capsys)
+    assert line.startswith(f"pick_can {done} of 3 (")
+    rows = evaluate.play_episodes(
+        "pick_can", 3, out=tmp_path / "pick_can", engine=InlineEngine(), policy=policy
+    )
+    assert rows["seed"].to_pylist() == [EVALUATION + k for k in range(3)]
+    assert rows["episode.steps"].to_pylist() == [2.0] * 3
 
 
 def test_the_command_goes_on_where_it_was_cut_off(tmp_path, capsys):
-    out = tmp_path / "new" / "rows.jsonl"
-    words = ["pick_can,place_can", "--out", str(out), "--episodes"]
-    assert evaluate.main([*words, "2"]) == 0
-    before = out.read_text()
-    assert evaluate.main([*words, "3"]) == 0
-    after = out.read_text()
-    assert after.startswith(before)
-    rows = [json.loads(line) for line in after.splitlines()]
-    assert len(rows) == 6
-    assert len({(row["task"], row["episode"]) for row in rows}) == 6
-    last = capsys.readouterr().out.splitlines()[-2:]
-    assert last[0].split()[:4] == ["pick_can", "2", "of", "3"]
+    for episodes in (2, 3):
+        words = ["pick_can,place_can", "--out", str(tmp_path), "--episodes"]
+        assert evaluate.main([*words, str(episodes)]) == 0
+    assert [line.split()[:4] for line in told(capsys)[2:]] == [
+        ["pick_can", "2", "of", "3"],
+        ["place_can", "2", "of", "3"],
+    ]
 
 
 @pytest.mark.parametrize(
     ("other", "message"),
     [
-        (["--policy", "random"], "has rows of policy 'expert', not 'random'"),
-        (["--split", "training"], "has rows of split 'evaluation', not 'training'"),
-        (["--episode-length", "3"], "has rows of episode_length None, not 3"),
+        (["--policy", "random"], "contains another sweep: policy: was rule, is random"),
+        (["--episode-length", "3"], "contains another sweep: episode_length"),
     ],
 )
-def test_a_file_keeps_the_rows_of_one_setting(tmp_path, capsys, other, message):
-    out = tmp_path / "rows.jsonl"
-    words = ["pick_can", "--episodes", "1", "--out", str(out)]
-    assert evaluate.main(words) == 0
-    before = out.read_text()
-    assert evaluate.main([*words, *other]) == 2
+def test_a_folder_keeps_the_rows_of_one_setting(tmp_path, capsys, other, message):
+    assert play(tmp_path, "--episodes", 1) == 0
+    assert play(tmp_path, "--episodes", 1, *other) == 2
     assert message in capsys.readouterr().err
-    assert out.read_text() == before
-
-
-def test_only_the_episodes_asked_for_are_counted(tmp_path, capsys):
-    words = ["pick_can", "--out", str(tmp_path / "rows.jsonl"), "--episodes"]
-    assert evaluate.main([*words, "4"]) == evaluate.main([*words, "2"]) == 0
-    assert "1 of 2" in capsys.readouterr().out.splitlines()[-1]
-
-
-class Still(Counting):
-    """Ends with success if nothing moves; its seeds are the scenario's."""
-
-    observation_space = gymnasium.spaces.Box(-1.0, 1.0, (2,), np.float32)
-    seeds: ClassVar[list] = []
-
-    def __init__(self, task, **keywords):
-        assert keywords == {"episode_length": 3}
-
-    def reset(self, *, seed=None, options=None):
-        self.seeds.append(seed)
-        _, info = super().reset(seed=0)
-        return np.zeros(2, np.float32), info
-
-    def step(self, action):
-        _, *rest = super().step(np.where(action == 0.0, 0.5, action))
-        return np.zeros(2, np.float32), *rest
 
 
 @pytest.mark.parametrize("kind", ["proprio", "state"])
-def test_a_policy_acts_on_the_episodes_of_evaluation(
-    tmp_path, monkeypatch, capsys, kind
-):
-    monkeypatch.setattr(evaluate, "VECTOR_ENVS", {kind: Still})
-    monkeypatch.setattr(Still, "seeds", [])
-    name = f"drake_srg/pick_can_{kind}-v0"
-    policy = made_policy(environment=f"drake_srg.suite.envs:{name}")
-    for value in policy.network.parameters:
-        value[:] = 0.0
-    file, out = tmp_path / "policy.npz", tmp_path / "rows.jsonl"
-    policy.save(file)
-    words = ["--policy", str(file), "--episodes", "2", "--out", str(out)]
-    assert evaluate.main(["pick_can", *words, "--episode-length", "3"]) == 0
-    rows = [json.loads(line) for line in out.read_text().splitlines()]
-    assert [(row["success"], row["policy"]) for row in rows] == [(True, str(file))] * 2
-    assert Still.seeds == [EVALUATION, EVALUATION + 1]
-    policy.network.parameters[0][:] = 0.1
-    policy.save(file)
-    assert evaluate.main(["pick_can", *words, "--episode-length", "3"]) == 2
-    assert "has rows of digest" in capsys.readouterr().err
-    other = tmp_path / "other.jsonl"
-    assert evaluate.main(["pick_can,pick_box", *words[:-1], str(other)]) == 2
-    assert f"is a policy for {name}, not for pick_box" in capsys.readouterr().err
-    assert not other.exists()
+def test_a_policy_plays_the_task_of_its_training(tmp_path, capsys, kind):
+    policy = made_policy(environment=ID.format("pick_can", kind))
+    policy = policy_that_stays(policy)
+    policy.save(tmp_path / "policy.npz")
+    words = ["--policy", tmp_path / "policy.npz", "--episodes", 2]
+    assert play(tmp_path / "out", *words) == 0
+    assert told(capsys)[0].startswith("pick_can 1 of 2 (")
+    made_policy(environment=ID.format("pick_box", kind)).save(tmp_path / "policy.npz")
+    assert play(tmp_path / "other", *words) == 2
+    said = f"is a policy for drake_srg/pick_box_{kind}-v0, not for pick_can"
+    assert said in capsys.readouterr().err
+    assert not (tmp_path / "other").exists()
 
 
-def test_training_has_more_episodes_than_evaluation(tmp_path, capsys):
-    words = ["pick_can", "--split", "training", "--episodes", "201"]
-    assert evaluate.main([*words, "--out", str(tmp_path / "rows.jsonl")]) == 0
-    assert "101 of 201" in capsys.readouterr().out
+def policy_that_stays(policy):
+    for values in policy.network.parameters:
+        values[:] = 0.0
+    policy.info.keywords.clear()
+    return policy
 
 
 @pytest.mark.parametrize(
@@ -171,38 +120,16 @@ def test_training_has_more_episodes_than_evaluation(tmp_path, capsys):
         (["pick_can", "--policy", "rule"], "must be expert, random or a .npz file"),
         (["pick_can", "--policy", ""], "must be expert, random or a .npz file, got ''"),
         (["pick_can", "--episode-length", "0"], "--episode-length: must be at least 1"),
+        (["pick_can", "--jobs", "0"], "--jobs: must be at least 1"),
         (["pick_cn"], "task: unknown 'pick_cn'"),
         (["pick_can", "--episodes", "201"], "--episodes: must be 1 to 200, got 201"),
     ],
 )
 def test_bad_input_is_one_line_and_ends_with_2(tmp_path, capsys, words, message):
-    out = ["--out", str(tmp_path / "rows.jsonl")]
     try:
-        code = evaluate.main([*words, *out])
+        code = evaluate.main([*words, "--out", str(tmp_path / "out")])
     except SystemExit as error:  # argparse
         code = error.code
     assert code == 2
     assert message in capsys.readouterr().err.splitlines()[-1]
-    assert not (tmp_path / "rows.jsonl").exists()
-
-
-@pytest.mark.parametrize(
-    ("content", "message"),
-    [
-        (
-            b'{"task": "a", "episode": 0, "policy": "random", "success": true}\n{"ta',
-            ":2: is no row",
-        ),
-        (
-            b'{"task": "pick_can", "episode": 0, "policy": "random", "success": "yes"}',
-            ":1: is no row",
-        ),
-        (b"[]", ":1: is no row"),
-        (b"PK\x03\x04\xff", ": is no file of rows"),
-    ],
-)
-def test_a_damaged_file_of_rows_is_named(tmp_path, content, message):
-    path = tmp_path / "rows.jsonl"
-    path.write_bytes(content)
-    with pytest.raises(ScenarioError, match=f"rows.jsonl{message}"):
-        evaluate.read_rows(path)
+    assert not (tmp_path / "out").exists()

@@ -1,12 +1,9 @@
-import ast
 import dataclasses as dc
-import functools
 import shutil
-from pathlib import Path
 
 import pytest
+from test_storeys import MODULES, PACKAGE, dotted, imports
 
-import drake_srg
 from drake_srg.face import names_of
 from drake_srg.parsing import models_path
 from drake_srg.sweeps.info import (
@@ -22,8 +19,6 @@ from drake_srg.sweeps.info import (
     sources_hash,
     version_difference,
 )
-
-PACKAGE = Path(drake_srg.__file__).parent
 
 
 def write(folder, files):
@@ -89,51 +84,29 @@ def test_a_wheel_and_its_checkout_have_the_same_hash(package):
     assert hash_files(folders, NOT_IN_A_TRIAL) == before
 
 
-def module_files():
-    """The package's modules: dotted name to file."""
-    files = {}
-    for path in PACKAGE.rglob("*.py"):
-        parts = path.relative_to(PACKAGE.parent).with_suffix("").parts
-        files[".".join(parts).removesuffix(".__init__")] = path
-    return files
-
-
-@functools.cache
-def faces():
-    """The modules that the names of packages' faces come from."""
-    stubs = PACKAGE.rglob("__init__.pyi")
-    packages = [".".join(s.parent.relative_to(PACKAGE.parent).parts) for s in stubs]
-    return {package: names_of(package) for package in packages}
-
-
-def imported_names(path):
-    """The dotted names that a module imports anywhere, also inside functions."""
-    for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
-        if isinstance(node, ast.Import):
-            yield from (alias.name for alias in node.names)
-        elif isinstance(node, ast.ImportFrom):
-            yield node.module
-            face = faces().get(node.module, {})
-            for alias in node.names:
-                yield face.get(alias.name, f"{node.module}.{alias.name}")
-
-
 def imported_modules(start):
-    """The package's modules that a module imports, directly or not."""
-    files, found, waiting = module_files(), set(), [start]
+    """The modules, dotted below drake_srg, that a module imports, directly or not."""
+    files = {dotted(path): path for path in MODULES}
+    packages = [dotted(stub.with_suffix(".py")) for stub in PACKAGE.rglob("*.pyi")]
+    # The modules that the names of packages' faces come from.
+    faces = {name: names_of(f"drake_srg.{name}") for name in packages if name in files}
+    found, waiting = set(), [start]
     while waiting:
-        name = waiting.pop()
-        while name:  # importing a.b.c imports a and a.b, too
-            if name in files and name not in found:
-                found.add(name)
-                waiting += imported_names(files[name])
-            name = name.rpartition(".")[0]
+        package, _, name = waiting[-1].rpartition(".")
+        parts = waiting.pop().split(".")
+        if name in faces.get(package, {}):
+            waiting.append(faces[package][name].removeprefix("drake_srg."))
+        for end in range(1, len(parts) + 1):  # importing a.b.c imports a and a.b, too
+            module = ".".join(parts[:end])
+            if module in files and module not in found:
+                found.add(module)
+                waiting += imports(files[module].read_text("utf-8"), module)
     return {files[name].relative_to(PACKAGE).as_posix() for name in found}
 
 
 @pytest.mark.slow
 def test_everything_that_a_trial_imports_is_hashed():
-    imported = imported_modules("drake_srg.sweeps.trial")
+    imported = imported_modules("sweeps.trial")
     assert {"sweeps/trial.py", "simulation/simulate.py", "types.py"} <= imported
     assert [name for name in imported if name.startswith(NOT_IN_A_TRIAL)] == []
 

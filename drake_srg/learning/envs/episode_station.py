@@ -197,11 +197,7 @@ _PORTS = ("color_image", "depth_image", "body_pose_in_world")
 
 
 class Sight:
-    """Locates the object of each episode with a cell's localizer.
-
-    Args:
-        scenario: Scenario with the localizer and its cameras.
-    """
+    """Locates the object of each episode with a cell's localizer."""
 
     def __init__(self, scenario: Scenario) -> None:
         self._name = scenario.task.pick
@@ -211,12 +207,7 @@ class Sight:
         self._color = ColorRange.around(scenario.objects[self._name].color)
 
     def find(self, station: EpisodeStation, scene: Scene) -> Vector | None:
-        """Return the pose [x, y, z, yaw] (4) of the object, None if it is not seen.
-
-        Args:
-            station: Station with the cameras, and the object at its place.
-            scene: The episode's object, whose shape the localizer knows.
-        """
+        """Return the pose [x, y, z, yaw] (4) of the object, None if it is not seen."""
         localizer = BlobLocalizer(
             [BlobTarget(self._name, scene.shape, self._color)],
             self._models,

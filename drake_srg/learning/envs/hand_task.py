@@ -7,6 +7,7 @@ the hand closes along the world's y.
 from __future__ import annotations
 
 import dataclasses as dc
+import itertools
 import math
 from collections.abc import Mapping, Sequence
 from typing import Any, ClassVar, Protocol
@@ -159,11 +160,20 @@ def _cross(a: Vector, b: Vector) -> Vector:
 
 # The shake that a grasp must survive: acceleration at its peak along x and y [m/s²],
 # about 0.7 g together, at 2 Hz for 1.5 s from rest to rest.
-SHAKE = (np.array([6.0, 6.0, 0.0, 0.0]), 2.0, 1.5)
+_SHAKE = (np.array([6.0, 6.0, 0.0, 0.0]), 2.0, 1.5)
 # An object is lost this far outside the hand's workspace [m], or at this speed [m/s],
 # which far exceeds the hand's own. A small object that is flung away and spins would
 # need shorter steps than a carried one.
 _AWAY, _FLYING = 0.15, 1.5
+
+
+def shaken(pose: Vector, time: float) -> Vector | None:
+    """Return the pose (4) at a time [s] of the shake about a pose; None at its end."""
+    acceleration, frequency, duration = _SHAKE
+    if time > duration:
+        return None
+    moved: Vector = shake(pose, acceleration, frequency, duration)(time)
+    return moved
 
 
 class ObjectLostError(Exception):
@@ -246,12 +256,7 @@ class HandTask:
             self._seen = np.array([*self.workspace.start[:2], height, 0.0])
 
     def begin(self, scene: Scene, q: Vector) -> None:
-        """Put object and arm at their start.
-
-        Args:
-            scene: The object and its place.
-            q: Positions of the arm's joints, shape (N,).
-        """
+        """Put object and arm at their start."""
         self._scene = scene
         self.station.reset(scene, q)
         self.q_commanded = q
@@ -287,10 +292,9 @@ class HandTask:
     def survives_shake(self) -> bool:
         """Read the grasp, shake the hand, and return whether the object is still up."""
         self.grasp = self.station.grasp()
-        acceleration, frequency, duration = SHAKE
-        motion = shake(self.pose, acceleration, frequency, duration)
-        for i in range(round(duration / CONTROL_PERIOD)):
-            self.tick(motion((i + 1) * CONTROL_PERIOD), self.closure)
+        start, ticks = self.pose, itertools.count(1)
+        while (pose := shaken(start, next(ticks) * CONTROL_PERIOD)) is not None:
+            self.tick(pose, self.closure)
             if self.height() < 0.5 * LIFTED:
                 return False
         return True
@@ -345,11 +349,7 @@ class HandTask:
 
 
 def episode_scenario(scenario: Scenario, cameras: Sequence[str]) -> Scenario:
-    """Return a scenario without parts that episodes do not need.
-
-    Args:
-        scenario: With its arm, gripper and object.
-        cameras: Names of the cameras to keep.
+    """Return a scenario without parts that episodes do not need, with these cameras.
 
     Raises:
         ScenarioError: If one of them is missing.

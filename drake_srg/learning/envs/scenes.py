@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import copy
 import dataclasses as dc
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -15,13 +15,7 @@ from drake_srg.common.exceptions import ScenarioError, suggest
 from drake_srg.objects.config import ObjectConfig
 from drake_srg.objects.models import simple_shape
 from drake_srg.scenario import Scenario
-from drake_srg.scenario.draws import (
-    add_clutter,
-    draw_distributions,
-    is_distribution,
-    key_generator,
-    load_distribution,
-)
+from drake_srg.scenario.draws import add_clutter, draw_distributions
 from drake_srg.scenario.load import load_tree, override_tree
 from drake_srg.scenario.typed_yaml import load_typed, merge
 from drake_srg.types import Cylinder, Shape, Vector
@@ -303,7 +297,7 @@ class SceneSource:
     def __init__(self, tree: Mapping[str, Any], origin: str, noise: float) -> None:
         if not isinstance(noise, float | int | np.floating) or not 0 <= noise < np.inf:
             raise ScenarioError(f"noise: must be at least 0 m, got {noise!r}")
-        self.noise = noise
+        self.noise, self._origin = noise, origin
         task = tree.get("task") or {}
         self.name = str(task.get("pick") or "")
         region = task.get("region") or {}
@@ -317,8 +311,14 @@ class SceneSource:
             )
         drawn = self.name not in (tree.get("objects") or {})
         kinds = clutter["kinds"] if drawn else objects
-        self._kinds = [Kind(kind, origin, name) for name, kind in sorted(kinds.items())]
-        models = {kind.model for kind in self._kinds}
+        self._kinds = [kind for _, kind in sorted(kinds.items())]
+        models = {
+            load_typed(
+                ObjectConfig, draw_distributions(kind, 0, origin, None, name), origin
+            ).model
+            or ""
+            for name, kind in kinds.items()
+        }
         if len(models) > 1:
             raise ScenarioError(
                 f"{origin}: clutter.kinds: an environment is built once, so all must "
@@ -330,7 +330,8 @@ class SceneSource:
     def draw(self, rng: np.random.Generator) -> Scene:
         """Draw a scene; all randomness comes from `rng`."""
         kind = self._kinds[int(rng.integers(len(self._kinds)))]
-        config, tree = kind.draw(int(rng.integers(2**31)))
+        tree = draw_distributions(kind, int(rng.integers(2**31)), self._origin)
+        config = load_typed(ObjectConfig, tree, self._origin)
         if config.position is None:
             config.position = rng.uniform(*self._region).tolist()
             tree["position"] = config.position
@@ -382,76 +383,3 @@ class SceneSource:
                 f"scene: object.model: {config.model} must be a cylinder, box or sphere"
             )
         return Scene(config, shape, error, tree)
-
-
-class Kind:
-    """An object's entry of a scenario, read once and drawn often.
-
-    Args:
-        tree: Tree of the entry.
-        origin: The scenario's name, for error messages.
-        name: The kind's.
-
-    Raises:
-        ScenarioError: If the entry is invalid.
-    """
-
-    def __init__(self, tree: Mapping[str, Any], origin: str, name: str) -> None:
-        self._keys: dict[tuple[str, ...], Any] = {}
-        for path, node in _leaves(tree):
-            drawn = _distributions(node, origin, ".".join((name, *path)))
-            if drawn is not node:
-                self._keys[path] = drawn
-        self._tree = draw_distributions(tree, 0, origin, None, name)
-        self._config = load_typed(ObjectConfig, self._tree, origin)
-
-    @property
-    def model(self) -> str:
-        """The file of the object's model; empty for a shape."""
-        return str(self._config.model or "")
-
-    def draw(self, seed: int) -> tuple[ObjectConfig, dict[str, Any]]:
-        """Return the object of a seed, and its tree."""
-        config, tree = copy.deepcopy(self._config), copy.deepcopy(dict(self._tree))
-        for path, drawn in self._keys.items():
-            value = _sample(drawn, seed, ".".join(path))
-            thing, node = config, tree
-            for key in path[:-1]:
-                thing, node = getattr(thing, key), node[key]
-            setattr(thing, path[-1], value)
-            node[path[-1]] = value
-        return config, tree
-
-
-def _leaves(
-    tree: Mapping[str, Any], path: tuple[str, ...] = ()
-) -> Iterator[tuple[tuple[str, ...], Any]]:
-    """Yield everything that is not a plain mapping, with its path."""
-    for key, value in tree.items():
-        if isinstance(value, Mapping) and not is_distribution(value):
-            yield from _leaves(value, (*path, key))
-        else:
-            yield (*path, key), value
-
-
-def _distributions(node: Any, origin: str, key: str) -> Any:
-    """Return a leaf with Drake's distributions in place of their trees."""
-    if is_distribution(node):
-        return load_distribution(node, origin, key)
-    if isinstance(node, list):
-        found = [
-            _distributions(item, origin, f"{key}[{i}]") for i, item in enumerate(node)
-        ]
-        return (
-            found if any(a is not b for a, b in zip(found, node, strict=True)) else node
-        )
-    return node
-
-
-def _sample(drawn: Any, seed: int, key: str) -> Any:
-    """Return a leaf with a sample in place of each distribution."""
-    if isinstance(drawn, list):
-        return [_sample(item, seed, f"{key}[{i}]") for i, item in enumerate(drawn)]
-    if not hasattr(drawn, "Sample"):
-        return drawn
-    return np.asarray(drawn.Sample(key_generator(seed, key))).tolist()

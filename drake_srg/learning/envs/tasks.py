@@ -94,8 +94,8 @@ def action_of(
 
 
 def one_shot_state(shape: Shape) -> State:
-    """Return the observation: the size in units of 0.15 m, and whether it is round."""
-    size = shape.bounding_size / 0.15
+    """Return the observation: the size, 1 for 0.15 m, and whether it is round."""
+    size = shape.bounding_size / SIZE
     return clipped(np.append(size, isinstance(shape, Cylinder)))
 
 
@@ -138,9 +138,8 @@ class GraspOneShotEnv(HandEnv):
 
 # A full action moves the hand by this per control period: 0.43 m/s, 2.1 rad/s.
 STEP = np.array([0.02, 0.02, 0.02, 0.1])
-# Values at which entries of the observation are 1.
-_NEAR, _SIZE, _ANGLE, _SPEED, _FORCE = 0.2, 0.15, 2.0, 4.0, 20.0
-_TURN = np.pi
+# Values at which entries of the observation are 1 [m, m, rad, rad/s, N, rad].
+NEAR, SIZE, ANGLE, _SPEED, _FORCE, TURN = 0.2, 0.15, 2.0, 4.0, 20.0, np.pi
 MAX_STEPS = 100  # 4.7 s
 
 
@@ -170,15 +169,15 @@ def pick_state(
     round_ = isinstance(shape, Cylinder)
     values = np.concatenate(
         [
-            (estimate[:3] - hand[:3]) / _NEAR,
+            (estimate[:3] - hand[:3]) / NEAR,
             (1.0, 0.0) if round_ else (np.cos(turn), np.sin(turn)),
-            [(hand[2] - table) / _NEAR],
-            shape.bounding_size / _SIZE,
+            [(hand[2] - table) / NEAR],
+            shape.bounding_size / SIZE,
             [float(round_)],
-            fingers[:4] / _ANGLE,
+            fingers[:4] / ANGLE,
             fingers[4:] / _SPEED,
             force / _FORCE,
-            [2.0 * closure - 1.0, 2.0 * elapsed - 1.0, hand[3] / _TURN],
+            [2.0 * closure - 1.0, 2.0 * elapsed - 1.0, hand[3] / TURN],
         ]
     )
     return clipped(values)
@@ -259,7 +258,7 @@ class PickEnv(HandEnv):
 # and no finger touches it. In the long steps of `train`, a standing object never comes
 # to rest, but bounces by millimetres.
 _STANDS, _TOLERANCE, _LIFT, _UPRIGHT = 8, 0.02, 0.01, np.cos(np.deg2rad(15.0))
-_FAR = 0.6  # value of the goal's entries of the observation that scales to 1 [m]
+FAR = 0.6  # value of the goal's entries of the observation that scales to 1 [m]
 
 
 class PickPlaceEnv(PickEnv):
@@ -278,7 +277,7 @@ class PickPlaceEnv(PickEnv):
 
     def state(self) -> State:
         """Return the hand's measurements, and the estimate of the object."""
-        goal = clipped((self.goal - self.hand()[:2]) / _FAR)
+        goal = clipped((self.goal - self.hand()[:2]) / FAR)
         return np.concatenate([super().state(), goal])
 
     def truth(self) -> Truth:

@@ -288,11 +288,9 @@ _PROPERTIES = ("translation", "rotation", "scale")
 def read_nodes(document: Json, binary: bytes) -> list[Node]:
     """Return the nodes below the root, whose `z` is up, in the file's order.
 
-    A property that does not change has a track of one sample, at time 0.
+    The document and the binary chunk are those of `read_glb`.
 
-    Args:
-        document: The file's JSON.
-        binary: Its binary chunk.
+    A property that does not change has a track of one sample, at time 0.
 
     Raises:
         ValueError: If it is not such a scene.

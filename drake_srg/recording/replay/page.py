@@ -24,7 +24,6 @@ from drake_srg.recording.timeline import (
     mode_bands,
     mode_changes,
     run_timeline,
-    timeline_panels,
 )
 
 
@@ -227,7 +226,7 @@ def _data(timeline: Timeline, sights: list[Json], video_start: float) -> Json:
                     for i in range(values.shape[1])
                 ],
             }
-            for label, values, names in timeline_panels(timeline)
+            for label, values, names in timeline.panels
         ],
         "video_start": video_start,
         "sights": sights,
@@ -311,11 +310,7 @@ def _sha256(text: str) -> str:
 
 
 def write_comparison(folders: Sequence[Path], path: Path) -> Path:
-    """Write a page with the replays of several recorded runs.
-
-    Args:
-        folders: Folders of the runs; see `write_page`.
-        path: The page to write.
+    """Write a page with the replays of several recorded runs; see `write_page`.
 
     Returns:
         The path.

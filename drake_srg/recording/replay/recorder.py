@@ -142,30 +142,9 @@ class ReplayRecorder:
     def write(
         self, path: Path, labels: Labels, video_camera: str, video_start: float
     ) -> Path:
-        """Write the samples so far; there must be one.
-
-        Args:
-            path: The .glb file.
-            labels: Names for the columns of the run's log.
-            video_camera: Name of the camera of video.mp4; empty: no video.
-            video_start: Simulated time of the video's first frame [s].
-
-        Returns:
-            The path.
-
-        Raises:
-            OSError: If the file cannot be written.
-        """
-        sights = self._sights
-        return write_replay(
-            path,
-            self._scene,
-            labels,
-            video_camera,
-            video_start,
-            sights.sights,
-            sights.images,
-        )
+        """Write the samples so far; see `write_replay`."""
+        seen = self._sights.sights, self._sights.images
+        return write_replay(path, self._scene, labels, video_camera, video_start, *seen)
 
 
 def _systems(diagram: Diagram) -> Iterator[System]:
@@ -185,7 +164,7 @@ def write_replay(
     sights: Sequence[Json] = (),
     images: Sequence[bytes] = (),
 ) -> Path:
-    """Write replay.glb; see `ReplayRecorder`.
+    """Write a scene and the localizer's images as replay.glb.
 
     Args:
         path: The .glb file.

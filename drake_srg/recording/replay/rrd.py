@@ -16,7 +16,6 @@ from drake_srg.common.installing import require
 from drake_srg.recording.output import OutputFile
 from drake_srg.recording.replay.glb import Node, Part, Track, read_nodes
 from drake_srg.recording.replay.page import RecordedRun, read_run
-from drake_srg.recording.timeline import timeline_panels
 from drake_srg.types import Vector
 
 _TIME = "time"  # the timeline: simulated time
@@ -80,12 +79,7 @@ def entity(*parts: str) -> str:
 
 
 class _Writer:
-    """Logs the parts of a run to a stream.
-
-    Args:
-        rr: The module rerun.
-        stream: A RecordingStream.
-    """
+    """Logs the parts of a run to a stream."""
 
     def __init__(self, rr: Any, stream: Any) -> None:
         self._rr, self._stream = rr, stream
@@ -150,7 +144,7 @@ class _Writer:
 
     def _write_plots(self, run: RecordedRun) -> None:
         rr, time, modes = self._rr, run.timeline.time, run.timeline.mode
-        for label, values, names in timeline_panels(run.timeline):
+        for label, values, names in run.timeline.panels:
             path = entity(_PLOTS, label.replace("\n", " "))
             if names:
                 self._stream.log(path, rr.SeriesLines(names=names), static=True)
@@ -186,7 +180,7 @@ def _layout(run: RecordedRun) -> Any:
     pictures = [rrb.Spatial2DView(origin=entity(_SIGHTS, c), name=c) for c in cameras]
     if run.video is not None:
         pictures.insert(0, rrb.Spatial2DView(origin=_VIDEO, name="video"))
-    labels = [label.replace("\n", " ") for label, _, _ in timeline_panels(run.timeline)]
+    labels = [label.replace("\n", " ") for label, _, _ in run.timeline.panels]
     plots = [
         rrb.TimeSeriesView(origin=entity(_PLOTS, label), name=label) for label in labels
     ]

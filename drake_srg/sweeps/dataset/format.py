@@ -33,7 +33,7 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 
 from drake_srg.recording.output import require
-from drake_srg.sweeps.dataset.recording import SIGHTING, DepthImage, Image, Layout
+from drake_srg.sweeps.dataset.recording import DepthImage, Image, Layout
 
 CHUNK_SIZE = 1000  # files per folder, as in LeRobot
 
@@ -58,51 +58,61 @@ def next_place(place: FilePlace | None) -> FilePlace:
     return FilePlace(place.chunk + 1, 0)
 
 
-class ParquetFiles:
-    """Writes tables into Parquet files of limited size, one row group per table.
-
-    The last file is complete after `close`.
+class _Files:
+    """Writes numbered files of limited size; the last is complete after `close`.
 
     Args:
-        folder: Folder for chunk-000/file-000.parquet and so on.
-        schema: Schema of the tables.
-        limit: Largest size of a file [bytes], counted in memory, where tables are
-            larger; a table beyond the limit gets a file of its own.
+        folder: Folder for chunk-000/file-000 and so on.
+        suffix: End of the files' names.
+        limit: Largest size of a file [bytes]; what exceeds it gets a file of its own.
 
     Raises:
         OSError: If a file cannot be written.
     """
 
-    def __init__(self, folder: Path, schema: pa.Schema, limit: int):
-        self._folder, self._schema, self._limit = folder, schema, limit
+    def __init__(self, folder: Path, suffix: str, limit: int) -> None:
+        self._folder, self._suffix, self._limit = folder, suffix, limit
         self._place: FilePlace | None = None
         self._size = 0
-        self._writer: Any = None
+        self._writer: Any = None  # of the open file
 
     def place(self, size: int) -> FilePlace:
-        """Return the place of the next table, given its size in memory [bytes]."""
+        """Return the place of what is appended next, given its size [bytes]."""
         if self._place is None or (self._size and self._size + size > self._limit):
             self.close()
             self._place = next_place(self._place)
             self._size = 0
         return self._place
 
-    def append(self, table: pa.Table) -> FilePlace:
-        """Append a table; returns its place."""
-        place = self.place(table.nbytes)
-        if self._writer is None:
-            path = place.path(self._folder, ".parquet")
-            path.parent.mkdir(parents=True, exist_ok=True)
-            self._writer = pq.ParquetWriter(path, self._schema, compression="snappy")
-        self._writer.write_table(table)
-        self._size += table.nbytes
-        return place
+    def _new_path(self) -> Path:
+        assert self._place is not None
+        path = self._place.path(self._folder, self._suffix)
+        path.parent.mkdir(parents=True, exist_ok=True)
+        return path
 
     def close(self) -> None:
         """Complete the open file, if any."""
         writer, self._writer = self._writer, None
         if writer is not None:
             writer.close()
+
+
+class ParquetFiles(_Files):
+    """Parquet files with one row group per table; sizes are those in memory."""
+
+    def __init__(self, folder: Path, schema: pa.Schema, limit: int) -> None:
+        super().__init__(folder, ".parquet", limit)
+        self._schema = schema
+
+    def append(self, table: pa.Table) -> FilePlace:
+        """Append a table; returns its place."""
+        place = self.place(table.nbytes)
+        if self._writer is None:
+            path = self._new_path()
+            self._writer = pq.ParquetWriter(path, self._schema, compression="snappy")
+        self._writer.write_table(table)
+        self._size += table.nbytes
+        return place
 
 
 QUANTILES = {"q01": 0.01, "q10": 0.10, "q50": 0.50, "q90": 0.90, "q99": 0.99}
@@ -270,64 +280,38 @@ def encode_episode(
     return file.getvalue(), frames
 
 
-class VideoFiles:
-    """Joins a camera's encoded episodes into files of limited size.
+class VideoFiles(_Files):
+    """MP4 files that join a camera's encoded episodes."""
 
-    The last file is complete after `close`.
-
-    Args:
-        folder: Folder for chunk-000/file-000.mp4 and so on.
-        fps: Frames per second.
-        limit: Largest size of a file [bytes]; an episode beyond it gets its own file.
-
-    Raises:
-        ImportError: If PyAV is missing.
-        OSError: If a file cannot be written.
-    """
-
-    def __init__(self, folder: Path, fps: int, limit: int):
+    def __init__(self, folder: Path, fps: int, limit: int) -> None:
+        super().__init__(folder, ".mp4", limit)
         self._av = require("av")
-        self._folder, self._fps, self._limit = folder, fps, limit
-        self._place: FilePlace | None = None
-        self._size = self._frames = 0
-        self._container: Any = None
+        self._fps, self._frames = fps, 0
         self._stream: Any = None
 
     def append(self, episode: bytes) -> tuple[FilePlace, int]:
         """Append an episode; returns its place and the number of frames before it."""
-        if self._place is None or self._size + len(episode) > self._limit:
-            self.close()
-            self._place = next_place(self._place)
-            self._size = self._frames = 0
-        first = self._frames
+        place = self.place(len(episode))
         with self._av.open(io.BytesIO(episode)) as source:
-            if self._container is None:
-                self._open(source.streams.video[0])
+            if self._writer is None:
+                options = {"movflags": "faststart"}
+                self._writer = self._av.open(
+                    str(self._new_path()), "w", options=options
+                )
+                template = source.streams.video[0]
+                self._stream = self._writer.add_stream_from_template(template)
+                self._frames = 0
+            first = self._frames
             for packet in source.demux(video=0):
                 if packet.size:  # the last packet is an empty end mark
                     packet.stream = self._stream
                     packet.time_base = Fraction(1, self._fps)
                     packet.pts = packet.dts = self._frames
                     packet.duration = 1
-                    self._container.mux(packet)
+                    self._writer.mux(packet)
                     self._frames += 1
         self._size += len(episode)
-        return self._place, first
-
-    def close(self) -> None:
-        """Complete the open file, if any."""
-        container, self._container = self._container, None
-        if container is not None:
-            container.close()
-
-    def _open(self, template: Any) -> None:
-        assert self._place is not None
-        path = self._place.path(self._folder, ".mp4")
-        path.parent.mkdir(parents=True, exist_ok=True)
-        self._container = self._av.open(
-            str(path), "w", options={"movflags": "faststart"}
-        )
-        self._stream = self._container.add_stream_from_template(template)
+        return place, first
 
 
 VERSION = "v3.0"
@@ -346,10 +330,6 @@ TRIAL = {
     "object_size": pa.list_(pa.float64()),  # along its axes [m]
     "object_round": pa.bool_(),
 }
-
-# LeRobot's name for knowledge of the scene besides the robot's state; its policies
-# take it as a vector of its own kind (FeatureType.ENV).
-SIGHTING_KEY = "observation.environment_state"
 
 _SCALARS = {
     "next.done": "bool",
@@ -390,16 +370,13 @@ def make_features(
         fps: Frames per second.
         names: Names of the dimensions of features, where the layout has numbers.
     """
-    features: dict[str, Feature] = {
-        "observation.state": _vector(layout.joints),
-        "action": _vector(layout.commands),
-    }
-    if layout.located:
-        features[SIGHTING_KEY] = _vector(SIGHTING)
-    for name, vectors in layout.more.items():
-        own = (names or {}).get(name, ())
-        known = own if len(own) == len(vectors.names) else vectors.names
-        features[name] = {**_vector(known), "info": {"units": list(vectors.units)}}
+    features: dict[str, Feature] = {}
+    for name, vectors in layout.vectors.items():
+        own, count = (names or {}).get(name, ()), len(vectors.names)
+        known = list(own if len(own) == count else vectors.names)
+        features[name] = {"dtype": "float32", "shape": [count], "names": known}
+        if vectors.units:
+            features[name]["info"] = {"units": list(vectors.units)}
     for key, (camera, depth) in videos(layout).items():
         size, intrinsics = layout.cameras[camera], layout.intrinsics.get(camera)
         features[key] = _video(*size, fps, intrinsics, depth)
@@ -447,22 +424,10 @@ def _video(
     }
 
 
-def _vector(names: Sequence[str]) -> Feature:
-    return {"dtype": "float32", "shape": [len(names)], "names": list(names)}
-
-
 def make_info(
     features: Mapping[str, Feature], fps: int, robot: str, episodes: int, frames: int
 ) -> dict[str, Any]:
-    """Return the content of info.json for a data set with one task.
-
-    Args:
-        features: From `make_features`.
-        fps: Frames per second.
-        robot: The robot's type.
-        episodes: Number of episodes.
-        frames: Number of frames.
-    """
+    """Return the content of info.json for a data set with one task."""
     file = "chunk-{chunk_index:03d}/file-{file_index:03d}"
     return {
         "codebase_version": VERSION,
@@ -494,12 +459,7 @@ _LANGUAGE_ROW = pa.struct(
 
 
 def subtask_rows(modes: Sequence[str], fps: int) -> list[dict[str, Any]]:
-    """Return the rows of an episode's subtasks: one where the mode changes.
-
-    Args:
-        modes: The mode of each frame, in words.
-        fps: Frames per second.
-    """
+    """Return the rows of an episode's subtasks: one where frames change the mode."""
     return [
         {
             "role": "assistant",

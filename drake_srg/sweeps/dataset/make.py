@@ -36,6 +36,7 @@ from drake_srg.sweeps.dataset.format import (
 )
 from drake_srg.sweeps.dataset.recording import (
     PWM,
+    STATE,
     TOUCH,
     DepthImage,
     Image,
@@ -69,7 +70,6 @@ class DatasetWriter:
         episodes_at_once: Episodes whose metadata form one row group.
 
     Raises:
-        ImportError: If PyAV is missing.
         OSError: If a file cannot be written.
     """
 
@@ -189,12 +189,11 @@ class DatasetWriter:
                 stack.callback(video.close)
 
     def _table(self, signals: Signals, success: bool) -> pa.Table:
-        length = len(signals.state)
+        length = len(signals.values[STATE])
         frame = np.arange(length)
         last = frame == length - 1
-        columns = {
-            "observation.state": _vectors(signals.state),
-            "action": _vectors(signals.action),
+        columns = {name: _vectors(rows) for name, rows in signals.values.items()}
+        columns |= {
             "next.done": last,
             "next.success": last & success,
             "timestamp": (frame / self._fps).astype(np.float32),
@@ -203,10 +202,6 @@ class DatasetWriter:
             "index": self._frames + frame,
             "task_index": np.zeros(length, dtype=np.int64),
         }
-        if self._layout.located:
-            columns[fmt.SIGHTING_KEY] = _vectors(signals.sighting)
-        for name, values in signals.more.items():
-            columns[name] = _vectors(values)
         if self._layout.modes:
             rows = fmt.subtask_rows(signals.modes, self._fps)
             columns[fmt.LANGUAGE] = [rows] * length
@@ -310,7 +305,6 @@ def make_dataset(
         progress: Whether to show progress on standard error.
 
     Raises:
-        ImportError: If rosbags or PyAV is missing.
         OSError: If `out` cannot be written.
         ScenarioError: If there are no recordings of finished trials, recordings differ
             in their layout, rows cannot be read, `fps` does not fit, or `out` exists.
@@ -352,15 +346,7 @@ def _add_trial(
     every: int,
     about: Mapping[str, Any],
 ) -> None:
-    """Add a trial as an episode.
-
-    Args:
-        writer: Receives the episode.
-        trial: Folder of the recording.
-        layout: Layout of the data set.
-        every: Number of images per frame.
-        about: Values of `format.TRIAL`, except the trial's number.
-    """
+    """Add the trial of a folder, of which `about` says what its number does not."""
     signals = read_signals(trial / _RECORDING)
     if signals.layout != layout:
         raise ScenarioError(

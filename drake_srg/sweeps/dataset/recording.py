@@ -31,6 +31,10 @@ _COLOR, _DEPTH = "/camera_{}/color/image_raw", "/camera_{}/depth/image_rect_raw"
 _INFO, _POSE = "/camera_{}/color/camera_info", "/camera_{}/pose"
 _WRENCH = "/contact_wrench/"
 
+STATE, ACTION = "observation.state", "action"
+# LeRobot's name for knowledge of the scene besides the robot's state; its policies
+# take it as a vector of its own kind (FeatureType.ENV).
+SIGHTING = "observation.environment_state"
 TOUCH, PWM = "observation.touch", "observation.motor_pwm"
 # More numbers per frame: a hand's topic to the feature's name and unit. They may be
 # missing.
@@ -42,9 +46,7 @@ _NUMBERS = {
     "motor_temperature": ("observation.motor_temperature", "degC"),
 }
 
-# Place where the object was last seen in world [m], and whether it has been seen:
-# without a sighting, all are 0. No rotation has a quaternion of zeros.
-SIGHTING = ("x", "y", "z", "qx", "qy", "qz", "qw", "seen")
+_POSE_NAMES = ("x", "y", "z", "qx", "qy", "qz", "qw")
 
 # Simulated time adds up steps, and stamps are whole nanoseconds.
 _STAMP_TOLERANCE = 1e-6  # s
@@ -56,11 +58,11 @@ class Vectors:
 
     Attributes:
         names: Names of its dimensions.
-        units: Their units, one each.
+        units: Their units, one each, or none.
     """
 
     names: tuple[str, ...]
-    units: tuple[str, ...]
+    units: tuple[str, ...] = ()
 
 
 @dc.dataclass(frozen=True)
@@ -68,38 +70,38 @@ class Layout:
     """The layout that all recordings of a data set share.
 
     Attributes:
-        joints: Names of the measured joints: an arm's, then its gripper's.
-        commands: Names of the commanded values: an arm's joints, then its gripper's
-            closure. As in `joints`, several arms follow one another.
+        vectors: Features with numbers, by name. `STATE` has the measured positions of
+            joints, an arm's, then its gripper's [rad or m]; `ACTION` the commanded
+            positions of an arm's joints, then its gripper's closure (0 .. 1); several
+            arms follow one another. `SIGHTING` is where the planner last saw its object
+            in world [m], and whether it has: without a sighting, all are 0. (No
+            rotation has a quaternion of zeros.)
         cameras: Camera name to (height, width) of its images [pixels], sorted.
         rate: Images per simulated second.
-        located: Whether the planner locates an object: `SIGHTING` is known.
         depths: Names of the cameras with depth images, sorted.
         intrinsics: Camera name to focal lengths fx, fy and principal point cx, cy
             [pixels], counted from the centre of the first pixel, as in ROS.
-        more: Features besides states and actions, by name.
         modes: Whether the planner's mode is known.
     """
 
-    joints: tuple[str, ...]
-    commands: tuple[str, ...]
+    vectors: dict[str, Vectors]
     cameras: dict[str, tuple[int, int]]
     rate: Fraction
-    located: bool = False
     depths: tuple[str, ...] = ()
     intrinsics: dict[str, tuple[float, ...]] = dc.field(default_factory=dict)
-    more: dict[str, Vectors] = dc.field(default_factory=dict)
     modes: bool = False
 
     def __str__(self) -> str:
         """Return the layout in one line, for messages."""
         sizes = [f"{name} {w}x{h}" for name, (h, w) in self.cameras.items()]
+        more = [n for n in self.vectors if n not in (STATE, ACTION, SIGHTING)]
         return (
             f"{', '.join(sizes)} at {float(self.rate):g} Hz, "
-            f"{len(self.joints)} joints, {len(self.commands)} commands"
-            f"{', object pose' if self.located else ''}"
+            f"{len(self.vectors[STATE].names)} joints, "
+            f"{len(self.vectors[ACTION].names)} commands"
+            f"{', object pose' if SIGHTING in self.vectors else ''}"
             f"{''.join(f', depth of {name}' for name in self.depths)}"
-            f"{''.join(f', {name}' for name in self.more)}"
+            f"{''.join(f', {name}' for name in more)}"
             f"{''.join(f', f = {f[0]:g} of {n}' for n, f in self.intrinsics.items())}"
         )
 
@@ -110,34 +112,20 @@ class Signals:
 
     Attributes:
         layout: Names, cameras and rate.
-        state: Measured joint positions [rad or m], shape (K, joints), interpolated
-            between the messages before and after the image.
-        action: Commanded joint positions [rad or m] and closure (0 .. 1), shape
-            (K, commands), from the last message up to the image.
-        sighting: `SIGHTING`, shape (K, 8), from the last message up to the image; (K,
-            0) if no object is located.
-        more: Values of `Layout.more`, shape (K, n) each, from the last message up to
-            the image.
+        values: Of each of `Layout.vectors`, shape (K, n). Positions of joints are
+            interpolated between the messages before and after the image; all others
+            come from the last message up to the image.
         modes: The planner's mode at each image, in words; empty if unknown.
     """
 
     layout: Layout
-    state: npt.NDArray[np.float32]
-    action: npt.NDArray[np.float32]
-    sighting: npt.NDArray[np.float32]
-    more: dict[str, npt.NDArray[np.float32]] = dc.field(default_factory=dict)
+    values: dict[str, npt.NDArray[np.float32]]
     modes: list[str] = dc.field(default_factory=list)
 
     def every(self, count: int) -> Signals:
         """Return every `count`-th row, from the first."""
-        return dc.replace(
-            self,
-            state=self.state[::count],
-            action=self.action[::count],
-            sighting=self.sighting[::count],
-            more={name: rows[::count] for name, rows in self.more.items()},
-            modes=self.modes[::count],
-        )
+        values = {name: rows[::count] for name, rows in self.values.items()}
+        return dc.replace(self, values=values, modes=self.modes[::count])
 
 
 def read_signals(path: Path) -> Signals:
@@ -147,7 +135,6 @@ def read_signals(path: Path) -> Signals:
         path: A recording.mcap; see `drake_srg.recording.rosbag`.
 
     Raises:
-        ImportError: If rosbags is missing.
         ScenarioError: If it cannot be read, lacks joints, commands or images, contains
             values that are not finite, or its images are not evenly spaced.
     """
@@ -156,7 +143,6 @@ def read_signals(path: Path) -> Signals:
     joints: tuple[str, ...] = ()
     with _readable(path):
         topics = _topics(path)
-        located = OBJECT_POSE in topics
         robots = _robots(topics)
         commands = [topic for robot in robots for topic in _commands(robot)]
         wanted = [_JOINTS, *commands, _MODE, OBJECT_POSE, "/camera_.+"]
@@ -192,12 +178,39 @@ def read_signals(path: Path) -> Signals:
     measured = np.array(values[_JOINTS])[:, 0]
     state = [np.interp(image_times, times[_JOINTS], q) for q in measured.T]
     action = [held(topic) for topic in commands]
-    sightings = [np.zeros(len(SIGHTING)), *values.get(OBJECT_POSE, [])]  # not at first
-    seen = _held(image_times, [0.0, *times.get(OBJECT_POSE, [])], np.array(sightings))
-    more = {
-        name: (vectors, _float32(path, name, rows))
-        for name, vectors, rows in _more(values, held, joints, robots)
+    found = {
+        STATE: (Vectors(joints), np.stack(state, axis=1)),
+        ACTION: (Vectors(_command_names(joints, robots, action)), np.hstack(action)),
     }
+    if OBJECT_POSE in topics:
+        poses = [np.zeros(8), *values.get(OBJECT_POSE, [])]  # not seen at first
+        seen = _held(image_times, [0.0, *times.get(OBJECT_POSE, [])], np.array(poses))
+        found[SIGHTING] = Vectors((*_POSE_NAMES, "seen")), seen
+    found |= _more(values, held, joints, robots)
+    layout = Layout(
+        {name: vectors for name, (vectors, _) in found.items()},
+        {c: next(read_images(path, c)).shape[:2] for c in cameras},
+        rate,
+        depths,
+        {
+            name: tuple(values[_INFO.format(name)][0].tolist())
+            for name in _owners(times, _INFO)
+        },
+        modes=_MODE in values,
+    )
+    return Signals(
+        layout,
+        {name: _float32(path, name, rows) for name, (_, rows) in found.items()},
+        held(_MODE).tolist() if _MODE in values else [],
+    )
+
+
+def _command_names(
+    joints: Sequence[str],
+    robots: Sequence[RobotArm],
+    action: Sequence[npt.NDArray[np.float64]],
+) -> tuple[str, ...]:
+    """Return the names of commanded values: positions and closure of each arm."""
     # An arm's name may begin with that of another.
     prefixes = [robot.system("") for robot in robots]
     arms = [
@@ -207,27 +220,7 @@ def read_signals(path: Path) -> Signals:
     for prefix, position in zip(prefixes, action[::2], strict=True):
         own = [name for name, arm in zip(joints, arms, strict=True) if arm == prefix]
         names += [*own[: position.shape[1]], f"{prefix}gripper_closure"]
-    return Signals(
-        Layout(
-            joints,
-            tuple(names),
-            {c: next(read_images(path, c)).shape[:2] for c in cameras},
-            rate,
-            located,
-            depths,
-            {
-                name: tuple(values[_INFO.format(name)][0].tolist())
-                for name in _owners(times, _INFO)
-            },
-            {name: vectors for name, (vectors, _) in more.items()},
-            modes=_MODE in values,
-        ),
-        _float32(path, "joints", np.stack(state, axis=1)),
-        _float32(path, "commands", np.hstack(action)),
-        _float32(path, OBJECT_POSE, seen if located else seen[:, :0]),
-        {name: rows for name, (_, rows) in more.items()},
-        held(_MODE).tolist() if _MODE in values else [],
-    )
+    return tuple(names)
 
 
 def _value(topic: str, message: Any) -> Any:
@@ -252,8 +245,8 @@ def _more(
     held: Callable[[str], npt.NDArray[Any]],
     joints: Sequence[str],
     robots: Sequence[RobotArm],
-) -> Iterator[tuple[str, Vectors, npt.NDArray[Any]]]:
-    """Yield the features other than states and actions: name, dimensions, values.
+) -> dict[str, tuple[Vectors, npt.NDArray[Any]]]:
+    """Return the features besides states and actions by name, and their values.
 
     Args:
         values: Values by topic, as from `_value`.
@@ -261,11 +254,12 @@ def _more(
         joints: Names of the joints.
         robots: The arms.
     """
+    found = {}
     measured = np.isfinite(np.array(values[_JOINTS])[:, 1]).all(axis=0)
     if measured.any():
         felt = tuple(itertools.compress(joints, measured))
-        efforts = held(_JOINTS)[:, 1, measured]
-        yield "observation.effort", Vectors(felt, ("N m",) * len(felt)), efforts
+        efforts = Vectors(felt, ("N m",) * len(felt))
+        found["observation.effort"] = efforts, held(_JOINTS)[:, 1, measured]
     hands = {robot: topic_of(robot.gripper_model) for robot in robots}
     for number, (feature, unit) in _NUMBERS.items():
         rows: list[npt.NDArray[Any]] = []
@@ -275,25 +269,30 @@ def _more(
                 rows.append(held(topic))
                 names += tuple(map(robot.system, map(str, range(rows[-1].shape[1]))))
         if names:
-            yield feature, Vectors(names, (unit,) * len(names)), np.hstack(rows)
+            found[feature] = Vectors(names, (unit,) * len(names)), np.hstack(rows)
+    pose = Vectors(_POSE_NAMES, ("m",) * 3 + ("1",) * 4)
     for camera in _owners(values, _POSE):
-        vectors = Vectors(SIGHTING[:7], ("m",) * 3 + ("1",) * 4)
-        yield f"camera_pose.{camera}", vectors, held(_POSE.format(camera))
+        found[f"camera_pose.{camera}"] = pose, held(_POSE.format(camera))
     axes = ("tx", "ty", "tz", "fx", "fy", "fz")
     wrench = Vectors(axes, ("N m",) * 3 + ("N",) * 3)
     for robot, hand in hands.items():
         for link in _owners(values, f"{hand}{_WRENCH}{{}}"):
             feature = f"observation.contact_wrench.{robot.system(link)}"
-            yield feature, wrench, held(f"{hand}{_WRENCH}{link}")
+            found[feature] = wrench, held(f"{hand}{_WRENCH}{link}")
+    return found
+
+
+_WORDS = {STATE: "joints", ACTION: "commands", SIGHTING: OBJECT_POSE}
 
 
 def _float32(
-    path: Path, what: str, values: npt.NDArray[np.float64]
+    path: Path, feature: str, values: npt.NDArray[np.float64]
 ) -> npt.NDArray[np.float32]:
     """Return values as 32-bit floats; a ScenarioError unless all are finite."""
     with np.errstate(over="ignore"):
         single = values.astype(np.float32)
     if not np.isfinite(single).all():
+        what = _WORDS.get(feature, feature)
         raise ScenarioError(f"{path}: {what}: values must be finite as 32-bit floats")
     return single
 

@@ -1,30 +1,17 @@
-"""The sections of a report: summary, failures, causes, distributions, cost."""
+"""What the sections of a report say; report.html has their layout."""
 
 from __future__ import annotations
 
 import collections
+import dataclasses as dc
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Mapping, Sequence
+from typing import Any
 
 import numpy as np
 
-from drake_srg.sweeps.report import elements
-from drake_srg.sweeps.report.elements import (
-    Child,
-    Element,
-    code,
-    definitions,
-    element,
-    figure,
-    folded,
-    in_part,
-    number,
-    paragraph,
-    percent,
-    quantile,
-    section,
-    table,
-)
+from drake_srg.sweeps.report import plots
+from drake_srg.sweeps.report.plots import number, percent, quantile
 from drake_srg.sweeps.report.trials import (
     FALSE_DISCOVERIES,
     FEW,
@@ -39,34 +26,49 @@ from drake_srg.sweeps.report.trials import (
 from drake_srg.sweeps.statistics import wilson_interval
 from drake_srg.types import Vector
 
-_OPEN_EFFECTS = 12  # plots that are open; the others are folded away
+
+@dc.dataclass(frozen=True)
+class Figure:
+    """A plot below its name and a description of what it shows."""
+
+    name: str
+    words: str
+    plot: str  # SVG
+    class_: str = "words"
 
 
-def effects(trials: Trials) -> Element:
-    """Return the section on the causes of failures, placement error and cycle time."""
+def effects(trials: Trials) -> dict[str, Any]:
+    """Return what failures, placement error and cycle time depend on.
+
+    Returns:
+        `verdict` in words and `ranked` effects. If there are any: `found`, each one
+        that matters in words by name; `rates` and `medians`, their plots; `told`,
+        whether failures could be compared; `causes`, how many effects they depend on.
+    """
     ranked = rank_effects(
         trials.quantities(),
         trials.success,
         trials.placement_error,
         trials.cycle_time,
     )
-    title = "What matters"
     if not ranked:
         few = "Too few trials have finished to tell."
         none = "Nothing was varied between the trials."
-        return section(title, paragraph(few if len(trials) < FEW else none))
-    found = [effect for effect in ranked if effect.significant]
-    return section(
-        title,
-        _verdict(ranked, trials),
-        *([_found(found, trials)] if found else []),
-        *_rates(ranked, trials),
-        *_medians(ranked, trials),
-        folded("All quantities in a table", _all_effects(ranked), _method()),
-    )
+        return {"verdict": few if len(trials) < FEW else none, "ranked": []}
+    failures = [effect.failure for effect in ranked if effect.failure is not None]
+    causes = sum(relation.significant for relation in failures)
+    return {
+        "verdict": _verdict(len(ranked), causes, trials),
+        "ranked": ranked,
+        "found": [(e.name, _found(e, trials)) for e in ranked if e.significant],
+        "rates": _rates(ranked, trials),
+        "medians": _medians(ranked, trials),
+        "told": bool(failures),
+        "causes": causes,
+    }
 
 
-def _rates(ranked: Sequence[Effect], trials: Trials) -> list[Element]:
+def _rates(ranked: Sequence[Effect], trials: Trials) -> list[Figure]:
     """Return plots of the success rate against every quantity."""
     binned = [success_bins(effect.values, trials.success) for effect in ranked]
     # A common axis, down to the lowest interval, in steps of 5 %.
@@ -76,78 +78,48 @@ def _rates(ranked: Sequence[Effect], trials: Trials) -> list[Element]:
     for effect, row in zip(ranked, binned, strict=True):
         relation, words, kind = effect.failure, "no comparison", "words"
         if relation is not None and relation.significant:
-            words = f"more failures {_where(relation, 0.5)}, p {_p(relation.p)}"
+            words = f"more failures {_where(relation, 0.5)}, p {p_value(relation.p)}"
             kind = "words found"
         elif relation is not None:
-            words = f"no effect seen, p {_p(relation.p)}"
-        plot = elements.against(
+            words = f"no effect seen, p {p_value(relation.p)}"
+        plot = plots.against(
             row,
             axis=axis,
             text=lambda share: f"{100.0 * share:.3g} %",
             label=f"Success rate against {effect.name}: {words}",
             strokes=effect.values[~trials.success & np.isfinite(effect.values)],
         )
-        figures.append(figure(effect.name, words, plot, kind))
-    told = any(effect.failure is not None for effect in ranked)
-    words = (
-        "Every bin has about the same number of trials, and is drawn with its 95 % "
-        "interval (Wilson). Each stroke at the bottom is a failed trial."
-    )
-    if any(
-        effect.failure is not None and effect.failure.significant for effect in ranked
-    ):
-        words += " The quantities that matter most come first."
-    return [
-        element("h3", "Success rate by quantity"),
-        paragraph(words),
-        *in_part(figures, _OPEN_EFFECTS if told else 0, _grid),
-    ]
+        figures.append(Figure(effect.name, words, plot, kind))
+    return figures
 
 
-def _medians(ranked: Sequence[Effect], trials: Trials) -> list[Element]:
-    """Return plots of placement error and cycle time against significant quantities."""
+def _medians(ranked: Sequence[Effect], trials: Trials) -> list[Figure]:
+    """Return plots of placement error and cycle time, where a quantity matters."""
+    placement, cycle = 1e3 * trials.placement_error, trials.cycle_time
     figures = []
-    for name, unit, outcome, relations in (
-        (
-            "Placement error",
-            "mm",
-            1e3 * trials.placement_error,
-            [effect.placement for effect in ranked],
-        ),
-        ("Cycle time", "s", trials.cycle_time, [effect.cycle for effect in ranked]),
+    for name, outcome, relations in (
+        ("Placement error [mm]", placement, [e.placement for e in ranked]),
+        ("Cycle time [s]", cycle, [e.cycle for e in ranked]),
     ):
         known = np.where(trials.success, outcome, np.nan)
         for effect, relation in zip(ranked, relations, strict=True):
             if relation is None or not relation.significant:
                 continue
             rows = median_bins(effect.values, known)
-            words = f"{name} [{unit}] is larger {_where(relation, 0.0)}"
-            plot = elements.against(
+            words = f"{name} is larger {_where(relation, 0.0)}"
+            plot = plots.against(
                 rows,
                 axis=(min(b.bounds[0] for b in rows), max(b.bounds[1] for b in rows)),
                 text=number,
                 label=f"{words} of {effect.name}",
             )
-            figures.append(figure(effect.name, words, plot))
-    if not figures:
-        return []
-    return [
-        element("h3", "Placement error and cycle time"),
-        paragraph(
-            "Medians of successful trials in bins as above; each bar spans the middle "
-            "half of its trials. Only quantities that matter are shown."
-        ),
-        *in_part(figures, _OPEN_EFFECTS, _grid),
-    ]
+            figures.append(Figure(effect.name, words, plot))
+    return figures
 
 
-def _grid(figures: Sequence[Element]) -> Element:
-    return element("div", *figures, class_="plots")
-
-
-def _verdict(ranked: Sequence[Effect], trials: Trials) -> Element:
-    n, failed = len(ranked), int(np.count_nonzero(~trials.success))
-    causes = sum(e.failure is not None and e.failure.significant for e in ranked)
+def _verdict(n: int, causes: int, trials: Trials) -> str:
+    """Return in words how many of n quantities are causes of failures."""
+    failed = int(np.count_nonzero(~trials.success))
     words = f"{n} quantities were varied. " if n > 1 else "One quantity was varied. "
     if failed == 0:
         words += "No trial failed, so none of them can be a cause of failures."
@@ -165,27 +137,24 @@ def _verdict(ranked: Sequence[Effect], trials: Trials) -> Element:
         )
         if failed < 10:
             words += f" With {failed} failed trials, only strong effects would show."
-    return paragraph(words)
+    return words
 
 
-def _found(found: Sequence[Effect], trials: Trials) -> Element:
-    """Return in words the effect of each significant quantity."""
-    items = []
-    for effect in found:
-        words: list[str] = []
-        if effect.failure is not None and effect.failure.significant:
-            rates = _ends(success_bins(effect.values, trials.success))
-            where = _where(effect.failure, 0.5)
-            words.append(f"failures are more frequent {where} ({rates})")
-        for name, relation in (
-            ("the placement error is larger", effect.placement),
-            ("the cycle is longer", effect.cycle),
-        ):
-            if relation is not None and relation.significant:
-                rho = f"ρ {relation.strength:.2f}"
-                words.append(f"{name} {_where(relation, 0.0)} ({rho})")
-        items.append(element("li", code(effect.name), f": {'; '.join(words)}."))
-    return element("ol", *items)
+def _found(effect: Effect, trials: Trials) -> str:
+    """Return in words what a quantity that matters does."""
+    words: list[str] = []
+    if effect.failure is not None and effect.failure.significant:
+        rates = _ends(success_bins(effect.values, trials.success))
+        where = _where(effect.failure, 0.5)
+        words.append(f"failures are more frequent {where} ({rates})")
+    for name, relation in (
+        ("the placement error is larger", effect.placement),
+        ("the cycle is longer", effect.cycle),
+    ):
+        if relation is not None and relation.significant:
+            rho = f"ρ {relation.strength:.2f}"
+            words.append(f"{name} {_where(relation, 0.0)} ({rho})")
+    return "; ".join(words)
 
 
 def _ends(rows: Sequence[Bin]) -> str:
@@ -210,51 +179,22 @@ def _where(relation: Relation, neutral: float) -> str:
     return "at high values" if more else "at low values"
 
 
-def _all_effects(ranked: Sequence[Effect]) -> Element:
-    def cell(relation: Relation | None, symbol: str) -> Child:
-        if relation is None:
-            return "-"
-        ends = " of ends" if relation.ends else ""
-        text = f"{symbol}{ends} {relation.strength:.2f}, p {_p(relation.p)}"
-        return element("strong", text) if relation.significant else text
-
-    return table(
-        ["Quantity", "from", "to", "Failures", "Placement error", "Cycle time"],
-        [
-            (
-                code(e.name),
-                number(float(np.nanmin(e.values))),
-                number(float(np.nanmax(e.values))),
-                cell(e.failure, "AUC"),
-                cell(e.placement, "ρ"),
-                cell(e.cycle, "ρ"),
-            )
-            for e in ranked
-        ],
-        "All quantities",
-    )
-
-
-def _method() -> Element:
-    return paragraph(
-        "AUC: the probability that a failed trial has a larger value than a successful "
-        "one; 0.5 means no difference (Mann-Whitney test, exact for few failures). "
-        "ρ: Spearman's rank correlation among successful trials. Both are computed "
-        "twice, with the value and with its distance from the median (“of ends”); the "
-        "more significant result is shown, with its p-value doubled. p is adjusted for "
-        "the number of quantities (Benjamini and Hochberg) and bold if it is at most "
-        f"{FALSE_DISCOVERIES:g}. The combined effect of two quantities is not tested."
-    )
-
-
-def _p(p: float) -> str:
+def p_value(p: float) -> str:
+    """Return a p-value as text."""
     return "< 1e-6" if p < 1e-6 else f"{p:.2g}"
 
 
-_OPEN_FAILURES = 12  # rows of failed trials that are open; the others are folded
+@dc.dataclass(frozen=True)
+class Tile:
+    """A number of the summary."""
+
+    name: str
+    value: str
+    detail: str
+    class_: str = "tile"
 
 
-def summary(trials: Trials) -> Element:
+def summary(trials: Trials) -> list[Tile]:
     """Return the summary: success and grasp rates, false reports, errors, times."""
     n, k = len(trials), int(np.count_nonzero(trials.success))
     low, high = wilson_interval(k, n)
@@ -264,125 +204,59 @@ def summary(trials: Trials) -> Element:
     times, placing = trials.cycle_time[good], trials.time_to_placement[good]
     known = np.isfinite(trials.grasp_lifted)
     lifted = int(np.sum(trials.grasp_lifted[known]))
-    tiles = [
-        _tile(
-            "Success",
-            percent(k / n, n),
-            f"{k:,} of {n:,} trials; 95 % interval {percent(low, n)} to "
-            f"{percent(high, n)} (Wilson)",
-            "tile lead",
-        )
-    ]
+    words = (
+        f"{k:,} of {n:,} trials; 95 % interval {percent(low, n)} to "
+        f"{percent(high, n)} (Wilson)"
+    )
+    tiles = [Tile("Success", percent(k / n, n), words, "tile lead")]
     if np.any(known):
         lifts = f"of {np.count_nonzero(known):,} trials, whatever came of it"
-        tiles.append(_tile("Grasped and lifted", f"{lifted:,}", lifts))
-    tiles.append(
-        _tile(
-            "Wrongly reported done",
-            f"{claimed:,}",
-            "failed trials that the planner reported as done",
-            "tile bad" if claimed else "tile",
-        )
-    )
+        tiles.append(Tile("Grasped and lifted", f"{lifted:,}", lifts))
+    words = "failed trials that the planner reported as done"
+    kind = "tile bad" if claimed else "tile"
+    tiles.append(Tile("Wrongly reported done", f"{claimed:,}", words, kind))
     if np.any(np.isfinite(errors)):
-        tiles.append(
-            _tile(
-                "Placement error",
-                number(quantile(errors, 0.95), "mm"),
-                f"95 % quantile; median {number(quantile(errors, 0.5), 'mm')}",
-            )
-        )
+        words = f"95 % quantile; median {number(quantile(errors, 0.5), 'mm')}"
+        most = number(quantile(errors, 0.95), "mm")
+        tiles.append(Tile("Placement error", most, words))
     if np.any(np.isfinite(times)):
         words = f"median; 95 % quantile {number(quantile(times, 0.95), 's')}"
         if np.any(np.isfinite(placing)):
             words += f"; until it is placed {number(quantile(placing, 0.5), 's')}"
-        tiles.append(_tile("Cycle time", number(quantile(times, 0.5), "s"), words))
-    return element("div", *tiles, class_="tiles")
+        tiles.append(Tile("Cycle time", number(quantile(times, 0.5), "s"), words))
+    return tiles
 
 
-def _tile(name: str, value: str, detail: str, class_: str = "tile") -> Element:
-    return element(
-        "div",
-        element("div", name, class_="name"),
-        element("div", value, class_="value"),
-        element("div", detail, class_="detail"),
-        class_=class_,
-    )
+def failures(trials: Trials) -> dict[str, Any]:
+    """Return what failed, and how often for which reason.
 
-
-def failures(trials: Trials, rerun: Callable[[int], str]) -> Element:
-    """Return the section on failures: how often for which reason, and each trial.
-
-    Args:
-        trials: All trials.
-        rerun: Returns the command that repeats the trial of a seed.
+    Returns:
+        `failed`: the rows of failed trials, the worst first; `reasons`: each with its
+        `word`, `count`, `share` of all trials and how many were `claimed` as done;
+        `highest`: the failure rate that is possible if none failed.
     """
-    rows = [row for row in trials.worst() if not trials.success[row]]
+    failed = [row for row in trials.worst() if not trials.success[row]]
     n = len(trials)
-    if not rows:
-        low, _ = wilson_interval(n, n)
-        return section(
-            "Failures",
-            paragraph(
-                f"None. With {n:,} trials, the failure rate may still be as high as "
-                f"{percent(1.0 - low, n)} (95 % confidence)."
-            ),
-        )
-    reasons = collections.Counter(trials.failure[row] for row in rows)
-
-    def reason(word: str, count: int) -> list[Child]:
+    counts = collections.Counter(trials.failure[row] for row in failed)
+    claimed = collections.Counter(
+        trials.failure[row] for row in failed if trials.claimed[row]
+    )
+    reasons: list[Mapping[str, Any]] = []
+    for word, count in counts.most_common():
         low, high = wilson_interval(count, n)
-        claimed = sum(
-            bool(trials.claimed[row]) for row in rows if trials.failure[row] == word
+        share = f"{percent(count / n, n)} ({percent(low, n)} to {percent(high, n)})"
+        reasons.append(
+            {"word": word, "count": count, "share": share, "claimed": claimed[word]}
         )
-        return [
-            code(word),
-            element(
-                "div",
-                element("span", style=f"width:{100.0 * count / len(rows):.1f}%"),
-                class_="share",
-            ),
-            f"{count:,}",
-            f"{percent(count / n, n)} ({percent(low, n)} to {percent(high, n)})",
-            f"{claimed:,}",
-        ]
-
-    return section(
-        "Failures",
-        table(
-            ["Reason", "", "Trials", "Share of all (95 % interval)", "Reported done"],
-            [reason(*item) for item in reasons.most_common()],
-            "Failures by reason",
-            "reasons",
-        ),
-        element("h3", "Failed trials, one by one"),
-        *in_part(
-            [_failed_trial(trials, row, rerun) for row in rows],
-            _OPEN_FAILURES,
-            lambda part: table(
-                ["Trial", "Reason", "Planner's message", "Command to repeat it"],
-                part,
-                "Failed trials",
-            ),
-        ),
-    )
+    highest = percent(1.0 - wilson_interval(n, n)[0], n)
+    return {"failed": failed, "reasons": reasons, "highest": highest}
 
 
-def _failed_trial(
-    trials: Trials, row: int, rerun: Callable[[int], str]
-) -> Sequence[Child]:
-    claim = ["; reported done"] if trials.claimed[row] else []
-    return (
-        f"{trials.trial[row]}",
-        element("span", code(trials.failure[row]), *claim),
-        trials.message[row] or "-",
-        code(rerun(trials.seed[row])),
-    )
-
-
-def distributions(trials: Trials) -> Element:
+def distributions(trials: Trials) -> list[Figure]:
     """Return histograms of the metrics that trials are judged by."""
-    good = trials.success
+    left = trials.numbers("objects_total") - trials.numbers("objects_cleared")
+    missed = trials.numbers("picks") - trials.numbers("picks_held")
+    # Name, unit, values, and whether these are whole numbers.
     kinds: tuple[tuple[str, str, Vector, bool], ...] = (
         ("Cycle time", "s", trials.cycle_time, False),
         ("Placement error", "mm", 1e3 * trials.placement_error, False),
@@ -390,44 +264,29 @@ def distributions(trials: Trials) -> Element:
         ("Localisation turn", "deg", np.rad2deg(trials.localization_turn), False),
         ("Motion of other objects", "mm", 1e3 * trials.others_moved, False),
         ("Attempts", "", trials.attempts, True),
-    )
-    left = trials.numbers("objects_total") - trials.numbers("objects_cleared")
-    missed = trials.numbers("picks") - trials.numbers("picks_held")
-    of_several = (
         ("Objects left", "", left, True),
         ("Objects in a wrong bin", "", trials.numbers("objects_in_wrong_bin"), True),
         ("Picks not seen to hold", "", missed, True),
         ("Picks per hour", "", trials.numbers("picks_per_hour"), False),
     )
-    kinds += tuple(kind for kind in of_several if np.any(np.isfinite(kind[2])))
     figures = []
     for name, unit, values, whole in kinds:
         if not np.any(np.isfinite(values)):
             continue
-        own = values[good] if np.any(np.isfinite(values[good])) else values
+        good = values[trials.success]
+        own = good if np.any(np.isfinite(good)) else values
         words = (
             f"median {number(quantile(own, 0.5), unit)}, "
             f"95 % quantile {number(quantile(own, 0.95), unit)}"
         )
         label = f"Histogram of {name.lower()} {f'[{unit}]' if unit else ''}: {words}"
-        plot = elements.histogram(values, good, label=label, whole=whole)
-        figures.append(figure(f"{name} [{unit}]" if unit else name, words, plot))
-    if not figures:
-        return section("Distributions", paragraph("No trial has a value."))
-    return section(
-        "Distributions",
-        paragraph(
-            element("span", class_="key good"),
-            " successful trials, which determine axes, medians and quantiles; ",
-            element("span", class_="key bad"),
-            " failed trials that have a value. Errors are distances.",
-        ),
-        element("div", *figures, class_="plots wide"),
-    )
+        plot = plots.histogram(values, trials.success, label=label, whole=whole)
+        figures.append(Figure(f"{name} [{unit}]" if unit else name, words, plot))
+    return figures
 
 
-def totals(trials: Trials, jobs: int | None) -> Element:
-    """Return the section on time, throughput and memory.
+def totals(trials: Trials, jobs: int | None) -> list[tuple[str, str]]:
+    """Return names and values of time, throughput and memory.
 
     Args:
         trials: All trials.
@@ -440,7 +299,7 @@ def totals(trials: Trials, jobs: int | None) -> Element:
     spent = float(np.nansum(own))
     rate = 3600.0 * workers * np.count_nonzero(np.isfinite(own)) / (spent or math.nan)
     memory = trials.numbers("memory_mb")
-    rows: list[tuple[str, str]] = [
+    return [
         ("Simulated time", _duration(float(np.nansum(trials.numbers("sim_time_s"))))),
         ("Computing time of all workers", _duration(spent)),
         ("Time per trial, with build", _median_and_most(own, "s")),
@@ -456,7 +315,6 @@ def totals(trials: Trials, jobs: int | None) -> Element:
         ),
         ("Memory per worker", _median_and_most(memory, "MB")),
     ]
-    return section("Time and memory", definitions(rows))
 
 
 def _median_and_most(values: Vector, unit: str) -> str:

@@ -11,9 +11,9 @@ from typing import Any, TypeAlias
 
 import numpy as np
 import numpy.typing as npt
+import scipy.stats
 
 from drake_srg.sweeps.statistics import (
-    benjamini_hochberg,
     rank_auc,
     spearman,
     wilson_interval,
@@ -208,7 +208,9 @@ def _relations(
         ]
         found[name] = min(relations, key=lambda r: r.p, default=None)
     told = {name: relation for name, relation in found.items() if relation is not None}
-    adjusted = benjamini_hochberg(np.array([r.p for r in told.values()]))
+    # Of the results with an adjusted p-value of at most q, a share of at most q is
+    # expected to be false (Y. Benjamini, Y. Hochberg, J. R. Stat. Soc. B 57:289, 1995).
+    adjusted = scipy.stats.false_discovery_control([r.p for r in told.values()])
     return found | {
         name: dc.replace(relation, p=float(p))
         for (name, relation), p in zip(told.items(), adjusted, strict=True)

@@ -1,19 +1,26 @@
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 from pydrake.common.eigen_geometry import Quaternion
-from pydrake.geometry import SceneGraph
-from pydrake.math import RigidTransform
+from pydrake.math import RigidTransform, RollPitchYaw
 from pydrake.systems.framework import DiagramBuilder
 from pydrake.systems.primitives import ConstantVectorSource
 
 from drake_srg.objects.config import ObjectConfig, SoftConfig
-from drake_srg.recording.replay.glb import write_glb
+from drake_srg.recording.replay.glb import EXTRAS, write_glb
 from drake_srg.recording.replay.recorder import ReplayRecorder
-from drake_srg.recording.replay.scene import METERS_PER_NEWTON, SceneRecorder
+from drake_srg.recording.replay.scene import (
+    METERS_PER_NEWTON,
+    SceneRecorder,
+    force_node,
+    pose_row,
+    pose_tracks,
+)
 from drake_srg.simulation.rig import Rig, bench_scenario
 from drake_srg.types import Box
 from recording.replay.strict_reader import Strict
-from recording.replay.tiny_scene import PERIOD, SAMPLES, MakeScene, record
+from recording.replay.tiny_scene import PERIOD, SAMPLES, record
 
 
 @pytest.fixture(scope="module")
@@ -51,6 +58,12 @@ def rotations(poses):
     return np.roll(wxyz, -1, axis=1)
 
 
+def test_the_file_has_labels_and_the_place_of_the_video(strict):
+    extras = strict.document["scenes"][0]["extras"][EXTRAS]
+    assert extras["labels"]["title"] == "tiny, seed 0"
+    assert (extras["video_camera"], extras["video_start"]) == ("side", 0.05)
+
+
 def test_a_force_carries_the_box_after_its_fall(strict):
     name = "force of world on box::body"
     _, shift = strict.track(name, "translation")
@@ -79,17 +92,11 @@ def test_equal_runs_give_equal_bytes(folder, poses, tmp_path):
     assert first.read_bytes() == second.read_bytes()
 
 
-def test_without_contacts_there_are_no_forces():
-    diagram, _ = MakeScene()
-    (graph,) = (s for s in diagram.GetSystems() if isinstance(s, SceneGraph))
-    recorder = SceneRecorder(
-        graph, {"side": diagram.GetSubsystemByName("rgbd_sensor_side")}
-    )
-    context = graph.GetMyContextFromRoot(diagram.CreateDefaultContext())
-    recorder.sample(0.0, graph.get_query_output_port().Eval(context))
-    names = [node.name for node in recorder.nodes()]
-    assert names == ["world", "box::body", "swing::bar", "side"]
-    assert len(recorder) == 1
+def test_without_contact_results_there_are_no_forces(tmp_path):
+    record(tmp_path, contacts=False)
+    strict = Strict((tmp_path / "replay.glb").read_bytes())
+    names = [node["name"] for node in strict.document["nodes"]]
+    assert names == ["world", "box::body", "swing::bar", "side", "world (z up)"]
 
 
 def test_a_diagram_without_a_scene_is_refused():
@@ -143,3 +150,53 @@ def test_a_soft_body_has_the_vertices_of_the_plant():
         apart = np.linalg.norm(points[:, None] - vertices, axis=2)
         assert apart.min(axis=1).max() < 1e-5
     assert any(n.extras and n.extras.get("force") for n in nodes)
+
+
+TIME = np.arange(6) / 50
+# Contact in the samples 1, 2 and 4.
+CONTACTS = [
+    (1, np.array([0.1, 0.2, 0.3, 0.0, 0.0, 2.0])),
+    (2, np.array([0.1, 0.2, 0.4, 0.0, 3.0, 0.0])),
+    (4, np.array([0.5, 0.2, 0.4, 0.0, 0.0, -4.0])),
+]
+
+
+def at(track, time):
+    """Return a track's value at one of its sample times, held where it has none."""
+    return np.array([np.interp(time, track.time, column) for column in track.values.T])
+
+
+def test_an_arrow_has_the_forces_place_direction_and_size():
+    node = force_node(("table", "can"), CONTACTS, TIME)
+    assert node.name == "force of table on can"
+    for i, row in CONTACTS:
+        scale = at(node.tracks["scale"], TIME[i])
+        force = np.linalg.norm(row[3:])
+        np.testing.assert_allclose(scale, [1, 1, METERS_PER_NEWTON * force])
+        np.testing.assert_allclose(at(node.tracks["translation"], TIME[i]), row[:3])
+        x, y, z, w = at(node.tracks["rotation"], TIME[i])
+        direction = RigidTransform(Quaternion(w, x, y, z), [0, 0, 0]) @ [0, 0, 1]
+        np.testing.assert_allclose(direction, row[3:] / force, atol=1e-12)
+
+
+def test_without_contact_an_arrow_has_no_size():
+    node = force_node(("table", "can"), CONTACTS, TIME)
+    for i in (0, 3, 5):
+        np.testing.assert_array_equal(at(node.tracks["scale"], TIME[i]), [0, 0, 0])
+    Strict(write_glb([node], {}))
+
+
+def test_a_steady_force_needs_two_samples_at_most():
+    samples = [(i, CONTACTS[0][1]) for i in range(len(TIME))]
+    node = force_node(("table", "can"), samples, TIME)
+    assert all(len(track.time) <= 2 for track in node.tracks.values())
+
+
+@given(st.tuples(*3 * [st.floats(-3, 3)]))
+def test_a_pose_is_kept(angles):
+    X = RigidTransform(RollPitchYaw(*angles), [1.0, 2.0, 3.0])
+    tracks = pose_tracks(TIME[:1], pose_row(X)[None])
+    x, y, z, w = tracks["rotation"].values[0]
+    again = RigidTransform(Quaternion(w, x, y, z), tracks["translation"].values[0])
+    assert again.IsNearlyEqualTo(X, 1e-12)
+    assert np.linalg.norm([x, y, z, w]) == pytest.approx(1)

@@ -19,7 +19,7 @@ from drake_srg.sweeps.dataset.format import (
     next_place,
 )
 from drake_srg.sweeps.dataset.make import Dataset, DatasetWriter, make_dataset
-from drake_srg.sweeps.dataset.recording import read_images, read_signals
+from drake_srg.sweeps.dataset.recording import ACTION, STATE, read_images, read_signals
 from drake_srg.sweeps.info import dump_tree
 from drake_srg.types import Cylinder
 from sweeps.dataset import lerobot_format as lerobot
@@ -239,11 +239,12 @@ def test_joints_are_interpolated_and_commands_are_held(tmp_path):
     signals = read_signals(folder / "recordings/000000/recording.mcap")
     times = 0.125 * np.arange(1, 5)
     expected = joint_positions(times[:, None])
-    np.testing.assert_allclose(signals.state, expected, atol=1e-7)
+    np.testing.assert_allclose(signals.values[STATE], expected, atol=1e-7)
     before = 0.04 * np.floor(times / 0.04 + 1e-9)
     arm = joint_positions(before[:, None])[:, :2] + 0.01
-    np.testing.assert_allclose(signals.action[:, :2], arm, atol=1e-7)
-    np.testing.assert_allclose(signals.action[:, 2], closure(before), atol=1e-7)
+    action = signals.values[ACTION]
+    np.testing.assert_allclose(action[:, :2], arm, atol=1e-7)
+    np.testing.assert_allclose(action[:, 2], closure(before), atol=1e-7)
 
 
 def test_large_data_sets_have_several_files(sweep, tmp_path):

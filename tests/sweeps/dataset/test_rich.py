@@ -1,4 +1,4 @@
-"""Data sets of recordings with depth, calibrations, torques, touch and modes."""
+"""Data sets of recordings with depth, calibrations, forces, modes and two arms."""
 
 import json
 
@@ -15,10 +15,12 @@ from sweeps.dataset.recorded_sweep import (
     GRIPPER,
     MODES,
     camera_pose,
+    closure,
     contact_wrench,
     depth_picture,
     effort,
     grasped,
+    joint_positions,
     mode,
     touch,
     write_sweep,
@@ -28,6 +30,7 @@ from sweeps.dataset.recorded_sweep import (
 FPS = 8
 DEPTH = "observation.images.ceiling_depth"
 COUNTS = (8, 4)
+ACTION = [*ARM, "gripper_closure"]
 
 
 @pytest.fixture(scope="module")
@@ -58,10 +61,6 @@ def expected_depth(time):
     depth = depth_picture(time, *CAMERAS["ceiling"]).astype(float)
     depth[~np.isfinite(depth)] = 0.0
     return np.minimum(np.rint(depth * 1000.0), 4095.0) / 1000.0
-
-
-def test_the_data_set_follows_the_published_format(root):
-    lerobot.check(root)
 
 
 def test_depth_comes_back_to_the_millimetre(root):
@@ -101,37 +100,99 @@ def test_cameras_have_intrinsics_and_a_pose_per_frame(features, frames):
         np.testing.assert_allclose(row, [*X_WC.translation(), *xyzw], atol=1e-6)
 
 
-@pytest.mark.parametrize(
-    ("name", "function", "unit"),
-    [("observation.touch", touch, "N"), ("observation.effort", effort, "N m")],
-)
-def test_frames_tell_forces(features, frames, name, function, unit):
-    assert features[name]["info"]["units"] == [unit] * 2
-    expected = np.float32([function(time) for time in times()])
-    np.testing.assert_array_equal(frames[name].to_pylist(), expected)
-
-
 WRENCHES = [f"observation.contact_wrench.{link}" for link in GRIPPER]
 
 
-def test_frames_tell_the_wrench_on_each_link(features, frames):
-    for number, name in enumerate(WRENCHES):
-        assert features[name]["shape"] == [6]
-        assert features[name]["names"] == ["tx", "ty", "tz", "fx", "fy", "fz"]
-        assert features[name]["info"]["units"] == ["N m"] * 3 + ["N"] * 3
-        expected = [contact_wrench(time).reshape(2, 6)[number] for time in times()]
-        np.testing.assert_array_equal(frames[name].to_pylist(), np.float32(expected))
+@pytest.fixture(scope="module")
+def two_arms(tmp_path_factory):
+    sweep = write_sweep(tmp_path_factory.mktemp("sweep"))
+    for trial, count in enumerate(COUNTS):
+        write_trial(sweep, trial, count / FPS, rich=("ceiling",), arms=ARMS)
+    return make_dataset(sweep).path
 
 
-def test_frames_tell_whether_the_hand_has_grasped(features, frames):
-    assert features["observation.grasped"]["shape"] == [1]
-    found = frames["observation.grasped"].to_pylist()
-    assert found == [grasped(time) for time in times()]
-    assert set(found) == {0.0, 1.0}
+# Not in the order of the alphabet. The second one's signals are twice the first's.
+ARMS = ("right", "left")
 
 
-def test_efforts_are_of_the_joints_that_measure_torque(features):
-    assert features["observation.effort"]["names"] == ARM
+@pytest.fixture(
+    scope="module", params=[("root", [""]), ("two_arms", ["right_", "left_"])]
+)
+def robots(request):
+    """Return features, frames, and the prefixes of the arms' names."""
+    name, prefixes = request.param
+    path = request.getfixturevalue(name)
+    lerobot.check(path)
+    return lerobot.read_info(path)["features"], lerobot.read_frames(path), prefixes
+
+
+def command(time):
+    return np.append(joint_positions(time)[:2] + 0.01, closure(time))
+
+
+@pytest.mark.parametrize(
+    ("feature", "function", "names", "unit"),
+    [
+        ("observation.state", joint_positions, ARM + GRIPPER, ""),
+        ("action", command, ACTION, ""),
+        ("observation.effort", effort, ARM, "N m"),  # the fingers measure none
+        ("observation.touch", touch, ["0", "1"], "N"),
+        ("observation.grasped", grasped, ["0"], "1"),
+    ],
+)
+def test_one_arm_follows_the_other(robots, feature, function, names, unit):
+    features, frames, prefixes = robots
+    expected_names = [prefix + name for prefix in prefixes for name in names]
+    assert features[feature]["names"] == expected_names
+    if unit:
+        assert features[feature]["info"]["units"] == [unit] * len(expected_names)
+    # A second hand has grasped, too, and not twice.
+    scales = [1, 1] if function is grasped else [1, 2]
+    expected = [
+        np.ravel([k * np.asarray(function(time)) for k in scales[: len(prefixes)]])
+        for time in times()
+    ]
+    rows = np.reshape(frames[feature].to_pylist(), (len(expected), -1))
+    np.testing.assert_allclose(rows, expected, rtol=1e-6)
+
+
+def test_frames_tell_the_wrench_on_each_link(robots):
+    features, frames, prefixes = robots
+    found = {name for name in features if name.startswith("observation.contact_wrench")}
+    assert len(found) == len(GRIPPER) * len(prefixes)
+    for scale, prefix in enumerate(prefixes, 1):
+        for number, link in enumerate(GRIPPER):
+            name = f"observation.contact_wrench.{prefix}{link}"
+            assert features[name]["names"] == ["tx", "ty", "tz", "fx", "fy", "fz"]
+            assert features[name]["info"]["units"] == ["N m"] * 3 + ["N"] * 3
+            own = [contact_wrench(time).reshape(2, 6)[number] for time in times()]
+            rows = frames[name].to_pylist()
+            np.testing.assert_allclose(rows, scale * np.array(own), rtol=1e-6)
+
+
+def test_the_name_of_an_arm_may_begin_with_that_of_another(tmp_path):
+    sweep = write_sweep(tmp_path)
+    arms = ("left_2", "left")
+    write_trial(sweep, 0, 0.2, cameras={"ceiling": (16, 12)}, arms=arms)
+    features = lerobot.read_info(make_dataset(sweep).path)["features"]
+    names = [f"{arm}_{name}" for arm in arms for name in ACTION]
+    assert features["action"]["names"] == names
+
+
+@pytest.mark.parametrize(
+    ("scenario", "arms"), [("learn_kitchen", ("",)), ("handover", ("left", "right"))]
+)
+def test_touch_has_the_names_of_the_links_with_sensors(tmp_path, scenario, arms):
+    sweep = write_sweep(tmp_path)
+    info = json.loads((sweep / "sweep.json").read_text())
+    tree = dump_tree(load_tree(scenario))
+    (sweep / "sweep.json").write_text(json.dumps({**info, "tree": tree}))
+    write_trial(sweep, 0, 0.2, cameras={"ceiling": (16, 12)}, sensors=4, arms=arms)
+    features = lerobot.read_info(make_dataset(sweep).path)["features"]
+    links = ["left_base", "right_base", "left_tip", "right_tip"]
+    assert features["observation.touch"]["names"] == [
+        f"{arm}_{link}" if arm else link for arm in arms for link in links
+    ]
 
 
 def test_subtasks_are_the_modes_of_the_planner(root, frames):
@@ -173,21 +234,6 @@ def test_recordings_without_them_lack_the_features(tmp_path):
     for name in ("observation.effort", "camera_pose.ceiling", "observation.motor_pwm"):
         assert name not in features
     assert not features.keys() & {"observation.grasped", *WRENCHES}
-
-
-def test_touch_has_the_names_of_the_links_with_sensors(tmp_path):
-    sweep = write_sweep(tmp_path)
-    info = json.loads((sweep / "sweep.json").read_text())
-    tree = load_tree("learn_kitchen")
-    (sweep / "sweep.json").write_text(json.dumps({**info, "tree": dump_tree(tree)}))
-    write_trial(sweep, 0, 0.2, cameras={"ceiling": (16, 12)}, sensors=4)
-    features = lerobot.read_info(make_dataset(sweep).path)["features"]
-    assert features["observation.touch"]["names"] == [
-        "left_base",
-        "right_base",
-        "left_tip",
-        "right_tip",
-    ]
 
 
 @pytest.mark.lerobot
@@ -256,3 +302,15 @@ def test_lerobot_joins_and_edits_data_sets(root, tmp_path):
     names = ["language_persistent", DEPTH]
     less = remove_feature(one, names, output_dir=tmp_path / "less", repo_id="us/less")
     assert not {*names} & {*less[0]}
+
+
+@pytest.mark.lerobot
+def test_lerobot_gives_both_arms_back(two_arms):
+    from lerobot.datasets.lerobot_dataset import LeRobotDataset
+
+    dataset = LeRobotDataset("us/two", root=two_arms, video_backend="pyav")
+    assert len(dataset) == sum(COUNTS)
+    for item, time in zip(dataset, times(), strict=True):
+        q, own = joint_positions(time), command(time)
+        np.testing.assert_allclose(item["observation.state"], np.r_[q, 2 * q], 1e-6)
+        np.testing.assert_allclose(item["action"], np.r_[own, 2 * own], 1e-6)

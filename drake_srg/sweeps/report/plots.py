@@ -1,148 +1,17 @@
-"""Elements and plots of a report's page."""
+"""The plots of a report, as SVG, and how it writes numbers."""
 
 from __future__ import annotations
 
 import dataclasses as dc
+import html
 import math
-from collections.abc import Callable, Iterable, Sequence
-from typing import TypeVar
-from xml.etree import ElementTree
+from collections.abc import Callable, Sequence
 
 import numpy as np
 import numpy.typing as npt
 
 from drake_srg.sweeps.report.trials import Bin
 from drake_srg.types import Vector
-
-Element = ElementTree.Element
-Child = Element | str
-Attribute = str | float
-Item = TypeVar("Item")
-
-
-def element(tag: str, /, *children: Child, **attributes: Attribute) -> Element:
-    """Return an element of HTML or SVG.
-
-    Args:
-        tag: Name of the element.
-        children: Elements and text, in order.
-        attributes: `_` becomes `-`, and a final one, as in `class_`, is dropped.
-            Numbers are written with five digits, which is enough for a drawing.
-    """
-    made = Element(
-        tag,
-        {
-            key.rstrip("_").replace("_", "-"): value
-            if isinstance(value, str)
-            else f"{value:.5g}"
-            for key, value in attributes.items()
-        },
-    )
-    for child in children:
-        if isinstance(child, Element):
-            made.append(child)
-        elif len(made):
-            made[-1].tail = (made[-1].tail or "") + child
-        else:
-            made.text = (made.text or "") + child
-    return made
-
-
-def table(
-    head: Sequence[Child], rows: Iterable[Sequence[Child]], label: str, class_: str = ""
-) -> Element:
-    """Return a table, which scrolls on its own if the page is too narrow.
-
-    Args:
-        head: Titles of the columns.
-        rows: Cells of each row.
-        label: Description of the table, for screen readers.
-        class_: CSS class of the table.
-    """
-    return element(
-        "div",
-        element(
-            "table",
-            element(
-                "thead",
-                element("tr", *(element("th", cell, scope="col") for cell in head)),
-            ),
-            element(
-                "tbody",
-                *(
-                    element("tr", *(element("td", cell) for cell in row))
-                    for row in rows
-                ),
-            ),
-            class_=class_,
-        ),
-        class_="scroll",
-        role="region",
-        tabindex="0",  # allows scrolling with the keyboard
-        aria_label=label,
-    )
-
-
-def section(title: str, *children: Child) -> Element:
-    """Return a section of the page with its heading."""
-    name = title.lower().replace(" ", "-")
-    heading = element("h2", title, id=name)
-    return element("section", heading, *children, aria_labelledby=name)
-
-
-def paragraph(*children: Child) -> Element:
-    """Return a paragraph of plain text."""
-    return element("p", *children)
-
-
-def folded(summary: str, *children: Child) -> Element:
-    """Return content that is hidden until the reader opens it or prints the page."""
-    return element("details", element("summary", summary), *children)
-
-
-def definitions(rows: Sequence[tuple[str, Child]]) -> Element:
-    """Return a list of names and their values."""
-    return element(
-        "dl",
-        *(
-            element("div", element("dt", name), element("dd", value))
-            for name, value in rows
-        ),
-    )
-
-
-def in_part(
-    items: Sequence[Item], opened: int, show: Callable[[Sequence[Item]], Element]
-) -> list[Element]:
-    """Return the first items, with the others folded.
-
-    Args:
-        items: All items.
-        opened: Number of items that are not folded.
-        show: Makes an element of some items.
-    """
-    shown = [show(items[:opened])] if opened else []
-    rest = items[opened:]
-    if rest:
-        shown.append(folded(f"{len(rest):,} more", show(rest)))
-    return shown
-
-
-def figure(
-    name: str, words: str, plot: Element | None = None, class_: str = "words"
-) -> Element:
-    """Return a plot below its name and a description of what it shows."""
-    caption = element(
-        "figcaption",
-        element("strong", name),
-        element("span", words, class_=class_),
-    )
-    return element("figure", caption, *([] if plot is None else [plot]))
-
-
-def code(text: str) -> Element:
-    """Return text in the font of commands and names."""
-    return element("code", text)
 
 
 def percent(share: float, trials: int) -> str:
@@ -176,6 +45,22 @@ _NONE: Vector = np.empty(0)
 _LETTER = 6.5  # mean width of a letter
 
 
+def _tag(tag: str, text: str = "", /, **attributes: str | float) -> str:
+    """Return an element of SVG.
+
+    Args:
+        tag: Name of the element.
+        text: Its text.
+        attributes: `_` becomes `-`, and a final one, as in `class_`, is dropped.
+            Numbers are written with five digits, which is enough for a drawing.
+    """
+    words = [tag]
+    for key, value in attributes.items():
+        written = html.escape(value) if isinstance(value, str) else f"{value:.5g}"
+        words.append(f'{key.rstrip("_").replace("_", "-")}="{written}"')
+    return f"<{' '.join(words)}>{html.escape(text, quote=False)}</{tag}>"
+
+
 @dc.dataclass(frozen=True)
 class Scale:
     """Maps an interval of data to an interval of a plot."""
@@ -204,7 +89,7 @@ def ticks(low: float, high: float, count: int) -> list[float]:
 
 def histogram(
     values: Vector, success: npt.NDArray[np.bool_], *, label: str, whole: bool = False
-) -> Element:
+) -> str:
     """Return the distribution of a metric, failed trials on top of the others.
 
     The axis covers the successful trials, whose median and 95 % quantile are marked. A
@@ -243,14 +128,14 @@ def histogram(
     return _svg(children + _quantile_marks(x, axis), label)
 
 
-def _quantile_marks(x: Scale, values: Vector) -> list[Element]:
+def _quantile_marks(x: Scale, values: Vector) -> list[str]:
     """Return lines at median and 95 % quantile, with names that do not overlap."""
-    marks: list[Element] = []
+    marks: list[str] = []
     named = -math.inf
     for share, name in ((0.5, "median"), (0.95, "95 %")):
         at = x(quantile(values, share) or 0.0)
         marks.append(
-            element(
+            _tag(
                 "line", x1=at, x2=at, y1=_TOP - 6.0, y2=_HEIGHT - _BOTTOM, class_="mark"
             )
         )
@@ -268,7 +153,7 @@ def against(
     text: Callable[[float], str],
     label: str,
     strokes: Vector = _NONE,
-) -> Element:
+) -> str:
     """Return a plot of an outcome against a quantity.
 
     Args:
@@ -289,18 +174,16 @@ def against(
     for value in strokes:
         at = x(float(value))
         children.append(
-            element("line", x1=at, x2=at, y1=foot - 9.0, y2=foot, class_="fail")
+            _tag("line", x1=at, x2=at, y1=foot - 9.0, y2=foot, class_="fail")
         )
     for b in bins:
         at, outcome = x(b.middle), y(b.outcome)
         top, bottom = y(b.bounds[1]), y(b.bounds[0])
         ends = x(b.low), x(b.high)
         children += [
-            element("line", x1=at, x2=at, y1=bottom, y2=top, class_="bar"),
-            element(
-                "line", x1=ends[0], x2=ends[1], y1=outcome, y2=outcome, class_="bin"
-            ),
-            element("circle", cx=at, cy=outcome, r=3.0, class_="rate"),
+            _tag("line", x1=at, x2=at, y1=bottom, y2=top, class_="bar"),
+            _tag("line", x1=ends[0], x2=ends[1], y1=outcome, y2=outcome, class_="bin"),
+            _tag("circle", cx=at, cy=outcome, r=3.0, class_="rate"),
         ]
     return _svg(children, label)
 
@@ -310,26 +193,23 @@ def _count(value: float) -> str:
     return f"{value:,.0f}" if value == round(value) else ""
 
 
-def _svg(children: Sequence[Element], label: str) -> Element:
-    return element(
-        "svg",
-        element("title", label),
-        *children,
-        viewBox=f"0 0 {_WIDTH:g} {_HEIGHT:g}",
-        role="img",
-        aria_label=label,
+def _svg(children: Sequence[str], label: str) -> str:
+    return (
+        f'<svg viewBox="0 0 {_WIDTH:g} {_HEIGHT:g}" role="img" '
+        f'aria-label="{html.escape(label)}">'
+        f"{_tag('title', label)}{''.join(children)}</svg>"
     )
 
 
-def _text(x: float, y: float, text: str, anchor: str = "middle") -> Element:
-    return element("text", text, x=x, y=y, text_anchor=anchor)
+def _text(x: float, y: float, text: str, anchor: str = "middle") -> str:
+    return _tag("text", text, x=x, y=y, text_anchor=anchor)
 
 
-def _stack(y: Scale, left: float, width: float, good: int, bad: int) -> list[Element]:
+def _stack(y: Scale, left: float, width: float, good: int, bad: int) -> list[str]:
     """Return a bar of successful trials with the failed ones on top."""
     gap = min(1.0, 0.1 * width)
     return [
-        element(
+        _tag(
             "rect",
             x=left + gap / 2.0,
             width=width - gap,
@@ -345,12 +225,12 @@ def _stack(y: Scale, left: float, width: float, good: int, bad: int) -> list[Ele
 
 def _y_axis(
     y: Scale, values: Sequence[float], text: Callable[[float], str]
-) -> list[Element]:
+) -> list[str]:
     return [
         made
         for value in values
         for made in (
-            element(
+            _tag(
                 "line",
                 x1=_LEFT,
                 x2=_WIDTH - _RIGHT,
@@ -363,15 +243,13 @@ def _y_axis(
     ]
 
 
-def _x_axis(x: Scale, values: Sequence[float]) -> list[Element]:
+def _x_axis(x: Scale, values: Sequence[float]) -> list[str]:
     foot = _HEIGHT - _BOTTOM
-    made = [element("line", x1=_LEFT, x2=x.end, y1=foot, y2=foot, class_="axis")]
+    made = [_tag("line", x1=_LEFT, x2=x.end, y1=foot, y2=foot, class_="axis")]
     free = -math.inf  # where the next label may begin
     for value in values:
         at, text = x(value), f"{value:.6g}"
-        made.append(
-            element("line", x1=at, x2=at, y1=foot, y2=foot + 4.0, class_="axis")
-        )
+        made.append(_tag("line", x1=at, x2=at, y1=foot, y2=foot + 4.0, class_="axis"))
         half = len(text) * _LETTER / 2.0
         if at - half >= free:
             made.append(_text(at, _HEIGHT - 10.0, text))
