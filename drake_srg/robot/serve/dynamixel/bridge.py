@@ -12,13 +12,12 @@ import abc
 import asyncio
 import contextlib
 import errno
-import functools
 import math
 import os
 import socket
 import threading
 import tty
-from collections.abc import Callable, Collection, Coroutine, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from typing import Any, ClassVar
 
 import numpy as np
@@ -335,18 +334,6 @@ def _labeled(
 # Firmware by protocol.
 _SERVOS: dict[int, type[Mx64] | type[Mx64P2]] = {1: Mx64, 2: Mx64P2}
 _CHUNK = 4096  # bytes read at once
-_PAUSE = 1.0  # before the next attempt after a client could not be accepted [s, real]
-
-
-def _set_ready(ready: asyncio.Future[None]) -> None:
-    """Wake up whoever waits for a client, once."""
-    if not ready.done():
-        ready.set_result(None)
-
-
-def _close(connection: socket.socket, _: asyncio.Task[None]) -> None:
-    """Close a connection once the task that serves it is over."""
-    connection.close()
 
 
 class ServoBridge(Bridge):
@@ -391,7 +378,6 @@ class ServoBridge(Bridge):
         )
         self.ports = self.bus.ports
         self._lock = threading.Lock()  # guards the bus
-        self._tasks: set[asyncio.Task[None]] = set()
         self._stack = contextlib.ExitStack()
         self._io = IoThread("servo")
         self._io.loop.set_exception_handler(self._handle_fault)
@@ -460,53 +446,30 @@ class ServoBridge(Bridge):
         family = socket.AF_INET6 if ":" in host else socket.AF_INET
         # create_server alone would not report what is wrong with a name.
         found = socket.getaddrinfo(host, port, family, socket.SOCK_STREAM)
-        server = socket.create_server(found[0][4], family=family)
-        server.setblocking(False)
-        self._start(self._accept(server))
-        host, port = server.getsockname()[:2]
+        listener = socket.create_server(found[0][4], family=family)
+        server = await asyncio.start_server(self._serve, sock=listener)
+        self._stack.callback(self._io.post, server.close)
+        host, port = listener.getsockname()[:2]
         return f"[{host}]:{port}" if ":" in host else f"{host}:{port}"
 
-    def _start(self, coroutine: Coroutine[None, None, None]) -> asyncio.Task[None]:
-        task = asyncio.get_running_loop().create_task(coroutine)
-        self._tasks.add(task)  # the loop keeps weak references only
-        task.add_done_callback(self._tasks.discard)
-        return task
-
-    async def _accept(self, server: socket.socket) -> None:
-        loop = asyncio.get_running_loop()
-        with server:
-            while True:
-                # Not loop.sock_accept: when it is cancelled, a connection that it has
-                # already accepted may stay open.
-                ready = loop.create_future()
-                loop.add_reader(server, _set_ready, ready)
-                try:
-                    await ready
-                finally:
-                    loop.remove_reader(server)
-                try:
-                    connection, _ = server.accept()
-                except BlockingIOError:  # the client has gone again
-                    continue
-                except OSError as error:  # such as too many open files
-                    self._warn("accept", f"cannot accept clients: {error.strerror}")
-                    await asyncio.sleep(_PAUSE)
-                    continue
-                connection.setblocking(False)
-                task = self._start(self._serve(connection))
-                # A task that is cancelled before its first step closes nothing itself.
-                task.add_done_callback(functools.partial(_close, connection))
-
-    async def _serve(self, connection: socket.socket) -> None:
-        loop, reader = asyncio.get_running_loop(), self._reader()
+    async def _serve(
+        self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter
+    ) -> None:
+        packets, connection = self._reader(), writer.get_extra_info("socket")
         # While a client does not read its replies, nothing more is read from it. The
         # kernel's keepalive detects clients that have vanished.
-        with connection, contextlib.suppress(OSError):
+        try:
             connection.setsockopt(socket.SOL_SOCKET, socket.SO_KEEPALIVE, 1)
-            connection.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
-            while data := await loop.sock_recv(connection, _CHUNK):
-                replies = self._answer(reader, data)
-                await loop.sock_sendall(connection, b"".join(replies))
+            while data := await reader.read(_CHUNK):
+                writer.write(b"".join(self._answer(packets, data)))
+                await writer.drain()
+        except OSError:  # the client has gone
+            pass
+        except asyncio.CancelledError:  # whatever it has not read yet
+            writer.transport.abort()
+            raise
+        finally:
+            writer.close()
 
     # Pseudo terminal.
 

@@ -1,5 +1,6 @@
 """The lines of the servo: where it listens, and what clients may do to it."""
 
+import asyncio
 import contextlib
 import errno
 import os
@@ -14,7 +15,6 @@ import serial
 from helpers import needs_pty
 
 from drake_srg.robot.serve.commands import CommandInbox, Warnings
-from drake_srg.robot.serve.dynamixel import bridge as servo_bridge
 from drake_srg.robot.serve.dynamixel.bridge import ServoBridge
 from drake_srg.robot.serve.dynamixel.protocol import Instruction, Packet1, PacketReader
 from drake_srg.robot.serve.dynamixel.servo import Servo
@@ -185,7 +185,7 @@ def test_an_unexpected_error_is_reported_and_ends_no_line(where, monkeypatch):
 def test_clients_are_accepted_again_after_too_many_open_files(
     station, line, monkeypatch
 ):
-    monkeypatch.setattr(servo_bridge, "_PAUSE", 0.05)
+    monkeypatch.setattr(asyncio.constants, "ACCEPT_RETRY_DELAY", 0.05)
     real, failures = socket.socket.accept, iter(range(3))
 
     def accept(self):
