@@ -21,7 +21,7 @@ from typing import cast
 from drake_srg.common.exceptions import one_line
 from drake_srg.robot.serve.commands import Warnings
 from drake_srg.robot.serve.ros1.xmlrpc import TIMEOUT, call
-from drake_srg.robot.serve.sockets import Resolver
+from drake_srg.robot.serve.sockets import address_of
 
 # Largest frame that peers may send [bytes]; headers and commands are a thousand times
 # smaller.
@@ -32,9 +32,6 @@ ANY = "*"
 _QUEUE = 10
 # Bytes read at once; other connections get their turn in between.
 _CHUNK = 2**16
-# Unknown names of publishers' machines are the most common fault of ROS 1. They have a
-# resolver of their own, so that they do not use up the master's lookups.
-_resolver = Resolver()
 
 _LENGTH = struct.Struct("<I")
 _ids = itertools.count(1)
@@ -407,9 +404,7 @@ class Subscription:
         """Connect to a publisher and receive until either side closes."""
         protocols = [["TCPROS"]]
         name = self._ours.name
-        answer = await call(
-            uri, "requestTopic", name, self.topic, protocols, resolver=_resolver
-        )
+        answer = await call(uri, "requestTopic", name, self.topic, protocols)
         match answer:
             case ["TCPROS", str(host), int(port)] if 0 < port < 2**16:
                 connecting = _connect(host, port)
@@ -462,4 +457,4 @@ class Subscription:
 async def _connect(
     host: str, port: int
 ) -> tuple[asyncio.StreamReader, asyncio.StreamWriter]:
-    return await asyncio.open_connection(await _resolver.address(host), port)
+    return await asyncio.open_connection(await address_of(host), port)
