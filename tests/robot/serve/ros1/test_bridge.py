@@ -138,11 +138,6 @@ def test_an_invalid_master_is_refused(new_bridge, uri):
         new_bridge(master=uri)
 
 
-def test_a_host_may_be_an_interface(new_bridge, master):
-    new_bridge(master=master.uri, host="lo")
-    assert master.node_uri.startswith("http://127.0.0.1:")
-
-
 def test_a_node_that_cannot_start_leaves_nothing_behind(new_bridge, monkeypatch):
     listeners = []
 
