@@ -112,7 +112,8 @@ def test_the_specimens_are_what_the_vendors_log_gives(found, base):
     ]
 
 
-def test_a_made_gripper_is_recovered():
+def test_a_made_gripper_is_recovered(monkeypatch):
+    monkeypatch.setattr(fits, "STARTS", fits.STARTS[13:14])
     truth = {
         "stiffness": 60.0,
         "slack": 45.0,

@@ -1,22 +1,9 @@
 import pytest
 
 from drake_srg.recording import rosbag
-from drake_srg.robot.serve.bridge import Bridge, Outlet
+from drake_srg.robot.serve.bridge import Outlet
 from drake_srg.robot.serve.commands import Warnings
 from robot.serve.fake_bridge import FakeBridge
-
-
-def test_a_plain_bridge_has_no_clients_and_does_nothing():
-    bridge, clock = Bridge(), rosbag.clock()
-    assert bridge.status == ""
-    assert not bridge.ports
-    assert not bridge.closed
-    assert not bridge.has_subscribers(clock.name)
-    bridge.publish(clock, 0.0, [])
-    bridge.update(0.0, {})
-    bridge.close()
-    bridge.close()
-
 
 CLOCK = rosbag.clock()
 
@@ -62,8 +49,3 @@ def test_a_failing_bridge_is_reported_once_a_task_and_stops_no_other(warnings, t
         "Failing /clock: RuntimeError('broken line')",
         "Failing update: RuntimeError('broken line')",
     ]
-
-
-def test_the_status_joins_those_of_the_bridges(warnings):
-    outlet = Outlet([FakeBridge(), Bridge(), FakeBridge()], warnings)
-    assert outlet.status == "fake, fake"

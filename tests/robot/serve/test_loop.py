@@ -7,10 +7,9 @@ from pydrake.systems.analysis import Simulator
 from rosbags.rosbag2 import Reader
 
 from drake_srg.common.exceptions import ScenarioError
-from drake_srg.common.systems import input_ports, output_ports
 from drake_srg.robot.serve import loop
 from drake_srg.robot.serve.action_server import ACTION, goal_info
-from drake_srg.robot.serve.loop import MakeServedStation, Pacer, Serve
+from drake_srg.robot.serve.loop import Pacer, Serve
 from drake_srg.scenario import load_scenario
 from experiments.stands.direct_node import make_message
 from robot.serve.fake_bridge import FakeBridge
@@ -81,23 +80,6 @@ def test_a_stop_ends_a_wait():
 
 
 SCENARIO = load_scenario("kitchen")
-
-
-@pytest.fixture(scope="module")
-def station():
-    return MakeServedStation(SCENARIO)
-
-
-def test_it_has_the_station_s_ports_without_the_cameras(station):
-    inner = station.GetSubsystemByName("station")
-    assert set(input_ports(inner)) - {"arm.position_commanded"} == (
-        set(input_ports(station)) - {"arm.position_desired"}
-    )
-    assert set(output_ports(station)) - set(output_ports(inner)) == {
-        "arm.position_commanded",
-        "gripper.closure_commanded",
-    }
-    assert not [name for name in output_ports(station) if name.startswith("camera_")]
 
 
 PICTURES = {
@@ -251,23 +233,22 @@ def test_an_arm_that_follows_trajectories_has_an_action_server(overrides, count)
     assert len(replies) == (1 if count else 0)
 
 
-def test_a_station_without_arm_and_gripper_publishes_a_clock():
-    overrides = ["arm=null", "gripper=null", "directives=[]"]
-    overrides += ["cameras={}", "recording.video_camera=''"]
-    overrides += ["localizer.cameras=[]", "recording.bag_cameras=[]", "objects={}"]
-    overrides += ["task={}"]
-    bridge, _ = serve(do_nothing, until=0.02, overrides=overrides, ports=())
-    assert set(bridge.messages) == {"/clock"}
+NO_ARM = [
+    *("arm=null", "cameras={}", "recording.video_camera=''"),
+    *("localizer.cameras=[]", "recording.bag_cameras=[]"),
+]
+HAND = "{add_model: {name: gripper, file: 'package://drake_srg/sdf/srg.sdf'}}"
 
 
-def test_a_gripper_without_an_arm_publishes_joint_states():
-    overrides = ["arm=null", "cameras={}", "recording.video_camera=''"]
-    overrides += ["localizer.cameras=[]", "recording.bag_cameras=[]"]
-    overrides += ["directives=[{add_model: {name: gripper, file: "]
-    overrides[-1] += "'package://drake_srg/sdf/srg.sdf'}}]"
+def test_a_station_without_an_arm_publishes_the_gripper_s_joint_states():
+    overrides = [*NO_ARM, f"directives=[{HAND}]"]
     bridge, _ = serve(do_nothing, until=0.02, overrides=overrides, ports=COMMANDS[:1])
     _, (state, _) = bridge.messages["/joint_states"][-1]
     assert len(state) == 8
+    nothing = ["gripper=null", "directives=[]", "objects={}", "task={}"]
+    overrides = [*NO_ARM, *nothing]
+    bridge, _ = serve(do_nothing, until=0.02, overrides=overrides, ports=())
+    assert set(bridge.messages) == {"/clock"}
 
 
 @pytest.mark.slow

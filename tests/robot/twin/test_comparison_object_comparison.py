@@ -43,11 +43,11 @@ def test_nothing_is_compared_before_it_is_seen():
     assert np.isnan(Stand().advance(0.5)).all()
 
 
-@pytest.mark.parametrize("age", [0.0, 0.123, 1.0, 3.0])
+@pytest.mark.parametrize("age", [0.0, 0.123, 1.0])
 def test_a_late_picture_is_compared_with_the_time_it_was_taken(age):
     stand = Stand()
-    stand.advance(4.0)
-    time = 4.0 - age
+    stand.advance(1.5)
+    time = 1.5 - age
     stand.see("mover", time, [0.5 * time, 0.03, 0.0])
     error = stand.advance(0.02)
     assert error[0] == pytest.approx(0.03, abs=1e-9)

@@ -72,15 +72,14 @@ def test_an_arm_that_goes_where_the_table_is_differs(loop):
 def test_fingers_that_do_not_close_differ(loop):
     still = np.zeros(8)
     assert follow(loop, 100.0, 100.5, gripper_state=still) == []
-    reports = follow(loop, 100.5, 102.0, gripper_state=still, closures=(1.0,))
+    closed = {"gripper_state": still, "closures": (1.0,)}
+    reports = follow(loop, 100.5, 101.7, **closed)
     assert [report.kind for report in reports] == ["finger"]
     assert "less closed" in reports[0].text
-    assert (
-        follow(loop, 102.0, 103.0, gripper_state=still, closures=(1.0,)) == []
-    )  # once
+    assert follow(loop, 101.7, 102.0, **closed) == []  # once
     # Once it is over, the next one is reported anew.
-    assert follow(loop, 103.0, 105.0, gripper_state=still, closures=(0.0,)) == []
-    reports = follow(loop, 105.0, 107.0, gripper_state=still, closures=(1.0,))
+    assert follow(loop, 102.0, 103.5, gripper_state=still, closures=(0.0,)) == []
+    reports = follow(loop, 103.5, 104.7, **closed)
     assert [report.kind for report in reports] == ["finger"]
 
 

@@ -5,7 +5,7 @@ import termios
 import numpy as np
 import pytest
 from helpers import needs_pty
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from drake_srg.robot.drive.dynamixel.bus import (
@@ -149,6 +149,7 @@ def test_registers_are_read_and_written_by_name(protocol):
 
 
 @PROTOCOLS
+@settings(max_examples=12)
 @given(numbers=st.permutations([1, 2, 3, 4]), count=st.integers(1, 4))
 def test_a_group_read_gives_each_servo_its_own(protocol, numbers, count):
     line, bus = bus_with(protocol)

@@ -10,7 +10,6 @@ import pytest
 from helpers import needs_pty
 
 from robot.serve.dynamixel.fake_station import CLOSED, COUNT, FakeStation, client_of
-from robot.serve.dynamixel.servo_client import ServoClient
 from robot.serve.dynamixel.simulated_gripper import SimulatedGripper
 
 # SAKE's driver.
@@ -155,38 +154,6 @@ def test_the_sdk_reboots_and_resets(master):
 
 
 # The simulated gripper.
-
-
-@pytest.mark.slow
-def test_sake_s_driver_moves_the_simulated_gripper():
-    with SimulatedGripper("tcp:0") as gripper:
-        client = ServoClient(
-            f"socket://{gripper.bridge.address}", gripper.sleep, lambda: gripper.time
-        )
-        client.calibrate()
-        closed = gripper.q
-        # In the vendor's geometry the pads meet at 100.7 degrees.
-        assert closed[:2] == pytest.approx(np.deg2rad([100.7] * 2), abs=0.05)
-
-        client.goto_position(100, 100)
-        assert client.get_position() == pytest.approx(100, abs=1)
-        gripper.sleep(2.0)  # the springs open the fingers slower than the motor turns
-        assert gripper.q == pytest.approx([0.0] * 4, abs=0.02)
-
-        client.goto_position(0, 50)
-        assert client.get_position() <= 1
-        assert gripper.q[:2] == pytest.approx(closed[:2], abs=0.05)
-        gripper.sleep(1.0)
-        # 104 units of 4.5 mA, of 4.1 A at stall; 800/1023 of the stall torque pull each
-        # wire with 308 N.
-        held = 308.0 * 104 * 4.5e-3 / 4.1 * 1023 / 800
-        assert gripper.force == pytest.approx([held, held], rel=0.05)
-
-        client.goto_position(50, 50)
-        assert client.get_position() == pytest.approx(50, abs=1)
-        assert 25 <= client.get_temperature() < 30
-        assert client.check_overload_and_recover() == (0, 0)
-    assert gripper.told == []
 
 
 @pytest.fixture(scope="module")

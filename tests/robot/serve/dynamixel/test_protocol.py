@@ -91,17 +91,6 @@ def test_a_changed_byte_is_detected(kind, packet, at, change):
     assert all(not p.intact for p in found if p.id == packet.id)
 
 
-@pytest.mark.slow
-@KINDS
-@given(chunks=st.lists(st.binary(max_size=2000), max_size=5))
-def test_the_buffer_stays_shorter_than_the_longest_packet(kind, chunks):
-    reader = PacketReader(kind)
-    lies = b"\xff\xff\x01\xfe" * 1000, b"\xff\xff\xfd\x00\x01\xff\x03\x03" * 1000
-    for chunk in [*chunks, b"\xff" * 10_000, *lies]:
-        fed(reader, chunk)
-        assert reader.pending < (259 if kind is Packet1 else 1024)
-
-
 @KINDS
 @pytest.mark.parametrize("refused", [None, *Refusal])
 @pytest.mark.parametrize("fault", [Fault(0), Fault.OVERLOAD])
