@@ -1,9 +1,10 @@
 import numpy as np
 import pytest
 
+from drake_srg.robot.drive.gripper import obeys, percent
 from drake_srg.robot.drive.link import JointStates
 from drake_srg.robot.serve.commands import CommandError
-from robot.drive.stand import joint_state
+from robot.drive.stand import joint_state, make
 
 NAMES = ["a", "b"]
 
@@ -63,3 +64,13 @@ def test_a_robot_that_was_silent_is_heard_again():
         else:
             joints.read(message)
     assert joints.stamp == 100.01
+
+
+def test_closures_become_percent():
+    topic = percent("/grasp")
+    assert [topic.convert(make, 0.0, c).data for c in (0.0, 0.374, 1.2)] == [0, 37, 100]
+
+
+def test_a_gripper_that_is_to_hold_obeys_no_more():
+    topic = obeys("/startgrasp")
+    assert [topic.convert(make, 0.0, hold).data for hold in (0.0, 1.0)] == [True, False]

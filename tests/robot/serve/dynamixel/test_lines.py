@@ -50,11 +50,6 @@ def test_an_invalid_address_is_refused(where):
         ServoBridge(CommandInbox([], Warnings(print)), where)
 
 
-def test_an_unknown_protocol_is_refused():
-    with pytest.raises(ValueError, match="protocol: must be 1 or 2, got 3"):
-        ServoBridge(CommandInbox([], Warnings(print)), "tcp:0", protocol=3)
-
-
 @pytest.mark.parametrize("host", ["nowhere.invalid", "a..b"])  # .invalid: RFC 6761
 def test_an_unknown_host_is_refused(host):
     with pytest.raises(OSError, match="HOST must be an address or a name of this mach"):

@@ -37,15 +37,6 @@ def test_the_client_sends_the_messages_of_the_scenario(example):
     assert len(sent) == played.number()
 
 
-def test_ramps_are_rounded_down(example):
-    grip = list(example.messages("grip"))
-    assert grip[:11] == [("/grasp", 0)] * 10 + [("/grasp", 1)]
-    assert grip[-2:] == [("/grasp", 99), ("/grasp", 100)]
-    opening = list(example.messages("open_full"))
-    assert opening[:2] == [("/grasp", 100), ("/grasp", 99)]
-    assert opening[-1] == ("/grasp", 0)
-
-
 @pytest.mark.slow
 @pytest.mark.ros
 def test_every_message_arrives_in_order(example, own_roscore, told):
