@@ -89,10 +89,6 @@ class CommandInbox:
     Each topic counts with its last good message. Where several sources command the same
     port, the most recent one wins.
 
-    Args:
-        topics: The topics to obey.
-        warnings: Where refused commands are reported.
-
     Attributes:
         received: Number of messages so far, good and bad.
     """
@@ -490,11 +486,6 @@ class SafetyGate:
     """Keeps a stopped arm's commands away, so that no old one moves it once released.
 
     An arm without a safety monitor gets its commands unchanged.
-
-    Args:
-        station: The served station.
-        warnings: Where stops are reported.
-        robots: Its arms.
     """
 
     def __init__(

@@ -233,10 +233,7 @@ class ServedReplay:
     """Samples the first two minutes of a served station for a replay.
 
     Args:
-        name: The scenario's name.
         scenario: The scenario that is served; it must have an arm.
-        root: The root diagram.
-        station: The station in it.
     """
 
     def __init__(
@@ -255,9 +252,6 @@ class ServedReplay:
 
     def write(self, out: Path) -> Path | None:
         """Write replay.html and the files that it is made of.
-
-        Args:
-            out: Folder to write to.
 
         Returns:
             The path of replay.html; None if nothing was sampled.
@@ -328,17 +322,11 @@ class ServedLoop:
     """Advances a served station: commands in, one control period, messages out.
 
     Args:
-        name: The scenario's.
         simulator: Of the root, initialized.
-        advance: Advances it.
         station: Of `MakeServedStation`.
-        topics: What to publish.
         pictures: The same of the cameras.
-        inbox: Where commands arrive.
-        outlet: Publishes.
         replay: What is sampled for the replay, if anything.
         actions: The arms' action servers, connected.
-        robots: The arms.
     """
 
     def __init__(

@@ -97,14 +97,7 @@ _PATIENCE = 5.0  # how long to wait for cancelled tasks to end [s]
 
 
 class IoThread:
-    """An asyncio event loop that runs in a thread until it is stopped.
-
-    Args:
-        name: The thread's name, for debugging.
-
-    Attributes:
-        loop: The event loop.
-    """
+    """An asyncio event loop that runs in a thread until it is stopped."""
 
     def __init__(self, name: str):
         self.loop = asyncio.new_event_loop()

@@ -30,7 +30,6 @@ class Sighting:
     """An object in one camera image.
 
     Attributes:
-        name: The object's.
         time: Of the image [s].
         X_WO: Its pose in world [m].
         clear: Whether nothing hides a part of it.
@@ -113,7 +112,6 @@ class TwinMonitor(LeafSystem):
     limit, else 0.
 
     Args:
-        config: The limits.
         effort_limits: Of the arm's joints, shape (N,) [N m].
         fingers: Number n of finger joints.
         objects: Number m of objects.
@@ -258,7 +256,6 @@ class ObjectComparison(LeafSystem):
     where it was last seen [m], NaN before the first comparison.
 
     Args:
-        names: Of the objects.
         period: Time between samples [s].
     """
 

@@ -51,8 +51,6 @@ class Dex1Bridge(Bridge):
 
     Args:
         participant: Of the DDS domain.
-        inbox: Where the hand's commands go.
-        gripper: The hand.
         side: "left", "right" or "center".
 
     Attributes:

@@ -47,7 +47,6 @@ class Grasp:
     """The manager's memory from cycle to cycle.
 
     Attributes:
-        state: The state.
         goal: The position to go to [%].
         commanded: The last commanded position [%]; None before the first.
         recent: The last positions while it closes, newest last [%].
@@ -172,14 +171,9 @@ class Hand:
     Then it obeys `command` through the grasp manager. A hardware error sends the hand
     to the middle; it obeys nothing more until `clear_errors`.
 
-    Args:
-        inbox: Where the servo's commands go.
-        gripper: The gripper.
-
     Attributes:
         ports: Names of the station's output ports whose values `advance` needs.
         phase: What it is doing.
-        grasp: The grasp manager's state.
         commanded: The last commanded position [%]; None before the first.
         force: With which the servo moves now [% of the current limit].
         zero: Position at which the fingers meet [counts].

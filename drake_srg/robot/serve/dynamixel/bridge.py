@@ -72,11 +72,7 @@ class Mechanism(abc.ABC):
 
 
 class WiredGripper(Mechanism):
-    """An SRG whose wires one motor winds.
-
-    Args:
-        motor: The motor.
-    """
+    """An SRG whose wires one motor winds."""
 
     ports = ("gripper.motor_state", "gripper.pwm", "gripper.motor_temperature")
     commanded = "gripper.motor_position_commanded"
@@ -257,13 +253,9 @@ class EmulatedBus:
     Their IDs count from 1, in the order of the mechanisms and their motors.
 
     Args:
-        inbox: Where their commands go.
-        mechanisms: What they move.
-        kind: Their firmware.
         warn: Called with a kind and a message for refusals and shutdowns.
 
     Attributes:
-        packets: Of their protocol.
         servos: By ID at the start.
         ports: Names of the station's output ports whose values `sense` needs.
     """
@@ -344,7 +336,6 @@ class ServoBridge(Bridge):
     `EmulatedBus`.
 
     Args:
-        inbox: Where its commands go.
         where: `tcp:PORT`, `tcp:HOST:PORT` or `pty`. HOST is 127.0.0.1 by default, an
             IPv6 address needs brackets, PORT 0 takes a free port.
         mechanisms: What the servos move; None takes a default `SrgTendonDriver`.
@@ -352,7 +343,6 @@ class ServoBridge(Bridge):
 
     Attributes:
         address: Where clients find the servos, "HOST:PORT" or a device.
-        bus: The servos.
 
     Raises:
         ValueError: If `where` or `protocol` is invalid.

@@ -153,7 +153,6 @@ class Endpoint:
 
     Attributes:
         name: The node's name, such as "/drake_srg".
-        warnings: Where trouble with peers is reported.
         timing: Waiting times.
     """
 
@@ -163,16 +162,7 @@ class Endpoint:
 
 
 class Publication:
-    """A topic that a node publishes.
-
-    Args:
-        topic: Name of the topic.
-        type: Message type of the topic.
-
-    Attributes:
-        topic, type: The arguments.
-        connections: Connections to subscribers.
-    """
+    """A topic that a node publishes."""
 
     def __init__(self, topic: str, type: MessageType):
         self.topic, self.type = topic, type
@@ -194,7 +184,6 @@ class SubscriberConnection(asyncio.Protocol):
     loses its oldest message when it is full.
 
     Args:
-        ours: The node.
         publications: The node's publications, by topic.
         connections: All open connections; this one adds and removes itself.
 
@@ -325,14 +314,10 @@ class Subscription:
     fails. A working connection is kept even if a new master does not list it.
 
     Args:
-        ours: The node.
-        topic: Name of the topic.
-        type: Message type of the topic.
         receive: Called with each message, serialized.
         largest: Size of the largest message [bytes].
 
     Attributes:
-        topic, type: The arguments.
         updates: Number of publisher lists received so far.
     """
 
