@@ -198,6 +198,8 @@ _CLOSURE = "gripper.closure_commanded"
 _MESSAGES = "gripper.closure_messages"
 _SINGLE_JOINTS = "gripper.joint_position_commanded"
 _ARM = "arm.position_desired"
+TRAJECTORY = "arm.trajectory_desired"
+_ARM_PORTS = (_ARM, TRAJECTORY)
 # Ports that override the closure, or limit its force, while their values are finite.
 _GRIPPER_PORTS = (
     _SINGLE_JOINTS,
@@ -205,7 +207,8 @@ _GRIPPER_PORTS = (
     "gripper.motor_torque_commanded",
     "gripper.force_limit",
 )
-_PORTS = (_CLOSURE, _MESSAGES, _ARM, "gripper.hold", *_GRIPPER_PORTS)
+_PORTS = (_CLOSURE, _MESSAGES, *_ARM_PORTS, "gripper.hold", *_GRIPPER_PORTS)
+_BOOL, _ARRAY = "std_msgs/msg/Bool", "std_msgs/msg/Float64MultiArray"
 
 
 def gripper_command(
@@ -232,22 +235,27 @@ def station_topics(
     inputs: Iterable[str],
     gripper_joints: Iterable[str] = (),
     robot: RobotArm = ONE_ARM,
+    period: float = 0.0,
 ) -> list[CommandTopic]:
-    """Return the SRG thesis's topics that an arm of a station can obey.
+    """Return the topics that an arm of a station and its gripper can obey.
 
-    `/grasp` (Int32, 0 open .. 100 closed), `/position_grasp` (Float64MultiArray, rad,
-    one number per finger joint), `/startgrasp` (Bool, false holds the gripper where it
-    is), `/kuka` (Float64MultiArray, rad, one number per joint of the arm). The most
-    recent of `/grasp`, `/position_grasp` and servo commands wins, see
-    `gripper_command`. Each `/grasp` also counts at `gripper.closure_messages`, if the
-    station has that port.
+    Those of the SRG thesis are `/grasp` (Int32, 0 open .. 100 closed),
+    `/position_grasp` (Float64MultiArray, rad, one number per finger joint),
+    `/startgrasp` (Bool, false holds the gripper where it is) and `/kuka`
+    (Float64MultiArray, rad, one number per joint of the arm). The most recent of
+    `/grasp`, `/position_grasp` and servo commands wins, see `gripper_command`. Each
+    `/grasp` also counts at `gripper.closure_messages`, if the station has that port.
+
+    An arm that follows trajectories is where `/kuka` says one period later. It also has
+    `/joint_trajectory` (JointTrajectory): it moves evenly from point to point. The
+    joints may come in any order.
 
     Args:
         plant: Has the model instances of arm and gripper, if the station has them.
-        inputs: Names of the station's input ports; `/kuka` needs
-            `arm.position_desired`.
+        inputs: Names of the station's input ports.
         gripper_joints: Names of the gripper's commanded joints, in their order.
         robot: The arm. If it has a name, topics begin with `/NAME`.
+        period: Of the arm's driver [s].
     """
     given, joints = set(inputs), list(gripper_joints)
     # The topics below command `arm` and `gripper`.
@@ -258,8 +266,10 @@ def station_topics(
     def gripper(port: str, value: Vector) -> PortValues:
         return gripper_command(inputs, {port: value}, len(joints))
 
-    def arm(port: str, value: Vector) -> PortValues:
-        return {port: value}
+    def arm(q: Vector) -> PortValues:
+        if TRAJECTORY not in inputs:
+            return {_ARM: q}
+        return {TRAJECTORY: trajectory_piece(np.array([period]), q[np.newaxis])}
 
     def grasp(data: Any) -> PortValues:
         percent = int(data)
@@ -278,18 +288,22 @@ def station_topics(
     if _CLOSURE in inputs:
         topics.append(CommandTopic("/grasp", "std_msgs/msg/Int32", grasp))
     if "gripper.hold" in inputs:
-        topics.append(CommandTopic("/startgrasp", "std_msgs/msg/Bool", hold))
-    arrays = {}
+        topics.append(CommandTopic("/startgrasp", _BOOL, hold))
     if joints:
-        limits = joint_limits(plant, robot.gripper_model, joints)
-        arrays["/position_grasp"] = (_SINGLE_JOINTS, limits, gripper)
-    if _ARM in inputs:
-        arrays["/kuka"] = (_ARM, joint_limits(plant, robot.arm_model), arm)
-    for name, (port, limits, command) in arrays.items():
-        convert = checked_positions(
-            limits, partial(command, port), obeyed=port in inputs
+        positions = checked_positions(
+            joint_limits(plant, robot.gripper_model, joints),
+            partial(gripper, _SINGLE_JOINTS),
+            obeyed=_SINGLE_JOINTS in inputs,
         )
-        topics.append(CommandTopic(name, "std_msgs/msg/Float64MultiArray", convert))
+        topics.append(CommandTopic("/position_grasp", _ARRAY, positions))
+    if TRAJECTORY in inputs:
+        command = trajectory_command(plant, robot)
+        kind = "trajectory_msgs/msg/JointTrajectory"
+        topics.append(CommandTopic("/joint_trajectory", kind, command, whole=True))
+    if inputs & {*_ARM_PORTS}:
+        limits = joint_limits(plant, robot.arm_model)
+        positions = checked_positions(limits, arm, obeyed=True)
+        topics.append(CommandTopic("/kuka", _ARRAY, positions))
     return _of_arm(robot, topics)
 
 
@@ -356,47 +370,6 @@ def checked_positions(
     return convert
 
 
-TRAJECTORY = "arm.trajectory_desired"
-_KIND = "trajectory_msgs/msg/JointTrajectory"
-
-
-def trajectory_topics(
-    plant: MultibodyPlant,
-    inputs: Iterable[str],
-    period: float,
-    robot: RobotArm = ONE_ARM,
-) -> list[CommandTopic]:
-    """Return the topics of an arm that follows trajectories; none for another.
-
-    `/joint_trajectory` (JointTrajectory): the arm moves evenly from point to point. The
-    joints may come in any order. `/kuka` (Float64MultiArray, rad, one number per
-    joint): the arm is there one period later.
-
-    Args:
-        plant: Has the arm's model instance.
-        inputs: Names of the station's input ports.
-        period: Of the arm's driver [s].
-        robot: The arm. If it has a name, topics begin with `/NAME`.
-    """
-    if port_of(robot, TRAJECTORY) not in inputs:
-        return []
-
-    def at_once(q: Vector) -> PortValues:
-        return {TRAJECTORY: trajectory_piece(np.array([period]), q[np.newaxis])}
-
-    command = trajectory_command(plant, robot)
-    positions = checked_positions(
-        joint_limits(plant, robot.arm_model), at_once, obeyed=True
-    )
-    return _of_arm(
-        robot,
-        [
-            CommandTopic("/joint_trajectory", _KIND, command, whole=True),
-            CommandTopic("/kuka", "std_msgs/msg/Float64MultiArray", positions),
-        ],
-    )
-
-
 def trajectory_command(
     plant: MultibodyPlant, robot: RobotArm = ONE_ARM
 ) -> Callable[[Any], PortValues]:
@@ -439,10 +412,6 @@ def trajectory_command(
 def seconds(time: Any) -> float:
     """Return a builtin_interfaces/Time or Duration in seconds."""
     return float(time.sec) + 1e-9 * float(time.nanosec)
-
-
-_ARM_PORTS = ("arm.position_desired", TRAJECTORY)
-_BOOL = "std_msgs/msg/Bool"
 
 
 _SWITCHES = ("estop", "release", "heartbeat")

@@ -43,7 +43,6 @@ from drake_srg.robot.serve.commands import (
     port_of,
     safety_topics,
     station_topics,
-    trajectory_topics,
 )
 from drake_srg.robot.serve.pictures import PERIOD, Pictures
 from drake_srg.scenario import RobotArm, Scenario, robot_arms
@@ -297,8 +296,7 @@ def station_inbox(
     commands = []
     for robot in robot_arms(scenario):
         joints = () if robot.gripper is None else robot.gripper.joint_names
-        commands += station_topics(plant, inputs, joints, robot)
-        commands += trajectory_topics(plant, inputs, period, robot)
+        commands += station_topics(plant, inputs, joints, robot, period)
     return CommandInbox([*commands, *safety_topics(inputs), *others], warnings)
 
 

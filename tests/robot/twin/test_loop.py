@@ -10,7 +10,7 @@ from pydrake.systems.analysis import Simulator
 
 from drake_srg.common.exceptions import ScenarioError
 from drake_srg.recording.rosbag import header
-from drake_srg.robot.drive.config import HardwareConfig, parse_hardware
+from drake_srg.robot.drive.config import parse_hardware
 from drake_srg.robot.twin.comparison import Sighting
 from drake_srg.robot.twin.loop import Listener, Told, TwinLoop
 from drake_srg.robot.twin.station import AddTwin, LagCompensation, MakeTwin
@@ -212,11 +212,6 @@ def test_bad_messages_change_nothing(topic, kind, data):
 def test_a_bus_has_one_master():
     with pytest.raises(ScenarioError, match="arm: a twin cannot listen"):
         Talk("arm: !DynamixelArm {}\ngripper: !Ros2Gripper {}\n")
-
-
-def test_the_default_hardware_speaks_ros_2():
-    config = HardwareConfig()
-    Listener(config, scenario().twin, DirectNode().robot(scenario()))
 
 
 PERIOD = 0.01

@@ -336,8 +336,8 @@ class ServoBridge(Bridge):
     `EmulatedBus`.
 
     Args:
-        where: `tcp:PORT`, `tcp:HOST:PORT` or `pty`. HOST is 127.0.0.1 by default, an
-            IPv6 address needs brackets, PORT 0 takes a free port.
+        where: `tcp:PORT`, `tcp:HOST:PORT` or `pty`. HOST is 127.0.0.1 by default, PORT
+            0 takes a free port.
         mechanisms: What the servos move; None takes a default `SrgTendonDriver`.
         protocol: Dynamixel protocol, 1 or 2.
 
@@ -433,14 +433,12 @@ class ServoBridge(Bridge):
     # TCP.
 
     async def _listen(self, host: str, port: int) -> str:
-        family = socket.AF_INET6 if ":" in host else socket.AF_INET
         # create_server alone would not report what is wrong with a name.
-        found = socket.getaddrinfo(host, port, family, socket.SOCK_STREAM)
-        listener = socket.create_server(found[0][4], family=family)
+        found = socket.getaddrinfo(host, port, socket.AF_INET, socket.SOCK_STREAM)
+        listener = socket.create_server((str(found[0][4][0]), port))
         server = await asyncio.start_server(self._serve, sock=listener)
         self._stack.callback(self._io.post, server.close)
-        host, port = listener.getsockname()[:2]
-        return f"[{host}]:{port}" if ":" in host else f"{host}:{port}"
+        return "{}:{}".format(*listener.getsockname())
 
     async def _serve(
         self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter
@@ -516,4 +514,4 @@ def _parse(where: str) -> tuple[str, int] | None:
         raise ValueError(
             f"servo: must be tcp:PORT, tcp:HOST:PORT or pty, got {where!r}"
         )
-    return host.strip("[]") or "127.0.0.1", int(port)
+    return host or "127.0.0.1", int(port)

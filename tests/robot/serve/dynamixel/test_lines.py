@@ -56,17 +56,6 @@ def test_an_unknown_host_is_refused(host):
         ServoBridge(CommandInbox([], Warnings(print)), f"tcp:{host}:0")
 
 
-def test_it_listens_at_an_ipv6_address():
-    try:
-        socket.create_server(("::1", 0), family=socket.AF_INET6).close()
-    except OSError:
-        pytest.skip("this machine has no IPv6")
-    with FakeStation("tcp:[::1]:0") as station:
-        assert station.bridge.address.startswith("[::1]:")
-        with connect(station.bridge) as connection:
-            assert answers(connection)
-
-
 def test_a_port_in_use_is_named(station):
     threads = threading.active_count()
     where = f"tcp:{station.bridge.address}"

@@ -169,17 +169,3 @@ def test_roscpp_receives_messages(bridge, roscore, tmp_path):
     store = get_typestore(Stores.ROS1_NOETIC)
     message = store.deserialize_ros1(data, connection.msgtype)
     assert message.velocity.tolist() == [3.0, 4.0]
-
-
-@pytest.mark.slow
-def test_the_node_survives_restarts_of_roscore(new_bridge, inbox, own_roscore, told):
-    bridge = new_bridge(master=own_roscore.uri)
-    for value in 1.0, 2.0:
-        own_roscore.start()
-        assert wait_until(lambda: "waiting" not in bridge.status)
-        with contextlib.closing(RospyClient(own_roscore)) as client:
-            client.publish("/kuka", "std_msgs/Float64MultiArray", [value])
-            assert taken(inbox, "arm") == [value]
-        own_roscore.close()
-        assert wait_until(lambda: "waiting" in bridge.status)
-    assert len(told.about("waiting for it")) == 3
