@@ -25,7 +25,6 @@ from drake_srg.robot.drive.link import (
     Node,
     Robot,
     RosDriver,
-    numbers,
 )
 from drake_srg.robot.serve.action_server import (
     ErrorCode,
@@ -35,7 +34,7 @@ from drake_srg.robot.serve.action_server import (
     goal_id,
     goal_info,
 )
-from drake_srg.robot.serve.commands import PortValues, Warnings
+from drake_srg.robot.serve.commands import PortValues, Warnings, numbers
 from drake_srg.types import Vector
 
 # How late an answer or a result may be, and how long the server may take to be found,

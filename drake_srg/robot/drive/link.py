@@ -21,6 +21,7 @@ from drake_srg.robot.serve.commands import (
     CommandTopic,
     PortValues,
     Warnings,
+    numbers,
     port_of,
     seconds,
     topic_of,
@@ -329,20 +330,6 @@ class RosDriver(Config, HardwareDriver):
                 f"{self.part}.joints: names must differ, got {', '.join(given)}"
             )
         return given or model
-
-
-def numbers(data: Any, size: int) -> Vector:
-    """Return the finite numbers of a message, shape (size,).
-
-    Raises:
-        CommandError: If there are more or fewer, or one of them is not finite.
-    """
-    values = np.array(data, dtype=np.float64)
-    if values.shape != (size,):
-        raise CommandError("length", f"needs {size} numbers, got {values.size}")
-    if not np.isfinite(values).all():
-        raise CommandError("finite", "needs finite numbers, got NaN or infinity")
-    return values
 
 
 class JointStates:

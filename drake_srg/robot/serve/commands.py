@@ -290,20 +290,23 @@ def station_topics(
     if "gripper.hold" in inputs:
         topics.append(CommandTopic("/startgrasp", _BOOL, hold))
     if joints:
-        positions = checked_positions(
-            joint_limits(plant, robot.gripper_model, joints),
-            partial(gripper, _SINGLE_JOINTS),
-            obeyed=_SINGLE_JOINTS in inputs,
-        )
-        topics.append(CommandTopic("/position_grasp", _ARRAY, positions))
+        fingers = joint_limits(plant, robot.gripper_model, joints)
+
+        def position_grasp(data: Any) -> PortValues:
+            if _SINGLE_JOINTS not in inputs:
+                why = "this gripper has one motor, which moves all joints at once"
+                raise CommandError("port", why)
+            return gripper(_SINGLE_JOINTS, checked_positions(fingers, data))
+
+        topics.append(CommandTopic("/position_grasp", _ARRAY, position_grasp))
     if TRAJECTORY in inputs:
         command = trajectory_command(plant, robot)
         kind = "trajectory_msgs/msg/JointTrajectory"
         topics.append(CommandTopic("/joint_trajectory", kind, command, whole=True))
     if inputs & {*_ARM_PORTS}:
         limits = joint_limits(plant, robot.arm_model)
-        positions = checked_positions(limits, arm, obeyed=True)
-        topics.append(CommandTopic("/kuka", _ARRAY, positions))
+        convert = partial(checked_positions, limits)
+        topics.append(CommandTopic("/kuka", _ARRAY, lambda data: arm(convert(data))))
     return _of_arm(robot, topics)
 
 
@@ -338,36 +341,34 @@ def joint_limits(
     )
 
 
-def checked_positions(
-    limits: tuple[Vector, Vector],
-    command: Callable[[Vector], PortValues],
-    *,
-    obeyed: bool,
-) -> Callable[[Any], PortValues]:
-    """Return a `convert` that checks joint positions [rad or m] and commands them."""
+def numbers(data: Any, size: int) -> Vector:
+    """Return the finite numbers of a message, shape (size,).
+
+    Raises:
+        CommandError: If there are more or fewer, or one of them is not finite.
+    """
+    values = np.array(data, dtype=np.float64)
+    if values.shape != (size,):
+        raise CommandError("length", f"needs {size} numbers, got {values.size}")
+    if not np.isfinite(values).all():
+        raise CommandError("finite", "needs finite numbers, got NaN or infinity")
+    return values
+
+
+def checked_positions(limits: tuple[Vector, Vector], data: Any) -> Vector:
+    """Return a message's joint positions [rad or m], which must be within the limits.
+
+    Raises:
+        CommandError: If they are not.
+    """
     lower, upper = limits
-
-    def convert(data: Any) -> PortValues:
-        if not obeyed:
-            raise CommandError(
-                "port", "this gripper has one motor, which moves all joints at once"
-            )
-        values = np.array(data, dtype=np.float64)
-        if values.shape != lower.shape:
-            raise CommandError(
-                "length", f"needs {lower.size} numbers, got {values.size}"
-            )
-        if not np.isfinite(values).all():
-            raise CommandError("finite", "needs finite numbers, got NaN or infinity")
-        for i in np.flatnonzero((values < lower) | (values > upper)):
-            raise CommandError(
-                "range",
-                f"number {i + 1} must be {lower[i]:g} to {upper[i]:g}, "
-                f"got {values[i]:g}",
-            )
-        return command(values)
-
-    return convert
+    values = numbers(data, lower.size)
+    for i in np.flatnonzero((values < lower) | (values > upper)):
+        raise CommandError(
+            "range",
+            f"number {i + 1} must be {lower[i]:g} to {upper[i]:g}, got {values[i]:g}",
+        )
+    return values
 
 
 def trajectory_command(
@@ -382,9 +383,7 @@ def trajectory_command(
         robot: The arm.
     """
     names = arm_joint_names(plant, robot)
-    check = checked_positions(
-        joint_limits(plant, robot.arm_model), lambda q: {"": q}, obeyed=True
-    )
+    limits = joint_limits(plant, robot.arm_model)
 
     def command(message: Any) -> PortValues:
         given, points = list(message.joint_names), message.points
@@ -399,7 +398,8 @@ def trajectory_command(
         for point in points:
             if len(point.positions) != len(names):
                 raise CommandError("length", f"needs {len(names)} positions per point")
-            positions.append(check(np.array(point.positions)[order])[""])
+            q = np.array(point.positions)[order]
+            positions.append(checked_positions(limits, q))
         times = np.array([seconds(point.time_from_start) for point in points])
         if np.any(np.diff(times, prepend=-1e-9) <= 0.0):
             raise CommandError("times", "needs points in the order of their times")

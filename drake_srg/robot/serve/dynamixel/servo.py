@@ -349,9 +349,12 @@ class Servo(abc.ABC):
         """Leave the motor to another source of commands."""
         self._engaged = False
 
-    @abc.abstractmethod
     def reboot(self) -> None:
         """Start anew, as after a loss of power: torque off, RAM at its defaults."""
+        table = self.table
+        table.reset(r.name for r in table.registers if r.address >= table.ram)
+        self._registered = b""
+        self._recover()
 
     @abc.abstractmethod
     def _show(self) -> None:
