@@ -116,7 +116,7 @@ def serve(act, until, *, name="kitchen", overrides=(), **options):
         ports=options.pop("ports", COMMANDS),
         act=step,
     )
-    scenario = load_scenario(name, overrides=overrides)
+    scenario = options.pop("scenario", None) or load_scenario(name, overrides=overrides)
     options = {"name": name, "rate": 0.0, "stop": stop, **options}
     return bridge, Serve(scenario, bridge.connect, **options)
 
