@@ -124,14 +124,6 @@ def test_a_stop_of_one_arm_stops_both_and_ends_the_run():
     )
 
 
-def test_a_plug_that_is_pulled_stops_both():
-    stand = moving(TwoArmStand())
-    assert stand.run(1.0)
-    stand.arms["right"].plugged = False
-    assert not stand.run(1.0)
-    assert [reason for _, reason in stand.stops()] == [StopReason.STALE] * 2
-
-
 def test_one_button_stops_both_for_good():
     stand = moving(TwoArmStand())
     assert stand.run(1.0)
@@ -254,16 +246,6 @@ def test_what_does_not_fit_the_scenario_is_told_with_the_arms_name(config, words
     ):
         pass
     assert "\n" not in str(error.value)
-
-
-def test_several_arms_do_not_fit_a_scenario_of_one():
-    words = "^hardware: arm: missing, but the scenario has this arm"
-    config, kitchen = arms(left={}, right={}), load_scenario("kitchen")
-    with (
-        pytest.raises(ScenarioError, match=words),
-        open_hardware(kitchen, config, Warnings(print)),
-    ):
-        pass
 
 
 @pytest.mark.parametrize(

@@ -23,8 +23,6 @@ INPUTS = (
 )
 SCENARIO = load_scenario("kitchen")
 JOINT_NAMES = SCENARIO.gripper.joint_names
-# Joint limits of the iiwa 14 (data sheet) [rad].
-IIWA_LIMITS = np.deg2rad([170, 120, 170, 120, 170, 120, 175])
 
 
 @pytest.fixture(scope="module")
@@ -115,15 +113,6 @@ def test_a_source_amends_its_command_until_another_source_commands(inbox):
     inbox.receive("/grasp", 40)
     inbox.amend({port: np.array([0.3])}, "servo")
     assert (inbox.take()[port], inbox.source(port)) == ([0.4], "/grasp")
-
-
-def test_kuka_takes_seven_angles_within_the_limits(inbox, told):
-    inside, outside = 0.999 * IIWA_LIMITS, 1.001 * IIWA_LIMITS
-    inbox.receive("/kuka", inside)
-    np.testing.assert_array_equal(inbox.take()["arm.position_desired"], inside)
-    assert told == []
-    inbox.receive("/kuka", -outside)
-    assert inbox.take() == {}
 
 
 @pytest.mark.parametrize(

@@ -9,7 +9,6 @@ from hypothesis import strategies as st
 from drake_srg.common.exceptions import ScenarioError
 from drake_srg.common.srg_geometry import SRG
 from drake_srg.gripper import SrgPositionDriver, SrgTendonDriver
-from drake_srg.robot.drive.config import parse_hardware
 from drake_srg.robot.drive.dynamixel.bus import ServoBus, open_line
 from drake_srg.robot.drive.dynamixel.drivers import (
     BusCycle,
@@ -107,12 +106,6 @@ def test_zero_and_direction_of_a_joint_are_configured(bench):
     assert robot.line.q == pytest.approx(expected, abs=1e-3)
 
 
-def test_an_arm_may_follow_as_late_as_its_servos_do(bench):
-    # The emulated servos of the five-axis arm follow 0.11 s late at 2.7 rad/s.
-    assert bench().arm.lag > 0.11
-    assert bench({"lag": 0.3}).arm.lag == 0.3
-
-
 def test_a_command_that_is_not_finite_is_ignored(bench):
     robot = bench()
     robot.cycle([0.5, 0.5, 0.5], 0.5)
@@ -201,16 +194,6 @@ def test_a_bad_port_is_told():
         DynamixelArm(port="COM3").connect(robot)
 
 
-def test_hardware_files_choose_them_by_tag():
-    text = """
-    arm: !DynamixelArm {port: "tcp:127.0.0.1:4001", protocol: 2}
-    gripper: !DynamixelGripper {id: 6, open: 2048, closed: 2498}
-    """
-    config = parse_hardware(text, "robot.yaml")
-    assert config.arm == DynamixelArm(port="tcp:127.0.0.1:4001", protocol=2)
-    assert config.gripper == DynamixelGripper(id=6, open=2048, closed=2498)
-
-
 PROTOCOLS = pytest.mark.parametrize("protocol", [1, 2])
 
 
@@ -260,14 +243,6 @@ def test_servos_are_set_up_where_they_are(robot):
     effort = {1: ("torque_limit", 818), 2: ("goal_pwm", 708)}[robot.protocol]
     assert robot.line.bus.servos[1].table[effort[0]] == effort[1]
     assert robot.told == []
-
-
-def test_goals_are_followed_and_states_reported(robot):
-    assert robot.cycle(2148)
-    assert robot.counts == [2148] * 3
-    assert robot.cycle()
-    assert [state.position for state in robot.reports[-1]] == [2148] * 3
-    assert robot.opened == 1
 
 
 def test_a_servo_that_reboots_near_its_goal_goes_on(robot):

@@ -56,9 +56,7 @@ def test_sake_s_driver_recovers_from_an_overload(station):
 # ROBOTIS's SDK.
 
 ONE, TWO = (pytest.mark.parametrize("protocol", [n]) for n in (1, 2))
-MODE, CURRENT_LIMIT, TORQUE, LED, ERROR = 11, 38, 64, 65, 70
-GOAL_CURRENT, GOAL_POSITION = 102, 116
-CURRENT, POSITION, VOLTAGE, TEMPERATURE = 126, 132, 144, 146
+LED, GOAL_POSITION = 65, 116
 
 
 @pytest.fixture

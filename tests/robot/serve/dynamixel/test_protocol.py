@@ -183,12 +183,6 @@ def test_no_header_appears_within_a_packet(parameters):
     assert fed2(wire) == [packet]
 
 
-def test_the_length_counts_inserted_bytes():
-    wire = Packet2(1, Instruction.WRITE, b"\xff\xff\xfd").encode()
-    assert wire[5:7] == b"\x07\x00"
-    assert wire[7:-2] == b"\x03\xff\xff\xfd\xfd"
-
-
 def test_data_without_inserted_bytes_are_understood():
     # As dynamixel-sdk 4.1.0 sends them.
     packet = FastStatus(1, Instruction.WRITE, b"\x74\x00\xff\xff\xfd\xff")
