@@ -10,7 +10,7 @@ from drake_srg.common.exceptions import ScenarioError
 from drake_srg.recording import rosbag
 from drake_srg.robot.serve import loop
 from drake_srg.robot.serve.action_server import ACTION, goal_info
-from drake_srg.robot.serve.bridge import Outlet
+from drake_srg.robot.serve.bridge import Bridge, Outlet
 from drake_srg.robot.serve.commands import Warnings
 from drake_srg.robot.serve.loop import Pacer, Serve
 from drake_srg.scenario import load_scenario
@@ -389,3 +389,8 @@ def test_a_failing_bridge_is_reported_once_a_task_and_stops_no_other(warnings, t
         "Failing /clock: RuntimeError('broken line')",
         "Failing update: RuntimeError('broken line')",
     ]
+
+
+def test_the_status_joins_those_of_the_bridges(warnings):
+    outlet = Outlet([FakeBridge(), Bridge(), FakeBridge()], warnings)
+    assert outlet.status == "fake, fake"
