@@ -37,10 +37,11 @@ from drake_srg.planning.clearing.clearing_planner import (
 )
 from drake_srg.planning.clearing.destination import Spots
 from drake_srg.planning.clearing.knowledge import ClearingMemory, Pick
-from drake_srg.planning.clearing.maps import thing_at
+from drake_srg.planning.clearing.maps import is_still, thing_at
 from drake_srg.planning.clearing.motions import ClearingMotions
 from drake_srg.planning.clearing.placing import BinMotions
 from drake_srg.planning.grasps.top_grasps import GraspPlan, GraspPlanner, TopGrasp
+from drake_srg.planning.motion.arm_model import restores_fingers
 from drake_srg.planning.motion.planning_scene import PlanningFailure, PlanningScene
 from drake_srg.planning.planner_machine import Observation, PlannerConfig
 from drake_srg.types import (
@@ -133,6 +134,12 @@ class WalledMotions(BinMotions):
         depth = self.wall.frontier.depth(grasp.p_WC)
         return bool(depth > self.wall.depth + room)
 
+    @restores_fingers
+    def contains(self, q: Vector) -> bool:
+        """Return whether all of an arm with an open, empty hand is behind the wall."""
+        self.scene.SetFingers({})
+        return self.scene.is_free(q)
+
     def plan(
         self,
         q_start: Vector,
@@ -167,8 +174,13 @@ class WalledMotions(BinMotions):
 class Claim:
     """A claim of an arm to a depth."""
 
-    since: float = np.inf  # when it was made [s]; inf: there is none
+    since: float = np.inf  # when it was made [s]; inf: there is none; -inf: for good
     depth: float = SIDE  # [m]
+
+    @property
+    def for_good(self) -> bool:
+        """Whether it never ends, because the arm has failed there."""
+        return self.since == -np.inf
 
     def comes_first(self, other: Claim, *, first: bool) -> bool:
         """Return whether this claim need not wait for that of the other arm.
@@ -214,15 +226,24 @@ class SharedHeightMap(HeightMap):
     Attributes:
         least: The least depth to which the arm may go now [m].
         wanted: Whether the other arm waits.
+        for_good: Whether the other arm has failed and stays where it is.
     """
 
     least: float = BEYOND
     wanted: bool = False
+    for_good: bool = False
 
     @property
     def open(self) -> bool:
-        """Whether the map shows all that the arm could take."""
-        return self.least <= BEYOND
+        """Whether the map shows all that the arm could ever take."""
+        return self.for_good or self.least <= BEYOND
+
+    def is_like(self, other: SharedHeightMap) -> bool:
+        """Return whether it would lead to the same plan as another map of the table."""
+        mine, others = (
+            (seen.least, seen.wanted, seen.for_good) for seen in (self, other)
+        )
+        return mine == others and is_still(other, self)
 
 
 @dc.dataclass(frozen=True)
@@ -238,9 +259,11 @@ class SharingMemory(ClearingMemory):
 
     Attributes:
         claim: Its claim, which ends once the arm is over its bin again.
+        vain: The last map, if a plan on it found nothing while the arm rests.
     """
 
     claim: Claim = NO_CLAIM
+    vain: SharedHeightMap | None = None
 
 
 class SharingPickPlanner(PickPlanner):
@@ -267,8 +290,13 @@ class SharingPickPlanner(PickPlanner):
         first: bool,
     ) -> None:
         super().__init__(grasps, motions[0], config, q_aside=q_aside)
-        self._side, self._half, self.beyond = motions
+        self.by_depth = tuple(motions)
         self.first = first
+
+    def depth_of(self, q: Vector) -> float:
+        """Return the depth of an arm with an open, empty hand: one of the three [m]."""
+        depths = [m.wall.depth for m in self.by_depth if m.contains(q)]
+        return max(depths, default=BEYOND)
 
     def _next_pick(
         self,
@@ -281,7 +309,7 @@ class SharingPickPlanner(PickPlanner):
         assert isinstance(memory, SharingMemory)
         assert isinstance(height_map, SharedHeightMap)
         before, memory.claim = memory.claim, NO_CLAIM
-        side, half, beyond = self._side, self._half, self.beyond
+        side, half, beyond = self.by_depth
         ways: list[tuple[WalledMotions, WalledMotions | None]]
         ways = [(side, None), (half, None), (beyond, None)]
         if not height_map.wanted:
@@ -314,7 +342,7 @@ class SharingPickPlanner(PickPlanner):
         assert isinstance(memory, SharingMemory)
         # With a pick planned, the claim is for that one, and the arm is over its bin.
         least = memory.claim.depth if memory.pick is None else SIDE
-        for motions in (self._side, self._half, self.beyond):
+        for motions in self.by_depth:
             motion = motions.plan_retreat(q, fingers)
             if not isinstance(motion, PlanningFailure) or motions.wall.depth <= least:
                 break
@@ -364,6 +392,7 @@ class SharingIdle(SharingMode, Idle):
     def enter(self, memory: ClearingMemory, entry: Entry) -> ClearingMemory:
         """Rest; without a pick, end the claim: the arm is over its bin."""
         assert isinstance(memory, SharingMemory)
+        memory.vain = None
         if memory.pick is None:
             memory.claim = NO_CLAIM
         return super().enter(memory, entry)
@@ -374,6 +403,15 @@ class SharingIdle(SharingMode, Idle):
         if pick is not None and pick.shared and not self.may_enter(memory, now):
             memory.pick = None
         return super().update(memory, now)
+
+    def plan(self, memory: ClearingMemory, seen: HeightMap, time: float) -> None:
+        """Plan, unless the last plan found nothing and the map is still the same."""
+        assert isinstance(memory, SharingMemory)
+        assert isinstance(seen, SharedHeightMap)
+        if memory.vain is not None and seen.is_like(memory.vain):
+            return
+        super().plan(memory, seen, time)
+        memory.vain = seen if memory.pick is None else None
 
     def observe_mode(self, memory: ClearingMemory, now: Now) -> Observation:
         """Report a pick only if the arm may go there."""
@@ -408,18 +446,25 @@ class SharingVerify(SharingMode, Verify):
         return super().enter(memory, entry)
 
     def update(self, memory: ClearingMemory, now: Now) -> ClearingMemory:
-        """Look once it is this arm's turn."""
-        return super().update(memory, now) if self.may_enter(memory, now) else memory
+        """Look once it is this arm's turn, or if that never comes."""
+        assert isinstance(now.senses, SharingSenses)
+        may_look = self.may_enter(memory, now) or now.senses.other.for_good
+        return super().update(memory, now) if may_look else memory
 
 
 class SharingFailed(SharingMode, Failed):
-    """Ends the claim if the arm has failed on its side."""
+    """Claims for good where the arm stands, unless that is on its side.
+
+    So the other arm keeps away from there, but no longer waits for its turn.
+    """
 
     def enter(self, memory: ClearingMemory, entry: Entry) -> ClearingMemory:
-        """Stop; an arm that is no longer over its bin keeps its claim."""
+        """Stop, and claim."""
         assert isinstance(memory, SharingMemory)
-        if entry.previous in (Mode.IDLE, Mode.VERIFY, Mode.HOME):
-            memory.claim = NO_CLAIM
+        depth = memory.claim.depth
+        if entry.previous not in _LOADED:
+            depth = max(depth, self.planner.depth_of(entry.senses.q))
+        memory.claim = Claim(-np.inf, depth) if depth < SIDE else NO_CLAIM
         return super().enter(memory, entry)
 
 
@@ -458,7 +503,8 @@ class SharingPlanner(ClearingPlanner):
     Connect `claim` (2) to `other_claim` (2) of the other arm's planner, and the
     reverse: when the claim was made [s], inf without one, and its depth [m]. The
     earlier claim comes first. An arm that waits has a claim, and the other one ends its
-    own after one pick. So neither waits for more than that.
+    own after one pick. So neither waits for more than that. The claim of an arm that
+    fails beyond its side is for good, from -inf on: the other arm clears the rest.
 
     Args:
         planner: Plans the picks.
@@ -502,14 +548,15 @@ class SharingPlanner(ClearingPlanner):
         """
         waits = not other.comes_first(claim, first=not self.planner.first)
         beyond = SIDE if waits else other.depth
-        wall = self.planner.beyond.wall
-        shown = wall.frontier.depth(seen.centers()) > max(BEYOND, HALF - beyond)
+        side, *_ = self.planner.by_depth
+        shown = side.wall.frontier.depth(seen.centers()) > max(BEYOND, HALF - beyond)
         return SharedHeightMap(
             seen.origin,
             seen.resolution,
             np.where(shown, seen.height, np.nan),
             least=max(BEYOND, GAP - beyond),
             wanted=waits,
+            for_good=other.for_good,
         )
 
     def _calc_claim(self, context: Context, output: BasicVector) -> None:
