@@ -68,6 +68,7 @@ _ROOM = 0.04
 _HAND = 0.12  # and most grasps have enough room at this distance [m]
 _SIZE = 6.0  # of a wall [m]
 _ROUNDING = 1e-6  # in sums of depths [m]
+_EDGE = 0.01  # a thing this near to the end of a map may go on beyond it [m]
 _SAMPLES = 40  # of a motion with a load
 _LOADED = (Mode.LIFT, Mode.TRANSFER, Mode.PLACE)
 
@@ -150,14 +151,21 @@ class WalledMotions(BinMotions):
         filled: float = -np.inf,
         spots: Spots = Spots(),  # noqa: B008  # it is immutable
     ) -> dict[AnyMode, Trajectory] | PlanningFailure:
-        """See `ClearingMotions`; in any direction, the load stays clear of the wall."""
+        """See `ClearingMotions`; in any direction, the load stays clear of the wall.
+
+        A thing that the map shows in part only stays: its size is unknown.
+        """
+        assert isinstance(height_map, SharedHeightMap)
+        cells = thing_at(height_map, self._table, grasp.p_WC)
+        if self.wall.frontier.depth(cells).min() < height_map.edge + _EDGE:
+            message = "the thing reaches over to where the other arm may be"
+            return PlanningFailure(Failure.BLOCKED, message)
         motions = super().plan(
             q_start, grasp, height_map, number, filled=filled, spots=spots
         )
         if isinstance(motions, PlanningFailure):
             return motions
-        away = thing_at(height_map, self._table, grasp.p_WC) - grasp.p_WC[:2]
-        length = float(np.max(np.linalg.norm(away, axis=1)))
+        length = float(np.max(np.linalg.norm(cells - grasp.p_WC[:2], axis=1)))
         for mode in _LOADED:
             if mode not in motions:
                 continue
@@ -232,6 +240,11 @@ class SharedHeightMap(HeightMap):
     least: float = BEYOND
     wanted: bool = False
     for_good: bool = False
+
+    @property
+    def edge(self) -> float:
+        """The depth at which the map ends [m]: a little beyond the wall."""
+        return max(BEYOND, self.least - HALF)
 
     @property
     def open(self) -> bool:
@@ -549,15 +562,16 @@ class SharingPlanner(ClearingPlanner):
         waits = not other.comes_first(claim, first=not self.planner.first)
         beyond = SIDE if waits else other.depth
         side, *_ = self.planner.by_depth
-        shown = side.wall.frontier.depth(seen.centers()) > max(BEYOND, HALF - beyond)
-        return SharedHeightMap(
+        whole = SharedHeightMap(
             seen.origin,
             seen.resolution,
-            np.where(shown, seen.height, np.nan),
+            seen.height,
             least=max(BEYOND, GAP - beyond),
             wanted=waits,
             for_good=other.for_good,
         )
+        shown = side.wall.frontier.depth(seen.centers()) > whole.edge
+        return dc.replace(whole, height=np.where(shown, seen.height, np.nan))
 
     def _calc_claim(self, context: Context, output: BasicVector) -> None:
         claim = self._claim(context)

@@ -21,17 +21,27 @@ from drake_srg.planning.clearing.sharing import (
     Claim,
     Frontier,
     JointStatus,
+    SharedHeightMap,
     SharingPickPlanner,
     SharingPlanner,
     Wall,
     WalledMotions,
     joint_status,
 )
+from drake_srg.planning.motion.planning_scene import PlanningFailure
 from drake_srg.planning.planner_machine import PlannerConfig
 from drake_srg.scenario import load_scenario
 from drake_srg.station.clearing import MakeClearingPair
 from drake_srg.types import Failure, HeightMap, Mode, PlannerStatus, Remaining
-from planning.clearing.fake_table import ASIDE, HELD, TALL, Grasps, Motions, table
+from planning.clearing.fake_table import (
+    ASIDE,
+    HELD,
+    TALL,
+    Grasps,
+    Motions,
+    grasp_at,
+    table,
+)
 
 CONFIG = PlannerConfig(latency=0.0, search_time=0.0, gripper_timeout=0.5)
 STEP = 0.05
@@ -405,6 +415,21 @@ def test_an_arm_at_home_is_in_nobodys_way(pair):
         assert motions.wall.depth == SIDE
         assert motions.scene.is_free(motions.q_home)
         assert motions.scene.is_free(motions.q_over)
+
+
+@pytest.mark.parametrize(("end", "cut"), [(0.0, True), (0.045, False)])
+def test_a_thing_that_the_map_cuts_off_stays(pair, end, cut):
+    """It may be wider than it seems, or longer."""
+    _, half, _ = pair.GetSubsystemByName("left").planner.by_depth
+    shown = SharedHeightMap(
+        np.array([0.2, 0.0]), 0.005, np.zeros((80, 100), np.float32), least=HALF
+    )
+    x, y = np.moveaxis(shown.centers(), -1, 0)
+    shown.height[(abs(x - 0.5) < 0.02) & (y > end) & (y < 0.16)] = TALL
+    shown.height[y < shown.edge] = np.nan
+    planned = half.plan(half.q_home, grasp_at((0.5, 0.11)), shown)
+    refused = isinstance(planned, PlanningFailure) and "reaches over" in planned.message
+    assert refused == cut
 
 
 def test_walls_stop_an_arm_at_its_depth(pair):
