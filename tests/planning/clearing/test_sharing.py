@@ -13,20 +13,22 @@ from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import DiagramBuilder
 
 from drake_srg.planning.clearing.sharing import (
+    NO_CLAIM,
+    Claim,
+    JointStatus,
+    SharingPickPlanner,
+    SharingPlanner,
+    joint_status,
+)
+from drake_srg.planning.clearing.walls import (
     BEYOND,
     GAP,
     HALF,
-    NO_CLAIM,
     SIDE,
-    Claim,
     Frontier,
-    JointStatus,
     SharedHeightMap,
-    SharingPickPlanner,
-    SharingPlanner,
     Wall,
     WalledMotions,
-    joint_status,
 )
 from drake_srg.planning.motion.planning_scene import PlanningFailure
 from drake_srg.planning.planner_machine import PlannerConfig
