@@ -148,23 +148,27 @@ class WalledMotions(BinMotions):
         A thing that the map shows in part only stays: its size is unknown.
         """
         assert isinstance(height_map, SharedHeightMap)
+        depth = self.wall.frontier.depth
         cells = thing_at(height_map, self._table, grasp.p_WC)
-        if self.wall.frontier.depth(cells).min() < height_map.edge + _EDGE:
+        if depth(cells).min() < height_map.edge + _EDGE:
             message = "the thing reaches over to where the other arm may be"
             return PlanningFailure(Failure.BLOCKED, message)
+        length = float(np.max(np.linalg.norm(cells - grasp.p_WC[:2], axis=1)))
+        least = self.wall.depth + length  # of the hand with the load
+        message = "the load would reach over to the other arm"
+        over = PlanningFailure(Failure.BLOCKED, message)
+        if depth(grasp.p_WC) < least:  # planning would take long
+            return over
         motions = super().plan(
             q_start, grasp, height_map, number, filled=filled, spots=spots
         )
         if isinstance(motions, PlanningFailure):
             return motions
-        length = float(np.max(np.linalg.norm(cells - grasp.p_WC[:2], axis=1)))
         for mode in LOADED:
             if mode not in motions:
                 continue
             times = np.linspace(0.0, motions[mode].end_time(), _SAMPLES)
             for q in motions[mode].vector_values(times).T:
-                p_WG = self.scene.X_WG(q).translation()
-                if self.wall.frontier.depth(p_WG) < self.wall.depth + length:
-                    message = "the load would reach over to the other arm"
-                    return PlanningFailure(Failure.BLOCKED, message)
+                if depth(self.scene.X_WG(q).translation()) < least:
+                    return over
         return motions
