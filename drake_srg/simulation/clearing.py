@@ -182,10 +182,10 @@ class ClearingOutcome:
     Attributes:
         objects: Those that belong into a bin.
         picks: Grasps begun.
-        picks_held: Those that held by the planner's word.
+        picks_held: Loads that the planner counts as arrived, at most one per grasp.
         picks_delivered: Those of which something rests where it belongs, by ground
             truth.
-        picks_per_hour: Of those that held.
+        picks_per_hour: `picks_held` per hour.
         multi_object_picks: Those that carried several objects.
         multi_object_picks_seen: Those after which the planner has seen several.
         in_wrong_bin: Names of all objects that rest in a bin that is not theirs.
