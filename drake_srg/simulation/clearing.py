@@ -182,10 +182,10 @@ class ClearingOutcome:
     Attributes:
         objects: Outcomes of the objects that belong into a bin.
         picks: Grasps begun.
-        picks_held: Picks that held, as the planner reports.
+        picks_held: Loads that the planner counts as arrived, at most one per grasp.
         picks_delivered: Picks after which something rests where it belongs, by
             ground truth.
-        picks_per_hour: Held picks per hour.
+        picks_per_hour: `picks_held` per hour.
         multi_object_picks: Picks that carried several objects.
         multi_object_picks_seen: Picks after which the planner saw several objects.
         in_wrong_bin: Names of all objects that rest in a bin that is not theirs.

@@ -106,8 +106,8 @@ class Metrics:
     # With several bins: how many rest in their own, and how many in another.
     objects_sorted: int | None = None
     objects_in_wrong_bin: int | None = None
-    # Grasps; those that held by the planner's word; those whose load rests where
-    # it belongs, by ground truth.
+    # Grasps; loads that the planner counts as arrived, at most one per grasp; grasps
+    # whose load rests where it belongs, by ground truth.
     picks: int | None = None
     picks_held: int | None = None
     picks_delivered: int | None = None
