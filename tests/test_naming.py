@@ -15,8 +15,6 @@ SNAKE = re.compile(r"[a-z0-9_]+")
 PASCAL = re.compile(r"_?((Make|Add|Set|Connect)[A-Z]\w*|Simulate|Serve)")
 MONOGRAM = re.compile(r"_?[pRXV]_[A-Z]\w*")  # X_WG: a pose, a function of something
 TEMPLATE = re.compile(r"[A-Z]\w*_")  # instantiates a scalar-converted system
-# The methods of ROS 1's slave API, called by these names over XML-RPC.
-SLAVE = ROOT / "drake_srg/robot/serve/ros1/slave.py"
 
 
 def misnamed(text):
@@ -36,7 +34,6 @@ def test_functions_are_named_as_in_drake():
     names = {
         str(path.relative_to(ROOT)): misnamed(path.read_text(encoding="utf-8"))
         for path in MODULES
-        if path != SLAVE
     }
     assert {path: wrong for path, wrong in names.items() if wrong} == {}
 

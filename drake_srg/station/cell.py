@@ -116,7 +116,7 @@ def MakeCell(
     `ServoingPlanner` and a visual servo, see `MakeServoingPlanner`; `!Clear`, a
     `ClearingPlanner`, for which a `height_mapper` stands in for the localizer;
     `!ClearTogether`, a diagram of two that share a table, see `MakeClearingPair`, with
-    a port `planner.NAME.mode` for each arm;
+    ports `planner.NAME.mode` and `NAME.height_mapper.height_map` for each arm;
     `!Script`, one that plays the script, without a localizer.
 
     Args:
@@ -260,47 +260,30 @@ def AddLocalizingPlanner(
 def AddClearingPlanner(
     builder: DiagramBuilder, scenario: Scenario, station: Diagram
 ) -> System:
-    """Add the planner that clears a scenario's table, and the height mappers.
+    """Add the planner that clears a scenario's table, and each arm's height mappers.
 
     Args:
         builder: The cell's.
         scenario: The scenario of the cell.
         station: Its station.
     """
-    mapper = AddHeightMapper(builder, scenario, station)
-    seen = labeled = mapper.GetOutputPort("height_map")
-    if needs_labels(scenario):
-        labeled = AddThingLabeler(builder, scenario, station, seen)
-    planner = builder.AddNamedSystem("planner", MakeClearingPlanner(scenario))
-    destinations = AddDestinationMapper(builder, scenario, station)
-    for source, target in (
-        (labeled, "height_map"),
-        (destinations.GetOutputPort("height_map"), "destination_map"),
-    ):
-        builder.Connect(source, planner.GetInputPort(target))
-    ConnectSensors(builder, station, planner)
-    builder.ExportOutput(seen, "height_mapper.height_map")
-    return planner
-
-
-def AddClearingPair(
-    builder: DiagramBuilder, scenario: Scenario, station: Diagram
-) -> System:
-    """Add the planners of two arms that clear a table, and their height mappers.
-
-    Args:
-        builder: The cell's.
-        scenario: The scenario of the cell.
-        station: Its station.
-    """
-    planner = builder.AddNamedSystem("planner", MakeClearingPair(scenario))
-    for name, (share, _) in shares_of(scenario).items():
-        for make, target in (
-            (AddHeightMapper, "height_map"),
-            (AddDestinationMapper, "destination_map"),
+    shares, make = {"": scenario}, MakeClearingPlanner
+    if isinstance(scenario.planner, ClearTogether):
+        make = MakeClearingPair
+        shares = {f"{arm}.": own for arm, (own, _) in shares_of(scenario).items()}
+    planner = builder.AddNamedSystem("planner", make(scenario))
+    for prefix, share in shares.items():
+        mapper = AddHeightMapper(builder, share, station)
+        seen = labeled = mapper.GetOutputPort("height_map")
+        if needs_labels(share):
+            labeled = AddThingLabeler(builder, share, station, seen)
+        destinations = AddDestinationMapper(builder, share, station)
+        for source, target in (
+            (labeled, "height_map"),
+            (destinations.GetOutputPort("height_map"), "destination_map"),
         ):
-            seen = make(builder, share, station).GetOutputPort("height_map")
-            builder.Connect(seen, planner.GetInputPort(f"{name}.{target}"))
+            builder.Connect(source, planner.GetInputPort(f"{prefix}{target}"))
+        builder.ExportOutput(seen, f"{prefix}height_mapper.height_map")
     ConnectSensors(builder, station, planner, robot_arms(scenario))
     return planner
 
@@ -336,7 +319,7 @@ _PLANNERS: dict[type[PlannerConfig], AddPlanner] = {
         AddLocalizingPlanner, make_planner=MakeCarryPlanner
     ),
     Clear: AddClearingPlanner,
-    ClearTogether: AddClearingPair,
+    ClearTogether: AddClearingPlanner,
     Script: AddScriptedPlanner,
 }
 

@@ -26,13 +26,15 @@ from drake_srg.planning.clearing.motions import (
 from drake_srg.planning.clearing.placing import BinMotions, RowMotions, row_destination
 from drake_srg.planning.clearing.pushing import PushMotions
 from drake_srg.planning.clearing.sharing import (
+    JointStatus,
+    SharingPickPlanner,
+    SharingPlanner,
+)
+from drake_srg.planning.clearing.walls import (
     BEYOND,
     HALF,
     SIDE,
     Frontier,
-    JointStatus,
-    SharingPickPlanner,
-    SharingPlanner,
     Wall,
     WalledMotions,
 )

@@ -1,7 +1,9 @@
 """A companion survives Ctrl-C, and its end is reported."""
 
 import gc
+import multiprocessing as mp
 import os
+import queue
 import signal
 import subprocess
 import sys
@@ -10,7 +12,7 @@ import weakref
 import pytest
 from helpers import HEEDING_CTRL_C
 
-from drake_srg.common.real_time import real_time_loop
+from drake_srg.common.real_time import Companion, real_time_loop
 
 
 class Cycle:
@@ -92,3 +94,17 @@ def test_ctrl_c_reaches_the_parent_alone(tmp_path):
         os.killpg(parent.pid, signal.SIGINT)  # as a terminal sends it, to all
         told, errors = parent.communicate(timeout=60.0)
     assert (told, errors) == ("alive end\n", "")
+
+
+def stop(connection):
+    connection.send("ready")
+    os.kill(os.getpid(), signal.SIGSTOP)
+
+
+def test_close_ends_a_process_that_does_not_react():
+    received, others = queue.Queue(), set(mp.active_children())
+    companion = Companion("child", stop, (), received.put, lambda: received.put("end"))
+    assert received.get(timeout=60.0) == "ready"
+    companion.close()
+    assert set(mp.active_children()) == others
+    assert received.empty()  # no failure

@@ -8,6 +8,7 @@ import pytest
 from drake_srg.common.exceptions import ScenarioError
 from drake_srg.planning.grasps.srg_hand import SrgHand
 from drake_srg.scenario import load_scenario
+from drake_srg.scenario.load import load_tree
 from drake_srg.station.clearing import (
     MakeClearingPair,
     MakeClearingPlanner,
@@ -125,3 +126,25 @@ def test_one_arm_alone_has_the_same_objects():
     alone = Path(__file__).parents[2] / "experiments/clear_table_alone.yaml"
     both = load_scenario("clear_table_together", seed=1000)
     assert load_scenario(alone, seed=1000).objects == both.objects
+
+
+def test_the_varied_cell_draws_as_that_of_one_arm():
+    both = load_tree("clear_table_together_varied")
+    alone = load_tree("clear_table_varied")
+    assert both["clutter"]["kinds"] == alone["clutter"]["kinds"]
+    assert both["task"]["spacing"] == alone["task"]["spacing"]
+    lights = [
+        tree["cameras"][name]["renderer_class"]["lights"]
+        for tree, name in ((both, "left_ceiling"), (alone, "ceiling"))
+    ]
+    assert lights[0] == lights[1]
+    assert set(both["camera_errors"]) == {
+        *both["localizer"]["cameras"],
+        *both["task"]["place"]["cameras"],
+    }
+    for errors in both["camera_errors"].values():
+        assert errors == alone["camera_errors"]["ceiling"]
+    for arm in both["arms"].values():
+        for drive in ("arm", "gripper"):
+            for key in ("motor_strength", "errors"):
+                assert arm[drive][key] == alone[drive][key]

@@ -177,12 +177,19 @@ class PickPlanner:
         found: GraspPlan,
         height_map: HeightMap,
         time: float,
-        route: Route | None = None,
     ) -> tuple[Pick | None, list[Remaining]]:
-        """Return the next pick, and why better grasps are left; see `plan`.
+        """Return the next pick, and why better grasps are left; see `plan`."""
+        return self._first_pick(self.route, memory, found, height_map, time)
 
-        `route` replaces the method of that name.
-        """
+    def _first_pick(
+        self,
+        route: Route,
+        memory: ClearingMemory,
+        found: GraspPlan,
+        height_map: HeightMap,
+        time: float,
+    ) -> tuple[Pick | None, list[Remaining]]:
+        """Return the first pick along a route, and why better grasps are left."""
         missed: list[Remaining] = []
         planned = 0
         for grasp in found.grasps:
@@ -193,7 +200,7 @@ class PickPlanner:
                 continue
             if planned == _MOST_GRASPS:
                 break
-            way = (route or self.route)(grasp, height_map)
+            way = route(grasp, height_map)
             if way is None:
                 continue
             planned += 1

@@ -134,8 +134,12 @@ class Idle(ClearingMode):
             return memory
         waited = now.time > view.rested_at + _PATIENCE
         if waited or is_still(before, view.latest):
-            self.planner.plan(memory, view.latest, now.time)
+            self.plan(memory, view.latest, now.time)
         return memory
+
+    def plan(self, memory: ClearingMemory, seen: HeightMap, time: float) -> None:
+        """Plan the next pick on a map of things at rest."""
+        self.planner.plan(memory, seen, time)
 
     def observe_mode(self, memory: ClearingMemory, now: Now) -> Observation:
         """Report a pick or a push once planning has taken its time, or the end."""

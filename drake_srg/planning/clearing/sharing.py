@@ -13,16 +13,14 @@ from __future__ import annotations
 import dataclasses as dc
 import functools
 from collections.abc import Mapping, Sequence
-from typing import Any
 
 import numpy as np
 from pydrake.common.value import AbstractValue, Value
-from pydrake.math import RigidTransform, RotationMatrix
 from pydrake.systems.framework import BasicVector, Context
 from pydrake.trajectories import Trajectory
 
 from drake_srg.lifetime import LeafSystem
-from drake_srg.planning.clearing.choosing import PickPlanner, Route
+from drake_srg.planning.clearing.choosing import PickPlanner
 from drake_srg.planning.clearing.clearing_planner import (
     MODES,
     ClearingMode,
@@ -35,18 +33,21 @@ from drake_srg.planning.clearing.clearing_planner import (
     Senses,
     Verify,
 )
-from drake_srg.planning.clearing.destination import Spots
 from drake_srg.planning.clearing.knowledge import ClearingMemory, Pick
-from drake_srg.planning.clearing.maps import thing_at
 from drake_srg.planning.clearing.motions import ClearingMotions
-from drake_srg.planning.clearing.placing import BinMotions
+from drake_srg.planning.clearing.walls import (
+    BEYOND,
+    GAP,
+    LOADED,
+    SIDE,
+    SharedHeightMap,
+    WalledMotions,
+)
 from drake_srg.planning.grasps.top_grasps import GraspPlan, GraspPlanner, TopGrasp
-from drake_srg.planning.motion.planning_scene import PlanningFailure, PlanningScene
+from drake_srg.planning.motion.planning_scene import PlanningFailure
 from drake_srg.planning.planner_machine import Observation, PlannerConfig
 from drake_srg.types import (
     AnyMode,
-    Box,
-    Failure,
     HeightMap,
     Mode,
     PlannerStatus,
@@ -54,121 +55,22 @@ from drake_srg.types import (
     Vector,
 )
 
-# Least distance between the arms [m]. It is more than both lag behind their commands,
-# by 0.02 m each at a joint error of 0.02 rad.
-GAP = 0.05
-# Depths [m]: beyond the plane, up to the plane, and in nobody's way. An open hand needs
-# 0.12 m on either side of a grasp. So both arms can take what lies in the middle.
-BEYOND = -0.16
-HALF = 0.5 * GAP
-SIDE = GAP - BEYOND
-# A hand takes nothing nearer than this to a wall [m]: half the palm's width.
-_ROOM = 0.04
-_HAND = 0.12  # and most grasps have enough room at this distance [m]
-_SIZE = 6.0  # of a wall [m]
 _ROUNDING = 1e-6  # in sums of depths [m]
-_SAMPLES = 40  # of a motion with a load
-_LOADED = (Mode.LIFT, Mode.TRANSFER, Mode.PLACE)
-
-
-@dc.dataclass(frozen=True, eq=False)
-class Frontier:
-    """The vertical plane between two arms, from the side of one of them.
-
-    Attributes:
-        middle: A point of it, x and y in world, shape (2,) [m].
-        inward: Direction from there to the arm, shape (2,).
-    """
-
-    middle: Vector
-    inward: Vector
-
-    @classmethod
-    def between(cls, p_WA: Vector, p_WB: Vector) -> Frontier:
-        """Return the plane halfway between two arms, from the side of the first.
-
-        Args:
-            p_WA: Base of the first arm, shape (2 or 3,) [m].
-            p_WB: That of the second.
-        """
-        apart = p_WA[:2] - p_WB[:2]
-        return cls(0.5 * (p_WA[:2] + p_WB[:2]), apart / np.linalg.norm(apart))
-
-    def depth(self, p_W: Vector) -> Vector:
-        """Return how far points (..., 2 or more) are on the arm's side, (...) [m]."""
-        depth: Vector = (p_W[..., :2] - self.middle) @ self.inward
-        return depth
-
-
-@dc.dataclass(frozen=True, eq=False)
-class Wall:
-    """A wall that keeps an arm at a depth, parallel to a frontier."""
-
-    frontier: Frontier
-    depth: float  # of its face [m]; negative beyond the frontier
-
-    def AddTo(self, scene: PlanningScene) -> None:
-        """Add the wall to an arm's scene, for good."""
-        inward = self.frontier.inward
-        x, y = self.frontier.middle + (self.depth - 0.5 * _SIZE) * inward
-        R_WO = RotationMatrix.MakeZRotation(float(np.arctan2(inward[1], inward[0])))
-        scene.AddFixture(Box([_SIZE, _SIZE, _SIZE]), RigidTransform(R_WO, [x, y, 0.0]))
-
-
-class WalledMotions(BinMotions):
-    """Plans picks on one side of a wall, where all of the load stays, too.
-
-    Args:
-        wall: The wall, which is in the scene.
-        *args: As of `ClearingMotions`.
-        **others: As of `ClearingMotions`.
-    """
-
-    def __init__(self, wall: Wall, *args: Any, **others: Any) -> None:
-        super().__init__(*args, **others)
-        self.wall = wall
-
-    def reaches(self, grasp: TopGrasp, room: float = _ROOM) -> bool:
-        """Return whether there is some room [m] between a grasp and the wall."""
-        depth = self.wall.frontier.depth(grasp.p_WC)
-        return bool(depth > self.wall.depth + room)
-
-    def plan(
-        self,
-        q_start: Vector,
-        grasp: TopGrasp,
-        height_map: HeightMap,
-        number: int = 0,
-        *,
-        filled: float = -np.inf,
-        spots: Spots = Spots(),  # noqa: B008  # it is immutable
-    ) -> dict[AnyMode, Trajectory] | PlanningFailure:
-        """See `ClearingMotions`; in any direction, the load stays clear of the wall."""
-        motions = super().plan(
-            q_start, grasp, height_map, number, filled=filled, spots=spots
-        )
-        if isinstance(motions, PlanningFailure):
-            return motions
-        away = thing_at(height_map, self._table, grasp.p_WC) - grasp.p_WC[:2]
-        length = float(np.max(np.linalg.norm(away, axis=1)))
-        for mode in _LOADED:
-            if mode not in motions:
-                continue
-            times = np.linspace(0.0, motions[mode].end_time(), _SAMPLES)
-            for q in motions[mode].vector_values(times).T:
-                p_WG = self.scene.X_WG(q).translation()
-                if self.wall.frontier.depth(p_WG) < self.wall.depth + length:
-                    message = "the load would reach over to the other arm"
-                    return PlanningFailure(Failure.BLOCKED, message)
-        return motions
+# Most grasps have enough room at this distance from a wall [m].
+_HAND = 0.12
 
 
 @dc.dataclass(frozen=True)
 class Claim:
     """A claim of an arm to a depth."""
 
-    since: float = np.inf  # when it was made [s]; inf: there is none
+    since: float = np.inf  # when it was made [s]; inf: there is none; -inf: for good
     depth: float = SIDE  # [m]
+
+    @property
+    def for_good(self) -> bool:
+        """Whether it never ends, because the arm has failed there."""
+        return self.since == -np.inf
 
     def comes_first(self, other: Claim, *, first: bool) -> bool:
         """Return whether this claim need not wait for that of the other arm.
@@ -207,24 +109,6 @@ class Claim:
 NO_CLAIM = Claim()
 
 
-@dc.dataclass(frozen=True, eq=False)
-class SharedHeightMap(HeightMap):
-    """A height map that shows nothing of the other arm, nor of where it may be.
-
-    Attributes:
-        least: The least depth to which the arm may go now [m].
-        wanted: Whether the other arm waits.
-    """
-
-    least: float = BEYOND
-    wanted: bool = False
-
-    @property
-    def open(self) -> bool:
-        """Whether the map shows all that the arm could take."""
-        return self.least <= BEYOND
-
-
 @dc.dataclass(frozen=True)
 class SharingSenses(Senses):
     """Measurements at one time, and the other arm's claim."""
@@ -238,9 +122,11 @@ class SharingMemory(ClearingMemory):
 
     Attributes:
         claim: Its claim, which ends once the arm is over its bin again.
+        vain: The last map, if a plan on it found nothing while the arm rests.
     """
 
     claim: Claim = NO_CLAIM
+    vain: SharedHeightMap | None = None
 
 
 class SharingPickPlanner(PickPlanner):
@@ -267,8 +153,13 @@ class SharingPickPlanner(PickPlanner):
         first: bool,
     ) -> None:
         super().__init__(grasps, motions[0], config, q_aside=q_aside)
-        self._side, self._half, self.beyond = motions
+        self.by_depth = tuple(motions)
         self.first = first
+
+    def depth_of(self, q: Vector) -> float:
+        """Return the depth of an arm with an open, empty hand: one of the three [m]."""
+        depths = [m.wall.depth for m in self.by_depth if m.contains(q)]
+        return max(depths, default=BEYOND)
 
     def _next_pick(
         self,
@@ -276,12 +167,11 @@ class SharingPickPlanner(PickPlanner):
         found: GraspPlan,
         height_map: HeightMap,
         time: float,
-        route: Route | None = None,
     ) -> tuple[Pick | None, list[Remaining]]:
         assert isinstance(memory, SharingMemory)
         assert isinstance(height_map, SharedHeightMap)
         before, memory.claim = memory.claim, NO_CLAIM
-        side, half, beyond = self._side, self._half, self.beyond
+        side, half, beyond = self.by_depth
         ways: list[tuple[WalledMotions, WalledMotions | None]]
         ways = [(side, None), (half, None), (beyond, None)]
         if not height_map.wanted:
@@ -291,7 +181,7 @@ class SharingPickPlanner(PickPlanner):
             if depth < height_map.least - _ROUNDING:
                 continue
             way = functools.partial(_way, motions, easier)
-            pick, missed = super()._next_pick(memory, found, height_map, time, way)
+            pick, missed = self._first_pick(way, memory, found, height_map, time)
             if pick is not None:
                 pick.shared = depth < SIDE
                 if pick.shared:
@@ -314,7 +204,7 @@ class SharingPickPlanner(PickPlanner):
         assert isinstance(memory, SharingMemory)
         # With a pick planned, the claim is for that one, and the arm is over its bin.
         least = memory.claim.depth if memory.pick is None else SIDE
-        for motions in (self._side, self._half, self.beyond):
+        for motions in self.by_depth:
             motion = motions.plan_retreat(q, fingers)
             if not isinstance(motion, PlanningFailure) or motions.wall.depth <= least:
                 break
@@ -364,6 +254,7 @@ class SharingIdle(SharingMode, Idle):
     def enter(self, memory: ClearingMemory, entry: Entry) -> ClearingMemory:
         """Rest; without a pick, end the claim: the arm is over its bin."""
         assert isinstance(memory, SharingMemory)
+        memory.vain = None
         if memory.pick is None:
             memory.claim = NO_CLAIM
         return super().enter(memory, entry)
@@ -374,6 +265,15 @@ class SharingIdle(SharingMode, Idle):
         if pick is not None and pick.shared and not self.may_enter(memory, now):
             memory.pick = None
         return super().update(memory, now)
+
+    def plan(self, memory: ClearingMemory, seen: HeightMap, time: float) -> None:
+        """Plan, unless the last plan found nothing and the map is still the same."""
+        assert isinstance(memory, SharingMemory)
+        assert isinstance(seen, SharedHeightMap)
+        if memory.vain is not None and seen.is_like(memory.vain):
+            return
+        super().plan(memory, seen, time)
+        memory.vain = seen if memory.pick is None else None
 
     def observe_mode(self, memory: ClearingMemory, now: Now) -> Observation:
         """Report a pick only if the arm may go there."""
@@ -408,18 +308,25 @@ class SharingVerify(SharingMode, Verify):
         return super().enter(memory, entry)
 
     def update(self, memory: ClearingMemory, now: Now) -> ClearingMemory:
-        """Look once it is this arm's turn."""
-        return super().update(memory, now) if self.may_enter(memory, now) else memory
+        """Look once it is this arm's turn, or if that never comes."""
+        assert isinstance(now.senses, SharingSenses)
+        may_look = self.may_enter(memory, now) or now.senses.other.for_good
+        return super().update(memory, now) if may_look else memory
 
 
 class SharingFailed(SharingMode, Failed):
-    """Ends the claim if the arm has failed on its side."""
+    """Claims for good where the arm stands, unless that is on its side.
+
+    So the other arm keeps away from there, but no longer waits for its turn.
+    """
 
     def enter(self, memory: ClearingMemory, entry: Entry) -> ClearingMemory:
-        """Stop; an arm that is no longer over its bin keeps its claim."""
+        """Stop, and claim."""
         assert isinstance(memory, SharingMemory)
-        if entry.previous in (Mode.IDLE, Mode.VERIFY, Mode.HOME):
-            memory.claim = NO_CLAIM
+        depth = memory.claim.depth
+        if entry.previous not in LOADED:
+            depth = max(depth, self.planner.depth_of(entry.senses.q))
+        memory.claim = Claim(-np.inf, depth) if depth < SIDE else NO_CLAIM
         return super().enter(memory, entry)
 
 
@@ -458,7 +365,8 @@ class SharingPlanner(ClearingPlanner):
     Connect `claim` (2) to `other_claim` (2) of the other arm's planner, and the
     reverse: when the claim was made [s], inf without one, and its depth [m]. The
     earlier claim comes first. An arm that waits has a claim, and the other one ends its
-    own after one pick. So neither waits for more than that.
+    own after one pick. So neither waits for more than that. The claim of an arm that
+    fails beyond its side is for good, from -inf on: the other arm clears the rest.
 
     Args:
         planner: Plans the picks.
@@ -502,15 +410,17 @@ class SharingPlanner(ClearingPlanner):
         """
         waits = not other.comes_first(claim, first=not self.planner.first)
         beyond = SIDE if waits else other.depth
-        wall = self.planner.beyond.wall
-        shown = wall.frontier.depth(seen.centers()) > max(BEYOND, HALF - beyond)
-        return SharedHeightMap(
+        side, *_ = self.planner.by_depth
+        whole = SharedHeightMap(
             seen.origin,
             seen.resolution,
-            np.where(shown, seen.height, np.nan),
+            seen.height,
             least=max(BEYOND, GAP - beyond),
             wanted=waits,
+            for_good=other.for_good,
         )
+        shown = side.wall.frontier.depth(seen.centers()) > whole.edge
+        return dc.replace(whole, height=np.where(shown, seen.height, np.nan))
 
     def _calc_claim(self, context: Context, output: BasicVector) -> None:
         claim = self._claim(context)

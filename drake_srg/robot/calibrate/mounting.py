@@ -136,13 +136,11 @@ class Mounting:
     """A camera and a board, for the frames of `projection`.
 
     Attributes:
-        camera: The camera's name.
         model: Its intrinsics as configured.
         X_PB: Its body in its base frame as configured [m].
         base_frame: Name of its base frame P.
         in_hand: Whether the arm moves it; otherwise the arm moves the board.
         X_WP: Its base frame in the world, for a fixed camera [m].
-        board: The board.
         X_QO: The board in its mount Q as placed by `with_board` [m].
     """
 

@@ -105,13 +105,7 @@ _ROWS = {
 def report(
     result: Calibration, mounting: Mounting, found: Mapping[str, Any]
 ) -> Iterator[str]:
-    """Yield lines: values with standard deviations, and in simulation their errors.
-
-    Args:
-        result: Of `calibrate`.
-        mounting: Of the camera.
-        found: Of `answer`.
-    """
+    """Yield lines: values, standard deviations and, in simulation, errors."""
     kind = "in the hand" if mounting.in_hand else "fixed"
     count = sum(len(view.pixels) for view in result.views)
     yield (

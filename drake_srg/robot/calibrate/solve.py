@@ -27,7 +27,6 @@ class View:
     """An image of the board: what is known of it.
 
     Attributes:
-        name: For messages.
         X_PQ: Pose of the board's mount in the camera's mount [m].
         p_B: Corners on the board [m], shape (K, 3).
         pixels: The same corners in the image, shape (K, 2).
@@ -201,7 +200,6 @@ class Calibration:
         covariance: Of the 16 parameters, in the units of `projection.jacobian`.
         condition: Condition number of the estimate, parameters scaled to equal effect.
         rms: Root mean square of the distances between corners and expectation [pixels].
-        views: The views used.
         dropped: Names of other views, and why each was dropped.
     """
 

@@ -25,7 +25,6 @@ from drake_srg.robot.drive.link import (
     Node,
     Robot,
     RosDriver,
-    numbers,
 )
 from drake_srg.robot.serve.action_server import (
     ErrorCode,
@@ -35,7 +34,7 @@ from drake_srg.robot.serve.action_server import (
     goal_id,
     goal_info,
 )
-from drake_srg.robot.serve.commands import PortValues, Warnings
+from drake_srg.robot.serve.commands import PortValues, Warnings, numbers
 from drake_srg.types import Vector
 
 # How late an answer or a result may be, and how long the server may take to be found,
@@ -55,10 +54,6 @@ def joint_trajectory(name: str, joints: Sequence[str]) -> Topic:
     """Return a topic of timed positions as trajectory_msgs/JointTrajectory.
 
     Its `convert` takes times (K,) [s], by the robot's clock, and positions (K, N).
-
-    Args:
-        name: The topic's.
-        joints: Names of the joints.
     """
     kind = "trajectory_msgs/msg/JointTrajectory"
 
@@ -158,7 +153,6 @@ class PositionStream(ArmStream):
     Args:
         node: The node; not yet open.
         topic: Name of the std_msgs/Float64MultiArray.
-        size: Number of joints.
     """
 
     def __init__(self, node: Node, topic: str, size: int) -> None:
@@ -177,7 +171,6 @@ class TrajectoryStream(ArmStream):
     Args:
         node: The node; not yet open.
         topic: Name of the trajectory_msgs/JointTrajectory.
-        joints: Names of the joints.
         lead: How far ahead the newest command is [s].
         period: Between commands [s].
     """
@@ -202,7 +195,6 @@ class ServiceClient(Generic[_T]):
 
     Args:
         node: The node; not yet open.
-        service: The service.
         fill: Called as `fill(make, *values)`.
         receive: Called with what a call was about, and the reply.
     """
@@ -282,11 +274,8 @@ class GoalStream(ArmStream):
 
     Args:
         node: The node; not yet open.
-        name: Of the action.
-        joints: Names of the joints.
         lead: How far ahead the newest command is [s].
         period: Between commands [s].
-        warnings: Where trouble is reported.
     """
 
     def __init__(

@@ -214,12 +214,7 @@ class RosCamera(Config):
     patience: float = dc.field(default=10.0, metadata=positive())
 
     def connect(self, name: str, robot: Robot) -> Camera:
-        """Return a link to the camera.
-
-        Args:
-            name: The camera's, in the scenario.
-            robot: The robot that it belongs to.
-        """
+        """Return a link to the camera."""
         return _RosCamera(self, name, robot)
 
 
@@ -309,7 +304,6 @@ class CameraFeed(LeafSystem):
     show the arm on its way. So whoever looks must not be in a hurry.
 
     Args:
-        camera: The camera.
         X_WB: The pose of its body in world [m].
     """
 

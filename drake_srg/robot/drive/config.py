@@ -37,8 +37,6 @@ class FaultyLink(Link):
     """A link that delivers late, or not at all.
 
     Args:
-        link: The link without faults.
-        config: The faults.
         period: Time between calls [s].
     """
 
@@ -152,10 +150,6 @@ def load_hardware(path: str | Path) -> HardwareConfig:
 
 def parse_hardware(text: str, origin: str) -> HardwareConfig:
     """Return the configuration that the text of a hardware file describes.
-
-    Args:
-        text: Of the file.
-        origin: Its name, for error messages.
 
     Raises:
         ScenarioError: If it is invalid.

@@ -15,9 +15,8 @@ from drake_srg.robot.drive.link import (
     Node,
     Robot,
     RosDriver,
-    numbers,
 )
-from drake_srg.robot.serve.commands import PortValues
+from drake_srg.robot.serve.commands import PortValues, numbers
 
 # Control periods between two equal gripper commands, in case one gets lost.
 _REPEAT = 20

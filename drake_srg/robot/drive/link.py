@@ -21,6 +21,7 @@ from drake_srg.robot.serve.commands import (
     CommandTopic,
     PortValues,
     Warnings,
+    numbers,
     port_of,
     seconds,
     topic_of,
@@ -44,12 +45,7 @@ Receive = Callable[[Any], None]
 
 
 class Node:
-    """A ROS node: first collects topics, then opens.
-
-    Args:
-        config: Opens it.
-        warnings: Where refused messages are reported.
-    """
+    """A ROS node: first collects topics, then opens."""
 
     def __init__(self, config: Ros1Config | Ros2Config, warnings: Warnings) -> None:
         self._config, self._warnings = config, warnings
@@ -119,9 +115,6 @@ class Nodes:
     """One node for each ROS.
 
     Args:
-        ros1: Of ROS 1.
-        ros2: Of ROS 2.
-        warnings: Where refused messages are reported.
         suffix: Of the nodes' names, where several processes have nodes.
     """
 
@@ -198,7 +191,6 @@ class NamedLink(Link):
 
     Args:
         link: Its ports are those of `arm` and `gripper`.
-        own: The arm.
     """
 
     def __init__(self, link: Link, own: RobotArm) -> None:
@@ -235,11 +227,7 @@ class Mailbox:
             self._values.update(values)
 
     def take(self, needed: Set[str] = frozenset()) -> dict[str, Vector]:
-        """Return the values since the last call, or none until all needed ones are new.
-
-        Args:
-            needed: Their names.
-        """
+        """Return what has come since the last call; none until all needed is new."""
         with self._lock:
             if needed - self._values.keys():
                 return {}
@@ -255,7 +243,6 @@ class Robot:
         scenario: The scenario that runs on the hardware, with this arm alone.
         arm_joints: Names of the arm's joints in messages, in the order of its ports.
         arm_limits: Least and greatest position of each, shape (N,) [rad or m].
-        warnings: Where trouble is reported to the user, once for each kind.
         nodes: ROS nodes, which drivers share.
         shared: Whatever else drivers share, such as a bus; empty at first.
         own: The arm, by its name if the scenario has several.
@@ -343,20 +330,6 @@ class RosDriver(Config, HardwareDriver):
                 f"{self.part}.joints: names must differ, got {', '.join(given)}"
             )
         return given or model
-
-
-def numbers(data: Any, size: int) -> Vector:
-    """Return the finite numbers of a message, shape (size,).
-
-    Raises:
-        CommandError: If there are more or fewer, or one of them is not finite.
-    """
-    values = np.array(data, dtype=np.float64)
-    if values.shape != (size,):
-        raise CommandError("length", f"needs {size} numbers, got {values.size}")
-    if not np.isfinite(values).all():
-        raise CommandError("finite", "needs finite numbers, got NaN or infinity")
-    return values
 
 
 class JointStates:

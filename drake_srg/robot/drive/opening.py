@@ -47,8 +47,6 @@ class Hardware:
     """A robot's live connections, and where it was at first.
 
     Attributes:
-        links: To the parts of the robot.
-        cameras: By name.
         start: The first measurements, by the station's output port.
     """
 

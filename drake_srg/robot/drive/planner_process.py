@@ -52,12 +52,7 @@ from drake_srg.station.servoing import MakeServoTaskPlanner, MakeTracker
 
 
 class ServoEye:
-    """Finds the object in the newest picture of a camera.
-
-    Args:
-        tracker: Reads the pictures.
-        camera: Of the hand.
-    """
+    """Finds the object in the newest picture of a camera."""
 
     def __init__(self, tracker: Tracker, camera: Camera) -> None:
         self._tracker, self._camera = tracker, camera
@@ -124,7 +119,6 @@ class PlannerCell:
     """A cell whose clock ticks move.
 
     Args:
-        scenario: That runs on the hardware.
         hardware: With a `MirrorLink` as its only link, and the cameras. The one of a
             visual servo is looked through only while the servo tracks.
     """
@@ -209,11 +203,9 @@ class PlannerProcess(PlannerLink):
     """Runs the localizer and the planner of a scenario in a process.
 
     Args:
-        scenario: That runs on the hardware.
         config: Of the drivers; the process opens the cameras.
         outputs: Sizes of the measurements in the ticks, by name.
         start: The first measurements.
-        warnings: Where the process's warnings are reported.
     """
 
     def __init__(

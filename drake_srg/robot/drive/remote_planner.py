@@ -30,7 +30,6 @@ class Tick:
 
     Attributes:
         values: Measurements by output port of the station, with the robot's clock.
-        servo: The visual servo's report, if there is one.
     """
 
     values: PortValues
@@ -71,11 +70,7 @@ class Answer:
 
 @dc.dataclass(frozen=True)
 class Ended:
-    """The planner's process has ended, and there will be no more answers.
-
-    Attributes:
-        reason: Why, in words.
-    """
+    """The planner's process has ended, and there will be no more answers."""
 
     reason: str
 
@@ -194,8 +189,6 @@ class Plan:
     Attributes:
         motion: The arm's motion, by the planner's clock.
         behind: The planner's clock lags this much behind ours in `motion` [s].
-        closure: Of the gripper.
-        status: The planner's report.
         command: To the visual servo, if there is one.
         sighting: The newest one of its camera while it tracks, if there is one.
         answered: When the last answer arrived [s].
@@ -336,7 +329,6 @@ class RemotePlanner(LeafSystem):
     for half a second, a servo that is in charge is told to hold.
 
     Args:
-        planner: The connection.
         robots: The arms, at home at first.
         sizes: Of the measurements, by name.
         period: Time between commands [s].

@@ -214,14 +214,11 @@ class ControlLoop:
     once the stop is acknowledged and its cause over. A stop of one arm stops all.
 
     Args:
-        name: The scenario's.
-        scenario: That runs on the hardware.
         diagram: The root, with the cell in it.
         cell: Of `MakeHardwareCell`.
         release: How long a stopped arm waits for a release [s].
 
     Attributes:
-        log: Of the run so far.
         status: The planner's last report, or that the arm was stopped.
         period: Of the loop [s].
     """

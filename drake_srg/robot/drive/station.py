@@ -52,7 +52,6 @@ class HardwareReader(LeafSystem):
     clock [s].
 
     Args:
-        links: The links.
         period: Time between readings [s].
         start: Values before anything arrives, by port; others are NaN.
     """
@@ -144,9 +143,6 @@ class CommonStop(LeafSystem):
     arm's `SafetyMonitor`. An arm's `safety.estop` (1) is nonzero while the button is
     pressed, or while the arm runs and another one is stopped. Ports of an arm with a
     name begin with `NAME.`.
-
-    Args:
-        robots: The arms.
     """
 
     def __init__(self, robots: Sequence[RobotArm]) -> None:

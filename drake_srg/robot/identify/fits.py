@@ -253,10 +253,7 @@ class Error:
     """A measurement and its prediction.
 
     Attributes:
-        label: The test.
         quantity: `current`, `stop` or `heating`.
-        unit: Of the values.
-        measured: The measurement.
         fitted: Prediction by the fit to all rows.
         predicted: Prediction by the fit to the other half of the rows.
         allowed: Deviation that agrees with the measurement.
@@ -279,7 +276,6 @@ class Identification:
         motor: The motor as its registers show it.
         zero: Calibrated zero [counts].
         fits: By part: `motor`, `press` and `heat`.
-        errors: Of every measurement.
     """
 
     motor: Motor

@@ -20,8 +20,6 @@ class Parameter:
     """A positive parameter and what is known of it without measurements.
 
     Attributes:
-        name: Name in the model.
-        unit: Its unit.
         prior: Most likely value.
         factor: By which it may well be off either way (one standard deviation).
     """
@@ -37,10 +35,8 @@ class Estimate:
     """A parameter after the measurements.
 
     Attributes:
-        parameter: The parameter.
         value: Its most likely value.
         low: Lower end of the 95 % interval.
-        high: Upper end.
         told: Whether the measurements at least halved what was open.
     """
 

@@ -134,7 +134,6 @@ class FollowJointTrajectory:
         name: Of the action, with the slash.
 
     Attributes:
-        name: The same.
         send_goal: Accepts or rejects a goal.
         get_result: Replies once a goal has ended.
         cancel_goal: Stops following goals.
@@ -239,7 +238,6 @@ class ActionServer:
         robot: The arm. If it has a name, that of the action begins with `/NAME`.
 
     Attributes:
-        robot: The same.
         topics: The topics of the requests, for the inbox, and those of the replies and
             of the status, for the bridges.
     """

@@ -59,7 +59,6 @@ class RosBridge(Bridge, abc.ABC):
 
     Args:
         store: Of rosbags, with the types of the messages.
-        inbox: Where commands go.
     """
 
     def __init__(self, store: Any, inbox: CommandInbox) -> None:
@@ -107,10 +106,6 @@ class Outlet:
     """Publishes through every bridge that has subscribers. Any thread may call.
 
     A failing bridge is reported; the station and the other bridges go on.
-
-    Args:
-        bridges: The bridges to publish through.
-        warnings: Where failures are reported.
     """
 
     def __init__(self, bridges: Sequence[Bridge], warnings: Warnings):

@@ -89,10 +89,6 @@ class CommandInbox:
     Each topic counts with its last good message. Where several sources command the same
     port, the most recent one wins.
 
-    Args:
-        topics: The topics to obey.
-        warnings: Where refused commands are reported.
-
     Attributes:
         received: Number of messages so far, good and bad.
     """
@@ -202,6 +198,8 @@ _CLOSURE = "gripper.closure_commanded"
 _MESSAGES = "gripper.closure_messages"
 _SINGLE_JOINTS = "gripper.joint_position_commanded"
 _ARM = "arm.position_desired"
+TRAJECTORY = "arm.trajectory_desired"
+_ARM_PORTS = (_ARM, TRAJECTORY)
 # Ports that override the closure, or limit its force, while their values are finite.
 _GRIPPER_PORTS = (
     _SINGLE_JOINTS,
@@ -209,7 +207,8 @@ _GRIPPER_PORTS = (
     "gripper.motor_torque_commanded",
     "gripper.force_limit",
 )
-_PORTS = (_CLOSURE, _MESSAGES, _ARM, "gripper.hold", *_GRIPPER_PORTS)
+_PORTS = (_CLOSURE, _MESSAGES, *_ARM_PORTS, "gripper.hold", *_GRIPPER_PORTS)
+_BOOL, _ARRAY = "std_msgs/msg/Bool", "std_msgs/msg/Float64MultiArray"
 
 
 def gripper_command(
@@ -236,22 +235,27 @@ def station_topics(
     inputs: Iterable[str],
     gripper_joints: Iterable[str] = (),
     robot: RobotArm = ONE_ARM,
+    period: float = 0.0,
 ) -> list[CommandTopic]:
-    """Return the SRG thesis's topics that an arm of a station can obey.
+    """Return the topics that an arm of a station and its gripper can obey.
 
-    `/grasp` (Int32, 0 open .. 100 closed), `/position_grasp` (Float64MultiArray, rad,
-    one number per finger joint), `/startgrasp` (Bool, false holds the gripper where it
-    is), `/kuka` (Float64MultiArray, rad, one number per joint of the arm). The most
-    recent of `/grasp`, `/position_grasp` and servo commands wins, see
-    `gripper_command`. Each `/grasp` also counts at `gripper.closure_messages`, if the
-    station has that port.
+    Those of the SRG thesis are `/grasp` (Int32, 0 open .. 100 closed),
+    `/position_grasp` (Float64MultiArray, rad, one number per finger joint),
+    `/startgrasp` (Bool, false holds the gripper where it is) and `/kuka`
+    (Float64MultiArray, rad, one number per joint of the arm). The most recent of
+    `/grasp`, `/position_grasp` and servo commands wins, see `gripper_command`. Each
+    `/grasp` also counts at `gripper.closure_messages`, if the station has that port.
+
+    An arm that follows trajectories is where `/kuka` says one period later. It also has
+    `/joint_trajectory` (JointTrajectory): it moves evenly from point to point. The
+    joints may come in any order.
 
     Args:
         plant: Has the model instances of arm and gripper, if the station has them.
-        inputs: Names of the station's input ports; `/kuka` needs
-            `arm.position_desired`.
+        inputs: Names of the station's input ports.
         gripper_joints: Names of the gripper's commanded joints, in their order.
         robot: The arm. If it has a name, topics begin with `/NAME`.
+        period: Of the arm's driver [s].
     """
     given, joints = set(inputs), list(gripper_joints)
     # The topics below command `arm` and `gripper`.
@@ -262,8 +266,10 @@ def station_topics(
     def gripper(port: str, value: Vector) -> PortValues:
         return gripper_command(inputs, {port: value}, len(joints))
 
-    def arm(port: str, value: Vector) -> PortValues:
-        return {port: value}
+    def arm(q: Vector) -> PortValues:
+        if TRAJECTORY not in inputs:
+            return {_ARM: q}
+        return {TRAJECTORY: trajectory_piece(np.array([period]), q[np.newaxis])}
 
     def grasp(data: Any) -> PortValues:
         percent = int(data)
@@ -282,18 +288,25 @@ def station_topics(
     if _CLOSURE in inputs:
         topics.append(CommandTopic("/grasp", "std_msgs/msg/Int32", grasp))
     if "gripper.hold" in inputs:
-        topics.append(CommandTopic("/startgrasp", "std_msgs/msg/Bool", hold))
-    arrays = {}
+        topics.append(CommandTopic("/startgrasp", _BOOL, hold))
     if joints:
-        limits = joint_limits(plant, robot.gripper_model, joints)
-        arrays["/position_grasp"] = (_SINGLE_JOINTS, limits, gripper)
-    if _ARM in inputs:
-        arrays["/kuka"] = (_ARM, joint_limits(plant, robot.arm_model), arm)
-    for name, (port, limits, command) in arrays.items():
-        convert = checked_positions(
-            limits, partial(command, port), obeyed=port in inputs
-        )
-        topics.append(CommandTopic(name, "std_msgs/msg/Float64MultiArray", convert))
+        fingers = joint_limits(plant, robot.gripper_model, joints)
+
+        def position_grasp(data: Any) -> PortValues:
+            if _SINGLE_JOINTS not in inputs:
+                why = "this gripper has one motor, which moves all joints at once"
+                raise CommandError("port", why)
+            return gripper(_SINGLE_JOINTS, checked_positions(fingers, data))
+
+        topics.append(CommandTopic("/position_grasp", _ARRAY, position_grasp))
+    if TRAJECTORY in inputs:
+        command = trajectory_command(plant, robot)
+        kind = "trajectory_msgs/msg/JointTrajectory"
+        topics.append(CommandTopic("/joint_trajectory", kind, command, whole=True))
+    if inputs & {*_ARM_PORTS}:
+        limits = joint_limits(plant, robot.arm_model)
+        convert = partial(checked_positions, limits)
+        topics.append(CommandTopic("/kuka", _ARRAY, lambda data: arm(convert(data))))
     return _of_arm(robot, topics)
 
 
@@ -328,77 +341,34 @@ def joint_limits(
     )
 
 
-def checked_positions(
-    limits: tuple[Vector, Vector],
-    command: Callable[[Vector], PortValues],
-    *,
-    obeyed: bool,
-) -> Callable[[Any], PortValues]:
-    """Return a `convert` that checks joint positions [rad or m] and commands them."""
-    lower, upper = limits
+def numbers(data: Any, size: int) -> Vector:
+    """Return the finite numbers of a message, shape (size,).
 
-    def convert(data: Any) -> PortValues:
-        if not obeyed:
-            raise CommandError(
-                "port", "this gripper has one motor, which moves all joints at once"
-            )
-        values = np.array(data, dtype=np.float64)
-        if values.shape != lower.shape:
-            raise CommandError(
-                "length", f"needs {lower.size} numbers, got {values.size}"
-            )
-        if not np.isfinite(values).all():
-            raise CommandError("finite", "needs finite numbers, got NaN or infinity")
-        for i in np.flatnonzero((values < lower) | (values > upper)):
-            raise CommandError(
-                "range",
-                f"number {i + 1} must be {lower[i]:g} to {upper[i]:g}, "
-                f"got {values[i]:g}",
-            )
-        return command(values)
-
-    return convert
-
-
-TRAJECTORY = "arm.trajectory_desired"
-_KIND = "trajectory_msgs/msg/JointTrajectory"
-
-
-def trajectory_topics(
-    plant: MultibodyPlant,
-    inputs: Iterable[str],
-    period: float,
-    robot: RobotArm = ONE_ARM,
-) -> list[CommandTopic]:
-    """Return the topics of an arm that follows trajectories; none for another.
-
-    `/joint_trajectory` (JointTrajectory): the arm moves evenly from point to point. The
-    joints may come in any order. `/kuka` (Float64MultiArray, rad, one number per
-    joint): the arm is there one period later.
-
-    Args:
-        plant: Has the arm's model instance.
-        inputs: Names of the station's input ports.
-        period: Of the arm's driver [s].
-        robot: The arm. If it has a name, topics begin with `/NAME`.
+    Raises:
+        CommandError: If there are more or fewer, or one of them is not finite.
     """
-    if port_of(robot, TRAJECTORY) not in inputs:
-        return []
+    values = np.array(data, dtype=np.float64)
+    if values.shape != (size,):
+        raise CommandError("length", f"needs {size} numbers, got {values.size}")
+    if not np.isfinite(values).all():
+        raise CommandError("finite", "needs finite numbers, got NaN or infinity")
+    return values
 
-    def at_once(q: Vector) -> PortValues:
-        return {TRAJECTORY: trajectory_piece(np.array([period]), q[np.newaxis])}
 
-    command = trajectory_command(plant, robot)
-    positions = checked_positions(
-        joint_limits(plant, robot.arm_model), at_once, obeyed=True
-    )
-    return _of_arm(
-        robot,
-        [
-            CommandTopic("/joint_trajectory", _KIND, command, whole=True),
-            CommandTopic("/kuka", "std_msgs/msg/Float64MultiArray", positions),
-        ],
-    )
+def checked_positions(limits: tuple[Vector, Vector], data: Any) -> Vector:
+    """Return a message's joint positions [rad or m], which must be within the limits.
+
+    Raises:
+        CommandError: If they are not.
+    """
+    lower, upper = limits
+    values = numbers(data, lower.size)
+    for i in np.flatnonzero((values < lower) | (values > upper)):
+        raise CommandError(
+            "range",
+            f"number {i + 1} must be {lower[i]:g} to {upper[i]:g}, got {values[i]:g}",
+        )
+    return values
 
 
 def trajectory_command(
@@ -413,9 +383,7 @@ def trajectory_command(
         robot: The arm.
     """
     names = arm_joint_names(plant, robot)
-    check = checked_positions(
-        joint_limits(plant, robot.arm_model), lambda q: {"": q}, obeyed=True
-    )
+    limits = joint_limits(plant, robot.arm_model)
 
     def command(message: Any) -> PortValues:
         given, points = list(message.joint_names), message.points
@@ -430,7 +398,8 @@ def trajectory_command(
         for point in points:
             if len(point.positions) != len(names):
                 raise CommandError("length", f"needs {len(names)} positions per point")
-            positions.append(check(np.array(point.positions)[order])[""])
+            q = np.array(point.positions)[order]
+            positions.append(checked_positions(limits, q))
         times = np.array([seconds(point.time_from_start) for point in points])
         if np.any(np.diff(times, prepend=-1e-9) <= 0.0):
             raise CommandError("times", "needs points in the order of their times")
@@ -443,10 +412,6 @@ def trajectory_command(
 def seconds(time: Any) -> float:
     """Return a builtin_interfaces/Time or Duration in seconds."""
     return float(time.sec) + 1e-9 * float(time.nanosec)
-
-
-_ARM_PORTS = ("arm.position_desired", TRAJECTORY)
-_BOOL = "std_msgs/msg/Bool"
 
 
 _SWITCHES = ("estop", "release", "heartbeat")
@@ -490,11 +455,6 @@ class SafetyGate:
     """Keeps a stopped arm's commands away, so that no old one moves it once released.
 
     An arm without a safety monitor gets its commands unchanged.
-
-    Args:
-        station: The served station.
-        warnings: Where stops are reported.
-        robots: Its arms.
     """
 
     def __init__(

@@ -43,7 +43,6 @@ from drake_srg.robot.serve.commands import (
     port_of,
     safety_topics,
     station_topics,
-    trajectory_topics,
 )
 from drake_srg.robot.serve.pictures import PERIOD, Pictures
 from drake_srg.scenario import RobotArm, Scenario, robot_arms
@@ -233,10 +232,7 @@ class ServedReplay:
     """Samples the first two minutes of a served station for a replay.
 
     Args:
-        name: The scenario's name.
         scenario: The scenario that is served; it must have an arm.
-        root: The root diagram.
-        station: The station in it.
     """
 
     def __init__(
@@ -255,9 +251,6 @@ class ServedReplay:
 
     def write(self, out: Path) -> Path | None:
         """Write replay.html and the files that it is made of.
-
-        Args:
-            out: Folder to write to.
 
         Returns:
             The path of replay.html; None if nothing was sampled.
@@ -303,8 +296,7 @@ def station_inbox(
     commands = []
     for robot in robot_arms(scenario):
         joints = () if robot.gripper is None else robot.gripper.joint_names
-        commands += station_topics(plant, inputs, joints, robot)
-        commands += trajectory_topics(plant, inputs, period, robot)
+        commands += station_topics(plant, inputs, joints, robot, period)
     return CommandInbox([*commands, *safety_topics(inputs), *others], warnings)
 
 
@@ -328,17 +320,11 @@ class ServedLoop:
     """Advances a served station: commands in, one control period, messages out.
 
     Args:
-        name: The scenario's.
         simulator: Of the root, initialized.
-        advance: Advances it.
         station: Of `MakeServedStation`.
-        topics: What to publish.
         pictures: The same of the cameras.
-        inbox: Where commands arrive.
-        outlet: Publishes.
         replay: What is sampled for the replay, if anything.
         actions: The arms' action servers, connected.
-        robots: The arms.
     """
 
     def __init__(

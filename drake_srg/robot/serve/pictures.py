@@ -142,7 +142,6 @@ class CameraProcess:
         camera: Name of the camera to render.
         state: Initial state of the plant, with which the renderers warm up.
         show: Called with each picture, in a thread of this object. Must not raise.
-        warnings: Where failures are reported.
     """
 
     def __init__(
@@ -331,8 +330,6 @@ class Pictures:
     A `CameraProcess` renders each camera; it starts with the first subscription.
 
     Args:
-        scenario: The scenario that is served.
-        warnings: Where failures are reported.
         period: Shortest time between pictures, except those of a visual servo's camera
             [s, simulated].
 

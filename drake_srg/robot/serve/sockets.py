@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import contextlib
 import fcntl
 import ipaddress
 import socket
@@ -53,62 +54,42 @@ def _interface_address(name: str) -> str:
     return socket.inet_ntoa(answer[20:24])  # in a sockaddr behind the name's 16 bytes
 
 
-class Resolver:
-    """Looks up addresses of hosts; a slow lookup delays neither others nor exit.
+# Lookups under way, by host.
+_lookups: dict[str, Future[str]] = {}
+
+
+async def address_of(host: str) -> str:
+    """Return a host's IPv4 address. A slow lookup delays neither others nor exit.
 
     The system's resolver may take half a minute to give up on a name and cannot be
     interrupted. asyncio runs it in a small thread pool, which the process joins when it
     exits. Here every host gets a daemon thread instead.
 
-    Args:
-        limit: Maximum number of concurrent lookups.
+    Raises:
+        OSError: If the host has no address.
+        UnicodeError: If the name is invalid.
     """
+    with contextlib.suppress(ValueError):
+        return str(ipaddress.ip_address(host))
+    future = _lookups.get(host)
+    if future is None:
+        future = _lookups[host] = Future()
+        future.set_running_or_notify_cancel()  # no waiter can cancel it
+        thread = threading.Thread(target=_look_up, args=(host, future), daemon=True)
+        thread.start()
+    return await asyncio.wrap_future(future)
 
-    def __init__(self, limit: int = 16):
-        self._limit = limit
-        self._lock = threading.Lock()
-        self._running: dict[str, Future[str]] = {}
 
-    async def address(self, host: str) -> str:
-        """Return a host's address.
-
-        Raises:
-            OSError: If the host has no address, or too many lookups are pending.
-            UnicodeError: If the name is invalid.
-        """
-        try:
-            return str(ipaddress.ip_address(host))
-        except ValueError:
-            return await asyncio.wrap_future(self._look_up(host))
-
-    def _look_up(self, host: str) -> Future[str]:
-        with self._lock:
-            if host not in self._running:
-                if len(self._running) >= self._limit:
-                    raise OSError("too many pending host lookups")
-                future: Future[str] = Future()
-                future.set_running_or_notify_cancel()  # no waiter can cancel it
-                self._running[host] = future
-                threading.Thread(
-                    target=self._run, args=(host, future), name="resolver", daemon=True
-                ).start()
-            return self._running[host]
-
-    def _run(self, host: str, future: Future[str]) -> None:
-        try:
-            # IPv4, the default of ROS 1.
-            found = socket.getaddrinfo(host, None, socket.AF_INET, socket.SOCK_STREAM)
-            address = str(found[0][4][0])
-        except Exception as error:  # the waiting coroutine gets it, whatever it is
-            self._end(host)
-            future.set_exception(error)
-        else:
-            self._end(host)
-            future.set_result(address)
-
-    def _end(self, host: str) -> None:
-        with self._lock:
-            del self._running[host]
+def _look_up(host: str, future: Future[str]) -> None:
+    try:
+        # IPv4, the default of ROS 1.
+        found = socket.getaddrinfo(host, None, socket.AF_INET, socket.SOCK_STREAM)
+    except Exception as error:  # the waiting coroutine gets it, whatever it is
+        future.set_exception(error)
+    else:
+        future.set_result(str(found[0][4][0]))
+    finally:
+        _lookups.pop(host, None)
 
 
 _T = TypeVar("_T")
@@ -116,14 +97,7 @@ _PATIENCE = 5.0  # how long to wait for cancelled tasks to end [s]
 
 
 class IoThread:
-    """An asyncio event loop that runs in a thread until it is stopped.
-
-    Args:
-        name: The thread's name, for debugging.
-
-    Attributes:
-        loop: The event loop.
-    """
+    """An asyncio event loop that runs in a thread until it is stopped."""
 
     def __init__(self, name: str):
         self.loop = asyncio.new_event_loop()

@@ -30,7 +30,6 @@ class Sighting:
     """An object in one camera image.
 
     Attributes:
-        name: The object's.
         time: Of the image [s].
         X_WO: Its pose in world [m].
         clear: Whether nothing hides a part of it.
@@ -90,21 +89,35 @@ class TwinMonitor(LeafSystem):
         input_ports:
         - arm_state
         - arm_state_measured
-        - torque_residual
+        - torque_measured
+        - external_felt
+        - external_expected
         - gripper_state
         - gripper_state_measured
         - object_error
         output_ports:
         - joint_error
+        - torque_expected
+        - torque_residual
         - finger_error
         - difference
         - parted
 
-    The states [q; v] (2N, 2n) are those of the twin and of the robot [rad, rad/s];
-    `torque_residual` (N) is in N m and `object_error` (m) in m. A NaN is a measurement
-    that nobody tells, and no difference.
+    The states [q; v] (2N, 2n) are those of the twin and of the robot [rad, rad/s], and
+    `object_error` (m) is in m. A NaN is a measurement that nobody tells, and no
+    difference. `joint_error` (N) and `finger_error` (n) are measured minus twin [rad].
 
-    `joint_error` (N) and `finger_error` (n) are measured minus twin [rad].
+    Torques (N) are in N m. The motors must bring up what the measured motion needs by
+    inverse dynamics, less the torques from outside:
+
+        torque_measured = needed - external_felt,
+        torque_expected = needed - external_expected,
+        torque_residual = torque_measured - torque_expected.
+
+    So `external_felt` are the external torques that explain the measurement (see
+    `ExternalTorqueObserver`), and `external_expected` those of the contacts that the
+    twin simulates, such as the weight of a carried object.
+
     `difference` (4) has the largest of each of `KINDS`: joints [rad], torques [share of
     the effort limit] while the arm is still, else 0, fingers [rad], objects [m]; all of
     the last sample, like `parted`.
@@ -113,7 +126,6 @@ class TwinMonitor(LeafSystem):
     limit, else 0.
 
     Args:
-        config: The limits.
         effort_limits: Of the arm's joints, shape (N,) [N m].
         fingers: Number n of finger joints.
         objects: Number m of objects.
@@ -140,7 +152,9 @@ class TwinMonitor(LeafSystem):
             for name, size in (
                 ("arm_state", 2 * n),
                 ("arm_state_measured", 2 * n),
-                ("torque_residual", n),
+                ("torque_measured", n),
+                ("external_felt", n),
+                ("external_expected", n),
                 ("gripper_state", 2 * fingers),
                 ("gripper_state_measured", 2 * fingers),
                 ("object_error", objects),
@@ -152,6 +166,8 @@ class TwinMonitor(LeafSystem):
         inputs = {port.ticket() for port in self._inputs.values()}
         for name, size, calc in (
             ("joint_error", n, self._calc_joint_error),
+            ("torque_expected", n, self._calc_expected),
+            ("torque_residual", n, self._calc_residual),
             ("finger_error", fingers, self._calc_finger_error),
         ):
             self.DeclareVectorOutputPort(
@@ -176,13 +192,27 @@ class TwinMonitor(LeafSystem):
     def _calc_joint_error(self, context: Context, output: BasicVector) -> None:
         output.SetFromVector(self._error(context, "arm_state", self._n))
 
+    def _residual(self, context: Context) -> Vector:
+        felt, expected = (
+            self._eval(context, f"external_{name}") for name in ("felt", "expected")
+        )
+        told = np.isfinite(self._eval(context, "torque_measured"))
+        return np.where(told, expected - felt, np.nan)
+
+    def _calc_expected(self, context: Context, output: BasicVector) -> None:
+        measured = self._eval(context, "torque_measured")
+        output.SetFromVector(measured - self._residual(context))
+
+    def _calc_residual(self, context: Context, output: BasicVector) -> None:
+        output.SetFromVector(self._residual(context))
+
     def _calc_finger_error(self, context: Context, output: BasicVector) -> None:
         output.SetFromVector(self._error(context, "gripper_state", self._fingers))
 
     def _differences(self, context: Context) -> Vector:
         (still_since,) = context.get_discrete_state(self._still_since).value()
         still = context.get_time() - still_since >= self._config.still_time
-        shares = self._eval(context, "torque_residual") / self._efforts
+        shares = self._residual(context) / self._efforts
         return np.array(
             [
                 _largest(self._error(context, "arm_state", self._n)),
@@ -258,7 +288,6 @@ class ObjectComparison(LeafSystem):
     where it was last seen [m], NaN before the first comparison.
 
     Args:
-        names: Of the objects.
         period: Time between samples [s].
     """
 
@@ -326,66 +355,3 @@ def _at(
     share = (time - times[before]) / (times[after] - times[before])
     found: Vector = (1.0 - share) * positions[before][i] + share * positions[after][i]
     return found
-
-
-class TorqueComparison(LeafSystem):
-    """Tells which torques a twin expects, and what is left of the measured ones.
-
-    .. pydrake_system::
-
-        name: TorqueComparison
-        input_ports:
-        - torque_measured
-        - external_felt
-        - external_expected
-        output_ports:
-        - torque_expected
-        - torque_residual
-
-    All ports have N entries [N m]. The motors must bring up what the measured motion
-    needs by inverse dynamics, less the torques from outside:
-
-        torque_measured = needed - external_felt,
-        torque_expected = needed - external_expected,
-        torque_residual = torque_measured - torque_expected.
-
-    So `external_felt` are the external torques that explain the measurement (see
-    `ExternalTorqueObserver`), and `external_expected` those of the contacts that the
-    twin simulates, such as the weight of a carried object. The outputs are NaN where
-    `torque_measured` is: nobody tells it.
-
-    Args:
-        size: Number N of joints.
-    """
-
-    def __init__(self, size: int) -> None:
-        super().__init__()
-        self._measured, self._felt, self._expected = (
-            self.DeclareVectorInputPort(name=name, size=size)
-            for name in ("torque_measured", "external_felt", "external_expected")
-        )
-        ports = (self._measured, self._felt, self._expected)
-        tickets = {port.ticket() for port in ports}
-        self.DeclareVectorOutputPort(
-            name="torque_expected",
-            size=size,
-            calc=self._calc_expected,
-            prerequisites_of_calc=tickets,
-        )
-        self.DeclareVectorOutputPort(
-            name="torque_residual",
-            size=size,
-            calc=self._calc_residual,
-            prerequisites_of_calc=tickets,
-        )
-
-    def _residual(self, context: Context) -> Vector:
-        residual: Vector = self._expected.Eval(context) - self._felt.Eval(context)
-        told = np.isfinite(self._measured.Eval(context))
-        return np.where(told, residual, np.nan)
-
-    def _calc_expected(self, context: Context, output: BasicVector) -> None:
-        output.SetFromVector(self._measured.Eval(context) - self._residual(context))
-
-    def _calc_residual(self, context: Context, output: BasicVector) -> None:
-        output.SetFromVector(self._residual(context))

@@ -57,7 +57,6 @@ class _Heard:
 
     Args:
         drivers: Of both; they speak ROS.
-        twin: The other topics.
         robot: As the drivers know it.
         lock: Held while a message is taken in.
     """
@@ -127,7 +126,6 @@ class Listener:
 
     Args:
         config: The hardware's, with drivers that speak ROS.
-        twin: The other topics.
         robots: The robot, for each of its arms; its nodes are opened by the caller.
 
     Attributes:
@@ -197,10 +195,7 @@ class Placing:
     contact to tell. Call it between two steps of the simulation.
 
     Args:
-        plant: The twin's.
         context: Its context, changed.
-        names: Of the objects.
-        grippers: Their models.
 
     Attributes:
         placed_at: When each object was put somewhere last [s], by name.
@@ -290,13 +285,10 @@ class TwinLoop:
 
     Args:
         name: The scenario's, for messages.
-        scenario: Of the twin.
-        root: The root diagram, with the twin in it.
         twin: Of `MakeTwin`.
         first: What the robot told first; the arm starts there.
 
     Attributes:
-        context: The root's.
         partings: All reports so far.
         largest: Largest difference of each of `KINDS` so far, shape (4,).
         skipped: Time between messages that were too far apart [s].

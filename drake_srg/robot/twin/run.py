@@ -34,14 +34,10 @@ class TwinResult:
     """Observations of a twin; `write` makes its metrics.json.
 
     Attributes:
-        scenario: Its name.
-        seed: Its seed.
         ended: Why: "stopped" by the user, or the robot was "silent".
-        partings: All reported differences.
         largest: Largest difference of each of `KINDS`.
         sim_time_s: Time by the robot's clock [s].
         wall_time_s: Real time [s].
-        artifacts: Paths by kind.
     """
 
     scenario: str

@@ -19,14 +19,15 @@ from pydrake.systems.primitives import PassThrough, Selector, SelectorParams
 from drake_srg.arm.driver import ArmDriver
 from drake_srg.arm.external_torque import ExternalTorqueObserver
 from drake_srg.common.exceptions import ScenarioError
-from drake_srg.common.systems import export_outputs, input_ports, model_actuators
+from drake_srg.common.systems import (
+    export_outputs,
+    input_ports,
+    model_actuators,
+    output_ports,
+)
 from drake_srg.lifetime import LeafSystem
 from drake_srg.robot.serve.loop import control_period
-from drake_srg.robot.twin.comparison import (
-    ObjectComparison,
-    TorqueComparison,
-    TwinMonitor,
-)
+from drake_srg.robot.twin.comparison import ObjectComparison, TwinMonitor
 from drake_srg.scenario import RobotArm, Scenario, robot_arms
 from drake_srg.station import MakeStation
 from drake_srg.station.plant import MakeModelsPlant
@@ -129,9 +130,9 @@ def MakeTwin(scenario: Scenario) -> Diagram:
     motors, and as far as nothing is in its way. Fingers and objects are simulated:
     `gripper.closure_commanded` (1) moves the fingers, contact the objects. The inputs
     `robot.NAME` are measurements, each of all arms, one after the other; of states
-    [q; v], q has the joints of all. See `TwinMonitor`, `TorqueComparison` and
-    `ObjectComparison`. NaN is a measurement that nobody tells, but for the arm's state,
-    and for `robot.arm_torque_or_zero` (N), which has zeros in its place. The subsystem
+    [q; v], q has the joints of all. See `TwinMonitor` and `ObjectComparison`. NaN is a
+    measurement that nobody tells, but for the arm's state, and for
+    `robot.arm_torque_or_zero` (N), which has zeros in its place. The subsystem
     `station` is the station, without cameras, safety monitor and disturbances.
 
     Raises:
@@ -163,13 +164,11 @@ def AddTwin(
         [len(a.home) for a in arms],
         [len(g.joint_names) for g in grippers],
     )
-    n = sum(joints)
     station = builder.AddNamedSystem("station", make_station(_followed(scenario)))
     export_outputs(builder, station)
     commands, models = input_ports(station), MakeModelsPlant(scenario)
     own = builder.AddNamedSystem("measured_by_arm", _split(robots, joints))
     every = builder.AddNamedSystem("measured_by_twin", _joined(robots, joints, fingers))
-    torque = builder.AddNamedSystem("torque_comparison", TorqueComparison(n))
     names = [name for name, config in scenario.objects.items() if config.present]
     objects = builder.AddNamedSystem(
         "object_comparison", ObjectComparison(names, period)
@@ -224,16 +223,15 @@ def AddTwin(
     for output, system, input in (
         (every.GetOutputPort("arm_state"), monitor, "arm_state"),
         (every.GetOutputPort("gripper_state"), monitor, "gripper_state"),
-        (every.GetOutputPort("felt"), torque, "external_felt"),
-        (every.GetOutputPort("expected"), torque, "external_expected"),
-        (torque.GetOutputPort("torque_residual"), monitor, "torque_residual"),
+        (every.GetOutputPort("felt"), monitor, "external_felt"),
+        (every.GetOutputPort("expected"), monitor, "external_expected"),
         (objects.get_output_port(), monitor, "object_error"),
         (station.GetOutputPort("object_poses_cheat"), objects, "object_poses"),
     ):
         builder.Connect(output, system.GetInputPort(input))
     for name, targets in (
         ("arm_state", [(own, "arm_state"), (monitor, "arm_state_measured")]),
-        ("arm_torque", [(torque, "torque_measured")]),
+        ("arm_torque", [(monitor, "torque_measured")]),
         ("arm_torque_or_zero", [(own, "torque")]),
         ("gripper_state", [(monitor, "gripper_state_measured")]),
         ("sightings", [(objects, "sightings")]),
@@ -243,13 +241,9 @@ def AddTwin(
         builder.ExportInput(first, f"robot.{name}")
         for other in others:
             builder.ConnectInput(f"robot.{name}", other)
-    for system, outputs in (
-        (torque, ("torque_expected", "torque_residual")),
-        (objects, ("object_error",)),
-        (monitor, ("joint_error", "finger_error", "difference", "parted")),
-    ):
-        for name in outputs:
-            builder.ExportOutput(system.GetOutputPort(name), f"twin.{name}")
+    for system in (objects, monitor):
+        for name, output in output_ports(system).items():
+            builder.ExportOutput(output, f"twin.{name}")
 
 
 # Entries of a port, as (input port, its entry).

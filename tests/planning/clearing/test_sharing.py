@@ -13,25 +13,37 @@ from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import DiagramBuilder
 
 from drake_srg.planning.clearing.sharing import (
-    BEYOND,
-    GAP,
-    HALF,
     NO_CLAIM,
-    SIDE,
     Claim,
-    Frontier,
     JointStatus,
     SharingPickPlanner,
     SharingPlanner,
-    Wall,
-    WalledMotions,
     joint_status,
 )
+from drake_srg.planning.clearing.walls import (
+    BEYOND,
+    GAP,
+    HALF,
+    SIDE,
+    Frontier,
+    SharedHeightMap,
+    Wall,
+    WalledMotions,
+)
+from drake_srg.planning.motion.planning_scene import PlanningFailure
 from drake_srg.planning.planner_machine import PlannerConfig
 from drake_srg.scenario import load_scenario
 from drake_srg.station.clearing import MakeClearingPair
 from drake_srg.types import Failure, HeightMap, Mode, PlannerStatus, Remaining
-from planning.clearing.fake_table import ASIDE, HELD, TALL, Grasps, Motions
+from planning.clearing.fake_table import (
+    ASIDE,
+    HELD,
+    TALL,
+    Grasps,
+    Motions,
+    grasp_at,
+    table,
+)
 
 CONFIG = PlannerConfig(latency=0.0, search_time=0.0, gripper_timeout=0.5)
 STEP = 0.05
@@ -87,6 +99,10 @@ class Walled(Motions):
     def __init__(self, wall):
         super().__init__()
         self.wall = wall
+        self.holds_arm = False  # whether an arm that has stopped is behind the wall
+
+    def contains(self, q):
+        return self.holds_arm
 
     def reaches(self, grasp, room=0.04):
         return WalledMotions.reaches(self, grasp, room)
@@ -99,11 +115,24 @@ class Walled(Motions):
         return motions
 
 
+class CountedGrasps(Grasps):
+    """Counts how often it is asked."""
+
+    def __init__(self, places):
+        super().__init__(places)
+        self.plans = 0
+
+    def plan(self, height_map, *, tried=(), seed=0):
+        self.plans += 1
+        return super().plan(height_map, tried=tried, seed=seed)
+
+
 class Pair:
     """Two arms at once over one table, at x = 0.5 and x = -0.5."""
 
     def __init__(self, places, config=CONFIG):
         self.places, self.gone, self.trace = list(places), set(), []
+        self.stuck = set()  # arms that something holds where they are
         sides = {
             "left": Frontier(MIDDLE, np.array([1.0, 0.0])),
             "right": Frontier(MIDDLE, np.array([-1.0, 0.0])),
@@ -113,7 +142,11 @@ class Pair:
         for name, side in sides.items():
             motions = [Walled(Wall(side, depth)) for depth in (SIDE, HALF, BEYOND)]
             picks = SharingPickPlanner(
-                Grasps(self.places), motions, config, ASIDE, first=name == "left"
+                CountedGrasps(self.places),
+                motions,
+                config,
+                ASIDE,
+                first=name == "left",
             )
             planner = SharingPlanner(picks, 4, 4)
             self.planners[name] = builder.AddNamedSystem(name, planner)
@@ -158,8 +191,9 @@ class Pair:
                 ("height_map", self.table()),
             ):
                 planner.GetInputPort(port).FixValue(context, value)
-            q = planner.GetOutputPort("position_commanded").Eval(context)
-            planner.GetInputPort("arm_state").FixValue(context, [*q, 0.0, 0.0])
+            if name not in self.stuck:
+                q = planner.GetOutputPort("position_commanded").Eval(context)
+                planner.GetInputPort("arm_state").FixValue(context, [*q, 0.0, 0.0])
 
     def depth(self, name):
         """Return the least depth to which an arm may be [m]."""
@@ -168,12 +202,17 @@ class Pair:
         moves = memory.pick is None or memory.pick.shared
         return memory.claim.depth if away and moves else SIDE
 
+    def step(self):
+        """Advance by one step, and return the time [s]."""
+        time = self.simulator.get_context().get_time() + STEP
+        self.simulator.AdvanceTo(time)
+        self.feel()
+        return time
+
     def run(self, limit=120.0):
         """Advance until both are done; collect the time, the modes and the depths."""
         while self.simulator.get_context().get_time() < limit:
-            time = self.simulator.get_context().get_time() + STEP
-            self.simulator.AdvanceTo(time)
-            self.feel()
+            time = self.step()
             modes = {name: self.mode(name) for name in self.planners}
             depths = {name: self.depth(name) for name in self.planners}
             self.trace.append((time, modes, depths))
@@ -235,6 +274,80 @@ def test_one_arm_works_in_the_middle_while_the_other_stays_on_its_side():
         and sorted(depths.values()) == [BEYOND, SIDE]
         for _, modes, depths in pair.trace
     )
+
+
+def plans_while_waiting(pair, place=None):
+    """Return how often the right arm plans while the left one is in the middle.
+
+    Args:
+        pair: The arms, of which the left one comes first.
+        place: Where something comes to lie meanwhile.
+    """
+    right = pair.planners["right"].planner.grasps
+    while pair.mode("left") is not Mode.GRASP:
+        pair.step()
+    assert pair.mode("right") is Mode.IDLE
+    before = right.plans
+    if place is not None:
+        pair.places.append(place)
+    while pair.mode("left") is not Mode.RELEASE:
+        pair.step()
+    return right.plans - before
+
+
+def test_an_arm_that_waits_plans_only_if_there_is_news():
+    middle = [(0.0, 0.05), (0.0, 0.15)]
+    assert plans_while_waiting(Pair(middle)) == 0
+    pair = Pair(middle)
+    assert plans_while_waiting(pair, (-0.4, 0.25)) == 1
+    assert pair.memory("right").planned.grasp.p_WC[0] == pytest.approx(-0.4)
+
+
+def failed_in_the_middle(*others):
+    """Return arms of which something holds the right one in the middle for good."""
+    pair = Pair([(-0.05, 0.05), *others])
+    while not (pair.mode("right") is Mode.GRASP and pair.depth("right") == BEYOND):
+        pair.step()
+    pair.stuck.add("right")
+    while pair.mode("right") is not Mode.FAILED:
+        pair.step()
+    return pair
+
+
+def done(pair, name, limit=60.0):
+    """Advance until an arm is done."""
+    while pair.mode(name) is not Mode.DONE and pair.step() < limit:
+        pass
+    return pair.mode(name) is Mode.DONE
+
+
+@pytest.mark.parametrize("looks", [False, True])
+def test_an_arm_that_has_failed_in_the_middle_blocks_it_but_nothing_else(looks):
+    middle, side, free = (0.05, 0.15), (0.4, 0.05), (0.4, 0.25)
+    pair = failed_in_the_middle(middle, side)
+    if looks:  # in vain for its last load, in the end
+        port = pair.planners["left"].GetInputPort("destination_map")
+        port.FixValue(pair.contexts["left"], table())
+    assert pair.memory("right").claim == Claim(-np.inf, BEYOND)
+    pair.places.append(free)
+    assert done(pair, "left")
+    assert pair.gone >= {side, free}
+    assert middle not in pair.gone
+
+
+@pytest.mark.parametrize("depth", [SIDE, HALF])
+def test_an_arm_that_has_failed_claims_only_where_it_stands(depth):
+    pair = Pair([(-0.05, 0.05), (0.05, 0.15), (0.2, 0.25)])
+    for motions in pair.planners["right"].planner.by_depth:
+        motions.holds_arm = motions.wall.depth <= depth
+    pair.stuck.add("right")
+    while pair.mode("right") is not Mode.FAILED:
+        pair.step()
+    claim = pair.memory("right").claim
+    assert claim == (NO_CLAIM if depth == SIDE else Claim(-np.inf, HALF))
+    assert done(pair, "left")
+    assert (0.2, 0.25) in pair.gone
+    assert ((0.05, 0.15) in pair.gone) == (depth == SIDE)
 
 
 def test_without_turns_the_arms_would_meet(monkeypatch):
@@ -306,14 +419,30 @@ def test_an_arm_at_home_is_in_nobodys_way(pair):
         assert motions.scene.is_free(motions.q_over)
 
 
+@pytest.mark.parametrize(("end", "cut"), [(0.0, True), (0.045, False)])
+def test_a_thing_that_the_map_cuts_off_stays(pair, end, cut):
+    """It may be wider than it seems, or longer."""
+    _, half, _ = pair.GetSubsystemByName("left").planner.by_depth
+    shown = SharedHeightMap(
+        np.array([0.2, 0.0]), 0.005, np.zeros((80, 100), np.float32), least=HALF
+    )
+    x, y = np.moveaxis(shown.centers(), -1, 0)
+    shown.height[(abs(x - 0.5) < 0.02) & (y > end) & (y < 0.16)] = TALL
+    shown.height[y < shown.edge] = np.nan
+    planned = half.plan(half.q_home, grasp_at((0.5, 0.11)), shown)
+    refused = isinstance(planned, PlanningFailure) and "reaches over" in planned.message
+    assert refused == cut
+
+
 def test_walls_stop_an_arm_at_its_depth(pair):
     picks = pair.GetSubsystemByName("left").planner
-    scenes = [m.scene for m in (picks.motions, picks._half, picks.beyond)]
+    scenes = [motions.scene for motions in picks.by_depth]
     freed = []
     for turn in np.linspace(0.85, -1.9, 100):
         q = np.array([turn, *picks.motions.q_home[1:]])
         free = [scene.is_free(q) for scene in scenes]
         # Whatever is free at one depth is free beyond it, too.
         assert free == sorted(free)
+        assert picks.depth_of(q) == (SIDE if free[0] else HALF if free[1] else BEYOND)
         freed.append(sum(free))
     assert {0, 1, 2, 3} <= set(freed)

@@ -9,11 +9,10 @@ from drake_srg.common.exceptions import ScenarioError
 from drake_srg.robot.calibrate.solve import (
     NUM_PARAMETERS,
     calibrate,
-    first_estimate,
     jacobian,
     project,
 )
-from robot.calibrate.helpers import CENTER, FOCAL, make_views, pose, truth
+from robot.calibrate.helpers import BOARD, CENTER, FOCAL, make_views, pose, truth
 
 angles = st.lists(st.floats(-3.0, 3.0), min_size=3, max_size=3)
 places = st.lists(st.floats(-1.0, 1.0), min_size=3, max_size=3)
@@ -38,16 +37,6 @@ def test_a_point_on_the_axis_is_at_the_principal_point():
     (view,) = make_views(camera, count=1)
     lone = type(view)("", pose([0, 0, 0], [0, 0, 1.0]), np.zeros((1, 3)), view.pixels)
     np.testing.assert_allclose(project(camera, lone)[0], camera.center)
-
-
-@given(angles, places, angles, places, st.integers(0, 99))
-@settings(max_examples=15)
-def test_exact_views_give_both_poses(rpy_c, p_c, rpy_b, p_b, seed):
-    camera = truth(pose(rpy_c, p_c), pose(rpy_b, p_b))
-    start = first_estimate(make_views(camera, count=5, seed=seed), FOCAL, CENTER)
-    np.testing.assert_array_equal(start.focal, FOCAL)
-    assert start.X_PC.IsNearlyEqualTo(camera.X_PC, 1e-3)
-    assert start.X_QB.IsNearlyEqualTo(camera.X_QB, 1e-3)
 
 
 CAMERA = truth(
@@ -99,20 +88,19 @@ def test_a_few_wrong_corners_hardly_matter():
     assert turn < np.radians(0.05)
 
 
-def test_views_with_few_corners_are_dropped_and_told():
+ROW = np.stack([np.arange(6) * 0.03, np.zeros(6), np.zeros(6)], axis=1)
+
+
+@pytest.mark.parametrize(
+    ("p_B", "reason"),
+    [(BOARD.corners[:5], "5 corners"), (ROW, "6 corners on one line")],
+)
+def test_a_view_with_too_few_corners_is_dropped_and_told(p_B, reason):
     views = make_views(CAMERA, count=8)
-    half = dc.replace(views[2], p_B=views[2].p_B[:5], pixels=views[2].pixels[:5])
-    result = calibrate([*views[:2], half, *views[3:]], FOCAL, CENTER)
-    assert result.dropped == {"view_02": "5 corners"}
+    views[2] = dc.replace(views[2], p_B=p_B, pixels=views[2].pixels[: len(p_B)])
+    result = calibrate(views, FOCAL, CENTER)
+    assert result.dropped == {"view_02": reason}
     assert len(result.views) == 7
-
-
-def test_a_view_of_one_row_of_corners_is_dropped_and_told():
-    views = make_views(CAMERA, count=8)
-    row = np.stack([np.arange(6) * 0.03, np.zeros(6), np.zeros(6)], axis=1)
-    line = dc.replace(views[2], p_B=row, pixels=views[2].pixels[:6])
-    result = calibrate([*views[:2], line, *views[3:]], FOCAL, CENTER)
-    assert result.dropped == {"view_02": "6 corners on one line"}
 
 
 @pytest.mark.parametrize(

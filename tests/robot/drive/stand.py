@@ -99,12 +99,13 @@ class FakePlanner(PlannerLink):
         self.answers.append(Answer(time, motion, closure, report))
 
 
-def motion_to(q, duration=2.0, departed=0.0):
+def motion_to(q, duration=2.0, departed=0.0, start=HOME):
     """Return a motion from home, from rest to rest."""
+    rest = np.zeros(len(start))
     trajectory = PiecewisePolynomial.CubicWithContinuousSecondDerivatives(
-        [0.0, duration], np.stack([HOME, q], axis=1), np.zeros(7), np.zeros(7)
+        [0.0, duration], np.stack([start, q], axis=1), rest, rest
     )
-    return Motion(HOME, trajectory, departed, departed + duration)
+    return Motion(start, trajectory, departed, departed + duration)
 
 
 class Stand:
@@ -113,20 +114,24 @@ class Stand:
     def __init__(
         self, arm=None, gripper=None, scenario=None, patience=60.0, release=0.0
     ):
-        scenario = scenario or kitchen()
-        self.arm, self.planner = arm or FakeArm(), FakePlanner()
-        self.gripper = gripper or FakeGripper()
+        self.arm, self.gripper = arm or FakeArm(), gripper or FakeGripper()
         start = {"arm.state_measured": np.append(HOME, np.zeros(7)), **self.arm.take()}
         hardware = Hardware([self.arm, self.gripper], {}, start)
+        self.build(scenario or kitchen(), hardware, patience, release)
+
+    def build(self, scenario, hardware, patience=60.0, release=0.0):
+        self.planner = FakePlanner()
         station = MakeHardwareStation(scenario, hardware)
         builder = DiagramBuilder()
-        cell = MakeHardwareCell(scenario, station, self.planner, patience)
-        builder.AddNamedSystem("cell", cell)
-        self.loop = ControlLoop("kitchen", scenario, builder.Build(), cell, release)
+        self.cell = MakeHardwareCell(scenario, station, self.planner, patience)
+        builder.AddNamedSystem("cell", self.cell)
+        diagram = builder.Build()
+        self.loop = ControlLoop("kitchen", scenario, diagram, self.cell, release)
 
-    def run(self, seconds):
+    def run(self, seconds, commands=None):
         """Advance, at most for this time; return whether the run goes on."""
-        return all(self.loop.advance() for _ in range(round(seconds / PERIOD)))
+        steps = range(round(seconds / PERIOD))
+        return all(self.loop.advance(commands) for _ in steps)
 
 
 class FakeNode(DirectNode):

@@ -10,9 +10,9 @@ from pydrake.systems.analysis import Simulator
 
 from drake_srg.arm.reference import TrajectoryFollower, trajectory_piece
 from drake_srg.common.exceptions import ScenarioError
-from drake_srg.robot.drive.arm import Ros1Arm, Ros2Arm, Window, joint_trajectory
+from drake_srg.robot.drive.arm import Ros1Arm, Ros2Arm, Window
 from drake_srg.robot.drive.link import STAMP
-from robot.drive.stand import HOME, FakeNode, array, joint_state, make
+from robot.drive.stand import HOME, FakeNode, array, joint_state
 
 ARM = [f"iiwa_joint_{i}" for i in range(1, 8)]
 TORQUE = np.arange(7.0)
@@ -82,15 +82,6 @@ def test_an_arm_that_stops_telling_external_torques_falls_silent():
     assert link.take() == {}
 
 
-def test_a_trajectory_says_when_each_point_is_due():
-    topic = joint_trajectory("/j", ["a", "b"])
-    times = np.array([3.5, 3.75])
-    message = topic.convert(make, 0.0, times, np.array([[0.0, 1.0], [2.0, 3.0]]))
-    assert (message.header.stamp.sec, message.header.stamp.nanosec) == (3, 500000000)
-    assert [p.time_from_start.nanosec for p in message.points] == [0, 250000000]
-    np.testing.assert_array_equal(message.points[1].positions, [2.0, 3.0])
-
-
 PERIOD, LEAD = 1.0 / 256.0, 12.0 / 256.0
 
 
@@ -127,14 +118,6 @@ def test_late_and_lost_messages_do_not_shake_the_arm(delays, lost):
     due = [path(max(0.0, (k + 1) * PERIOD - LEAD)) for k in range(len(lost))]
     # Late by the lead, and otherwise the same.
     np.testing.assert_allclose(moved, due, atol=1e-6)
-
-
-def test_a_clock_that_stands_still_is_not_overtaken_by_faster_motion():
-    window = Window(LEAD, PERIOD)
-    times, _ = zip(*(window.after(path(0.01 * k), 0.0) for k in range(30)), strict=True)
-    newest = np.array([t[-1] for t in times])
-    np.testing.assert_allclose(np.diff(newest), PERIOD)
-    assert times[-1][0] >= 0.0
 
 
 def test_a_robot_whose_clock_stood_still_is_not_late_forever():

@@ -105,8 +105,3 @@ def test_a_broken_file_gets_one_line(tmp_path_factory, data):
     more = "cameras: {top: !Ros2Camera {}}\nros2: {domain: 5}\n"
     path.write_bytes(data.draw(damaged(f"{GOOD}{more}".encode())))
     check_reads_or_refuses(load_hardware, path)
-
-
-def test_a_key_twice_is_refused():
-    with pytest.raises(ScenarioError, match=r"^f: line 3: key 'arm' is in line 1, too"):
-        parse_hardware(GOOD + "arm: !Ros2Arm {}", "f")

@@ -5,13 +5,90 @@ import itertools
 import numpy as np
 import pytest
 
-from drake_srg.robot.serve.action_server import ErrorCode, GoalStatus
-from robot.drive.fake_action_server import ACTION, ARM, LEAD, FakeServer
-from robot.drive.stand import HOME, MOVING, PERIOD, Stand, joint_state, make, motion_to
+from drake_srg.robot.drive.arm import Ros2Arm
+from drake_srg.robot.serve.action_server import (
+    ErrorCode,
+    FollowJointTrajectory,
+    GoalStatus,
+)
+from robot.drive.stand import HOME, PERIOD, FakeNode, joint_state, make
 
-GOAL = HOME + 0.2
+ACTION = FollowJointTrajectory("/arm/follow")
+ARM = [f"iiwa_joint_{i}" for i in range(1, 8)]
+LEAD = 0.1
 # By the robot's clock, how long a reply may be missing.
 PATIENCE = 1.0
+
+
+class FakeServer:
+    """A node with an action server that does to each goal what the test says."""
+
+    def __init__(self, **link):
+        self.node = FakeNode()
+        config = Ros2Arm(stream="action", action=ACTION.name, lead=LEAD, **link)
+        self.link = config.connect(self.node.robot())
+        self.time, self.goals, self.canceled = 10.0, [], []
+        self.accepts, self.answers = True, True
+        self._asked = {}  # request for the result by goal
+        self._read = 0
+
+    def step(self, q, stopped=False):
+        """Publish the joints' state, and pass the link a command a period later."""
+        self.time += PERIOD
+        state = joint_state(self.time, ARM, HOME, np.zeros(7))
+        assert self.node.deliver("/joint_states", state) == []
+        commands = {
+            "arm.position_commanded": q,
+            "gripper.hold": np.array([float(stopped)]),
+        }
+        self.link.send(commands)
+        self.serve()
+
+    def serve(self):
+        """Read what was sent, and answer it."""
+        while self._read < len(self.node.sent):
+            topic, message = self.node.sent[self._read]
+            self._read += 1
+            if topic.name == ACTION.send_goal.request:
+                self.goals.append(message)
+                if self.answers:
+                    self.answer(message)
+            elif topic.name == ACTION.get_result.request:
+                self._asked[bytes(message.goal_id.uuid)] = message
+            elif topic.name == ACTION.cancel_goal.request:
+                self.canceled.append(bytes(message.goal_info.goal_id.uuid))
+
+    def answer(self, request):
+        stamp = make("builtin_interfaces/msg/Time", sec=0, nanosec=0)
+        self._reply(ACTION.send_goal, request, accepted=self.accepts, stamp=stamp)
+
+    def end(self, goal, status, code=ErrorCode.SUCCESSFUL, text=""):
+        self._reply(
+            ACTION.get_result,
+            self._asked[bytes(goal.goal_id.uuid)],
+            status=int(status),
+            error_code=int(code),
+            error_string=text,
+        )
+
+    def _reply(self, service, request, client=None, **fields):
+        client = request.client if client is None else client
+        reply = make(service.reply_type, client=client, number=request.number, **fields)
+        assert self.node.deliver(service.reply, reply) == []
+
+    def move(self, seconds):
+        """Move at a constant speed."""
+        for i in range(round(seconds / PERIOD)):
+            self.step(HOME + 0.001 * (i + 1))
+
+    def rest(self, seconds, q=HOME, **stopped):
+        for _ in range(round(seconds / PERIOD)):
+            self.step(q, **stopped)
+
+    @property
+    def obeys(self):
+        """Whether the link still delivers."""
+        return bool(self.link.take())
 
 
 def ids(goals):
@@ -228,39 +305,3 @@ def test_replies_to_others_are_none_of_ours():
     stamp = make("builtin_interfaces/msg/Time", sec=0, nanosec=0)
     server._reply(ACTION.send_goal, request, client=other, accepted=False, stamp=stamp)
     assert server.obeys and server.node.told == []
-
-
-class StepwiseArm:
-    """The link of a `FakeServer` as the arm of a `Stand`."""
-
-    def __init__(self, server):
-        self._server, self.outputs = server, server.link.outputs
-        self.lag, self._q = LEAD, HOME
-
-    def take(self):
-        self._server.time += PERIOD
-        state = joint_state(self._server.time, ARM, self._q, np.zeros(7))
-        self._server.node.deliver("/joint_states", state)
-        return self._server.link.take()
-
-    def send(self, commands):
-        self._server.link.send(commands)
-        self._server.serve()
-        if self._server.goals:
-            self._q = self._server.goals[-1].trajectory.points[-1].positions
-
-    def close(self):
-        self._server.link.close()
-
-
-def test_the_safety_monitor_stops_an_arm_whose_goal_is_aborted():
-    server = FakeServer()
-    stand = Stand(StepwiseArm(server))
-    stand.planner.say(MOVING, motion_to(GOAL))
-    assert stand.run(1.0)
-    code = ErrorCode.PATH_TOLERANCE_VIOLATED
-    server.end(server.goals[-1], GoalStatus.ABORTED, code, "joint 3")
-    count = len(server.goals)
-    assert not stand.run(3.0)
-    assert len(server.goals) == count
-    assert stand.loop.status.message.startswith("the arm was stopped (stale)")

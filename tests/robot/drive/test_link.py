@@ -1,9 +1,10 @@
 import numpy as np
 import pytest
 
+from drake_srg.robot.drive.gripper import obeys, percent
 from drake_srg.robot.drive.link import JointStates
 from drake_srg.robot.serve.commands import CommandError
-from robot.drive.stand import joint_state
+from robot.drive.stand import joint_state, make
 
 NAMES = ["a", "b"]
 
@@ -51,15 +52,16 @@ def test_one_stamp_far_ahead_does_not_make_all_that_follow_old():
         read(9e9)
     assert error.value.kind == "stamp"
     assert read(1.01) is not None
+    with pytest.raises(CommandError, match="jumps ahead"):
+        read(100.0)
+    assert read(100.01) is not None  # the robot was silent
 
 
-def test_a_robot_that_was_silent_is_heard_again():
-    joints = JointStates(NAMES)
-    for time in (1.0, 100.0, 100.01):
-        message = joint_state(time, NAMES, [0.0, 0.0], [0.0, 0.0])
-        if time == 100.0:
-            with pytest.raises(CommandError, match="jumps ahead"):
-                joints.read(message)
-        else:
-            joints.read(message)
-    assert joints.stamp == 100.01
+def test_closures_become_percent():
+    topic = percent("/grasp")
+    assert [topic.convert(make, 0.0, c).data for c in (0.0, 0.374, 1.2)] == [0, 37, 100]
+
+
+def test_a_gripper_that_is_to_hold_obeys_no_more():
+    topic = obeys("/startgrasp")
+    assert [topic.convert(make, 0.0, hold).data for hold in (0.0, 1.0)] == [True, False]

@@ -1,6 +1,5 @@
 from types import SimpleNamespace
 
-import numpy as np
 import pytest
 
 from drake_srg.common.exceptions import ScenarioError
@@ -84,18 +83,6 @@ def test_any_part_that_speaks_ros_brings_the_topics_that_stop_the_arm(
     assert stand.run(1.0)
     assert not all(stand.loop.advance(taken) for _ in range(200))
     assert stand.loop.safety[0] is SafetyState.EMERGENCY_STOP
-
-
-def test_an_override_slows_the_arm_on_its_path():
-    def furthest(percent):
-        stand = Stand()
-        stand.planner.say(MOVING, motion_to(HOME + 0.5, duration=1.0), time=0.0)
-        stand.loop.advance({"safety.speed_override": np.array([percent / 100.0])})
-        assert stand.run(1.0)
-        return np.max(np.abs(stand.arm.sent[-1] - HOME))
-
-    assert furthest(100) == pytest.approx(0.5)
-    assert 0.1 < furthest(40) < 0.3
 
 
 def test_links_close_while_their_node_can_still_send(monkeypatch):

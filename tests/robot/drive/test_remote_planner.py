@@ -1,10 +1,19 @@
+import dataclasses as dc
+import pickle
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from pydrake.trajectories import PiecewisePolynomial
 
 from drake_srg.common.safety_states import SafetyState, StopReason
 from drake_srg.planning.motion.arm_motion import Motion
+from drake_srg.planning.motion.arm_pair import stretched, together
+from drake_srg.planning.servoing.tracker import PoseSighting
+from drake_srg.robot.drive.cameras import Picture
+from drake_srg.robot.drive.planner_process import ServoEye, sendable
 from drake_srg.robot.drive.remote_planner import Answer, Pause, Plan
 from drake_srg.types import PlannerStatus
 from robot.drive.stand import HOME, MOVING, motion_to
@@ -80,3 +89,42 @@ def test_a_stop_that_comes_late_does_not_jump_back():
     # At rest 0.4 s later, on the same path.
     np.testing.assert_array_equal(plan.position(6.6), plan.position(9.0))
     assert np.all(plan.position(9.0) > before)
+
+
+def test_every_picture_is_looked_at_once_and_has_its_stamp():
+    picture = Picture(1.5, np.zeros((2, 3, 4), np.uint8), np.ones((2, 3), np.float32))
+    pictures = [None, picture, picture, dc.replace(picture, stamp=1.6)]
+    camera = SimpleNamespace(newest=lambda: pictures.pop(0))
+    tracker = SimpleNamespace(sight=lambda color, depth: PoseSighting(len(pictures)))
+    eye = ServoEye(tracker, camera)
+    assert eye.look() is None
+    seen = eye.look()
+    assert (seen.frame, seen.stamp) == (2, 1.5)
+    assert eye.look() is None
+    assert eye.look().stamp == 1.6
+
+
+def line(duration):
+    """Return a motion of two joints, from rest to rest."""
+    return PiecewisePolynomial.CubicWithContinuousSecondDerivatives(
+        [0.0, duration], np.array([[0.0, 0.8], [0.3, -0.5]]), np.zeros(2), np.zeros(2)
+    )
+
+
+@pytest.mark.parametrize(
+    "trajectory",
+    [
+        line(1.3),
+        stretched(line(1.3), 2.7),
+        together([line(1.0), line(2.0)]),
+        line(1e-3),
+    ],
+)
+def test_motions_reach_the_control_loop_as_they_are(trajectory):
+    motion = Motion(np.zeros(trajectory.rows()), trajectory, 5.0, 9.0)
+    sent = pickle.loads(pickle.dumps(sendable(motion)))
+    assert (sent.departed, sent.due) == (5.0, 9.0)
+    for time in np.linspace(4.9, 9.1, 200):
+        reached = sent.position(time)
+        np.testing.assert_allclose(reached, motion.position(time), atol=1e-8)
+    assert sendable(sent) is sent

@@ -186,20 +186,6 @@ def test_a_stop_holds_the_servo():
     np.testing.assert_array_equal(stand.arm.sent[-1], stand.arm.sent[-5])
 
 
-def test_a_sighting_is_forgotten_once_the_servo_tracks_no_more():
-    stand = ServoedStand()
-    planner = stand.loop._cell.GetSubsystemByName("planner")
-    context = planner.GetMyContextFromRoot(stand.loop._root)
-    port = planner.GetOutputPort("sighting")
-    stand.track(0.3)
-    assert port.Eval(context).stamp > _AHEAD
-    stand.broken = "silent"
-    stand.track(0.05)
-    assert port.Eval(context).stamp > _AHEAD
-    stand.track(0.05, ServoCommand.FOLLOW)
-    assert np.isnan(port.Eval(context).stamp)
-
-
 SERVED = "kitchen_fast"
 SERVOED = load_scenario("kitchen_servoing")
 # Slower than real time, so that a busy machine keeps up.
@@ -217,11 +203,6 @@ def test_what_a_visual_servo_cannot_do_is_refused(release, start, message):
     hardware = Hardware([], {}, start)
     with pytest.raises(ScenarioError, match=message):
         check_servo(SERVOED, HardwareConfig(release=release), hardware)
-
-
-def test_any_release_will_do_without_a_visual_servo():
-    config = HardwareConfig(release=5.0)
-    check_servo(load_scenario("kitchen"), config, Hardware([], {}, {}))
 
 
 @pytest.fixture

@@ -142,21 +142,6 @@ def test_a_test_that_is_left_releases_the_servo():
     assert released(gripper)
 
 
-def test_a_pause_that_stops_releases_the_servo():
-    gripper = Gripper()
-    servo = gripper.servo()
-
-    def stop(duration):
-        gripper.pause(duration)
-        if gripper.time > 5.0:
-            raise RecordingError("stopped")
-
-    servo._pause = stop
-    with pytest.raises(RecordingError, match="stopped"):
-        list(record(servo, SHORT))
-    assert released(gripper)
-
-
 def test_a_fault_is_told():
     gripper = Gripper()
     rows = record(gripper.servo(), SHORT)

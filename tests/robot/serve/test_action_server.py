@@ -42,6 +42,23 @@ def tolerance(joint, position):
     )
 
 
+def goal_fields(id, trajectory):
+    """The fields of a request to follow a trajectory."""
+    lists = ("path", "component_path", "goal", "component_goal")
+    return {
+        "goal_id": goal_id(make, id),
+        "trajectory": trajectory,
+        "multi_dof_trajectory": make(
+            "trajectory_msgs/msg/MultiDOFJointTrajectory",
+            header=trajectory.header,
+            joint_names=[],
+            points=[],
+        ),
+        **{f"{name}_tolerance": [] for name in lists},
+        "goal_time_tolerance": duration(make, 0.0),
+    }
+
+
 class Served:
     """A server whose arm is where the test says, and its client."""
 
@@ -83,22 +100,8 @@ class Served:
             make, 0.0, np.array([0.0, length]), np.stack([HOME, q])
         )
         trajectory.header.stamp.sec = int(start)
-        empty = make(
-            "trajectory_msgs/msg/MultiDOFJointTrajectory",
-            header=trajectory.header,
-            joint_names=[],
-            points=[],
-        )
-        lists = ("path", "component_path", "goal", "component_goal")
-        given = {f"{name}_tolerance": [] for name in lists}
-        given["goal_time_tolerance"] = duration(make, 0.0)
-        accepted = self.call(
-            ACTION.send_goal,
-            goal_id=goal_id(make, id),
-            trajectory=trajectory,
-            multi_dof_trajectory=empty,
-            **(given | fields),
-        )
+        given = goal_fields(id, trajectory) | fields
+        accepted = self.call(ACTION.send_goal, **given)
         result = self.call(ACTION.get_result, goal_id=goal_id(make, id))
         self.advance()
         return accepted().accepted, result

@@ -7,10 +7,12 @@ from pydrake.systems.analysis import Simulator
 from rosbags.rosbag2 import Reader
 
 from drake_srg.common.exceptions import ScenarioError
-from drake_srg.common.systems import input_ports, output_ports
+from drake_srg.recording import rosbag
 from drake_srg.robot.serve import loop
 from drake_srg.robot.serve.action_server import ACTION, goal_info
-from drake_srg.robot.serve.loop import MakeServedStation, Pacer, Serve
+from drake_srg.robot.serve.bridge import Bridge, Outlet
+from drake_srg.robot.serve.commands import Warnings
+from drake_srg.robot.serve.loop import Pacer, Serve
 from drake_srg.scenario import load_scenario
 from experiments.stands.direct_node import make_message
 from robot.serve.fake_bridge import FakeBridge
@@ -83,23 +85,6 @@ def test_a_stop_ends_a_wait():
 SCENARIO = load_scenario("kitchen")
 
 
-@pytest.fixture(scope="module")
-def station():
-    return MakeServedStation(SCENARIO)
-
-
-def test_it_has_the_station_s_ports_without_the_cameras(station):
-    inner = station.GetSubsystemByName("station")
-    assert set(input_ports(inner)) - {"arm.position_commanded"} == (
-        set(input_ports(station)) - {"arm.position_desired"}
-    )
-    assert set(output_ports(station)) - set(output_ports(inner)) == {
-        "arm.position_commanded",
-        "gripper.closure_commanded",
-    }
-    assert not [name for name in output_ports(station) if name.startswith("camera_")]
-
-
 PICTURES = {
     "/camera/color/image_raw",
     "/camera/depth/image_raw",
@@ -134,7 +119,7 @@ def serve(act, until, *, name="kitchen", overrides=(), **options):
         ports=options.pop("ports", COMMANDS),
         act=step,
     )
-    scenario = load_scenario(name, overrides=overrides)
+    scenario = options.pop("scenario", None) or load_scenario(name, overrides=overrides)
     options = {"name": name, "rate": 0.0, "stop": stop, **options}
     return bridge, Serve(scenario, bridge.connect, **options)
 
@@ -251,23 +236,22 @@ def test_an_arm_that_follows_trajectories_has_an_action_server(overrides, count)
     assert len(replies) == (1 if count else 0)
 
 
-def test_a_station_without_arm_and_gripper_publishes_a_clock():
-    overrides = ["arm=null", "gripper=null", "directives=[]"]
-    overrides += ["cameras={}", "recording.video_camera=''"]
-    overrides += ["localizer.cameras=[]", "recording.bag_cameras=[]", "objects={}"]
-    overrides += ["task={}"]
-    bridge, _ = serve(do_nothing, until=0.02, overrides=overrides, ports=())
-    assert set(bridge.messages) == {"/clock"}
+NO_ARM = [
+    *("arm=null", "cameras={}", "recording.video_camera=''"),
+    *("localizer.cameras=[]", "recording.bag_cameras=[]"),
+]
+HAND = "{add_model: {name: gripper, file: 'package://drake_srg/sdf/srg.sdf'}}"
 
 
-def test_a_gripper_without_an_arm_publishes_joint_states():
-    overrides = ["arm=null", "cameras={}", "recording.video_camera=''"]
-    overrides += ["localizer.cameras=[]", "recording.bag_cameras=[]"]
-    overrides += ["directives=[{add_model: {name: gripper, file: "]
-    overrides[-1] += "'package://drake_srg/sdf/srg.sdf'}}]"
+def test_a_station_without_an_arm_publishes_the_gripper_s_joint_states():
+    overrides = [*NO_ARM, f"directives=[{HAND}]"]
     bridge, _ = serve(do_nothing, until=0.02, overrides=overrides, ports=COMMANDS[:1])
     _, (state, _) = bridge.messages["/joint_states"][-1]
     assert len(state) == 8
+    nothing = ["gripper=null", "directives=[]", "objects={}", "task={}"]
+    overrides = [*NO_ARM, *nothing]
+    bridge, _ = serve(do_nothing, until=0.02, overrides=overrides, ports=())
+    assert set(bridge.messages) == {"/clock"}
 
 
 @pytest.mark.slow
@@ -359,3 +343,54 @@ def test_a_failed_start_keeps_the_recording_of_the_last_run(tmp_path):
     with pytest.raises(ScenarioError):
         serve(do_nothing, until=0.01, ports=["gripper.speed"], out=tmp_path)
     assert (tmp_path / "recording.mcap").read_text() == "of the last run"
+
+
+CLOCK = rosbag.clock()
+
+
+class Failing(FakeBridge):
+    def publish(self, topic, time, values):
+        raise RuntimeError("broken line")
+
+    def update(self, time, values):
+        raise RuntimeError("broken line")
+
+
+@pytest.fixture
+def warnings(told):
+    return Warnings(told.append)
+
+
+def test_messages_go_to_the_bridges_with_subscribers(warnings):
+    listening = FakeBridge(wanted=lambda name: name == "/clock")
+    deaf = FakeBridge(wanted=lambda name: False)
+    outlet = Outlet([listening, deaf], warnings)
+    assert outlet.has_subscribers("/clock")
+    assert not outlet.has_subscribers("/joint_states")
+    outlet.send(CLOCK, 1.0, [])
+    assert (listening.messages, deaf.messages) == ({"/clock": [(1.0, [])]}, {})
+
+
+def test_each_bridge_gets_the_values_of_its_ports(warnings):
+    one, other = FakeBridge(ports=["a"]), FakeBridge(ports=["a", "b"])
+    Outlet([one, other], warnings).update(0.5, {"a": 1, "b": 2, "c": 3})
+    assert one.updates == [(0.5, {"a": 1})]
+    assert other.updates == [(0.5, {"a": 1, "b": 2})]
+
+
+def test_a_failing_bridge_is_reported_once_a_task_and_stops_no_other(warnings, told):
+    good = FakeBridge()
+    outlet = Outlet([Failing(), good], warnings)
+    for time in (0.0, 0.1):
+        outlet.send(CLOCK, time, [])
+        outlet.update(time, {})
+    assert len(good.messages["/clock"]) == len(good.updates) == 2
+    assert told == [
+        "Failing /clock: RuntimeError('broken line')",
+        "Failing update: RuntimeError('broken line')",
+    ]
+
+
+def test_the_status_joins_those_of_the_bridges(warnings):
+    outlet = Outlet([FakeBridge(), Bridge(), FakeBridge()], warnings)
+    assert outlet.status == "fake, fake"

@@ -1,8 +1,11 @@
 import json
+import multiprocessing as mp
+import queue
 
 import numpy as np
 import pytest
 from pydrake.math import RigidTransform, RotationMatrix
+from pydrake.systems.framework import DiagramBuilder
 from pydrake.systems.sensors import CameraInfo
 from rosbags.typesys import Stores, get_typestore
 
@@ -15,6 +18,7 @@ from drake_srg.robot.serve.pictures import (
     COLOR,
     DEPTH,
     OBJECT_POSE,
+    CameraProcess,
     Pictures,
     Viewer,
     camera_topics,
@@ -22,8 +26,10 @@ from drake_srg.robot.serve.pictures import (
     served_cameras,
 )
 from drake_srg.scenario import load_scenario, servo_of
+from drake_srg.station.plant import AddPlant
 from drake_srg.types import Blob, BlobFlag
 from robot.serve.fake_bridge import FakeBridge
+from robot.serve.waiting import wait_until
 
 INFO = CameraInfo(640, 480, 579.4, 580.6, 319.5, 239.5)
 TOPICS = camera_topics("ceiling", INFO, "can")
@@ -177,11 +183,6 @@ def look(pictures, time, *wanted):
     return bridge
 
 
-def test_the_served_camera_is_the_localizer_s_first():
-    name, intrinsics = served_camera(KITCHEN)
-    assert (name, intrinsics.width()) == ("ceiling", 640)
-
-
 @pytest.mark.parametrize("name", ["clear_table", "sort_table", "row_table"])
 def test_where_objects_of_any_shape_are_cleared_there_are_pictures_alone(name):
     served, *_ = served_cameras(load_scenario(name))
@@ -195,10 +196,6 @@ def test_the_camera_above_a_bin_is_served_too():
     names = {topic.name for topic in above.topics.values()}
     assert "/camera_bin/depth/image_raw" in names
     Viewer(above.scenario, above.name)
-
-
-def test_without_a_localizer_the_scenario_s_first_camera_is_served():
-    assert served_camera(load_scenario("gripper_bench"))[0] == "overview"
 
 
 def test_the_camera_of_a_visual_servo_is_served_too(made):
@@ -235,16 +232,26 @@ def test_a_scenario_with_a_soft_object_has_no_topics():
     assert Pictures(scenario, Warnings(print)).topics == {}
 
 
+@pytest.mark.parametrize(
+    ("name", "camera"), [("kitchen", "ceiling"), ("gripper_bench", "overview")]
+)
+def test_the_localizer_s_or_the_scenario_s_first_camera_is_served(name, camera):
+    assert served_camera(load_scenario(name))[0] == camera
+
+
 def test_the_process_starts_with_the_first_subscription(made):
     pictures = Pictures(KITCHEN, Warnings(print))
     topics = {COLOR, DEPTH, CAMERA_INFO, BLOBS, OBJECT_POSE}
     assert set(pictures.topics) == topics
     look(pictures, 0.0)
     assert made == []
-    look(pictures, 0.1, COLOR)
+    bridge = look(pictures, 0.1, COLOR)
     (process,) = made
     assert process.camera == "ceiling"
     np.testing.assert_array_equal(process.state, plant_state())
+    process.show(0.1, DEPTH, ("pixels",))
+    process.show(0.1, COLOR, ("pixels",))
+    assert bridge.messages == {COLOR: [(0.1, ("pixels",))]}
     pictures.close()
     assert process.is_closed
 
@@ -261,20 +268,39 @@ def test_pictures_of_subscribed_topics_are_due_once_a_period(made, options, time
     for time in times:
         look(pictures, time, COLOR, BLOBS)
     look(pictures, 0.5)
+    made[0].idle = False
+    look(pictures, 1.0, DEPTH)
     assert made[0].looks == [(time, [COLOR, BLOBS]) for time in due]
 
 
-def test_a_busy_process_gets_no_work(made):
-    pictures = Pictures(KITCHEN, Warnings(print))
-    look(pictures, 0.0, DEPTH)
-    made[0].idle = False
-    look(pictures, 0.1, DEPTH)
-    assert made[0].looks == []
+SCENARIO = load_scenario("kitchen", overrides=["object.position=[0.6, 0.1]"])
 
 
-def test_a_picture_goes_to_the_subscribers(made):
-    pictures = Pictures(KITCHEN, Warnings(print))
-    bridge = look(pictures, 0.0, DEPTH)
-    made[0].show(0.1, DEPTH, ("pixels",))
-    made[0].show(0.1, COLOR, ("pixels",))
-    assert bridge.messages == {DEPTH: [(0.1, ("pixels",))]}
+@pytest.mark.slow
+def test_a_picture_shows_the_given_state_until_the_process_dies(told):
+    plant, shown = AddPlant(DiagramBuilder(), SCENARIO)[0], queue.Queue()
+    context, others = plant.CreateDefaultContext(), mp.active_children()
+    (body,) = plant.GetBodyIndices(plant.GetModelInstanceByName("soup_can"))
+    body = plant.get_body(body)
+    X_WO = plant.EvalBodyPoseInWorld(context, body)
+    X_WO.set_translation(np.array([0.7, 0.1, X_WO.translation()[2]]))
+    plant.SetFreeBodyPose(context, body, X_WO)
+    state = plant.GetPositionsAndVelocities(context)
+    cameras = CameraProcess(
+        SCENARIO, "ceiling", state, lambda *seen: shown.put(seen), Warnings(told.append)
+    )
+    (process,) = set(mp.active_children()) - set(others)
+    assert wait_until(lambda: cameras.idle, 60.0)
+    cameras.look(0.0, state, [])
+    assert cameras.idle
+    cameras.look(2.5, state, [BLOBS])
+    seen_at, topic, ((blob,),) = shown.get(timeout=60.0)
+    assert (seen_at, topic) == (2.5, BLOBS)
+    np.testing.assert_allclose(blob.position[:2], [0.7, 0.1], atol=0.001)
+    process.kill()  # as the system does when memory runs out
+    assert wait_until(lambda: told, 60.0)
+    assert not cameras.idle
+    cameras.look(3.0, state, [BLOBS])
+    cameras.close()
+    (text,) = told
+    assert "the camera process has ended" in text

@@ -1,7 +1,5 @@
 """A served station with several arms: whose topics are whose, and what is shared."""
 
-import threading
-
 import numpy as np
 import pytest
 from station.two_arm_station import two_arms
@@ -9,21 +7,20 @@ from station.two_arm_station import two_arms
 from drake_srg.common.exceptions import ScenarioError
 from drake_srg.common.safety_states import SafetyState, safety_state
 from drake_srg.common.systems import input_ports
-from drake_srg.recording.rosbag import header
-from drake_srg.robot.drive.arm import duration, joint_trajectory
-from drake_srg.robot.serve.action_server import ACTION, goal_id
+from drake_srg.robot.drive.arm import joint_trajectory
+from drake_srg.robot.serve.action_server import ACTION
 from drake_srg.robot.serve.commands import Warnings
 from drake_srg.robot.serve.connecting import BridgeOptions
 from drake_srg.robot.serve.loop import (
     MakeServedStation,
-    Serve,
     control_period,
     station_inbox,
 )
 from drake_srg.robot.serve.pictures import Pictures
 from drake_srg.scenario import load_scenario
 from experiments.stands.direct_node import make_message as make
-from robot.serve.fake_bridge import FakeBridge
+from robot.serve import test_loop
+from robot.serve.test_action_server import goal_fields
 
 ARMS = ("left", "right")
 HOME = np.array([0.0, -0.3, 0.0, -1.9, 0.0, 1.5, 0.0])
@@ -55,28 +52,20 @@ def watched(tree):
 
 def serve(acts, until, change=lambda tree: None, ports=()):
     """Serve as fast as possible; call `acts[i](bridge)` once at i + 1 tenths of 1 s."""
-    stop, acts = threading.Event(), list(acts)
+    left, told = list(enumerate(acts, start=1)), []
 
-    def step(bridge):
-        if acts and bridge.time >= 0.1 * (done[0] + 1):
-            done[0] += 1
-            acts.pop(0)(bridge)
-        if bridge.time >= until:
-            stop.set()
+    def act(bridge):
+        while left and bridge.time >= 0.1 * left[0][0]:
+            left.pop(0)[1](bridge)
 
-    done, told = [0], []
-    commands = [
-        f"{arm}.{name}"
-        for arm in ARMS
-        for name in ("position_commanded", "gripper.closure_commanded")
-    ]
-    bridge = FakeBridge(wanted=is_state, ports=[*commands, *ports], act=step)
-    Serve(
-        scenario(change),
-        bridge.connect,
+    names = ("position_commanded", "gripper.closure_commanded")
+    bridge, _ = test_loop.serve(
+        act,
+        until,
         name="two",
-        rate=0.0,
-        stop=stop,
+        scenario=scenario(change),
+        wanted=is_state,
+        ports=[*(f"{arm}.{name}" for arm in ARMS for name in names), *ports],
         tell=told.append,
     )
     bridge.told = told
@@ -158,24 +147,9 @@ def test_joints_in_trajectories_have_the_names_of_the_joint_states():
 
 def test_each_arm_has_an_action():
     def act(bridge):
-        request = make(
-            ACTION.send_goal.request_type,
-            client=7,
-            number=1,
-            goal_id=goal_id(make, bytes([1] * 16)),
-            trajectory=trajectory("right", AWAY),
-            multi_dof_trajectory=make(
-                "trajectory_msgs/msg/MultiDOFJointTrajectory",
-                header=header(make, 0.0),
-                joint_names=[],
-                points=[],
-            ),
-            path_tolerance=[],
-            component_path_tolerance=[],
-            goal_tolerance=[],
-            component_goal_tolerance=[],
-            goal_time_tolerance=duration(make, 0.0),
-        )
+        fields = goal_fields(bytes([1] * 16), trajectory("right", AWAY))
+        kind = ACTION.send_goal.request_type
+        request = make(kind, client=7, number=1, **fields)
         topic = ACTION.send_goal.request.replace("rq", "rq/right")
         bridge.inbox.receive_message(topic, request)
 

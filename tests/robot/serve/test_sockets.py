@@ -1,5 +1,4 @@
 import asyncio
-import contextlib
 import re
 import socket
 import subprocess
@@ -8,7 +7,7 @@ import threading
 
 import pytest
 
-from drake_srg.robot.serve.sockets import IoThread, Resolver, own_address
+from drake_srg.robot.serve.sockets import IoThread, address_of, own_address
 
 
 @pytest.mark.parametrize("host", ["127.0.0.1", "lo", "localhost"])
@@ -37,45 +36,40 @@ def test_a_host_that_is_not_this_machine_is_refused(host, monkeypatch):
         own_address(host)
 
 
-def test_a_resolver_returns_addresses_of_names_and_addresses():
+def test_addresses_of_names_and_addresses_are_found():
     async def look_up():
-        resolver = Resolver(limit=1)  # so each lookup must make room for the next
-        assert await resolver.address("localhost") == "127.0.0.1"
-        assert await resolver.address("192.0.2.1") == "192.0.2.1"
-        assert await resolver.address("::1") == "::1"
+        for name, address in (
+            ("localhost", "127.0.0.1"),
+            ("192.0.2.1", "192.0.2.1"),
+            ("::1", "::1"),
+        ):
+            assert await address_of(name) == address
         for name, error in ("a b", OSError), ("x" * 300, UnicodeError):
             with pytest.raises(error):
-                await resolver.address(name)
-        assert await resolver.address("localhost") == "127.0.0.1"
+                await address_of(name)
 
     asyncio.run(look_up())
 
 
 def test_a_hanging_lookup_takes_one_thread_and_delays_nobody(hanging_names):
     async def look_up():
-        resolver = Resolver(limit=2)
         for _ in range(3):
             with pytest.raises(asyncio.TimeoutError):
-                await asyncio.wait_for(resolver.address("robot"), 0.05)
-        assert hanging_names.pending == ["robot"]
-        assert await resolver.address("localhost") == "127.0.0.1"
-        with contextlib.suppress(asyncio.TimeoutError):
-            await asyncio.wait_for(resolver.address("robot2"), 0.05)
-        with pytest.raises(OSError, match="too many pending host lookups"):
-            await resolver.address("localhost")
+                await asyncio.wait_for(address_of("robot"), 0.05)
+        assert await address_of("localhost") == "127.0.0.1"
 
     asyncio.run(look_up())
-    assert hanging_names.pending == ["robot", "robot2"]  # nobody waited for them
+    assert hanging_names.pending == ["robot"]  # nobody waited for it
 
 
 def test_a_process_exits_without_waiting_for_its_resolver():
     program = """
 import asyncio, contextlib, socket, time
-from drake_srg.robot.serve.sockets import Resolver
+from drake_srg.robot.serve.sockets import address_of
 socket.getaddrinfo = lambda *_: time.sleep(60.0)
 async def main():
     with contextlib.suppress(asyncio.TimeoutError):
-        await asyncio.wait_for(Resolver().address("robot"), 0.1)
+        await asyncio.wait_for(address_of("robot"), 0.1)
 asyncio.run(main())
 """
     subprocess.run([sys.executable, "-c", program], check=True, timeout=20.0)

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis.extra.numpy import arrays
+from pydrake.common.value import AbstractValue
 from pydrake.math import RigidTransform, RollPitchYaw
 from pydrake.systems.analysis import Simulator
 
@@ -11,7 +12,8 @@ from drake_srg.robot.serve.commands import CommandError
 from drake_srg.robot.serve.pictures import BLOBS, camera_topics
 from drake_srg.robot.twin.comparison import (
     KINDS,
-    TorqueComparison,
+    ObjectComparison,
+    Sighting,
     TwinMonitor,
     read_blobs,
 )
@@ -87,7 +89,9 @@ class Stand:
         for name, size in (
             ("arm_state", 4),
             ("arm_state_measured", 4),
-            ("torque_residual", 2),
+            ("torque_measured", 2),
+            ("external_felt", 2),
+            ("external_expected", 2),
             ("gripper_state", 4),
             ("gripper_state_measured", 4),
             ("object_error", 2),
@@ -109,7 +113,7 @@ class Stand:
 # An input with a difference just above and just below the limit.
 CASES = {
     "joint": ("arm_state_measured", [0.0, -1.01 * CONFIG.joint, 0.0, 0.0]),
-    "torque": ("torque_residual", [0.0, 1.01 * CONFIG.torque * 50.0]),
+    "torque": ("external_expected", [0.0, 1.01 * CONFIG.torque * 50.0]),
     "finger": ("gripper_state_measured", [1.01 * CONFIG.finger, 0.0, 0.0, 0.0]),
     "object": ("object_error", [np.nan, 1.01 * CONFIG.object]),
 }
@@ -161,7 +165,7 @@ def test_torques_of_a_moving_arm_do_not_count():
 
 @pytest.mark.parametrize(
     "port",
-    ["torque_residual", "gripper_state_measured", "object_error"],
+    ["torque_measured", "gripper_state_measured", "object_error"],
 )
 def test_what_nobody_tells_is_no_difference(port):
     stand = Stand()
@@ -170,12 +174,12 @@ def test_what_nobody_tells_is_no_difference(port):
     assert stand.parted(2.0) == []
 
 
-torques = arrays(float, 3, elements={"min_value": -300.0, "max_value": 300.0})
+torques = arrays(float, 2, elements={"min_value": -300.0, "max_value": 300.0})
 
 
 @given(torques, torques, torques)
 def test_measured_is_expected_and_residual(needed, felt, simulated):
-    system = TorqueComparison(3)
+    system = TwinMonitor(CONFIG, [100.0, 50.0], 2, 2, PERIOD)
     context = system.CreateDefaultContext()
     measured = needed - felt
     for name, value in (
@@ -188,3 +192,74 @@ def test_measured_is_expected_and_residual(needed, felt, simulated):
     residual = system.GetOutputPort("torque_residual").Eval(context)
     np.testing.assert_allclose(expected, needed - simulated, atol=1e-9)
     np.testing.assert_allclose(expected + residual, measured, atol=1e-9)
+
+
+class Objects:
+    """Two objects: the first moves along x at 0.5 m/s, the second rests at 0."""
+
+    def __init__(self, placed_at=None):
+        self.system = ObjectComparison(["mover", "rester"], PERIOD)
+        self.simulator = Simulator(self.system)
+        self.context = self.simulator.get_mutable_context()
+        self.fix("placed_at", placed_at or {"mover": 0.0, "rester": 0.0})
+        self.fix("sightings", ())
+        self.steps = 0
+
+    def fix(self, name, value):
+        port = self.system.GetInputPort(name)
+        port.FixValue(self.context, AbstractValue.Make(value))
+
+    def advance(self, seconds):
+        for _ in range(round(seconds / PERIOD)):
+            poses = {
+                "mover": RigidTransform([0.5 * self.steps * PERIOD, 0.0, 0.0]),
+                "rester": RigidTransform(),
+            }
+            self.fix("object_poses", poses)
+            self.steps += 1
+            self.simulator.AdvanceTo(self.steps * PERIOD)
+        return self.system.get_output_port().Eval(self.context)
+
+    def see(self, name, time, p_WO):
+        self.fix("sightings", (Sighting(name, time, RigidTransform(p_WO)),))
+
+
+def test_nothing_is_compared_before_it_is_seen():
+    assert np.isnan(Objects().advance(0.5)).all()
+
+
+@pytest.mark.parametrize("age", [0.0, 0.123, 1.0])
+def test_a_late_picture_is_compared_with_the_time_it_was_taken(age):
+    stand = Objects()
+    stand.advance(1.5)
+    time = 1.5 - age
+    stand.see("mover", time, [0.5 * time, 0.03, 0.0])
+    error = stand.advance(0.02)
+    assert error[0] == pytest.approx(0.03, abs=1e-9)
+    assert np.isnan(error[1])
+
+
+def test_a_picture_of_the_future_waits():
+    stand = Objects()
+    stand.advance(1.0)
+    stand.see("rester", 1.5, [0.0, 0.0, 0.2])
+    assert np.isnan(stand.advance(0.4)).all()
+    assert stand.advance(0.2)[1] == pytest.approx(0.2)
+
+
+def test_pictures_from_before_an_object_was_placed_do_not_count():
+    stand = Objects({"rester": 1.0})
+    stand.advance(2.0)
+    stand.see("rester", 0.9, [0.0, 0.0, 0.2])
+    assert np.isnan(stand.advance(0.1)).all()
+    stand.see("rester", 1.1, [0.0, 0.0, 0.1])
+    assert stand.advance(0.1)[1] == pytest.approx(0.1)
+
+
+def test_objects_that_were_never_placed_and_unknown_ones_do_not_count():
+    stand = Objects({"rester": 0.0})
+    stand.advance(1.0)
+    stand.see("mover", 0.5, [9.0, 0.0, 0.0])
+    stand.advance(0.1)
+    stand.see("ghost", 0.5, [9.0, 0.0, 0.0])
+    assert np.isnan(stand.advance(0.1)).all()

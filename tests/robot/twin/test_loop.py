@@ -6,20 +6,24 @@ import functools
 import numpy as np
 import pytest
 from pydrake.math import RigidTransform
+from pydrake.systems.analysis import Simulator
 
 from drake_srg.common.exceptions import ScenarioError
-from drake_srg.recording.rosbag import header
-from drake_srg.robot.drive.config import HardwareConfig, parse_hardware
+from drake_srg.robot.drive.config import parse_hardware
+from drake_srg.robot.drive.opening import MakeRobots
+from drake_srg.robot.serve.commands import Warnings
 from drake_srg.robot.twin.comparison import Sighting
 from drake_srg.robot.twin.loop import Listener, Told, TwinLoop
-from drake_srg.robot.twin.station import AddTwin, MakeTwin
+from drake_srg.robot.twin.run import run_twin, status_text, twin_topics
+from drake_srg.robot.twin.station import AddTwin, LagCompensation, MakeTwin
 from drake_srg.scenario import load_scenario
 from drake_srg.simulation.flat import MakeRoot
 from experiments.stands.direct_node import DirectNode, make_message
+from robot.drive.stand import HOME, joint_state
 
-HOME = np.array([0.0, -0.3, 0.0, -1.9, 0.0, 1.5, 0.0])
 REST = np.append(HOME, np.zeros(7))
 CAN = "soup_can"
+FILE = "arm: !Ros2Arm {}\ngripper: !Ros2Gripper {}\n"
 
 
 @functools.cache
@@ -32,16 +36,20 @@ def told(stamp, **changes):
     return dc.replace(first, **changes)
 
 
+def make_loop(scenario, first):
+    builder, twin = MakeRoot("twin", MakeTwin, AddTwin, scenario, "test")
+    return TwinLoop("test", scenario, builder.Build(), twin, first)
+
+
 @pytest.fixture
 def loop():
-    builder, twin = MakeRoot("twin", MakeTwin, AddTwin, scenario(), "test")
-    return TwinLoop("test", scenario(), builder.Build(), twin, told(100.0))
+    return make_loop(scenario(), told(100.0))
 
 
-def follow(loop, begin, end, step=0.05, **changes):
+def follow(loop, begin, end, told=told, **changes):
     """Tell the same until a time; return the reports."""
     reports = []
-    for stamp in np.arange(begin + step, end + 1e-9, step):
+    for stamp in np.arange(begin + 0.05, end + 1e-9, 0.05):
         reports += loop.follow(told(stamp, **changes))
     return reports
 
@@ -72,15 +80,14 @@ def test_an_arm_that_goes_where_the_table_is_differs(loop):
 def test_fingers_that_do_not_close_differ(loop):
     still = np.zeros(8)
     assert follow(loop, 100.0, 100.5, gripper_state=still) == []
-    reports = follow(loop, 100.5, 102.0, gripper_state=still, closures=(1.0,))
+    closed = {"gripper_state": still, "closures": (1.0,)}
+    reports = follow(loop, 100.5, 101.7, **closed)
     assert [report.kind for report in reports] == ["finger"]
     assert "less closed" in reports[0].text
-    assert (
-        follow(loop, 102.0, 103.0, gripper_state=still, closures=(1.0,)) == []
-    )  # once
+    assert follow(loop, 101.7, 102.0, **closed) == []  # once
     # Once it is over, the next one is reported anew.
-    assert follow(loop, 103.0, 105.0, gripper_state=still, closures=(0.0,)) == []
-    reports = follow(loop, 105.0, 107.0, gripper_state=still, closures=(1.0,))
+    assert follow(loop, 102.0, 103.5, gripper_state=still, closures=(0.0,)) == []
+    reports = follow(loop, 103.5, 104.7, **closed)
     assert [report.kind for report in reports] == ["finger"]
 
 
@@ -150,24 +157,22 @@ def test_a_clock_that_is_set_is_not_followed(loop):
 class Talk:
     """A listener and the messages that it gets."""
 
-    def __init__(self, text="arm: !Ros2Arm {}\ngripper: !Ros2Gripper {}\n"):
-        self.node = DirectNode()
-        robot = self.node.robot(scenario())
+    def __init__(self, text=FILE, scenario=scenario):
+        self.node = node = DirectNode()
         config = parse_hardware(text, "robot.yaml")
-        self.names = [*robot.arm_joints, *robot.gripper_joints]
-        self.listener = Listener(config, scenario().twin, robot)
+        robots = MakeRobots(scenario(), config, Warnings(print))
+        object.__setattr__(robots[0].nodes, "_nodes", {1: node, 2: node})
+        self.listener = Listener(config, scenario().twin, *robots)
+        self.names = {robot.own.arm_model: robot.arm_joints for robot in robots}
+        self.names |= {r.own.gripper_model: r.gripper_joints for r in robots}
 
-    def joints(self, stamp, position=None):
-        position = np.zeros(11) if position is None else np.array(position)
-        message = make_message(
-            "sensor_msgs/msg/JointState",
-            header=header(make_message, stamp),
-            name=self.names,
-            position=position,
-            velocity=np.zeros(11),
-            effort=np.arange(11.0),
-        )
-        return self.node.deliver("/joint_states", message)
+    def joints(self, stamp, topic="/joint_states", **positions):
+        """Tell positions by model, such as `arm` or `left_gripper`."""
+        positions = positions or {"arm": HOME, "gripper": np.zeros(4)}
+        names = [n for part in positions for n in self.names[part.replace("_", ".")]]
+        q = np.concatenate([*positions.values()])
+        message = joint_state(stamp, names, q, np.full(len(q), 0.5), np.arange(len(q)))
+        return self.node.deliver(topic, message)
 
     def say(self, topic, kind, data):
         message = make_message(f"std_msgs/msg/{kind}", data=data)
@@ -201,7 +206,7 @@ def test_a_listener_tells_what_it_has_heard():
 def test_bad_messages_change_nothing(topic, kind, data):
     talk = Talk()
     assert len(talk.say(topic, kind, data)) == 1
-    assert talk.joints(1.0, [np.nan] * 11) != []
+    assert talk.joints(1.0, arm=HOME * np.nan) != []
     assert talk.listener.take() is None
     talk.joints(1.0)
     heard = talk.listener.take()
@@ -214,6 +219,121 @@ def test_a_bus_has_one_master():
         Talk("arm: !DynamixelArm {}\ngripper: !Ros2Gripper {}\n")
 
 
-def test_the_default_hardware_speaks_ros_2():
-    config = HardwareConfig()
-    Listener(config, scenario().twin, DirectNode().robot(scenario()))
+PERIOD = 0.01
+
+
+@pytest.mark.parametrize("lag", [0.0, 0.03, 0.1])
+def test_it_makes_up_for_the_lag_of_the_driver(lag):
+    system = LagCompensation(2, PERIOD)
+    simulator = Simulator(system)
+    context = simulator.get_mutable_context()
+    speed, commands, q = np.array([1.0, -0.5]), [], np.zeros(2)
+    delay = round(lag / PERIOD)
+    for k in range(300):
+        target = k * PERIOD * speed
+        system.GetInputPort("state_measured").FixValue(
+            context, np.concatenate([target, speed])
+        )
+        system.GetInputPort("state").FixValue(context, np.concatenate([q, speed]))
+        commands.append(system.get_output_port().Eval(context).copy())
+        simulator.AdvanceTo((k + 1) * PERIOD)
+        # The commanded arm is where it was sent a while ago.
+        q = commands[max(k + 1 - delay, 0)] if delay else target + PERIOD * speed
+        q = q if not delay else commands[max(len(commands) - delay, 0)]
+    error = q - (target + PERIOD * speed)
+    np.testing.assert_allclose(error, 0.0, atol=0.015)
+
+
+def test_an_arm_at_rest_teaches_nothing():
+    system = LagCompensation(1, PERIOD)
+    simulator = Simulator(system)
+    context = simulator.get_mutable_context()
+    system.GetInputPort("state_measured").FixValue(context, [0.5, 0.0])
+    system.GetInputPort("state").FixValue(context, [0.0, 0.0])  # something blocks it
+    simulator.AdvanceTo(5.0)
+    assert system.lag(context) == 0.0
+    assert system.get_output_port().Eval(context)[0] == 0.5
+
+
+# Two arms: whose messages are whose, and whose joint differs.
+
+Q = np.append(HOME, HOME)
+STILL = np.zeros(14)
+UNTOLD = np.full(14, np.nan)
+FINGERS = np.full(16, np.nan)
+TWO = """
+arms:
+  left: {arm: !Ros2Arm {}, gripper: !Ros2Gripper {}}
+  right: {arm: !Ros2Arm {state: joint_states}, gripper: !Ros2Gripper {}}
+"""
+
+
+@functools.cache
+def two():
+    return load_scenario("handover", overrides=["twin.settle=0.3"])
+
+
+def both(stamp, q=Q, torque=UNTOLD, fingers=FINGERS, closures=(0.0, 0.0)):
+    return Told(stamp, np.append(q, STILL), torque, fingers, closures)
+
+
+@pytest.fixture
+def pair():
+    return make_loop(two(), both(100.0))
+
+
+def test_both_arms_follow_their_own_joints(pair):
+    q = Q.copy()
+    q[7] += 0.05  # of the right arm
+    assert follow(pair, 100.0, 101.5, told=both, q=q) == []
+    for arm, own in (("left", q[:7]), ("right", q[7:])):
+        reached = pair.value(f"{arm}.state_measured")[:7]
+        np.testing.assert_allclose(reached, own, atol=3e-3)
+    assert pair.value("twin.joint_error").shape == (14,)
+    assert status_text(pair).startswith("twin: 1.5 s, joints 0.00")
+
+
+def test_a_report_names_the_arm(pair):
+    fingers = np.zeros(16)  # those of the right hand stay open
+    reports = follow(
+        pair, 100.0, 102.0, told=both, fingers=fingers, closures=(0.0, 1.0)
+    )
+    (report,) = reports
+    assert report.kind == "finger"
+    assert "finger joint" in report.text and " of right is " in report.text
+
+
+def test_only_the_arm_that_tells_its_torques_is_compared(pair):
+    torque = np.append(np.full(7, np.nan), np.zeros(7))
+    reports = follow(pair, 100.0, 103.0, told=both, torque=torque)
+    assert {report.kind for report in reports} == {"torque"}
+    assert all(" of right has " in report.text for report in reports)
+
+
+def test_topics_have_the_joints_of_all_arms():
+    (error,) = [t for t in twin_topics(two()) if t.name == "/twin/joint_error"]
+    assert [*error.ports.values()] == [14]
+
+
+def test_a_listener_tells_once_it_has_heard_all_arms():
+    talk = Talk(TWO, two)
+    talk.say("/right/grasp", "Int32", 40)
+    talk.joints(1.0, left=HOME, right_gripper=np.full(4, 0.2))
+    assert talk.listener.take() is None
+    talk.joints(1.1, "/right/joint_states", right=HOME + 1.0)
+    heard = talk.listener.take()
+    assert (heard.stamp, heard.closures) == (1.1, (None, 0.4))
+    np.testing.assert_array_equal(heard.arm_state[:14], np.append(HOME, HOME + 1.0))
+    np.testing.assert_array_equal(heard.arm_state[14:], np.full(14, 0.5))
+    assert np.all(np.isnan(heard.gripper_state[[0, 1, 2, 3, 8, 9, 10, 11]]))
+    np.testing.assert_array_equal(heard.gripper_state[4:8], np.full(4, 0.2))
+    assert talk.listener.take() is None
+
+
+def test_arms_that_do_not_fit_are_told():
+    config = parse_hardware(FILE, "f")
+    with pytest.raises(ScenarioError, match=r"two: hardware: arms\.left\.arm: missing"):
+        run_twin(two(), config, name="two")
+    bus = TWO.replace("!Ros2Gripper", "!DynamixelGripper", 1)
+    with pytest.raises(ScenarioError, match=r"^arms\.left\.gripper: a twin cannot"):
+        Talk(bus.replace("Gripper {}", "Gripper {open: 9}", 1), two)

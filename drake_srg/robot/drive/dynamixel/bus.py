@@ -201,13 +201,9 @@ class ServoBus:
     after a `NoReplyError`, so that no reply may still be on its way.
 
     Args:
-        line: The line to the bus.
         protocol: Dynamixel protocol, 1 or 2.
         timeout: Longest silence before and within a reply [s].
         retries: How often an instruction is repeated.
-
-    Attributes:
-        table: The servos' registers.
 
     Raises:
         ValueError: If `protocol` is unknown.

@@ -43,12 +43,9 @@ class ServoGroup:
     reports nothing, so that whoever waits for its reports stops the robot.
 
     Args:
-        config: The servos.
         report: Called with their states, in the bus's thread.
-        warnings: Where trouble is told.
 
     Attributes:
-        config: The servos.
         goals: Positions to command, by ID [counts]. Another thread may replace the
             mapping at any time.
         halted: Why the group has halted; empty while it works.
@@ -63,10 +60,6 @@ class ServoGroup:
 
     def exchange(self, bus: ServoBus, states: Mapping[int, ServoState]) -> bool:
         """Take the servos' states and set them up where necessary.
-
-        Args:
-            bus: The bus.
-            states: By ID.
 
         Returns:
             Whether their goals may be commanded.
@@ -131,7 +124,6 @@ class BusCycle:
 
     Args:
         open_bus: Opens the bus; raises an OSError if it cannot.
-        warnings: Where trouble is told.
 
     Raises:
         OSError: If the bus cannot be opened.

@@ -25,8 +25,7 @@ from cyclonedds.topic import Topic
 
 from drake_srg.robot.serve.bridge import Bridge
 from drake_srg.robot.serve.commands import CommandError, CommandInbox
-from drake_srg.robot.serve.dex1.grasping import GraspState
-from drake_srg.robot.serve.dex1.hand import Hand, Phase
+from drake_srg.robot.serve.dex1.hand import GraspState, Hand, Phase
 from drake_srg.robot.serve.dynamixel.bridge import WiredGripper
 from drake_srg.types import Vector
 
@@ -52,8 +51,6 @@ class Dex1Bridge(Bridge):
 
     Args:
         participant: Of the DDS domain.
-        inbox: Where the hand's commands go.
-        gripper: The hand.
         side: "left", "right" or "center".
 
     Attributes:

@@ -12,13 +12,12 @@ import abc
 import asyncio
 import contextlib
 import errno
-import functools
 import math
 import os
 import socket
 import threading
 import tty
-from collections.abc import Callable, Collection, Coroutine, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from typing import Any, ClassVar
 
 import numpy as np
@@ -73,11 +72,7 @@ class Mechanism(abc.ABC):
 
 
 class WiredGripper(Mechanism):
-    """An SRG whose wires one motor winds.
-
-    Args:
-        motor: The motor.
-    """
+    """An SRG whose wires one motor winds."""
 
     ports = ("gripper.motor_state", "gripper.pwm", "gripper.motor_temperature")
     commanded = "gripper.motor_position_commanded"
@@ -258,13 +253,9 @@ class EmulatedBus:
     Their IDs count from 1, in the order of the mechanisms and their motors.
 
     Args:
-        inbox: Where their commands go.
-        mechanisms: What they move.
-        kind: Their firmware.
         warn: Called with a kind and a message for refusals and shutdowns.
 
     Attributes:
-        packets: Of their protocol.
         servos: By ID at the start.
         ports: Names of the station's output ports whose values `sense` needs.
     """
@@ -335,18 +326,6 @@ def _labeled(
 # Firmware by protocol.
 _SERVOS: dict[int, type[Mx64] | type[Mx64P2]] = {1: Mx64, 2: Mx64P2}
 _CHUNK = 4096  # bytes read at once
-_PAUSE = 1.0  # before the next attempt after a client could not be accepted [s, real]
-
-
-def _set_ready(ready: asyncio.Future[None]) -> None:
-    """Wake up whoever waits for a client, once."""
-    if not ready.done():
-        ready.set_result(None)
-
-
-def _close(connection: socket.socket, _: asyncio.Task[None]) -> None:
-    """Close a connection once the task that serves it is over."""
-    connection.close()
 
 
 class ServoBridge(Bridge):
@@ -357,15 +336,13 @@ class ServoBridge(Bridge):
     `EmulatedBus`.
 
     Args:
-        inbox: Where its commands go.
-        where: `tcp:PORT`, `tcp:HOST:PORT` or `pty`. HOST is 127.0.0.1 by default, an
-            IPv6 address needs brackets, PORT 0 takes a free port.
+        where: `tcp:PORT`, `tcp:HOST:PORT` or `pty`. HOST is 127.0.0.1 by default, PORT
+            0 takes a free port.
         mechanisms: What the servos move; None takes a default `SrgTendonDriver`.
         protocol: Dynamixel protocol, 1 or 2.
 
     Attributes:
         address: Where clients find the servos, "HOST:PORT" or a device.
-        bus: The servos.
 
     Raises:
         ValueError: If `where` or `protocol` is invalid.
@@ -391,7 +368,6 @@ class ServoBridge(Bridge):
         )
         self.ports = self.bus.ports
         self._lock = threading.Lock()  # guards the bus
-        self._tasks: set[asyncio.Task[None]] = set()
         self._stack = contextlib.ExitStack()
         self._io = IoThread("servo")
         self._io.loop.set_exception_handler(self._handle_fault)
@@ -457,56 +433,31 @@ class ServoBridge(Bridge):
     # TCP.
 
     async def _listen(self, host: str, port: int) -> str:
-        family = socket.AF_INET6 if ":" in host else socket.AF_INET
         # create_server alone would not report what is wrong with a name.
-        found = socket.getaddrinfo(host, port, family, socket.SOCK_STREAM)
-        server = socket.create_server(found[0][4], family=family)
-        server.setblocking(False)
-        self._start(self._accept(server))
-        host, port = server.getsockname()[:2]
-        return f"[{host}]:{port}" if ":" in host else f"{host}:{port}"
+        found = socket.getaddrinfo(host, port, socket.AF_INET, socket.SOCK_STREAM)
+        listener = socket.create_server((str(found[0][4][0]), port))
+        server = await asyncio.start_server(self._serve, sock=listener)
+        self._stack.callback(self._io.post, server.close)
+        return "{}:{}".format(*listener.getsockname())
 
-    def _start(self, coroutine: Coroutine[None, None, None]) -> asyncio.Task[None]:
-        task = asyncio.get_running_loop().create_task(coroutine)
-        self._tasks.add(task)  # the loop keeps weak references only
-        task.add_done_callback(self._tasks.discard)
-        return task
-
-    async def _accept(self, server: socket.socket) -> None:
-        loop = asyncio.get_running_loop()
-        with server:
-            while True:
-                # Not loop.sock_accept: when it is cancelled, a connection that it has
-                # already accepted may stay open.
-                ready = loop.create_future()
-                loop.add_reader(server, _set_ready, ready)
-                try:
-                    await ready
-                finally:
-                    loop.remove_reader(server)
-                try:
-                    connection, _ = server.accept()
-                except BlockingIOError:  # the client has gone again
-                    continue
-                except OSError as error:  # such as too many open files
-                    self._warn("accept", f"cannot accept clients: {error.strerror}")
-                    await asyncio.sleep(_PAUSE)
-                    continue
-                connection.setblocking(False)
-                task = self._start(self._serve(connection))
-                # A task that is cancelled before its first step closes nothing itself.
-                task.add_done_callback(functools.partial(_close, connection))
-
-    async def _serve(self, connection: socket.socket) -> None:
-        loop, reader = asyncio.get_running_loop(), self._reader()
+    async def _serve(
+        self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter
+    ) -> None:
+        packets, connection = self._reader(), writer.get_extra_info("socket")
         # While a client does not read its replies, nothing more is read from it. The
         # kernel's keepalive detects clients that have vanished.
-        with connection, contextlib.suppress(OSError):
+        try:
             connection.setsockopt(socket.SOL_SOCKET, socket.SO_KEEPALIVE, 1)
-            connection.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
-            while data := await loop.sock_recv(connection, _CHUNK):
-                replies = self._answer(reader, data)
-                await loop.sock_sendall(connection, b"".join(replies))
+            while data := await reader.read(_CHUNK):
+                writer.write(b"".join(self._answer(packets, data)))
+                await writer.drain()
+        except OSError:  # the client has gone
+            pass
+        except asyncio.CancelledError:  # whatever it has not read yet
+            writer.transport.abort()
+            raise
+        finally:
+            writer.close()
 
     # Pseudo terminal.
 
@@ -563,4 +514,4 @@ def _parse(where: str) -> tuple[str, int] | None:
         raise ValueError(
             f"servo: must be tcp:PORT, tcp:HOST:PORT or pty, got {where!r}"
         )
-    return host.strip("[]") or "127.0.0.1", int(port)
+    return host or "127.0.0.1", int(port)

@@ -59,10 +59,7 @@ class Mx64(Servo):
 
     def reboot(self) -> None:
         """Start anew, as after a loss of power: torque off, RAM at its defaults."""
-        table = self.table
-        table.reset(r.name for r in table.registers if r.address >= table.ram)
-        self._registered = b""
-        self._recover()
+        super().reboot()
         self._show()
         self._follow(0.0)
 
@@ -178,17 +175,14 @@ class Mx64P2(Servo):
 
     def reboot(self) -> None:
         """Start anew, as after a loss of power: torque off, RAM at its defaults."""
-        table = self.table
-        table.reset(r.name for r in table.registers if r.address >= table.ram)
-        self._registered = b""
+        super().reboot()
         self._heard = self._time  # when the last instruction came [s]
         self._turns = 0  # counts of full turns that positions leave out
         self._in_first_turn = True  # whether to leave out all full turns
         self._profile = Profile(self._state.angle)
         self._shape = Shape.STEP
-        self._recover()
         self._show()
-        table.reset_goals()
+        self.table.reset_goals()
 
     # Motor.
 

@@ -101,7 +101,6 @@ class _Packet:
 
     Attributes:
         width: Bytes of an address or a length in its parameters.
-        id: Of the servo.
         code: Instruction. In a status packet of Protocol 1.0, the error.
         parameters: Data. In a status packet of Protocol 2.0, after the error.
         intact: Whether the checksum is right.
@@ -378,9 +377,6 @@ class PacketReader:
 
     A packet that is incomplete after 0.1 s is dropped, so that half a packet never
     swallows the next one. The buffer is always shorter than the longest packet.
-
-    Args:
-        kind: The protocol's packets.
 
     Attributes:
         dropped: Number of bytes so far that belonged to no packet.

@@ -104,7 +104,6 @@ class ControlTable(abc.ABC):
     """The registers, as numbers by name and as the bytes that masters read.
 
     Attributes:
-        packets: The protocol's packets.
         registers: All of them, by address.
         ram: First address of the RAM. Registers below are in the EEPROM.
         size: Size in bytes.

@@ -175,13 +175,11 @@ class Motor:
     a fraction of the supply voltage. Full PWM is what the mechanism calls full scale.
 
     Args:
-        encoder: Its encoder.
         supply_voltage: Voltage of the supply, which never sags [V].
         stall_current: [A].
         full_duty: The duty of full PWM.
 
     Attributes:
-        encoder: Its encoder.
         supply_voltage: [V].
         full_duty: The duty of full PWM.
     """
@@ -234,11 +232,7 @@ class Motor:
 
 
 class SpoolMotor(Motor):
-    """The motor that winds the SRG's wires.
-
-    Args:
-        motor: The gripper's motor.
-    """
+    """The motor that winds the SRG's wires."""
 
     def __init__(self, motor: WireMotor):
         heat = motor.temperature
@@ -302,12 +296,9 @@ class Servo(abc.ABC):
     Angles and speeds are positive clockwise, which lowers the position.
 
     Args:
-        motor: The motor.
         warn: Called with a kind and a message for each refusal and each shutdown.
-        number: Its ID.
 
     Attributes:
-        table: The registers.
         writes: Number of write packets for this servo so far, good and bad.
     """
 
@@ -358,9 +349,12 @@ class Servo(abc.ABC):
         """Leave the motor to another source of commands."""
         self._engaged = False
 
-    @abc.abstractmethod
     def reboot(self) -> None:
         """Start anew, as after a loss of power: torque off, RAM at its defaults."""
+        table = self.table
+        table.reset(r.name for r in table.registers if r.address >= table.ram)
+        self._registered = b""
+        self._recover()
 
     @abc.abstractmethod
     def _show(self) -> None:

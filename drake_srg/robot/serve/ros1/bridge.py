@@ -6,8 +6,9 @@ import asyncio
 import contextlib
 import functools
 import os
+import re
 import socket
-from collections.abc import Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 from urllib.parse import urlsplit
 
@@ -16,7 +17,6 @@ from rosbags.typesys import Stores, get_typestore
 from drake_srg.recording.rosbag import Topic
 from drake_srg.robot.serve.bridge import RosBridge
 from drake_srg.robot.serve.commands import CommandInbox, CommandTopic
-from drake_srg.robot.serve.ros1.slave import SlaveApi
 from drake_srg.robot.serve.ros1.tcpros import (
     Endpoint,
     MessageType,
@@ -26,15 +26,12 @@ from drake_srg.robot.serve.ros1.tcpros import (
     Timing,
 )
 from drake_srg.robot.serve.ros1.xmlrpc import XmlRpcError, call, serve
-from drake_srg.robot.serve.sockets import IoThread, Resolver, own_address
+from drake_srg.robot.serve.sockets import IoThread, own_address
 
 _DEFAULT_MASTER = "http://localhost:11311"
 # How long the constructor waits for the first attempt to register [s, real]. With a
 # roscore that takes some ms; then the first status is right.
 _REGISTRATION_TIMEOUT = 1.0
-# Separate from the resolver of publishers' hosts, so that hanging lookups of those
-# never keep the node from its master.
-_resolver = Resolver()
 
 
 class Ros1Bridge(RosBridge):
@@ -259,10 +256,7 @@ class Ros1Bridge(RosBridge):
 
     async def _call(self, method: str, *arguments: Any, **options: Any) -> Any:
         """Call a method of the master."""
-        name = self._ours.name
-        return await call(
-            self._master, method, name, *arguments, resolver=_resolver, **options
-        )
+        return await call(self._master, method, self._ours.name, *arguments, **options)
 
     def _connect(self) -> SubscriberConnection:
         return SubscriberConnection(self._ours, self._publications, self._connections)
@@ -300,3 +294,105 @@ def _check_uri(uri: str) -> None:
             "ROS 1 master: must be http://HOST:PORT, such as http://localhost:11311, "
             f"got {uri!r}"
         )
+
+
+class SlaveApi:
+    """ROS 1's slave API: `getPid` of the protocol is `get_pid` here, and so on.
+
+    Each method takes the caller's name first and returns [code, message, value]. The
+    code is 1 for success, -1 for an error of the caller and 0 for a failure. Source:
+    wiki.ros.org/ROS/Slave_API, but for getBusStats, which no tool of ROS calls.
+
+    Args:
+        master: The master's URI.
+        address: Host and port to which subscribers connect.
+        publications: The node's publications, by topic.
+        subscriptions: The node's subscriptions, by topic.
+        shutdown: Called with the reason when the node is told to shut down.
+    """
+
+    def __init__(
+        self,
+        master: str,
+        address: tuple[str, int],
+        publications: Mapping[str, Publication],
+        subscriptions: Mapping[str, Subscription],
+        shutdown: Callable[[str], None],
+    ):
+        self._master, self._address = master, address
+        self._publications, self._subscriptions = publications, subscriptions
+        self._shutdown = shutdown
+
+    def answer(self, method: str, arguments: tuple[Any, ...]) -> list[Any]:
+        """Call a method of the protocol by name.
+
+        Raises:
+            TypeError: If the method does not exist or takes other arguments.
+        """
+        name = re.sub("[A-Z]", lambda letter: f"_{letter[0].lower()}", method)
+        function = getattr(self, name, None)
+        if name == "answer" or name.startswith("_") or function is None:
+            raise TypeError(f"unknown method {method!r}")
+        return list(function(*arguments))
+
+    def get_bus_info(self, caller: str) -> list[Any]:
+        """Return the connected peers."""
+        info = [
+            [c.info.id, c.info.peer, "o", "TCPROS", topic, True, "TCPROS connection"]
+            for topic, publication in self._publications.items()
+            for c in publication.connections
+        ]
+        info += [
+            [c.id, c.peer, "i", "TCPROS", topic, True, "TCPROS connection"]
+            for topic, subscription in self._subscriptions.items()
+            for c in subscription.connections
+        ]
+        return [1, "bus info", info]
+
+    def get_master_uri(self, caller: str) -> list[Any]:
+        """Return the master's URI."""
+        return [1, "", self._master]
+
+    def shutdown(self, caller: str, reason: str = "") -> list[Any]:
+        """Shut the node down."""
+        self._shutdown(f"{caller!r:.99}: {reason!r:.99}")
+        return [1, "shutdown", 0]
+
+    def get_pid(self, caller: str) -> list[Any]:
+        """Return the process id."""
+        return [1, "", os.getpid()]
+
+    def get_subscriptions(self, caller: str) -> list[Any]:
+        """Return topics and types of the subscriptions."""
+        return [1, "subscriptions", _types(self._subscriptions)]
+
+    def get_publications(self, caller: str) -> list[Any]:
+        """Return topics and types of the publications."""
+        return [1, "publications", _types(self._publications)]
+
+    def param_update(self, caller: str, key: str, value: Any) -> list[Any]:
+        """Ignore a parameter: the node has none."""
+        return [1, "", 0]
+
+    def publisher_update(
+        self, caller: str, topic: str, publishers: list[str]
+    ) -> list[Any]:
+        """Take the master's list of publishers of a topic."""
+        if topic not in self._subscriptions:
+            return [-1, f"no subscription to {topic}", 0]
+        self._subscriptions[topic].update(map(str, publishers))
+        return [1, "", 0]
+
+    def request_topic(self, caller: str, topic: str, protocols: list[Any]) -> list[Any]:
+        """Return the address to connect to for a topic."""
+        if topic not in self._publications:
+            return [-1, f"{topic} is not published", 0]
+        if not any(protocol[:1] == ["TCPROS"] for protocol in protocols):
+            return [0, "only TCPROS is supported", 0]
+        return [1, "", ["TCPROS", *self._address]]
+
+
+def _types(
+    topics: Mapping[str, Publication] | Mapping[str, Subscription],
+) -> list[list[str]]:
+    return [[topic, which.type.name] for topic, which in topics.items()]

@@ -21,7 +21,7 @@ from typing import cast
 from drake_srg.common.exceptions import one_line
 from drake_srg.robot.serve.commands import Warnings
 from drake_srg.robot.serve.ros1.xmlrpc import TIMEOUT, call
-from drake_srg.robot.serve.sockets import Resolver
+from drake_srg.robot.serve.sockets import address_of
 
 # Largest frame that peers may send [bytes]; headers and commands are a thousand times
 # smaller.
@@ -32,9 +32,6 @@ ANY = "*"
 _QUEUE = 10
 # Bytes read at once; other connections get their turn in between.
 _CHUNK = 2**16
-# Unknown names of publishers' machines are the most common fault of ROS 1. They have a
-# resolver of their own, so that they do not use up the master's lookups.
-_resolver = Resolver()
 
 _LENGTH = struct.Struct("<I")
 _ids = itertools.count(1)
@@ -156,7 +153,6 @@ class Endpoint:
 
     Attributes:
         name: The node's name, such as "/drake_srg".
-        warnings: Where trouble with peers is reported.
         timing: Waiting times.
     """
 
@@ -166,16 +162,7 @@ class Endpoint:
 
 
 class Publication:
-    """A topic that a node publishes.
-
-    Args:
-        topic: Name of the topic.
-        type: Message type of the topic.
-
-    Attributes:
-        topic, type: The arguments.
-        connections: Connections to subscribers.
-    """
+    """A topic that a node publishes."""
 
     def __init__(self, topic: str, type: MessageType):
         self.topic, self.type = topic, type
@@ -197,7 +184,6 @@ class SubscriberConnection(asyncio.Protocol):
     loses its oldest message when it is full.
 
     Args:
-        ours: The node.
         publications: The node's publications, by topic.
         connections: All open connections; this one adds and removes itself.
 
@@ -328,14 +314,10 @@ class Subscription:
     fails. A working connection is kept even if a new master does not list it.
 
     Args:
-        ours: The node.
-        topic: Name of the topic.
-        type: Message type of the topic.
         receive: Called with each message, serialized.
         largest: Size of the largest message [bytes].
 
     Attributes:
-        topic, type: The arguments.
         updates: Number of publisher lists received so far.
     """
 
@@ -407,9 +389,7 @@ class Subscription:
         """Connect to a publisher and receive until either side closes."""
         protocols = [["TCPROS"]]
         name = self._ours.name
-        answer = await call(
-            uri, "requestTopic", name, self.topic, protocols, resolver=_resolver
-        )
+        answer = await call(uri, "requestTopic", name, self.topic, protocols)
         match answer:
             case ["TCPROS", str(host), int(port)] if 0 < port < 2**16:
                 connecting = _connect(host, port)
@@ -462,4 +442,4 @@ class Subscription:
 async def _connect(
     host: str, port: int
 ) -> tuple[asyncio.StreamReader, asyncio.StreamWriter]:
-    return await asyncio.open_connection(await _resolver.address(host), port)
+    return await asyncio.open_connection(await address_of(host), port)

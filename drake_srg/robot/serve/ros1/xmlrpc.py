@@ -15,7 +15,7 @@ from typing import Any
 from urllib.parse import urlsplit
 
 from drake_srg.common.exceptions import one_line
-from drake_srg.robot.serve.sockets import Resolver
+from drake_srg.robot.serve.sockets import address_of
 
 # Largest request or answer [bytes], as for TCPROS frames.
 _LIMIT = 2**20
@@ -30,20 +30,13 @@ class XmlRpcError(ConnectionError):
     """A peer does not answer, or its answer violates the protocol."""
 
 
-async def call(
-    uri: str,
-    method: str,
-    *arguments: Any,
-    resolver: Resolver,
-    timeout: float = TIMEOUT,
-) -> Any:
+async def call(uri: str, method: str, *arguments: Any, timeout: float = TIMEOUT) -> Any:
     """Call a method of ROS's master or slave API and return the answer's value.
 
     Args:
         uri: The peer's URI, such as "http://localhost:11311".
         method: The method's name, such as "requestTopic".
         arguments: The method's arguments, the caller's name first.
-        resolver: Looks up the peer's address.
         timeout: Time for the whole call [s, real].
 
     Raises:
@@ -51,7 +44,7 @@ async def call(
     """
     request = xmlrpc.client.dumps(arguments, method).encode()
     try:
-        body = await asyncio.wait_for(_exchange(uri, request, resolver), timeout)
+        body = await asyncio.wait_for(_exchange(uri, request), timeout)
         answers: Any = xmlrpc.client.loads(body)[0]
         ((code, status, value),) = answers
     except socket.gaierror as error:
@@ -104,9 +97,9 @@ def _answer(request: bytes, answer: Answer) -> bytes:
     return xmlrpc.client.dumps(result, methodresponse=True).encode()
 
 
-async def _exchange(uri: str, request: bytes, resolver: Resolver) -> bytes:
+async def _exchange(uri: str, request: bytes) -> bytes:
     address = urlsplit(uri)
-    host = await resolver.address(address.hostname or "")
+    host = await address_of(address.hostname or "")
     reader, writer = await asyncio.open_connection(host, address.port)
     try:
         target = f"POST {address.path or '/'} HTTP/1.0\r\nHost: {address.netloc}"

@@ -147,15 +147,10 @@ class Ros2Bridge(RosBridge):
 
     Args:
         inbox: Where commands go; its topics are subscribed to.
-        topics: The topics to publish.
         domain: 0 to 232; None takes ROS_DOMAIN_ID from the environment, or 0.
         interface: IPv4 address or name of the network interface to use. A
             CYCLONEDDS_URI in the environment replaces it. Sockets are bound to all
             interfaces in any case, but only this one is announced and answered.
-        name: Name of the DDS participant.
-
-    Attributes:
-        domain: The domain's number.
 
     Raises:
         ValueError: If the domain or the interface is invalid, or the domain is already
@@ -265,7 +260,6 @@ class _Mismatches(Listener):
     """Tells of subscribers that get nothing, because their QoS asks for too much.
 
     Args:
-        topic: What is published.
         warnings: Each topic and policy is told once.
     """
 
@@ -314,7 +308,6 @@ class CommandReader:
     """Receives commands in a thread of its own until it is closed.
 
     Args:
-        participant: The DDS participant that reads.
         inbox: Where commands go; its topics are subscribed to.
         receive: Called with a topic and a serialized message.
         make_reader: Returns a reader; called as `make_reader(topic, *policies)`.

@@ -5,7 +5,7 @@ import termios
 import numpy as np
 import pytest
 from helpers import needs_pty
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from drake_srg.robot.drive.dynamixel.bus import (
@@ -29,26 +29,11 @@ def pair():
         line.close()
 
 
-def test_bytes_go_both_ways(pair):
-    line, other = pair
-    line.write(b"to")
-    other.sendall(b"from")
-    assert other.recv(9) == b"to"
-    assert line.read(20.0) == b"from"
-    assert line.read(0.0) == b""
-
-
 def test_a_drained_line_forgets_what_has_arrived(pair):
     line, other = pair
     other.sendall(b"late" * 3000)
     line.drain()
     assert line.read(0.0) == b""
-
-
-def test_a_line_that_babbles_is_drained_in_finite_time(pair, monkeypatch):
-    line, _ = pair
-    monkeypatch.setattr(line, "read", lambda timeout: b"noise")
-    line.drain()
 
 
 def test_a_line_that_the_other_side_closes_is_an_error(pair):
@@ -61,16 +46,6 @@ def test_a_line_that_the_other_side_closes_is_an_error(pair):
     for use in (lambda: line.read(0.0), lambda: line.write(b"x")):
         with pytest.raises(ConnectionResetError, match="the line is closed"):
             use()
-
-
-def test_a_socket_is_reached_by_its_address():
-    with socket.create_server(("127.0.0.1", 0)) as server:
-        line = open_line(f"tcp:127.0.0.1:{server.getsockname()[1]}", 57600)
-        other, _ = server.accept()
-        with other:
-            other.sendall(b"x")
-            assert line.read(20.0) == b"x"
-        line.close()
 
 
 def test_a_terminal_is_raw():
@@ -149,6 +124,7 @@ def test_registers_are_read_and_written_by_name(protocol):
 
 
 @PROTOCOLS
+@settings(max_examples=12)
 @given(numbers=st.permutations([1, 2, 3, 4]), count=st.integers(1, 4))
 def test_a_group_read_gives_each_servo_its_own(protocol, numbers, count):
     line, bus = bus_with(protocol)

@@ -235,16 +235,6 @@ def test_bad_angles_are_refused(new, told, angles):
     assert len(told) == 1 and "rt/dex1/left/cmd: " in told[0]
 
 
-def test_two_hands_share_a_participant(peer, inbox, gripper, participant):
-    right = Peer(inbox, gripper, "right", participant)
-    right.motor.meets = 2.0
-    right.calibrate()
-    right.move(5.4)
-    right.run(3.0)
-    assert right.last["state"].q == pytest.approx(5.4, abs=0.06)
-    assert peer.bridge.hand.commanded is None
-
-
 def test_messages_come_by_the_names_of_the_sdk(new, participant):
     from cyclonedds.builtin import BuiltinDataReader, BuiltinTopicDcpsPublication
 

@@ -2,7 +2,7 @@
 
 import pytest
 
-from drake_srg.robot.serve.dex1.grasping import FORCES, Grasp, GraspState
+from drake_srg.robot.serve.dex1.hand import FORCES, Grasp, GraspState
 
 IDLE, MOVING, CONTACT, GRASPING = GraspState
 

@@ -94,7 +94,7 @@ def test_a_gripper_without_torque_is_free():
     assert "gripper.closure_commanded" not in free
 
 
-GOAL, PRESENT, TORQUE = 30, 36, 24  # addresses in Protocol 1.0
+GOAL = 30  # address in Protocol 1.0
 
 
 def emulated(protocol=1):
@@ -127,34 +127,6 @@ def test_each_servo_has_its_id(protocol):
     assert line.ask(4, Instruction.PING) == []
     replies = line.ask(BROADCAST, Instruction.PING)
     assert [reply.id for reply in replies] in ([], [1, 2, 3])
-
-
-def test_a_bulk_read_is_answered_in_its_order(line):
-    blocks = [2, 2, PRESENT, 1, 3, TORQUE, 2, 1, PRESENT]
-    replies = line.ask(BROADCAST, Instruction.BULK_READ, [0, *blocks])
-    assert [(reply.id, reply.parameters) for reply in replies] == [
-        (2, word(counts(-0.2))),
-        (3, b"\0"),
-        (1, word(counts(0.1))),
-    ]
-
-
-def test_a_sync_read_is_answered_in_its_order():
-    line = emulated(2)
-    replies = line.ask(
-        BROADCAST, Instruction.SYNC_READ, [*word(132), *word(4), 2, 9, 1]
-    )
-    angles = [int.from_bytes(r.parameters[1:], "little") for r in replies]
-    assert [reply.id for reply in replies] == [2, 1]
-    assert angles == [counts(-0.2), counts(0.1)]
-
-
-def test_a_sync_write_commands_all_joints_at_once(line):
-    data = [GOAL, 2, 1, *word(counts(0.5)), 2, *word(counts(-0.5))]
-    assert line.ask(BROADCAST, Instruction.SYNC_WRITE, data) == []
-    taken = line.inbox.take()
-    assert taken.keys() == {POSITION}
-    assert taken[POSITION] == pytest.approx([0.5, -0.5], abs=math.tau / 4096)
 
 
 def test_a_joint_that_nobody_commands_stays(line):

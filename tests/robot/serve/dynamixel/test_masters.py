@@ -10,7 +10,6 @@ import pytest
 from helpers import needs_pty
 
 from robot.serve.dynamixel.fake_station import CLOSED, COUNT, FakeStation, client_of
-from robot.serve.dynamixel.servo_client import ServoClient
 from robot.serve.dynamixel.simulated_gripper import SimulatedGripper
 
 # SAKE's driver.
@@ -57,9 +56,7 @@ def test_sake_s_driver_recovers_from_an_overload(station):
 # ROBOTIS's SDK.
 
 ONE, TWO = (pytest.mark.parametrize("protocol", [n]) for n in (1, 2))
-MODE, CURRENT_LIMIT, TORQUE, LED, ERROR = 11, 38, 64, 65, 70
-GOAL_CURRENT, GOAL_POSITION = 102, 116
-CURRENT, POSITION, VOLTAGE, TEMPERATURE = 126, 132, 144, 146
+LED, GOAL_POSITION = 65, 116
 
 
 @pytest.fixture
@@ -154,119 +151,7 @@ def test_the_sdk_reboots_and_resets(master):
     assert handler.read1ByteTxRx(port, 1, 11) == (3, 0, 0)
 
 
-# A day of SAKE's driver of today: its calls and registers, through ROBOTIS's SDK. It
-# sets modes and limits with torque off, calibrates by a goal far beyond closed, moves
-# by registered writes and an action, reads by sync read or word by word (also words
-# that end in a gap between registers), and reboots after errors.
-
-
-class Driver:
-    """Raises an AssertionError at the first reply with an error."""
-
-    def __init__(self, servo, port):
-        self.servo, self.port = servo, port
-        model, *result = self.servo.ping(self.port, 1)
-        assert (model, *result) == (311, sdk.COMM_SUCCESS, 0)
-
-    def read(self, address, size=2):
-        data, *result = self.servo.readTxRx(self.port, 1, address, size)
-        assert result == [sdk.COMM_SUCCESS, 0], address
-        return int.from_bytes(bytes(data), "little", signed=size == 4)
-
-    def write(self, address, size, value):
-        data = list(value.to_bytes(size, "little", signed=value < 0))
-        result = self.servo.writeTxRx(self.port, 1, address, size, data)
-        assert result == (sdk.COMM_SUCCESS, 0), address
-
-    def go(self, position, current):
-        for address, size, value in (
-            (GOAL_CURRENT, 2, current),
-            (GOAL_POSITION, 4, position),
-        ):
-            data = list(value.to_bytes(size, "little", signed=value < 0))
-            result = self.servo.regWriteTxRx(self.port, 1, address, size, data)
-            assert result == (sdk.COMM_SUCCESS, 0), address
-        assert self.servo.action(self.port, 1) == sdk.COMM_SUCCESS
-        # The SDK does not wait for this reply, and could take it for the next one.
-        self.port.setPacketTimeout(11)
-        status, result = self.servo.rxPacket(self.port, False)
-        assert (status[2 + 2], result) == (1, sdk.COMM_SUCCESS)
-        # A servo keeps only the last registered write: the position.
-        self.write(GOAL_CURRENT, 2, current)
-
-    def sync_position(self):
-        group = sdk.GroupSyncRead(self.port, self.servo, POSITION, 4)
-        assert group.addParam(1)
-        assert group.txRxPacket() == sdk.COMM_SUCCESS
-        return group.getData(1, POSITION, 4)
-
-
-@TWO
-def test_a_day_of_sake_s_driver_of_today_passes_without_an_error(master):
-    handler, port, station = master
-    driver = Driver(handler, port)
-    assert driver.read(ERROR) == 0
-    assert driver.read(10) >> 8 == driver.read(MODE, 1) == 3
-    driver.write(TORQUE, 1, 0)
-    driver.write(MODE, 1, 5)
-    driver.write(CURRENT_LIMIT, 2, 1600)
-    assert driver.read(CURRENT_LIMIT) == 1600
-    driver.write(TORQUE, 1, 1)
-    # Calibration: beyond closed at 30 %, then half open.
-    driver.go(-7500, 480)
-    station.sleep(4.0)
-    zero = driver.sync_position()
-    assert zero == driver.read(POSITION, 4) == 1473
-    driver.go(zero + 1250, 800)
-    station.sleep(4.0)
-    assert abs(driver.sync_position() - zero - 1250) < 250
-    # Grasp, hold and release, at the driver's pace.
-    for percent, force in ((0, 50), (0, 15), (100, 50)):
-        for _ in range(10):
-            driver.go(zero + 25 * percent, 16 * force)
-            words = [driver.read(a) for a in (POSITION, CURRENT, VOLTAGE, TEMPERATURE)]
-            assert words[2:] == [120, 30] and driver.read(ERROR) == 0
-            station.sleep(1 / 30)
-    # What it does after an error.
-    assert driver.servo.reboot(driver.port, 1) == (sdk.COMM_SUCCESS, 0)
-    assert driver.read(TORQUE, 1) == 0
-    driver.write(TORQUE, 1, 1)
-    assert station.warnings == []
-
-
 # The simulated gripper.
-
-
-@pytest.mark.slow
-def test_sake_s_driver_moves_the_simulated_gripper():
-    with SimulatedGripper("tcp:0") as gripper:
-        client = ServoClient(
-            f"socket://{gripper.bridge.address}", gripper.sleep, lambda: gripper.time
-        )
-        client.calibrate()
-        closed = gripper.q
-        # In the vendor's geometry the pads meet at 100.7 degrees.
-        assert closed[:2] == pytest.approx(np.deg2rad([100.7] * 2), abs=0.05)
-
-        client.goto_position(100, 100)
-        assert client.get_position() == pytest.approx(100, abs=1)
-        gripper.sleep(2.0)  # the springs open the fingers slower than the motor turns
-        assert gripper.q == pytest.approx([0.0] * 4, abs=0.02)
-
-        client.goto_position(0, 50)
-        assert client.get_position() <= 1
-        assert gripper.q[:2] == pytest.approx(closed[:2], abs=0.05)
-        gripper.sleep(1.0)
-        # 104 units of 4.5 mA, of 4.1 A at stall; 800/1023 of the stall torque pull each
-        # wire with 308 N.
-        held = 308.0 * 104 * 4.5e-3 / 4.1 * 1023 / 800
-        assert gripper.force == pytest.approx([held, held], rel=0.05)
-
-        client.goto_position(50, 50)
-        assert client.get_position() == pytest.approx(50, abs=1)
-        assert 25 <= client.get_temperature() < 30
-        assert client.check_overload_and_recover() == (0, 0)
-    assert gripper.told == []
 
 
 @pytest.fixture(scope="module")

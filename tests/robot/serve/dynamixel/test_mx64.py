@@ -61,16 +61,6 @@ def test_voltage_temperature_and_current_are_sensed(servo):
     assert servo.read("current") == 2048 - round(400 / 1023 * 4.1 / 4.5e-3)
 
 
-def test_currents_and_voltage_are_those_of_the_motor():
-    servo = ServoWithMaster(stall_current=8.2, supply_voltage=14.8)
-    servo.move(pwm=0.5)
-    assert servo.read("present_voltage") == 148
-    assert servo.read("current") == 2048 - round(400 / 1023 * 8.2 / 4.5e-3)
-    servo.write("torque_control_mode", 1)
-    servo.write("goal_torque", 1024 + 100)
-    assert servo.command().torque == pytest.approx(0.45 / 8.2 * 1023 / 800)
-
-
 # Commands.
 
 
@@ -107,12 +97,6 @@ def test_at_the_goal_angle_the_position_is_the_goal(goal, offset, divider):
     assert servo.read("present_position") == goal
 
 
-def test_enabling_torque_without_a_goal_holds_the_position(servo):
-    servo.move(angle=0.7)
-    servo.write("torque_enable", 1)
-    assert servo.command().position == pytest.approx(0.7, abs=COUNT)
-
-
 def test_disabling_torque_frees_the_motor(servo):
     servo.write("goal_position", 2000)
     servo.write("torque_enable", 0)
@@ -138,14 +122,6 @@ def test_the_torque_limit_bounds_the_goal_torque_in_its_units(servo):
     command = servo.command()
     assert command.torque == pytest.approx(0.45 / 4.1 * 1023 / 800)
     assert command.limit == 1.0
-
-
-def test_leaving_torque_control_after_calibration_frees_the_motor(servo):
-    servo.write("torque_enable", 0)
-    servo.write("torque_control_mode", 1)
-    servo.write("goal_torque", 1024 + 100)
-    servo.write("torque_control_mode", 0)
-    assert servo.command().torque == 0.0
 
 
 @pytest.mark.parametrize(("register", "kappa"), [(0, 0.0), (104, 0.13), (800, 1.0)])
@@ -231,12 +207,6 @@ def test_the_holding_torque_of_sake_s_driver_may_last(servo):
     servo.write("goal_torque", 1024 + 104)
     servo.move(pwm=104 / 800, lasting=60.0)
     assert servo.read("torque_limit") == 104
-
-
-def test_a_load_within_the_limit_is_no_overload(servo):
-    servo.write("goal_position", 1000)
-    servo.move(pwm=0.9, lasting=30.0)
-    assert servo.read("torque_limit") == 1023
 
 
 def test_a_load_caused_by_another_source_is_no_overload(servo):

@@ -216,14 +216,6 @@ def test_a_goal_where_the_target_is_ends_the_motion(servo, registers):
     assert servo.read("moving") == 0
 
 
-def test_without_acceleration_the_target_stays(servo):
-    ramps = {"profile_velocity": 100, "profile_acceleration": 20}
-    switch_on(servo, acceleration_limit=0, **ramps)
-    servo.write("goal_position", OPEN - 2048)
-    servo.move(lasting=0.5)
-    assert servo.command().position == 0.0
-
-
 def test_a_new_operating_mode_resets_goals_and_profile(servo):
     for name in ("profile_velocity", "goal_pwm", "goal_current"):
         servo.write(name, 50)

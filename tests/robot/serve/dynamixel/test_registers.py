@@ -73,14 +73,6 @@ def test_a_write_changes_everything_or_nothing(kind, address, data):
         assert len(table.read(0, kind.size)) == kind.size
 
 
-@TABLES
-def test_a_read_beyond_the_table_is_refused(kind):
-    assert kind().read(0, 1) == bytes([kind()["model_number"] % 256])
-    with pytest.raises(RefusedError) as refused:
-        kind().read(kind.size - 4, 5)
-    assert refused.value.kind is Refusal.ACCESS
-
-
 @pytest.mark.parametrize(
     ("address", "data", "kind", "words"),
     [

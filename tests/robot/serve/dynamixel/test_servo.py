@@ -14,8 +14,8 @@ from drake_srg.robot.serve.dynamixel.servo import (
 )
 
 STEP = 0.005
-velocities = st.floats(0.1, 10.0)
-accelerations = st.floats(0.1, 100.0)
+ways = st.floats(-5.0, 5.0)
+accelerations = st.floats(0.5, 100.0)
 
 
 def duration(profile, goal):
@@ -35,8 +35,8 @@ def duration(profile, goal):
     return steps * STEP, fastest
 
 
-@given(st.floats(-20.0, 20.0), velocities, accelerations)
-def test_a_trapezoid_arrives_in_its_time(goal, velocity, acceleration):
+@given(ways, st.floats(0.5, 10.0), accelerations | st.just(math.inf))
+def test_a_motion_arrives_in_its_time(goal, velocity, acceleration):
     taken, _ = duration(
         Profile(max_velocity=velocity, max_acceleration=acceleration), goal
     )
@@ -48,13 +48,7 @@ def test_a_trapezoid_arrives_in_its_time(goal, velocity, acceleration):
     assert taken == pytest.approx(expected, abs=4 * STEP, rel=0.01)
 
 
-@given(st.floats(-20.0, 20.0), velocities)
-def test_a_rectangle_arrives_in_its_time(goal, velocity):
-    taken, _ = duration(Profile(max_velocity=velocity), goal)
-    assert taken == pytest.approx(abs(goal) / velocity, abs=2 * STEP)
-
-
-@given(st.lists(st.floats(-20.0, 20.0), min_size=2, max_size=4), accelerations)
+@given(st.lists(ways, min_size=2, max_size=4), accelerations)
 def test_a_new_goal_changes_no_velocity_at_once(goals, acceleration):
     profile = Profile(max_velocity=3.0, max_acceleration=acceleration)
     for goal in goals:

@@ -1,4 +1,3 @@
-import asyncio
 import contextlib
 import dataclasses as dc
 import socket
@@ -10,15 +9,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from drake_srg.robot.serve.commands import Warnings
-from drake_srg.robot.serve.ros1 import tcpros
 from drake_srg.robot.serve.ros1.tcpros import (
     FRAME_LIMIT,
-    Endpoint,
     Frames,
-    SubscriberConnection,
     TcprosError,
-    Timing,
     decode_header,
     encode_header,
     frame,
@@ -58,7 +52,7 @@ def test_a_header_is_framed_as_the_specification_shows():
     assert encode_header(header) == size + definition + caller
 
 
-@given(st.dictionaries(names, values))
+@given(st.dictionaries(names, values, max_size=5))
 def test_a_header_survives_encoding_and_decoding(fields):
     assert decode_header(content(encode_header(fields))) == fields
 
@@ -93,14 +87,6 @@ def test_a_frame_longer_than_the_limit_is_refused_at_once():
         list(Frames().feed(struct.pack("<I", FRAME_LIMIT + 1)))
 
 
-def test_frames_before_an_invalid_length_are_not_lost():
-    found = []
-    with pytest.raises(TcprosError):
-        for message in Frames().feed(frame(b"good") + b"\xff" * 4):
-            found.append(message)
-    assert found == [b"good"]
-
-
 def test_a_subscriber_receives_a_header_and_messages(bridge, master):
     assert not bridge.has_subscribers("/clock")
     bridge.publish(CLOCK, 0.5, [])  # without a subscriber
@@ -118,23 +104,6 @@ def test_a_subscriber_receives_a_header_and_messages(bridge, master):
     assert wait_until(lambda: bridge.has_subscribers("/clock"))
     bridge.publish(CLOCK, 1.25, [])
     assert peers.receive_frame(connection) == struct.pack("<II", 1, 250_000_000)
-
-
-def test_the_system_does_not_delay_small_messages():
-    class Transport(asyncio.Transport):
-        def set_write_buffer_limits(self, high=None, low=None):
-            assert high == 0  # nor does asyncio
-
-    async def connect(ours):
-        connection = SubscriberConnection(
-            Endpoint("/node", Warnings(print), Timing()), {}, set()
-        )
-        connection.connection_made(Transport({"socket": ours}))
-        connection.connection_lost(None)
-
-    with socket.socket() as ours:
-        asyncio.run(connect(ours))
-        assert ours.getsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY) == 1
 
 
 def test_headers_of_messages_count_up_on_each_topic(bridge, master):
@@ -164,14 +133,6 @@ def test_an_unsuitable_subscriber_is_refused_with_a_reason(
             assert connection.recv(1) == b""
     assert len(told.about("refused a subscriber")) == 1
     assert not bridge.has_subscribers("/clock")
-
-
-def test_a_header_may_arrive_byte_by_byte(bridge, master):
-    address = peers.tcpros_address(master.node, "/clock")
-    with socket.create_connection(address, timeout=20.0) as connection:
-        for byte in peers.header(callerid="/peer", topic="/clock", md5sum="*"):
-            connection.sendall(bytes([byte]))
-        assert peers.receive_header(connection)["type"] == "rosgraph_msgs/Clock"
 
 
 @pytest.mark.slow
@@ -236,14 +197,6 @@ def test_a_message_becomes_a_command(bridge, inbox, master, publisher, told):
     connection.sendall(int32(42))
     assert taken(inbox, "closure") == [0.42]
     assert told == []
-
-
-def test_a_burst_of_messages_keeps_the_last_value(bridge, inbox, master, publisher):
-    master.tell("/grasp", publisher.uri)
-    connection = publisher.accept(**INT32)
-    connection.sendall(b"".join(int32(i % 100) for i in range(10_000)) + int32(99))
-    assert wait_until(lambda: inbox.received == 10_001)
-    assert inbox.take()["closure"] == [0.99]
 
 
 def test_malformed_messages_are_refused_and_counted(
@@ -333,27 +286,6 @@ def test_publishers_come_and_go(bridge, inbox, master, publisher, told):
         assert taken(inbox, "closure") == [0.4]
     (text,) = told
     assert "in the middle of a message" in text
-
-
-def test_a_publisher_that_left_is_reported_only_if_it_stays_listed(
-    bridge, inbox, master, publisher, told, monkeypatch
-):
-    master.tell("/grasp", publisher.uri)
-    connection = publisher.accept(**INT32)
-    connection.sendall(int32(5))
-    assert taken(inbox, "closure") == [0.05]
-    told_at_attempts = []
-
-    async def nobody_answers(uri, *arguments, **options):
-        told_at_attempts.append(list(told))
-        raise ConnectionRefusedError("nobody there")
-
-    monkeypatch.setattr(tcpros, "call", nobody_answers)
-    connection.close()
-    assert wait_until(lambda: told)
-    assert told_at_attempts[:2] == [[], []]  # the first failure is not reported
-    (text,) = told
-    assert "cannot be reached" in text
 
 
 @pytest.mark.parametrize(

@@ -5,13 +5,11 @@ import socket
 import pytest
 
 from drake_srg.robot.serve.ros1.xmlrpc import XmlRpcError, call
-from drake_srg.robot.serve.sockets import Resolver
 from robot.serve.ros1.peers import Api
 
 
 def run_call(uri, method, *arguments, timeout=20.0):
-    coroutine = call(uri, method, *arguments, resolver=Resolver(), timeout=timeout)
-    return asyncio.run(coroutine)
+    return asyncio.run(call(uri, method, *arguments, timeout=timeout))
 
 
 @pytest.fixture
@@ -58,7 +56,7 @@ def test_a_peer_that_is_not_xml_rpc_is_an_error(answer):
         port = server.sockets[0].getsockname()[1]
         async with server:
             uri = f"http://127.0.0.1:{port}"
-            await call(uri, "getPid", "/me", resolver=Resolver(), timeout=20.0)
+            await call(uri, "getPid", "/me", timeout=20.0)
 
     with pytest.raises(XmlRpcError, match="invalid answer"):
         asyncio.run(main())

@@ -1,4 +1,3 @@
-import re
 import signal
 import sys
 import threading
@@ -26,10 +25,8 @@ from robot.serve.ros2 import dds_peer
 from robot.serve.ros2.peers import (
     COMMANDS,
     CyclonePeer,
-    advertise,
     command_topics,
     free_domain,
-    received,
 )
 from robot.serve.waiting import wait_until
 
@@ -209,34 +206,6 @@ def test_a_stopped_reader_delays_nobody(bridge, peer):
     assert [stamp for stamp in stamps if stamp] == list(range(1, count + 1))
 
 
-def test_subscribers_may_join_while_they_are_counted(bridge, peer):
-    subscribe(peer, bridge, "/joint_states", "JointState")
-    other = CyclonePeer(bridge.domain)
-
-    def join_and_leave():
-        for _ in range(100):
-            other.subscribe("/joint_states", "JointState")
-
-    with closing(other), ThreadPoolExecutor() as threads:
-        joining = threads.submit(join_and_leave)
-        while not joining.done():
-            assert bridge.has_subscribers("/joint_states")
-        joining.result()
-
-
-@pytest.mark.slow
-def test_a_vanished_peer_is_forgotten(inbox, bridge, peer):
-    subscribe(peer, bridge, "/joint_states", "JointState")
-    peer.signal(signal.SIGKILL)
-    bridge.publish(JOINT_STATES, 0.0, [STATE, None])
-    assert wait_until(lambda: not bridge.has_subscribers("/joint_states"))
-    other = CyclonePeer(bridge.domain)
-    advertise(inbox, other, "/grasp")
-    other.publish("/grasp", 7)
-    assert received(inbox, 1)
-    other.close()
-
-
 def test_a_closed_bridge_is_silent_and_leaves_no_thread(bridge, peer):
     subscribe(peer, bridge, "/joint_states", "JointState")
     bridge.close()
@@ -246,18 +215,6 @@ def test_a_closed_bridge_is_silent_and_leaves_no_thread(bridge, peer):
     bridge.publish(JOINT_STATES, 0.0, [STATE, None])
     assert wait_until(lambda: peer.matched("/joint_states") == 0)
     assert peer.take("/joint_states") == []
-
-
-def test_two_domains_in_one_process_do_not_mix(inbox, bridge, told):
-    others = CommandInbox(command_topics(), Warnings(told.append))
-    other = Ros2Bridge(others, TOPICS, domain=free_domain())
-    peer = CyclonePeer(other.domain)
-    advertise(others, peer, "/grasp")
-    peer.publish("/grasp", 5)
-    assert received(others, 1)
-    assert inbox.received == 0
-    peer.close()
-    other.close()
 
 
 def test_a_process_opens_a_domain_only_once(inbox, bridge):
@@ -304,23 +261,12 @@ def test_a_domain_must_be_0_to_232(monkeypatch, given, text):
         domain_id(given)
 
 
-@pytest.mark.parametrize("interface", ["127.0.0.1", "lo"])
-@pytest.mark.parametrize("domain", [None, 232])
+@pytest.mark.parametrize(("interface", "domain"), [("127.0.0.1", None), ("lo", 232)])
 def test_a_domain_can_be_opened_and_closed_repeatedly(interface, domain):
     domain = free_domain() if domain is None else domain
-    for _ in range(3):
+    for _ in range(2):
         with open_participant(domain, interface, "test", 2**20) as participant:
             assert participant.get_domain_id() == domain
-
-
-@pytest.mark.parametrize("interface", ["198.51.100.1", "::1", "0.0.0.0", ""])
-def test_an_invalid_interface_is_refused(interface):
-    message = f"host: must be an IPv4 address .*, got '{re.escape(interface)}'"
-    with (
-        pytest.raises(ValueError, match=message),
-        open_participant(free_domain(), interface, "test", 2**20),
-    ):
-        pass
 
 
 def test_a_cyclonedds_uri_replaces_the_interface(monkeypatch, capfd):

@@ -1,29 +1,17 @@
 import random
-import socket
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from cyclonedds.qos import Qos
-from cyclonedds.sub import DataReader
-from cyclonedds.topic import Topic as DdsTopic
 from pydrake.systems.sensors import CameraInfo
-from rosbags.typesys import Stores, get_typestore
 
-from drake_srg.robot.serve.commands import CommandInbox, Warnings
 from drake_srg.robot.serve.pictures import camera_topics
 from drake_srg.robot.serve.ros2 import bridge as ros2_bridge
 from drake_srg.robot.serve.ros2.bridge import (
     COMMAND_LIMIT,
-    CommandReader,
-    open_participant,
-    payload_type,
 )
 from robot.serve.ros2.peers import (
     COMMANDS,
     advertise,
-    command_topics,
-    free_domain,
     received,
 )
 from robot.serve.waiting import wait_until
@@ -113,45 +101,6 @@ def test_commands_go_on_after_an_unexpected_error(
     assert "unforeseen" in told[0]
 
 
-def test_a_command_of_a_writer_that_has_left_counts_once(told):
-    store, (topic, *_) = get_typestore(Stores.ROS2_HUMBLE), command_topics()
-    inbox = CommandInbox([topic], Warnings(told.append))
-    message = store.types[topic.type](data=42)
-    info = SimpleNamespace(valid_data=True, publication_handle=7, source_timestamp=1)
-    sample = SimpleNamespace(
-        sample_info=info, cdr=bytes(store.serialize_cdr(message, topic.type))
-    )
-    readers = []
-
-    class Reader(DataReader):
-        """Receives the sample from a writer that has left."""
-
-        samples = (sample,)
-
-        def take(self, N=1, condition=None, timeout=None):
-            samples, self.samples = self.samples, ()
-            return samples
-
-        def get_matched_publication_data(self, handle):
-            return None
-
-    def receive(topic, content):
-        inbox.receive_message(topic.name, store.deserialize_cdr(content, topic.type))
-
-    def make_reader(name, *policies):
-        dds_topic = DdsTopic(participant, f"rt{name}", payload_type(store, topic.type))
-        readers.append(Reader(participant, dds_topic, Qos(*policies)))
-        return readers[-1]
-
-    with open_participant(free_domain(), "127.0.0.1", "test", 2**20) as participant:
-        commands = CommandReader(participant, inbox, receive, make_reader)
-        assert wait_until(lambda: not any(reader.samples for reader in readers))
-        commands.close()
-    assert len(readers) == 2  # reliable, best effort
-    assert inbox.received == 1
-    assert inbox.take()["/grasp"] == [42.0]
-
-
 def test_forgotten_writers_are_looked_up_again(inbox, bridge, peer, monkeypatch):
     monkeypatch.setattr(ros2_bridge, "_MAX_WRITERS", 1)
     advertise(inbox, peer, "/grasp", "/startgrasp", reliable=True)
@@ -172,18 +121,3 @@ def test_a_topic_with_another_type_is_reported_once(inbox, bridge, peer, told):
         "std_msgs::msg::dds_::String_"
     ]
     assert inbox.received == 0
-
-
-def test_noise_on_the_domain_s_ports_is_ignored(inbox, bridge, peer, told):
-    generator = random.Random(0)
-    first = 7400 + 250 * bridge.domain
-    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as noise:
-        for _ in range(200):
-            for header in (b"", b"RTPS\x02\x01\x01\x10"):
-                data = header + generator.randbytes(generator.randrange(1, 200))
-                for port in (first, first + 1, first + 10, first + 11):
-                    noise.sendto(data, ("127.0.0.1", port))
-    advertise(inbox, peer, "/grasp")
-    peer.publish("/grasp", 3)
-    assert received(inbox, 1)
-    assert told == []
