@@ -398,8 +398,8 @@ class GoalStream(ArmStream):
         self._changed = True  # so that there is another goal, even for a resting arm
         self._warnings.warn(
             f"{self._name} late",
-            f"{self._name}: a goal came too late; does `lead` exceed twice the way of "
-            "a message there and back?",
+            f"{self._name}: a goal came too late; does `lead` exceed twice "
+            "the round-trip time of a message?",
         )
 
     def _ended(self, goal: _Goal, reply: Any) -> None:
