@@ -160,7 +160,8 @@ def quoting_pages() -> dict[Path, str]:
 def write_quoting_pages() -> None:
     """Fill the committed values into the pages that quote them."""
     for page, text in quoting_pages().items():
-        page.write_text(text, encoding="utf-8")
+        if page.read_text(encoding="utf-8") != text:  # others may be reading it
+            page.write_text(text, encoding="utf-8")
 
 
 def claims_table() -> str:
