@@ -236,7 +236,7 @@ class ArmImpedanceDriver(ArmDriver):
     """Impedance control with gravity compensation, for torque-controlled arms.
 
     The arm behaves as if springs and dampers pulled it to the commanded positions.
-    `impedance_law` has the law and its sources.
+    `ImpedanceControl` computes the torques; the top of this module names the sources.
     """
 
     # Stiffness of the joints [N m/rad]; with `cartesian`, only in the null space, which

@@ -133,7 +133,7 @@ THICKNESS = 0.005  # of the board [m]
 
 @dc.dataclass(frozen=True)
 class Mounting:
-    """A camera and a board, for the frames of `projection`.
+    """A camera and a board; one of them is mounted on the hand.
 
     Attributes:
         model: Its intrinsics as configured.

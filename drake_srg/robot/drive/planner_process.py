@@ -6,7 +6,7 @@ does in simulation, where planning takes no simulated time either.
 
 Both take long: images tenths of a second, plans seconds. In the process of the control
 loop they would hold it up, whatever thread they are in. So they run as a cell of their
-own, see `planner_cell`.
+own, see `PlannerCell`.
 """
 
 from __future__ import annotations

@@ -59,7 +59,7 @@ STARTS = [
 
 @dc.dataclass(frozen=True)
 class Motor:
-    """The motor as its registers show it; see `fits.fit_motor`.
+    """The motor as its registers show it; see `identify`.
 
     Attributes:
         stall_current: Estimated current at a PWM of 1 [A].

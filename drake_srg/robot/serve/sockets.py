@@ -54,6 +54,8 @@ def _interface_address(name: str) -> str:
     return socket.inet_ntoa(answer[20:24])  # in a sockaddr behind the name's 16 bytes
 
 
+# The most hosts that are looked up at a time: each has a thread.
+_MOST_LOOKUPS = 16
 # Lookups under way, by host.
 _lookups: dict[str, Future[str]] = {}
 
@@ -66,13 +68,15 @@ async def address_of(host: str) -> str:
     exits. Here every host gets a daemon thread instead.
 
     Raises:
-        OSError: If the host has no address.
+        OSError: If the host has no address, or too many others are looked up now.
         UnicodeError: If the name is invalid.
     """
     with contextlib.suppress(ValueError):
         return str(ipaddress.ip_address(host))
     future = _lookups.get(host)
     if future is None:
+        if len(_lookups) >= _MOST_LOOKUPS:
+            raise OSError("too many pending host lookups")
         future = _lookups[host] = Future()
         future.set_running_or_notify_cancel()  # no waiter can cancel it
         thread = threading.Thread(target=_look_up, args=(host, future), daemon=True)
@@ -81,15 +85,16 @@ async def address_of(host: str) -> str:
 
 
 def _look_up(host: str, future: Future[str]) -> None:
+    # The place is free before anybody learns the result.
     try:
         # IPv4, the default of ROS 1.
         found = socket.getaddrinfo(host, None, socket.AF_INET, socket.SOCK_STREAM)
     except Exception as error:  # the waiting coroutine gets it, whatever it is
+        _lookups.pop(host, None)
         future.set_exception(error)
     else:
-        future.set_result(str(found[0][4][0]))
-    finally:
         _lookups.pop(host, None)
+        future.set_result(str(found[0][4][0]))
 
 
 _T = TypeVar("_T")

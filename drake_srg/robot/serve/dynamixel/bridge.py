@@ -381,7 +381,7 @@ class ServoBridge(Bridge):
             self._stack.close()
             raise OSError(
                 errno.EADDRNOTAVAIL,
-                f"servo: {where}: HOST must be an address or a name of this machine",
+                f"servo: {where}: HOST must be an IPv4 address or name of this machine",
             ) from None
         except OSError as error:
             self._stack.close()
