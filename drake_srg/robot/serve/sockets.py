@@ -54,18 +54,22 @@ def _interface_address(name: str) -> str:
     return socket.inet_ntoa(answer[20:24])  # in a sockaddr behind the name's 16 bytes
 
 
-# The most hosts that are looked up at a time: each has a thread.
-_MOST_LOOKUPS = 16
+# The most lookups of hosts that any peer may name, at a time: each has a thread.
+MOST_LOOKUPS = 16
 # Lookups under way, by host.
 _lookups: dict[str, Future[str]] = {}
 
 
-async def address_of(host: str) -> str:
+async def address_of(host: str, most: int | None = None) -> str:
     """Return a host's IPv4 address. A slow lookup delays neither others nor exit.
 
     The system's resolver may take half a minute to give up on a name and cannot be
     interrupted. asyncio runs it in a small thread pool, which the process joins when it
     exits. Here every host gets a daemon thread instead.
+
+    Args:
+        host: An address or a name.
+        most: The most lookups at a time, this one included; None: any number.
 
     Raises:
         OSError: If the host has no address, or too many others are looked up now.
@@ -75,7 +79,7 @@ async def address_of(host: str) -> str:
         return str(ipaddress.ip_address(host))
     future = _lookups.get(host)
     if future is None:
-        if len(_lookups) >= _MOST_LOOKUPS:
+        if most is not None and len(_lookups) >= most:
             raise OSError("too many pending host lookups")
         future = _lookups[host] = Future()
         future.set_running_or_notify_cancel()  # no waiter can cancel it

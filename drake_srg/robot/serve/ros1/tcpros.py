@@ -21,7 +21,7 @@ from typing import cast
 from drake_srg.common.exceptions import one_line
 from drake_srg.robot.serve.commands import Warnings
 from drake_srg.robot.serve.ros1.xmlrpc import TIMEOUT, call
-from drake_srg.robot.serve.sockets import address_of
+from drake_srg.robot.serve.sockets import MOST_LOOKUPS, address_of
 
 # Largest frame that peers may send [bytes]; headers and commands are a thousand times
 # smaller.
@@ -389,7 +389,9 @@ class Subscription:
         """Connect to a publisher and receive until either side closes."""
         protocols = [["TCPROS"]]
         name = self._ours.name
-        answer = await call(uri, "requestTopic", name, self.topic, protocols)
+        answer = await call(
+            uri, "requestTopic", name, self.topic, protocols, lookups=MOST_LOOKUPS
+        )
         match answer:
             case ["TCPROS", str(host), int(port)] if 0 < port < 2**16:
                 connecting = _connect(host, port)
@@ -442,4 +444,4 @@ class Subscription:
 async def _connect(
     host: str, port: int
 ) -> tuple[asyncio.StreamReader, asyncio.StreamWriter]:
-    return await asyncio.open_connection(await address_of(host), port)
+    return await asyncio.open_connection(await address_of(host, MOST_LOOKUPS), port)

@@ -30,7 +30,13 @@ class XmlRpcError(ConnectionError):
     """A peer does not answer, or its answer violates the protocol."""
 
 
-async def call(uri: str, method: str, *arguments: Any, timeout: float = TIMEOUT) -> Any:
+async def call(
+    uri: str,
+    method: str,
+    *arguments: Any,
+    timeout: float = TIMEOUT,
+    lookups: int | None = None,
+) -> Any:
     """Call a method of ROS's master or slave API and return the answer's value.
 
     Args:
@@ -38,13 +44,14 @@ async def call(uri: str, method: str, *arguments: Any, timeout: float = TIMEOUT)
         method: The method's name, such as "requestTopic".
         arguments: The method's arguments, the caller's name first.
         timeout: Time for the whole call [s, real].
+        lookups: The most lookups of hosts at a time; None: any number.
 
     Raises:
         XmlRpcError: If the call fails, for any reason.
     """
     request = xmlrpc.client.dumps(arguments, method).encode()
     try:
-        body = await asyncio.wait_for(_exchange(uri, request), timeout)
+        body = await asyncio.wait_for(_exchange(uri, request, lookups), timeout)
         answers: Any = xmlrpc.client.loads(body)[0]
         ((code, status, value),) = answers
     except socket.gaierror as error:
@@ -97,9 +104,9 @@ def _answer(request: bytes, answer: Answer) -> bytes:
     return xmlrpc.client.dumps(result, methodresponse=True).encode()
 
 
-async def _exchange(uri: str, request: bytes) -> bytes:
+async def _exchange(uri: str, request: bytes, lookups: int | None) -> bytes:
     address = urlsplit(uri)
-    host = await address_of(address.hostname or "")
+    host = await address_of(address.hostname or "", lookups)
     reader, writer = await asyncio.open_connection(host, address.port)
     try:
         target = f"POST {address.path or '/'} HTTP/1.0\r\nHost: {address.netloc}"
