@@ -122,11 +122,11 @@ class SharingMemory(ClearingMemory):
 
     Attributes:
         claim: Its claim, which ends once the arm is over its bin again.
-        vain: The last map, if a plan on it found nothing while the arm rests.
+        searched: The last map, if a plan on it found no pick and the arm rests.
     """
 
     claim: Claim = NO_CLAIM
-    vain: SharedHeightMap | None = None
+    searched: SharedHeightMap | None = None
 
 
 class SharingPickPlanner(PickPlanner):
@@ -192,7 +192,7 @@ class SharingPickPlanner(PickPlanner):
         return None, missed
 
     def plan(self, memory: ClearingMemory, height_map: HeightMap, time: float) -> None:
-        """See `PickPlanner`; finish only once the map shows everything."""
+        """Plan the next pick; finish only once the map shows everything."""
         super().plan(memory, height_map, time)
         assert isinstance(height_map, SharedHeightMap)
         memory.finished &= height_map.open
@@ -200,7 +200,7 @@ class SharingPickPlanner(PickPlanner):
     def plan_retreat(
         self, memory: ClearingMemory, q: Vector, fingers: Mapping[str, float]
     ) -> Trajectory | PlanningFailure:
-        """See `PickPlanner`; the arm may be as far as it has claimed."""
+        """Plan the way home from as far as the arm has claimed."""
         assert isinstance(memory, SharingMemory)
         # With a pick planned, the claim is for that one, and the arm is over its bin.
         least = memory.claim.depth if memory.pick is None else SIDE
@@ -254,7 +254,7 @@ class SharingIdle(SharingMode, Idle):
     def enter(self, memory: ClearingMemory, entry: Entry) -> ClearingMemory:
         """Rest; without a pick, end the claim: the arm is over its bin."""
         assert isinstance(memory, SharingMemory)
-        memory.vain = None
+        memory.searched = None
         if memory.pick is None:
             memory.claim = NO_CLAIM
         return super().enter(memory, entry)
@@ -270,10 +270,10 @@ class SharingIdle(SharingMode, Idle):
         """Plan, unless the last plan found nothing and the map is still the same."""
         assert isinstance(memory, SharingMemory)
         assert isinstance(seen, SharedHeightMap)
-        if memory.vain is not None and seen.is_like(memory.vain):
+        if memory.searched is not None and seen.is_like(memory.searched):
             return
         super().plan(memory, seen, time)
-        memory.vain = seen if memory.pick is None else None
+        memory.searched = seen if memory.pick is None else None
 
     def observe_mode(self, memory: ClearingMemory, now: Now) -> Observation:
         """Report a pick only if the arm may go there."""

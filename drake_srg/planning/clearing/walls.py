@@ -143,9 +143,10 @@ class WalledMotions(BinMotions):
         filled: float = -np.inf,
         spots: Spots = Spots(),  # noqa: B008  # it is immutable
     ) -> dict[AnyMode, Trajectory] | PlanningFailure:
-        """See `ClearingMotions`; in any direction, the load stays clear of the wall.
+        """Plan like `ClearingMotions`; however the load hangs, it clears the wall.
 
-        A thing that the map shows in part only stays: its size is unknown.
+        A thing that the map shows only in part is left where it is, because its size is
+        unknown.
         """
         assert isinstance(height_map, SharedHeightMap)
         depth = self.wall.frontier.depth

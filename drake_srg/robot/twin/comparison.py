@@ -163,15 +163,18 @@ class TwinMonitor(LeafSystem):
         # Since when the arm is still, and each difference exceeds its limit [s].
         self._still_since = int(self.DeclareDiscreteState([np.inf]))
         self._since = int(self.DeclareDiscreteState(np.full(len(KINDS), np.inf)))
-        inputs = {port.ticket() for port in self._inputs.values()}
-        for name, size, calc in (
-            ("joint_error", n, self._calc_joint_error),
-            ("torque_expected", n, self._calc_expected),
-            ("torque_residual", n, self._calc_residual),
-            ("finger_error", fingers, self._calc_finger_error),
+        arm = ("arm_state", "arm_state_measured")
+        torque = ("torque_measured", "external_felt", "external_expected")
+        hand = ("gripper_state", "gripper_state_measured")
+        for name, size, calc, needs in (
+            ("joint_error", n, self._calc_joint_error, arm),
+            ("torque_expected", n, self._calc_expected, torque),
+            ("torque_residual", n, self._calc_residual, torque),
+            ("finger_error", fingers, self._calc_finger_error, hand),
         ):
+            tickets = {self._inputs[port].ticket() for port in needs}
             self.DeclareVectorOutputPort(
-                name=name, size=size, calc=calc, prerequisites_of_calc=inputs
+                name=name, size=size, calc=calc, prerequisites_of_calc=tickets
             )
         self._shown = {}
         for name in ("difference", "parted"):

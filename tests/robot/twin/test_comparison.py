@@ -177,6 +177,24 @@ def test_what_nobody_tells_is_no_difference(port):
 torques = arrays(float, 2, elements={"min_value": -300.0, "max_value": 300.0})
 
 
+def test_outputs_depend_on_their_own_inputs_alone():
+    system = TwinMonitor(CONFIG, [100.0, 50.0], 2, 2, PERIOD)
+    names = {
+        output: {
+            system.get_input_port(i).get_name()
+            for i in range(system.num_input_ports())
+            if system.HasDirectFeedthrough(i, system.GetOutputPort(output).get_index())
+        }
+        for output in ("joint_error", "torque_expected", "torque_residual")
+    }
+    torques = {"torque_measured", "external_felt", "external_expected"}
+    assert names == {
+        "joint_error": {"arm_state", "arm_state_measured"},
+        "torque_expected": torques,
+        "torque_residual": torques,
+    }
+
+
 @given(torques, torques, torques)
 def test_measured_is_expected_and_residual(needed, felt, simulated):
     system = TwinMonitor(CONFIG, [100.0, 50.0], 2, 2, PERIOD)
