@@ -1,12 +1,17 @@
 """Processes that talk DDS with the ROS 2 bridge, in a domain of their own."""
 
+import fcntl
 import json
+import os
 import random
 import socket
 import subprocess
 import sys
+import tempfile
 import threading
+from collections import deque
 from pathlib import Path
+from typing import TextIO
 
 import numpy as np
 
@@ -21,16 +26,26 @@ COMMANDS = {
 }
 
 
+# The locks of the last domains given out: a test uses one domain, and what it leaves
+# behind is gone before the lock is.
+_HELD: deque[TextIO] = deque(maxlen=8)
+
+
 def free_domain():
-    """Return a domain without participants on this machine."""
+    """Return a domain without participants, which no other test on this machine uses."""
+    stem = Path(tempfile.gettempdir(), f"drake_srg_test_{os.getuid()}_domain_")
     # The ports of higher domains are among the system's ephemeral ports.
     for domain in random.SystemRandom().sample(range(1, 101), 100):
+        lock = Path(f"{stem}{domain}").open("w")
         with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
             try:
+                fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
                 # DDSI's formula for the port of the first participant.
                 probe.bind(("127.0.0.1", 7400 + 250 * domain + 10))
             except OSError:
+                lock.close()
                 continue
+        _HELD.append(lock)
         return domain
     raise OSError("all domains are in use")
 

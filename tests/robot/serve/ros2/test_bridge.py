@@ -269,6 +269,10 @@ def test_a_domain_can_be_opened_and_closed_repeatedly(interface, domain):
             assert participant.get_domain_id() == domain
 
 
+def test_a_domain_in_use_is_not_given_to_another_test():
+    assert len({free_domain() for _ in range(8)}) == 8
+
+
 def test_a_cyclonedds_uri_replaces_the_interface(monkeypatch, capfd):
     monkeypatch.setenv("CYCLONEDDS_URI", "<CycloneDDS><Nonsense/></CycloneDDS>")
     domain = free_domain()
