@@ -18,7 +18,7 @@ from pydrake.trajectories import Trajectory
 
 from drake_srg.common.geometry import ConvexPieces, Solid
 from drake_srg.planning.carrying.config import CarryTogether
-from drake_srg.planning.grasps.grasps import SUPPORT_OVERLAP, Hand
+from drake_srg.planning.grasps.grasps import SUPPORT_OVERLAP, Grasp, Hand
 from drake_srg.planning.grasps.srg_hand import Approach, SrgGrasp
 from drake_srg.planning.motion.arm_pair import (
     ArmPair,
@@ -129,6 +129,12 @@ class PairGrasp(SrgGrasp):
         return X_WO @ first.inverse(), X_WO @ second.inverse()
 
 
+def pair_grasp(grasp: Grasp) -> PairGrasp:
+    """Return a grasp, cast to that of two hands."""
+    assert isinstance(grasp, PairGrasp)
+    return grasp
+
+
 class CarryTaskPlanner(TaskPlanner):
     """Plans all motions of two arms that carry an object together.
 
@@ -177,93 +183,19 @@ class CarryTaskPlanner(TaskPlanner):
             X_GOs=(first, second),
         )
 
-    def plan(
-        self,
-        q_start: Vector,
-        X_WO: RigidTransform,
-        shape: Solid,
-        X_WO_goal: RigidTransform,
-        obstacles: Obstacles = (),
-        tried: Sequence[str] = (),
-    ) -> TaskMotions | PlanningFailure:
-        """Plan the motions of both arms from `q_start` over pick and place to home.
-
-        Args:
-            q_start: Positions of both arms, at rest, shape (2N,) [rad].
-            X_WO: The object's pose [m].
-            shape: The object's shape, with end walls.
-            X_WO_goal: Goal of the object [m]; see `aligned`.
-            obstacles: Other objects and their poses [m].
-            tried: Names of grasps that failed.
-        """
-        try:
-            with self._ready(obstacles):
-                return self._plan_both(q_start, X_WO, shape, X_WO_goal, tried)
-        except NoPathError as error:
-            return error.failure
-
-    def plan_carry(
-        self,
-        q_grasp: Vector,
-        grasp: SrgGrasp,  # type: ignore[override]  # a `PairGrasp`
-        shape: Solid,
-        X_WO_goal: RigidTransform,
-        obstacles: Obstacles = (),
-    ) -> TaskMotions | PlanningFailure:
-        """Plan from a grasp that holds the object on its support, until home.
-
-        Args: as of `TaskPlanner.plan_carry`, with postures of both arms.
-        """
-        assert isinstance(grasp, PairGrasp)
-        try:
-            with self._ready(obstacles):
-                motions = self._carry(q_grasp, grasp, shape, X_WO_goal)
-        except NoPathError as error:
-            return error.failure
-        return TaskMotions(grasp, motions)
-
-    def plan_place(
-        self,
-        q_start: Vector,
-        grasp: SrgGrasp,  # type: ignore[override]  # a `PairGrasp`
-        shape: Solid,
-        X_WO_goal: RigidTransform,
-        obstacles: Obstacles = (),
-    ) -> TaskMotions | PlanningFailure:
-        """Plan from above the goal onto it, and home, with the object in both hands.
-
-        Args: as of `TaskPlanner.plan_place`, with postures of both arms.
-        """
-        assert isinstance(grasp, PairGrasp)
-        X_WO = self.X_WG(q_start) @ grasp.X_GOs[0]
-        goal = aligned(X_WO_goal, X_WO)
-        try:
-            with self._ready(obstacles):
-                motions = self._place(q_start, grasp, shape, X_WO, goal)
-        except NoPathError as error:
-            return error.failure
-        return TaskMotions(grasp, motions)
-
-    def plan_escape(
-        self, q: Vector, fingers: Mapping[str, float], obstacles: Obstacles = ()
-    ) -> tuple[Trajectory, Trajectory] | PlanningFailure:
-        """Plan both hands back out of a failed grasp, then home.
-
-        Args: as of `TaskPlanner.plan_escape`, with postures of both arms.
-        """
-        try:
-            with self._ready(obstacles):
-                self._set_fingers(fingers)
-                paths = list[Vector]()
-                for i, half in enumerate(np.split(q, 2)):
-                    moves, scene = self._both_moves[i], self.pair.arms[i].scene
-                    path = plan_cartesian_path(scene, half, moves.behind(half))
-                    if isinstance(path, PlanningFailure):
-                        path = half[np.newaxis]
-                    paths.append(path)
-                return self._timed(paths), self._home([path[-1] for path in paths])
-        except NoPathError as error:
-            return error.failure
+    def _escape(
+        self, q: Vector, fingers: Mapping[str, float]
+    ) -> tuple[Trajectory, Trajectory]:
+        """Return the motions of both hands out of a failed grasp, and home."""
+        self._set_fingers(fingers)
+        paths = list[Vector]()
+        for i, half in enumerate(np.split(q, 2)):
+            moves, scene = self._both_moves[i], self.pair.arms[i].scene
+            path = plan_cartesian_path(scene, half, moves.behind(half))
+            if isinstance(path, PlanningFailure):
+                path = half[np.newaxis]
+            paths.append(path)
+        return self._timed(paths), self._home([path[-1] for path in paths])
 
     def rests(self, shape: Solid, X_WO: RigidTransform) -> bool:
         """Return whether an object at `X_WO` [m] has support and penetrates nothing."""
@@ -316,7 +248,7 @@ class CarryTaskPlanner(TaskPlanner):
                 stack.enter_context(standing)
             yield
 
-    def _plan_both(
+    def _plan(
         self,
         q_start: Vector,
         X_WO: RigidTransform,
@@ -325,6 +257,13 @@ class CarryTaskPlanner(TaskPlanner):
         tried: Sequence[str],
     ) -> TaskMotions:
         """Return the motions with the cheapest feasible pair of grasps.
+
+        Args:
+            q_start: Positions of both arms, at rest, shape (2N,) [rad].
+            X_WO: The object's pose [m].
+            shape: The object's shape, with end walls.
+            X_WO_goal: Goal of the object [m]; see `aligned`.
+            tried: Names of grasps that failed.
 
         Raises:
             NoPathError: If no pair has.
@@ -424,13 +363,14 @@ class CarryTaskPlanner(TaskPlanner):
         return {Mode.PRE_GRASP: there, Mode.GRASP: down}
 
     def _carry(
-        self, q_grasp: Vector, grasp: PairGrasp, shape: Solid, X_WO_goal: RigidTransform
+        self, q_grasp: Vector, grasp: Grasp, shape: Solid, X_WO_goal: RigidTransform
     ) -> dict[AnyMode, Trajectory]:
         """Return the motions that follow a grasp, from lifting to home.
 
         Raises:
             NoPathError: If one does not exist.
         """
+        grasp = pair_grasp(grasp)
         X_WO = self.X_WG(q_grasp) @ grasp.X_GOs[0]
         lift = self.config.lift_height
         goal = aligned(X_WO_goal, X_WO)
@@ -439,10 +379,18 @@ class CarryTaskPlanner(TaskPlanner):
             lifting, q = self._carried(q_grasp, grasp, X_WO, up, "lift")
         with self._carrying(grasp, shape):
             across, q = self._carried(q, grasp, up, above, "transfer")
-        placing = self._place(q, grasp, shape, above, goal)
+        placing = self._set_down(q, grasp, shape, above, goal)
         return {Mode.LIFT: lifting, Mode.TRANSFER: across, **placing}
 
     def _place(
+        self, q_start: Vector, grasp: Grasp, shape: Solid, X_WO_goal: RigidTransform
+    ) -> dict[AnyMode, Trajectory]:
+        """Return the motions from above the goal onto it, and home."""
+        grasp = pair_grasp(grasp)
+        X_WO = self.X_WG(q_start) @ grasp.X_GOs[0]
+        return self._set_down(q_start, grasp, shape, X_WO, aligned(X_WO_goal, X_WO))
+
+    def _set_down(
         self,
         q_start: Vector,
         grasp: PairGrasp,

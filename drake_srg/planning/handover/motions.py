@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import dataclasses as dc
 from collections.abc import Mapping, Sequence
-from contextlib import AbstractContextManager
 
 import numpy as np
 from pydrake.math import RigidTransform, RotationMatrix
@@ -55,6 +54,7 @@ _MEETINGS = tuple(
 _LESS = 0.01
 _TURNS = 8  # sectors around the object from which the receiver may come
 _UP = np.array([0.0, 0.0, 1.0])
+GIVER, RECEIVER = 0, 1  # indices in the pair of arms
 
 
 @dc.dataclass(frozen=True)
@@ -151,18 +151,6 @@ class HandoverTaskPlanner(TaskPlanner):
         self.pair = pair
         self._receiver_moves = Moves(receiver.scene, receiver.hand.p_GT, config)
 
-    def giver_beside(
-        self, q: Vector, fingers: Mapping[str, float]
-    ) -> AbstractContextManager[None]:
-        """Let the giver avoid a receiver at `q` within the context."""
-        return self.pair.beside(0, q, fingers)
-
-    def receiver_beside(
-        self, q: Vector, fingers: Mapping[str, float]
-    ) -> AbstractContextManager[None]:
-        """Let the receiver avoid a giver at `q` within the context."""
-        return self.pair.beside(1, q, fingers)
-
     def plan(
         self,
         q_start: Vector,
@@ -188,7 +176,7 @@ class HandoverTaskPlanner(TaskPlanner):
         failures: list[PlanningFailure] = []
         q_waiting, waiting = self.receiver.q_home, self.waiting_fingers(shape)
         for X_WO_met in self.meetings():
-            with self.giver_beside(q_waiting, waiting):
+            with self.pair.beside(GIVER, q_waiting, waiting):
                 given = super().plan(q_start, X_WO, shape, X_WO_met, obstacles, tried)
             if isinstance(given, PlanningFailure):
                 failures.append(given)
@@ -218,7 +206,7 @@ class HandoverTaskPlanner(TaskPlanner):
         receiver, failures = self.receiver, list[IkFailure]()
         for grasp in taking_grasps(receiver.hand, shape, self.config.grip_height):
             with (
-                self.receiver_beside(self.q_home, {}),
+                self.pair.beside(RECEIVER, self.q_home, {}),
                 receiver.standing(obstacles),
                 carrying(receiver.scene, shape, grasp, supported=True),
             ):
@@ -321,15 +309,16 @@ class HandoverTaskPlanner(TaskPlanner):
             NoPathError: If a motion does not exist.
         """
         q_met = _end(given.motions[Mode.PLACE])
-        with self.receiver_beside(q_met, given.grasp.fingers_closed):
+        with self.pair.beside(RECEIVER, q_met, given.grasp.fingers_closed):
             motions, q_take = self._reach(grasp, turn, shape, X_WO, obstacles)
-        with self.giver_beside(q_take, grasp.fingers_closed), self.standing(obstacles):
+        took = self.pair.beside(GIVER, q_take, grasp.fingers_closed)
+        with took, self.standing(obstacles):
             left = self.leave(q_met, given.grasp, shape, X_WO)
         leave: dict[AnyMode, Trajectory] = {
             HandoverMode.WITHDRAW: left[Mode.RETREAT],
             HandoverMode.CLEAR: left[Mode.HOME],
         }
-        with self.receiver_beside(self.q_home, given.grasp.fingers_open):
+        with self.pair.beside(RECEIVER, self.q_home, given.grasp.fingers_open):
             carry = self.receiver.plan_carry(q_take, grasp, shape, X_WO_goal, obstacles)
         if isinstance(carry, PlanningFailure):
             raise NoPathError(carry)
@@ -349,13 +338,12 @@ class HandoverTaskPlanner(TaskPlanner):
         Raises:
             NoPathError: If a motion does not exist.
         """
-        scene, moves, home = (
-            self.receiver.scene, self._receiver_moves, self.receiver.q_home
-        )  # fmt: skip
+        receiver, moves = self.receiver, self._receiver_moves
+        scene, home = receiver.scene, receiver.q_home
         before = scene.fingers
         scene.SetFingers(grasp.fingers_open)
         try:
-            with self.receiver.standing(obstacles):
+            with receiver.standing(obstacles):
                 with scene.standing(shape, X_WO, touchable=True):
                     q_take = self._posture(grasp.target(X_WO), turn)
                     back = moves.straight(q_take, moves.behind(q_take))

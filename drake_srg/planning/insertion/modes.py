@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import abc
 import dataclasses as dc
+from typing import ClassVar
 
 import numpy as np
 from pydrake.math import RigidTransform, RotationMatrix
@@ -31,7 +32,6 @@ from drake_srg.planning.pick_and_place.replanning import Replanner
 from drake_srg.planning.planner_machine import Observation
 from drake_srg.planning.servoing.hand_motion import (
     hand_twist,
-    joint_step,
     limited,
     rotation_vector,
     turned,
@@ -69,8 +69,8 @@ def insertion_of(memory: PlannerMemory) -> Insertion:
     return insertion
 
 
-class Inserting(Carrying, abc.ABC):
-    """A mode whose set-point follows the motion of the tip.
+class KnowsTask(TaskMode):
+    """A mode that knows the peg and the hole.
 
     Args:
         task: All that is known.
@@ -81,6 +81,10 @@ class Inserting(Carrying, abc.ABC):
     def __init__(self, task: Task, replanner: Replanner, repeat: int) -> None:
         super().__init__(task.config, replanner, repeat)
         self.task = task
+
+
+class Inserting(KnowsTask, Carrying, abc.ABC):
+    """A mode whose set-point follows the motion of the tip."""
 
     def enter(self, memory: PlannerMemory, entry: Entry) -> PlannerMemory:
         """Begin at the current commands."""
@@ -158,16 +162,7 @@ class Inserting(Carrying, abc.ABC):
             speed=0.25,
             turning=1.0,
         )
-        tip.q = joint_step(
-            tip.q,
-            arm.jacobian(tip.q),
-            twist,
-            config.period,
-            least=_LEAST,
-            speed=arm.speed,
-            lower=arm.lower,
-            upper=arm.upper,
-        ).q
+        tip.q = arm.step(tip.q, twist, config.period, _LEAST).q
         # The driver derives speeds from changes of the commands, so they change evenly.
         way = PiecewisePolynomial.FirstOrderHold(
             [0.0, config.period], np.column_stack([q_before, tip.q])
@@ -514,10 +509,10 @@ class Withdraw(Inserting):
         return Observation(arrived=bool(high) or self.stalled(tip, time))
 
 
-class ReleaseSeated(Release):
+class ReleaseSeated(KnowsTask, Release):
     """Opens the fingers around the seated peg, and plans the way back from there."""
 
-    mode = Mode.RELEASE
+    mode: ClassVar[AnyMode] = Mode.RELEASE
 
     def enter(self, memory: PlannerMemory, entry: Entry) -> PlannerMemory:
         """Rest where the arm is, so that nothing pulls once the fingers open."""
@@ -530,18 +525,8 @@ class ReleaseSeated(Release):
         return memory
 
 
-class HomeInserted(Home):
-    """Moves the arm home, and checks from there whether the peg is as deep as it felt.
-
-    Args:
-        task: All that is known.
-        replanner: Plans from sightings.
-        repeat: Number of the task's cycles.
-    """
-
-    def __init__(self, task: Task, replanner: Replanner, repeat: int) -> None:
-        super().__init__(task.config, replanner, repeat)
-        self.task = task
+class HomeInserted(KnowsTask, Home):
+    """Moves the arm home, and checks there whether the peg is as deep as it felt."""
 
     def look(self, memory: PlannerMemory, now: Now) -> None:
         """Judge by touch, unless the peg is seen too high: the hand slipped."""
@@ -555,24 +540,10 @@ class HomeInserted(Home):
         tip.seated = False  # a next attempt must feel it anew
 
 
-def insertion_modes(
-    task: Task, modes: dict[AnyMode, TaskMode], replanner: Replanner, repeat: int
-) -> dict[AnyMode, TaskMode]:
-    """Return the actions of each mode.
-
-    Args:
-        task: All that is known.
-        modes: Modes of picking and placing.
-        replanner: Plans from sightings.
-        repeat: Number of the task's cycles.
-    """
-    kinds = (Tilt, Search, Slide, Spiral, Upright, Press, Withdraw)
-    return {
-        **modes,
-        **{kind.mode: kind(task, replanner, repeat) for kind in kinds},
-        Mode.RELEASE: ReleaseSeated(task.config, replanner, repeat),
-        Mode.HOME: HomeInserted(task, replanner, repeat),
-    }
+INSERTION_MODES: tuple[type[KnowsTask], ...] = (
+    *(Tilt, Search, Slide, Spiral, Upright, Press, Withdraw),
+    *(ReleaseSeated, HomeInserted),
+)
 
 
 def _centred(q: Vector) -> Vector:

@@ -201,18 +201,13 @@ def minimum_jerk_motion(path: Vector, limits: Sequence[MotionLimits]) -> Traject
     """
     shares = np.linspace(0.0, 1.0, len(path))
     spline = PiecewisePolynomial.CubicWithContinuousSecondDerivatives(shares, path.T)
-    velocity = np.concatenate([limit.velocity for limit in limits])
-    acceleration = np.concatenate([limit.acceleration for limit in limits])
     in_a_second = _timed(spline, 1.0)
     times = np.linspace(0.0, 1.0, _TIMES)
     v = np.array([in_a_second.EvalDerivative(t, 1)[:, 0] for t in times])
     a = np.array([in_a_second.EvalDerivative(t, 2)[:, 0] for t in times])
-    slow = max(
-        float(np.max(np.abs(v) / velocity)),
-        float(np.sqrt(np.max(np.abs(a) / acceleration))),
-        1e-2,  # what does not move takes a while, too
-    )
-    return _timed(spline, slow)
+    halves = zip(limits, np.split(v, 2, axis=1), np.split(a, 2, axis=1), strict=True)
+    slow = max(limit.slowdown(*half) for limit, *half in halves)
+    return _timed(spline, max(slow, 1e-2))  # what does not move takes a while, too
 
 
 def _timed(path: PiecewisePolynomial, duration: float) -> Trajectory:

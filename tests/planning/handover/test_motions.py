@@ -8,7 +8,7 @@ from pydrake.math import RigidTransform
 
 from drake_srg.planning.handover.config import HandoverMode
 from drake_srg.planning.handover.modes import Pull
-from drake_srg.planning.handover.motions import taking_grasps
+from drake_srg.planning.handover.motions import GIVER, RECEIVER, taking_grasps
 from drake_srg.planning.motion.planning_scene import PlanningFailure
 from drake_srg.planning.motion.trajectories import motion_samples
 from drake_srg.scenario import load_scenario, robot_arms
@@ -75,14 +75,14 @@ def test_motions_keep_clear_of_the_other_arm_where_that_is(planner, plan):
     took, gave = plan.receiver.grasp, plan.grasp
     for context, scene, fingers, motions, modes in (
         (
-            planner.receiver_beside(q_met, gave.fingers_closed),
+            planner.pair.beside(RECEIVER, q_met, gave.fingers_closed),
             receiver.scene,
             took.fingers_open,
             plan.receiver.motions,
             (HandoverMode.APPROACH, HandoverMode.REACH),
         ),
         (
-            planner.giver_beside(q_take, took.fingers_closed),
+            planner.pair.beside(GIVER, q_take, took.fingers_closed),
             giver.scene,
             gave.fingers_open,
             plan.motions,
@@ -171,7 +171,7 @@ def test_another_arm_is_an_obstacle_only_while_it_is_there(planner):
     # The giver's hand in the receiver's: the receiver's home, seen from its own base.
     reaching = np.array([0.0, 0.9, 0.0, -0.4, 0.0, 0.4, 0.0])
     before = scene.positions(q)
-    with planner.receiver_beside(reaching, {}):
+    with planner.pair.beside(RECEIVER, reaching, {}):
         assert np.any(scene.positions(q) != before)
         assert scene.clearance(q, 1.0).spare < 1.0
     np.testing.assert_array_equal(scene.positions(q), before)

@@ -21,6 +21,7 @@ from drake_srg.planning.insertion.modes import (
 from drake_srg.planning.insertion.planner import InsertionPlanner
 from drake_srg.planning.motion.arm_motion import Motion
 from drake_srg.planning.pick_and_place.sightings import PickTask
+from drake_srg.planning.servoing.hand_motion import ServoArm
 from drake_srg.planning.state_machine import Entry, Moment
 from drake_srg.types import Box, Cylinder, Failure, Sphere
 
@@ -50,6 +51,7 @@ class Measured:
 class FreeHand:
     """A hand with six joints: its position and its roll, pitch and yaw."""
 
+    step = ServoArm.step
     speed, lower, upper = np.full(6, 10.0), np.full(6, -10.0), np.full(6, 10.0)
 
     def X_WG(self, q):

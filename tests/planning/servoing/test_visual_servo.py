@@ -16,6 +16,7 @@ from drake_srg.planning.servoing.visual_servo import RISE_SPEED
 from planning.servoing.ideal_hand import (
     CONFIG,
     HOME,
+    KINDS,
     X_GC,
     IdealHand,
     LateHand,
@@ -23,7 +24,6 @@ from planning.servoing.ideal_hand import (
     object_at,
 )
 
-KINDS = ["pbvs", "ibvs"]
 OFFSET = np.array([0.03, -0.02, -0.05])
 aside = st.floats(-0.05, 0.05)
 UNSEEN = {"pbvs": PoseSighting, "ibvs": FeatureSighting}
