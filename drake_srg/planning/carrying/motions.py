@@ -210,7 +210,7 @@ class CarryTaskPlanner(TaskPlanner):
         return obstacles
 
     @contextlib.contextmanager
-    def _ready(self, obstacles: Obstacles) -> Iterator[None]:
+    def ready(self, obstacles: Obstacles) -> Iterator[None]:
         """Add obstacles to both scenes; restore everything that a plan changes."""
         fingers = [arm.scene.fingers for arm in self.pair.arms]
         homes = np.split(self.q_home, 2)
@@ -264,9 +264,6 @@ class CarryTaskPlanner(TaskPlanner):
             shape: The object's shape, with end walls.
             X_WO_goal: Goal of the object [m]; see `aligned`.
             tried: Names of grasps that failed.
-
-        Raises:
-            NoPathError: If no pair has.
         """
         taken = self.planners[0]._overlap(shape, X_WO_goal)
         if taken is not None:
@@ -306,11 +303,7 @@ class CarryTaskPlanner(TaskPlanner):
         shape: Solid,
         firmness: float,
     ) -> list[_Grip]:
-        """Return the grasps of a wall by one arm.
-
-        Raises:
-            NoPathError: If there is none.
-        """
+        """Return the grasps of a wall by one arm."""
         arm, planner = self.pair.arms[index], self.planners[index]
         found, failures = list[_Grip](), list[IkFailure]()
         for grasp in wall.grasps(planner.hand, firmness):
@@ -343,11 +336,7 @@ class CarryTaskPlanner(TaskPlanner):
         shape: Solid,
         X_WO: RigidTransform,
     ) -> dict[AnyMode, Trajectory]:
-        """Return the motions to the end walls.
-
-        Raises:
-            NoPathError: If one does not exist.
-        """
+        """Return the motions to the end walls."""
         self._set_fingers(grasp.fingers_open)
         with self._standing(shape, X_WO, touchable=True):
             backs = self._backs(q_pick)
@@ -365,11 +354,7 @@ class CarryTaskPlanner(TaskPlanner):
     def _carry(
         self, q_grasp: Vector, grasp: Grasp, shape: Solid, X_WO_goal: RigidTransform
     ) -> dict[AnyMode, Trajectory]:
-        """Return the motions that follow a grasp, from lifting to home.
-
-        Raises:
-            NoPathError: If one does not exist.
-        """
+        """Return the motions that follow a grasp, from lifting to home."""
         grasp = pair_grasp(grasp)
         X_WO = self.X_WG(q_grasp) @ grasp.X_GOs[0]
         lift = self.config.lift_height
@@ -398,11 +383,7 @@ class CarryTaskPlanner(TaskPlanner):
         X_WO: RigidTransform,
         X_WO_goal: RigidTransform,
     ) -> dict[AnyMode, Trajectory]:
-        """Return the motions that take the object from a pose onto its goal, and home.
-
-        Raises:
-            NoPathError: If one does not exist.
-        """
+        """Return the motions that take the object from a pose to its goal, and home."""
         pressed = raised(X_WO_goal, -self._press)
         with self._carrying(grasp, shape, SUPPORT_OVERLAP - self._press):
             placing, q_place = self._carried(q_start, grasp, X_WO, pressed, "place")
@@ -415,11 +396,7 @@ class CarryTaskPlanner(TaskPlanner):
         return {Mode.PLACE: placing, Mode.RETREAT: away, Mode.HOME: home}
 
     def _home(self, starts: Sequence[Vector]) -> Trajectory:
-        """Return the motion of both arms home.
-
-        Raises:
-            NoPathError: If there is none.
-        """
+        """Return the motion of both arms home."""
         homes = np.split(self.q_home, 2)
         paths = [
             moves.joint_path(starts[i], homes[i])
@@ -462,9 +439,6 @@ class CarryTaskPlanner(TaskPlanner):
             X_WO: The object's pose at `q` [m].
             X_WO_end: Pose of the object at the end [m].
             what: The motion is, for messages.
-
-        Raises:
-            NoPathError: If an arm does not reach a pose, or something is in the way.
         """
         way = object_path(X_WO, X_WO_end)
         path = self.pair.follow(q, [grasp.X_WGs(X_WO) for X_WO in way], what)

@@ -54,11 +54,8 @@ def opening_angle(half_width: float, depth: float) -> float | None:
 def pinch_angles(half_width: float) -> tuple[float, float]:
     """Return the base and tip angles of pads that lie flat on a thing's vertical sides.
 
-    Half the gap between vertical pads is
+    Half the gap between vertical pads, which is half of the thing's width [m], is
     hinge_y + base_length cos(base) - face_offset.
-
-    Args:
-        half_width: Half of the thing's width [m].
     """
     cosine = (half_width - SRG.hinge_y + SRG.face_offset) / SRG.base_length
     base = float(np.arccos(np.clip(cosine, -1.0, 1.0)))
@@ -88,10 +85,7 @@ def wrap_angles(half_width: float, gap: float) -> tuple[float, float]:
 def straight_base_angle(half_gap: float) -> float:
     """Return the base angle at which straight fingers' ends leave a gap [rad].
 
-    Half the gap is hinge_y + finger_length cos(base) - face_offset sin(base).
-
-    Args:
-        half_gap: Half of the gap [m].
+    Half the gap [m] is hinge_y + finger_length cos(base) - face_offset sin(base).
     """
     reach = np.hypot(SRG.finger_length, SRG.face_offset)
     phase = np.arctan2(SRG.face_offset, SRG.finger_length)

@@ -547,10 +547,9 @@ INSERTION_MODES: tuple[type[KnowsTask], ...] = (
 
 
 def _centred(q: Vector) -> Vector:
-    """Return the angles of two fingers, left and right in turn, averaged to be equal.
+    """Return the angles (n,) of two fingers, left and right in turn, averaged [rad].
 
-    Args:
-        q: Shape (n,) [rad]; those of another hand are returned unchanged.
+    Those of another hand are returned unchanged.
     """
     if len(q) % 2:
         return q

@@ -53,12 +53,9 @@ class PathPart:
 
 
 def joined(parts: Sequence[PathPart]) -> PathPart:
-    """Return the parts of a path, joined.
+    """Return the parts of a path, each of which begins where the one before ends.
 
     A motion may cut the corner between two parts, within the nearer half of each.
-
-    Args:
-        parts: Each begins where the one before ends.
     """
     roundings: list[Vector] = []
     for i, part in enumerate(parts):

@@ -65,6 +65,8 @@ class TaskMotions:
 class TaskPlanner:
     """Plans picking and placing with a planning scene; holds nothing between calls.
 
+    Methods that begin with an underscore raise `NoPathError` for what is impossible.
+
     Args:
         scene: The arm, the gripper and what they may hit.
         hand: The grasps of that gripper.
@@ -176,13 +178,13 @@ class TaskPlanner:
     ) -> _T | PlanningFailure:
         """Return a plan that keeps clear of obstacles, or why there is none."""
         try:
-            with self._ready(obstacles):
+            with self.ready(obstacles):
                 return plan()
         except NoPathError as error:
             return error.failure
 
     @contextlib.contextmanager
-    def _ready(self, obstacles: Obstacles) -> Iterator[None]:
+    def ready(self, obstacles: Obstacles) -> Iterator[None]:
         """Add obstacles; restore everything that a plan changes."""
         fingers = self.scene.fingers
         try:
@@ -199,7 +201,7 @@ class TaskPlanner:
         X_WO_goal: RigidTransform,
         tried: Sequence[str],
     ) -> TaskMotions:
-        """Return the motions with the best grasp; raise `NoPathError` without any."""
+        """Return the motions with the best grasp."""
         taken = self._overlap(shape, X_WO_goal)
         if taken is not None:
             message = f"the goal is taken: {taken}"
@@ -229,14 +231,14 @@ class TaskPlanner:
     def _carry(
         self, q_grasp: Vector, grasp: Grasp, shape: Solid, X_WO_goal: RigidTransform
     ) -> dict[AnyMode, Trajectory]:
-        """Return the motions of `plan_carry`, or raise `NoPathError`."""
+        """Return the motions of `plan_carry`."""
         candidate = self._search.grasped(q_grasp, grasp, shape, X_WO_goal)
         return self._after_grasp(shape, X_WO_goal, candidate)
 
     def _place(
         self, q_start: Vector, grasp: Grasp, shape: Solid, X_WO_goal: RigidTransform
     ) -> dict[AnyMode, Trajectory]:
-        """Return the motions of `plan_place`, or raise `NoPathError`."""
+        """Return the motions of `plan_place`."""
         moves = self._moves
         goal = place_target(grasp, X_WO_goal, self.config.place_height)
         above = goal.shifted(self.config.lift_height * _UP)
@@ -249,7 +251,7 @@ class TaskPlanner:
     def _escape(
         self, q: Vector, fingers: Mapping[str, float]
     ) -> tuple[Trajectory, Trajectory]:
-        """Return the motions of `plan_escape`, or raise `NoPathError`."""
+        """Return the motions of `plan_escape`."""
         moves = self._moves
         self.scene.SetFingers(fingers)
         path = plan_cartesian_path(self.scene, q, moves.behind(q))
@@ -266,11 +268,7 @@ class TaskPlanner:
         X_WO_goal: RigidTransform,
         candidate: Candidate,
     ) -> dict[AnyMode, Trajectory]:
-        """Return all motions from `q_start` (N,) [rad] to home, with one grasp.
-
-        Raises:
-            NoPathError: If a motion does not exist.
-        """
+        """Return all motions from `q_start` (N,) [rad] to home, with one grasp."""
         scene, grasp, X_WO = self.scene, candidate.grasp, candidate.X_WO
         moves, q_grasp = self._moves, candidate.q_grasp
         scene.SetFingers(grasp.fingers_open)
@@ -285,11 +283,7 @@ class TaskPlanner:
     def _after_grasp(
         self, shape: Solid, X_WO_goal: RigidTransform, candidate: Candidate
     ) -> dict[AnyMode, Trajectory]:
-        """Return the motions that follow a grasp, from lifting to home.
-
-        Raises:
-            NoPathError: If a motion does not exist.
-        """
+        """Return the motions that follow a grasp, from lifting to home."""
         scene, grasp, moves = self.scene, candidate.grasp, self._moves
         motions: dict[AnyMode, Trajectory] = {}
         with carrying(scene, shape, grasp):

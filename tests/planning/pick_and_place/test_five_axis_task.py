@@ -19,7 +19,7 @@ from drake_srg.scenario import load_scenario
 from drake_srg.station import MakeTaskPlanner
 from drake_srg.station.planners import goal_pose
 from drake_srg.types import Cylinder, Failure, Mode
-from planning.pick_and_place.kitchen_task import assert_joined, ends
+from planning.pick_and_place.kitchen_task import assert_joined, ends, samples
 from planning.planning_world import MOVING
 
 pytestmark = pytest.mark.slow
@@ -83,11 +83,6 @@ def posed(request, tasks):
     task = tasks[request.param]
     assert not isinstance(task, PlanningFailure), task.message
     return POSES[request.param], task
-
-
-def samples(trajectory, count=25):
-    times = np.linspace(0.0, trajectory.end_time(), count)
-    return [trajectory.value(t)[:, 0] for t in times]
 
 
 def axis_angle(X_WO, axis_W):
