@@ -258,12 +258,7 @@ class CarryTaskPlanner(TaskPlanner):
     ) -> TaskMotions:
         """Return the motions with the cheapest feasible pair of grasps.
 
-        Args:
-            q_start: Positions of both arms, at rest, shape (2N,) [rad].
-            X_WO: The object's pose [m].
-            shape: The object's shape, with end walls.
-            X_WO_goal: Goal of the object [m]; see `aligned`.
-            tried: Names of grasps that failed.
+        The object must have end walls; for its goal, see `aligned`.
         """
         taken = self.planners[0]._overlap(shape, X_WO_goal)
         if taken is not None:
@@ -273,15 +268,15 @@ class CarryTaskPlanner(TaskPlanner):
         assert walls is not None, "whoever makes the planner checks it"
         bases = [arm.scene.p_WA for arm in self.pair.arms]
         ends = [X_WO @ wall.X_OE.translation() for wall in walls]
-        swapped = sum(_apart(bases, ends)) > sum(_apart(bases, ends[::-1]))
+        swapped = _apart(bases, ends) > _apart(bases, ends[::-1])
         firmness = _FIRMER if tried else 1.0
         choices = [
             self._grips(i, wall, X_WO, shape, firmness)
             for i, wall in enumerate(walls[::-1] if swapped else walls)
         ]
         failures: list[PlanningFailure] = []
-        pairs = sorted(itertools.product(*choices), key=_cost)
-        for first, second in pairs:
+        pairs = itertools.product(*choices)
+        for first, second in sorted(pairs, key=lambda p: p[0].cost + p[1].cost):
             held = (first.X_GO, second.X_GO)
             grasp = PairGrasp(**vars(first.grasp), X_GOs=held)
             q_pick = np.concatenate([first.q, second.q])
@@ -457,12 +452,10 @@ class _Grip:
     cost: float
 
 
-def _cost(grips: Sequence[_Grip]) -> float:
-    return sum(grip.cost for grip in grips)
-
-
-def _apart(points: Sequence[Vector], others: Sequence[Vector]) -> list[float]:
-    return [float(np.linalg.norm(p - q)) for p, q in zip(points, others, strict=True)]
+def _apart(points: Sequence[Vector], others: Sequence[Vector]) -> float:
+    return sum(
+        float(np.linalg.norm(p - q)) for p, q in zip(points, others, strict=True)
+    )
 
 
 def raised(X: RigidTransform, height: float) -> RigidTransform:

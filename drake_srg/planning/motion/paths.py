@@ -9,7 +9,6 @@ import numpy as np
 from numpy.random import Generator, default_rng
 from pydrake.common.eigen_geometry import AngleAxis
 from pydrake.math import RotationMatrix
-from pydrake.multibody.tree import JacobianWrtVariable
 
 from drake_srg.common.geometry import cross
 from drake_srg.planning.motion.inverse_kinematics import (
@@ -72,18 +71,13 @@ def _linearize(
     scene: PlanningScene, target: HandTarget, q: Vector
 ) -> tuple[Vector, Vector]:
     """Return the errors, shape (m,) [m, rad], and their Jacobian, shape (m, N)."""
-    X_WG = scene.X_WG(q)
-    world = scene.plant.world_frame()
-    J_W = scene.plant.CalcJacobianSpatialVelocity(
-        scene.context, JacobianWrtVariable.kQDot, scene.hand_frame, target.p_GT,
-        world, world,
-    )[:, scene.arm_indices]  # fmt: skip
+    X_WG, J_W = scene.X_WG(q), scene.jacobian(q, target.p_GT)
     errors = [target.p_WT - X_WG @ target.p_GT]
-    rows = [J_W[3:]]
+    rows = [J_W[:3]]
     if target.R_WG is not None:
         turn = (target.R_WG @ X_WG.rotation().inverse()).ToAngleAxis()
         errors.append(turn.angle() * turn.axis())
-        rows.append(J_W[:3])
+        rows.append(J_W[3:])
     for axis in target.axes:
         axis_W = X_WG.rotation() @ axis.axis_G
         normal = cross(axis_W, axis.direction_W)
@@ -94,10 +88,10 @@ def _linearize(
             # circle.
             errors.append(beyond * normal / max(sine, 1e-12))
             across = np.eye(3) - np.outer(axis.direction_W, axis.direction_W)
-            rows.append(across @ J_W[:3])
+            rows.append(across @ J_W[3:])
         elif beyond > 0.0 and sine > 0.0:
             errors.append(np.array([beyond]))
-            rows.append(normal[np.newaxis] / sine @ J_W[:3])
+            rows.append(normal[np.newaxis] / sine @ J_W[3:])
     return np.concatenate(errors), np.concatenate(rows)
 
 

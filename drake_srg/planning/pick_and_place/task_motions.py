@@ -86,9 +86,7 @@ class TaskPlanner:
         self.q_home = np.asarray(q_home, dtype=float)
         self.config = config
         self._moves = Moves(scene, hand.p_GT, config)
-        self._search = GraspSearch(
-            scene, hand, self.q_home, place_height=config.place_height
-        )
+        self._search = GraspSearch(scene, hand, self.q_home, config.place_height)
 
     def X_WG(self, q: Vector) -> RigidTransform:
         """Return the pose of the hand that holds the object, with the arm at `q`."""

@@ -1,7 +1,6 @@
 """The motions of a handover: who reaches what, and that the arms keep clear."""
 
 import copy
-import itertools
 
 import numpy as np
 import pytest
@@ -14,6 +13,7 @@ from drake_srg.planning.motion.trajectories import motion_samples
 from drake_srg.scenario import load_scenario, robot_arms
 from drake_srg.station.planners import MakeHandoverPlanner, MakeTaskPlanner, goal_pose
 from drake_srg.types import Cylinder, Failure, Mode
+from planning.pick_and_place.kitchen_task import assert_fails, assert_joined, ends
 from planning.planning_world import MOVING
 
 BOTTLE = Cylinder(0.025, 0.21)
@@ -70,8 +70,7 @@ def test_only_the_giver_reaches_the_object_and_only_the_receiver_the_goal(
         reached = alone.plan(alone.q_home, there, BOTTLE, near[arm.name])
         assert not isinstance(reached, PlanningFailure), (arm.name, reached.message)
         failed = alone.plan(alone.q_home, elsewhere, BOTTLE, near[arm.name])
-        assert isinstance(failed, PlanningFailure)
-        assert failed.failure is Failure.OUT_OF_REACH
+        assert_fails(failed, Failure.OUT_OF_REACH)
 
 
 def test_motions_keep_clear_of_the_other_arm_where_that_is(planner, plan):
@@ -109,13 +108,10 @@ def test_motions_follow_one_another_without_a_jump(planner, plan):
     taking = [receiver[m] for m in (HandoverMode.APPROACH, HandoverMode.REACH)]
     carrying = [receiver[m] for m in MOVING[2:]]
     pull = receiver[HandoverMode.PULL]
-    for row in (order, [*taking, pull], [*taking, *carrying]):
-        for first, second in itertools.pairwise(row):
-            end = first.value(first.end_time())
-            np.testing.assert_allclose(end, second.value(0.0), atol=1e-6)
-    for row, home in ((order, planner.q_home), (carrying, planner.receiver.q_home)):
-        end = row[-1].value(row[-1].end_time())[:, 0]
-        np.testing.assert_allclose(end, home, atol=1e-6)
+    assert_joined(planner.q_home, order)
+    home = planner.receiver.q_home
+    assert_joined(home, [*taking, *carrying])
+    assert_joined(home, [*taking, pull], ends(pull)[1])
 
 
 def test_the_pull_is_straight_down_and_slow(planner, plan):
@@ -140,16 +136,14 @@ def test_hands_take_different_ends(planner, plan):
 def test_what_the_giver_does_not_reach_is_told_at_once(planner, goal):
     far = RigidTransform([1.1, -0.5, 0.105])
     failed = planner.plan(planner.q_home, far, BOTTLE, goal)
-    assert isinstance(failed, PlanningFailure)
-    assert failed.failure is Failure.OUT_OF_REACH
+    assert_fails(failed, Failure.OUT_OF_REACH)
     assert failed.message.startswith("pick")
 
 
 def test_what_the_receiver_does_not_reach_is_told(planner):
     far = RigidTransform([0.0, 0.6, 0.105])
     failed = planner.plan(planner.q_home, START, BOTTLE, far)
-    assert isinstance(failed, PlanningFailure)
-    assert failed.failure is Failure.OUT_OF_REACH
+    assert_fails(failed, Failure.OUT_OF_REACH)
 
 
 @pytest.mark.parametrize("force", [0.0, 3.0, 8.0])

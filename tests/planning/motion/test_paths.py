@@ -21,8 +21,8 @@ from drake_srg.planning.motion.paths import (
     rrt_connect,
     shortcut_path,
 )
-from drake_srg.planning.motion.planning_scene import PlanningFailure
 from drake_srg.types import Failure, Sphere
+from planning.pick_and_place.kitchen_task import assert_fails
 
 unit = st.floats(-1.0, 1.0)
 
@@ -173,18 +173,13 @@ def test_the_path_around_a_wall_is_free_and_repeatable(iiwa, sides, seed):
 def test_a_blocked_goal_is_named(iiwa, sides):
     with iiwa.standing(Sphere(0.1), iiwa.X_WG(sides[1])):
         failure = plan_joint_path(iiwa, *sides)
-    assert isinstance(failure, PlanningFailure)
-    assert failure.message.startswith("the goal is not free")
-    assert "obstacle" in failure.message
-    assert failure.failure is Failure.BLOCKED
+    assert_fails(failure, Failure.BLOCKED, "the goal is not free", "obstacle")
 
 
 @pytest.mark.usefixtures("wall")
 def test_a_failed_search_names_what_is_on_the_straight_line(iiwa, sides):
     failure = plan_joint_path(iiwa, *sides, max_iterations=0)
-    assert isinstance(failure, PlanningFailure)
-    assert "no path in 0 iterations" in failure.message
-    assert "obstacle" in failure.message
+    assert_fails(failure, Failure.BLOCKED, "no path in 0 iterations", "obstacle")
 
 
 def test_the_hand_goes_straight_and_turns_evenly(iiwa, sides):
@@ -230,16 +225,11 @@ def moved(iiwa, sides):
 
 
 def test_a_line_into_the_table_is_blocked(moved):
-    failure = moved(0, 0, -0.25)
-    assert isinstance(failure, PlanningFailure)
-    assert "table" in failure.message
-    assert "along the line" in failure.message
+    assert_fails(moved(0, 0, -0.25), Failure.BLOCKED, "table", "along the line")
 
 
 def test_a_line_out_of_reach_fails_as_out_of_reach(moved):
-    failure = moved(0.6, 0, 0)
-    assert isinstance(failure, PlanningFailure)
-    assert failure.failure is Failure.OUT_OF_REACH
+    assert_fails(moved(0.6, 0, 0), Failure.OUT_OF_REACH)
 
 
 def test_a_target_where_the_hand_is_gives_a_path(moved, sides):
