@@ -84,7 +84,13 @@ class KnowsTask(TaskMode):
 
 
 class Inserting(KnowsTask, Carrying, abc.ABC):
-    """A mode whose set-point follows the motion of the tip."""
+    """A mode whose set-point follows the motion of the tip.
+
+    Attributes:
+        haste: Largest speed of the set-point over `Insert.tip_speed`.
+    """
+
+    haste: ClassVar[float] = 1.0
 
     def enter(self, memory: PlannerMemory, entry: Entry) -> PlannerMemory:
         """Begin at the current commands."""
@@ -107,7 +113,8 @@ class Inserting(KnowsTask, Carrying, abc.ABC):
         X_GT = pose_along(p_GT, up_G)
         tip.X_TG, tip.X_WT = X_GT.inverse(), X_WG @ X_GT
         pinch = X_WG.rotation().matrix()[:, 1]  # the palm's y
-        tip.along = _unit(pinch - pinch[2] * _UP)
+        level = pinch - pinch[2] * _UP
+        tip.along = level / np.linalg.norm(level)
         rim = task.X_WO_goal.translation().copy()
         rim[2] += task.config.depth - 0.5 * task.peg.height
         tip.X_WU = RigidTransform(_upright(tip.X_WT.rotation()), rim)
@@ -134,14 +141,10 @@ class Inserting(KnowsTask, Carrying, abc.ABC):
             tip.progress, tip.progress_at = progress, now.time
         R_WT = self.rotation(tip, now.time, share)
         p, target = tip.X_WT.translation(), self.pull_to(tip, now.time)
-        p = p + limited(target - p, self.speed * config.period)
+        speed = self.haste * config.tip_speed
+        p = p + limited(target - p, speed * config.period)
         self._command(memory, tip, RigidTransform(R_WT, p), now.time)
         return memory
-
-    @property
-    def speed(self) -> float:
-        """Largest speed of the set-point [m/s]."""
-        return self.task.config.tip_speed
 
     def _command(
         self, memory: PlannerMemory, tip: Insertion, X_WT: RigidTransform, time: float
@@ -230,11 +233,7 @@ class Tilt(Inserting):
     """Tilts the peg over the hole, one edge of it lower and inside the rim."""
 
     mode = InsertMode.TILT
-
-    @property
-    def speed(self) -> float:
-        """Largest speed of the set-point [m/s]: nothing is in its way."""
-        return 3.0 * self.task.config.tip_speed
+    haste = 3.0  # nothing is in its way
 
     def turn_to(self, tip: Insertion) -> float:
         """Return the tilt to which the set-point turns [rad]."""
@@ -450,7 +449,7 @@ class Press(Inserting):
         late = time - tip.pressed_at > _PRESSING
         if not (slips or late or self.stalled(tip, time)):
             return Observation()
-        if not late and depth >= config.depth - config.depth_tolerance:
+        if not late and self._deep(tip):
             tip.seated = True
             return Observation(arrived=True, at_goal=True)
         why = Failure.TOO_TIGHT if depth < _SHALLOW else Failure.HOLE_BLOCKED
@@ -463,11 +462,7 @@ class Withdraw(Inserting):
     """Draws the peg out, to try again from the other side or to give up."""
 
     mode = InsertMode.WITHDRAW
-
-    @property
-    def speed(self) -> float:
-        """Largest speed of the set-point [m/s]."""
-        return 3.0 * self.task.config.tip_speed
+    haste = 3.0
 
     def enter(self, memory: PlannerMemory, entry: Entry) -> PlannerMemory:
         """Count the try, and change sides for the next one."""
@@ -554,10 +549,6 @@ def _centred(q: Vector) -> Vector:
     if len(q) % 2:
         return q
     return np.repeat(0.5 * (q[0::2] + q[1::2]), 2)
-
-
-def _unit(vector: Vector) -> Vector:
-    return np.asarray(vector / np.linalg.norm(vector))
 
 
 def _upright(R_WT: RotationMatrix) -> RotationMatrix:

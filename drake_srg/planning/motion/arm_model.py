@@ -232,7 +232,9 @@ class ArmModel:
         change = 0.5 * turns.sum(axis=1) * (turns @ self.levers)
         return np.asarray(self._chain.speeds(path).max(axis=0) + change)
 
-    def jacobian(self, q: Vector, p_GT: Sequence[float] = (0.0, 0.0, 0.0)) -> Vector:
+    def jacobian(
+        self, q: Vector, p_GT: Vector | tuple[float, ...] = (0.0, 0.0, 0.0)
+    ) -> Vector:
         """Return the matrix from joint velocities to [v; w] in W, shape (6, N).
 
         Args:

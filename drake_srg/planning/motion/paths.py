@@ -132,13 +132,10 @@ class _Tree:
 
 
 def rrt_connect(
+    scene: PlanningScene,
     q_start: Vector,
     q_goal: Vector,
     *,
-    lower: Vector,
-    upper: Vector,
-    weights: Vector,
-    is_edge_free: EdgeTest,
     step: float,
     max_iterations: int,
     rng: Generator,
@@ -150,22 +147,20 @@ def rrt_connect(
     within the limits.
 
     Args:
-        q_start: First waypoint, shape (N,).
-        q_goal: Last waypoint, shape (N,).
-        lower: Lower limits, shape (N,).
-        upper: Upper limits, shape (N,).
-        weights: Weights of the coordinates in the metric, shape (N,).
-        is_edge_free: Returns whether a straight line is free.
-        step: Longest edge of a tree, in the metric.
+        scene: The arm, and what to keep clear of.
+        q_start: First waypoint, shape (N,) [rad].
+        q_goal: Last waypoint, shape (N,) [rad].
+        step: Longest edge of a tree [m]: joints count with their levers.
         max_iterations: Largest number of samples.
         rng: Source of the samples.
 
     Returns:
-        The waypoints, shape (K, N), or None after `max_iterations` samples.
+        The waypoints, shape (K, N) [rad], or None after `max_iterations` samples.
     """
+    lower, upper, is_edge_free = scene.lower, scene.upper, scene.is_edge_free
     near_lower = np.maximum(lower, np.minimum(q_start, q_goal) - 1.0)
     near_upper = np.minimum(upper, np.maximum(q_start, q_goal) + 1.0)
-    first, second = _Tree(q_start, weights), _Tree(q_goal, weights)
+    first, second = (_Tree(root, scene.levers) for root in (q_start, q_goal))
     for iteration in range(max_iterations):
         sample = (
             rng.uniform(lower, upper)
@@ -247,12 +242,9 @@ def plan_joint_path(
         return np.array([q_start, q_goal])
     rng = default_rng(seed)
     path = rrt_connect(
+        scene,
         q_start,
         q_goal,
-        lower=scene.lower,
-        upper=scene.upper,
-        weights=scene.levers,
-        is_edge_free=scene.is_edge_free,
         step=0.5,  # m of motion; a few steps lead around any obstacle
         max_iterations=max_iterations,
         rng=rng,

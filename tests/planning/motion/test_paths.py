@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import itertools
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -89,17 +90,11 @@ def barrier(gap: float):
 
 
 def search(gap: float, seed: int) -> np.ndarray | None:
-    return rrt_connect(
-        START,
-        GOAL,
-        lower=LOWER,
-        upper=UPPER,
-        weights=np.ones(2),
-        is_edge_free=barrier(gap),
-        step=0.3,
-        max_iterations=500,
-        rng=np.random.default_rng(seed),
+    scene = SimpleNamespace(
+        lower=LOWER, upper=UPPER, levers=np.ones(2), is_edge_free=barrier(gap)
     )
+    rng = np.random.default_rng(seed)
+    return rrt_connect(scene, START, GOAL, step=0.3, max_iterations=500, rng=rng)
 
 
 @pytest.mark.parametrize("seed", range(10))
