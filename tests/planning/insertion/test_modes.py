@@ -97,13 +97,9 @@ def enter(mode, memory, q):
 
 
 def run(mode, memory, tip_at, duration):
-    """Update a mode while the tip is somewhere; return the memory and what it observes.
+    """Update a mode while the tip is at a place; return its memory and observation.
 
-    Args:
-        mode: The mode.
-        memory: Its memory.
-        tip_at: Place of the tip, shape (3,), or a function of the memory [m].
-        duration: For so long [s].
+    The place [m] may be a function of the memory.
     """
     where = tip_at if callable(tip_at) else lambda memory: tip_at
     memory = enter(mode, memory, joints(where(memory)))

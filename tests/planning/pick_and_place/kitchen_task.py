@@ -20,13 +20,7 @@ def samples(trajectory, count=40):
 
 
 def assert_joined(q_start, motions, q_end=None):
-    """Assert that each motion begins where the last one ends, from one end to another.
-
-    Args:
-        q_start: Posture at the beginning [rad].
-        motions: The motions in their order.
-        q_end: Posture at the end [rad]; None: that at the beginning.
-    """
+    """Assert that each motion begins where the last one ends, by default in a round."""
     q = q_start
     for motion in motions:
         start, end = ends(motion)

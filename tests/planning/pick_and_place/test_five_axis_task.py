@@ -14,6 +14,7 @@ from drake_srg.planning.motion.inverse_kinematics import (
 )
 from drake_srg.planning.motion.paths import follow
 from drake_srg.planning.motion.planning_scene import PlanningFailure
+from drake_srg.planning.pick_and_place.sightings import lean
 from drake_srg.scenario import load_scenario
 from drake_srg.station import MakeTaskPlanner
 from drake_srg.station.planners import goal_pose
@@ -91,8 +92,7 @@ def posed(request, tasks):
 
 def axis_angle(X_WO, axis_W):
     """Return the angle between an object's axis and a line [rad]."""
-    z = X_WO.rotation().matrix()[:, 2]
-    return np.arctan2(np.linalg.norm(np.cross(z, axis_W)), abs(z @ axis_W))
+    return lean(X_WO.rotation().matrix()[:, 2], axis_W)
 
 
 def test_each_motion_begins_where_the_last_one_ends(planner, posed):
