@@ -21,9 +21,9 @@ from drake_srg.robot.serve.ros1.tcpros import (
     Endpoint,
     MessageType,
     Publication,
-    SubscriberConnection,
     Subscription,
     Timing,
+    serve_subscriber,
 )
 from drake_srg.robot.serve.ros1.xmlrpc import XmlRpcError, call, serve
 from drake_srg.robot.serve.sockets import IoThread, own_address
@@ -91,7 +91,7 @@ class Ros1Bridge(RosBridge):
         self._master = master or os.environ.get("ROS_MASTER_URI") or _DEFAULT_MASTER
         _check_uri(self._master)
         self._registered = self._closed = False
-        self._connections: set[SubscriberConnection] = set()
+        self._subscribers: set[asyncio.StreamWriter] = set()
         self._servers: list[asyncio.Server] = []
         self._tasks: list[asyncio.Task[None]] = []
         host = own_address(host)
@@ -183,9 +183,8 @@ class Ros1Bridge(RosBridge):
                 not [s, real].
         """
         slave, tcpros = self._listeners
-        loop = asyncio.get_running_loop()
         self._servers.append(await serve(slave, self._api.answer, self._refuse))
-        self._servers.append(await loop.create_server(self._connect, sock=tcpros))
+        self._servers.append(await asyncio.start_server(self._connect, sock=tcpros))
         tried = asyncio.Event()
         self._tasks.append(asyncio.create_task(self._stay_registered(tried)))
         with contextlib.suppress(asyncio.TimeoutError):
@@ -204,8 +203,8 @@ class Ros1Bridge(RosBridge):
             server.close()
         for listener in self._listeners:
             listener.close()
-        for connection in list(self._connections):
-            connection.abort()
+        for writer in self._subscribers:
+            writer.transport.abort()
         timeout = self._ours.timing.goodbye
         goodbyes = [
             self._call(f"unregister{kind}", topic, self._uri, timeout=timeout)
@@ -258,8 +257,12 @@ class Ros1Bridge(RosBridge):
         """Call a method of the master."""
         return await call(self._master, method, self._ours.name, *arguments, **options)
 
-    def _connect(self) -> SubscriberConnection:
-        return SubscriberConnection(self._ours, self._publications, self._connections)
+    async def _connect(
+        self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter
+    ) -> None:
+        self._subscribers.add(writer)
+        await serve_subscriber(self._ours, self._publications, reader, writer)
+        self._subscribers.discard(writer)
 
     def _refuse(self, reason: str) -> None:
         self._ours.warnings.warn("ROS 1 request", f"ROS 1: refused a request: {reason}")
@@ -338,14 +341,13 @@ class SlaveApi:
     def get_bus_info(self, caller: str) -> list[Any]:
         """Return the connected peers."""
         info = [
-            [c.info.id, c.info.peer, "o", "TCPROS", topic, True, "TCPROS connection"]
-            for topic, publication in self._publications.items()
-            for c in publication.connections
-        ]
-        info += [
-            [c.id, c.peer, "i", "TCPROS", topic, True, "TCPROS connection"]
-            for topic, subscription in self._subscriptions.items()
-            for c in subscription.connections
+            [c.id, c.peer, direction, "TCPROS", topic, True, "TCPROS connection"]
+            for direction, topics in (
+                ("o", self._publications),
+                ("i", self._subscriptions),
+            )
+            for topic, which in topics.items()
+            for c in which.connections
         ]
         return [1, "bus info", info]
 
