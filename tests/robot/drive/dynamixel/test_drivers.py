@@ -16,7 +16,6 @@ from drake_srg.robot.drive.dynamixel.drivers import (
     DynamixelArm,
     DynamixelConfig,
     DynamixelGripper,
-    GroupConfig,
     ServoGroup,
 )
 from drake_srg.robot.drive.link import Robot
@@ -206,8 +205,9 @@ class Joints:
         self.protocol = protocol
         warnings = Warnings(self.told.append)
         self.cycles = BusCycle(self.open, warnings)
-        config = GroupConfig(ids=[1, 2, 3], effort=0.8, resume_within=resume_within)
-        self.group = ServoGroup(config, self.reports.append, warnings)
+        self.group = ServoGroup(
+            [1, 2, 3], self.reports.append, warnings, 0.8, resume_within
+        )
         self.cycles.add(self.group)
 
     def open(self):
@@ -335,8 +335,7 @@ class Served:
         self.told, self.reports = [], []
         warnings = Warnings(self.told.append)
         self.thread = BusThread(self.open, 0.001, warnings)
-        config = GroupConfig(ids=[1, 2])
-        self.group = ServoGroup(config, self.reports.append, warnings)
+        self.group = ServoGroup([1, 2], self.reports.append, warnings)
         stack.callback(self.thread.remove, self.group)
 
     def open(self):
