@@ -153,7 +153,7 @@ class TwinMonitor(LeafSystem):
         torques = ("torque_measured", "external_felt", "external_expected")
         sizes = {
             f"{model}_{name}": 2 * n
-            for model, n in (joints | fingers).items()
+            for model, n in {**joints, **fingers}.items()
             for name in states
         }
         sizes |= {f"{arm}_{name}": n for arm, n in joints.items() for name in torques}

@@ -249,7 +249,7 @@ class DynamixelConfig(Config, HardwareDriver):
             ScenarioError: If the port is invalid, or another part has other settings.
             OSError: If the bus cannot be opened.
         """
-        known, bus = robot.shared.get(self._key, (self._settings, None))
+        known, bus = robot.shared.get(self.port, (self._settings, None))
         if known != self._settings:
             raise ScenarioError(
                 f"hardware: {self.port}: arm and gripper need the same baud, protocol, "
@@ -257,7 +257,7 @@ class DynamixelConfig(Config, HardwareDriver):
             )
         if bus is None or bus.closed:
             try:
-                bus = self.make_bus(robot)
+                bus = BusThread(self._open, self.period, robot.warnings)
             except ValueError as error:
                 raise ScenarioError(f"hardware: {error}") from None
             self.share(robot, bus)
@@ -265,24 +265,11 @@ class DynamixelConfig(Config, HardwareDriver):
 
     def share(self, robot: Robot, bus: BusCycle) -> None:
         """Have `bus_of` return an open bus."""
-        robot.shared[self._key] = self._settings, bus
-
-    @property
-    def _key(self) -> tuple[str, str]:
-        return "dynamixel", self.port
+        robot.shared[self.port] = self._settings, bus
 
     @property
     def _settings(self) -> tuple[float, ...]:
         return (self.baud, self.protocol, self.period, self.timeout, self.retries)
-
-    def make_bus(self, robot: Robot) -> BusCycle:
-        """Return what talks to the bus in a thread of its own.
-
-        Raises:
-            ValueError: If the port is invalid.
-            OSError: If the bus cannot be opened.
-        """
-        return BusThread(self._open, self.period, robot.warnings)
 
     def _open(self) -> ServoBus:
         line = open_line(self.port, self.baud)
