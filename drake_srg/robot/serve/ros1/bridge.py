@@ -22,7 +22,6 @@ from drake_srg.robot.serve.ros1.tcpros import (
     MessageType,
     Publication,
     Subscription,
-    Timing,
     serve_subscriber,
 )
 from drake_srg.robot.serve.ros1.xmlrpc import XmlRpcError, call, serve
@@ -32,6 +31,9 @@ _DEFAULT_MASTER = "http://localhost:11311"
 # How long the constructor waits for the first attempt to register [s, real]. With a
 # roscore that takes some ms; then the first status is right.
 _REGISTRATION_TIMEOUT = 1.0
+# Time between checks that the master still knows the node, and for all goodbyes to it
+# together [s, real].
+_POLL, _GOODBYE = 1.0, 0.5
 
 
 class Ros1Bridge(RosBridge):
@@ -52,7 +54,6 @@ class Ros1Bridge(RosBridge):
             $ROS_HOSTNAME are ignored, so that settings for other nodes do not open this
             one to the network.
         name: The node's name. The master shuts down an older node of the same name.
-        timing: Waiting times; None takes the defaults.
 
     Raises:
         ValueError: If `master` or `host` is invalid.
@@ -67,7 +68,6 @@ class Ros1Bridge(RosBridge):
         master: str | None = None,
         host: str = "127.0.0.1",
         name: str = "/drake_srg",
-        timing: Timing | None = None,
     ):
         super().__init__(get_typestore(Stores.ROS1_NOETIC), inbox)
         # ROS 1 has no services of ROS 2.
@@ -77,7 +77,7 @@ class Ros1Bridge(RosBridge):
             topic.name: Publication(topic.name, self._type(topic.type))
             for topic in topics
         }
-        self._ours = ours = Endpoint(name, inbox.warnings, timing or Timing())
+        self._ours = ours = Endpoint(name, inbox.warnings)
         self._subscriptions = {
             topic.name: Subscription(
                 ours,
@@ -205,9 +205,8 @@ class Ros1Bridge(RosBridge):
             listener.close()
         for writer in self._subscribers:
             writer.transport.abort()
-        timeout = self._ours.timing.goodbye
         goodbyes = [
-            self._call(f"unregister{kind}", topic, self._uri, timeout=timeout)
+            self._call(f"unregister{kind}", topic, self._uri, timeout=_GOODBYE)
             for kind, topics in (
                 ("Publisher", self._publications),
                 ("Subscriber", self._subscriptions),
@@ -238,7 +237,7 @@ class Ros1Bridge(RosBridge):
                     "ROS 1 master", f"ROS 1: roscore: {error}; waiting for it"
                 )
             tried.set()
-            await asyncio.sleep(self._ours.timing.poll)
+            await asyncio.sleep(_POLL)
 
     async def _register(self) -> None:
         for topic, publication in self._publications.items():

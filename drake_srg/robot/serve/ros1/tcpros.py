@@ -28,6 +28,10 @@ FRAME_LIMIT = 2**20
 ANY = "*"
 # Messages queued for a slow subscriber before the oldest is lost: ROS 2's default.
 _QUEUE = 10
+# Time for a peer to send its connection header [s, real].
+_HANDSHAKE = 5.0
+# Time before a publisher is tried again [s, real]; it doubles after each failure.
+_RETRY, _LONGEST_RETRY = 0.5, 4.0
 
 _LENGTH = struct.Struct("<I")
 _ids = itertools.count(1)
@@ -114,36 +118,15 @@ def decode_header(content: bytes) -> dict[str, str]:
 
 
 @dc.dataclass(frozen=True)
-class Timing:
-    """Waiting times of a ROS 1 node [s, real].
-
-    Attributes:
-        poll: Between checks that the master still knows the node.
-        retry: Before a publisher is tried again; doubles after each failure.
-        retry_max: Upper limit of `retry`.
-        handshake: For a peer to send its connection header.
-        goodbye: For all goodbyes to the master together.
-    """
-
-    poll: float = 1.0
-    retry: float = 0.5
-    retry_max: float = 4.0
-    handshake: float = 5.0
-    goodbye: float = 0.5
-
-
-@dc.dataclass(frozen=True)
 class Endpoint:
     """Our side of every connection.
 
     Attributes:
         name: The node's name, such as "/drake_srg".
-        timing: Waiting times.
     """
 
     name: str
     warnings: Warnings
-    timing: Timing
 
 
 class Subscriber(Connection):
@@ -201,7 +184,7 @@ async def serve_subscriber(
     The header names one of the publications.
     """
     try:
-        async with asyncio.timeout(ours.timing.handshake):
+        async with asyncio.timeout(_HANDSHAKE):
             header = decode_header(await anext(frames(reader)))
         subscriber, publication = _accepted(header, publications)
         type = publication.type
@@ -323,8 +306,7 @@ class Subscription:
 
     async def _follow(self, uri: str, publisher: _Publisher) -> None:
         """Receive from a publisher while it is listed or sends."""
-        timing = self._ours.timing
-        retry, worked = timing.retry, False
+        retry, worked = _RETRY, False
         while uri in self._listed:
             try:
                 await self._read(uri, publisher)
@@ -339,7 +321,7 @@ class Subscription:
             except Exception as error:  # only close() and the master may end this loop
                 self._warn("fault", f"{uri}: {error!r}; connection closed")
             worked, publisher.connection = publisher.connection is not None, None
-            retry = timing.retry if worked else min(2.0 * retry, timing.retry_max)
+            retry = _RETRY if worked else min(2.0 * retry, _LONGEST_RETRY)
             await asyncio.sleep(retry)
         self._publishers.pop(uri, None)
 

@@ -1,6 +1,5 @@
 import asyncio
 import contextlib
-import dataclasses as dc
 import socket
 import struct
 import time
@@ -10,6 +9,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from drake_srg.robot.serve.ros1 import tcpros
 from drake_srg.robot.serve.ros1.tcpros import (
     FRAME_LIMIT,
     TcprosError,
@@ -142,10 +142,9 @@ def test_an_unsuitable_subscriber_is_refused_with_a_reason(
 @pytest.mark.slow
 @pytest.mark.parametrize("garbage", [b"GET / HTTP/1.1\r\n\r\n", b"\xff" * 8, b"\x08"])
 def test_garbage_instead_of_a_header_ends_its_connection_only(
-    new_bridge, timing, master, garbage
+    bridge, master, garbage, monkeypatch
 ):
-    new_bridge(master=master.uri, timing=dc.replace(timing, handshake=0.5))
-    assert wait_until(lambda: len(master.registered) == 6)
+    monkeypatch.setattr(tcpros, "_HANDSHAKE", 0.5)
     address = peers.tcpros_address(master.node, "/clock")
     with socket.create_connection(address, timeout=20.0) as connection:
         connection.sendall(garbage)
