@@ -46,8 +46,8 @@ class Bench:
         arm = DynamixelArm(**{"protocol": protocol} | (arm or {}))
         gripper = DynamixelGripper(**{"protocol": protocol} | GRIPPER | (gripper or {}))
         self.line, self.protocol, self.told = EmulatedLine(protocol), protocol, []
-        ends, warnings = np.full(3, 3.0), Warnings(self.told.append)
-        robot = Robot(SCENARIO, JOINTS, (-ends, ends), warnings, None)
+        warnings = Warnings(self.told.append)
+        robot = Robot(SCENARIO, JOINTS, warnings, None)
         self.bus = BusCycle(self.open, warnings)
         arm.share(robot, self.bus)
         self.arm, self.gripper = arm.connect(robot), gripper.connect(robot)
@@ -184,7 +184,7 @@ def test_bad_settings_are_told(arm, gripper, words):
 
 
 def test_a_bad_port_is_told():
-    robot = Robot(SCENARIO, JOINTS, (None, None), Warnings(print), None)
+    robot = Robot(SCENARIO, JOINTS, Warnings(print), None)
     with pytest.raises(ScenarioError, match="port: must be tcp:HOST:PORT or a device"):
         DynamixelArm(port="COM3").connect(robot)
 
