@@ -29,6 +29,20 @@ from robot.serve.dynamixel.fake_station import (
     master_of,
 )
 
+
+@pytest.fixture
+def station():
+    with FakeStation("tcp:0") as station:
+        yield station
+
+
+@pytest.fixture
+def line(station):
+    """A function that opens a new connection."""
+    with contextlib.ExitStack() as stack:
+        yield lambda: stack.enter_context(connect(station.bridge))
+
+
 # Where it listens.
 
 
