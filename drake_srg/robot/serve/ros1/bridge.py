@@ -260,8 +260,10 @@ class Ros1Bridge(RosBridge):
         self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter
     ) -> None:
         self._subscribers.add(writer)
-        await serve_subscriber(self._ours, self._publications, reader, writer)
-        self._subscribers.discard(writer)
+        try:
+            await serve_subscriber(self._ours, self._publications, reader, writer)
+        finally:
+            self._subscribers.discard(writer)
 
     def _refuse(self, reason: str) -> None:
         self._ours.warnings.warn("ROS 1 request", f"ROS 1: refused a request: {reason}")
