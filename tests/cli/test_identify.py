@@ -33,11 +33,11 @@ def quick(monkeypatch):
             )
         }
         stop = predict_stops([row], 2811.0, MOTOR, made["press"].values)[0]
-        error = fits.Error(row.label, "stop", "counts", 2834.0, stop, 6.0)
+        error = fits.Error(row.label, "stop", "counts", 2834.0, stop, stop, 6.0)
         errors = [
             error,
-            fits.Error(row.label, "current", "mA", 273.0, 270.0, 27.0),
-            fits.Error("heating 15 %", "heating", "s", 335.0, 330.0, 33.5),
+            fits.Error(row.label, "current", "mA", 273.0, 270.0, 260.0, 27.0),
+            fits.Error("heating 15 %", "heating", "s", 335.0, 330.0, 300.0, 33.5),
         ]
         return fits.Identification(MOTOR, 2811.0, made, errors)
 

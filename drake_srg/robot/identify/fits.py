@@ -250,10 +250,12 @@ _MOTOR = (
 
 @dc.dataclass(frozen=True)
 class Error:
-    """A measurement and what the fit makes of it.
+    """A measurement and its prediction.
 
     Attributes:
         quantity: `current`, `stop` or `heating`.
+        fitted: Prediction by the fit to all rows.
+        predicted: Prediction by the fit to the other half of the rows.
         allowed: Deviation that agrees with the measurement.
     """
 
@@ -262,6 +264,7 @@ class Error:
     unit: str
     measured: float
     fitted: float
+    predicted: float
     allowed: float
 
 
@@ -282,12 +285,60 @@ class Identification:
 
 
 def identify(rows: Sequence[LogRow]) -> Identification:
-    """Fit the parameters to all rows."""
-    pressing = [row for row in rows if row.test != "heating"]
-    heating = [row for row in rows if row.test == "heating"]
-    load = np.array([row.load for row in pressing]) / FULL_LOAD
+    """Fit all rows, then each half of them to predict the other.
+
+    The halves are every second row of each test.
+    """
+    motor, zero, fits = _fit(rows)
+    whole = _predict(rows, motor, zero, fits)
+    halves: list[list[LogRow]] = [[], []]
+    for test in ("position", "torque", "heating"):
+        for i, row in enumerate(r for r in rows if r.test == test):
+            halves[i % 2].append(row)
+    other: dict[tuple[str, int], float] = {}
+    for fitted, left in (halves, halves[::-1]):
+        half = _fit(fitted, motor.most)
+        predicted = _predict(left, half[0], zero, half[2])
+        other.update({(q, id(row)): v for q, row, v in predicted})
+    errors = [
+        Error(
+            row.label,
+            quantity,
+            _QUANTITIES[quantity][1],
+            measured := getattr(row, _QUANTITIES[quantity][0]),
+            value,
+            other[quantity, id(row)],
+            6.0 if quantity == "stop" else 0.1 * measured,
+        )
+        for quantity, row, value in whole
+    ]
+    return Identification(motor, zero, fits, errors)
+
+
+# Column of a row and unit, by quantity.
+_QUANTITIES = {
+    "current": ("current_ma", "mA"),
+    "stop": ("stop_counts", "counts"),
+    "heating": ("seconds", "s"),
+}
+
+
+def _pressing(rows: Sequence[LogRow]) -> list[LogRow]:
+    return [row for row in rows if row.test != "heating"]
+
+
+def _heating(rows: Sequence[LogRow]) -> list[LogRow]:
+    return [row for row in rows if row.test == "heating"]
+
+
+def _fit(
+    rows: Sequence[LogRow], most: float | None = None
+) -> tuple[Motor, float, dict[str, Fit]]:
+    pressing, heating = _pressing(rows), _heating(rows)
+    if most is None:
+        most = max(row.load for row in pressing) / FULL_LOAD
     fits = {"motor": fit(_MOTOR, lambda values: _current_errors(pressing, values))}
-    motor = Motor(**fits["motor"].values, most=float(load.max()))
+    motor = Motor(**fits["motor"].values, most=most)
     zero = calibrated_zero(rows)
     stops = np.array([row.stop_counts for row in pressing])
     fits["press"] = fit(
@@ -300,20 +351,7 @@ def identify(rows: Sequence[LogRow]) -> Identification:
         HEAT_PARAMETERS,
         lambda v: np.log(predict_seconds(heating, motor, v) / seconds) / HEATING_SHARE,
     )
-    current = 1e3 * motor.current(load)
-    stopped = predict_stops(pressing, zero, motor, fits["press"].values)
-    warmed = predict_seconds(heating, motor, fits["heat"].values)
-    errors = []
-    for quantity, column, unit, part, values in (
-        ("current", "current_ma", "mA", pressing, current),
-        ("stop", "stop_counts", "counts", pressing, stopped),
-        ("heating", "seconds", "s", heating, warmed),
-    ):
-        for row, value in zip(part, values.tolist(), strict=True):
-            measured = getattr(row, column)
-            allowed = 6.0 if quantity == "stop" else 0.1 * measured
-            errors.append(Error(row.label, quantity, unit, measured, value, allowed))
-    return Identification(motor, zero, fits, errors)
+    return motor, zero, fits
 
 
 def _current_errors(rows: Sequence[LogRow], values: dict[str, Vector]) -> Vector:
@@ -322,3 +360,28 @@ def _current_errors(rows: Sequence[LogRow], values: dict[str, Vector]) -> Vector
     current = np.array([row.current_ma for row in rows]) / 1e3
     result: Vector = (motor.current(load) / current - 1.0) / CURRENT_SHARE
     return result
+
+
+def _predict(
+    rows: Sequence[LogRow], motor: Motor, zero: float, fits: dict[str, Fit]
+) -> list[tuple[str, LogRow, float]]:
+    pressing, heating = _pressing(rows), _heating(rows)
+    load = np.array([row.load for row in pressing]) / FULL_LOAD
+    parts = (
+        ("current", pressing, 1e3 * motor.current(load)),
+        (
+            "stop",
+            pressing,
+            predict_stops(pressing, zero, motor, fits["press"].values),
+        ),
+        (
+            "heating",
+            heating,
+            predict_seconds(heating, motor, fits["heat"].values),
+        ),
+    )
+    return [
+        (quantity, row, float(value))
+        for quantity, part, values in parts
+        for row, value in zip(part, values, strict=True)
+    ]

@@ -36,28 +36,48 @@ def report(result: Identification) -> Iterator[str]:
     if tied:
         yield from ("", "Tied to each other (correlation):", *tied)
     yield ""
-    yield f"{'test':16} {'quantity':9} {'measured':>9} {'fitted':>9}"
+    yield f"{'test':16} {'quantity':9} {'measured':>9} {'fitted':>9} {'predicted':>9}"
     for error in result.errors:
-        fits = abs(error.fitted - error.measured) <= error.allowed
+        flags = [
+            "" if abs(value - error.measured) <= error.allowed else word
+            for value, word in (
+                (error.fitted, "misfit"),
+                (error.predicted, "mispredicted"),
+            )
+        ]
         yield (
             f"{error.label:16} {error.quantity:9} {error.measured:9.4g} "
-            f"{error.fitted:9.4g} {error.unit}{'' if fits else ' misfit'}"
-        )
+            f"{error.fitted:9.4g} {error.predicted:9.4g} {error.unit} "
+            f"{' '.join(filter(None, flags))}"
+        ).rstrip()
+    yield "(predicted: by a fit to the other half of the rows)"
     yield ""
     for quantity in ("current", "stop", "heating"):
+        fitted, predicted = spread(result, quantity)
         unit = "counts" if quantity == "stop" else "%"
-        off = spread(result, quantity)
-        yield f"{quantity}: off by {off:.1f} {unit}, root mean square"
+        yield (
+            f"{quantity}: off by {fitted:.1f} {unit} (fitted), {predicted:.1f} {unit} "
+            "(predicted), root mean square"
+        )
     yield ""
     yield from _UNTELLABLE
 
 
-def spread(result: Identification, quantity: str) -> float:
-    """Return the RMS error of a quantity's fit: in counts for stops, else percent."""
+def spread(result: Identification, quantity: str) -> tuple[float, float]:
+    """Return the RMS error, fitted and predicted: in counts for stops, else percent."""
     errors = [error for error in result.errors if error.quantity == quantity]
-    measured, fitted = np.array([(e.measured, e.fitted) for e in errors]).T
-    off = fitted - measured if quantity == "stop" else 100.0 * (fitted / measured - 1.0)
-    return float(np.sqrt(np.mean(off**2)))
+    scale = np.array(
+        [1.0 if quantity == "stop" else e.measured / 100.0 for e in errors]
+    )
+    measured = np.array([error.measured for error in errors])
+    fitted, predicted = (
+        float(np.sqrt(np.mean(((np.array(values) - measured) / scale) ** 2)))
+        for values in (
+            [error.fitted for error in errors],
+            [error.predicted for error in errors],
+        )
+    )
+    return fitted, predicted
 
 
 def _correlations(result: Identification) -> Iterator[str]:
