@@ -73,7 +73,7 @@ experiments: .venv/ready  ## rerun experiments, compare them with docs (ONLY="a 
 bench-guard: .venv/ready  ## fail if a run is 15 % slower, over its bare plant, than committed
 	$(BIN)/python -m experiments all --only overhead
 
-# Every extra but the large ones, `learn`, `lerobot` and `rerun`.
+# Every extra but the large ones, `learn` and `lerobot`.
 LOCKED := dev docs import models ray ros2 sweep
 
 # Keeps what is pinned; `make lock UPGRADE="-P drake"` moves a package, `-U` all of them.
