@@ -38,7 +38,7 @@ test-lerobot:  ## run the tests of the extra `lerobot`, in an environment of its
 	test -x .venv-lerobot/bin/python || $(LEROBOT_PYTHON) -m venv .venv-lerobot
 	.venv-lerobot/bin/python -m pip install --quiet --disable-pip-version-check \
 		--editable ".[lerobot]" examples/lerobot hypothesis pytest
-	.venv-lerobot/bin/python -m pytest -m lerobot tests/suite tests/learning/envs tests/sweeps/dataset
+	.venv-lerobot/bin/python -m pytest -m lerobot tests/suite tests/sweeps/dataset
 	.venv-lerobot/bin/python -m pytest tests/suite/test_env.py tests/planning/motion/test_time_parameterization.py
 
 golden: .venv/ready  ## compare all scenarios' bytes with the committed ones (QUICK=1, ONLY="a b", ACCEPT=1)
