@@ -10,7 +10,6 @@ from experiments.runner.claims import at_least as at_least
 from experiments.runner.claims import at_most as at_most
 from experiments.runner.claims import counts as counts
 from experiments.runner.claims import number as number
-from experiments.runner.claims import quantiles as quantiles
 from experiments.runner.claims import share as share
 from experiments.runner.claims import wilson as wilson
 from experiments.runner.claims import within as within

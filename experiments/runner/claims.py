@@ -290,13 +290,3 @@ def counts(words: Iterable[str], unit: str, least: float) -> Values:
         f"{word} [{unit}]": (n, number(spread=least + 0.3 * n))
         for word, n in Counter(words).items()
     }
-
-
-def quantiles(what: str, unit: str, values: Vector) -> Values:
-    """Return median and 5 to 95 % quantiles; nothing without values."""
-    shares = {"median": 0.5, "5 % quantile": 0.05, "95 % quantile": 0.95}
-    return {
-        f"{what}, {word} [{unit}]": float(np.quantile(values, share))
-        for word, share in shares.items()
-        if len(values)
-    }

@@ -54,9 +54,10 @@ def sources_of(module: str, root: Path = ROOT) -> list[Path]:
         if any(f"{path.stem}_".startswith(f"{name}_") for name in _WORD.findall(named))
     }
     for path in list(read):
-        while base := _BASE.search(path.read_text(encoding="utf-8")):
-            path = scenarios / f"{base[1]}.yaml"
-            read.add(path)
+        chain = [path]
+        while base := _BASE.search(chain[-1].read_text(encoding="utf-8")):
+            chain.append(scenarios / f"{base[1]}.yaml")
+        read |= set(chain)
     data = {*(root / "experiments/data").rglob("*.*"), *(root / "models").rglob("*.*")}
     pages = ("claims.yaml", "figures.md", "readme.md")  # which only pages read
     data = {p for p in data if p.is_file() and p.name not in pages}
