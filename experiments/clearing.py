@@ -87,7 +87,6 @@ def table_trial(scene: str, seed: int) -> ex.Measures:
         "picks_delivered": metrics["picks_delivered"] or 0,
         "fit": len(own),
         "fit_cleared": sum(bool(t["cleared"]) for t in own),
-        "beyond": sum(not near for near in reached.values()),
         "rate": metrics["picks_per_hour"] or None,
         "false": max(counts["picks_held"] - counts["objects_cleared"], 0),
         "failures": [str(t["outcome"]) for t in things.values() if not t["cleared"]],
@@ -108,9 +107,7 @@ def summary(place: str) -> Callable[[ex.Trials], ex.Values]:
             k, n, least = sum(own[some]), sum(own[every]), asked.get(own.name)
             bound = ex.at_least(least) if least else None
             found |= ex.share(what, k, n, bound, spread=0.15)
-        beyond, picks, rates = sum(own["beyond"]), sum(own["picks"]), own.known("rate")
-        found["lay out of reach [objects]"] = (beyond, ex.number(spread=3.0))
-        found["picks []"] = (picks, ex.number(spread=3.0 + 0.3 * picks))
+        rates = own.known("rate")
         if len(rates):
             found["picks held per hour, median [1/h]"] = float(np.median(rates))
         failures = (reason for t in own for reason in t["failures"])

@@ -1,7 +1,8 @@
 """How accurately the five-axis cell's camera locates its standing or lying cylinder.
 
-The scenario's ceiling camera and localizer locate the cylinder in many poses. Then the cameras of both varied scenarios look at scenes with
-other lights, noise, clutter and occlusion. Only images are simulated, no motion.
+The scenario's ceiling camera and localizer locate the cylinder in many poses. Then the
+cameras of both varied scenarios look at scenes with other lights, noise, clutter and
+occlusion. Only images are simulated, no motion.
 
 `thesis_localizer` compares the rule of the five-axis arm's thesis, which does not know
 the shape: it takes the middle of a blob and the depth of one pixel plus 10 mm. Both
