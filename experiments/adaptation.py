@@ -93,7 +93,6 @@ def better(trials: ex.Trials) -> dict[str, ex.Values]:
 
 
 adaptation = ex.Experiment(
-    "Adaptive or preprogrammed: what looking is worth to the five-axis arm.",
     cases,
     trial,
     summary=shares,

@@ -132,7 +132,6 @@ def whole(trials: ex.Trials) -> dict[str, ex.Values]:
 
 
 before_modification = ex.Experiment(
-    "What mended the five-axis arm after its beginning: fingertips or tip frame.",
     cases,
     trial,
     whole=whole,

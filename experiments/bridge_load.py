@@ -170,7 +170,6 @@ PERIOD = 1e3 * control_period(load_scenario(SCENARIO))  # ms
 # all but 1 % of the delays.
 SLACK = 5.0
 bridge_load = ex.Experiment(
-    "Pace and delays of a served station under 1 kHz of commands, by ROS 1 and ROS 2.",
     cases,
     trial,
     {

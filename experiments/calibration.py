@@ -232,7 +232,6 @@ def _quality(errors: Vector, share: float) -> ex.Values:
 
 
 calibration = ex.Experiment(
-    "How accurately cameras are calibrated, fixed and in the hand, and what for.",
     lambda: ex.grid(camera=CELLS),
     trial,
     whole=whole,

@@ -132,27 +132,27 @@ def _shares(place: str) -> list[ex.Bars]:
 
 
 clearing = ex.Experiment(
-    "A table cleared into a bin: spread objects, poured heaps, noisy depth.",
     _cases(("spread", "spread, noise", "heap, noise"), trials=32, seed=10000),
     table_trial,
     {"picks held per hour, median": {"heap, noise": ex.at_least(500.0)}},
     by=("scene",),
     summary=summary("in the bin"),
     picture=_shares("in the bin"),
+    description="A table cleared into a bin: spread objects, heaps, noisy depth.",
 )
 clearing_conditions = ex.Experiment(
-    "A table cleared on the accurate physics, by wires, and with everything varied.",
     _cases(("accurate", "accurate, wires", "varied"), trials=8, seed=10100),
     table_trial,
     by=("scene",),
     summary=summary("in the bin"),
     picture=_shares("in the bin"),
+    description="A table cleared on accurate physics, by wires, and varied.",
 )
 sorting = ex.Experiment(
-    "Objects sorted by colour and by name into two bins, and set upright in a row.",
     _cases(list(SCENES)[-5:], trials=5, seed=10300),
     table_trial,
     by=("scene",),
     summary=summary("where they belong"),
     picture=_shares("where they belong"),
+    description="Objects sorted into two bins, and set upright in a row.",
 )

@@ -215,7 +215,6 @@ def whole(trials: ex.Trials) -> dict[str, ex.Values]:
 
 
 compliance = ex.Experiment(
-    "Placing into a recess by a stiff and by a compliant arm, with errors of the goal.",
     cases,
     trial,
     by=("driver", "seed"),

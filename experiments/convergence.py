@@ -80,7 +80,6 @@ def differences(trials: ex.Trials) -> dict[str, ex.Values]:
 
 
 convergence = ex.Experiment(
-    "A wrapped and a pinched can, with halved time steps and refined meshes.",
     lambda: ex.grid(grip=GRIPS, variant=VARIANTS),
     trial,
     {"variants that hold the can": lambda own: ex.at_least(len(own))},

@@ -150,7 +150,6 @@ def summary(own: ex.Trials) -> ex.Values:
 
 
 digital_twin = ex.Experiment(
-    "A twin beside simulated robots, healthy and faulty: when it reports a difference.",
     cases,
     trial,
     summary=summary,

@@ -86,7 +86,6 @@ def agreement(trials: ex.Trials) -> dict[str, ex.Values]:
 
 
 engines = ex.Experiment(
-    "One gripper and 23 household grasps in Drake and MuJoCo.",
     cases,
     trial,
     {

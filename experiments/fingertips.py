@@ -136,7 +136,6 @@ def no_slip(trials: ex.Trials) -> dict[str, ex.Values]:
 
 
 fingertips = ex.Experiment(
-    "Flat and curved fingertips that grasp a cylinder off its middle, carried fast.",
     cases,
     trial,
     {

@@ -74,7 +74,6 @@ def no_more(own: ex.Trials) -> ex.Bound:
 
 NONE = {"none": ex.within(0.0, absolute=1.0)}
 friction = ex.Experiment(
-    "Friction of gears and wires, on and off: back-driving, hysteresis and creep.",
     lambda: ex.grid(friction=("none", *WITH)),
     trial,
     {

@@ -239,7 +239,6 @@ def whole(trials: ex.Trials) -> dict[str, ex.Values]:
 
 
 grasp_anything = ex.Experiment(
-    "Household objects in random poses, grasped from above by the depth image alone.",
     cases,
     trial,
     by=("object", "seed"),

@@ -92,7 +92,6 @@ def whole(trials: ex.Trials) -> dict[str, ex.Values]:
 
 
 grasp_rewards = ex.Experiment(
-    "Rewards for learning to grasp: which learns fastest, and whose policy holds on.",
     cases,
     trial,
     by=("reward",),

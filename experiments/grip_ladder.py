@@ -86,7 +86,6 @@ def ladder(trials: ex.Trials) -> dict[str, str]:
 
 
 grip_ladder = ex.Experiment(
-    "From a command to a grip: counts, wire, current, wire force, pad force, payload.",
     cases,
     trial,
     picture=[

@@ -248,7 +248,6 @@ def summary(own: ex.Trials) -> ex.Values:
 
 
 hardware_loop = ex.Experiment(
-    "Pick and place through wires: our planner on one side, our served cell beyond.",
     cases,
     trial,
     {

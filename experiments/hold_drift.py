@@ -88,7 +88,6 @@ def creep(
 
 
 hold_drift = ex.Experiment(
-    "Creep of a held can and box, by step, approximation and stiction tolerance.",
     lambda: ex.grid(thing=("can", "box"), setting=SETTINGS),
     lambda thing, setting: {
         f"creep over {HOLD:g} s [um/s]": creep(thing, *SETTINGS[setting], _FIRM)

@@ -47,7 +47,6 @@ def slip(own: ex.Trials) -> ex.Bound:
 
 
 household = ex.Experiment(
-    "Household objects grasped from above and the side, lifted and shaken at 1 g.",
     cases,
     trial,
     {

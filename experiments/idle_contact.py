@@ -41,7 +41,6 @@ def trial(driver: str, hand: str, step: str) -> ex.Measures:
 
 
 idle_contact = ex.Experiment(
-    "Whether fingers that press on each other chatter when closed on nothing.",
     lambda: ex.grid(driver=DRIVERS, hand=HANDS, step=STEPS),
     trial,
     {

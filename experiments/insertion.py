@@ -30,7 +30,6 @@ def told_trial(failure: str) -> ex.Measures:
 
 
 insertion_told = ex.Experiment(
-    "What is no hole for the peg is told by name, with no more force than allowed.",
     lambda: ex.grid(failure=HOLES),
     told_trial,
     {

@@ -105,16 +105,16 @@ def summary(own: ex.Trials) -> ex.Values:
 
 PICTURE: list[Any] = [ex.Bars(["placed"]), ex.Histogram("distance from the goal [mm]")]
 known_shapes = ex.Experiment(
-    "Known boxes, balls and lying cans, picked and placed by the planner of `kitchen`.",
     shape_cases,
     trial,
     summary=summary,
     picture=PICTURE,
+    description="Known boxes, balls and lying cans, placed by the kitchen's planner.",
 )
 known_models = ex.Experiment(
-    "Known objects of any form, picked by the planner of `kitchen`, set down again.",
     model_cases,
     trial,
     summary=summary,
     picture=PICTURE,
+    description="Known objects of any form, placed by the kitchen's planner.",
 )

@@ -124,7 +124,6 @@ def whole(trials: ex.Trials) -> dict[str, ex.Values]:
 
 
 learned_policies = ex.Experiment(
-    "Policies that learn in minutes: where they hold, and what uncertainty costs.",
     cases,
     trial,
     summary=lambda own: {},

@@ -119,7 +119,6 @@ def compared(trials: ex.Trials) -> dict[str, ex.Values]:
 
 
 learning_benchmark = ex.Experiment(
-    "How fast environments for learning simulate and reset, and what memory they keep.",
     cases,
     trial,
     {

@@ -158,7 +158,6 @@ def of_scenes(own: ex.Trials, most: float) -> ex.Values:
 
 
 localization = ex.Experiment(
-    "How accurately the five-axis cell's camera locates its standing, lying cylinder.",
     cases,
     trial,
     summary=summary,
@@ -242,7 +241,6 @@ def judge_rules(trials: ex.Trials) -> dict[str, ex.Values]:
 
 
 thesis_localizer = ex.Experiment(
-    "The five-axis arm's thesis's localizer and ours, on the same images.",
     thesis_cases,
     thesis_trial,
     by=("camera", "side"),
@@ -251,4 +249,5 @@ thesis_localizer = ex.Experiment(
         ex.Points("x", f"{rule}, in the plane", where={"camera": OURS})
         for rule in (THESIS_RULE, OUR_RULE)
     ],
+    description="The five-axis arm's thesis's localizer and ours, on the same images.",
 )

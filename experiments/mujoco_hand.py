@@ -188,7 +188,6 @@ def _close_on_can() -> ex.Measures:
 
 
 mujoco_hand = ex.Experiment(
-    "The exported hand in MuJoCo: payload, and closing on nothing and on a can.",
     cases,
     trial,
     {

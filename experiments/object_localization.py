@@ -123,7 +123,6 @@ def whole(trials: ex.Trials) -> dict[str, ex.Values]:
 
 
 object_localization = ex.Experiment(
-    "How accurately the kitchen's camera locates household objects, with their yaw.",
     cases,
     trial,
     {

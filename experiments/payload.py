@@ -206,14 +206,14 @@ COMMON: dict[str, Any] = {
     ],
 }
 payload_wrap = ex.Experiment(
-    "5 kg wrapped by the fingers, palm down and to the side, and the largest mass.",
     preset={"grip": "wrap", "mass": 5.0, "wire_force": 200.0},
     **COMMON,
+    description="5 kg wrapped by the fingers, and the largest mass.",
 )
 payload_pinch = ex.Experiment(
-    "2.5 kg between the pads, palm down and to the side, and the largest mass.",
     preset={"grip": "pinch", "mass": 2.5, "wire_force": 125.0},
     **COMMON,
+    description="2.5 kg between the pads, and the largest mass.",
 )
 
 MODELS = {"data sheet": "gripper_bench", "specimen": "srg_specimen"}
@@ -241,9 +241,9 @@ def specimen_trial(name: str, model: str, way: str) -> ex.Measures:
 
 
 specimen = ex.Experiment(
-    "What an identified gripper holds, beside that of the data sheets.",
     specimen_cases,
     specimen_trial,
     {f"{mass:g} kg held for": VENDORS for mass in MASSES.values()},
     picture=[ex.Bars(["slip while the load comes on"]), ex.Bars(["creep while held"])],
+    description="What an identified gripper holds, beside that of the data sheets.",
 )

@@ -216,7 +216,6 @@ def summary(own: ex.Trials) -> ex.Values:
 
 
 resting = ex.Experiment(
-    "How household objects that are dropped on a table come to rest.",
     cases,
     trial,
     {

@@ -294,7 +294,6 @@ def summary(own: ex.Trials) -> ex.Values:
 
 
 servo_bus = ex.Experiment(
-    "The five-axis arm's task by our planner over a bus of emulated servos.",
     cases,
     trial,
     dict.fromkeys(

@@ -375,7 +375,6 @@ def whole(trials: ex.Trials) -> dict[str, ex.Values]:
 
 
 servo_laws = ex.Experiment(
-    "Responses of the servo laws: ours and both readings of the thesis's equation 2.3.",
     lambda: ex.grid(law=LAWS, motion=MOTIONS),
     trial,
     {"largest PWM of all motions": ex.at_most(1.0)},

@@ -116,7 +116,6 @@ def whole(trials: ex.Trials) -> dict[str, ex.Values]:
 
 
 singles = ex.Experiment(
-    "One thing at a time cleared into a bin: household objects, shapes and new meshes.",
     cases,
     trial,
     {

@@ -161,7 +161,6 @@ def outcomes(trials: ex.Trials) -> dict[str, ex.Values]:
 
 
 sleeping = ex.Experiment(
-    "Whether resting objects that sleep save time, and change no outcome.",
     cases,
     trial,
     {
@@ -222,11 +221,11 @@ def task_outcomes(trials: ex.Trials) -> dict[str, ex.Values]:
 
 
 sleeping_tasks = ex.Experiment(
-    "Whether objects that sleep change how a task ends.",
     task_cases,
     task_trial,
     summary=lambda own: {f"successes [of {len(own)}]": (np.sum(own["success"]), SOME)},
     whole=task_outcomes,
     picture=[ex.Bars(["successes"]), ex.Histogram("seconds")],
     serial=True,
+    description="Whether objects that sleep change how a task ends.",
 )

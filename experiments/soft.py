@@ -188,7 +188,6 @@ def elasticity(trials: ex.Trials) -> dict[str, ex.Values]:
 
 
 soft = ex.Experiment(
-    "A finite-element sponge, grasped, lifted and held gently and strongly.",
     cases,
     trial,
     {

@@ -112,12 +112,12 @@ def path_rows(trials: ex.Trials) -> dict[str, ex.Values]:
 
 
 time_parameterization = ex.Experiment(
-    "Motions of the kitchen's arm by toppra and by Drake: durations and speed.",
     lambda: [{"paths": 60}],
     path_trial,
     whole=path_rows,
     picture=[ex.Points("Drake: duration [s]", "toppra: duration [s]", equal=True)],
     serial=True,
+    description="Motions of the kitchen's arm by toppra and by Drake.",
 )
 
 _NO_VIDEO, _NO_IMAGES = "recording.video_camera=''", "recording.bag_cameras=[]"
@@ -168,7 +168,6 @@ def recording_trial(scenario: str) -> ex.Measures:
 
 VARIES = ex.number(spread=lambda cost: 0.2 * cost)  # costs that vary by a tenth
 recording_cost = ex.Experiment(
-    "Cost of recording a trial of a sweep, part by part, over an unrecorded one.",
     lambda: ex.grid(scenario=("kitchen_varied", "assistive_arm_varied")),
     recording_trial,
     {
@@ -180,6 +179,7 @@ recording_cost = ex.Experiment(
     },
     picture=[ex.Bars([part]) for part in ("numbers alone", "everything")],
     serial=True,
+    description="Cost of recording a trial of a sweep, part by part.",
 )
 
 _MEMORY = 600.0  # greatest memory of a worker [MB]
@@ -232,12 +232,12 @@ def sweep_rows(trials: ex.Trials) -> dict[str, ex.Values]:
 
 
 sweep_throughput = ex.Experiment(
-    "Sweeps with one worker and with two: trials per second and memory of 200 trials.",
     lambda: ex.grid(jobs=(1, 2)),
     sweep_trial,
     whole=sweep_rows,
     picture=[ex.Curves("trial", "memory of a worker [MB]", limit=_MEMORY)],
     serial=True,
+    description="Sweeps with one worker and with two: speed and memory.",
 )
 
 
@@ -260,7 +260,6 @@ def overhead_trial(scenario: str) -> ex.Measures:
 
 
 overhead = ex.Experiment(
-    "Wall-clock time of a run over that of its bare plant, and of a loop in Python.",
     lambda: ex.grid(scenario=("kitchen", "kitchen_fast")),
     overhead_trial,
     dict.fromkeys(
@@ -268,4 +267,5 @@ overhead = ex.Experiment(
         ex.number(spread=lambda ratio: 0.15 * ratio),
     ),
     serial=True,
+    description="Time of a run over that of its bare plant, and of a loop in Python.",
 )

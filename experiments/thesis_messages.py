@@ -112,7 +112,6 @@ def _send(name: str, overrides: Sequence[str], make_bridge: MakeBridge) -> None:
 
 
 thesis_messages = ex.Experiment(
-    "The SRG thesis's demonstration, commanded by messages over ROS 1 and ROS 2.",
     cases,
     trial,
     {

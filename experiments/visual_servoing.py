@@ -208,7 +208,6 @@ def summary(own: ex.Trials) -> ex.Values:
 
 
 visual_servoing = ex.Experiment(
-    "Grasping by looking once, looking twice and visual servoing: motion, calibration.",
     cases,
     trial,
     {

@@ -14,16 +14,14 @@ from scipy.stats import binomtest
 
 from drake_srg.types import Vector
 
-# What the machine's speed does to a value: nothing, or it grows with a slower machine
-# (a time), or it shrinks (a rate, such as a real-time factor).
+# Values in real time, which a slower machine changes: times, and rates.
 Clock = Literal["", "time", "rate"]
 # Values of a trial by the name of an axis of the grid, such as scene and seed.
 Case: TypeAlias = dict[str, Any]
 # What a trial returns: numbers, text, None, arrays, images; lists, mappings of them.
 Measures: TypeAlias = dict[str, Any]
 
-# Default spreads as shares: of a value or its criterion, and of a wall-clock value.
-_SHARE, _CLOCK_SHARE = 0.1, 0.5
+_SHARE = 0.1  # default spread, of a value or its criterion
 # Units suit the values, so that a millionth of one is round-off [any unit].
 _ROUND_OFF = 1e-6
 _OWN = "own"  # a source: we ask for it
@@ -137,7 +135,7 @@ def row(
 
     By default, the spread is a tenth of the value or of its limit, whichever is larger,
     because a change far below a limit means nothing. For `within`, it is at most the
-    allowed deviation; for a wall-clock value, at least half of the value.
+    allowed deviation.
     """
     value, bound = float(measured), bound or Bound()
     spread = bound.spread(value) if callable(bound.spread) else bound.spread
@@ -147,8 +145,6 @@ def row(
         if bound.deviation is not None:
             kept = bound.size != 0.0
             spread = min(bound.deviation, spread) if kept else bound.deviation
-        if bound.clock and math.isfinite(value):
-            spread = max(spread, _CLOCK_SHARE * abs(value))
     passed = math.isfinite(value) and bool(bound.low <= value <= bound.high)
     return Row(
         *(name, quantity, bound.text, value, unit, passed),

@@ -10,11 +10,9 @@ import importlib
 import io
 import json
 import math
-import multiprocessing as mp
 import os
-import signal
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from concurrent.futures import ProcessPoolExecutor, as_completed
+from concurrent.futures import as_completed
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
@@ -27,6 +25,7 @@ from drake_srg.common.status_line import StatusLine
 from drake_srg.recording.output import OutputFile, output_folder
 from drake_srg.recording.timeline import make_figure, save_png
 from drake_srg.simulation.simulate import keep_first_replay
+from drake_srg.sweeps.engines import JoblibEngine
 from experiments import find_experiments
 from experiments.runner.claims import Case, Row, Trials
 from experiments.runner.experiment import Experiment
@@ -44,7 +43,7 @@ def find_experiment(name: str) -> Experiment:
         raise ScenarioError(f"unknown experiment {name!r} {suggest(name, found)}")
     experiment = getattr(importlib.import_module(found[name].module), name)
     assert isinstance(experiment, Experiment)
-    return experiment
+    return dc.replace(experiment, description=found[name].description)
 
 
 def describe(name: str) -> str:
@@ -159,23 +158,13 @@ def _run_trials(
         for i, case in enumerate(cases):
             yield case, _run_trial(name, case, None if i else replays)
         return
-    context = mp.get_context("spawn")
-    # Ctrl-C reaches everybody: we end the workers, which say nothing.
-    ignore = (signal.SIGINT, signal.SIG_IGN)
-    pool = ProcessPoolExecutor(workers, context, signal.signal, ignore)
-    try:
+    with JoblibEngine(workers) as engine:
         futures = {
-            pool.submit(_run_trial, name, case, None if i else replays): case
+            engine.submit(_run_trial, name, case, None if i else replays): case
             for i, case in enumerate(cases)
         }
         for future in as_completed(futures):
             yield futures[future], future.result()
-    except BaseException:
-        for child in mp.active_children():  # a signal may have reached us alone
-            child.terminate()
-        raise
-    finally:
-        pool.shutdown(cancel_futures=True)
 
 
 def _run_trial(name: str, case: Case, replays: Path | None) -> Any:
