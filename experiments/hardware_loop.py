@@ -156,9 +156,7 @@ def run_served(way: Way, seed: int, rate: float) -> ex.Measures:
         finally:
             station.stop()
         answer = json.loads(done.stdout)
-        found = _judge(way, scenario, answer, served, ran)
-    took, simulated = answer.get("wall_time_s") or 0.0, answer.get("sim_time_s") or 0.0
-    return found | {"held_up": took * rate - simulated}
+        return _judge(way, scenario, answer, served, ran)
 
 
 def _judge(
@@ -235,7 +233,6 @@ def summary(own: ex.Trials) -> ex.Values:
         f"placed, of {n} []": (len(placed), None if faulty else ex.at_least(n)),
         "claimed, but not placed []": sum(missed["claimed"]),
         "neither placed nor told why []": sum(not t["told"] for t in missed),
-        "loop held up, median of the sums [s]": np.median(own["held_up"]),
     }
     if not faulty:
         inside = max(own["inside"])
@@ -253,7 +250,6 @@ hardware_loop = ex.Experiment(
     {
         "claimed, but not placed": ex.at_most(0),
         "neither placed nor told why": ex.at_most(0),
-        "loop held up, median of the sums": ex.number(clock="time"),
     },
     by=("way",),
     summary=summary,

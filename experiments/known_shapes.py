@@ -68,11 +68,8 @@ MODELS = {
 CASES = {**{name: (*_THING, *own) for name, own in SHAPES.items()}, **MODELS}
 
 
-def shape_cases(
-    trials: int = 40, seed: int = 940_000, cases: Sequence[str] = ()
-) -> list[ex.Case]:
-    seeds = range(seed, seed + trials)
-    return ex.grid(case=ex.chosen("cases", cases, SHAPES), seed=seeds)
+def shape_cases(trials: int = 40, seed: int = 940_000) -> list[ex.Case]:
+    return ex.grid(case=SHAPES, seed=range(seed, seed + trials))
 
 
 def model_cases(trials: int = 6, seed: int = 945_000) -> list[ex.Case]:

@@ -8,7 +8,6 @@ object's turn is hardly visible, such as a handle underneath.
 
 import colorsys
 import dataclasses as dc
-from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -32,11 +31,6 @@ MOST_OFF, MOST_TURN = 1.0, 1.0
 _GREY, _BLACK = 0.15, 0.2
 # Places where all of an object is in the image [m].
 _REGION = np.array([[0.45, -0.15], [0.7, 0.25]])
-
-
-def cases(objects: Sequence[str] = ()) -> list[ex.Case]:
-    """Locate household objects in many poses."""
-    return ex.grid(object=objects or HOUSEHOLD, way=POSES)
 
 
 def trial(object: str, way: str) -> ex.Measures:
@@ -123,7 +117,7 @@ def whole(trials: ex.Trials) -> dict[str, ex.Values]:
 
 
 object_localization = ex.Experiment(
-    cases,
+    lambda: ex.grid(object=HOUSEHOLD, way=POSES),
     trial,
     {
         "median error of the centre": ex.at_most(MOST_OFF),

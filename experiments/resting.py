@@ -5,7 +5,6 @@ it in one setting.
 """
 
 import dataclasses as dc
-from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -71,13 +70,12 @@ SETTINGS = {
 COMPARED = ("005_tomato_soup_can", "056_tennis_ball", "mug", "wrench")
 
 
-def cases(objects: Sequence[str] = ()) -> list[ex.Case]:
-    things = household_objects()
+def cases() -> list[ex.Case]:
     resting = [
         (name, pose)
-        for name in ex.chosen("objects", objects, things)
+        for name, thing in household_objects().items()
         for pose in POSES
-        if tipping_angle(name, things[name], pose) > BALANCING
+        if tipping_angle(name, thing, pose) > BALANCING
     ]
     return [
         {"settings": settings, "object": name, "pose": pose, "height": height}

@@ -30,9 +30,7 @@ _PARAMETERS = {
     "trials": "Trials of each case.",
     "seeds": "Trials of each case, a seed each.",
     "seed": "Of the first trial.",
-    "objects": "Names of the objects; all by default.",
     "cases": "Names of the cases; all by default.",
-    "engines": "Names of the engines; all by default.",
 }
 # Draws on an empty figure.
 Drawing: TypeAlias = Callable[[Any, Trials, Sequence[Row]], None]

@@ -4,12 +4,10 @@ from __future__ import annotations
 
 import base64
 import contextlib
-import csv
 import dataclasses as dc
 import importlib
 import io
 import json
-import math
 import os
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import as_completed
@@ -103,7 +101,7 @@ def run_experiment(
 
     Args:
         name: Name of the experiment.
-        out: Folder for result.json, trials.csv, NAME.png and, where the experiment runs
+        out: Folder for result.json, NAME.png and, where the experiment runs
             a cell, replay.html of its first run; None writes nothing.
         overrides: Parameters of the experiment, `KEY=VALUE` each, the value YAML.
         quick: Whether to run only one case for each value of the first axis.
@@ -254,12 +252,11 @@ def _write(
     out: Path,
     replays: Path,
 ) -> list[Path]:
-    """Write result.json, trials.csv, files and NAME.png: all of them or none.
+    """Write result.json, files and NAME.png: all of them or none.
 
     Equal results give equal bytes.
     """
     texts = {RESULT: json.dumps([r.as_dict() for r in rows], indent=2) + "\n"}
-    texts["trials.csv"] = _csv(trials)
     texts |= experiment.files(trials) if experiment.files else {}
     figure = make_figure(8.0, 4.0)
     experiment.draw(figure, trials, rows)
@@ -274,24 +271,3 @@ def _write(
     if (replays / REPLAY).exists():
         (replays / REPLAY).replace(out / REPLAY)
     return [*written, *out.glob(REPLAY)]
-
-
-def _csv(trials: Trials) -> str:
-    """Return axes and scalar measures: numbers with 9 digits, NaN as an empty field."""
-
-    def show(value: Any) -> str:
-        if value is None or (isinstance(value, float) and math.isnan(value)):
-            return ""
-        return f"{value:.9g}" if isinstance(value, float) else str(value)
-
-    scalars = (str, int, float, type(None))
-    columns = dict.fromkeys(
-        key for t in trials for key, value in t.items() if isinstance(value, scalars)
-    )
-    file = io.StringIO()
-    writer = csv.writer(file, lineterminator="\n")
-    writer.writerow(columns)
-    for t in trials:
-        values = [t.get(key) for key in columns]
-        writer.writerow([show(v) if isinstance(v, scalars) else "" for v in values])
-    return file.getvalue()
