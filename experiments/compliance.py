@@ -160,11 +160,7 @@ class InsertionStand:
 
 
 def cases(seeds: int = 20) -> list[ex.Case]:
-    """Set the cylinder back many times, with each driver and error.
-
-    Args:
-        seeds: Grasps with each driver, each with its own friction and mass.
-    """
+    """Set the cylinder back many times, with each driver and error."""
     return ex.grid(driver=DRIVERS, seed=range(seeds))
 
 

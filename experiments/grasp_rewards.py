@@ -38,11 +38,7 @@ _EPISODES, _TRIALS = 300, 70
 
 
 def cases(seeds: int = 3) -> list[ex.Case]:
-    """Train with every reward and seed, and judge the final policies.
-
-    Args:
-        seeds: Trainings with each reward.
-    """
+    """Train with every reward and seed, and judge the final policies."""
     return ex.grid(seed=range(seeds), reward=REWARDS)
 
 

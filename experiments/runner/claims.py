@@ -10,8 +10,8 @@ from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from typing import Any, Literal, TypeAlias
 
 import numpy as np
-from scipy.stats import binomtest
 
+from drake_srg.sweeps.statistics import wilson_interval
 from drake_srg.types import Vector
 
 # Values in real time, which a slower machine changes: times, and rates.
@@ -246,14 +246,6 @@ def rows_of(
                 yield row(name, quantity, float(value), unit, bound)
 
 
-def wilson(successes: float, trials: int) -> tuple[float, float]:
-    """Return the 95 % interval (Wilson) of a share; (0, 1) without trials."""
-    if trials == 0:
-        return 0.0, 1.0
-    found = binomtest(int(successes), int(trials)).proportion_ci(method="wilson")
-    return float(found.low), float(found.high)
-
-
 def share(
     what: str,
     successes: float,
@@ -267,7 +259,7 @@ def share(
 
     `what` is the quantity; that of the share itself ends with `first`.
     """
-    low, high = wilson(successes, trials)
+    low, high = wilson_interval(int(successes), trials)
     value, information = successes / max(trials, 1), number(spread=spread)
     claimed = dc.replace(bound or information, spread=spread)
     return {

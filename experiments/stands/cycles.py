@@ -87,4 +87,4 @@ def shares(own: ex.Trials) -> ex.Values:
 
 
 def placed_interval(own: ex.Trials) -> tuple[float, float]:
-    return ex.wilson(sum(own["placed"]), len(own))
+    return ex.wilson_interval(sum(own["placed"]), len(own))

@@ -135,7 +135,7 @@ def test_a_share_has_its_interval():
     assert low.measured == pytest.approx(0.5958, abs=1e-4)
     assert high.measured == pytest.approx(0.9821, abs=1e-4)
     assert {r.spread for r in (share, low, high)} == {0.1}
-    assert ex.wilson(0, 0) == (0.0, 1.0)
+    assert ex.wilson_interval(0, 0) == (0.0, 1.0)
 
 
 def trials():
