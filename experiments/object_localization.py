@@ -8,7 +8,6 @@ object's turn is hardly visible, such as a handle underneath.
 
 import colorsys
 import dataclasses as dc
-from typing import Any
 
 import numpy as np
 from pydrake.math import RigidTransform, RotationMatrix
@@ -91,15 +90,12 @@ def with_color(name: str, config: ObjectConfig) -> ObjectConfig:
 
 def summary(own: ex.Trials) -> ex.Values:
     certain, off, turn = (np.concatenate(own[k]) for k in ("certain", "off", "turn"))
-    found: dict[str, Any] = {"share located with certainty []": np.mean(certain)}
-    for what, unit, values in (
-        ("error of the centre", "mm", off[certain]),
-        ("error of the orientation", "deg", turn[certain]),
-    ):
-        known = values if len(values) else [np.nan]
-        found[f"median {what} [{unit}]"] = np.median(known)
-        found[f"largest {what} [{unit}]"] = np.max(known)
-    return found
+    return {
+        f"median error of the {what}": np.median(
+            values[certain] if any(certain) else [np.nan]
+        )
+        for what, values in (("centre [mm]", off), ("orientation [deg]", turn))
+    }
 
 
 def whole(trials: ex.Trials) -> dict[str, ex.Values]:
