@@ -26,13 +26,13 @@ CLEAN, FAULTY = "kitchen, ROS 2", "5 % lost"
 GOOD = {
     "placed": True,
     "claimed": True,
-    "told": "",
+    "reason": "",
     "error": 1.0,
     "rounding": 0.0,
     "held_up": 0.1,
     "inside": 0.6,
 }
-TOLD = GOOD | {"placed": False, "claimed": False, "told": "stale", "error": 200.0}
+TOLD = GOOD | {"placed": False, "claimed": False, "reason": "stale", "error": 200.0}
 
 
 def parsed(way, arguments=("--ros2", "--domain", "9"), rate=1.0):
@@ -136,7 +136,7 @@ def test_a_clean_wire_places_every_object_and_a_faulty_one_may_say_why_not():
     assert not failed(CLEAN, GOOD, GOOD)
     assert failed(CLEAN, GOOD, TOLD) == {"placed, of 2"}
     assert not failed(FAULTY, GOOD, TOLD)
-    silent = TOLD | {"told": ""}
+    silent = TOLD | {"reason": ""}
     assert failed(FAULTY, silent) == {"neither placed nor told why"}
 
 
