@@ -225,7 +225,6 @@ sleeping_tasks = ex.Experiment(
     task_trial,
     summary=lambda own: {f"successes [of {len(own)}]": (np.sum(own["success"]), SOME)},
     whole=task_outcomes,
-    picture=[ex.Bars(["successes"]), ex.Histogram("seconds")],
     serial=True,
     description="Whether objects that sleep change how a task ends.",
 )
