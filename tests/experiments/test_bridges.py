@@ -20,7 +20,7 @@ from experiments.hardware_loop import (
 )
 from experiments.runner.claims import Trials
 from experiments.stands.bridge_client import ServedProcess, open_wire
-from experiments.thesis_messages import demonstrate, messages
+from experiments.thesis_messages import messages, trial
 
 CLEAN, FAULTY = "kitchen, ROS 2", "5 % lost"
 GOOD = {
@@ -92,7 +92,7 @@ def test_the_messages_are_those_of_the_thesis():
 def test_a_short_demonstration_leaves_the_can_in_place():
     overrides = ["planner.messages.rate=500", "planner.messages.rest=0.3"]
     overrides += ["planner.messages.sequence=[{routine: closehalf, mode: close}]"]
-    one = demonstrate("thesis_kitchen", "ROS 2", overrides)
+    one = trial("thesis_kitchen", "ROS 2", overrides)
     assert one["sent"] == one["messages received []"] == 501
     assert one["distance from its original place [mm]"] < 1.0
     assert one["tilt at the end [degrees]"] < 1.0
