@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import argparse
 import dataclasses as dc
-import math
 import subprocess
 import sys
 import time as wall
@@ -43,7 +42,7 @@ from experiments.runner.committed import (
     write_stamp,
 )
 from experiments.runner.experiment import chosen
-from experiments.runner.page import write_quoting_pages
+from experiments.runner.page import number, write_quoting_pages
 from experiments.runner.run import RESULT, align
 from experiments.runner.sources import ROOT
 
@@ -229,10 +228,6 @@ class Report:
 
 def changes_table(changes: Mapping[str, Sequence[Change]]) -> str:
     """Return changed rows, by experiment, as aligned text."""
-
-    def number(value: float) -> str:
-        return f"{value:.4g}" if math.isfinite(value) else "-"
-
     lines = [("experiment", "row", "quantity", "old", "new", "spread", "unit", "")]
     for name, own in changes.items():
         for change in own:
