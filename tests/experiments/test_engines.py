@@ -2,12 +2,106 @@
 
 import numpy as np
 import pytest
+from pydrake.math import RigidTransform
 
+from drake_srg.planning.grasps.sampled_grasps import SampledGrasp
+from experiments import engine_shakes
 from experiments.data import household_objects
 from experiments.free_closing import deviations, vendors
 from experiments.payload import CLOSE, HOLD, LIFT, judge_hold, largest
+from experiments.runner import Trials
+from experiments.stands.floating_grasps import LOST, Shake, draw, judge
 from experiments.stands.grasps import grasps, present
 from experiments.stands.mujoco_grasps import MujocoBench
+
+GRASP = SampledGrasp(
+    X_OG=RigidTransform(),
+    half_gap=0.05,
+    width=0.05,
+    score=1,
+    shifted=False,
+    wrapped=False,
+)
+SHAKE = Shake(GRASP, [0.0, 90.0, 0.0], 0.3, 0.5, 100.0, np.array([0.0, 9.0, 0.0]))
+
+
+class Fake:
+    """An engine whose object falls at a speed once it has its weight."""
+
+    def __init__(self, speed=0.0, depths=(0.001,), touches=False):
+        self.floats, self.closed, self.fallen, self.time = False, False, 0.0, 0.0
+        self.speed, self.found, self.touches = speed, list(depths), touches
+
+    def levitate(self, floats):
+        self.floats = floats
+
+    def close(self, limit):
+        self.closed = limit
+
+    def advance(self, duration, arm):
+        assert np.isfinite(arm(0.0)).all()
+        self.time += duration
+        if not self.floats:
+            self.fallen += duration * self.speed
+
+    def p_GO(self):
+        return np.array([0.15 + self.fallen, 0.0, 0.0])
+
+    def finger_speed(self):
+        return 0.0
+
+    def depths(self):
+        return self.found if self.closed or self.touches else []
+
+
+def test_a_still_object_is_held():
+    found = judge(Fake(), SHAKE, 0.3)
+    assert found["held"]
+    assert (found["moved"], found["creep"], found["depth"]) == (0.0, 0.0, 1.0)
+
+
+def test_an_object_that_falls_is_lost_at_once():
+    engine = Fake(speed=1.0)
+    assert not judge(engine, SHAKE, 0.3)["held"]
+    assert LOST < engine.fallen < 4.0 * LOST
+
+
+def test_a_hand_that_touches_at_the_start_is_not_closed():
+    engine = Fake(touches=True)
+    assert judge(engine, SHAKE, 0.3)["touched"]
+    assert not engine.closed
+
+
+def test_fingers_that_find_nothing_lose_it():
+    engine = Fake(depths=())
+    assert not judge(engine, SHAKE, 0.3)["held"]
+    assert engine.time == pytest.approx(4.0)
+
+
+def test_a_shake_is_drawn_alike_again():
+    first = draw("mug", 3)
+    draw("bowl", 3)
+    again = draw("mug", 3)
+    assert first.grasp.X_OG.IsExactlyEqualTo(again.grasp.X_OG)
+    assert (first.mass, first.friction) == (again.mass, again.friction)
+    assert draw("mug", 4).mass != first.mass
+
+
+def test_verdicts_are_compared_where_no_open_hand_touches():
+    ours, theirs = "Drake, SAP", engine_shakes.REFERENCE
+    held = {theirs: [True, True, False, True], ours: [True, False, True, True]}
+    trials = Trials(
+        [
+            {"engine": engine, "held": held[engine][i], "touched": i == 3}
+            for engine in (theirs, ours)
+            for i in range(4)
+        ]
+    )
+    found = engine_shakes.agreement(trials)[ours]
+    assert found["grasps tested []"] == 3
+    assert found["same verdict []"][0] == pytest.approx(1 / 3)
+    assert found["holds what the reference loses []"] == 1
+    assert found["loses what the reference holds []"] == 1
 
 
 def test_drakes_friction_in_mujoco():
