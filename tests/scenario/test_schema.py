@@ -55,16 +55,3 @@ def test_an_accepted_driver_is_chosen_by_its_tag(gripper_type):
     assert isinstance(driver, Squeezer)
     assert (driver.squeeze, driver.trigger) == (0.7, "touch")
     assert type(load_scenario("kitchen").gripper) is SrgPositionDriver
-
-
-def test_a_driver_accepted_again_replaces_the_one_of_that_name(gripper_type):
-    accept_driver(Squeezer)
-
-    @dc.dataclass(kw_only=True)
-    class Stronger(SrgPositionDriver):
-        strength: float = 1.0
-
-    Stronger.__name__ = "Squeezer"
-    accept_driver(Stronger)
-    override = "gripper=!Squeezer {strength: 2.0}"
-    assert load_scenario("kitchen", overrides=[override]).gripper.strength == 2.0
