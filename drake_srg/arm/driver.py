@@ -271,10 +271,6 @@ class ArmDriver(Config, abc.ABC):
     def SetGains(self, plant: MultibodyPlant, arm: ModelInstanceIndex) -> None:
         """Set the gains of an arm's actuators, if the driver uses them.
 
-        Args:
-            plant: Finalized after `prepare_plant`.
-            arm: The arm's model instance.
-
         Raises:
             ValueError: If `prepare_plant` was not called.
         """

@@ -98,9 +98,6 @@ class PlantJointServos(LeafSystem):
 
     The plant's limits are those of the motors. With a smaller `force_limit` kappa, each
     sample limits `position` to within kappa / K_P of the measured angles.
-
-    Args:
-        config: Gains.
     """
 
     def __init__(self, config: GripperServoConfig) -> None:

@@ -499,10 +499,6 @@ class MotorTemperature(LeafSystem):
 
     U_0 is the voltage lost to the drive's dead band, if any. The current is taken as
     constant during `config.period`; T integrates the mean of the heat flow Q.
-
-    Args:
-        drive: The motor's torque and speed.
-        config: Its thermal properties.
     """
 
     def __init__(

@@ -88,10 +88,6 @@ class ObjectFacts:
 def object_facts(name: str, config: ObjectConfig) -> ObjectFacts:
     """Measure an object that is not soft.
 
-    Args:
-        name: For error messages.
-        config: The object.
-
     Raises:
         ScenarioError: If the model cannot be read.
     """

@@ -390,14 +390,7 @@ def ConnectSensors(
     planner: System,
     arms: Sequence[RobotArm] = _ONE_ARM,
 ) -> None:
-    """Connect a station's measurements to the planner's inputs for them.
-
-    Args:
-        builder: The cell's.
-        station: A station.
-        planner: The planner.
-        arms: The arms that it moves.
-    """
+    """Connect a station's measurements to the planner's inputs for them."""
     for arm in arms:
         for source, target in (
             (f"{arm.arm_model}.state_measured", "arm_state"),

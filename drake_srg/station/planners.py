@@ -65,12 +65,7 @@ from drake_srg.types import Cylinder, Sphere, Vector
 
 
 def goal_pose(scenario: Scenario, shape: Solid) -> RigidTransform:
-    """Return the upright pose at which the planner places the object, X_WO [m].
-
-    Args:
-        scenario: The scenario with the task.
-        shape: The object's shape.
-    """
+    """Return the upright pose at which the planner places the object, X_WO [m]."""
     place = scenario.task.place
     height = scenario.table.height if place.height is None else place.height
     below = shape.half_extent(np.array([0.0, 0.0, -1.0]))

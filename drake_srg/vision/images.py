@@ -139,9 +139,6 @@ def clean(depth: Depth, lag: int = _LAG, noiseless: float = _NOISELESS) -> Depth
 def clean_and_measure(depth: Depth) -> tuple[Depth, float]:
     """Return a depth image without the noise of single pixels, and the noise left.
 
-    Args:
-        depth: See `clean`.
-
     Returns:
         The image, and the standard deviation of 1 / depth [1/m], which is about that of
         depth at 1 m.
