@@ -179,15 +179,6 @@ def test_a_force_throws_the_object(table):
     assert z == pytest.approx(2 * 0.5 * GRAVITY * 0.1**2, rel=0.05)  # steps of 2 ms
 
 
-def test_the_same_scenario_gives_the_same_bytes(table):
-    entries = "[!Topple {direction: [1.0, 1.0]}, !Push {after: 0.6}]"
-
-    def run():
-        return b"".join(X.GetAsMatrix4().tobytes() for X in poses(table(entries), 1.0))
-
-    assert run() == run()
-
-
 def disturber(*disturbances, shape=Cylinder(RADIUS, LENGTH)):  # noqa: B008 # not changed
     inertia = SpatialInertia.SolidCylinderWithMass(MASS, RADIUS, LENGTH, [0, 0, 1])
     target = Target("thing", BodyIndex(7), inertia, shape)
