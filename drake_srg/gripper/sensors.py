@@ -55,22 +55,6 @@ class FingerLayout:
         """The sensors' names, in order."""
         return tuple(self.sensor_links)
 
-    def SetDefaultPositions(
-        self, plant: MultibodyPlant, gripper: ModelInstanceIndex, q: Vector
-    ) -> None:
-        """Set where a gripper's joints start.
-
-        Use this in place of the plant's method, which takes the plant's order.
-
-        Args:
-            plant: Plant with the gripper.
-            gripper: Its model instance.
-            q: Positions in the order of `joint_names`, shape (n,) [rad].
-        """
-        for name, angle in zip(self.joint_names, q, strict=True):
-            joint = plant.GetJointByName(name, gripper)
-            joint.set_default_positions([angle])
-
 
 SRG_FINGERS = FingerLayout(
     joint_names=JOINT_NAMES,
