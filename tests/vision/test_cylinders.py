@@ -57,7 +57,7 @@ def on_table(color, height=0.001):
 
 @pytest.mark.slow
 @pytest.mark.parametrize(
-    ("place", "color"), zip(PLACES, (WOOD, WHITE, CREAM, WOOD), strict=True)
+    ("place", "color"), list(zip(PLACES, (WOOD, WHITE, CREAM, WOOD), strict=True))
 )
 def test_a_standing_cylinder_is_located_within_a_tenth_of_a_millimetre(place, color):
     cylinder = at(*place)
@@ -69,7 +69,7 @@ def test_a_standing_cylinder_is_located_within_a_tenth_of_a_millimetre(place, co
 
 @pytest.mark.slow
 @pytest.mark.parametrize(
-    ("place", "azimuth"), zip(PLACES, (0.0, 0.02, 1.2, 0.0), strict=True)
+    ("place", "azimuth"), list(zip(PLACES, (0.0, 0.02, 1.2, 0.0), strict=True))
 )
 def test_a_lying_cylinder_is_located_within_half_a_pixel(place, azimuth):
     cylinder = at(*place, np.pi / 2, azimuth)
