@@ -38,7 +38,7 @@ test-lerobot:  ## run the tests of the extra `lerobot`, in an environment of its
 	test -x .venv-lerobot/bin/python || $(LEROBOT_PYTHON) -m venv .venv-lerobot
 	.venv-lerobot/bin/python -m pip install --quiet --disable-pip-version-check \
 		--editable ".[lerobot]" examples/lerobot hypothesis pytest
-	.venv-lerobot/bin/python -m pytest -m lerobot tests/suite tests/learning/envs tests/sweeps/dataset
+	.venv-lerobot/bin/python -m pytest -m lerobot tests/suite tests/sweeps/dataset
 	.venv-lerobot/bin/python -m pytest tests/suite/test_env.py tests/planning/motion/test_time_parameterization.py
 
 golden: .venv/ready  ## compare all scenarios' bytes with the committed ones (QUICK=1, ONLY="a b", ACCEPT=1)
@@ -73,7 +73,7 @@ experiments: .venv/ready  ## rerun experiments, compare them with docs (ONLY="a 
 bench-guard: .venv/ready  ## fail if a run is 15 % slower, over its bare plant, than committed
 	$(BIN)/python -m experiments all --only overhead
 
-# Every extra but the large ones, `learn`, `lerobot` and `rerun`.
+# Every extra but the large ones, `learn` and `lerobot`.
 LOCKED := dev docs import models ray ros2 sweep
 
 # Keeps what is pinned; `make lock UPGRADE="-P drake"` moves a package, `-U` all of them.

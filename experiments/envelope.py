@@ -220,7 +220,6 @@ def summary(own: ex.Trials) -> ex.Values:
 
 
 envelope = ex.Experiment(
-    "Where the five-axis arm can grasp a leaning or lying cylinder and stand it up.",
     cases,
     trial,
     {

@@ -53,7 +53,6 @@ def summary(own: ex.Trials) -> ex.Values:
 
 
 external_torque = ex.Experiment(
-    "External torques of carrying arms and the limits of their protective stops.",
     cases,
     trial,
     summary=summary,

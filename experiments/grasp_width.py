@@ -161,7 +161,6 @@ def whole(trials: ex.Trials) -> dict[str, ex.Values]:
 
 
 grasp_width = ex.Experiment(
-    "The widest box that the hand closes on, the thinnest sheets and rods it holds.",
     cases,
     trial,
     {
@@ -208,7 +207,6 @@ def bottle_trial(hand: str, offset: float) -> ex.Measures:
 
 
 low_things = ex.Experiment(
-    "A lying squeeze bottle between tips that stay straight and tips that curl.",
     lambda: ex.grid(hand=HANDS, offset=OFFSETS),
     bottle_trial,
     {
@@ -220,4 +218,5 @@ low_things = ex.Experiment(
         "pads lean outwards, median [deg]": np.median(own["lean"]),
     },
     picture=[ex.Points("offset", "free")],
+    description="A lying squeeze bottle between straight tips and tips that curl.",
 )

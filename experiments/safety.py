@@ -257,7 +257,6 @@ def whole(trials: ex.Trials) -> dict[str, ex.Values]:
 
 
 safety = ex.Experiment(
-    "How fast and far the safety monitor stops the kitchen's arm after random faults.",
     cases,
     trial,
     {

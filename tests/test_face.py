@@ -26,7 +26,6 @@ NO_FACE = {"cli", "importing", "models", "scenarios"}
 WHOLE = {"drake_srg.types", "drake_srg.lifetime"}
 BESIDE_FACES = {
     "drake_srg.learning.envs",
-    "drake_srg.learning.envs.lerobot_env",
     "drake_srg.robot.serve.dex1.messages",
     "drake_srg.suite.lerobot",
 }

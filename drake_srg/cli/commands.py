@@ -174,32 +174,23 @@ def demo(options: argparse.Namespace) -> int:
         metavar="FILE",
         help="page of several runs (default: compare.html in the first folder)",
     ),
-    flag(
-        "--rrd", "also write replay.rrd for the Rerun viewer; needs the extra `rerun`"
-    ),
     OPEN,
 )
 def replay(options: argparse.Namespace) -> int:
     """Write the page of one recorded run again, or a page that compares several."""
-    from drake_srg.recording.replay import write_comparison, write_page, write_rrd
+    from drake_srg.recording.replay import write_comparison, write_page
 
     first: Path = options.folders[0]
     if len(options.folders) == 1 and options.out is not None:
         raise ScenarioError("-o: needs several folders (one has DIR/replay.html)")
-    if len(options.folders) > 1 and options.rrd:
-        raise ScenarioError("--rrd: needs one folder")
-    answer = {}
     with writing("DIR", first):
-        if options.rrd:
-            answer["rrd"] = write_rrd(first)
-            options.console.say(answer["rrd"])
         if len(options.folders) == 1:
             page = write_page(first)
         else:
             page = options.out or first / "compare.html"
             write_comparison(options.folders, page)
     options.console.say(page)
-    options.console.answer({**answer, "replay": page})
+    options.console.answer({"replay": page})
     if options.open:
         _open(page)
     return SUCCESS

@@ -59,14 +59,6 @@ def _load(module: str) -> Any:
     return importlib.import_module(f"experiments.{module}".removesuffix("."))
 
 
-def names() -> list[str]:
-    """Return the names of all experiments; none without a checkout."""
-    try:
-        return list(_load("").find_experiments())
-    except ScenarioError:
-        return []
-
-
 @command(
     "compare models with published claims and theory",
     "It continues an earlier run of the same experiment. Exit code: 0 every claim "

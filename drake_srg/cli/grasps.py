@@ -49,13 +49,8 @@ _MARGIN = 0.4
         *("-o", "--out"),
         type=Path,
         metavar="FILE",
-        help="a .yaml or a .parquet (default: out/grasps/NAME_HAND.yaml)",
-    ),
-    argument(
-        "--picture",
-        type=Path,
-        metavar="FILE",
-        help="a .png of the best ten grasps (default: beside the labels)",
+        help="a .yaml or a .parquet; the best ten grasps are shown in a .png beside it "
+        "(default: out/grasps/NAME_HAND.yaml)",
     ),
     REPLACE,
     argument(
@@ -133,7 +128,7 @@ def grasps(options: argparse.Namespace) -> int:
             )
     with writing("--out", out):
         write_labels(out, job, labels)
-    with writing("--picture", picture):
+    with writing("--out", picture):
         sheet = draw_labels(job, best(labels))
         write_file(picture, cv2.imencode(".png", sheet[:, :, ::-1])[1].tobytes())
     held = sum(label.success for label in labels)
@@ -198,19 +193,15 @@ def _files(options: argparse.Namespace, job: LabelJob) -> tuple[Path, Path]:
 
     default = Path("out") / "grasps" / f"{job.name}_{job.hand}.yaml"
     out: Path = options.out or default
-    picture: Path = options.picture or out.with_suffix(".png")
-    for option, path, allowed in (
-        ("--out", out, SUFFIXES),
-        ("--picture", picture, (".png",)),
-    ):
-        if path.suffix not in allowed:
-            endings = " or ".join(allowed)
-            raise ScenarioError(f"{option} {path}: must end in {endings}")
-        if path.parent != default.parent and not path.parent.is_dir():
-            raise ScenarioError(f"{option} {path}: the folder {path.parent} is missing")
+    picture = out.with_suffix(".png")
+    if out.suffix not in SUFFIXES:
+        raise ScenarioError(f"--out {out}: must end in {' or '.join(SUFFIXES)}")
+    if out.parent != default.parent and not out.parent.is_dir():
+        raise ScenarioError(f"--out {out}: the folder {out.parent} is missing")
+    for path in (out, picture):
         if path.exists() and not options.replace:
             raise ScenarioError(
-                f"{option} {path}: already exists; choose another, or add --replace"
+                f"--out {path}: already exists; choose another, or add --replace"
             )
     return out, picture
 

@@ -22,9 +22,6 @@ from drake_srg.cli.results import SWEEP, TRAINING, folder, results_folder
 from drake_srg.cli.sweep import ENGINE, make_engine
 from drake_srg.common.exceptions import ScenarioError
 
-# For completion, which must not wait until they are imported.
-ENVIRONMENTS = ("GraspOneShot", "Pick", "KitchenPick", "KitchenPickPlace")
-RULES = ("rule", "touch", "random")
 _SET = "a keyword of the environment (repeatable), such as driver=tendon; YAML"
 
 

@@ -5,11 +5,9 @@ import importlib.metadata
 import io
 import os
 import sys
-from collections.abc import Iterator, Sequence
-from pathlib import Path
+from collections.abc import Sequence
 from typing import Any, NoReturn
 
-import drake_srg
 from drake_srg.cli import (
     arms,
     calibrate,
@@ -34,7 +32,6 @@ from drake_srg.cli.command import (
     Command,
     Output,
     OutputError,
-    argument,
     command,
     end_on_signals,
     printing,
@@ -42,9 +39,7 @@ from drake_srg.cli.command import (
     tell,
 )
 from drake_srg.common.exceptions import ScenarioError, suggest
-from drake_srg.common.installing import require, with_install_hint
-
-SHELLS = ("bash", "zsh", "fish")
+from drake_srg.common.installing import with_install_hint
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -164,59 +159,6 @@ class _PrintVersion(argparse.Action):
         parser.exit()
 
 
-@command(
-    "print a script that completes commands in a shell",
-    'In bash: eval "$(drake-srg completion bash)". In zsh, write it to a file '
-    "`_drake-srg` on the `fpath`; in fish, to "
-    "~/.config/fish/completions/drake-srg.fish.",
-    argument("shell", choices=SHELLS, metavar="SHELL", help="bash, zsh or fish"),
-)
-def completion(options: argparse.Namespace) -> int:
-    """Print the script that completes `drake-srg` in a shell.
-
-    It completes commands, options, paths, and names of scenarios, policies and the
-    like.
-    """
-    shtab = require("shtab", "", "Completion needs")
-    parser = make_parser()
-    names = _names()
-    for action in _actions(parser):
-        if action.dest in names:
-            action.choices = names[action.dest]
-        elif action.type is Path:
-            action.complete = shtab.FILE  # type: ignore[attr-defined] # shtab's
-    script = shtab.complete(parser, shell=options.shell)
-    options.console.say(script)
-    options.console.answer({"script": script})
-    return SUCCESS
-
-
-def _names() -> dict[str, list[str]]:
-    """Return the package's names that complete an argument, by argument.
-
-    Drake is not imported to list them: a shell may run this whenever it starts.
-    """
-    package = Path(drake_srg.__file__).parent
-    scenarios = sorted(path.stem for path in (package / "scenarios").glob("*.yaml"))
-    policies = sorted(
-        path.stem for path in (package / "learning/policies").glob("*.npz")
-    )
-    return {
-        "scenario": scenarios,
-        "base": scenarios,
-        "environment": [*learn.ENVIRONMENTS, *scenarios],
-        "policy": [*policies, *learn.RULES],
-        "experiment": experiments.names(),
-    }
-
-
-def _actions(parser: argparse.ArgumentParser) -> Iterator[argparse.Action]:
-    """Yield the arguments of a parser and of its commands."""
-    yield from parser._actions
-    for each in _parsers(parser).values():
-        yield from each._actions
-
-
 def _parsers(parser: argparse.ArgumentParser) -> dict[str, argparse.ArgumentParser]:
     """Return the parsers of the commands by name."""
     for action in parser._actions:
@@ -237,7 +179,6 @@ COMMANDS: dict[str, tuple[Command, ...]] = {
         objects.import_object,
         arms.import_arm,
         commands.export,
-        completion,
         doctor.doctor,
     ),
 }

@@ -21,7 +21,7 @@ from drake_srg.common.exceptions import ScenarioError
 # Files of results, as patterns: of a run, a sweep, a training.
 RUN = (
     *("metrics.json", "log.npz", "video.mp4", "recording.mcap", "timeline.png"),
-    *("replay.html", "replay.glb", "replay.rrd"),
+    *("replay.html", "replay.glb"),
 )
 SWEEP = (
     *("sweep.json", "trials.parquet", "trials/*.parquet*", "report.html"),

@@ -7,7 +7,6 @@ from drake_srg.recording.recording import Recording as Recording
 from drake_srg.recording.replay.page import write_comparison as write_comparison
 from drake_srg.recording.replay.page import write_page as write_page
 from drake_srg.recording.replay.recorder import ReplayRecorder as ReplayRecorder
-from drake_srg.recording.replay.rrd import write_rrd as write_rrd
 from drake_srg.recording.rosbag import RosbagRecorder as RosbagRecorder
 from drake_srg.recording.rosbag import Topic as Topic
 from drake_srg.recording.timeline import COLORS as COLORS

@@ -18,10 +18,8 @@ from drake_srg.types import Vector
 LARGEST_EXACT = 10_000
 
 
-def wilson_interval(
-    successes: int, trials: int, confidence: float = 0.95
-) -> tuple[float, float]:
-    """Return the bounds of a success probability, given observed successes.
+def wilson_interval(successes: int, trials: int) -> tuple[float, float]:
+    """Return the 95 % bounds of a success probability, given observed successes.
 
     E. B. Wilson, J. Am. Stat. Assoc. 22:209, 1927: the probabilities p from which the
     observed share is at most z standard deviations √(p (1 - p) / n) away.
@@ -29,19 +27,18 @@ def wilson_interval(
     Args:
         successes: 0 .. `trials`.
         trials: 0 gives (0, 1): nothing is known.
-        confidence: Probability that the bounds contain the true value, between 0 and 1.
 
     Raises:
         ValueError: If an argument is out of range.
     """
-    if not (0 <= successes <= trials and 0.0 < confidence < 1.0):
+    if not 0 <= successes <= trials:
         raise ValueError(
-            "wilson_interval: needs 0 <= successes <= trials and 0 < confidence < 1, "
-            f"got successes={successes}, trials={trials}, confidence={confidence}"
+            "wilson_interval: needs 0 <= successes <= trials, "
+            f"got successes={successes}, trials={trials}"
         )
     if trials == 0:
         return 0.0, 1.0
-    z = NormalDist().inv_cdf(0.5 + confidence / 2.0)
+    z = NormalDist().inv_cdf(0.975)
     share, weight = successes / trials, z * z / trials
     centre = (share + weight / 2.0) / (1.0 + weight)
     half = (

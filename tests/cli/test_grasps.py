@@ -42,7 +42,6 @@ def test_a_mesh_gets_labels_and_a_picture(tmp_path, capsys):
         (["mug", "--scale", "0"], "--scale 0.0: must be greater than 0"),
         (["mug", "-o", "x.csv"], "--out x.csv: must end in .yaml or .yml or .parquet"),
         (["mug", "-o", "no/x.yaml"], "the folder no is missing"),
-        (["mug", "--picture", "x.jpg"], "--picture x.jpg: must end in .png"),
     ],
 )
 def test_bad_input_is_one_line(arguments, message, capsys, tmp_path):

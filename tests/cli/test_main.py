@@ -20,7 +20,7 @@ from drake_srg.recording.output import read_log
 ABSENT = ["run", "kitchen", "--set", "object.present=false", "--no-record"]
 COMMANDS = ("run", "serve", "sweep", "report", "dataset", "list", "diagram", "bench")
 COMMANDS += ("experiment", "doctor", "import", "replay", "demo")
-COMMANDS += ("export", "new", "completion", "identify")
+COMMANDS += ("export", "new", "identify")
 
 
 @pytest.mark.parametrize(

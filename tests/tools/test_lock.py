@@ -12,7 +12,7 @@ LOCK = (ROOT / "requirements.lock").read_text("utf-8")
 PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text("utf-8"))["project"]
 
 # Too large to install for everybody; pinned in pyproject.toml instead.
-LEFT_OUT = {"lerobot", "onnx", "rerun-sdk", "stable-baselines3", "tensorboard", "torch"}
+LEFT_OUT = {"lerobot", "onnx", "stable-baselines3", "tensorboard", "torch"}
 
 
 def needed(lines, python):

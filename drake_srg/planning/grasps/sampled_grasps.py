@@ -16,8 +16,8 @@ from drake_srg.planning.grasps.top_grasps import HeightMapGrasps
 # Planned grasps from one direction, at most. All that `HeightMapGrasps` finds would
 # make a small file a study of a few directions.
 _PER_DIRECTION = 12
-# The shifts of `grasp_measures`, either way: half of the depth of a pad, a quarter of
-# its clearance, and its half width, along the palm's x, y, z [m].
+# Either way: half of the depth of a pad, a quarter of its clearance, and its half
+# width, along the palm's x, y, z [m].
 _SHIFT = np.array([0.012, 0.006, 0.012])
 _TURN = np.deg2rad(15.0)  # about any axis, at most
 

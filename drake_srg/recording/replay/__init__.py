@@ -2,6 +2,5 @@
 
 from drake_srg.recording.replay.page import write_comparison, write_page
 from drake_srg.recording.replay.recorder import ReplayRecorder
-from drake_srg.recording.replay.rrd import write_rrd
 
-__all__ = ["ReplayRecorder", "write_comparison", "write_page", "write_rrd"]
+__all__ = ["ReplayRecorder", "write_comparison", "write_page"]

@@ -33,8 +33,6 @@ class RecordedRun:
 
     Attributes:
         glb: The file replay.glb.
-        document: Its JSON.
-        binary: Its binary chunk.
         labels: The run's title, and names for its log.
         timeline: Modes and plots of its log.
         sights: The planner's looks: `time` [s], `camera`, `image`, an index of
@@ -45,8 +43,6 @@ class RecordedRun:
     """
 
     glb: bytes
-    document: Json
-    binary: bytes
     labels: Labels
     timeline: Timeline
     sights: Sequence[Json]
@@ -86,8 +82,6 @@ def read_run(folder: Path) -> RecordedRun:
     video = folder / "video.mp4"
     return RecordedRun(
         glb=glb,
-        document=document,
-        binary=binary,
         labels=labels,
         timeline=timeline,
         sights=sights,

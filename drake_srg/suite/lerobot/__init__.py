@@ -19,16 +19,10 @@ from lerobot.envs.configs import EnvConfig
 from lerobot.envs.utils import _LazyAsyncVectorEnv, freeze_after_episode_end
 
 from drake_srg.common.exceptions import ScenarioError
-from drake_srg.learning.envs.lerobot_env import LeRobotEnv, make_env
 from drake_srg.suite.env import SuiteEnv
 from drake_srg.suite.tasks import EVALUATION_SPLIT, find_tasks
 
 SUITE = "drake_srg"
-_TYPES = {
-    "agent_pos": FeatureType.STATE,
-    "touch": FeatureType.STATE,
-    "environment_state": FeatureType.ENV,
-}
 
 
 def _features(env: Any) -> dict[str, PolicyFeature]:
@@ -36,20 +30,17 @@ def _features(env: Any) -> dict[str, PolicyFeature]:
     features = {"action": PolicyFeature(FeatureType.ACTION, env.action_space.shape)}
     for key, space in env.observation_space.items():
         if key != "pixels":
-            features[key] = PolicyFeature(_TYPES[key], space.shape)
-        elif space.shape is None:  # a dictionary of cameras
-            for camera, image in space.items():
-                name = f"pixels/{camera}"
-                features[name] = PolicyFeature(FeatureType.VISUAL, image.shape)
-        else:
-            features[key] = PolicyFeature(FeatureType.VISUAL, space.shape)
+            features[key] = PolicyFeature(FeatureType.STATE, space.shape)
+            continue
+        for camera, image in space.items():
+            name = f"pixels/{camera}"
+            features[name] = PolicyFeature(FeatureType.VISUAL, image.shape)
     return features
 
 
 def _policy_name(key: str) -> str:
     """Return LeRobot's name for a policy's input or output."""
     names = {"action": "action", "agent_pos": "observation.state"}
-    names["pixels"] = "observation.image"
     if key.startswith("pixels/"):
         return key.replace("pixels/", "observation.images.", 1)
     return names.get(key, f"observation.{key}")
@@ -124,36 +115,3 @@ class DrakeSrgSuite(EnvConfig):
                     autoreset_mode=AutoresetMode.NEXT_STEP,
                 )
         return {SUITE: tasks}
-
-
-@EnvConfig.register_subclass("drake_srg_hand")
-@dc.dataclass
-class DrakeSrgHand(EnvConfig):
-    """An environment of `drake_srg.learning.envs`.
-
-    Attributes:
-        task: Name of the environment.
-        keywords: Keywords of the environment, such as `{"observation": "images"}`.
-    """
-
-    task: str | None = "Pick-v0"
-    keywords: dict[str, Any] = dc.field(default_factory=dict)
-
-    def __post_init__(self) -> None:
-        """Declare observations and actions."""
-        env = LeRobotEnv(self.task or "", **self.keywords)
-        self.fps = env.metadata["render_fps"]
-        self.features = _features(env)
-        self.features_map = {key: _policy_name(key) for key in self.features}
-        env.close()
-
-    @property
-    def gym_kwargs(self) -> dict[str, Any]:
-        """Keywords of the environment."""
-        return dict(self.keywords)
-
-    def create_envs(
-        self, n_envs: int, use_async_envs: bool = False
-    ) -> dict[str, dict[int, VectorEnv[Any, Any, Any]]]:
-        """Make the environments."""
-        return make_env(n_envs, use_async_envs, self)

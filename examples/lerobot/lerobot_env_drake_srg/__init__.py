@@ -3,6 +3,6 @@
 Once this distribution is installed, LeRobot's commands know `--env.type=drake_srg`.
 """
 
-from drake_srg.suite.lerobot import DrakeSrgHand, DrakeSrgSuite
+from drake_srg.suite.lerobot import DrakeSrgSuite
 
-__all__ = ["DrakeSrgHand", "DrakeSrgSuite"]
+__all__ = ["DrakeSrgSuite"]

@@ -13,7 +13,6 @@ from drake_srg.recording.replay.glb import (
     Part,
     Track,
     read_glb,
-    read_nodes,
     write_glb,
 )
 from drake_srg.recording.replay.triangles import shape_triangles
@@ -103,45 +102,3 @@ def test_a_file_that_is_cut_off_is_refused(size):
 def test_other_files_are_refused(data):
     with pytest.raises(ValueError, match="GLB"):
         read_glb(data)
-
-
-def close(first, second):
-    np.testing.assert_allclose(first, second, atol=1e-6)
-
-
-def test_what_was_written_is_read():
-    ball = shape_triangles(Sphere(0.5))
-    bulge = Part(ball, RED, [0.1 * ball.normals, 0.2 * ball.points])
-    tracks = {
-        "translation": Track(TIME, SHIFT),
-        "rotation": Track(TIME, np.tile([0.0, 0.0, 0.0, 1.0], (3, 1))),
-        "weights": Track(TIME, np.array([[0.0, 1], [1, 0], [0.5, 0.5]])),
-    }
-    camera = {"yfov": 0.8, "aspectRatio": 1.5, "znear": 0.01, "zfar": 10.0}
-    nodes = [
-        Node("soft", [bulge], tracks),
-        Node("still", [Part(CUBE.surface, (0.1, 0.2, 0.3, 0.4)), bulge], {}),
-        Node("eye", camera=camera, extras={"camera": "eye"}),
-    ]
-    found = read_nodes(*read_glb(write_glb(nodes, {})))
-    assert [node.name for node in found] == ["soft", "still", "eye"]
-    for path in ("translation", "weights"):
-        track = found[0].tracks[path]
-        close(track.time, TIME)
-        close(track.values, tracks[path].values)
-    close(found[0].tracks["rotation"].values, [[0, 0, 0, 1]])  # does not change
-    for node, original in zip(found, nodes, strict=True):
-        for part, other in zip(node.parts, original.parts, strict=True):
-            close(part.surface.points, other.surface.points)
-            np.testing.assert_allclose(part.color, other.color, atol=1e-3)
-            np.testing.assert_array_equal(part.surface.faces, other.surface.faces)
-            for target, same in zip(part.targets, other.targets, strict=True):
-                close(target, same)
-    assert (found[2].camera, found[2].extras) == (camera, {"camera": "eye"})
-    assert found[0].camera is None and found[0].extras is None
-
-
-def test_another_scene_is_refused():
-    document, binary = read_glb(write_glb([], {}))
-    with pytest.raises(ValueError, match="not a scene of ours: KeyError"):
-        read_nodes({**document, "nodes": [{}]}, binary)
