@@ -16,7 +16,7 @@ import numpy as np
 
 import experiments.runner as ex
 from drake_srg import Rig, load_scenario
-from drake_srg.arm.drivers import ArmPositionDriver
+from drake_srg.arm.driver import ArmPositionDriver
 from drake_srg.arm.safety.limits import JointLimits, Tool
 from drake_srg.common.geometry import minimum_jerk_blend
 from drake_srg.common.safety_states import SafetyState, StopReason, safety_state

@@ -98,7 +98,7 @@ def test_only_servoing_looks_at_images_while_it_plans():
 @pytest.mark.parametrize(
     ("name", "text"),
     [
-        ("arm.drivers", "from drake_srg.gripper.servo import GripperServo"),
+        ("arm.driver", "from drake_srg.gripper.servo import GripperServo"),
         ("scenario.load", "import drake_srg.station.plant"),
         ("types", "from drake_srg import common"),
         ("gripper.servo", "def f():\n    from drake_srg.scenario import Scenario"),
@@ -113,8 +113,8 @@ def test_an_import_that_points_up_or_sideways_is_found(name, text):
 @pytest.mark.parametrize(
     ("name", "text"),
     [
-        ("arm.drivers", "from drake_srg.common.exceptions import suggest"),
-        ("arm.drivers", "from drake_srg.arm.external_torque import Lag"),
+        ("arm.driver", "from drake_srg.common.exceptions import suggest"),
+        ("arm.driver", "from drake_srg.arm.external_torque import Lag"),
         ("cli.main", "from drake_srg import simulation, __version__"),
         (
             "planning.pick_and_place.modes",

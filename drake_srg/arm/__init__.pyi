@@ -1,9 +1,9 @@
 from drake_srg.arm.driver import AddArmDriver as AddArmDriver
 from drake_srg.arm.driver import AddJerkLimits as AddJerkLimits
 from drake_srg.arm.driver import ArmDriver as ArmDriver
+from drake_srg.arm.driver import ArmPositionDriver as ArmPositionDriver
 from drake_srg.arm.driver import ArmSignals as ArmSignals
 from drake_srg.arm.driver import GravityCompensation as GravityCompensation
-from drake_srg.arm.drivers import ArmPositionDriver as ArmPositionDriver
 from drake_srg.arm.external_torque import AddExternalTorque as AddExternalTorque
 from drake_srg.arm.external_torque import (
     ExternalTorqueObserver as ExternalTorqueObserver,

@@ -50,13 +50,12 @@ class LaggedTorque(LeafSystem):
 
     Args:
         period: Period of the samples [s].
-        time_constant: Time constant of the first-order lag [s].
     """
 
-    def __init__(self, period: float, time_constant: float) -> None:
+    def __init__(self, period: float) -> None:
         super().__init__()
         self._period = period
-        self._share = lag_share(period, time_constant)
+        self._share = lag_share(period)
 
     def _declare_torque(self, n: int, num_kept: int) -> None:
         """Declare the output of N = `n` torques, and the samples.
@@ -96,9 +95,9 @@ class LaggedTorque(LeafSystem):
         discrete_state.set_value(np.concatenate([kept, torque]))
 
 
-def lag_share(period: float, time_constant: float = TIME_CONSTANT) -> float:
+def lag_share(period: float) -> float:
     """Return the share of a step that a first-order lag covers in a period [s]."""
-    return float(-np.expm1(-period / time_constant))
+    return float(-np.expm1(-period / TIME_CONSTANT))
 
 
 _ZERO = np.zeros(3)
@@ -152,7 +151,6 @@ class ContactTorques(LaggedTorque):
         models_plant: A finalized plant with both, by the same names, and no other
             moving body.
         period: [s].
-        time_constant: Time constant of the lag [s].
     """
 
     def __init__(
@@ -162,9 +160,8 @@ class ContactTorques(LaggedTorque):
         gripper: ModelInstanceIndex | None,
         models_plant: MultibodyPlant,
         period: float,
-        time_constant: float = TIME_CONSTANT,
     ) -> None:
-        super().__init__(period, time_constant)
+        super().__init__(period)
         self._plant = models_plant
         self._plant_context = models_plant.CreateDefaultContext()  # scratch, not state
         self._arm = models_plant.GetModelInstanceByName(plant.GetModelInstanceName(arm))
@@ -362,7 +359,6 @@ class ExternalTorqueObserver(LaggedTorque):
         plant: A finalized plant with these models and no other moving body.
         models: Names of the model instances, the arm's first.
         period: [s].
-        time_constant: Time constant of the estimate [s].
     """
 
     def __init__(
@@ -370,9 +366,8 @@ class ExternalTorqueObserver(LaggedTorque):
         plant: MultibodyPlant,
         models: Sequence[str],
         period: float,
-        time_constant: float = TIME_CONSTANT,
     ) -> None:
-        super().__init__(period, time_constant)
+        super().__init__(period)
         self._plant = plant
         self._plant_context = plant.CreateDefaultContext()  # scratch, not state
         self._forces = MultibodyForces(plant)

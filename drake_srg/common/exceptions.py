@@ -38,10 +38,6 @@ def scenario_errors(name: str = "") -> Iterator[None]:
 def suggest(name: str, allowed: Iterable[str]) -> str:
     """Return the end of a message about an unknown name: a guess, and all valid names.
 
-    Args:
-        name: The unknown name.
-        allowed: The valid names.
-
     Returns:
         Text such as `(did you mean 'count'? allowed: count, flag)`.
     """

@@ -123,8 +123,8 @@ class CommandErrors(LeafSystem):
         )
 
 
-class _Noise:
-    """Draws of normal noise with an offset, one per period.
+class _NoisyReadings(LeafSystem):
+    """Base class of systems that draw normal noise with an offset, once per period.
 
     The generator depends on the time alone, so that the context holds all state.
     """
@@ -132,20 +132,23 @@ class _Noise:
     def __init__(
         self, offset: Vector, sigma: Vector, period: float, stream: tuple[int, str]
     ) -> None:
+        super().__init__()
         self._offset, self._sigma, self._period = offset, sigma, period
         seed, name = stream
         self._stream = [seed, zlib.crc32(name.encode())]
+        self.DeclareDiscreteState(offset)
+        self.DeclarePeriodicDiscreteUpdateEvent(
+            period_sec=period, offset_sec=0.0, update=self._update
+        )
 
-    def draw(self, time: float) -> Vector:
-        """Return the errors from a time on."""
-        step = round(time / self._period)
+    def _update(self, context: Context, discrete_state: DiscreteValues) -> None:
+        step = round(context.get_time() / self._period)
         generator = np.random.default_rng([*self._stream, step])
         noise = self._sigma * generator.standard_normal(len(self._sigma))
-        errors: Vector = self._offset + noise
-        return errors
+        discrete_state.set_value(self._offset + noise)
 
 
-class EncoderErrors(LeafSystem):
+class EncoderErrors(_NoisyReadings):
     """Turns true joint states into readings of encoders on the motors' side.
 
     .. pydrake_system::
@@ -171,27 +174,19 @@ class EncoderErrors(LeafSystem):
     def __init__(
         self, size: int, config: JointErrorsConfig, period: float, seed: int, name: str
     ) -> None:
-        super().__init__()
         sigma = config.encoder_noise
         speed_sigma = math.sqrt(2.0) * sigma / VELOCITY_WINDOW
         sigmas = np.repeat([sigma, speed_sigma], size)
-        offset = np.zeros(2 * size)
-        self._n, self._noise = size, _Noise(offset, sigmas, period, (seed, name))
+        super().__init__(np.zeros(2 * size), sigmas, period, (seed, name))
+        self._n = size
         self._sensed = self.DeclareVectorInputPort(name="state", size=2 * size)
         self._play = self.DeclareVectorInputPort(name="play", size=size)
-        self.DeclareDiscreteState(offset)
         self.DeclareVectorOutputPort(
             name="state_measured",
             size=2 * size,
             calc=self._calc_state_measured,
             prerequisites_of_calc={self.xd_ticket(), self.all_input_ports_ticket()},
         )
-        self.DeclarePeriodicDiscreteUpdateEvent(
-            period_sec=period, offset_sec=0.0, update=self._update
-        )
-
-    def _update(self, context: Context, discrete_state: DiscreteValues) -> None:
-        discrete_state.set_value(self._noise.draw(context.get_time()))
 
     def _calc_state_measured(self, context: Context, output: BasicVector) -> None:
         errors = context.get_discrete_state(0).value()
@@ -202,7 +197,7 @@ class EncoderErrors(LeafSystem):
         output.SetFromVector(measured)
 
 
-class TorqueErrors(LeafSystem):
+class TorqueErrors(_NoisyReadings):
     """Turns true joint torques into readings of imperfect torque sensors.
 
     .. pydrake_system::
@@ -225,25 +220,17 @@ class TorqueErrors(LeafSystem):
     def __init__(
         self, full_scale: Vector, config: ArmErrorsConfig, period: float, seed: int
     ) -> None:
-        super().__init__()
         offset = config.torque_offset * full_scale
         sigma = config.torque_noise * full_scale
-        self._noise = _Noise(offset, sigma, period, (seed, "torque"))
+        super().__init__(offset, sigma, period, (seed, "torque"))
         n = len(offset)
         self._torque = self.DeclareVectorInputPort(name="torque", size=n)
-        self.DeclareDiscreteState(offset)
         self.DeclareVectorOutputPort(
             name="torque_measured",
             size=n,
             calc=self._calc_torque_measured,
             prerequisites_of_calc={self.xd_ticket(), self._torque.ticket()},
         )
-        self.DeclarePeriodicDiscreteUpdateEvent(
-            period_sec=period, offset_sec=0.0, update=self._update
-        )
-
-    def _update(self, context: Context, discrete_state: DiscreteValues) -> None:
-        discrete_state.set_value(self._noise.draw(context.get_time()))
 
     def _calc_torque_measured(self, context: Context, output: BasicVector) -> None:
         errors = context.get_discrete_state(0).value()

@@ -13,10 +13,8 @@ from __future__ import annotations
 
 import functools
 import importlib.metadata
-import inspect
-import sys
-from collections.abc import Callable, Sequence
-from typing import Any, TypeVar
+from collections.abc import Sequence
+from typing import TypeVar
 
 import numpy as np
 from pydrake.multibody.plant import MultibodyPlant
@@ -113,27 +111,6 @@ def output_ports(system: System) -> dict[str, OutputPort]:
 def value_or_none(port: InputPort, context: Context) -> Vector | None:
     """Return the vector at an optional input port, or None."""
     return port.Eval(context) if port.HasValue(context) else None
-
-
-def made_for_floats(template: Any, module: str) -> Callable[[str], Any]:
-    """Return a module's `__getattr__`, which instantiates a template on first use.
-
-    `NAME`, the class for floats of the template `NAME_`, takes 0.1 s to make. It gets
-    the signature of its `_construct`, which Drake hides behind `(*args, **kwargs)`.
-    """
-    made_name = template.name.removesuffix("_")
-
-    def get(name: str) -> Any:
-        if name != made_name:
-            raise AttributeError(f"module {module!r} has no attribute {name!r}")
-        made = template[float]
-        construct = inspect.signature(made._construct)
-        _, *parameters, _ = construct.parameters.values()  # self and converter
-        made.__signature__ = construct.replace(parameters=parameters)
-        setattr(sys.modules[module], name, made)
-        return made
-
-    return get
 
 
 def AddUnique(builder: DiagramBuilder, name: str, system: SystemT) -> SystemT:

@@ -6,19 +6,14 @@ from drake_srg.gripper.driver import GripperControl as GripperControl
 from drake_srg.gripper.driver import GripperDriver as GripperDriver
 from drake_srg.gripper.drivers import AddGripperDriver as AddGripperDriver
 from drake_srg.gripper.joint_servos import AddJointServos as AddJointServos
-from drake_srg.gripper.linkage_driver import AddLinkageDriver as AddLinkageDriver
 from drake_srg.gripper.linkage_driver import LinkageDriver as LinkageDriver
 from drake_srg.gripper.linkage_driver import MasterSlaveConfig as MasterSlaveConfig
 from drake_srg.gripper.linkage_driver import (
     MasterSlaveReference as MasterSlaveReference,
 )
-from drake_srg.gripper.plant_servo_driver import (
-    AddPlantServoDriver as AddPlantServoDriver,
-)
 from drake_srg.gripper.plant_servo_driver import PlantServoDriver as PlantServoDriver
 from drake_srg.gripper.sensors import LINKAGE_FINGERS as LINKAGE_FINGERS
 from drake_srg.gripper.sensors import SRG_FINGERS as SRG_FINGERS
-from drake_srg.gripper.sensors import AddProximitySensors as AddProximitySensors
 from drake_srg.gripper.sensors import ContactForceSensors as ContactForceSensors
 from drake_srg.gripper.sensors import FingerLayout as FingerLayout
 from drake_srg.gripper.sensors import FingerSensorConfig as FingerSensorConfig
@@ -29,11 +24,7 @@ from drake_srg.gripper.servo import GripperServo as GripperServo
 from drake_srg.gripper.servo import GripperServoConfig as GripperServoConfig
 from drake_srg.gripper.servo import MinimumJerkConfig as MinimumJerkConfig
 from drake_srg.gripper.servo import MinimumJerkReference as MinimumJerkReference
-from drake_srg.gripper.srg_position_driver import (
-    AddSrgPositionDriver as AddSrgPositionDriver,
-)
 from drake_srg.gripper.srg_position_driver import SrgPositionDriver as SrgPositionDriver
-from drake_srg.gripper.srg_tendon_driver import AddSrgTendonDriver as AddSrgTendonDriver
 from drake_srg.gripper.srg_tendon_driver import SetTendonDynamics as SetTendonDynamics
 from drake_srg.gripper.srg_tendon_driver import SpoolCommand as SpoolCommand
 from drake_srg.gripper.srg_tendon_driver import SpoolCommandConfig as SpoolCommandConfig

@@ -1,7 +1,6 @@
 """Servos at a gripper's joints, sampled or solved by the plant."""
 
-from __future__ import annotations
-
+import dataclasses as dc
 from collections.abc import Sequence
 
 import numpy as np
@@ -17,8 +16,9 @@ from pydrake.systems.framework import (
 from pydrake.systems.primitives import MatrixGain
 
 from drake_srg.common.systems import joint_to_actuator, model_actuators, value_or_none
-from drake_srg.gripper.driver import GripperControl
-from drake_srg.gripper.servo import LAWS, PLANT_LAW, GripperServo_, GripperServoConfig
+from drake_srg.config import positive
+from drake_srg.gripper.driver import GripperControl, GripperDriver
+from drake_srg.gripper.servo import LAWS, PLANT_LAW, GripperServo, GripperServoConfig
 from drake_srg.lifetime import LeafSystem
 from drake_srg.types import Vector
 
@@ -55,6 +55,25 @@ def SetPlantServos(
         actuator.set_effort_limit(limit)
 
 
+@dc.dataclass(kw_only=True)
+class JointServoDriver(GripperDriver):
+    """Configuration of a driver with a servo at each joint."""
+
+    # Torque at full PWM, as a fraction of the model's effort limit: supply voltages sag
+    # and motors differ.
+    motor_strength: float = dc.field(default=1.0, metadata=positive())
+
+    def prepare_plant(self, plant: MultibodyPlant, gripper: ModelInstanceIndex) -> None:
+        """Change the plant as the driver needs it, before the plant is finalized.
+
+        With the law `plant`, gives the joints their servos.
+        """
+        if self.servo.law == PLANT_LAW:
+            SetPlantServos(
+                plant, gripper, self.joint_names, self.servo, self.motor_strength
+            )
+
+
 class PlantJointServos(LeafSystem):
     """Commands PD actuators of the plant so that they act like `GripperServo`.
 
@@ -79,9 +98,6 @@ class PlantJointServos(LeafSystem):
 
     The plant's limits are those of the motors. With a smaller `force_limit` kappa, each
     sample limits `position` to within kappa / K_P of the measured angles.
-
-    Args:
-        config: Gains.
     """
 
     def __init__(self, config: GripperServoConfig) -> None:
@@ -179,7 +195,7 @@ def AddJointServos(
     motors = inner.AddNamedSystem(
         "motors", MatrixGain(strength * np.diag(limits) @ order)
     )
-    servo = inner.AddNamedSystem("servo", GripperServo_[float](config))
+    servo = inner.AddNamedSystem("servo", GripperServo(config))
     if position_desired is not None:
         inner.Connect(position_desired, servo.GetInputPort("position_desired"))
     elif config.law == "literal":

@@ -4,23 +4,21 @@ import dataclasses as dc
 from typing import ClassVar
 
 import numpy as np
-from pydrake.geometry import SceneGraph
 from pydrake.multibody.plant import MultibodyPlant
 from pydrake.multibody.tree import ModelInstanceIndex
 from pydrake.systems.framework import (
     BasicVector,
     Context,
-    Diagram,
     DiagramBuilder,
     DiscreteValues,
 )
 
 from drake_srg.common.systems import value_or_none
 from drake_srg.config import Config, positive
-from drake_srg.gripper.driver import FingerSensing, GripperControl, GripperDriver
-from drake_srg.gripper.joint_servos import AddJointServos, SetPlantServos
+from drake_srg.gripper.driver import FingerSensing, GripperControl
+from drake_srg.gripper.joint_servos import AddJointServos, JointServoDriver
 from drake_srg.gripper.sensors import LINKAGE_FINGERS, FingerLayout, ProximityConfig
-from drake_srg.gripper.servo import PLANT_LAW, GripperServoConfig
+from drake_srg.gripper.servo import GripperServoConfig
 from drake_srg.lifetime import LeafSystem
 from drake_srg.types import Vector
 
@@ -178,11 +176,35 @@ def _default_servo() -> GripperServoConfig:
 
 
 @dc.dataclass(kw_only=True)
-class LinkageDriver(GripperDriver):
+class LinkageDriver(JointServoDriver):
     """Two position-controlled cranks, as in the arm thesis.
 
     closure -> MasterSlaveReference -> GripperServo. The PWM times the servo's stall
     torque is the torque.
+
+    .. pydrake_system::
+
+        name: LinkageDriver
+        input_ports:
+        - plant_state
+        - query_object
+        - contact_results
+        - body_poses
+        - closure_commanded
+        - joint_position_commanded (optional)
+        - hold (optional)
+        - force_limit (optional)
+        output_ports:
+        - state_measured
+        - proximity
+        - contact_force
+        - contact_wrench
+        - grasped
+        - pwm
+        - actuation
+
+    The ports are those of `SrgPositionDriver`, for two cranks and two fingertips, the
+    master's first.
     """
 
     layout: ClassVar[FingerLayout] = LINKAGE_FINGERS
@@ -196,24 +218,11 @@ class LinkageDriver(GripperDriver):
     )
     master_slave: MasterSlaveConfig = dc.field(default_factory=MasterSlaveConfig)
     servo: GripperServoConfig = dc.field(default_factory=_default_servo)
-    # Torque at full PWM, as a fraction of the model's effort limit: supply voltages sag
-    # and motors differ.
-    motor_strength: float = dc.field(default=1.0, metadata=positive())
 
     def empty_hand(self, closure: float) -> tuple[float, Vector]:
         """Return how far one motor closes an empty hand, and its joints there [rad]."""
         angle = closure * self.master_slave.full_scale
         return angle, np.full(2, angle)
-
-    def prepare_plant(self, plant: MultibodyPlant, gripper: ModelInstanceIndex) -> None:
-        """Change the plant as the driver needs it, before the plant is finalized.
-
-        With the law `plant`, gives the joints their servos.
-        """
-        if self.servo.law == PLANT_LAW:
-            SetPlantServos(
-                plant, gripper, self.joint_names, self.servo, self.motor_strength
-            )
 
     def AddControl(
         self,
@@ -241,47 +250,3 @@ class LinkageDriver(GripperDriver):
         commands = ("closure_commanded", "joint_position_commanded", "hold")
         inputs = {name: reference.GetInputPort(name) for name in commands}
         return GripperControl({**inputs, **servos.inputs}, servos.outputs)
-
-
-def AddLinkageDriver(
-    builder: DiagramBuilder,
-    plant: MultibodyPlant,
-    gripper: ModelInstanceIndex,
-    config: LinkageDriver | None = None,
-    seed: int = 0,
-    *,
-    name: str = "gripper_driver",
-    scene_graph: SceneGraph | None = None,
-) -> Diagram:
-    """Add the driver of a linkage gripper and connect it to the (finalized) plant.
-
-    .. pydrake_system::
-
-        name: LinkageDriver
-        input_ports:
-        - plant_state
-        - query_object
-        - contact_results
-        - body_poses
-        - closure_commanded
-        - joint_position_commanded (optional)
-        - hold (optional)
-        - force_limit (optional)
-        output_ports:
-        - state_measured
-        - proximity
-        - contact_force
-        - contact_wrench
-        - grasped
-        - pwm
-        - actuation
-
-    The ports are those of `AddSrgPositionDriver`, for two cranks and two fingertips,
-    the master's first.
-
-    The arguments are those of `AddGripperDriver`.
-    """
-    config = config or LinkageDriver()
-    return config.AddDriver(
-        builder, plant, gripper, seed, name=name, scene_graph=scene_graph
-    )

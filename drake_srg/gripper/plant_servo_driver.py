@@ -4,7 +4,6 @@ import dataclasses as dc
 from typing import ClassVar
 
 import numpy as np
-from pydrake.geometry import SceneGraph
 from pydrake.multibody.plant import MultibodyPlant
 from pydrake.multibody.tree import ModelInstanceIndex
 from pydrake.systems.framework import Context, Diagram, DiagramBuilder, DiscreteValues
@@ -22,9 +21,8 @@ from drake_srg.gripper.driver import (
     FingerSensing,
     GraspDetectorConfig,
     GripperControl,
-    GripperDriver,
 )
-from drake_srg.gripper.joint_servos import SetPlantServos
+from drake_srg.gripper.joint_servos import JointServoDriver, SetPlantServos
 from drake_srg.gripper.sensors import SRG_FINGERS, FingerLayout, ProximityConfig
 from drake_srg.gripper.servo import GripperServoConfig
 from drake_srg.gripper.srg_position_driver import SrgPositionDriver
@@ -106,7 +104,7 @@ def _default_servo() -> GripperServoConfig:
 
 
 @dc.dataclass(kw_only=True)
-class PlantServoDriver(GripperDriver):
+class PlantServoDriver(JointServoDriver):
     """Four joints that the plant controls, commanded once per control period.
 
     closure -> PlantServoLogic -> the plant's PD actuators. Between two evaluations of
@@ -114,6 +112,34 @@ class PlantServoDriver(GripperDriver):
     limits implicitly. There is no reference: the motors' back-EMF limits the speed. A
     joint without load turns at `no_load_speed` at full torque, and slows down near its
     target.
+
+    .. pydrake_system::
+
+        name: PlantServoDriver
+        input_ports:
+        - plant_state
+        - query_object (with proximity)
+        - contact_results
+        - body_poses
+        - closure_commanded
+        - joint_position_commanded (optional)
+        - hold (optional)
+        - force_limit (optional)
+        - closure_messages (with per_message)
+        output_ports:
+        - state_measured
+        - proximity (with proximity)
+        - contact_force
+        - contact_wrench
+        - grasped
+        - pwm
+        - desired_state
+
+    The ports are those of `SrgPositionDriver`, except that `desired_state` (8), [q; v]
+    in the order of the gripper's actuators, goes to the plant in place of torques, and
+    that `pwm` (4) is the servos' share of the torque, without the back-EMF.
+
+    Call `prepare_plant` before the plant is finalized.
     """
 
     layout: ClassVar[FingerLayout] = SRG_FINGERS
@@ -134,9 +160,6 @@ class PlantServoDriver(GripperDriver):
     servo: GripperServoConfig = dc.field(default_factory=_default_servo)
     # Speed of a joint without load at full torque [rad/s].
     no_load_speed: float = dc.field(default=SRG.joint_speed, metadata=positive())
-    # Torque at full PWM, as a fraction of the model's effort limit: supply voltages sag
-    # and motors differ.
-    motor_strength: float = dc.field(default=1.0, metadata=positive())
 
     def empty_hand(self, closure: float) -> tuple[float, Vector]:
         """Return how far one motor closes an empty hand, and its joints there [rad]."""
@@ -209,51 +232,3 @@ def _AddPwm(inner: DiagramBuilder, kp: Vector, kd: Vector) -> Diagram:
     builder.ExportInput(mux.get_input_port(1), "state_measured")
     builder.ExportOutput(limit.get_output_port(), "pwm")
     return inner.AddNamedSystem("pwm", builder.Build())
-
-
-def AddPlantServoDriver(
-    builder: DiagramBuilder,
-    plant: MultibodyPlant,
-    gripper: ModelInstanceIndex,
-    config: PlantServoDriver | None = None,
-    seed: int = 0,
-    *,
-    name: str = "gripper_driver",
-    scene_graph: SceneGraph | None = None,
-) -> Diagram:
-    """Add the driver of an SRG to a diagram and connect it to the (finalized) plant.
-
-    .. pydrake_system::
-
-        name: PlantServoDriver
-        input_ports:
-        - plant_state
-        - query_object (with proximity)
-        - contact_results
-        - body_poses
-        - closure_commanded
-        - joint_position_commanded (optional)
-        - hold (optional)
-        - force_limit (optional)
-        - closure_messages (with per_message)
-        output_ports:
-        - state_measured
-        - proximity (with proximity)
-        - contact_force
-        - contact_wrench
-        - grasped
-        - pwm
-        - desired_state
-
-    The ports are those of `AddSrgPositionDriver`, except that `desired_state` (8), [q;
-    v] in the order of the gripper's actuators, goes to the plant in place of torques,
-    and that `pwm` (4) is the servos' share of the torque, without the back-EMF.
-
-    Call the configuration's `prepare_plant` before the plant is finalized.
-
-    The arguments are those of `AddGripperDriver`.
-    """
-    config = config or PlantServoDriver()
-    return config.AddDriver(
-        builder, plant, gripper, seed, name=name, scene_graph=scene_graph
-    )

@@ -55,22 +55,6 @@ class FingerLayout:
         """The sensors' names, in order."""
         return tuple(self.sensor_links)
 
-    def SetDefaultPositions(
-        self, plant: MultibodyPlant, gripper: ModelInstanceIndex, q: Vector
-    ) -> None:
-        """Set where a gripper's joints start.
-
-        Use this in place of the plant's method, which takes the plant's order.
-
-        Args:
-            plant: Plant with the gripper.
-            gripper: Its model instance.
-            q: Positions in the order of `joint_names`, shape (n,) [rad].
-        """
-        for name, angle in zip(self.joint_names, q, strict=True):
-            joint = plant.GetJointByName(name, gripper)
-            joint.set_default_positions([angle])
-
 
 SRG_FINGERS = FingerLayout(
     joint_names=JOINT_NAMES,
@@ -148,8 +132,27 @@ class ProximityConfig(FingerSensorConfig):
         gripper: ModelInstanceIndex,
         layout: FingerLayout,
     ) -> "ProximitySensors":
-        """Add the sensor to a driver, unconnected, and return it."""
-        return AddProximitySensors(builder, plant, gripper, layout, self)
+        """Add the sensor to a driver, unconnected, and return it.
+
+        Each sensor ignores the gripper's own links, except those in `layout.seen`.
+        """
+
+        def geometries(link: str) -> list[GeometryId]:
+            body = plant.GetBodyByName(link, gripper)
+            return list(plant.GetCollisionGeometriesForBody(body))
+
+        bodies = [plant.get_body(index) for index in plant.GetBodyIndices(gripper)]
+        own = {body.name(): geometries(body.name()) for body in bodies}
+        sensors = {name: own[link] for name, link in layout.sensor_links.items()}
+        ignored = {
+            name: [
+                g for link in own.keys() - layout.seen.get(name, ()) for g in own[link]
+            ]
+            for name in sensors
+        }
+        return builder.AddNamedSystem(
+            "proximity_sensors", ProximitySensors(sensors, ignored, self)
+        )
 
 
 class ProximitySensors(LeafSystem):
@@ -243,35 +246,6 @@ class ProximitySensors(LeafSystem):
         output.SetFromVector(fired.astype(float))
 
 
-def AddProximitySensors(
-    builder: DiagramBuilder,
-    plant: MultibodyPlant,
-    gripper: ModelInstanceIndex,
-    layout: FingerLayout,
-    config: ProximityConfig | None = None,
-) -> ProximitySensors:
-    """Add a gripper's distance sensors to a diagram with its (finalized) plant.
-
-    Each sensor ignores the gripper's own links, except those in `layout.seen`. The
-    caller connects `query_object` to the scene graph.
-    """
-
-    def geometries(link: str) -> list[GeometryId]:
-        body = plant.GetBodyByName(link, gripper)
-        return list(plant.GetCollisionGeometriesForBody(body))
-
-    bodies = [plant.get_body(index) for index in plant.GetBodyIndices(gripper)]
-    own = {body.name(): geometries(body.name()) for body in bodies}
-    sensors = {name: own[link] for name, link in layout.sensor_links.items()}
-    ignored = {
-        name: [g for link in own.keys() - layout.seen.get(name, ()) for g in own[link]]
-        for name in sensors
-    }
-    return builder.AddNamedSystem(
-        "proximity_sensors", ProximitySensors(sensors, ignored, config)
-    )
-
-
 @dc.dataclass(kw_only=True)
 class TouchConfig(FingerSensorConfig):
     """Threshold from which a touch counts."""
@@ -288,7 +262,13 @@ class TouchConfig(FingerSensorConfig):
         layout: FingerLayout,
     ) -> "ContactForceSensors":
         """Add the sensor to a driver, unconnected, and return it."""
-        return AddContactForceSensors(builder, plant, gripper, layout, self)
+        links = {}
+        for name, link in layout.sensor_links.items():
+            body = plant.GetBodyByName(link, gripper)
+            links[name] = (body.index(), plant.GetCollisionGeometriesForBody(body))
+        return builder.AddNamedSystem(
+            "contact_force_sensors", ContactForceSensors(links, self)
+        )
 
 
 class ContactForceSensors(LeafSystem):
@@ -391,23 +371,3 @@ class ContactForceSensors(LeafSystem):
     def _calc_triggered(self, context: Context, output: BasicVector) -> None:
         fired = self._forces(context) >= self.config.trigger_force
         output.SetFromVector(fired.astype(float))
-
-
-def AddContactForceSensors(
-    builder: DiagramBuilder,
-    plant: MultibodyPlant,
-    gripper: ModelInstanceIndex,
-    layout: FingerLayout,
-    config: TouchConfig | None = None,
-) -> ContactForceSensors:
-    """Add a gripper's force sensors to a diagram with its (finalized) plant.
-
-    The caller connects the inputs.
-    """
-    links = {}
-    for name, link in layout.sensor_links.items():
-        body = plant.GetBodyByName(link, gripper)
-        links[name] = (body.index(), plant.GetCollisionGeometriesForBody(body))
-    return builder.AddNamedSystem(
-        "contact_force_sensors", ContactForceSensors(links, config)
-    )

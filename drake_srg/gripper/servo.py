@@ -11,21 +11,14 @@ in the equation. `GripperServo` offers three readings of it.
 
 import dataclasses as dc
 import math
-import sys
-from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from pydrake.autodiffutils import AutoDiffXd
-from pydrake.math import floor
-from pydrake.math import max as max_
-from pydrake.math import min as min_
-from pydrake.systems.framework import BasicVector, Context, DiscreteValues, LeafSystem_
-from pydrake.systems.scalar_conversion import TemplateSystem
+from pydrake.systems.framework import BasicVector, Context, DiscreteValues
 
 from drake_srg.common.srg_geometry import SRG
-from drake_srg.common.systems import made_for_floats, value_or_none
+from drake_srg.common.systems import value_or_none
 from drake_srg.config import Config, positive
-from drake_srg.lifetime import LeafSystem, collectable
+from drake_srg.lifetime import LeafSystem
 from drake_srg.types import Vector
 
 # Columns of the discrete state, which has one row per joint.
@@ -236,205 +229,174 @@ class GripperServoConfig(Config):
     period: float = dc.field(default=0.005, metadata=positive())  # sample time [s]
 
 
-def _clip(value: Any, limit: Any) -> Any:
-    """Return a value within +-limit, for all scalars of `GripperServo_`."""
-    if isinstance(value, float):
-        return min(max(value, -limit), limit)
-    return min_(max_(value, -limit), limit)
+def _clip(value: float, limit: float) -> float:
+    """Return a value within +-limit."""
+    return min(max(value, -limit), limit)
 
 
-# Without a scope, Drake looks for this module in the call stack. That takes 0.1 s while
-# modules are being imported. Making a class takes as long.
-@TemplateSystem.define("GripperServo_", scope=sys.modules[__name__])
-def GripperServo_(T: Any) -> Any:  # noqa: D103 (the class below is the documentation)
-    class Impl(LeafSystem_[T]):
-        """Controls n positions by PWM, for float, AutoDiffXd and Expression.
+class GripperServo(LeafSystem):
+    """Controls n positions by PWM.
 
-        .. pydrake_system::
+    .. pydrake_system::
 
-            name: GripperServo
-            input_ports:
-            - reference
-            - state_measured
-            - position_desired (optional)
-            - force_limit (optional)
-            - torque_commanded (optional)
-            output_ports:
-            - pwm
+        name: GripperServo
+        input_ports:
+        - reference
+        - state_measured
+        - position_desired (optional)
+        - force_limit (optional)
+        - torque_commanded (optional)
+        output_ports:
+        - pwm
 
-        `reference` (3n) is [q; v; a] of the minimum-jerk reference, `state_measured`
-        (2n) is [q; v], and `position_desired` (n) is the target that the reference
-        moves to, in rad, rad/s, rad/s². Every `config.period`, the servo evaluates
-        equation 2.3 of the SRG thesis and holds its output:
+    `reference` (3n) is [q; v; a] of the minimum-jerk reference, `state_measured`
+    (2n) is [q; v], and `position_desired` (n) is the target that the reference
+    moves to, in rad, rad/s, rad/s². Every `config.period`, the servo evaluates
+    equation 2.3 of the SRG thesis and holds its output:
 
-            PWM = clip(K_FF1 q' + K_FF2 q'' + feedback, -kappa, kappa)
+        PWM = clip(K_FF1 q' + K_FF2 q'' + feedback, -kappa, kappa)
 
-        where q is the reference. kappa is `force_limit` (1), clipped to 0 .. 1, or
-        `config.force_limit` if that port is not connected or NaN.
+    where q is the reference. kappa is `force_limit` (1), clipped to 0 .. 1, or
+    `config.force_limit` if that port is not connected or NaN.
 
-        * Law `pid`, ours: feedback = K_P e + K_I integral(e) + K_D (v - v_measured),
-          where e is the reference minus the measured position. The integral follows the
-          saturation (back-calculation), so it does not wind up.
-        * Law `printed` takes the terms as printed, and the error as in `pid`: feedback
-          = K_P e + K_I e q' + K_D e / q'. The thesis's q* is read as the reference and
-          the q of q* - q as the measurement.
-        * Law `literal` also takes the symbols as the thesis defines them: the same
-          terms with e = `position_desired` minus reference. Nothing is measured, so the
-          servo cannot resist a load.
+    * Law `pid`, ours: feedback = K_P e + K_I integral(e) + K_D (v - v_measured),
+      where e is the reference minus the measured position. The integral follows the
+      saturation (back-calculation), so it does not wind up.
+    * Law `printed` takes the terms as printed, and the error as in `pid`: feedback
+      = K_P e + K_I e q' + K_D e / q'. The thesis's q* is read as the reference and
+      the q of q* - q as the measurement.
+    * Law `literal` also takes the symbols as the thesis defines them: the same
+      terms with e = `position_desired` minus reference. Nothing is measured, so the
+      servo cannot resist a load.
 
-        The last two are here for comparison, not for use. They evaluate e / q' as
-        e q' / (q'² + s²) with a small s, so that the term fades out at rest.
+    The last two are here for comparison, not for use. They evaluate e / q' as
+    e q' / (q'² + s²) with a small s, so that the term fades out at rest.
 
-        The thesis's q* is 0 .. 100 percent of closure. The drivers convert it:
-        `full_scale` / 100 radians of base plus tip angle are one percent, and
-        Algorithm 1, or the spool, computes each motor's target from that. Gains in
-        percent would be scaled gains in rad, so the unit changes no law.
+    The thesis's q* is 0 .. 100 percent of closure. The drivers convert it:
+    `full_scale` / 100 radians of base plus tip angle are one percent, and
+    Algorithm 1, or the spool, computes each motor's target from that. Gains in
+    percent would be scaled gains in rad, so the unit changes no law.
 
-        We read the floor brackets with kappa as a symmetric limit. With
-        `config.pwm_steps` = N, they also round down: the PWM and kappa become the next
-        lower multiples of 1 / N. This also lowers negative values, so the PWM shifts
-        towards opening, by half a step on average. Steps have no derivatives, so such a
-        servo does not convert to AutoDiffXd.
+    We read the floor brackets with kappa as a symmetric limit. With
+    `config.pwm_steps` = N, they also round down: the PWM and kappa become the next
+    lower multiples of 1 / N. This also lowers negative values, so the PWM shifts
+    towards opening, by half a step on average.
 
-        A finite entry of `torque_commanded` (n), a fraction of the torque at rest at
-        full PWM, switches its servo from position to torque control:
+    A finite entry of `torque_commanded` (n), a fraction of the torque at rest at
+    full PWM, switches its servo from position to torque control:
 
-            PWM = clip(clip(torque, -kappa, kappa) + c K_FF1 v_measured, -1, 1)
+        PWM = clip(clip(torque, -kappa, kappa) + c K_FF1 v_measured, -1, 1)
 
-        with c = `config.current_control`, so the torque hardly falls with the speed.
-        Steps apply here, too. The integral does not change during torque control.
+    with c = `config.current_control`, so the torque hardly falls with the speed.
+    Steps apply here, too. The integral does not change during torque control.
 
-        `pwm` (n) is the held PWM, a fraction of full scale.
-        """
+    `pwm` (n) is the held PWM, a fraction of full scale.
+    """
 
-        def _construct(self, config: GripperServoConfig, converter: Any = None) -> None:
-            LeafSystem_[T].__init__(self, converter)
-            collectable(self)
-            if config.law not in LAWS:
-                raise ValueError(
-                    f"gripper.servo.law: must be one of {', '.join(LAWS)} with this "
-                    f"driver, got {config.law!r}"
-                )
-            gains = (config.kp, config.ki, config.kd, config.kff1, config.kff2)
-            if len({len(gain) for gain in gains}) != 1:
-                raise ValueError(
-                    "kp, ki, kd, kff1, kff2: need one entry per motor each, got "
-                    f"{[len(gain) for gain in gains]}"
-                )
-            if config.pwm_steps and T is AutoDiffXd:
-                raise ValueError(
-                    "pwm_steps: must be 0 for AutoDiffXd, because steps have no "
-                    f"derivative; got {config.pwm_steps}"
-                )
-            self.config = config
-            self._gains = gains
-            self._n = n = len(config.kp)
-            self._reference, self._measured, self._target, self._limit, self._torque = (
-                self.DeclareVectorInputPort(name=name, size=size)
-                for name, size in (
-                    ("reference", 3 * n),
-                    ("state_measured", 2 * n),
-                    ("position_desired", n),
-                    ("force_limit", 1),
-                    ("torque_commanded", n),
-                )
+    def __init__(self, config: GripperServoConfig) -> None:
+        super().__init__()
+        if config.law not in LAWS:
+            raise ValueError(
+                f"gripper.servo.law: must be one of {', '.join(LAWS)} with this "
+                f"driver, got {config.law!r}"
             )
-            # The integral term of the PWM, and the held PWM.
-            self._integral, self._pwm = (self.DeclareDiscreteState(n) for _ in range(2))
-            self.DeclareStateOutputPort("pwm", self._pwm)
-            self.DeclarePeriodicDiscreteUpdateEvent(
-                period_sec=config.period, offset_sec=0.0, update=self._update
+        gains = (config.kp, config.ki, config.kd, config.kff1, config.kff2)
+        if len({len(gain) for gain in gains}) != 1:
+            raise ValueError(
+                "kp, ki, kd, kff1, kff2: need one entry per motor each, got "
+                f"{[len(gain) for gain in gains]}"
             )
-
-        def _construct_copy(self, other: Any, converter: Any = None) -> None:
-            Impl._construct(self, other.config, converter=converter)
-
-        def _update(self, context: Any, discrete_state: Any) -> None:
-            n, kappa = self._n, self._kappa(value_or_none(self._limit, context))
-            absent = [None] * n
-            if self.config.law == "literal":
-                target = self._target.Eval(context)  # this law needs it
-            else:
-                target = value_or_none(self._target, context)
-            torque = value_or_none(self._torque, context)
-            wanted = self._reference.Eval(context).tolist()
-            measured = self._measured.Eval(context).tolist()
-            integrals = context.get_discrete_state(self._integral).CopyToVector()
-            # Motor by motor: for so few of them, floats are faster than arrays.
-            motors = zip(
-                *self._gains,
-                wanted[:n],
-                wanted[n : 2 * n],
-                wanted[2 * n :],
-                measured[:n],
-                measured[n:],
-                absent if target is None else target.tolist(),
-                absent if torque is None else torque.tolist(),
-                integrals.tolist(),
-                strict=True,
+        self.config = config
+        self._gains = gains
+        self._n = n = len(config.kp)
+        self._reference, self._measured, self._target, self._limit, self._torque = (
+            self.DeclareVectorInputPort(name=name, size=size)
+            for name, size in (
+                ("reference", 3 * n),
+                ("state_measured", 2 * n),
+                ("position_desired", n),
+                ("force_limit", 1),
+                ("torque_commanded", n),
             )
-            results = [self._motor(kappa, *values) for values in motors]
-            for index, values in zip(
-                (self._integral, self._pwm), zip(*results, strict=True), strict=True
-            ):
-                discrete_state.set_value(index, values)
+        )
+        # The integral term of the PWM, and the held PWM.
+        self._integral, self._pwm = (self.DeclareDiscreteState(n) for _ in range(2))
+        self.DeclareStateOutputPort("pwm", self._pwm)
+        self.DeclarePeriodicDiscreteUpdateEvent(
+            period_sec=config.period, offset_sec=0.0, update=self._update
+        )
 
-        def _motor(
-            self,
-            kappa: Any,
-            kp: float,
-            ki: float,
-            kd: float,
-            kff1: float,
-            kff2: float,
-            q: Any,
-            v: Any,
-            a: Any,
-            q_measured: Any,
-            v_measured: Any,
-            target: Any,
-            torque: Any,
-            integral: Any,
-        ) -> tuple[Any, Any]:
-            """Return the next integral and PWM of a motor."""
-            config = self.config
-            error = target - q if config.law == "literal" else q - q_measured
-            pwm = kff1 * v + kff2 * a + kp * error
-            if config.law == "pid":
-                pwm = pwm + kd * (v - v_measured) + integral
-            else:
-                guard = config.printed_law_min_speed**2
-                pwm = pwm + ki * error * v + kd * error * v / (v * v + guard)
-            limit, saturated = kappa, _clip(pwm, kappa)
-            if torque is not None and (T is not float or math.isfinite(torque)):
-                compensated = config.current_control * kff1 * v_measured
-                saturated = _clip(_clip(torque, kappa) + compensated, 1.0)
-                limit = 1.0
-            elif ki > 0:
-                rate = ki * error + (saturated - pwm) / config.tracking_time
-                integral = integral + config.period * rate
-            if config.pwm_steps:
-                steps = config.pwm_steps  # PWM rounds down, the limit towards zero
-                saturated = max_(floor(steps * saturated), -floor(steps * limit))
-                saturated = saturated / steps
-            return integral, saturated
+    def _update(self, context: Context, discrete_state: DiscreteValues) -> None:
+        n, kappa = self._n, self._kappa(value_or_none(self._limit, context))
+        absent = [math.nan] * n
+        if self.config.law == "literal":
+            target = self._target.Eval(context)  # this law needs it
+        else:
+            target = value_or_none(self._target, context)
+        torque = value_or_none(self._torque, context)
+        wanted = self._reference.Eval(context).tolist()
+        measured = self._measured.Eval(context).tolist()
+        integrals = context.get_discrete_state(self._integral).CopyToVector()
+        # Motor by motor: for so few of them, floats are faster than arrays.
+        motors = zip(
+            *self._gains,
+            wanted[:n],
+            wanted[n : 2 * n],
+            wanted[2 * n :],
+            measured[:n],
+            measured[n:],
+            absent if target is None else target.tolist(),
+            absent if torque is None else torque.tolist(),
+            integrals.tolist(),
+            strict=True,
+        )
+        results = [self._motor(kappa, *values) for values in motors]
+        for index, values in zip(
+            (self._integral, self._pwm), zip(*results, strict=True), strict=True
+        ):
+            discrete_state.set_value(index, values)
 
-        def _kappa(self, force_limit: Any) -> Any:
-            if force_limit is None or (T is float and math.isnan(force_limit[0])):
-                return self.config.force_limit
-            return min_(max_(force_limit[0], 0.0), 1.0)
+    def _motor(
+        self,
+        kappa: float,
+        kp: float,
+        ki: float,
+        kd: float,
+        kff1: float,
+        kff2: float,
+        q: float,
+        v: float,
+        a: float,
+        q_measured: float,
+        v_measured: float,
+        target: float,
+        torque: float,
+        integral: float,
+    ) -> tuple[float, float]:
+        """Return the next integral and PWM of a motor."""
+        config = self.config
+        error = target - q if config.law == "literal" else q - q_measured
+        pwm = kff1 * v + kff2 * a + kp * error
+        if config.law == "pid":
+            pwm = pwm + kd * (v - v_measured) + integral
+        else:
+            guard = config.printed_law_min_speed**2
+            pwm = pwm + ki * error * v + kd * error * v / (v * v + guard)
+        limit, saturated = kappa, _clip(pwm, kappa)
+        if math.isfinite(torque):
+            compensated = config.current_control * kff1 * v_measured
+            saturated = _clip(_clip(torque, kappa) + compensated, 1.0)
+            limit = 1.0
+        elif ki > 0:
+            rate = ki * error + (saturated - pwm) / config.tracking_time
+            integral = integral + config.period * rate
+        if config.pwm_steps:
+            steps = config.pwm_steps  # PWM rounds down, the limit towards zero
+            saturated = max(np.floor(steps * saturated), -np.floor(steps * limit))
+            saturated = saturated / steps
+        return integral, saturated
 
-    return Impl
-
-
-if TYPE_CHECKING:
-
-    class GripperServo(LeafSystem):
-        """Controls n positions by PWM: `GripperServo_[float]`."""
-
-        config: GripperServoConfig
-
-        def __init__(self, config: GripperServoConfig) -> None: ...
-
-else:
-    __getattr__ = made_for_floats(GripperServo_, __name__)
+    def _kappa(self, force_limit: Vector | None) -> float:
+        if force_limit is None or math.isnan(force_limit[0]):
+            return self.config.force_limit
+        return min(max(float(force_limit[0]), 0.0), 1.0)

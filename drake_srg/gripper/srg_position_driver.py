@@ -4,18 +4,15 @@ import dataclasses as dc
 from typing import ClassVar
 
 import numpy as np
-from pydrake.geometry import SceneGraph
 from pydrake.multibody.plant import MultibodyPlant
 from pydrake.multibody.tree import ModelInstanceIndex
-from pydrake.systems.framework import Diagram, DiagramBuilder
+from pydrake.systems.framework import DiagramBuilder
 
 from drake_srg.common.systems import input_ports
-from drake_srg.config import positive
-from drake_srg.gripper.driver import FingerSensing, GripperControl, GripperDriver
-from drake_srg.gripper.joint_servos import AddJointServos, SetPlantServos
+from drake_srg.gripper.driver import FingerSensing, GripperControl
+from drake_srg.gripper.joint_servos import AddJointServos, JointServoDriver
 from drake_srg.gripper.sensors import SRG_FINGERS, FingerLayout
 from drake_srg.gripper.servo import (
-    PLANT_LAW,
     GripperServoConfig,
     MinimumJerkConfig,
     MinimumJerkReference,
@@ -57,11 +54,54 @@ def _default_servo() -> GripperServoConfig:
 
 
 @dc.dataclass(kw_only=True)
-class SrgPositionDriver(GripperDriver):
+class SrgPositionDriver(JointServoDriver):
     """Four position-controlled joints, as in the SRG thesis's V-REP model.
 
     closure -> UnderactuationLogic -> MinimumJerkReference -> GripperServo. The PWM
     times the joint's torque limit is the torque.
+
+    .. pydrake_system::
+
+        name: SrgPositionDriver
+        input_ports:
+        - plant_state
+        - query_object
+        - contact_results
+        - body_poses
+        - closure_commanded
+        - joint_position_commanded (optional)
+        - hold (optional)
+        - force_limit (optional)
+        - closure_messages (with per_message)
+        output_ports:
+        - state_measured
+        - proximity
+        - contact_force
+        - contact_wrench
+        - grasped
+        - pwm
+        - actuation
+        - desired_state (servo.law plant)
+
+    `AddDriver` connects `plant_state`, `contact_results`, `body_poses` and `actuation`,
+    the joint torques [N m] in the order of the gripper's actuators. It also connects
+    `desired_state` (8), [q; v] of the plant's PD actuators in that order, and, given
+    the scene graph, `query_object`. The fingers move from their initial positions. The
+    other ports:
+
+    * `closure_commanded` (1): 0 open .. 1 closed;
+    * `joint_position_commanded` (4) [rad]: a finite entry overrides the joint's target
+      from closure, NaN does not;
+    * `hold` (1): while nonzero, the fingers keep their positions and their grip;
+    * `force_limit` (1): largest PWM, a fraction 0 .. 1 of full scale;
+    * `closure_messages` (1): number of messages so far that commanded a closure;
+    * `state_measured` (8): [q; v] in rad, rad/s;
+    * `proximity` (4) [m], `contact_force` (4) [N], `contact_wrench` (24) [N m, N]: see
+      `ProximitySensors` and `ContactForceSensors`;
+    * `grasped` (1): see `GraspDetector`;
+    * `pwm` (4): fraction of full scale.
+
+    Joints and sensors are in the order of `JOINT_NAMES`.
     """
 
     layout: ClassVar[FingerLayout] = SRG_FINGERS
@@ -71,24 +111,11 @@ class SrgPositionDriver(GripperDriver):
     )
     minimum_jerk: MinimumJerkConfig = dc.field(default_factory=MinimumJerkConfig)
     servo: GripperServoConfig = dc.field(default_factory=_default_servo)
-    # Torque at full PWM, as a fraction of the model's effort limit: supply voltages sag
-    # and motors differ.
-    motor_strength: float = dc.field(default=1.0, metadata=positive())
 
     def empty_hand(self, closure: float) -> tuple[float, Vector]:
         """Return how far one motor closes an empty hand, and its joints there [rad]."""
         config = self.underactuation
         return empty_hand(closure, config.full_scale, config.base_limit)
-
-    def prepare_plant(self, plant: MultibodyPlant, gripper: ModelInstanceIndex) -> None:
-        """Change the plant as the driver needs it, before the plant is finalized.
-
-        With the law `plant`, gives the joints their servos.
-        """
-        if self.servo.law == PLANT_LAW:
-            SetPlantServos(
-                plant, gripper, self.joint_names, self.servo, self.motor_strength
-            )
 
     def AddControl(
         self,
@@ -125,66 +152,3 @@ class SrgPositionDriver(GripperDriver):
         measured = ("state_measured", "triggered")
         inputs = {k: v for k, v in input_ports(logic).items() if k not in measured}
         return GripperControl({**inputs, **servos.inputs}, servos.outputs)
-
-
-def AddSrgPositionDriver(
-    builder: DiagramBuilder,
-    plant: MultibodyPlant,
-    gripper: ModelInstanceIndex,
-    config: SrgPositionDriver | None = None,
-    seed: int = 0,
-    *,
-    name: str = "gripper_driver",
-    scene_graph: SceneGraph | None = None,
-) -> Diagram:
-    """Add the driver of an SRG to a diagram and connect it to the (finalized) plant.
-
-    .. pydrake_system::
-
-        name: SrgPositionDriver
-        input_ports:
-        - plant_state
-        - query_object
-        - contact_results
-        - body_poses
-        - closure_commanded
-        - joint_position_commanded (optional)
-        - hold (optional)
-        - force_limit (optional)
-        - closure_messages (with per_message)
-        output_ports:
-        - state_measured
-        - proximity
-        - contact_force
-        - contact_wrench
-        - grasped
-        - pwm
-        - actuation
-        - desired_state (servo.law plant)
-
-    `plant_state`, `contact_results`, `body_poses` and `actuation`, the joint torques
-    [N m] in the order of the gripper's actuators, are connected here. So are
-    `desired_state` (8), [q; v] of the plant's PD actuators in that order, and, given
-    the scene graph, `query_object`. The fingers move from their initial positions. The
-    other ports:
-
-    * `closure_commanded` (1): 0 open .. 1 closed;
-    * `joint_position_commanded` (4) [rad]: a finite entry overrides the joint's target
-      from closure, NaN does not;
-    * `hold` (1): while nonzero, the fingers keep their positions and their grip;
-    * `force_limit` (1): largest PWM, a fraction 0 .. 1 of full scale;
-    * `closure_messages` (1): number of messages so far that commanded a closure;
-    * `state_measured` (8): [q; v] in rad, rad/s;
-    * `proximity` (4) [m], `contact_force` (4) [N], `contact_wrench` (24) [N m, N]: see
-      `ProximitySensors` and `ContactForceSensors`;
-    * `grasped` (1): see `GraspDetector`;
-    * `pwm` (4): fraction of full scale.
-
-    Joints and sensors are in the order of `JOINT_NAMES`.
-
-    The arguments are those of `AddGripperDriver`.
-    """
-    config = config or SrgPositionDriver()
-    return config.AddDriver(
-        builder, plant, gripper, seed, name=name, scene_graph=scene_graph
-    )

@@ -5,10 +5,9 @@ import math
 from typing import ClassVar
 
 import numpy as np
-from pydrake.geometry import SceneGraph
 from pydrake.multibody.plant import MultibodyPlant
 from pydrake.multibody.tree import ModelInstanceIndex
-from pydrake.systems.framework import Context, Diagram, DiagramBuilder, DiscreteValues
+from pydrake.systems.framework import Context, DiagramBuilder, DiscreteValues
 from pydrake.systems.primitives import MatrixGain
 
 from drake_srg.common.srg_geometry import SRG
@@ -22,7 +21,7 @@ from drake_srg.gripper.driver import (
 )
 from drake_srg.gripper.sensors import SRG_FINGERS, FingerLayout
 from drake_srg.gripper.servo import (
-    GripperServo_,
+    GripperServo,
     GripperServoConfig,
     MinimumJerkConfig,
     MinimumJerkReference,
@@ -30,7 +29,7 @@ from drake_srg.gripper.servo import (
 from drake_srg.gripper.tendon import (
     MotorTemperature,
     MotorTemperatureConfig,
-    TendonDrive_,
+    TendonDrive,
     TendonDriveConfig,
     empty_hand,
 )
@@ -243,6 +242,40 @@ class SrgTendonDriver(GripperDriver):
 
     closure -> SpoolCommand -> MinimumJerkReference -> GripperServo on the motor ->
     TendonDrive.
+
+    .. pydrake_system::
+
+        name: SrgTendonDriver
+        input_ports:
+        - plant_state
+        - query_object
+        - contact_results
+        - body_poses
+        - closure_commanded
+        - hold (optional)
+        - motor_position_commanded (optional)
+        - motor_torque_commanded (optional)
+        - force_limit (optional)
+        output_ports:
+        - state_measured
+        - proximity
+        - contact_force
+        - contact_wrench
+        - grasped
+        - pwm
+        - motor_state
+        - wire_force
+        - motor_temperature
+        - actuation
+
+    The ports are those of `SrgPositionDriver`, except that single joints cannot be
+    commanded, and that `pwm` (1) is the motor's, so `force_limit` limits its torque and
+    its speed. See `SpoolCommand` for the commands, the strongest first, `TendonDrive`
+    for `motor_state` and `wire_force`, and `MotorTemperature` for `motor_temperature`.
+    `force_limit` holds for all commands. A `motor_torque_commanded` of 0 is a motor
+    without power, which the springs turn back.
+
+    Call `prepare_plant` before the plant is finalized.
     """
 
     layout: ClassVar[FingerLayout] = SRG_FINGERS
@@ -306,13 +339,11 @@ class SrgTendonDriver(GripperDriver):
             "minimum_jerk_reference",
             MinimumJerkReference(np.zeros(1), self.minimum_jerk),
         )
-        servo = inner.AddNamedSystem("servo", GripperServo_[float](self.servo))
+        servo = inner.AddNamedSystem("servo", GripperServo(self.servo))
         step = plant.time_step()
         if step == 0.0:
             raise ValueError("wires need a discrete plant, got a continuous one")
-        drive = inner.AddNamedSystem(
-            "tendon_drive", TendonDrive_[float](self.drive, step)
-        )
+        drive = inner.AddNamedSystem("tendon_drive", TendonDrive(self.drive, step))
         temperature = inner.AddNamedSystem(
             "motor_temperature", MotorTemperature(self.drive, self.temperature)
         )
@@ -373,7 +404,7 @@ class SrgTendonDriver(GripperDriver):
 def SetTendonDynamics(
     plant: MultibodyPlant, gripper: ModelInstanceIndex, config: TendonDriveConfig
 ) -> None:
-    """Prepare an SRG's joints for `AddSrgTendonDriver`, before the plant is finalized.
+    """Prepare an SRG's joints for its wires, before the plant is finalized.
 
     In the model file, each joint has a share of the motor's inertia, friction and
     torque limit, for drivers without a motor. Here the motor is at the other end of the
@@ -388,68 +419,3 @@ def SetTendonDynamics(
         actuator.set_default_rotor_inertia(0.0)
         actuator.set_effort_limit(np.inf)
         actuator.joint().set_default_damping(config.joint_damping)
-
-
-def AddSrgTendonDriver(
-    builder: DiagramBuilder,
-    plant: MultibodyPlant,
-    gripper: ModelInstanceIndex,
-    config: SrgTendonDriver | None = None,
-    seed: int = 0,
-    *,
-    name: str = "gripper_driver",
-    scene_graph: SceneGraph | None = None,
-) -> Diagram:
-    """Add the driver of an SRG to a diagram and connect it to the (finalized) plant.
-
-    .. pydrake_system::
-
-        name: SrgTendonDriver
-        input_ports:
-        - plant_state
-        - query_object
-        - contact_results
-        - body_poses
-        - closure_commanded
-        - hold (optional)
-        - motor_position_commanded (optional)
-        - motor_torque_commanded (optional)
-        - force_limit (optional)
-        output_ports:
-        - state_measured
-        - proximity
-        - contact_force
-        - contact_wrench
-        - grasped
-        - pwm
-        - motor_state
-        - wire_force
-        - motor_temperature
-        - actuation
-
-    The ports are those of `AddSrgPositionDriver`, except that single joints cannot be
-    commanded, and that `pwm` (1) is the motor's, so `force_limit` limits its torque and
-    its speed. See `TendonDrive` for `motor_state` and `wire_force`, and
-    `MotorTemperature` for `motor_temperature`.
-
-    Commands, the strongest first:
-
-    * `hold`;
-    * a finite `motor_torque_commanded` (1), a fraction of the torque at full PWM: 0 is
-      a motor without power, which the springs turn back;
-    * a finite `motor_position_commanded` (1), a spool angle [rad];
-    * `closure_commanded`.
-
-    `force_limit` holds for all of them. See `SpoolCommand` and `GripperServo`.
-
-    Call `SetTendonDynamics` before the plant is finalized.
-
-    The arguments are those of `AddGripperDriver`.
-
-    Raises:
-        ValueError: If `SetTendonDynamics` was not called, or the plant is continuous.
-    """
-    config = config or SrgTendonDriver()
-    return config.AddDriver(
-        builder, plant, gripper, seed, name=name, scene_graph=scene_graph
-    )

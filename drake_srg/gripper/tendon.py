@@ -8,29 +8,21 @@ on the base angle alone, the tip's on the tip angle alone.
 
 import dataclasses as dc
 import math
-import sys
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from pydrake.common.value import AbstractValue
-from pydrake.math import abs as abs_
-from pydrake.math import exp
-from pydrake.math import max as max_
-from pydrake.math import min as min_
-from pydrake.symbolic import Expression, if_then_else, logical_and
 from pydrake.systems.framework import (
+    BasicVector,
     Context,
     DiscreteValues,
-    LeafSystem_,
     ValueProducer,
 )
-from pydrake.systems.scalar_conversion import TemplateSystem
 
 from drake_srg.common.exceptions import ScenarioError
-from drake_srg.common.systems import made_for_floats
 from drake_srg.config import Config, positive
 from drake_srg.gripper.underactuation import FINGERS
-from drake_srg.lifetime import LeafSystem, collectable, weak
+from drake_srg.lifetime import LeafSystem, weak
 from drake_srg.types import Vector
 
 # Coefficients, lowest power first [m, m/rad, ...].
@@ -112,30 +104,30 @@ class DriveFrictionConfig(Config):
     # and with exp(wire) while it pays out.
     wire: float = dc.field(default=0.0, metadata={"ge": 0.0, "le": 1.0})
 
-    def gear_torque(self, load: Any) -> Any:
+    def gear_torque(self, load: float) -> float:
         """Return the friction torque of the moving gears at a load, both in N m."""
         return self.gear + self.gear_load * load
 
     def motor_torque(self, load: float) -> float:
         """Return the torque that winds the spool against a load [N m]."""
-        return load + float(self.gear_torque(load))
+        return load + self.gear_torque(load)
 
     def load(self, motor_torque: float) -> float:
         """Return the load against which a motor torque just winds [N m]."""
         return (motor_torque - self.gear) / (1.0 + self.gear_load)
 
 
-def reduce_magnitude(value: Any, most: Any) -> Any:
+def reduce_magnitude(value: float, most: float) -> float:
     """Return a value moved towards 0 by at most `most`, as Coulomb friction slows.
 
     Args:
         value: Such as a speed without friction [rad/s].
         most: Such as the largest change of speed by friction in a step [rad/s].
     """
-    return max_(value - most, 0.0) + min_(value + most, 0.0)
+    return max(value - most, 0.0) + min(value + most, 0.0)
 
 
-def apply_stiction(before: Any, speed: Any, most: Any, after: Any) -> Any:
+def apply_stiction(before: float, speed: float, most: float, after: float) -> float:
     """Return the speed after friction, which is 0 while stiction holds the spool.
 
     Args:
@@ -144,13 +136,10 @@ def apply_stiction(before: Any, speed: Any, most: Any, after: Any) -> Any:
         most: Largest change of speed that stiction resists in this step [rad/s].
         after: After the step, with the friction of a moving spool [rad/s].
     """
-    if isinstance(after, Expression):
-        holds = logical_and(before == 0.0, abs_(speed) <= most)
-        return if_then_else(holds, 0.0, after)
-    return 0.0 * after if before == 0.0 and abs(speed) <= most else after
+    return 0.0 if before == 0.0 and abs(speed) <= most else after
 
 
-def wire_slip(state: Any, travel: Any, presliding: float) -> Any:
+def wire_slip(state: float, travel: float, presliding: float) -> float:
     """Return the state of a wire's friction: -1 sliding out .. 1 sliding in.
 
     Args:
@@ -158,19 +147,17 @@ def wire_slip(state: Any, travel: Any, presliding: float) -> Any:
         travel: Travel of the wire along its guides towards the spool [m].
         presliding: Travel from no friction to sliding [m].
     """
-    return max_(-1.0, min_(1.0, state + travel / presliding))
+    return max(-1.0, min(1.0, state + travel / presliding))
 
 
-def transmitted_share(state: Any, friction: float) -> Any:
+def transmitted_share(state: float, friction: float) -> float:
     """Return the share of the spool's pull that reaches the finger.
 
     Args:
         state: State of the friction, from `wire_slip`.
         friction: Coefficient times angle of wrap [rad].
     """
-    if isinstance(state, float):
-        return math.exp(-friction * state)
-    return exp(-friction * state)
+    return math.exp(-friction * state)
 
 
 @dc.dataclass(kw_only=True)
@@ -245,7 +232,7 @@ class TendonDriveConfig(Config):
         torque = self.friction.load(self.full_torque * self.useful_pwm(force_limit))
         return max(torque, 0.0) / (2.0 * self.spool_radius)
 
-    def useful_pwm(self, pwm: Any) -> Any:
+    def useful_pwm(self, pwm: float) -> float:
         """Return the PWM that a motor without dead band needs for the same torque.
 
         Args:
@@ -277,209 +264,171 @@ class TendonDriveConfig(Config):
         return min(self.pwm_of(torque / self.full_torque), 1.0)
 
 
-# Without a scope, Drake looks for this module in the call stack. That takes 0.1 s while
-# modules are being imported. Making a class takes as long.
-@TemplateSystem.define("TendonDrive_", scope=sys.modules[__name__])
-def TendonDrive_(T: Any) -> Any:  # noqa: D103 (the class below is the documentation)
-    class Impl(LeafSystem_[T]):
-        """Turns PWM into four joint torques by motor, spool, wires and springs.
+class TendonDrive(LeafSystem):
+    """Turns PWM into four joint torques by motor, spool, wires and springs.
 
-        .. pydrake_system::
+    .. pydrake_system::
 
-            name: TendonDrive
-            input_ports:
-            - pwm
-            - state_measured
-            output_ports:
-            - joint_torque
-            - motor_state
-            - taut_state
-            - wire_force
+        name: TendonDrive
+        input_ports:
+        - pwm
+        - state_measured
+        output_ports:
+        - joint_torque
+        - motor_state
+        - taut_state
+        - wire_force
 
-        `pwm` (1) is a fraction of full scale, clipped to -1 .. 1. `state_measured` (8)
-        is [q; v] of the finger joints in rad, rad/s. Joints, also of `joint_torque` (4)
-        [N m], are ordered left base, right base, left tip, right tip. `motor_state` (2)
-        is [angle; speed] of the spool in rad, rad/s; the angle is 0 where the wires are
-        taut with the fingers open. `taut_state` (2) is the state of a spool at rest
-        whose wires are just taut (one of them if the fingers differ). The spool starts
-        a simulation there. `wire_force` (2) [N] is that of the left and the right wire.
+    `pwm` (1) is a fraction of full scale, clipped to -1 .. 1. `state_measured` (8)
+    is [q; v] of the finger joints in rad, rad/s. Joints, also of `joint_torque` (4)
+    [N m], are ordered left base, right base, left tip, right tip. `motor_state` (2)
+    is [angle; speed] of the spool in rad, rad/s; the angle is 0 where the wires are
+    taut with the fingers open. `taut_state` (2) is the state of a spool at rest
+    whose wires are just taut (one of them if the fingers differ). The spool starts
+    a simulation there. `wire_force` (2) [N] is that of the left and the right wire.
 
-        The motor is a DC motor, so limiting the PWM limits its torque at rest:
+    The motor is a DC motor, so limiting the PWM limits its torque at rest:
 
-            J w' = tau_stall (scale pwm - w / w_0) - r_spool (F_left + F_right)
+        J w' = tau_stall (scale pwm - w / w_0) - r_spool (F_left + F_right)
 
-        A wire only pulls, stretched by x = r_spool angle - (travel of the finger):
+    A wire only pulls, stretched by x = r_spool angle - (travel of the finger):
 
-            F = max(0, k x + c x')
+        F = max(0, k x + c x')
 
-        Each joint gets F times its moment arm, less its spring's torque. Nothing here
-        decides which joint of a finger moves first: springs, arms and contact do.
+    Each joint gets F times its moment arm, less its spring's torque. Nothing here
+    decides which joint of a finger moves first: springs, arms and contact do.
 
-        With `dead_band` or `friction` (off by default), the motor loses part of its PWM
-        (see `useful_pwm`), friction of the gears slows or holds the spool, and the
-        joints get less than F while the wire winds in and more while it pays out (see
-        `DriveFrictionConfig`). `wire_force` is still the force at the spool.
+    With `dead_band` or `friction` (off by default), the motor loses part of its PWM
+    (see `useful_pwm`), friction of the gears slows or holds the spool, and the
+    joints get less than F while the wire winds in and more while it pays out (see
+    `DriveFrictionConfig`). `wire_force` is still the force at the spool.
 
-        The motor's state is updated every `period` [s] (the plant's step). The update
-        is implicit in the back-EMF, which is faster than some steps: J w_0 / tau_stall
-        is 11 ms.
-        """
+    The motor's state is updated every `period` [s] (the plant's step). The update
+    is implicit in the back-EMF, which is faster than some steps: J w_0 / tau_stall
+    is 11 ms.
+    """
 
-        def _construct(
-            self,
-            config: TendonDriveConfig,
-            period: float,
-            converter: Any = None,
-        ) -> None:
-            LeafSystem_[T].__init__(self, converter)
-            collectable(self)
-            self.config = config
-            self._period = period
-            self._pwm = self.DeclareVectorInputPort(name="pwm", size=1)
-            self._measured = self.DeclareVectorInputPort(name="state_measured", size=8)
-            # Spool angle and speed, and the friction of each wire, -1 .. 1.
-            self.DeclareDiscreteState(4 if config.friction.wire else 2)
-            # Joints and motor both need the wires in a step.
-            entry = self.DeclareCacheEntry(
-                description="wires",
-                value_producer=ValueProducer(
-                    allocate=lambda: AbstractValue.Make(object()),
-                    calc=weak(self._calc_wires),
-                ),
-                prerequisites_of_calc={self.xd_ticket(), self._measured.ticket()},
+    def __init__(self, config: TendonDriveConfig, period: float) -> None:
+        super().__init__()
+        self.config = config
+        self._period = period
+        self._pwm = self.DeclareVectorInputPort(name="pwm", size=1)
+        self._measured = self.DeclareVectorInputPort(name="state_measured", size=8)
+        # Spool angle and speed, and the friction of each wire, -1 .. 1.
+        self.DeclareDiscreteState(4 if config.friction.wire else 2)
+        # Joints and motor both need the wires in a step.
+        entry = self.DeclareCacheEntry(
+            description="wires",
+            value_producer=ValueProducer(
+                allocate=lambda: AbstractValue.Make(object()),
+                calc=weak(self._calc_wires),
+            ),
+            prerequisites_of_calc={self.xd_ticket(), self._measured.ticket()},
+        )
+        # Its index, because a wrapper of the entry would keep the system alive.
+        self._wires_index = entry.cache_index()
+        moving = {self.xd_ticket(), self._measured.ticket()}
+        for name, size, calc, prerequisites in (
+            ("joint_torque", 4, self._calc_joint_torque, moving),
+            ("motor_state", 2, self._calc_motor_state, {self.xd_ticket()}),
+            ("taut_state", 2, self._calc_taut_state, {self._measured.ticket()}),
+            ("wire_force", 2, self._calc_wire_force, {entry.ticket()}),
+        ):
+            self.DeclareVectorOutputPort(
+                name=name,
+                size=size,
+                calc=calc,
+                prerequisites_of_calc=prerequisites,
             )
-            # Its index, because a wrapper of the entry would keep the system alive.
-            self._wires_index = entry.cache_index()
-            moving = {self.xd_ticket(), self._measured.ticket()}
-            for name, size, calc, prerequisites in (
-                ("joint_torque", 4, self._calc_joint_torque, moving),
-                ("motor_state", 2, self._calc_motor_state, {self.xd_ticket()}),
-                ("taut_state", 2, self._calc_taut_state, {self._measured.ticket()}),
-                ("wire_force", 2, self._calc_wire_force, {entry.ticket()}),
-            ):
-                self.DeclareVectorOutputPort(
-                    name=name,
-                    size=size,
-                    calc=weak(calc),
-                    prerequisites_of_calc=prerequisites,
-                )
-            self.DeclareInitializationDiscreteUpdateEvent(self._initialize)
-            self.DeclarePeriodicDiscreteUpdateEvent(
-                period_sec=period, offset_sec=0.0, update=self._update
+        self.DeclareInitializationDiscreteUpdateEvent(self._initialize)
+        self.DeclarePeriodicDiscreteUpdateEvent(
+            period_sec=period, offset_sec=0.0, update=self._update
+        )
+
+    def _wires(self, context: Context) -> list[tuple[float, float, float]]:
+        """Return the force of each wire, and its moment arms at base and tip."""
+        entry = self.get_cache_entry(self._wires_index)
+        wires: list[tuple[float, float, float]]
+        wires = entry.EvalAbstract(context).get_value()
+        return wires
+
+    def _calc_wires(self, context: Context, output: AbstractValue) -> None:
+        config, state = self.config, self._measured.Eval(context).tolist()
+        angle, speed, *_ = context.get_discrete_state(0).CopyToVector().tolist()
+        wires = []
+        for base, tip in FINGERS:
+            base_arm = base_moment_arm(state[base])
+            tip_arm = tip_moment_arm(state[tip])
+            stretch = config.spool_radius * angle - wire_travel(state[base], state[tip])
+            rate = (
+                config.spool_radius * speed
+                - base_arm * state[4 + base]
+                - tip_arm * state[4 + tip]
             )
+            pull = config.wire_stiffness * stretch + config.wire_damping * rate
+            wires.append((max(pull, 0.0), base_arm, tip_arm))
+        output.set_value(wires)
 
-        def _construct_copy(self, other: Any, converter: Any = None) -> None:
-            Impl._construct(self, other.config, other._period, converter=converter)
-
-        def _wires(self, context: Any) -> list[tuple[Any, Any, Any]]:
-            """Return the force of each wire, and its moment arms at base and tip."""
-            entry = self.get_cache_entry(self._wires_index)
-            wires: list[tuple[Any, Any, Any]] = entry.EvalAbstract(context).get_value()
-            return wires
-
-        def _calc_wires(self, context: Any, output: AbstractValue) -> None:
-            config, state = self.config, self._measured.Eval(context).tolist()
-            angle, speed, *_ = context.get_discrete_state(0).CopyToVector().tolist()
-            wires = []
-            for base, tip in FINGERS:
-                base_arm = base_moment_arm(state[base])
-                tip_arm = tip_moment_arm(state[tip])
-                stretch = config.spool_radius * angle - wire_travel(
-                    state[base], state[tip]
-                )
-                rate = (
-                    config.spool_radius * speed
-                    - base_arm * state[4 + base]
-                    - tip_arm * state[4 + tip]
-                )
-                pull = config.wire_stiffness * stretch + config.wire_damping * rate
-                force = max(pull, 0.0) if T is float else max_(pull, 0.0)
-                wires.append((force, base_arm, tip_arm))
-            output.set_value(wires)
-
-        def _calc_joint_torque(self, context: Any, output: Any) -> None:
-            config, state = self.config, self._measured.Eval(context).tolist()
-            torques: list[Any] = [0.0] * 4
-            _, _, *stuck = context.get_discrete_state(0).CopyToVector().tolist()
-            wires = self._wires(context)
-            if stuck:
-                wires = [
-                    (force * transmitted_share(s, config.friction.wire), *arms)
-                    for s, (force, *arms) in zip(stuck, wires, strict=True)
-                ]
-            for (base, tip), (force, base_arm, tip_arm) in zip(
-                FINGERS, wires, strict=True
+    def _calc_joint_torque(self, context: Context, output: BasicVector) -> None:
+        config, state = self.config, self._measured.Eval(context).tolist()
+        torques = [0.0] * 4
+        _, _, *stuck = context.get_discrete_state(0).CopyToVector().tolist()
+        wires = self._wires(context)
+        if stuck:
+            wires = [
+                (force * transmitted_share(s, config.friction.wire), base_arm, tip_arm)
+                for s, (force, base_arm, tip_arm) in zip(stuck, wires, strict=True)
+            ]
+        for (base, tip), (force, base_arm, tip_arm) in zip(FINGERS, wires, strict=True):
+            for joint, arm, spring in (
+                (base, base_arm, config.base_spring),
+                (tip, tip_arm, config.tip_spring),
             ):
-                for joint, arm, spring in (
-                    (base, base_arm, config.base_spring),
-                    (tip, tip_arm, config.tip_spring),
-                ):
-                    back = spring.preload + spring.stiffness * state[joint]
-                    torques[joint] = force * arm - back
-            output.SetFromVector(torques)
+                back = spring.preload + spring.stiffness * state[joint]
+                torques[joint] = force * arm - back
+        output.SetFromVector(torques)
 
-        def _calc_motor_state(self, context: Any, output: Any) -> None:
-            output.SetFromVector(context.get_discrete_state(0).CopyToVector()[:2])
+    def _calc_motor_state(self, context: Context, output: BasicVector) -> None:
+        output.SetFromVector(context.get_discrete_state(0).CopyToVector()[:2])
 
-        def _calc_taut_state(self, context: Any, output: Any) -> None:
-            state = self._measured.Eval(context).tolist()
-            left, right = (
-                wire_travel(state[base], state[tip]) for base, tip in FINGERS
-            )
-            travel = min(left, right) if T is float else min_(left, right)
-            output.SetFromVector([travel / self.config.spool_radius, 0.0])
+    def _calc_taut_state(self, context: Context, output: BasicVector) -> None:
+        state = self._measured.Eval(context).tolist()
+        travel = min(wire_travel(state[base], state[tip]) for base, tip in FINGERS)
+        output.SetFromVector([travel / self.config.spool_radius, 0.0])
 
-        def _calc_wire_force(self, context: Any, output: Any) -> None:
-            output.SetFromVector([force for force, *_ in self._wires(context)])
+    def _calc_wire_force(self, context: Context, output: BasicVector) -> None:
+        output.SetFromVector([force for force, *_ in self._wires(context)])
 
-        def _initialize(self, context: Any, discrete_state: Any) -> None:
-            state = context.get_discrete_state(0).CopyToVector()
-            state[:2] = self.GetOutputPort("taut_state").Eval(context)
-            discrete_state.set_value(state)
+    def _initialize(self, context: Context, discrete_state: DiscreteValues) -> None:
+        state = context.get_discrete_state(0).CopyToVector()
+        state[:2] = self.GetOutputPort("taut_state").Eval(context)
+        discrete_state.set_value(state)
 
-        def _update(self, context: Any, discrete_state: Any) -> None:
-            config, dt = self.config, self._period
-            state = self._measured.Eval(context).tolist()
-            angle, speed, *stuck = context.get_discrete_state(0).CopyToVector().tolist()
-            wires = self._wires(context)
-            load = config.spool_radius * sum(force for force, *_ in wires)
-            pwm = self._pwm.Eval(context)[0]
-            pwm = min(max(pwm, -1.0), 1.0) if T is float else min_(max_(pwm, -1.0), 1.0)
-            torque = config.full_torque * config.useful_pwm(pwm)
-            inertia, damping = config.reflected_inertia, config.motor_damping
-            friction = config.friction
-            before, total = speed, inertia + dt * damping
-            speed = (inertia * before + dt * (torque - load)) / total
-            if friction.gear or friction.gear_load:
-                most = dt * friction.gear_torque(load) / total
-                after = reduce_magnitude(speed, most)
-                if friction.stiction > 1.0:
-                    after = apply_stiction(
-                        before, speed, friction.stiction * most, after
-                    )
-                speed = after
-            motion = [angle + dt * speed, speed]
-            for s, (base, tip), (_, base_arm, tip_arm) in zip(
-                stuck, FINGERS, wires, strict=False
-            ):
-                rate = base_arm * state[4 + base] + tip_arm * state[4 + tip]
-                motion.append(wire_slip(s, dt * rate, WIRE_PRESLIDING))
-            discrete_state.set_value(motion)
-
-    return Impl
-
-
-if TYPE_CHECKING:
-
-    class TendonDrive(LeafSystem):
-        """Turns PWM into four joint torques by wires: `TendonDrive_[float]`."""
-
-        config: TendonDriveConfig
-
-        def __init__(self, config: TendonDriveConfig, period: float) -> None: ...
-
-else:
-    __getattr__ = made_for_floats(TendonDrive_, __name__)
+    def _update(self, context: Context, discrete_state: DiscreteValues) -> None:
+        config, dt = self.config, self._period
+        state = self._measured.Eval(context).tolist()
+        angle, speed, *stuck = context.get_discrete_state(0).CopyToVector().tolist()
+        wires = self._wires(context)
+        load = config.spool_radius * sum(force for force, *_ in wires)
+        pwm = min(max(self._pwm.Eval(context)[0], -1.0), 1.0)
+        torque = config.full_torque * config.useful_pwm(pwm)
+        inertia, damping = config.reflected_inertia, config.motor_damping
+        friction = config.friction
+        before, total = speed, inertia + dt * damping
+        speed = (inertia * before + dt * (torque - load)) / total
+        if friction.gear or friction.gear_load:
+            most = dt * friction.gear_torque(load) / total
+            after = reduce_magnitude(speed, most)
+            if friction.stiction > 1.0:
+                after = apply_stiction(before, speed, friction.stiction * most, after)
+            speed = after
+        motion = [angle + dt * speed, speed]
+        for s, (base, tip), (_, base_arm, tip_arm) in zip(
+            stuck, FINGERS, wires, strict=False
+        ):
+            rate = base_arm * state[4 + base] + tip_arm * state[4 + tip]
+            motion.append(wire_slip(s, dt * rate, WIRE_PRESLIDING))
+        discrete_state.set_value(motion)
 
 
 @dc.dataclass(kw_only=True)
@@ -550,10 +499,6 @@ class MotorTemperature(LeafSystem):
 
     U_0 is the voltage lost to the drive's dead band, if any. The current is taken as
     constant during `config.period`; T integrates the mean of the heat flow Q.
-
-    Args:
-        drive: The motor's torque and speed.
-        config: Its thermal properties.
     """
 
     def __init__(

@@ -135,9 +135,6 @@ class UnderactuationLogic(LeafSystem):
     The output `position_desired` (4) [rad] is updated every `config.period`. When a
     simulation starts, it is the fingers' position. Joints and sensors are in the order
     of `JOINT_NAMES`.
-
-    Args:
-        config: Parameters of the algorithm.
     """
 
     def __init__(self, config: UnderactuationConfig | None = None) -> None:

@@ -12,7 +12,7 @@ from pydrake.systems.framework import DiagramBuilder
 from pydrake.systems.primitives import ConstantVectorSource
 
 from drake_srg import parsing
-from drake_srg.arm.drivers import ArmPositionDriver
+from drake_srg.arm.driver import ArmPositionDriver
 from drake_srg.common.systems import model_actuators
 from drake_srg.objects.household import Image
 from drake_srg.scenario.schema import Scenario

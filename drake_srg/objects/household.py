@@ -88,10 +88,6 @@ class ObjectFacts:
 def object_facts(name: str, config: ObjectConfig) -> ObjectFacts:
     """Measure an object that is not soft.
 
-    Args:
-        name: For error messages.
-        config: The object.
-
     Raises:
         ScenarioError: If the model cannot be read.
     """
@@ -186,14 +182,9 @@ def photograph(
     return np.array(image.data[:, :, :3])
 
 
-def contact_sheet(pictures: Mapping[str, Image], across: int = 5) -> Image:
-    """Return pictures of one size with their names below, row by row.
-
-    Args:
-        pictures: RGB images by name.
-        across: Number of pictures in a row.
-    """
-    tiles = []
+def contact_sheet(pictures: Mapping[str, Image]) -> Image:
+    """Return RGB pictures of one size with their names below, in rows of five."""
+    tiles, across = [], 5
     for name, picture in pictures.items():
         strip = np.full((24, picture.shape[1], 3), 255, np.uint8)
         font = cv2.FONT_HERSHEY_SIMPLEX

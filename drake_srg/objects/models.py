@@ -48,10 +48,6 @@ _NEARLY_AS_LONG = 1e-4
 def object_shape(name: str, config: ObjectConfig) -> Shape:
     """Return the shape that localizer and planner assume for the picked object.
 
-    Args:
-        name: The object's name, for error messages.
-        config: The object.
-
     Raises:
         ScenarioError: If the model cannot be read or does not have exactly one simple
             geometry, or the object is soft or not known.

@@ -163,10 +163,6 @@ def contact_properties(
 def ode_friction(collision: ET.Element, path: Path) -> tuple[float, float] | None:
     """Return the friction that an SDF gives the surface of a collision.
 
-    Args:
-        collision: The element.
-        path: The file, for error messages.
-
     Returns:
         Static and dynamic coefficient, which Drake reads from `mu` and `mu2`; None
         without them.

@@ -33,10 +33,6 @@ class SlideConfig(Config):
 def SetSlideGains(plant: MultibodyPlant, name: str) -> None:
     """Give a slide's actuator its gains, before the plant is finalized.
 
-    Args:
-        plant: Plant with the slide's model.
-        name: Name of the model instance.
-
     Raises:
         ValueError: If there is no such model, or it does not have exactly one actuator.
     """

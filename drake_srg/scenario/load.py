@@ -11,7 +11,7 @@ import numpy as np
 from pydrake.common import RandomGenerator
 from pydrake.common.schema import UniformVectorX
 
-from drake_srg.arm.drivers import ArmPositionDriver
+from drake_srg.arm.driver import ArmPositionDriver
 from drake_srg.common.exceptions import ScenarioError, scenario_errors, suggest
 from drake_srg.scenario.checks import check_scenario, resolve_pick
 from drake_srg.scenario.draws import (

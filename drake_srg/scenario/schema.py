@@ -19,8 +19,8 @@ from pydrake.multibody.plant import MultibodyPlantConfig
 from pydrake.systems.analysis import SimulatorConfig
 from pydrake.systems.sensors import CameraConfig
 
-from drake_srg.arm.driver import ArmDriver
-from drake_srg.arm.drivers import DRIVERS as ARM_DRIVERS
+from drake_srg.arm.driver import ArmDriver, ArmPositionDriver
+from drake_srg.arm.impedance import ArmImpedanceDriver
 from drake_srg.arm.safety.config import SafetyConfig
 from drake_srg.common.exceptions import ScenarioError
 from drake_srg.config import Config, positive
@@ -90,6 +90,9 @@ class TwinConfig(Config):
     closure: str = "gripper/closure_commanded"
     grasp: str = "grasp"
 
+
+# The arm drivers of the package. The name of a driver's class is its tag.
+ARM_DRIVERS: tuple[type[ArmDriver], ...] = (ArmPositionDriver, ArmImpedanceDriver)
 
 # The planners of the package. Its class name is a planner's tag in scenario files. For
 # one of your own, call `drake_srg.station.register_planner`.

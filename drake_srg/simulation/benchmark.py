@@ -43,10 +43,6 @@ class InputRecorder:
     It records the input ports that are connected, without forces on objects
     (`disturbances`).
 
-    Args:
-        scenario: The scenario to run.
-        name: Its name, for error messages.
-
     Raises:
         ScenarioError: If the models do not fit the scenario.
     """
@@ -235,10 +231,6 @@ def run_benchmark(scenario: Scenario, name: str = "scenario") -> Benchmark:
     """Measure a run of a scenario, its plant alone, and single looks.
 
     The bare plant gets the inputs recorded in a run; see `MakeBarePlant`.
-
-    Args:
-        scenario: The scenario to measure.
-        name: Its name, for error messages.
 
     Raises:
         ScenarioError: If the models do not fit the scenario, or Drake aborts the run.

@@ -83,12 +83,7 @@ _OFF_TABLE = 0.2
 
 
 def off_table(scenario: Scenario, log: Mapping[str, Vector]) -> list[str]:
-    """Return the names of the objects that fell off the table.
-
-    Args:
-        scenario: The scenario of the run.
-        log: Arrays of log.npz.
-    """
+    """Return the names of the objects that fell off the table."""
     floor = scenario.table.height - _OFF_TABLE
     return [
         name

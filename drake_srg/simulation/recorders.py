@@ -48,10 +48,6 @@ def scene_topics(cell: Diagram, scenario: Scenario) -> list[Topic]:
     """Return /tf and /scene of a cell or a station; none if it lacks the plant's state.
 
     They show the rigid bodies of the scenario. Soft objects are left out.
-
-    Args:
-        cell: The cell.
-        scenario: Its scenario.
     """
     port = output_ports(cell).get(_STATE)
     if port is None:

@@ -80,7 +80,6 @@ def bench_scenario(
     gripper_rpy: Sequence[float] | None = None,
     home: Sequence[float] | None = None,
     scenario: str | Path = "gripper_bench",
-    seed: int | None = None,
     overrides: Sequence[str] = (),
 ) -> Scenario:
     """Load a scenario of the gripper's bench with another object or hand pose.
@@ -93,13 +92,12 @@ def bench_scenario(
             to the front.
         home: Joint positions of the arm at the start [rad or m].
         scenario: Name or path of the scenario.
-        seed: Replaces `random_seed`.
         overrides: Entries `KEY=VALUE`, as for `load_scenario`.
 
     Raises:
         ScenarioError: If the scenario or an override is invalid.
     """
-    bench = load_scenario(scenario, seed=seed, overrides=overrides)
+    bench = load_scenario(scenario, overrides=overrides)
     check_single_arm(bench, "a bench")
     if thing is not None:
         thing = copy.deepcopy(thing)
@@ -314,9 +312,9 @@ class Rig:
         palm = self.plant.GetFrameByName("palm", gripper)
         return palm.CalcPoseInWorld(self.plant_context)
 
-    def X_GO(self, name: str | None = None) -> RigidTransform:
-        """Return the pose of an object in the palm; by default, of the picked one."""
-        return self.X_WG().inverse() @ self.X_WO(name)
+    def X_GO(self) -> RigidTransform:
+        """Return the pose of the picked object in the palm."""
+        return self.X_WG().inverse() @ self.X_WO()
 
     def contact_forces(self, name: str | None = None) -> dict[str, float]:
         """Return the contact forces on an object; see `ContactReader.forces`."""

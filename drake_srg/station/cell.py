@@ -193,13 +193,8 @@ def AddScenarioPlanner(
 ) -> System:
     """Add a scenario's planner and perception, which read the station's sensors.
 
-    `ConnectCommands` makes the station do what the planner commands.
-
-    Args:
-        builder: The cell's.
-        scenario: The scenario of the cell.
-        station: Its station.
-        make_planner: Makes a planner in place of the scenario's; see `MakeCell`.
+    `ConnectCommands` makes the station do what the planner commands. `make_planner`
+    makes a planner in place of the scenario's; see `MakeCell`.
     """
     if make_planner is not None:
         return AddLocalizingPlanner(builder, scenario, station, make_planner)
@@ -237,14 +232,7 @@ def AddLocalizingPlanner(
     station: Diagram,
     make_planner: Callable[[Scenario], System],
 ) -> System:
-    """Add a planner with inputs of `PickAndPlacePlanner`, and the localizer.
-
-    Args:
-        builder: The cell's.
-        scenario: The scenario of the cell.
-        station: Its station.
-        make_planner: Makes the planner.
-    """
+    """Add a planner with inputs of `PickAndPlacePlanner`, and the localizer."""
     localizer = AddLocalizer(builder, scenario, station)
     planner = builder.AddNamedSystem("planner", make_planner(scenario))
     builder.Connect(localizer.GetOutputPort("blobs"), planner.GetInputPort("blobs"))
@@ -260,13 +248,7 @@ def AddLocalizingPlanner(
 def AddClearingPlanner(
     builder: DiagramBuilder, scenario: Scenario, station: Diagram
 ) -> System:
-    """Add the planner that clears a scenario's table, and each arm's height mappers.
-
-    Args:
-        builder: The cell's.
-        scenario: The scenario of the cell.
-        station: Its station.
-    """
+    """Add the planner that clears a scenario's table, and each arm's height mappers."""
     shares, make = {"": scenario}, MakeClearingPlanner
     if isinstance(scenario.planner, ClearTogether):
         make = MakeClearingPair
@@ -291,13 +273,7 @@ def AddClearingPlanner(
 def AddScriptedPlanner(
     builder: DiagramBuilder, scenario: Scenario, station: Diagram
 ) -> System:
-    """Add the planner that plays a scenario's script.
-
-    Args:
-        builder: The cell's.
-        scenario: The scenario of the cell.
-        station: Its station.
-    """
+    """Add the planner that plays a scenario's script."""
     planner = builder.AddNamedSystem("planner", MakeScriptedPlanner(scenario))
     if any(step.force_limit is not None for step in script_of(scenario)):
         builder.Connect(
@@ -391,13 +367,9 @@ def AddDisturber(
 
 
 def ConnectPlanner(
-    builder: DiagramBuilder,
-    station: Diagram,
-    localizer: System,
-    planner: System,
-    arms: Sequence[RobotArm] = _ONE_ARM,
+    builder: DiagramBuilder, station: Diagram, localizer: System, planner: System
 ) -> None:
-    """Connect a planner with ports of `PickAndPlacePlanner` to the other systems.
+    """Connect one arm's planner, with ports of `PickAndPlacePlanner`, to the others.
 
     Of the measurements, only those that the planner has an input for are connected.
 
@@ -406,12 +378,10 @@ def ConnectPlanner(
         station: A station with the ports of `MakeStation`'s.
         localizer: A system with the output port `blobs`.
         planner: The planner.
-        arms: The arms that it moves. The planner's ports of one that has a name begin
-            with `NAME.`.
     """
     builder.Connect(localizer.GetOutputPort("blobs"), planner.GetInputPort("blobs"))
-    ConnectSensors(builder, station, planner, arms)
-    ConnectCommands(builder, station, planner, arms)
+    ConnectSensors(builder, station, planner)
+    ConnectCommands(builder, station, planner)
 
 
 def ConnectSensors(
@@ -420,14 +390,7 @@ def ConnectSensors(
     planner: System,
     arms: Sequence[RobotArm] = _ONE_ARM,
 ) -> None:
-    """Connect a station's measurements to the planner's inputs for them.
-
-    Args:
-        builder: The cell's.
-        station: A station.
-        planner: The planner.
-        arms: The arms that it moves.
-    """
+    """Connect a station's measurements to the planner's inputs for them."""
     for arm in arms:
         for source, target in (
             (f"{arm.arm_model}.state_measured", "arm_state"),

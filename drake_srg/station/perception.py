@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import dataclasses as dc
 import functools
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable
 
 import numpy as np
 from pydrake.geometry import SceneGraph
@@ -13,6 +13,7 @@ from pydrake.multibody.plant import AddMultibodyPlantSceneGraph, MultibodyPlant
 from pydrake.systems.framework import Diagram, DiagramBuilder, OutputPort, System
 
 from drake_srg.common.exceptions import ScenarioError, scenario_errors
+from drake_srg.common.systems import input_ports
 from drake_srg.objects.config import ObjectConfig
 from drake_srg.objects.models import body_color, known_shape
 from drake_srg.objects.solids import body_corners, known_solid
@@ -20,7 +21,7 @@ from drake_srg.planning.clearing.destination import BESIDE, Destination
 from drake_srg.planning.clearing.placing import row_destination
 from drake_srg.scenario import Scenario, perception_cameras, robot_arms
 from drake_srg.station.plant import Models
-from drake_srg.theses.blob_localizer import ThesisBlobLocalizer
+from drake_srg.theses.blob_localizer import ThesisBlobConfig, ThesisBlobLocalizer
 from drake_srg.types import Vector
 from drake_srg.vision.blob_localizer import BlobLocalizer, BlobTarget
 from drake_srg.vision.camera import CameraModel, calibrated_model
@@ -46,28 +47,31 @@ def AddLocalizer(
     """
     cameras, config = camera_models(scenario), scenario.localizer
     if config.thesis is not None:
-        return _AddThesisLocalizer(builder, scenario, station)
+        localizer = builder.AddNamedSystem(
+            "localizer", _thesis_localizer(scenario, config.thesis)
+        )
+        _ConnectCameras(builder, station, localizer)
+        return localizer
     localizer = builder.AddNamedSystem(
         "localizer",
-        BlobLocalizer(
-            blob_targets(scenario),
-            cameras,
-            min_area=config.min_area,
-        ),
+        BlobLocalizer(blob_targets(scenario), cameras, min_area=config.min_area),
     )
-    for name, camera in cameras.items():
-        for port in ("color_image", "depth_image", "body_pose_in_world"):
-            source = station.GetOutputPort(f"camera_{name}.{port}")
-            if port == "body_pose_in_world" and config.level_cameras:
-                source = _AddLeveling(builder, scenario, station, name, camera)
-            builder.Connect(source, localizer.GetInputPort(f"{name}.{port}"))
+    if config.level_cameras:
+        for name, camera in cameras.items():
+            leveling = builder.AddNamedSystem(
+                f"camera_leveling_{name}", CameraLeveling(camera, _tables(scenario))
+            )
+            for port in ("depth_image", "body_pose_in_world"):
+                source = station.GetOutputPort(f"camera_{name}.{port}")
+                builder.Connect(source, leveling.GetInputPort(port))
+    _ConnectCameras(builder, station, localizer, level=config.level_cameras)
     return localizer
 
 
-def _AddThesisLocalizer(
-    builder: DiagramBuilder, scenario: Scenario, station: Diagram
+def _thesis_localizer(
+    scenario: Scenario, config: ThesisBlobConfig
 ) -> ThesisBlobLocalizer:
-    """Add the localizer of the arm's thesis and connect it to its one camera."""
+    """Return the localizer of the arm's thesis, which has one camera."""
     cameras = camera_models(scenario)
     if len(cameras) != 1:
         raise ScenarioError(
@@ -75,16 +79,25 @@ def _AddThesisLocalizer(
             f"got {', '.join(cameras)}"
         )
     ((name, camera),) = cameras.items()
-    localizer = builder.AddNamedSystem(
-        "localizer",
-        ThesisBlobLocalizer(
-            scenario.task.pick, name, camera, scenario.localizer.thesis
-        ),
-    )
-    for port in ("color_image", "depth_image", "body_pose_in_world"):
-        source = station.GetOutputPort(f"camera_{name}.{port}")
-        builder.Connect(source, localizer.GetInputPort(f"{name}.{port}"))
-    return localizer
+    return ThesisBlobLocalizer(scenario.task.pick, name, camera, config)
+
+
+def _ConnectCameras(
+    builder: DiagramBuilder, station: Diagram, system: System, *, level: bool = False
+) -> None:
+    """Connect a system's inputs `CAMERA.PORT` to the cameras of a station.
+
+    With `level`, poses are those that a `CameraLeveling` has corrected.
+    """
+    for name, port in input_ports(system).items():
+        camera, of_camera, what = name.partition(".")
+        if not of_camera:
+            continue
+        source = station.GetOutputPort(f"camera_{name}")
+        if level and what == "body_pose_in_world":
+            leveling = builder.GetSubsystemByName(f"camera_leveling_{camera}")
+            source = leveling.get_output_port()
+        builder.Connect(source, port)
 
 
 def AddObstacleFinder(
@@ -94,44 +107,19 @@ def AddObstacleFinder(
     localizer: System,
 ) -> ObstacleFinder:
     """Add the finder of obstacles and connect it to the station and the localizer."""
-    cameras = camera_models(scenario)
     known = {n: known_shape(n, config) for n, config in scenario.objects.items()}
     finder = builder.AddNamedSystem(
         "obstacle_finder",
         ObstacleFinder(
-            cameras,
+            camera_models(scenario),
             _surfaces(scenario),
             {name: shape for name, shape in known.items() if shape is not None},
         ),
     )
-    for name in cameras:
-        depth = station.GetOutputPort(f"camera_{name}.depth_image")
-        builder.Connect(depth, finder.GetInputPort(f"{name}.depth_image"))
-        pose = station.GetOutputPort(f"camera_{name}.body_pose_in_world")
-        if scenario.localizer.level_cameras:
-            leveling = builder.GetSubsystemByName(f"camera_leveling_{name}")
-            pose = leveling.get_output_port()
-        builder.Connect(pose, finder.GetInputPort(f"{name}.body_pose_in_world"))
+    level = scenario.localizer.level_cameras
+    _ConnectCameras(builder, station, finder, level=level)
     builder.Connect(localizer.GetOutputPort("blobs"), finder.GetInputPort("blobs"))
     return finder
-
-
-def _AddLeveling(
-    builder: DiagramBuilder,
-    scenario: Scenario,
-    station: Diagram,
-    name: str,
-    camera: CameraModel,
-) -> OutputPort:
-    """Add a CameraLeveling and return the port of the camera's corrected pose."""
-    leveling = builder.AddNamedSystem(
-        f"camera_leveling_{name}",
-        CameraLeveling(camera, _tables(scenario)),
-    )
-    for port in ("depth_image", "body_pose_in_world"):
-        source = station.GetOutputPort(f"camera_{name}.{port}")
-        builder.Connect(source, leveling.GetInputPort(port))
-    return leveling.get_output_port()
 
 
 def camera_models(scenario: Scenario) -> dict[str, CameraModel]:
@@ -336,11 +324,7 @@ def AddThingLabeler(
         ),
     )
     builder.Connect(height_map, labeler.GetInputPort("height_map"))
-    for camera in cameras:
-        for port in ("color_image", "body_pose_in_world"):
-            if labeler.HasInputPort(f"{camera}.{port}"):
-                source = station.GetOutputPort(f"camera_{camera}.{port}")
-                builder.Connect(source, labeler.GetInputPort(f"{camera}.{port}"))
+    _ConnectCameras(builder, station, labeler)
     if known:
         localizer = AddLocalizer(builder, scenario, station)
         builder.Connect(localizer.GetOutputPort("blobs"), labeler.GetInputPort("blobs"))
@@ -461,15 +445,12 @@ def AddHeightMapper(
     ]
     region = _surface(scenario, np.array(clear.region.min), np.array(clear.region.max))
     # The planner looks with the arm out of the way.
-    return _AddMapper(
-        robot_arms(scenario)[0].system("height_mapper"),
-        builder,
-        station,
-        camera_models(scenario),
-        region,
-        ignored,
-        over_edge=True,
+    mapper = HeightMapper(
+        camera_models(scenario), region, ignored=ignored, over_edge=True
     )
+    builder.AddNamedSystem(robot_arms(scenario)[0].system("height_mapper"), mapper)
+    _ConnectCameras(builder, station, mapper)
+    return mapper
 
 
 def AddDestinationMapper(
@@ -482,15 +463,10 @@ def AddDestinationMapper(
     region = _surface(scenario, low, high)
     cameras = destination_camera_models(scenario)
     thing, over_edge = destination_map_limits(scenario)
-    return _AddMapper(
-        robot_arms(scenario)[0].system("destination_mapper"),
-        builder,
-        station,
-        cameras,
-        region,
-        thing=thing,
-        over_edge=over_edge,
-    )
+    mapper = HeightMapper(cameras, region, thing=thing, over_edge=over_edge)
+    builder.AddNamedSystem(robot_arms(scenario)[0].system("destination_mapper"), mapper)
+    _ConnectCameras(builder, station, mapper)
+    return mapper
 
 
 def destination_map_limits(scenario: Scenario) -> tuple[float, bool]:
@@ -512,25 +488,3 @@ def clearing_destinations(scenario: Scenario) -> list[Destination]:
 
 def _surface(scenario: Scenario, low: Vector, high: Vector) -> Surface:
     return Surface((low[0], low[1]), (high[0], high[1]), scenario.table.height)
-
-
-def _AddMapper(
-    name: str,
-    builder: DiagramBuilder,
-    station: Diagram,
-    cameras: Mapping[str, CameraModel],
-    region: Surface,
-    ignored: Sequence[Surface] = (),
-    *,
-    thing: float = THING,
-    over_edge: bool,
-) -> HeightMapper:
-    mapper = HeightMapper(
-        cameras, region, ignored=ignored, thing=thing, over_edge=over_edge
-    )
-    builder.AddNamedSystem(name, mapper)
-    for camera in cameras:
-        for port in ("depth_image", "body_pose_in_world"):
-            source = station.GetOutputPort(f"camera_{camera}.{port}")
-            builder.Connect(source, mapper.GetInputPort(f"{camera}.{port}"))
-    return mapper

@@ -65,12 +65,7 @@ from drake_srg.types import Cylinder, Sphere, Vector
 
 
 def goal_pose(scenario: Scenario, shape: Solid) -> RigidTransform:
-    """Return the upright pose at which the planner places the object, X_WO [m].
-
-    Args:
-        scenario: The scenario with the task.
-        shape: The object's shape.
-    """
+    """Return the upright pose at which the planner places the object, X_WO [m]."""
     place = scenario.task.place
     height = scenario.table.height if place.height is None else place.height
     below = shape.half_extent(np.array([0.0, 0.0, -1.0]))
@@ -173,21 +168,15 @@ def MakeHand(
     )
 
 
-def _srg_position_hand(
-    driver: SrgPositionDriver | PlantServoDriver,
+def _srg_hand(
+    driver: SrgPositionDriver | PlantServoDriver | SrgTendonDriver,
     config: PlannerConfig,
     _: MultibodyPlant,
 ) -> SrgHand:
-    return _srg_hand(config, driver.underactuation.full_scale)
-
-
-def _srg_tendon_hand(
-    driver: SrgTendonDriver, config: PlannerConfig, _: MultibodyPlant
-) -> SrgHand:
-    return _srg_hand(config, driver.spool.full_scale)
-
-
-def _srg_hand(config: PlannerConfig, full_scale: float) -> SrgHand:
+    if isinstance(driver, SrgTendonDriver):
+        full_scale = driver.spool.full_scale
+    else:
+        full_scale = driver.underactuation.full_scale
     return SrgHand(
         config.approaches,
         config.tilts,
@@ -220,9 +209,9 @@ def _linkage_hand(
 
 
 _HANDS: dict[type[GripperDriver], HandMaker] = {
-    SrgPositionDriver: _srg_position_hand,
-    PlantServoDriver: _srg_position_hand,
-    SrgTendonDriver: _srg_tendon_hand,
+    SrgPositionDriver: _srg_hand,
+    PlantServoDriver: _srg_hand,
+    SrgTendonDriver: _srg_hand,
     LinkageDriver: _linkage_hand,
 }
 

@@ -286,12 +286,7 @@ def MakeAdvance(simulator: Simulator, system: Diagram, scenario: Scenario) -> Ad
 
 
 class _Sleepers:
-    """Locks the objects of a station that sleep, and unlocks the others.
-
-    Args:
-        station: The station.
-        root: The context of the simulation.
-    """
+    """Locks the objects of a station that sleep, and unlocks the others."""
 
     def __init__(self, station: Diagram, root: Context) -> None:
         plant: MultibodyPlant = station.GetSubsystemByName("plant")

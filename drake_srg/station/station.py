@@ -82,8 +82,8 @@ def MakeStation(scenario: Scenario) -> Diagram:
     The ports of the arm, the gripper and the cameras exist where the scenario has them.
     With `arms`, those of the arm NAME are called `NAME.` in place of `arm.`,
     `NAME.gripper.` in place of `gripper.`, and `NAME.safety.` in place of `safety.`.
-    `AddArmDriver`, `AddSrgPositionDriver`, `AddSrgTendonDriver`,
-    `AddLinkageDriver` and Drake's RgbdSensor describe what they carry. A gripper driver
+    `AddArmDriver`, `SrgPositionDriver`, `SrgTendonDriver`, `LinkageDriver` and Drake's
+    RgbdSensor describe what they carry. A gripper driver
     or finger sensor of your own adds its ports as `gripper.NAME`. Disturbances enter
     through `object_forces_cheat` (list[ExternallyAppliedSpatialForce]). With `safety`,
     a `SafetyMonitor` stands between `arm.position_commanded` and the arm's driver,

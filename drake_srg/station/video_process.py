@@ -259,11 +259,7 @@ def main() -> None:
 
 
 def _render(live: Callable[[], None]) -> int:
-    """Make the video, and return its number of frames.
-
-    Args:
-        live: Called after each frame.
-    """
+    """Make the video, and return its number of frames."""
     (text,) = pickle.load(sys.stdin.buffer)
     scenario = read_typed(Scenario, text)
     name, close = scenario.recording.video_camera, scenario.recording.inset_camera

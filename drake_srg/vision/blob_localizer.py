@@ -11,12 +11,11 @@ import numpy.typing as npt
 from pydrake.common.value import AbstractValue
 from pydrake.math import RigidTransform
 from pydrake.systems.framework import Context
-from pydrake.systems.sensors import ImageDepth32F, ImageRgba8U
 
 from drake_srg.common.geometry import Solid
 from drake_srg.lifetime import LeafSystem
 from drake_srg.types import Blob, BlobFlag
-from drake_srg.vision.camera import CameraModel, Imager
+from drake_srg.vision.camera import CameraModel, DeclareCameraPorts, Imager, see
 from drake_srg.vision.candidates import Candidate, Picture, Search, by_color, by_steps
 from drake_srg.vision.color import ColorRange
 from drake_srg.vision.images import clean_and_measure, metres
@@ -26,6 +25,9 @@ from drake_srg.vision.sight import view_around
 # A blob is uncertain if its misfit exceeds the best one's by more than this. Noise and
 # edges of the target itself hardly add as much.
 _MISFIT_MARGIN = 0.05
+# Uncertain blobs are dropped if a smaller share of their outline is seen.
+_MIN_QUALITY = 0.2
+_PORTS = ("color_image", "depth_image", "body_pose_in_world")
 
 
 @dc.dataclass(frozen=True)
@@ -84,8 +86,6 @@ class BlobLocalizer(LeafSystem):
         targets: The objects to look for, by unique names.
         cameras: Camera name to its model.
         min_area: Smaller blobs are dropped [pixels].
-        min_quality: Uncertain blobs are dropped if a smaller share of their outline is
-            seen, 0 .. 1.
 
     Raises:
         ValueError: If targets or cameras are empty, a name appears twice, or a number
@@ -98,7 +98,6 @@ class BlobLocalizer(LeafSystem):
         cameras: Mapping[str, CameraModel],
         *,
         min_area: int = 12,
-        min_quality: float = 0.2,
     ):
         super().__init__()
         names = [target.name for target in targets]
@@ -108,29 +107,16 @@ class BlobLocalizer(LeafSystem):
             )
         if not cameras:
             raise ValueError("BlobLocalizer needs at least one camera")
-        if min_area < 1 or not 0 <= min_quality <= 1:
-            raise ValueError(
-                "BlobLocalizer needs min_area >= 1 and min_quality within 0 .. 1, got "
-                f"min_area={min_area}, min_quality={min_quality}"
-            )
+        if min_area < 1:
+            raise ValueError(f"BlobLocalizer needs min_area >= 1, got {min_area}")
         self._targets = tuple(targets)
         self._cameras = {
             name: (model.imager("color"), model.imager("depth"))
             for name, model in cameras.items()
         }
         self._min_area = min_area
-        self._min_quality = min_quality
 
-        image_types = {"color_image": ImageRgba8U, "depth_image": ImageDepth32F}
-        for camera in cameras:
-            for port, image in image_types.items():
-                self.DeclareAbstractInputPort(
-                    name=f"{camera}.{port}", model_value=AbstractValue.Make(image())
-                )
-            self.DeclareAbstractInputPort(
-                name=f"{camera}.body_pose_in_world",
-                model_value=AbstractValue.Make(RigidTransform()),
-            )
+        DeclareCameraPorts(self, cameras, _PORTS)
         empty: list[Blob] = []
         self.DeclareAbstractOutputPort(
             name="blobs",
@@ -141,11 +127,8 @@ class BlobLocalizer(LeafSystem):
 
     def _calc_blobs(self, context: Context, output: AbstractValue) -> None:
         def read(camera: str) -> tuple[npt.NDArray[Any], npt.NDArray[Any], Any]:
-            return (
-                self._input(context, f"{camera}.color_image").data,
-                self._input(context, f"{camera}.depth_image").data,
-                self._input(context, f"{camera}.body_pose_in_world"),
-            )
+            color, depth, X_WB = (see(self, context, camera, port) for port in _PORTS)
+            return color, depth, X_WB
 
         output.set_value(
             self.locate({camera: read(camera) for camera in self._cameras})
@@ -204,7 +187,7 @@ class BlobLocalizer(LeafSystem):
             picture.noise,
         )
         fit = fit_shape(target.shape, view) if view else None
-        if fit is None or (fit.uncertain and fit.quality < self._min_quality):
+        if fit is None or (fit.uncertain and fit.quality < _MIN_QUALITY):
             return None
         rows, columns = np.nonzero(candidate.blob)
         h, w = candidate.blob.shape
@@ -223,12 +206,6 @@ class BlobLocalizer(LeafSystem):
             misfit=fit.misfit,
         )
 
-    def _input(self, context: Context, name: str) -> Any:
-        port = self.GetInputPort(name)
-        if not port.HasValue(context):
-            raise RuntimeError(f"BlobLocalizer's input port {name!r} is not connected")
-        return port.Eval(context)
-
 
 def localize(
     targets: Sequence[BlobTarget],
@@ -236,10 +213,6 @@ def localize(
     depth: npt.NDArray[Any],
     model: CameraModel,
     X_WB: RigidTransform,
-    *,
-    camera: str = "camera",
-    min_area: int = 12,
-    min_quality: float = 0.2,
 ) -> list[Blob]:
     """Return the blobs of targets in the images of one camera, without a diagram.
 
@@ -250,17 +223,15 @@ def localize(
             (height, width, 1). 0 is too near; inf, or 65535, is too far.
         model: Model of the camera.
         X_WB: Pose of the camera's body in world.
-        camera: Its name in the blobs.
-        min_area: See `BlobLocalizer`.
-        min_quality: See `BlobLocalizer`.
+
+    Returns:
+        The blobs, of a camera named `camera`.
 
     Raises:
-        ValueError: If an image does not fit the model, or an argument is out of range.
+        ValueError: If an image does not fit the model, or targets are missing.
     """
-    localizer = BlobLocalizer(
-        targets, {camera: model}, min_area=min_area, min_quality=min_quality
-    )
-    return localizer.locate({camera: (color, depth, X_WB)})
+    localizer = BlobLocalizer(targets, {"camera": model})
+    return localizer.locate({"camera": (color, depth, X_WB)})
 
 
 def _check_size(name: str, image: npt.NDArray[Any], imager: Imager) -> None:

@@ -1,6 +1,7 @@
 """Camera models: rays through pixels, and the corrections of a calibration."""
 
 import dataclasses as dc
+from collections.abc import Iterable
 from typing import Any
 
 import numpy as np
@@ -10,7 +11,13 @@ from pydrake.common.value import AbstractValue
 from pydrake.geometry import ColorRenderCamera, DepthRenderCamera
 from pydrake.math import RigidTransform
 from pydrake.systems.framework import Context
-from pydrake.systems.sensors import CameraConfig, CameraInfo, RgbdSensor
+from pydrake.systems.sensors import (
+    CameraConfig,
+    CameraInfo,
+    ImageDepth32F,
+    ImageRgba8U,
+    RgbdSensor,
+)
 
 from drake_srg.config import Config, positive
 from drake_srg.lifetime import LeafSystem
@@ -161,6 +168,40 @@ class Imager:
         found = np.zeros(inside.shape, dtype=bool)
         found[inside] = image[v[inside], u[inside]]
         return found.reshape(p_I.shape[:-1])
+
+
+# Ports of Drake's RgbdSensor, and of the systems that see with one.
+_PORTS = {
+    "color_image": ImageRgba8U,
+    "depth_image": ImageDepth32F,
+    "body_pose_in_world": RigidTransform,
+}
+
+
+def DeclareCameraPorts(
+    system: LeafSystem, cameras: Iterable[str], ports: Iterable[str]
+) -> None:
+    """Declare input ports `CAMERA.PORT`, for images and poses X_WB of cameras."""
+    for camera in cameras:
+        for port in ports:
+            value = AbstractValue.Make(_PORTS[port]())
+            system.DeclareAbstractInputPort(f"{camera}.{port}", value)
+
+
+def see(system: LeafSystem, context: Context, camera: str, port: str) -> Any:
+    """Return the pixels of an image or the pose at a port of `DeclareCameraPorts`.
+
+    Raises:
+        RuntimeError: If it is not connected.
+    """
+    source = system.GetInputPort(f"{camera}.{port}")
+    if not source.HasValue(context):
+        raise RuntimeError(
+            f"{type(system).__name__}'s input port {source.get_name()!r} is not "
+            "connected"
+        )
+    value = source.Eval(context)
+    return value if isinstance(value, RigidTransform) else value.data
 
 
 @dc.dataclass(kw_only=True)

@@ -30,6 +30,7 @@ _BRIGHT_QUANTILE = 0.9
 _SHADED = 0.4
 _DARK = 8.0  # a camera's reading of black [counts of 255]
 _SAMPLES = 9  # of a colour range along each channel
+_HUE_TOLERANCE = 12.0  # of an object of given colour [degrees]
 
 
 @dc.dataclass(frozen=True)
@@ -68,7 +69,7 @@ class ColorRange:
                 )
 
     @classmethod
-    def around(cls, rgb: Sequence[float], hue_tolerance: float = 12.0) -> ColorRange:
+    def around(cls, rgb: Sequence[float]) -> ColorRange:
         """Return the range in which an object of diffuse colour `rgb` appears.
 
         Shading lowers the value of a coloured object, which keeps its hue. A grey
@@ -76,14 +77,13 @@ class ColorRange:
 
         Args:
             rgb: Red, green, blue [0 .. 1]; a fourth entry (alpha) is ignored.
-            hue_tolerance: Accepted deviation of the hue [degrees].
         """
         h, s, v = colorsys.rgb_to_hsv(*(float(x) for x in rgb[:3]))
         if s < 0.05:
             return cls((0.0, 0.0, max(0.0, v - 0.3)), (360.0, 0.1, min(1.0, v + 0.1)))
         return cls(
-            ((360.0 * h - hue_tolerance) % 360.0, 0.6 * s, 0.1 * v),
-            ((360.0 * h + hue_tolerance) % 360.0, min(1.0, 1.4 * s + 0.05), 1.0),
+            ((360.0 * h - _HUE_TOLERANCE) % 360.0, 0.6 * s, 0.1 * v),
+            ((360.0 * h + _HUE_TOLERANCE) % 360.0, min(1.0, 1.4 * s + 0.05), 1.0),
         )
 
     def mask(self, image: ColorImage) -> Mask:

@@ -11,18 +11,19 @@ from pydrake.common.value import AbstractValue
 from pydrake.math import RigidTransform
 from pydrake.perception import PointCloud
 from pydrake.systems.framework import Context
-from pydrake.systems.sensors import ImageDepth32F
 
 from drake_srg.lifetime import LeafSystem
 from drake_srg.types import HeightMap, Vector
-from drake_srg.vision.camera import CameraModel, Imager
+from drake_srg.vision.camera import CameraModel, DeclareCameraPorts, Imager, see
 from drake_srg.vision.images import Mask, clean, grow, has_depth
 from drake_srg.vision.surfaces import Surface
 
 # Pixels are patches: one up to this far outside the mapped surface may reach over it
 # [m].
 _AROUND = 0.02
+_RESOLUTION = 0.002  # width of a cell [m]
 _HOLE = 2  # width of holes that are filled [cells]
+_MAX_HEIGHT = 0.35  # greatest height of a thing above the surface [m]
 # Cells higher above the surface than this [m] form regions. The map drops regions that
 # reach too high or over the edge.
 THING = 0.008
@@ -78,8 +79,6 @@ def height_map(
     clouds: Iterable[Vector],
     surface: Surface,
     *,
-    resolution: float = 0.002,
-    max_height: float = 0.35,
     ignored: Iterable[Surface] = (),
     thing: float = THING,
     over_edge: bool = False,
@@ -87,48 +86,44 @@ def height_map(
     """Return the heights of things above a surface, and the surface's own height.
 
     A cell holds the highest of its points from all clouds. Holes as narrow as a pixel
-    are filled from their surroundings. A region that rises above `max_height` belongs
-    to the arm and becomes unknown. So does one that hangs over the surface's edge,
+    are filled from their surroundings. A region that rises above 0.35 m belongs to the
+    arm and becomes unknown. So does one that hangs over the surface's edge,
     unless `over_edge`.
 
     Args:
         clouds: Points that each camera sees, in world [m], shape (n, 3) each.
         surface: The surface to map.
-        resolution: Width of a cell [m].
-        max_height: Greatest height of a thing above the surface [m].
         ignored: Parts of the surface that stay unknown, such as those under furniture.
         thing: Replaces `THING` [m].
         over_edge: Whether the map keeps things that reach over its edge. Set it only if
             the robot is out of view, because the robot also reaches over the edge.
     """
     low, high = np.array(surface.min), np.array(surface.max)
-    nx, ny = np.maximum(np.floor((high - low) / resolution).astype(int), 1)
-    origin = low + 0.5 * resolution
+    nx, ny = np.maximum(np.floor((high - low) / _RESOLUTION).astype(int), 1)
+    origin = low + 0.5 * _RESOLUTION
     height = np.full((ny, nx), -np.inf)
     for cloud in clouds:
-        seen = _highest(cloud, origin, resolution, (ny, nx))
+        seen = _highest(cloud, origin, (ny, nx))
         seen += _offset(seen, surface.height)
         height = np.fmax(height, seen)
     height[~np.isfinite(height)] = np.nan
     height = _filled(height)
     for part in ignored:
-        height[_covered(part, origin, resolution, height.shape)] = np.nan
+        height[_covered(part, origin, height.shape)] = np.nan
     things = height > surface.height + thing
-    seeds = height > surface.height + max_height
+    seeds = height > surface.height + _MAX_HEIGHT
     if not over_edge:
         seeds |= _at_edge(things)
     strange = _connected(things, seeds)
     height[grow(strange, _FRINGE)] = np.nan
-    return HeightMap(origin, resolution, height)
+    return HeightMap(origin, _RESOLUTION, height)
 
 
-def _highest(
-    cloud: Vector, origin: Vector, resolution: float, shape: tuple[int, int]
-) -> Vector:
+def _highest(cloud: Vector, origin: Vector, shape: tuple[int, int]) -> Vector:
     """Return the height of the highest point in each cell, -inf without a point."""
     x, y, z = cloud.T
     ix, iy = (
-        np.rint((p - start) / resolution).astype(np.int32)
+        np.rint((p - start) / _RESOLUTION).astype(np.int32)
         for p, start in zip((x, y), origin, strict=True)
     )
     inside = (ix >= 0) & (iy >= 0) & (ix < shape[1]) & (iy < shape[0])
@@ -149,12 +144,10 @@ def _offset(height: Vector, level: float) -> float:
     return -float(np.median(flat))
 
 
-def _covered(
-    part: Surface, origin: Vector, resolution: float, shape: tuple[int, int]
-) -> Mask:
+def _covered(part: Surface, origin: Vector, shape: tuple[int, int]) -> Mask:
     """Return the cells whose middle is in one of the parts."""
     x, y = (
-        start + resolution * np.arange(count)
+        start + _RESOLUTION * np.arange(count)
         for start, count in zip(origin, shape[::-1], strict=True)
     )
     inside_x = (x >= part.min[0]) & (x <= part.max[0])
@@ -221,14 +214,12 @@ class HeightMapper(LeafSystem):
     Args:
         cameras: Camera name to its model.
         surface: The table, or the part of it that is mapped.
-        resolution: Width of a cell [m].
-        max_height: Greatest height of a thing above the surface [m].
         ignored: Parts of the surface that stay unknown, such as those under furniture.
         thing: See `height_map` [m].
         over_edge: See `height_map`.
 
     Raises:
-        ValueError: If there are no cameras, or a number is not positive.
+        ValueError: If there are no cameras.
     """
 
     def __init__(
@@ -236,8 +227,6 @@ class HeightMapper(LeafSystem):
         cameras: Mapping[str, CameraModel],
         surface: Surface,
         *,
-        resolution: float = 0.002,
-        max_height: float = 0.35,
         ignored: Sequence[Surface] = (),
         thing: float = THING,
         over_edge: bool = False,
@@ -245,24 +234,12 @@ class HeightMapper(LeafSystem):
         super().__init__()
         if not cameras:
             raise ValueError("HeightMapper needs at least one camera")
-        if not (resolution > 0.0 and max_height > 0.0):
-            raise ValueError(
-                "HeightMapper needs resolution > 0 and max_height > 0, got "
-                f"resolution={resolution}, max_height={max_height}"
-            )
         self._imagers = {name: model.imager("depth") for name, model in cameras.items()}
         self._surface = surface
-        self._resolution, self._max_height = resolution, max_height
         self._ignored = tuple(ignored)
         self._thing, self._over_edge = thing, over_edge
-        for camera in cameras:
-            self.DeclareAbstractInputPort(
-                f"{camera}.depth_image", AbstractValue.Make(ImageDepth32F())
-            )
-            self.DeclareAbstractInputPort(
-                f"{camera}.body_pose_in_world", AbstractValue.Make(RigidTransform())
-            )
-        empty = HeightMap(np.zeros(2), resolution, np.zeros((0, 0)))
+        DeclareCameraPorts(self, cameras, ("depth_image", "body_pose_in_world"))
+        empty = HeightMap(np.zeros(2), _RESOLUTION, np.zeros((0, 0)))
         for name, model, calc in (
             ("height_map", empty, self._calc_height_map),
             ("point_cloud", PointCloud(), self._calc_point_cloud),
@@ -283,8 +260,6 @@ class HeightMapper(LeafSystem):
             height_map(
                 clouds,
                 self._surface,
-                resolution=self._resolution,
-                max_height=self._max_height,
                 ignored=self._ignored,
                 thing=self._thing,
                 over_edge=self._over_edge,
@@ -305,18 +280,9 @@ class HeightMapper(LeafSystem):
         within: Surface | None = None,
     ) -> Vector:
         """Return the points that a camera sees, in world, shape (n, 3) [m]."""
-        inputs = []
-        for name in ("depth_image", "body_pose_in_world"):
-            port = self.GetInputPort(f"{camera}.{name}")
-            if not port.HasValue(context):
-                raise RuntimeError(
-                    f"HeightMapper's input port {port.get_name()!r} is not connected"
-                )
-            inputs.append(port.Eval(context))
-        image, X_WB = inputs
         return points_of(
-            image.data[..., 0],
-            X_WB,
+            see(self, context, camera, "depth_image")[..., 0],
+            see(self, context, camera, "body_pose_in_world"),
             self._imagers[camera],
             subpixels=subpixels,
             within=within,

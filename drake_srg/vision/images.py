@@ -114,33 +114,28 @@ _KNOWN_NEIGHBOURS = 3
 _LAG = 4
 
 
-def clean(depth: Depth, lag: int = _LAG, noiseless: float = _NOISELESS) -> Depth:
+def clean(depth: Depth) -> Depth:
     """Return a depth image without the noise of single pixels.
 
     Args:
         depth: Along the imager's z [m], shape (height, width); 0 or not finite where it
             is unknown.
-        lag: Distance between the pixels that are compared [pixels].
-        noiseless: An image with less noise stays as it is [1/m].
 
     Returns:
         The image, filtered by a median of 3 x 3 pixels if it is noisy, otherwise
         unchanged.
     """
-    differences = _second_differences(depth, lag)
+    differences = _second_differences(depth)
     # The noise is 0.6 times the median of their sizes. Counting the small ones instead
     # takes a tenth of the time.
-    small = np.count_nonzero(np.abs(differences) < noiseless)
-    if 2 * small > differences.size or _noise(differences) < noiseless:
+    small = np.count_nonzero(np.abs(differences) < _NOISELESS)
+    if 2 * small > differences.size or _noise(differences) < _NOISELESS:
         return depth
     return np.asarray(cv2.medianBlur(_filled(depth), 3), np.float32)
 
 
 def clean_and_measure(depth: Depth) -> tuple[Depth, float]:
     """Return a depth image without the noise of single pixels, and the noise left.
-
-    Args:
-        depth: See `clean`.
 
     Returns:
         The image, and the standard deviation of 1 / depth [1/m], which is about that of
@@ -176,18 +171,14 @@ def _filled(depth: Depth) -> Depth:
     return filled
 
 
-def depth_noise(depth: Depth, lag: int = _LAG) -> float:
+def depth_noise(depth: Depth) -> float:
     """Return the standard deviation of 1 / depth of an image [1/m].
 
     On a plane 1 / depth is linear in the pixels, so second differences are noise. Their
     median tolerates edges as long as most of the image is smooth. The noise of stereo
     and triangulation is the same everywhere in 1 / depth.
-
-    Args:
-        depth: See `clean`.
-        lag: Distance between the pixels that are compared [pixels].
     """
-    return _noise(_second_differences(depth, lag))
+    return _noise(_second_differences(depth))
 
 
 def _noise(differences: Vector) -> float:
@@ -197,13 +188,13 @@ def _noise(differences: Vector) -> float:
     return float(robust_deviation(differences) / np.sqrt(6))
 
 
-def _second_differences(depth: Depth, lag: int) -> Vector:
+def _second_differences(depth: Depth) -> Vector:
     """Return the known second differences of 1 / depth along rows, shape (K,) [1/m]."""
     inverse = np.divide(
         1.0, depth, out=np.full(depth.shape, np.nan), where=has_depth(depth)
     )
     left, middle, right = (
-        inverse[:, i : inverse.shape[1] - 2 * lag + i] for i in (0, lag, 2 * lag)
+        inverse[:, i : inverse.shape[1] - 2 * _LAG + i] for i in (0, _LAG, 2 * _LAG)
     )
     differences = left - 2 * middle + right
     return np.asarray(differences[np.isfinite(differences)])

@@ -9,11 +9,10 @@ import numpy as np
 from pydrake.common.value import AbstractValue
 from pydrake.math import RigidTransform, RotationMatrix
 from pydrake.systems.framework import Context
-from pydrake.systems.sensors import ImageDepth32F
 
 from drake_srg.lifetime import LeafSystem
 from drake_srg.types import Blob, Box, Obstacle, Shape, Vector
-from drake_srg.vision.camera import CameraModel
+from drake_srg.vision.camera import CameraModel, DeclareCameraPorts, see
 from drake_srg.vision.images import Mask, narrowest_rectangle, robust_deviation
 from drake_srg.vision.solids import signed_distance
 from drake_srg.vision.surfaces import Surface
@@ -28,6 +27,9 @@ _NEAR = 0.03
 # Quantile of an obstacle's heights that counts as its top. The highest of many noisy
 # points is a millimetre higher still.
 _TOP = 0.98
+# Greatest and least height of an obstacle above its surface [m]. A marker on a table is
+# not in the way.
+_MAX_HEIGHT, _MIN_HEIGHT = 0.3, 0.008
 # A point this near to a known object belongs to it [m]. The object's seen pose may be 3
 # mm off, and its rim by as much again.
 _KNOWN = 0.006
@@ -38,7 +40,7 @@ class ObstacleFinder(LeafSystem):
 
     Points well above a surface are grouped by their gaps as seen from above. Points of
     the best blob of a known object are left out. So are groups that do not stand on a
-    surface: one that reaches up to `max_height` or over the surface's edge belongs to
+    surface: one that reaches up to 0.3 m or over the surface's edge belongs to
     the robot or hangs over the scene. The noise of the surfaces' own depth defines
     "well above".
 
@@ -60,12 +62,9 @@ class ObstacleFinder(LeafSystem):
         cameras: Camera name to its model.
         surfaces: The surfaces to search, without the one on which the robot stands.
         known: Shapes of the known objects, by the names in their blobs.
-        max_height: Greatest height of an obstacle above its surface [m].
-        min_height: Least height [m]. A marker on a table is not in the way.
 
     Raises:
-        ValueError: If there are no cameras or surfaces, or the heights are not
-            0 < min_height < max_height.
+        ValueError: If there are no cameras or surfaces.
     """
 
     def __init__(
@@ -73,18 +72,10 @@ class ObstacleFinder(LeafSystem):
         cameras: Mapping[str, CameraModel],
         surfaces: Sequence[Surface],
         known: Mapping[str, Shape],
-        *,
-        max_height: float = 0.3,
-        min_height: float = 0.008,
     ):
         super().__init__()
         if not cameras or not surfaces:
             raise ValueError("ObstacleFinder needs at least one camera and one surface")
-        if not 0.0 < min_height < max_height:
-            raise ValueError(
-                "ObstacleFinder needs 0 < min_height < max_height, got min_height="
-                f"{min_height}, max_height={max_height}"
-            )
         self._imagers = {name: model.imager("depth") for name, model in cameras.items()}
         self._rays = {
             name: imager.rays(
@@ -94,15 +85,7 @@ class ObstacleFinder(LeafSystem):
         }
         self._surfaces = tuple(surfaces)
         self._known = dict(known)
-        self._max_height, self._min_height = max_height, min_height
-        for camera in cameras:
-            for port, model in (
-                ("depth_image", ImageDepth32F()),
-                ("body_pose_in_world", RigidTransform()),
-            ):
-                self.DeclareAbstractInputPort(
-                    f"{camera}.{port}", AbstractValue.Make(model)
-                )
+        DeclareCameraPorts(self, cameras, ("depth_image", "body_pose_in_world"))
         blobs: list[Blob] = []
         self.DeclareAbstractInputPort("blobs", AbstractValue.Make(blobs))
         obstacles: list[Obstacle] = []
@@ -134,8 +117,8 @@ class ObstacleFinder(LeafSystem):
             The points in W [m], shape (n, 3), and how wide a pixel is there [m].
         """
         imager = self._imagers[camera]
-        depth = self.GetInputPort(f"{camera}.depth_image").Eval(context).data[..., 0]
-        X_WB = self.GetInputPort(f"{camera}.body_pose_in_world").Eval(context)
+        depth = see(self, context, camera, "depth_image")[..., 0]
+        X_WB = see(self, context, camera, "body_pose_in_world")
         X_WD = X_WB @ imager.X_BI
         R_WD, p_WD = X_WD.rotation().matrix(), X_WD.translation()
         # The median removes single pixels, holes among them.
@@ -156,7 +139,7 @@ class ObstacleFinder(LeafSystem):
         high = near & (z > lowest + least)
         points = p_W(high)
         height, _ = self._heights(points)
-        stands = (height > least) & (height < self._max_height)
+        stands = (height > least) & (height < _MAX_HEIGHT)
         if not stands.any():
             return np.zeros((0, 3)), 0.0
         farthest = float(depth[high][stands].max())
@@ -184,10 +167,10 @@ class ObstacleFinder(LeafSystem):
         height, on_surface = self._heights(p_W)
         flat = height[on_surface & (np.abs(height) < _NEAR)]
         if not len(flat):
-            return self._min_height
+            return _MIN_HEIGHT
         offset = float(np.median(flat))
         noise = robust_deviation(flat - offset)
-        return offset + max(self._min_height, _DEVIATIONS * noise)
+        return offset + max(_MIN_HEIGHT, _DEVIATIONS * noise)
 
     def _is_known(self, context: Context, points: Vector, margin: float) -> Mask:
         """Return which points belong to the most trustworthy blob of a known object."""
@@ -206,7 +189,7 @@ class ObstacleFinder(LeafSystem):
         """Return the surface on which a group of points stands, if any."""
         for surface in self._surfaces:
             top = group[:, 2].max() - surface.height
-            if surface.contains(group, _NEAR).all() and top < self._max_height - _NEAR:
+            if surface.contains(group, _NEAR).all() and top < _MAX_HEIGHT - _NEAR:
                 return surface
         return None
 

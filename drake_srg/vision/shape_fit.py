@@ -105,12 +105,7 @@ class Fit:
 
 
 def fit_shape(shape: Solid, view: View) -> Fit | None:
-    """Return the fit of a solid, None if the view shows too little or something else.
-
-    Args:
-        shape: The solid.
-        view: The view of its blob.
-    """
+    """Return the fit of a solid; None if the view shows too little or another thing."""
     view = _within_reach(shape, view)
     if len(view.seen) < 3:
         return None

@@ -11,12 +11,11 @@ import numpy.typing as npt
 from pydrake.common.value import AbstractValue
 from pydrake.math import RigidTransform
 from pydrake.systems.framework import Context
-from pydrake.systems.sensors import ImageRgba8U
 
 from drake_srg.common.geometry import Solid
 from drake_srg.lifetime import LeafSystem
 from drake_srg.types import Blob, HeightMap, LabeledHeightMap, Vector
-from drake_srg.vision.camera import CameraModel, Imager
+from drake_srg.vision.camera import CameraModel, DeclareCameraPorts, Imager, see
 from drake_srg.vision.color import COLORS, NUM_HUES, ColorImage, color_names
 from drake_srg.vision.images import Mask
 from drake_srg.vision.solids import signed_distance
@@ -194,13 +193,7 @@ class ThingLabeler(LeafSystem):
         )
         if any(name in known for name in names):
             self.DeclareAbstractInputPort("blobs", AbstractValue.Make([]))
-        for camera in self._imagers:
-            self.DeclareAbstractInputPort(
-                f"{camera}.color_image", AbstractValue.Make(ImageRgba8U())
-            )
-            self.DeclareAbstractInputPort(
-                f"{camera}.body_pose_in_world", AbstractValue.Make(RigidTransform())
-            )
+        DeclareCameraPorts(self, self._imagers, ("color_image", "body_pose_in_world"))
         labeled = self._labeled(empty, np.zeros((0, 0), np.int8))
         self.DeclareAbstractOutputPort(
             "labeled_height_map",
@@ -225,9 +218,9 @@ class ThingLabeler(LeafSystem):
             color_labels(
                 height_map,
                 self._table,
-                self.GetInputPort(f"{camera}.color_image").Eval(context).data,
+                see(self, context, camera, "color_image"),
                 imager,
-                self.GetInputPort(f"{camera}.body_pose_in_world").Eval(context),
+                see(self, context, camera, "body_pose_in_world"),
             )
             for camera, imager in self._imagers.items()
         ]

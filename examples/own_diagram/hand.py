@@ -17,7 +17,7 @@ from pydrake.systems.framework import DiagramBuilder
 from pydrake.systems.primitives import ConstantVectorSource, TrajectorySource
 from pydrake.trajectories import PiecewisePolynomial
 
-from drake_srg.gripper import AddSrgPositionDriver
+from drake_srg.gripper import SrgPositionDriver
 from drake_srg.objects import AddModel
 from drake_srg.recording import AddRecording
 
@@ -49,7 +49,8 @@ def main(out: Path) -> float:
     plant.Finalize()
 
     # The hand's driver, and commands: close, then lift.
-    driver = AddSrgPositionDriver(builder, plant, gripper, scene_graph=scene_graph)
+    config = SrgPositionDriver()
+    driver = config.AddDriver(builder, plant, gripper, scene_graph=scene_graph)
     closure = builder.AddSystem(ConstantVectorSource([0.8]))
     builder.Connect(closure.get_output_port(), driver.GetInputPort("closure_commanded"))
     height = PiecewisePolynomial.CubicShapePreserving(

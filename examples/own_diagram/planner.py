@@ -14,7 +14,7 @@ from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import DiagramBuilder
 
 from drake_srg.arm import AddArmDriver, ArmPositionDriver
-from drake_srg.gripper import AddSrgPositionDriver
+from drake_srg.gripper import SrgPositionDriver
 from drake_srg.objects import AddModel
 from drake_srg.planning import (
     PickAndPlace,
@@ -50,7 +50,7 @@ def main(out: Path) -> tuple[PlannerStatus, float]:
     plant, scene_graph = AddMultibodyPlantSceneGraph(builder, time_step=0.002)
     arm, gripper = AddCell(plant)
     box = AddBox(plant, "box", BOX.size, START, RED, mass=0.3)
-    arm_config = ArmPositionDriver(home=HOME)
+    arm_config, srg_config = ArmPositionDriver(home=HOME), SrgPositionDriver()
     arm_config.prepare_plant(plant, arm)
     plant.Finalize()
     down = RigidTransform(RollPitchYaw(np.pi, 0.0, -np.pi / 2), [0.7, 0.0, 1.55])
@@ -64,7 +64,7 @@ def main(out: Path) -> tuple[PlannerStatus, float]:
     planner = PickAndPlacePlanner(motions, PickTask("box", BOX, GOAL), config)
     builder.AddNamedSystem("planner", planner)
     arm_driver = AddArmDriver(builder, plant, arm, gripper, scene.plant, arm_config)
-    hand_driver = AddSrgPositionDriver(builder, plant, gripper, scene_graph=scene_graph)
+    hand_driver = srg_config.AddDriver(builder, plant, gripper, scene_graph=scene_graph)
     for source, system, port in (
         (localizer.GetOutputPort("blobs"), planner, "blobs"),
         (arm_driver.GetOutputPort("state_measured"), planner, "arm_state"),

@@ -14,9 +14,9 @@ from pydrake.systems.primitives import ConstantVectorSource, MatrixGain
 
 from drake_srg.gripper import (
     SRG_FINGERS,
-    AddProximitySensors,
     GripperServo,
     MinimumJerkReference,
+    ProximityConfig,
     SrgPositionDriver,
     UnderactuationLogic,
 )
@@ -42,7 +42,7 @@ def main(out: Path) -> np.ndarray:
 
     encoders = builder.AddNamedSystem("encoders", MatrixGain(select))
     amplifiers = builder.AddNamedSystem("amplifiers", MatrixGain(torques))
-    sensors = AddProximitySensors(builder, plant, gripper, SRG_FINGERS)
+    sensors = ProximityConfig().AddSensor(builder, plant, gripper, SRG_FINGERS)
     logic = builder.AddNamedSystem("logic", UnderactuationLogic())
     reference = builder.AddNamedSystem("reference", MinimumJerkReference(np.zeros(4)))
     servo = builder.AddNamedSystem("servo", GripperServo(SrgPositionDriver().servo))

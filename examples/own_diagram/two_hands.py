@@ -13,7 +13,7 @@ from pydrake.systems.framework import DiagramBuilder
 from pydrake.systems.primitives import ConstantVectorSource, TrajectorySource
 from pydrake.trajectories import PiecewisePolynomial
 
-from drake_srg.gripper import AddSrgPositionDriver
+from drake_srg.gripper import SrgPositionDriver
 from drake_srg.objects import AddModel
 from drake_srg.recording import AddRecording
 
@@ -50,7 +50,7 @@ def main(out: Path) -> RigidTransform:
     lift = builder.AddSystem(TrajectorySource(height, output_derivative_order=1))
     ports = {}
     for side, gripper in grippers.items():
-        driver = AddSrgPositionDriver(
+        driver = SrgPositionDriver().AddDriver(
             builder,
             plant,
             gripper,

@@ -13,7 +13,7 @@ from pydrake.systems.framework import DiagramBuilder
 from pydrake.systems.primitives import ConstantVectorSource, TrajectorySource
 from pydrake.trajectories import PiecewisePolynomial
 
-from drake_srg.gripper import AddSrgTendonDriver, SrgTendonDriver
+from drake_srg.gripper import SrgTendonDriver
 from drake_srg.objects import AddModel
 from drake_srg.recording import AddRecording
 
@@ -42,9 +42,7 @@ def main(out: Path) -> float:
     config = SrgTendonDriver()
     config.prepare_plant(plant, gripper)
     plant.Finalize()
-    driver = AddSrgTendonDriver(
-        builder, plant, gripper, config, scene_graph=scene_graph
-    )
+    driver = config.AddDriver(builder, plant, gripper, scene_graph=scene_graph)
     closure = PiecewisePolynomial.FirstOrderHold(
         [0.0, 1.0, 2.0, 3.0], [[0.0, 0.8, 0.8, 0.0]]
     )

@@ -4,13 +4,9 @@ from helpers import fix
 from hypothesis import assume, given
 from hypothesis import strategies as st
 from pydrake.math import RotationMatrix
-from pydrake.multibody.math import SpatialForce
-from pydrake.multibody.plant import AddMultibodyPlant, ExternallyAppliedSpatialForce
-from pydrake.multibody.plant import MultibodyPlantConfig as PlantConfig
-from pydrake.systems.analysis import Simulator
-from pydrake.systems.framework import DiagramBuilder
 
-from drake_srg.arm.driver import AddArmDriver, stiff_gains
+from arm.driven_arm import HOME, MODELS, DrivenArm
+from drake_srg.arm.driver import stiff_gains
 from drake_srg.arm.impedance import (
     ArmImpedanceDriver,
     CartesianSpring,
@@ -25,15 +21,12 @@ from drake_srg.arm.impedance import (
 from drake_srg.common.exceptions import ScenarioError
 from drake_srg.scenario import load_scenario
 from drake_srg.station import MakeStation
-from drake_srg.station.plant import AddDirectives, MakeModelsPlant
 
-HOME = np.array([0.0, -0.3, 0.0, -1.9, 0.0, 1.5, 0.0])
 TRANSLATION, ROTATION = np.array([1000.0, 2000.0, 3000.0]), 200.0
 P_FC = np.array([0.1, 0.02, 0.0])
-PLANT = MakeModelsPlant(load_scenario("kitchen"))
-PALM = PLANT.GetFrameByName("palm")
-JOINTS = JointSpring(PLANT, "arm", np.linspace(100.0, 700.0, 7))
-LIMP = JointSpring(PLANT, "arm", np.zeros(7))
+PALM = MODELS.GetFrameByName("palm")
+JOINTS = JointSpring(MODELS, "arm", np.linspace(100.0, 700.0, 7))
+LIMP = JointSpring(MODELS, "arm", np.zeros(7))
 RATIOS = st.floats(0.1, 1.0)
 SEEDS = st.integers(0, 2**32 - 1)
 
@@ -122,58 +115,17 @@ def test_a_mode_decays_up_to_the_largest_phase_and_swings_up_beyond(
     assert swing(below * phase) < 0.1 < swing(above * phase + 1e-3)
 
 
-SCENARIO = load_scenario("kitchen")
-MODELS = MakeModelsPlant(SCENARIO)
 HAND = CartesianStiffness(frame="gripper::palm", centre=[0.1, 0.0, 0.0])
 
 
-class Arm:
-    """The driven arm with limp fingers, commanded to home."""
+class Arm(DrivenArm):
+    """The arm on springs, which is pushed at the hand's centre."""
 
     def __init__(self, **config):
-        config = ArmImpedanceDriver(home=list(HOME), **config)
-        builder = DiagramBuilder()
-        plant_config = PlantConfig(
-            time_step=0.002, discrete_contact_approximation="lagged"
-        )
-        self.plant, _ = AddMultibodyPlant(plant_config, builder)
-        AddDirectives(self.plant, SCENARIO)
-        self.arm, gripper = (
-            self.plant.GetModelInstanceByName(name) for name in ("arm", "gripper")
-        )
-        config.prepare_plant(self.plant, self.arm)
-        self.plant.Finalize()
-        self.plant.SetDefaultPositions(self.arm, HOME)
-        self.driver = AddArmDriver(
-            builder, self.plant, self.arm, gripper, MODELS, config
-        )
-        self.simulator = Simulator(builder.Build())
-        self.root = self.simulator.get_mutable_context()
-        self.plant_context = self.plant.GetMyMutableContextFromRoot(self.root)
-        self.plant.get_actuation_input_port(gripper).FixValue(
-            self.plant_context, [0.0] * 4
-        )
-        self.command(HOME)
-
-    def command(self, q):
-        context = self.driver.GetMyMutableContextFromRoot(self.root)
-        fix(self.driver, context, position_commanded=q)
+        super().__init__(ArmImpedanceDriver(home=list(HOME), **config))
 
     def push(self, force):
-        """Push with a force in world [N] at the hand's centre from now on."""
-        push = ExternallyAppliedSpatialForce()
-        push.body_index = self.plant.GetBodyByName("palm").index()
-        push.p_BoBq_B = np.array(HAND.centre)
-        push.F_Bq_W = SpatialForce(np.zeros(3), np.asarray(force, dtype=float))
-        port = self.plant.get_applied_spatial_force_input_port()
-        port.FixValue(self.plant_context, [push])
-
-    def advance(self, duration):
-        self.simulator.AdvanceTo(self.root.get_time() + duration)
-
-    @property
-    def q(self):
-        return self.plant.GetPositions(self.plant_context, self.arm)
+        super().push(force, p_GP=HAND.centre)
 
     @property
     def pose(self):

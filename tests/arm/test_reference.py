@@ -7,8 +7,7 @@ from hypothesis import strategies as st
 from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import DiagramBuilder
 
-from drake_srg.arm.driver import AddJerkLimits
-from drake_srg.arm.drivers import ArmPositionDriver
+from drake_srg.arm.driver import AddJerkLimits, ArmPositionDriver
 from drake_srg.arm.reference import JerkLimitedReference, JerkLimits
 
 V, A, J = np.deg2rad([110.0, 40.0, 80.0])  # the thesis's

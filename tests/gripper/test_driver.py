@@ -25,7 +25,7 @@ from drake_srg.gripper.sensors import SRG_FINGERS, FingerLayout, FingerSensorCon
 from drake_srg.gripper.servo import GripperServoConfig
 from drake_srg.gripper.underactuation import FINGERS
 from drake_srg.lifetime import LeafSystem
-from gripper.srg_hand import Hand
+from gripper.driven_hand import SrgHand
 
 NONE, LEFT, BOTH = [0, 0, 0, 0], [1, 0, 1, 0], [1, 1, 0, 0]
 
@@ -104,11 +104,14 @@ class Driver(SrgPositionDriver):
 
 
 def hand(sizes, copies, **fields):
-    return Hand(config=Driver(copy=CopyConfig(sizes, copies), **fields))
+    return SrgHand(config=Driver(copy=CopyConfig(sizes, copies), **fields))
 
 
 def test_a_sensor_is_one_field_of_the_configuration():
-    plain, more = Hand(config=Driver()), hand({"proximity": 4}, {"proximity": "near"})
+    plain, more = (
+        SrgHand(config=Driver()),
+        hand({"proximity": 4}, {"proximity": "near"}),
+    )
     before, after = (port_table(h.driver) for h in (plain, more))
     assert after == (before[0], {**before[1], "near": 4})
 
@@ -148,7 +151,7 @@ class Accelerometer(FingerSensorConfig):
 
 
 def test_the_driver_connects_what_only_one_sensor_reads_of_the_plant():
-    wired = Hand(config=Driver(copy=Accelerometer()))
+    wired = SrgHand(config=Driver(copy=Accelerometer()))
     port = wired.driver.GetInputPort("body_spatial_accelerations")
     assert len(port.Eval(wired.context)) == wired.plant.num_bodies()
 
@@ -192,8 +195,8 @@ class TorqueDriver(GripperDriver):
 
 
 def test_a_driver_is_its_control_and_sensors():
-    inputs, outputs = port_table(Hand(config=TorqueDriver()).driver)
-    ours = port_table(Hand(config=SrgPositionDriver()).driver)
+    inputs, outputs = port_table(SrgHand(config=TorqueDriver()).driver)
+    ours = port_table(SrgHand(config=SrgPositionDriver()).driver)
     assert ours[0].items() - inputs.items() == {
         ("joint_position_commanded", 4),
         ("hold", 1),
@@ -204,7 +207,7 @@ def test_a_driver_is_its_control_and_sensors():
 
 
 def test_the_control_drives_the_plant():
-    hand = Hand(config=TorqueDriver())
+    hand = SrgHand(config=TorqueDriver())
     hand.command(closure_commanded=0.5)
     hand.simulator.AdvanceTo(0.02)
     net = hand.plant.get_net_actuation_output_port(hand.model)
@@ -214,7 +217,7 @@ def test_the_control_drives_the_plant():
 
 def test_every_driver_has_the_latency_of_its_configuration():
     errors = JointErrorsConfig(latency=0.05)
-    hand = Hand(config=TorqueDriver(errors=errors))
+    hand = SrgHand(config=TorqueDriver(errors=errors))
     hand.simulator.AdvanceTo(0.05)
     hand.command(closure_commanded=1.0)
     hand.simulator.AdvanceTo(0.09)

@@ -6,26 +6,25 @@ from helpers import fix, port_table, read, update
 
 from drake_srg.gripper import LinkageDriver, SrgPositionDriver
 from drake_srg.gripper.joint_servos import PlantJointServos
-from gripper.linkage_hand import Hand as LinkageHand
-from gripper.srg_hand import Hand
+from gripper.driven_hand import LinkageHand, SrgHand
 
 SERVO = SrgPositionDriver().servo
 FAST = SrgPositionDriver(servo=dc.replace(SERVO, law="plant", period=0.02))
 
 
 def test_ports():
-    inputs, outputs = port_table(Hand(config=FAST).driver)
-    usual_inputs, usual_outputs = port_table(Hand().driver)
+    inputs, outputs = port_table(SrgHand(config=FAST).driver)
+    usual_inputs, usual_outputs = port_table(SrgHand().driver)
     assert inputs == usual_inputs
     assert outputs == {**usual_outputs, "desired_state": 8}
 
 
 def test_an_empty_hand_closes_as_with_sampled_servos():
-    hands = [Hand(), Hand(config=FAST)]
+    hands = [SrgHand(), SrgHand(config=FAST)]
     for hand in hands:
         hand.command(closure_commanded=0.5)
         hand.advance(0.8)
-    sampled, solved = (np.array(hand.log["q"]) for hand in hands)
+    sampled, solved = (hand.array("state_measured")[:, :4] for hand in hands)
     # The reference is sampled 15 ms later, at up to 3.67 rad/s.
     np.testing.assert_allclose(solved, sampled, atol=0.06)
     np.testing.assert_allclose(solved[-1], sampled[-1], atol=0.002)
@@ -42,28 +41,17 @@ def test_a_linkage_closes_on_its_object():
 
 def test_the_force_limit_limits_the_grip():
     kappa = 0.6
-    hand = Hand(post=True, config=FAST)
+    hand = SrgHand(post=True, config=FAST)
     hand.command(closure_commanded=1.0, force_limit=kappa)
     hand.advance(2.0)
     assert np.max(np.abs(hand.read("pwm"))) == pytest.approx(kappa, abs=0.02)
-
-
-def test_motors_are_as_strong_as_configured():
-    def pressed(strength):
-        config = dc.replace(FAST, motor_strength=strength)
-        hand = Hand(post=True, config=config)
-        hand.command(closure_commanded=1.0)
-        hand.advance(2.0)
-        return np.max(hand.read("contact_force"))
-
-    assert pressed(0.5) == pytest.approx(0.5 * pressed(1.0), rel=0.1)
 
 
 @pytest.mark.parametrize("change", [{"ki": [1.0] * 4}, {"pwm_steps": 1023}])
 def test_what_the_plant_does_not_know_is_refused(change):
     servo = dc.replace(FAST.servo, **change)
     with pytest.raises(ValueError, match=r"gripper\.servo: .* ki and pwm_steps 0"):
-        Hand(config=SrgPositionDriver(servo=servo))
+        SrgHand(config=SrgPositionDriver(servo=servo))
 
 
 def test_pwm_is_that_of_the_servo():

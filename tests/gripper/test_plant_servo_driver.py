@@ -9,13 +9,13 @@ from pydrake.systems.framework import DiagramBuilder
 from drake_srg.gripper import PlantServoDriver
 from drake_srg.gripper.underactuation import JOINT_NAMES
 from drake_srg.parsing import AddModel
-from gripper.srg_hand import Hand
+from gripper.driven_hand import SrgHand
 
 FAST = PlantServoDriver()
 
 
 def test_each_joint_has_its_own_target():
-    hand = Hand(config=FAST)
+    hand = SrgHand(config=FAST)
     targets = np.array([0.3, 0.2, 0.1, 0.4])
     hand.command(joint_position_commanded=targets)
     hand.advance(0.8)
@@ -24,7 +24,7 @@ def test_each_joint_has_its_own_target():
 
 
 def test_an_empty_hand_closes_and_opens_within_its_speed():
-    hand = Hand(config=FAST)
+    hand = SrgHand(config=FAST)
     hand.command(closure_commanded=0.5)
     fastest = 0.0
     for _ in range(100):
@@ -37,24 +37,14 @@ def test_an_empty_hand_closes_and_opens_within_its_speed():
     assert hand.q == pytest.approx([0.0] * 4, abs=0.01)
 
 
-def test_the_force_limit_limits_the_grip():
-    kappa = 0.4
-    hand = Hand(post=True, config=FAST)
-    hand.command(closure_commanded=1.0, force_limit=kappa)
-    hand.advance(2.0)
-    pwm = hand.read("pwm")
-    assert np.max(np.abs(pwm)) == pytest.approx(kappa, abs=0.02)
-    assert hand.read("grasped") == [1.0]
-
-
 def test_gains_that_the_plant_does_not_know_are_refused():
     servo = dc.replace(FAST.servo, ki=[1.0] * 4)
     with pytest.raises(ValueError, match=r"gripper\.servo: .* kp and kd alone"):
-        Hand(config=PlantServoDriver(servo=servo))
+        SrgHand(config=PlantServoDriver(servo=servo))
 
 
 def test_motors_are_as_strong_as_configured():
-    hand = Hand(config=PlantServoDriver(motor_strength=0.5))
+    hand = SrgHand(config=PlantServoDriver(motor_strength=0.5))
     limits = {
         a.joint().name(): a.effort_limit()
         for a in map(

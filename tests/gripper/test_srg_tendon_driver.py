@@ -1,3 +1,5 @@
+import dataclasses as dc
+
 import numpy as np
 import pytest
 from helpers import fix, read, update
@@ -5,14 +7,15 @@ from hypothesis import given
 from hypothesis import strategies as st
 from pydrake.systems.framework import DiagramBuilder
 
-from drake_srg.gripper import AddSrgTendonDriver, SrgPositionDriver, SrgTendonDriver
+from drake_srg.gripper import SrgPositionDriver, SrgTendonDriver
 from drake_srg.gripper.srg_tendon_driver import (
     SpoolCommand,
     SpoolCommandConfig,
+    TorqueControl,
     spool_angle,
 )
-from drake_srg.gripper.tendon import wire_travel
-from gripper.srg_hand import Hand
+from drake_srg.gripper.tendon import TendonDriveConfig, wire_travel
+from gripper.driven_hand import SrgHand
 
 RADIUS = 0.0076
 
@@ -140,7 +143,7 @@ TENDON = SrgTendonDriver()
 
 @pytest.fixture(scope="module")
 def tendon_wrapped():
-    hand = Hand(post=True, config=TENDON)
+    hand = SrgHand(post=True, config=TENDON)
     hand.command(closure_commanded=1.0)
     hand.advance(3.5)
     return hand
@@ -148,7 +151,7 @@ def tendon_wrapped():
 
 @pytest.mark.slow
 def test_wires_close_the_bases_first(tendon_wrapped):
-    q, proximity = (np.array(tendon_wrapped.log[n]) for n in ("q", "proximity"))
+    q, proximity = map(tendon_wrapped.array, ("state_measured", "proximity"))
     for base, tip in ((0, 2), (1, 3)):
         touched = np.flatnonzero(proximity[:, base] < 0.0)[0]
         # Its spring holds the tip on its stop until then.
@@ -160,7 +163,7 @@ def test_wires_close_the_bases_first(tendon_wrapped):
 def test_the_plant_applies_all_torque_of_the_wires():
     # The model's effort limits are those of motors at the joints. They do not hold for
     # wires, whose moment arm at the base doubles as the finger closes.
-    hand = Hand(post=True, config=TENDON)
+    hand = SrgHand(post=True, config=TENDON)
     hand.command(closure_commanded=1.0, force_limit=1.0)
     hand.advance(2.0)
     net = hand.plant.get_net_actuation_output_port(hand.model)
@@ -189,26 +192,14 @@ def test_wires_let_go(tendon_wrapped):
 def test_wires_close_an_empty_hand_as_position_control_does():
     # The palm is level, so gravity acts along the hinges.
     for config in (TENDON, SrgPositionDriver()):
-        hand = Hand(config=config)
+        hand = SrgHand(config=config)
         hand.command(closure_commanded=0.4)
         hand.advance(1.5)
         assert hand.q == pytest.approx([1.2, 1.2, 0.0, 0.0], abs=0.02)
 
 
-def test_a_spool_on_hold_stays():
-    hand = Hand(config=TENDON)
-    hand.command(closure_commanded=0.5)
-    hand.advance(0.4)
-    hand.command(hold=1.0)
-    hand.advance(0.3)
-    held = hand.read("motor_state")[0]
-    hand.advance(0.3)
-    assert hand.read("motor_state")[0] == pytest.approx(held, abs=1e-3)
-    assert 0.1 < held < 2.5
-
-
 def test_the_motor_goes_where_it_is_told():
-    hand = Hand(config=TENDON)
+    hand = SrgHand(config=TENDON)
     hand.command(closure_commanded=1.0, motor_position_commanded=0.8)
     hand.advance(1.5)
     # Within one count of the real servo's encoder, of 4096 per turn.
@@ -217,7 +208,7 @@ def test_the_motor_goes_where_it_is_told():
 
 @pytest.mark.slow
 def test_wires_pull_with_the_torque_that_the_motor_is_told():
-    hand = Hand(post=True, config=TENDON)
+    hand = SrgHand(post=True, config=TENDON)
     hand.command(motor_torque_commanded=0.2, motor_position_commanded=0.0)
     hand.advance(3.0)
     expected = 0.2 * TENDON.drive.full_wire_force
@@ -230,7 +221,7 @@ def test_wires_pull_with_the_torque_that_the_motor_is_told():
 def test_torque_control_closes_the_hand_fast_with_little_torque():
     # SAKE's driver closes the hand with 100 of 1023 in less than the 4 s that it waits.
     # At the speed that this much PWM gives, it would take longer.
-    hand = Hand(config=TENDON)
+    hand = SrgHand(config=TENDON)
     hand.command(motor_torque_commanded=0.125)
     hand.advance(2.0)
     assert hand.q[0] > 1.7
@@ -238,7 +229,7 @@ def test_torque_control_closes_the_hand_fast_with_little_torque():
 
 @pytest.mark.slow
 def test_position_control_takes_over_where_torque_control_ends():
-    hand = Hand(post=True, config=TENDON)
+    hand = SrgHand(post=True, config=TENDON)
     hand.command(motor_torque_commanded=0.2, force_limit=0.2)
     hand.advance(2.0)
     held = hand.read("motor_state")[0]
@@ -252,7 +243,7 @@ def test_position_control_takes_over_where_torque_control_ends():
 
 @pytest.mark.slow
 def test_without_torque_the_springs_turn_the_motor_back():
-    hand = Hand(config=TENDON)
+    hand = SrgHand(config=TENDON)
     hand.command(closure_commanded=0.5)
     hand.advance(2.0)
     wound, before = hand.read("motor_state")[0], hand.q
@@ -268,6 +259,42 @@ def test_pulling_warms_the_motor(tendon_wrapped):
 
 
 def test_joints_with_rotors_of_their_own_are_refused():
-    hand = Hand()
+    hand = SrgHand()
     with pytest.raises(ValueError, match="SetTendonDynamics"):
-        AddSrgTendonDriver(DiagramBuilder(), hand.plant, hand.model)
+        SrgTendonDriver().AddDriver(DiagramBuilder(), hand.plant, hand.model)
+
+
+CONTROL_PERIOD = 0.005
+SLOW = TendonDriveConfig(dead_band=0.1, torque_rise=0.1)
+
+
+def control(drive, torque, updates=1):
+    system = TorqueControl(drive, CONTROL_PERIOD)
+    context = system.CreateDefaultContext()
+    fix(system, context, torque_desired=torque)
+    for _ in range(updates):
+        update(system, context)
+    return system, context, read(system, context, "pwm_desired")[0]
+
+
+@pytest.mark.parametrize("torque", [-0.8, -0.1, 0.3, 0.8])
+def test_it_finds_the_pwm_that_gives_the_torque(torque):
+    drive = TendonDriveConfig(dead_band=0.1)
+    fast = dc.replace(drive, torque_rise=0.1 * CONTROL_PERIOD)
+    for model, updates in ((drive, 1), (fast, 30), (SLOW, 300)):
+        pwm = control(model, torque, updates)[2]
+        assert model.useful_pwm(pwm) == pytest.approx(torque, abs=1e-3)
+
+
+def test_it_rises_from_zero_at_the_rate_of_what_is_missing():
+    assert control(SLOW, 0.5)[2] == pytest.approx(0.5 * CONTROL_PERIOD / 0.1)
+
+
+def test_position_control_passes_and_resets_it():
+    system, context, _ = control(SLOW, 0.5, 100)
+    fix(system, context, torque_desired=np.nan)
+    update(system, context)
+    assert np.isnan(read(system, context, "pwm_desired")[0])
+    fix(system, context, torque_desired=0.5)
+    update(system, context)
+    assert read(system, context, "pwm_desired")[0] == pytest.approx(0.025)

@@ -8,7 +8,7 @@ from pydrake.multibody.plant import AddMultibodyPlantSceneGraph, CoulombFriction
 from pydrake.multibody.tree import SpatialInertia
 from pydrake.systems.framework import DiagramBuilder
 
-from drake_srg.gripper.sensors import AddProximitySensors, ProximityConfig
+from drake_srg.gripper.sensors import ProximityConfig
 from drake_srg.parsing import AddModel
 
 RADIUS = 0.01  # of the ball [m]
@@ -37,8 +37,8 @@ class Hand:
             self.plant.GetBodyByName(link, model)
             for link in layout.sensor_links.values()
         ]
-        self.sensors = AddProximitySensors(
-            builder, self.plant, model, layout, ProximityConfig(**config)
+        self.sensors = ProximityConfig(**config).AddSensor(
+            builder, self.plant, model, layout
         )
         builder.Connect(
             scene_graph.get_query_output_port(), self.sensors.get_input_port()

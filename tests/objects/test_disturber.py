@@ -112,8 +112,15 @@ def tilt(X_WO):
     return np.arccos(np.clip(X_WO.rotation().matrix()[2, 2], -1.0, 1.0))
 
 
-@pytest.mark.parametrize("overrides", [(), (BOX,), CENIC], ids=["", "box", "cenic"])
-@pytest.mark.parametrize("displacement", [(0.0, 0.03, 0.0), (-0.02, -0.01, 0.0)])
+@pytest.mark.parametrize(
+    ("displacement", "overrides"),
+    [
+        ((0.0, 0.03, 0.0), ()),
+        ((-0.02, -0.01, 0.0), (BOX,)),
+        ((-0.02, -0.01, 0.0), CENIC),
+    ],
+    ids=["", "box", "cenic"],
+)
 def test_a_pushed_object_stands_farther_on_by_the_displacement(
     table, displacement, overrides
 ):
@@ -136,8 +143,11 @@ def test_a_push_begins_and_ends_on_time(table):
     assert np.ptp(x[time > 0.9]) < 1e-4
 
 
-@pytest.mark.parametrize("overrides", [(), CENIC], ids=["", "cenic"])
-@pytest.mark.parametrize("direction", [(0.0, 1.0), (-3.0, 1.0)])
+@pytest.mark.parametrize(
+    ("direction", "overrides"),
+    [((0.0, 1.0), ()), ((-3.0, 1.0), CENIC)],
+    ids=["", "cenic"],
+)
 def test_a_toppled_cylinder_lies(table, direction, overrides):
     topple = f"[!Topple {{after: 0.1, direction: {list(direction)}}}]"
     X_WO = poses(table(topple, *overrides), 1.5)[-1]
@@ -167,15 +177,6 @@ def test_a_force_throws_the_object(table):
     force = f"[!Force {{force: [0, 0, {2 * MASS * GRAVITY}], duration: 0.1}}]"
     z = max(X.translation()[2] for X in poses(table(force), 0.5)) - LENGTH / 2
     assert z == pytest.approx(2 * 0.5 * GRAVITY * 0.1**2, rel=0.05)  # steps of 2 ms
-
-
-def test_the_same_scenario_gives_the_same_bytes(table):
-    entries = "[!Topple {direction: [1.0, 1.0]}, !Push {after: 0.6}]"
-
-    def run():
-        return b"".join(X.GetAsMatrix4().tobytes() for X in poses(table(entries), 1.0))
-
-    assert run() == run()
 
 
 def disturber(*disturbances, shape=Cylinder(RADIUS, LENGTH)):  # noqa: B008 # not changed
@@ -297,10 +298,10 @@ def test_a_cell_has_a_disturber_only_if_it_is_needed():
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("name", ["kitchen", "kitchen_fast"])
-def test_a_cell_with_a_planner_is_disturbed(name):
-    scenario = load_scenario(name, overrides=["disturbances=[!Push {at: idle}]"])
-    builder, cell = MakeRoot("cell", MakeCell, AddCell, scenario, name)
+def test_a_cell_with_a_planner_is_disturbed():
+    push = "disturbances=[!Push {at: idle}]"
+    scenario = load_scenario("kitchen_fast", overrides=[push])
+    builder, cell = MakeRoot("cell", MakeCell, AddCell, scenario, "kitchen_fast")
     simulator = Simulator(builder.Build())
     ApplySimulatorConfig(scenario.simulator_config, simulator)
     port = cell.GetOutputPort("object_poses_cheat")

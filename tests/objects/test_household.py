@@ -96,10 +96,10 @@ def test_the_object_is_wholly_in_the_picture(shape):
 
 
 def test_a_sheet_has_rows_of_pictures_with_names():
-    pictures = {f"p{i}": np.full((50, 80, 3), 10 * i, np.uint8) for i in range(5)}
-    sheet = contact_sheet(pictures, across=2)
-    assert sheet.shape[1:] == (160, 3)
-    assert sheet.shape[0] % 3 == 0
-    assert np.all(sheet[:50, 80:] == 10)
-    assert np.any(sheet[50 : sheet.shape[0] // 3, :80] < 200)  # the name
-    assert np.all(sheet[-50:, 80:] == 255)  # the last place is empty
+    pictures = {f"p{i}": np.full((50, 80, 3), 10 * i, np.uint8) for i in range(9)}
+    sheet = contact_sheet(pictures)
+    assert sheet.shape[1:] == (400, 3)
+    assert sheet.shape[0] % 2 == 0
+    assert np.all(sheet[:50, 80:160] == 10)
+    assert np.any(sheet[50 : sheet.shape[0] // 2, :80] < 200)  # the name
+    assert np.all(sheet[-50:, 320:] == 255)  # the last place is empty

@@ -1,6 +1,14 @@
 import numpy as np
 import pytest
-from pydrake.multibody.plant import AddMultibodyPlantSceneGraph
+from pydrake.common.schema import Transform
+from pydrake.math import RigidTransform, RollPitchYaw
+from pydrake.multibody.parsing import Parser
+from pydrake.multibody.plant import (
+    AddMultibodyPlant,
+    AddMultibodyPlantSceneGraph,
+    MultibodyPlantConfig,
+)
+from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import DiagramBuilder
 
 from drake_srg.common.contacts import relaxation_time
@@ -8,10 +16,15 @@ from drake_srg.common.exceptions import ScenarioError
 from drake_srg.objects.config import ObjectConfig
 from drake_srg.objects.models import (
     AddObject,
+    SetDefaultObjectPose,
+    SetObject,
+    X_FO_start,
     known_shape,
+    object_body,
     object_shape,
     simple_shape,
 )
+from drake_srg.parsing import configure_parser
 from drake_srg.types import Box, Cylinder, Sphere
 
 CAN = "package://drake_srg/sdf/005_tomato_soup_can.sdf"
@@ -208,3 +221,146 @@ def test_a_proxy_stands_for_a_model_of_several_pieces():
     config = ObjectConfig(model=url, proxy=box, known_scale=0.5)
     assert simple_shape("peg", config) == box
     assert known_shape("peg", config) == box.scaled(0.5)
+
+
+@pytest.mark.parametrize("shape", SHAPES)
+def test_an_object_stands_upright_on_its_table(shape):
+    X = X_FO_start(ObjectConfig(position=[0.3, -0.2], yaw=0.5), shape, 0.1)
+    height = {"Cylinder": 0.1, "Box": 0.06, "Sphere": 0.07}[type(shape).__name__]
+    np.testing.assert_allclose(X.translation(), [0.3, -0.2, 0.1 + height / 2])
+    np.testing.assert_allclose(X.rotation().col(2), [0, 0, 1], atol=1e-12)
+    np.testing.assert_allclose(
+        X.rotation().col(0), [np.cos(0.5), np.sin(0.5), 0], atol=1e-12
+    )
+
+
+def test_an_object_without_a_known_shape_has_its_origin_on_the_table():
+    X = X_FO_start(ObjectConfig(position=[0.3, -0.2]), None, 0.1)
+    np.testing.assert_array_equal(X.translation(), [0.3, -0.2, 0.1])
+
+
+def test_a_given_pose_is_used_as_it_is():
+    X_FO = RigidTransform(RollPitchYaw(0.1, 0.2, 0.3), [1.0, 2.0, 3.0])
+    config = ObjectConfig(pose=Transform(X_FO))
+    for shape in (None, *SHAPES):
+        assert X_FO_start(config, shape, 0.1).IsNearlyEqualTo(X_FO, 1e-12)
+
+
+def test_a_position_must_have_been_drawn():
+    with pytest.raises(ValueError, match="has not been drawn"):
+        X_FO_start(ObjectConfig(), SHAPES[0], 0.0)
+
+
+@pytest.mark.parametrize("excess", [-1e-4, -3.3e-5, -1e-6, 0.0, 1e-9, 2e-5, 1e-4])
+def test_a_cylinder_as_long_as_it_is_wide_can_be_touched(excess):
+    shape = Cylinder(0.0183, 0.0366 + excess)
+    builder = DiagramBuilder()
+    config = MultibodyPlantConfig(time_step=0.0, contact_model="hydroelastic")
+    plant, _ = AddMultibodyPlant(config, builder)
+    for name in ("below", "above"):
+        thing = ObjectConfig(shape=shape, mass=0.1, friction=0.5, modulus=1e7)
+        model = AddObject(plant, name, thing)
+        height = 0.0 if name == "below" else shape.length - 1e-4
+        SetDefaultObjectPose(plant, model, RigidTransform([0.002, 0.0, height]))
+    plant.Finalize()
+    diagram = builder.Build()
+    context = plant.GetMyContextFromRoot(diagram.CreateDefaultContext())
+    contacts = plant.get_contact_results_output_port().Eval(context)
+    assert contacts.num_hydroelastic_contacts() == 1
+
+
+def impact(approximation):
+    """Return the largest force [N] of a box of rubber that lands on a floor."""
+    builder = DiagramBuilder()
+    plant, _ = AddMultibodyPlant(
+        MultibodyPlantConfig(
+            time_step=1e-4,
+            contact_model="hydroelastic",
+            discrete_contact_approximation=approximation,
+        ),
+        builder,
+    )
+    parser = Parser(plant)
+    configure_parser(parser)
+    parser.AddModelsFromUrl("package://drake_srg/sdf/floor.sdf")
+    box = ObjectConfig(
+        shape=Box([0.04, 0.05, 0.06]), mass=0.25, friction=0.7, modulus=2e6
+    )
+    (body,) = map(plant.get_body, plant.GetBodyIndices(AddObject(plant, "box", box)))
+    plant.Finalize()
+    simulator = Simulator(builder.Build())
+    context = plant.GetMyMutableContextFromRoot(simulator.get_mutable_context())
+    plant.SetFreeBodyPose(context, body, RigidTransform([0.0, 0.0, -0.7199]))
+    plant.SetVelocities(context, [0.0, 0.0, 0.0, 0.0, 0.0, -0.3])  # 0.3 m/s down
+    forces = []
+    for step in range(200):
+        simulator.AdvanceTo(1e-4 * step)
+        results = plant.get_contact_results_output_port().Eval(context)
+        for i in range(results.num_hydroelastic_contacts()):
+            force = results.hydroelastic_contact_info(i).F_Ac_W()
+            forces.append(abs(force.translational()[2]))
+    return max(forces)
+
+
+def test_contact_is_damped_alike_in_each_approximation():
+    sap, lagged = impact("sap"), impact("lagged")
+    assert lagged / 2.0 < sap < 2.0 * lagged
+
+
+class Scene:
+    def __init__(self, config):
+        builder = DiagramBuilder()
+        self.plant, self.scene_graph = AddMultibodyPlantSceneGraph(builder, 0.001)
+        model = AddObject(self.plant, "thing", config)
+        self.plant.Finalize()
+        self.diagram = builder.Build()
+        self.context = self.diagram.CreateDefaultContext()
+        self.body = object_body(self.plant, model)
+
+    def replace(self, config):
+        SetObject(self.plant, self.scene_graph, self.context, self.body, config)
+
+    def described(self):
+        """Inertia, shapes and contact properties in the context."""
+        body = self.plant.get_body(self.body)
+        context = self.plant.GetMyContextFromRoot(self.context)
+        inertia = body.CalcSpatialInertiaInBodyFrame(context).CopyToFullMatrix6()
+        graph = self.scene_graph.GetMyContextFromRoot(self.context)
+        inspector = self.scene_graph.get_query_output_port().Eval(graph).inspector()
+        (touched,) = self.plant.GetCollisionGeometriesForBody(body)
+        seen = self.plant.GetVisualGeometriesForBody(body)
+        properties = inspector.GetProximityProperties(touched)
+        friction = properties.GetProperty("material", "coulomb_friction")
+        hint = properties.GetPropertyOrDefault("hydroelastic", "resolution_hint", 0.0)
+        return (
+            inertia.tolist(),
+            (friction.static_friction(), friction.dynamic_friction()),
+            hint,
+            [repr(inspector.GetShape(g)) for g in (touched, *seen)],
+        )
+
+
+SOLIDS = [
+    ObjectConfig(shape=Box([0.03, 0.05, 0.1]), mass=0.2, friction=0.7),
+    ObjectConfig(shape=Cylinder(0.02, 0.1), mass=0.3, friction=0.4),
+    ObjectConfig(shape=Sphere(0.03), mass=0.1, friction=0.9, resolution=0.01),
+]
+
+
+@pytest.mark.parametrize("old", SOLIDS)
+@pytest.mark.parametrize("new", SOLIDS)
+def test_a_replaced_object_is_like_one_that_was_built_so(old, new):
+    scene = Scene(old)
+    scene.replace(new)
+    assert scene.described() == Scene(new).described()
+
+
+def test_a_model_takes_mass_and_friction():
+    scene = Scene(ObjectConfig(model=CAN))
+    before = scene.described()
+    scene.replace(ObjectConfig(model=CAN, mass=0.7, friction=0.33))
+    after = scene.described()
+    assert after[1] == (0.33, 0.33)
+    assert after[2:] == before[2:]
+    scaled = np.array(before[0]) * 0.7 / before[0][5][5]
+    assert np.allclose(after[0], scaled)

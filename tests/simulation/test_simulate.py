@@ -10,6 +10,7 @@ from drake_srg.scenario import load_scenario
 from drake_srg.simulation import Simulate
 from drake_srg.simulation.metrics import OF_INSERTION, OF_SEVERAL, OF_SOME
 from drake_srg.simulation.run_log import RunLog
+from drake_srg.simulation.simulate import keep_first_replay, take_replay_folder
 from drake_srg.types import Mode
 from simulation.own_cells import RaisingStep, cell_with
 
@@ -180,7 +181,6 @@ def test_a_hidden_object_is_not_seen():
 @pytest.mark.parametrize(
     ("override", "failure"),
     [
-        ("object.position=[1.25, 0.5]", "out_of_reach"),
         ("task.place.position=[1.2, -0.7]", "out_of_reach"),
         ("task.place.position=[0.0, 0.0]", "blocked"),  # in the robot's foot
     ],
@@ -267,3 +267,26 @@ def test_an_impossible_folder_is_reported_before_the_run(tmp_path):
     (tmp_path / "file").write_text("in the way")
     with pytest.raises(OSError, match="file"):
         run(out=tmp_path / "file" / "run")
+
+
+def test_only_the_first_run_gets_the_folder(tmp_path):
+    assert take_replay_folder() is None
+    with keep_first_replay(tmp_path):
+        assert take_replay_folder() == tmp_path
+        assert take_replay_folder() is None
+        with keep_first_replay(None):
+            assert take_replay_folder() is None
+    assert take_replay_folder() is None
+
+
+@pytest.mark.slow
+def test_a_run_without_recordings_leaves_its_replay_there(tmp_path):
+    scenario = load_scenario("kitchen", overrides=["object.present=false"])
+    with keep_first_replay(tmp_path):
+        kept = Simulate(scenario)
+    assert (tmp_path / "replay.html").stat().st_size > 100_000
+    assert kept.metrics.artifacts == dict.fromkeys(kept.metrics.artifacts)
+    # It changes nothing else.
+    again = Simulate(scenario)
+    assert kept.log.keys() == again.log.keys()
+    assert all((kept.log[name] == again.log[name]).all() for name in kept.log)

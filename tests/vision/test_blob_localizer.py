@@ -94,8 +94,7 @@ def test_arrays_that_do_not_fit_are_refused(color, depth, problem):
         ({"targets": []}, "targets of unique names"),
         ({"targets": [target(), target()]}, "unique names.*'can', 'can'"),
         ({"cameras": {}}, "at least one camera"),
-        ({"min_area": 0}, "needs min_area >= 1.*got min_area=0"),
-        ({"min_quality": 2.0}, "min_quality=2.0"),
+        ({"min_area": 0}, "needs min_area >= 1, got 0"),
     ],
 )
 def test_bad_arguments_are_named(arguments, message):

@@ -13,7 +13,6 @@ from vision.vision_scene import CAN, Camera, render, standing
 
 TABLE = Surface((-0.2, -0.15), (0.2, 0.15), 0.7)
 DOWN = RotationMatrix(np.diag([1.0, -1.0, -1.0]))
-RESOLUTION = 0.002
 
 
 def cloud(*boxes, spacing=0.001):
@@ -31,7 +30,7 @@ BOX = (-0.03, 0.05, 0.02, 0.06, 0.08)
 
 
 def test_a_box_and_the_table():
-    found = height_map([cloud(BOX)], TABLE, resolution=RESOLUTION)
+    found = height_map([cloud(BOX)], TABLE)
     middles, above = found.centers(), found.height - TABLE.height
     inside = (middles[..., 0] > -0.028) & (middles[..., 0] < 0.048)
     inside &= (middles[..., 1] > 0.022) & (middles[..., 1] < 0.058)
@@ -44,7 +43,7 @@ def test_what_no_camera_sees_is_unknown_but_for_narrow_holes():
     points = cloud(BOX)
     wide = (points[:, 0] > 0.1) & (points[:, 0] < 0.13)
     narrow = np.abs(points[:, 0] + 0.1005) < 0.0012
-    found = height_map([points[~wide & ~narrow]], TABLE, resolution=RESOLUTION)
+    found = height_map([points[~wide & ~narrow]], TABLE)
     x = found.centers()[..., 0]
     assert np.isnan(found.height[(x > 0.105) & (x < 0.125)]).all()
     assert np.isfinite(found.height[x < 0.09]).all()
@@ -54,7 +53,7 @@ def test_an_ignored_part_is_unknown_and_what_leans_on_it_is_not():
     part = Surface((-0.03, 0.02), (0.01, 0.06), TABLE.height)
     low = (0.01, 0.05, 0.02, 0.06, 0.08)
     tall = (-0.03, 0.01, 0.02, 0.06, 0.5)
-    found = height_map([cloud(low, tall)], TABLE, ignored=[part], resolution=RESOLUTION)
+    found = height_map([cloud(low, tall)], TABLE, ignored=[part])
     middles = found.centers()
     inside = part.contains(middles.reshape(-1, 2)).reshape(found.height.shape)
     np.testing.assert_array_equal(np.isnan(found.height), inside)
@@ -66,7 +65,7 @@ def test_an_ignored_part_is_unknown_and_what_leans_on_it_is_not():
 def test_another_camera_fills_a_shadow():
     points = cloud(BOX)
     left, right = points[points[:, 0] < 0.1], points[points[:, 0] > 0.0]
-    found = height_map([left, right], TABLE, resolution=RESOLUTION)
+    found = height_map([left, right], TABLE)
     assert np.isfinite(found.height).all()
 
 
@@ -76,7 +75,7 @@ def test_another_camera_fills_a_shadow():
     ids=["too high", "over the edge"],
 )
 def test_the_robot_is_unknown(robot):
-    found = height_map([cloud(robot)], TABLE, resolution=RESOLUTION)
+    found = height_map([cloud(robot)], TABLE)
     middles = found.centers()
     inside = (middles[..., 0] > robot[0]) & (middles[..., 0] < robot[1])
     inside &= (middles[..., 1] > robot[2]) & (middles[..., 1] < robot[3])
@@ -93,7 +92,7 @@ def test_a_camera_that_is_believed_too_high_or_low_sees_the_table_where_it_is(
     points = cloud(BOX)
     noise = np.random.default_rng(seed).normal(0.0, 5e-4, len(points))
     points[:, 2] += offset + noise
-    found = height_map([points], TABLE, resolution=RESOLUTION)
+    found = height_map([points], TABLE)
     flat = found.height[np.abs(found.height - TABLE.height) < 0.01]
     assert abs(np.median(flat) - TABLE.height) < 1e-4
 
@@ -127,10 +126,7 @@ def test_points_far_from_the_table_do_not_change_its_map(x, lean):
         for surface in (None, TABLE)
     )
     assert len(near) < len(every)
-    maps = [
-        height_map([cloud], TABLE, max_height=1.0, resolution=RESOLUTION).height
-        for cloud in (every, near)
-    ]
+    maps = [height_map([cloud], TABLE).height for cloud in (every, near)]
     np.testing.assert_array_equal(*maps)
 
 
@@ -173,8 +169,6 @@ def test_an_empty_table_is_flat():
 def test_bad_input():
     with pytest.raises(ValueError, match="at least one camera"):
         HeightMapper({}, MAPPED)
-    with pytest.raises(ValueError, match="resolution > 0"):
-        HeightMapper({"top": MODEL}, MAPPED, resolution=0.0)
     mapper = HeightMapper({"top": MODEL}, MAPPED)
     with pytest.raises(RuntimeError, match=r"'top.depth_image' is not connected"):
         mapper.GetOutputPort("height_map").Eval(mapper.CreateDefaultContext())

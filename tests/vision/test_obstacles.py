@@ -142,7 +142,6 @@ def test_noise_and_holes_neither_make_obstacles_nor_hide_them(noise):
     [
         ({"cameras": {}}, "at least one camera"),
         ({"surfaces": []}, "one surface"),
-        ({"min_height": 0.4}, "min_height=0.4, max_height=0.3"),
     ],
 )
 def test_bad_arguments_are_named(options, message):

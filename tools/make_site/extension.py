@@ -8,7 +8,6 @@
 from __future__ import annotations
 
 import functools
-import importlib
 import sys
 import zlib
 from collections.abc import Iterable
@@ -23,7 +22,7 @@ from sphinx.util.docutils import SphinxDirective
 
 from make_site.field_comments import class_comments, module_comments
 from make_site.python_pages import faces
-from make_site.systems import find_blocks, parse_block
+from make_site.systems import parse_block
 
 _OURS = "name of ours"  # a reference that `find_name` resolves
 
@@ -31,7 +30,6 @@ _OURS = "name of ours"  # a reference that `find_name` resolves
 def setup(app: Sphinx) -> dict[str, bool | int]:
     """Register everything with Sphinx."""
     app.add_directive("pydrake_system", PydrakeSystem)
-    app.connect("builder-inited", name_templates)
     app.connect("autodoc-process-docstring", describe_field)
     app.connect("doctree-read", mark_names)
     app.connect("missing-reference", find_name)
@@ -77,19 +75,6 @@ def _ports(ports: Iterable[str], side: str) -> nodes.Node:
         item += line
         found += item
     return found
-
-
-def name_templates(app: Sphinx) -> None:
-    """Rename classes made by Drake's templates to the names for importing them.
-
-    Autodoc would take `GripperServo`, whose own name is `GripperServo_𝓣float𝓤`, for an
-    alias, and leave its documentation out.
-    """
-    for block in find_blocks():
-        if block.owner == "Impl":
-            kind = getattr(importlib.import_module(block.module), block.name)
-            kind.__name__ = kind.__qualname__ = block.name
-            kind.__module__ = block.module
 
 
 def describe_field(

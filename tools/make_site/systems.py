@@ -32,15 +32,6 @@ class Block:
     input_ports: list[str]
     output_ports: list[str]
 
-    @property
-    def target(self) -> str:
-        """Name of the documented class or function, below its module.
-
-        A system for several scalar types is the class `Impl` inside a template; it is
-        imported by the system's own name.
-        """
-        return self.name if self.owner == "Impl" else self.owner
-
 
 @functools.cache
 def find_blocks() -> tuple[Block, ...]:
@@ -102,10 +93,10 @@ def system_pages() -> dict[str, str]:
 def _page(block: Block) -> str:
     """Return the page of a system: its documentation, from the docstring."""
     kind = "autoclass" if block.is_class else "autofunction"
-    where = f"{block.module}.{block.target}"
+    where = f"{block.module}.{block.owner}"
     room = f"drake_srg.{room_of(block.module)}"
-    public = block.target in names_of(room)
-    note = f"In full: :py:obj:`{room}.{block.target}`.\n" if public else ""
+    public = block.owner in names_of(room)
+    note = f"In full: :py:obj:`{room}.{block.owner}`.\n" if public else ""
     return (
         f"# {block.name}\n\n"
         f"```{{eval-rst}}\n.. {kind}:: {where}\n   :no-index:\n\n{note}```\n"

@@ -347,15 +347,6 @@ def test_an_sdf_without_mass_gets_one(tmp_path, mass, size):
     assert object_facts("a", config).mass == pytest.approx(expected)
 
 
-def test_a_changed_file_is_read_again(tmp_path):
-    path = write_obj(tmp_path / "a.obj", box([0.04] * 3))
-    config = ObjectConfig(model=str(path))
-    assert object_facts("a", config).size[0] == pytest.approx(0.04)
-    write_obj(path, box([0.05] * 3))
-    os.utime(path, (1, 1))
-    assert object_facts("a", config).size[0] == pytest.approx(0.05)
-
-
 def test_only_meshes_are_scaled(tmp_path):
     path = urdf(tmp_path / "a.urdf", collision("<box size='40 40 40'/>"))
     config = ObjectConfig(model=str(path), scale=0.001)

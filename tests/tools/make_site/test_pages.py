@@ -28,7 +28,7 @@ def test_every_option_of_a_command_is_shown(name):
 def test_every_system_has_a_page():
     pages = system_pages()
     for block in find_blocks():
-        assert f"{block.module}.{block.target}" in pages[block.name]
+        assert f"{block.module}.{block.owner}" in pages[block.name]
         assert f"({block.name}.md)" in pages["index"]
 
 
