@@ -178,7 +178,7 @@ _PORTS = {
 }
 
 
-def DeclareCameraPorts(
+def declare_camera_ports(
     system: LeafSystem, cameras: Iterable[str], ports: Iterable[str]
 ) -> None:
     """Declare input ports `CAMERA.PORT`, for images and poses X_WB of cameras."""
@@ -189,7 +189,7 @@ def DeclareCameraPorts(
 
 
 def see(system: LeafSystem, context: Context, camera: str, port: str) -> Any:
-    """Return the pixels of an image or the pose at a port of `DeclareCameraPorts`.
+    """Return the pixels of an image or the pose at a port of `declare_camera_ports`.
 
     Raises:
         RuntimeError: If it is not connected.

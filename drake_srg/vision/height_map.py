@@ -14,7 +14,7 @@ from pydrake.systems.framework import Context
 
 from drake_srg.lifetime import LeafSystem
 from drake_srg.types import HeightMap, Vector
-from drake_srg.vision.camera import CameraModel, DeclareCameraPorts, Imager, see
+from drake_srg.vision.camera import CameraModel, declare_camera_ports, Imager, see
 from drake_srg.vision.images import Mask, clean, grow, has_depth
 from drake_srg.vision.surfaces import Surface
 
@@ -238,7 +238,7 @@ class HeightMapper(LeafSystem):
         self._surface = surface
         self._ignored = tuple(ignored)
         self._thing, self._over_edge = thing, over_edge
-        DeclareCameraPorts(self, cameras, ("depth_image", "body_pose_in_world"))
+        declare_camera_ports(self, cameras, ("depth_image", "body_pose_in_world"))
         empty = HeightMap(np.zeros(2), _RESOLUTION, np.zeros((0, 0)))
         for name, model, calc in (
             ("height_map", empty, self._calc_height_map),

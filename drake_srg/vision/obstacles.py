@@ -12,7 +12,7 @@ from pydrake.systems.framework import Context
 
 from drake_srg.lifetime import LeafSystem
 from drake_srg.types import Blob, Box, Obstacle, Shape, Vector
-from drake_srg.vision.camera import CameraModel, DeclareCameraPorts, see
+from drake_srg.vision.camera import CameraModel, declare_camera_ports, see
 from drake_srg.vision.images import Mask, narrowest_rectangle, robust_deviation
 from drake_srg.vision.solids import signed_distance
 from drake_srg.vision.surfaces import Surface
@@ -85,7 +85,7 @@ class ObstacleFinder(LeafSystem):
         }
         self._surfaces = tuple(surfaces)
         self._known = dict(known)
-        DeclareCameraPorts(self, cameras, ("depth_image", "body_pose_in_world"))
+        declare_camera_ports(self, cameras, ("depth_image", "body_pose_in_world"))
         blobs: list[Blob] = []
         self.DeclareAbstractInputPort("blobs", AbstractValue.Make(blobs))
         obstacles: list[Obstacle] = []

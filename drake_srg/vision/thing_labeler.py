@@ -15,7 +15,7 @@ from pydrake.systems.framework import Context
 from drake_srg.common.geometry import Solid
 from drake_srg.lifetime import LeafSystem
 from drake_srg.types import Blob, HeightMap, LabeledHeightMap, Vector
-from drake_srg.vision.camera import CameraModel, DeclareCameraPorts, Imager, see
+from drake_srg.vision.camera import CameraModel, declare_camera_ports, Imager, see
 from drake_srg.vision.color import COLORS, NUM_HUES, ColorImage, color_names
 from drake_srg.vision.images import Mask
 from drake_srg.vision.solids import signed_distance
@@ -193,7 +193,7 @@ class ThingLabeler(LeafSystem):
         )
         if any(name in known for name in names):
             self.DeclareAbstractInputPort("blobs", AbstractValue.Make([]))
-        DeclareCameraPorts(self, self._imagers, ("color_image", "body_pose_in_world"))
+        declare_camera_ports(self, self._imagers, ("color_image", "body_pose_in_world"))
         labeled = self._labeled(empty, np.zeros((0, 0), np.int8))
         self.DeclareAbstractOutputPort(
             "labeled_height_map",
