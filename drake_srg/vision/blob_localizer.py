@@ -15,7 +15,7 @@ from pydrake.systems.framework import Context
 from drake_srg.common.geometry import Solid
 from drake_srg.lifetime import LeafSystem
 from drake_srg.types import Blob, BlobFlag
-from drake_srg.vision.camera import CameraModel, declare_camera_ports, Imager, see
+from drake_srg.vision.camera import CameraModel, Imager, declare_camera_ports, see
 from drake_srg.vision.candidates import Candidate, Picture, Search, by_color, by_steps
 from drake_srg.vision.color import ColorRange
 from drake_srg.vision.images import clean_and_measure, metres

@@ -14,7 +14,7 @@ from pydrake.systems.framework import Context
 
 from drake_srg.lifetime import LeafSystem
 from drake_srg.types import HeightMap, Vector
-from drake_srg.vision.camera import CameraModel, declare_camera_ports, Imager, see
+from drake_srg.vision.camera import CameraModel, Imager, declare_camera_ports, see
 from drake_srg.vision.images import Mask, clean, grow, has_depth
 from drake_srg.vision.surfaces import Surface
 

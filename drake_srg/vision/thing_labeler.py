@@ -15,7 +15,7 @@ from pydrake.systems.framework import Context
 from drake_srg.common.geometry import Solid
 from drake_srg.lifetime import LeafSystem
 from drake_srg.types import Blob, HeightMap, LabeledHeightMap, Vector
-from drake_srg.vision.camera import CameraModel, declare_camera_ports, Imager, see
+from drake_srg.vision.camera import CameraModel, Imager, declare_camera_ports, see
 from drake_srg.vision.color import COLORS, NUM_HUES, ColorImage, color_names
 from drake_srg.vision.images import Mask
 from drake_srg.vision.solids import signed_distance
