@@ -25,7 +25,8 @@ class Insert(PlannerConfig):
     # Name of the hole's model among `directives`, which only metrics use. Its origin is
     # the middle of the rim, z up.
     hole: str = "hole"
-    # Depth of the hole [m], and depth short of it that counts as seated [m].
+    # Depth of the hole [m], and felt depth short of it that counts as seated [m]: the
+    # rim is felt to a millimetre or so.
     depth: float = dc.field(default=0.02, metadata=positive())
     depth_tolerance: float = dc.field(default=0.002, metadata=positive())
     # Strategy by which the peg finds the hole. `tilt`: it leans against the wall and is
