@@ -51,9 +51,7 @@ GUIDED = 0.03  # of a peg's end, which a hole guides [m]
 # stays in the wall for so long that it goes in deeper than with half the step.
 CONTACT = Proximity(rigid=None, friction=0.35, dissipation=90.0)
 # Pads press on a peg as on any object: peg and pad keep the usual dissipation.
-PEG = dc.replace(
-    CONTACT, rigid=False, dissipation=10.0, modulus=1e7, resolution=0.004
-)
+PEG = dc.replace(CONTACT, rigid=False, dissipation=10.0, modulus=1e7, resolution=0.004)
 BORE = dc.replace(CONTACT, dissipation=PEG.dissipation)  # meets a pin
 MASS = 0.1  # of a peg [kg]
 LOOKS = {
