@@ -71,7 +71,8 @@ class Insert(PlannerConfig):
     inset: float = dc.field(default=0.0025, metadata=positive())
     # Speed of the peg in search of contact, and in the hole [m/s].
     tip_speed: float = dc.field(default=0.01, metadata=positive())
-    # Tries from alternating sides; from the third on, `search_step` aside [m].
+    # Tries from alternating sides, with steps aside [m]: for a cylinder from the third
+    # on, for a box from the second on.
     tries: int = dc.field(default=4, metadata={"ge": 1})
     search_step: float = dc.field(default=0.0015, metadata={"ge": 0.0})
     # Rate at which a set-point drifts to the measurement where the peg must find its
