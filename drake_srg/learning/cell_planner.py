@@ -30,7 +30,7 @@ from drake_srg.learning.envs.tasks import (
 )
 from drake_srg.learning.episodes import Act
 from drake_srg.lifetime import LeafSystem
-from drake_srg.planning.planner_machine import AddPlannerOutputs
+from drake_srg.planning.planner_machine import AddCommandOutputs, AddStatusOutput
 from drake_srg.types import Blob, Cylinder, Failure, Mode, PlannerStatus, Shape, Vector
 
 # Longest wait for the localizer to find the object [s].
@@ -117,14 +117,14 @@ class CellPlanner(LeafSystem):
         index = self.DeclareAbstractState(AbstractValue.Make(_Memory(q, q)))
         self.DeclarePeriodicUnrestrictedUpdateEvent(CONTROL_PERIOD, 0.0, self._update)
         tickets = {self.abstract_state_ticket(index)}
-        AddPlannerOutputs(
+        AddCommandOutputs(
             self,
             len(q),
             position=self._calc_position,
             closure=self._calc_closure,
-            status=self._calc_status,
             prerequisites=tickets,
         )
+        AddStatusOutput(self, self._calc_status, tickets)
         self.DeclareAbstractOutputPort(
             name="mode",
             alloc=lambda: AbstractValue.Make(Mode.IDLE),

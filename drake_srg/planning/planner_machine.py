@@ -343,8 +343,8 @@ class PlannerMachine(
     Its modes may be ours, members of your own enum, strings, or a mixture. A run ends
     once the planner is in a mode named `done` or `failed`.
 
-    Its outputs are `mode` and those of `AddPlannerOutputs`. Derive from it: declare the
-    inputs after calling `__init__`, and override `sense`.
+    Its outputs are `mode`, `status` and those of `AddCommandOutputs`. Derive from it:
+    declare the inputs after calling `__init__`, and override `sense`.
 
     Args:
         modes: Actions of each mode.
@@ -473,36 +473,6 @@ class PlannerMachine(
         output.set_value(state.memory.status(state.mode))
 
 
-def AddPlannerOutputs(
-    planner: LeafSystem,
-    num_joints: int,
-    *,
-    position: Callable[[Context, BasicVector], None],
-    closure: Callable[[Context, BasicVector], None],
-    status: Callable[[Context, AbstractValue], None],
-    prerequisites: set[DependencyTicket],
-) -> None:
-    """Add a planner's outputs `position_commanded`, `closure_commanded`, `status`.
-
-    Args:
-        planner: The planner; it declares its `mode` itself.
-        num_joints: Number of the arm's joints.
-        position: Calculates the joint positions (num_joints) [rad or m]. They also
-            depend on time.
-        closure: Calculates the closure (1), 0 open .. 1 closed.
-        status: Calculates the `PlannerStatus`.
-        prerequisites: Tickets that all three depend on.
-    """
-    AddCommandOutputs(
-        planner,
-        num_joints,
-        position=position,
-        closure=closure,
-        prerequisites=prerequisites,
-    )
-    AddStatusOutput(planner, status, prerequisites)
-
-
 def AddCommandOutputs(
     planner: LeafSystem,
     num_joints: int,
@@ -515,11 +485,12 @@ def AddCommandOutputs(
     """Add the outputs `position_commanded` and `closure_commanded` of one arm.
 
     Args:
-        planner: See `AddPlannerOutputs`, as for the other arguments.
+        planner: The planner; it declares its `mode` itself.
         num_joints: Number of the arm's joints.
         prefix: Prefix of the ports' names.
-        position: Calculates the joint positions.
-        closure: Calculates the closure.
+        position: Calculates the joint positions (num_joints) [rad or m]. They also
+            depend on time.
+        closure: Calculates the closure (1), 0 open .. 1 closed.
         prerequisites: Tickets that both depend on.
     """
     for name, size, calc, tickets in (

@@ -22,6 +22,7 @@ from drake_srg.planning.servoing.hand_motion import ServoArm
 from drake_srg.planning.servoing.planner import ServoingPlanner
 from drake_srg.planning.servoing.tracker import (
     FeatureSighting,
+    PoseSighting,
     SilhouetteTracker,
     SurfaceTracker,
     Tracker,
@@ -302,7 +303,8 @@ def MakeServo(scenario: Scenario, config: ServoConfig | None = None) -> VisualSe
     if servo.method == "ibvs":
         shown = silhouette_at(scenario, mount, goal.target, goal.grasp, goal.X_CO)
         return ImageBasedServo(arm, mount.X_GC_believed, _AHEAD, shown, config)
-    return PositionBasedServo(arm, mount.X_GC_believed, _AHEAD, goal.X_CO, config)
+    seen = PoseSighting(X_CO=goal.X_CO)
+    return PositionBasedServo(arm, mount.X_GC_believed, _AHEAD, seen, config)
 
 
 def MakeTracker(scenario: Scenario) -> Tracker:

@@ -19,7 +19,11 @@ from drake_srg.common.exceptions import suggest
 from drake_srg.common.geometry import minimum_jerk_blend
 from drake_srg.config import Config, positive
 from drake_srg.lifetime import LeafSystem
-from drake_srg.planning.planner_machine import AddPlannerOutputs, PlannerConfig
+from drake_srg.planning.planner_machine import (
+    AddCommandOutputs,
+    AddStatusOutput,
+    PlannerConfig,
+)
 from drake_srg.types import Mode, PlannerStatus, Vector
 
 # The modes that steps may have: those of a cycle that is under way.
@@ -167,14 +171,14 @@ class ScriptedPlanner(LeafSystem):
         self._force_limits = _filled(np.nan, [step.force_limit for step in script])[1:]
 
         time = {self.time_ticket()}
-        AddPlannerOutputs(
+        AddCommandOutputs(
             self,
             n,
             position=self._calc_position,
             closure=self._calc_closure,
-            status=self._calc_status,
             prerequisites=time,
         )
+        AddStatusOutput(self, self._calc_status, time)
         for name, calc in (
             ("closure_messages", self._calc_messages),
             ("force_limit", self._calc_force_limit),

@@ -2,16 +2,23 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+
 import numpy as np
 import pytest
-from pydrake.math import RigidTransform
+from pydrake.math import RigidTransform, RotationMatrix
 from pydrake.planning import RobotDiagramBuilder
 
 from drake_srg.parsing import configure_parser
+from drake_srg.planning.motion.inverse_kinematics import (
+    HandTarget,
+    solve_inverse_kinematics,
+)
 from drake_srg.planning.motion.planning_scene import PlanningScene
 from drake_srg.planning.pick_and_place.task_motions import TaskMotions, TaskPlanner
 from drake_srg.scenario import load_scenario
 from drake_srg.station import MakeTaskPlanner
+from drake_srg.types import Box
 from planning.pick_and_place.kitchen_task import GOAL, START
 from planning.planning_world import CAN
 
@@ -89,6 +96,28 @@ def loaded_pendulum() -> PlanningScene:
 def home() -> np.ndarray:
     """Return a posture with the elbow up and the hand down, clear of the table."""
     return np.array([0.0, -0.1, 0.0, -1.9, 0.0, 1.3, 0.0])
+
+
+@pytest.fixture(scope="session")
+def sides(iiwa: PlanningScene) -> list[np.ndarray]:
+    """Return postures left and right of a wall at y = 0."""
+    home = np.array([0.0, -0.1, 0.0, -1.9, 0.0, 1.3, 0.0])
+    down = RotationMatrix(
+        np.array([[0.0, 0.0, 1.0], [0.0, 1.0, 0.0], [-1.0, 0.0, 0.0]])
+    )
+    return [
+        solve_inverse_kinematics(
+            iiwa, HandTarget(np.array([0.55, y, 0.3]), down), q_nominal=home
+        ).q
+        for y in (-0.3, 0.3)
+    ]
+
+
+@pytest.fixture
+def wall(iiwa: PlanningScene) -> Iterator[None]:
+    """Let a wall stand between these postures."""
+    with iiwa.standing(Box((0.3, 0.03, 0.5)), RigidTransform([0.6, 0.0, 0.25])):
+        yield
 
 
 @pytest.fixture(scope="session")

@@ -19,13 +19,8 @@ from drake_srg.types import Blob, Cylinder, Mode
 CAN, CUP = Cylinder(0.034, 0.1), Cylinder(0.04, 0.09)
 START, GOAL = np.array([0.6, 0.1, 0.05]), np.array([0.5, -0.4, 0.05])
 MOVING = [
-    Mode.PRE_GRASP,
-    Mode.GRASP,
-    Mode.LIFT,
-    Mode.TRANSFER,
-    Mode.PLACE,
-    Mode.RETREAT,
-    Mode.HOME,
+    *(Mode.PRE_GRASP, Mode.GRASP, Mode.LIFT, Mode.TRANSFER, Mode.PLACE),
+    *(Mode.RETREAT, Mode.HOME),
 ]
 # Of pick-and-place, in the order of a cycle.
 MODES = [mode for mode in Mode if mode is not Mode.PUSH]
@@ -66,8 +61,7 @@ class FakeTaskPlanner:
         return self.scene.X_WG(q)
 
     def plan(self, q_start, X_WO, shape, X_WO_goal, obstacles=(), tried=()):
-        self.tried = tried
-        self.calls.append((q_start, X_WO, shape, X_WO_goal))
+        self.calls.append((q_start, X_WO, shape, X_WO_goal, tuple(obstacles), tried))
         self.obstacles = obstacles
         if self.result is not None:
             return self.result
@@ -222,6 +216,13 @@ class World:
             self._sense()
             self._simulator.AdvanceTo(self._start + self.time + self.period)
         raise AssertionError(f"still {status} after {limit} s")
+
+    def fail(self, failure, words=""):
+        """Let time pass until the planner gives up, for a reason; return its status."""
+        status = self.run()
+        assert (status.mode, status.failure) == (Mode.FAILED, failure)
+        assert words in status.message
+        return status
 
     def read(self, name):
         return self.planner.GetOutputPort(name).Eval(self._context).copy()

@@ -11,7 +11,8 @@ from hypothesis import strategies as st
 from drake_srg.lifetime import LeafSystem
 from drake_srg.planning.motion.arm_motion import Motion
 from drake_srg.planning.planner_machine import (
-    AddPlannerOutputs,
+    AddCommandOutputs,
+    AddStatusOutput,
     HandSenses,
     PlannerConfig,
     PlannerMachine,
@@ -57,16 +58,17 @@ class Counting(LeafSystem):
         super().__init__()
         self.count = {"position": 0, "closure": 0, "status": 0}
         state = self.DeclareDiscreteState(1)
-        AddPlannerOutputs(
+        tickets = {self.discrete_state_ticket(state)}
+        AddCommandOutputs(
             self,
             3,
             position=lambda _, output: output.SetFromVector(
                 [self._next("position")] * 3
             ),
             closure=lambda _, output: output.SetFromVector([self._next("closure")]),
-            status=self._calc_status,
-            prerequisites={self.discrete_state_ticket(state)},
+            prerequisites=tickets,
         )
+        AddStatusOutput(self, self._calc_status, tickets)
 
     def _next(self, name):
         self.count[name] += 1

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from helpers import fix, port_table, read
+from helpers import fix, read
 from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import DiagramBuilder
 from pydrake.systems.primitives import ConstantVectorSource
@@ -102,10 +102,6 @@ def scheduled(t):
             return color
         t -= duration
     raise AssertionError
-
-
-def test_a_machine_has_one_port():
-    assert port_table(make_light()) == ({}, {"mode": None})
 
 
 @pytest.mark.parametrize("begin", [0.0, 100.0, 12.25])
@@ -229,14 +225,23 @@ class Passing(Still):
         return True if self.passes else None
 
 
+def staying(modes, memory):
+    """Return a machine that stays in its first mode."""
+    return make_light(
+        modes=modes,
+        initial=next(iter(modes)),
+        memory=memory,
+        transition=lambda mode, observed, t: mode,
+    )
+
+
 def pass_on(*passes):
     """Begin a machine whose modes 0, 1, 2, ... lead around in a circle."""
-    machine = StateMachine(
-        {i: Passing(p) for i, p in enumerate(passes)},
+    machine = make_light(
+        modes={i: Passing(p) for i, p in enumerate(passes)},
         initial=0,
         memory=(),
         transition=lambda mode, observed, t: (mode + observed) % len(passes),
-        period=PERIOD,
     )
     return machine.state(start(machine, 7.0).get_context())
 
@@ -257,13 +262,7 @@ def test_entry_actions_that_lead_in_a_circle_raise():
 
 
 def test_an_entry_that_leads_nowhere_begins_the_mode():
-    machine = StateMachine(
-        {0: Passing(True)},
-        initial=0,
-        memory=(),
-        transition=lambda mode, observed, t: mode,
-        period=PERIOD,
-    )
+    machine = staying({0: Passing(True)}, ())
     assert machine.state(start(machine).get_context()).mode == 0
 
 
@@ -301,13 +300,7 @@ class Counting(ModeActions):
 
 
 def test_a_mode_changes_the_memory_of_its_own_context_alone():
-    machine = StateMachine(
-        {Light.RED: Counting()},
-        initial=Light.RED,
-        memory=Whole(),
-        transition=lambda mode, observation, t: mode,
-        period=PERIOD,
-    )
+    machine = staying({Light.RED: Counting()}, Whole())
     simulator = Simulator(machine)
     simulator.AdvanceTo(3.0 * PERIOD)
     earlier = simulator.get_context().Clone()

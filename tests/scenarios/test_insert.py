@@ -5,7 +5,7 @@ import pytest
 from pydrake.math import RigidTransform
 
 from drake_srg.objects.models import object_shape
-from drake_srg.planning.servoing.hand_motion import ServoArm, hand_twist, joint_step
+from drake_srg.planning.servoing.hand_motion import ServoArm, hand_twist
 from drake_srg.scenario import load_scenario
 from drake_srg.simulation import Simulate
 from drake_srg.station.planners import MakeTaskPlanner, goal_pose
@@ -26,10 +26,9 @@ def test_the_hand_has_a_way_out_where_the_peg_is_seated(position):
     place = task.motions[Mode.PLACE]
     q, arm = place.value(place.end_time())[:, 0], ServoArm(planner.scene.plant)
     goal = down @ arm.X_WG(q)
-    limits = {"speed": arm.speed, "lower": arm.lower, "upper": arm.upper}
     for _ in range(200):
         twist = hand_twist(arm.X_WG(q), goal, gain=100.0, speed=0.05, turning=0.5)
-        q = joint_step(q, arm.jacobian(q), twist, 0.01, least=0.02, **limits).q
+        q = arm.step(q, twist, 0.01, 0.02).q
     assert arm.X_WG(q).IsNearlyEqualTo(goal, 1e-6)
     assert isinstance(planner.plan_escape(q, task.grasp.fingers_open), tuple)
 

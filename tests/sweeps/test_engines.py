@@ -59,14 +59,11 @@ def connected(cluster):
     """The cluster, with a connection that stays: workers are those of a connection."""
     import ray
 
+    from drake_srg.sweeps.engines import RayEngine
+
     if not ray.is_initialized():
-        ray.init(cluster.address, log_to_driver=False, logging_level="ERROR")
+        RayEngine(cluster.address).__enter__()
     return cluster
-
-
-@pytest.fixture
-def disconnected():
-    needs_module("ray").shutdown()
 
 
 @pytest.fixture(params=["1 job", "ray"])
@@ -85,43 +82,17 @@ def run(out, engine, monkeypatch, function=stub.trial, **tree):
     )
 
 
-# On Ray, starting a worker takes seconds, and no worker dies of another's trial.
-@pytest.mark.parametrize(
-    ("engine", "tries"),
-    [("1 job", 2), ("2 jobs", TRIES), ("ray", 2)],
-    indirect=["engine"],
-)
-def test_rows_are_the_same_on_every_engine_whatever_kills_its_worker(
-    engine, tries, tmp_path, monkeypatch
-):
-    monkeypatch.setattr(sweep, "draw_scenario", stub.Drawn)
-    monkeypatch.setattr(sweep, "TRIES", tries)
-    note = tmp_path / "note"
-    rows = run(tmp_path / "a", engine, monkeypatch, stub.deadly, note=str(note))
-    assert note.exists()  # trial 5 has killed one
-    workers = rows["worker"].to_pylist()
-    rows, wanted = (
-        table.drop_columns(TIMING_COLUMNS).to_pylist()
-        for table in (rows, run(tmp_path / "b", stub.StubEngine(), monkeypatch))
-    )
-    dead = rows.pop(2)
-    assert (dead["trial"], dead["failure"]) == (2, "error")
-    assert f"its worker died {tries} times" in dead["message"]
-    assert rows == [row for row in wanted if row["trial"] != 2]
-    assert str(os.getpid()) not in workers
-
-
-def test_a_trial_that_cannot_write_ends_the_sweep(engine, tmp_path, monkeypatch):
-    with pytest.raises(ScenarioError) as caught:
-        run(tmp_path, engine, monkeypatch, stub.no_space)
-    said = "trial [01]: No space left on device; finished trials are kept, --resume .*"
-    assert re.fullmatch(said, str(caught.value))
-
-
 def test_workers_have_one_thread_each(engine):
     with engine:
         for name, value in THREADS.items():
             assert engine.submit(stub.environment, name).result() == value
+
+
+def test_a_trial_that_cannot_write_ends_the_sweep(tmp_path, monkeypatch):
+    with pytest.raises(ScenarioError) as caught:
+        run(tmp_path, JoblibEngine(1), monkeypatch, stub.no_space)
+    said = "trial [01]: No space left on device; finished trials are kept, --resume .*"
+    assert re.fullmatch(said, str(caught.value))
 
 
 def test_a_cluster_with_another_version_is_rejected(connected, monkeypatch):
@@ -134,6 +105,35 @@ def test_a_cluster_with_another_version_is_rejected(connected, monkeypatch):
         pass
 
 
+# On Ray, starting a worker takes seconds, and no worker dies of another's trial. There,
+# only one trial kills its workers.
+@pytest.mark.parametrize(
+    ("engine", "tries"),
+    [("1 job", 2), ("2 jobs", TRIES), ("ray", 2)],
+    indirect=["engine"],
+)
+def test_rows_are_the_same_on_every_engine_whatever_kills_its_worker(
+    engine, tries, tmp_path, monkeypatch
+):
+    monkeypatch.setattr(sweep, "draw_scenario", stub.Drawn)
+    monkeypatch.setattr(sweep, "TRIES", tries)
+    note = tmp_path / "note"
+    if engine.name == "ray":
+        note.touch()
+    rows = run(tmp_path / "a", engine, monkeypatch, stub.deadly, note=str(note))
+    assert note.exists()  # on this machine, trial 5 has killed one
+    workers = rows["worker"].to_pylist()
+    rows, wanted = (
+        table.drop_columns(TIMING_COLUMNS).to_pylist()
+        for table in (rows, run(tmp_path / "b", stub.StubEngine(), monkeypatch))
+    )
+    dead = rows.pop(2)
+    assert (dead["trial"], dead["failure"]) == (2, "error")
+    assert f"its worker died {tries} times" in dead["message"]
+    assert rows == [row for row in wanted if row["trial"] != 2]
+    assert str(os.getpid()) not in workers
+
+
 def test_a_node_with_other_code_runs_nothing():
     here = engines.current_versions()
     assert engines.call_on_node(here, abs, -1) == 1
@@ -144,7 +144,7 @@ def test_a_node_with_other_code_runs_nothing():
 def test_a_sweep_survives_the_loss_of_a_node(tmp_path, monkeypatch, connected):
     from drake_srg.sweeps.engines import RayEngine
 
-    node = connected.add_node(num_cpus=2)
+    node = connected.add_node(num_cpus=1)
     add = SweepFolder.add
     gone = []
 
@@ -160,10 +160,9 @@ def test_a_sweep_survives_the_loss_of_a_node(tmp_path, monkeypatch, connected):
     assert "error" not in rows["failure"].to_pylist()
 
 
-@pytest.mark.usefixtures("disconnected")
-def test_the_command_runs_real_trials_on_a_cluster(cluster, tmp_path, capsys):
+def test_the_command_runs_real_trials_on_a_cluster(connected, tmp_path, capsys):
     options = ["--trials", "2", "--seed", "5", "--set", "object.present=false"]
-    ray = ["--engine", "ray", "--address", cluster.address]
+    ray = ["--engine", "ray", "--address", connected.address]
     command = ["sweep", stub.SCENARIO, *options, "--out", str(tmp_path)]
     assert main([*command, *ray]) == 0
     lines = [" ".join(line.split()) for line in capsys.readouterr().out.splitlines()]
@@ -175,8 +174,8 @@ def test_the_command_runs_real_trials_on_a_cluster(cluster, tmp_path, capsys):
     assert not any(worker.endswith(f":{os.getpid()}") for worker in workers)
 
 
-@pytest.mark.usefixtures("disconnected")
 def test_an_address_without_a_cluster_is_named():
+    needs_module("ray").shutdown()
     from drake_srg.sweeps.engines import RayEngine
 
     engine = RayEngine("127.0.0.1:9")

@@ -18,7 +18,7 @@ from pydrake.trajectories import Trajectory
 
 from drake_srg.common.geometry import ConvexPieces, Solid
 from drake_srg.planning.carrying.config import CarryTogether
-from drake_srg.planning.grasps.grasps import SUPPORT_OVERLAP, Hand
+from drake_srg.planning.grasps.grasps import SUPPORT_OVERLAP, Grasp, Hand
 from drake_srg.planning.grasps.srg_hand import Approach, SrgGrasp
 from drake_srg.planning.motion.arm_pair import (
     ArmPair,
@@ -129,6 +129,12 @@ class PairGrasp(SrgGrasp):
         return X_WO @ first.inverse(), X_WO @ second.inverse()
 
 
+def pair_grasp(grasp: Grasp) -> PairGrasp:
+    """Return a grasp, cast to that of two hands."""
+    assert isinstance(grasp, PairGrasp)
+    return grasp
+
+
 class CarryTaskPlanner(TaskPlanner):
     """Plans all motions of two arms that carry an object together.
 
@@ -177,93 +183,19 @@ class CarryTaskPlanner(TaskPlanner):
             X_GOs=(first, second),
         )
 
-    def plan(
-        self,
-        q_start: Vector,
-        X_WO: RigidTransform,
-        shape: Solid,
-        X_WO_goal: RigidTransform,
-        obstacles: Obstacles = (),
-        tried: Sequence[str] = (),
-    ) -> TaskMotions | PlanningFailure:
-        """Plan the motions of both arms from `q_start` over pick and place to home.
-
-        Args:
-            q_start: Positions of both arms, at rest, shape (2N,) [rad].
-            X_WO: The object's pose [m].
-            shape: The object's shape, with end walls.
-            X_WO_goal: Goal of the object [m]; see `aligned`.
-            obstacles: Other objects and their poses [m].
-            tried: Names of grasps that failed.
-        """
-        try:
-            with self._ready(obstacles):
-                return self._plan_both(q_start, X_WO, shape, X_WO_goal, tried)
-        except NoPathError as error:
-            return error.failure
-
-    def plan_carry(
-        self,
-        q_grasp: Vector,
-        grasp: SrgGrasp,  # type: ignore[override]  # a `PairGrasp`
-        shape: Solid,
-        X_WO_goal: RigidTransform,
-        obstacles: Obstacles = (),
-    ) -> TaskMotions | PlanningFailure:
-        """Plan from a grasp that holds the object on its support, until home.
-
-        Args: as of `TaskPlanner.plan_carry`, with postures of both arms.
-        """
-        assert isinstance(grasp, PairGrasp)
-        try:
-            with self._ready(obstacles):
-                motions = self._carry(q_grasp, grasp, shape, X_WO_goal)
-        except NoPathError as error:
-            return error.failure
-        return TaskMotions(grasp, motions)
-
-    def plan_place(
-        self,
-        q_start: Vector,
-        grasp: SrgGrasp,  # type: ignore[override]  # a `PairGrasp`
-        shape: Solid,
-        X_WO_goal: RigidTransform,
-        obstacles: Obstacles = (),
-    ) -> TaskMotions | PlanningFailure:
-        """Plan from above the goal onto it, and home, with the object in both hands.
-
-        Args: as of `TaskPlanner.plan_place`, with postures of both arms.
-        """
-        assert isinstance(grasp, PairGrasp)
-        X_WO = self.X_WG(q_start) @ grasp.X_GOs[0]
-        goal = aligned(X_WO_goal, X_WO)
-        try:
-            with self._ready(obstacles):
-                motions = self._place(q_start, grasp, shape, X_WO, goal)
-        except NoPathError as error:
-            return error.failure
-        return TaskMotions(grasp, motions)
-
-    def plan_escape(
-        self, q: Vector, fingers: Mapping[str, float], obstacles: Obstacles = ()
-    ) -> tuple[Trajectory, Trajectory] | PlanningFailure:
-        """Plan both hands back out of a failed grasp, then home.
-
-        Args: as of `TaskPlanner.plan_escape`, with postures of both arms.
-        """
-        try:
-            with self._ready(obstacles):
-                self._set_fingers(fingers)
-                paths = list[Vector]()
-                for i, half in enumerate(np.split(q, 2)):
-                    moves, scene = self._both_moves[i], self.pair.arms[i].scene
-                    path = plan_cartesian_path(scene, half, moves.behind(half))
-                    if isinstance(path, PlanningFailure):
-                        path = half[np.newaxis]
-                    paths.append(path)
-                return self._timed(paths), self._home([path[-1] for path in paths])
-        except NoPathError as error:
-            return error.failure
+    def _escape(
+        self, q: Vector, fingers: Mapping[str, float]
+    ) -> tuple[Trajectory, Trajectory]:
+        """Return the motions of both hands out of a failed grasp, and home."""
+        self._set_fingers(fingers)
+        paths = list[Vector]()
+        for i, half in enumerate(np.split(q, 2)):
+            moves, scene = self._both_moves[i], self.pair.arms[i].scene
+            path = plan_cartesian_path(scene, half, moves.behind(half))
+            if isinstance(path, PlanningFailure):
+                path = half[np.newaxis]
+            paths.append(path)
+        return self._timed(paths), self._home([path[-1] for path in paths])
 
     def rests(self, shape: Solid, X_WO: RigidTransform) -> bool:
         """Return whether an object at `X_WO` [m] has support and penetrates nothing."""
@@ -278,7 +210,7 @@ class CarryTaskPlanner(TaskPlanner):
         return obstacles
 
     @contextlib.contextmanager
-    def _ready(self, obstacles: Obstacles) -> Iterator[None]:
+    def ready(self, obstacles: Obstacles) -> Iterator[None]:
         """Add obstacles to both scenes; restore everything that a plan changes."""
         fingers = [arm.scene.fingers for arm in self.pair.arms]
         homes = np.split(self.q_home, 2)
@@ -316,7 +248,7 @@ class CarryTaskPlanner(TaskPlanner):
                 stack.enter_context(standing)
             yield
 
-    def _plan_both(
+    def _plan(
         self,
         q_start: Vector,
         X_WO: RigidTransform,
@@ -326,8 +258,7 @@ class CarryTaskPlanner(TaskPlanner):
     ) -> TaskMotions:
         """Return the motions with the cheapest feasible pair of grasps.
 
-        Raises:
-            NoPathError: If no pair has.
+        The object must have end walls; for its goal, see `aligned`.
         """
         taken = self.planners[0]._overlap(shape, X_WO_goal)
         if taken is not None:
@@ -337,15 +268,15 @@ class CarryTaskPlanner(TaskPlanner):
         assert walls is not None, "whoever makes the planner checks it"
         bases = [arm.scene.p_WA for arm in self.pair.arms]
         ends = [X_WO @ wall.X_OE.translation() for wall in walls]
-        swapped = sum(_apart(bases, ends)) > sum(_apart(bases, ends[::-1]))
+        swapped = _apart(bases, ends) > _apart(bases, ends[::-1])
         firmness = _FIRMER if tried else 1.0
         choices = [
             self._grips(i, wall, X_WO, shape, firmness)
             for i, wall in enumerate(walls[::-1] if swapped else walls)
         ]
         failures: list[PlanningFailure] = []
-        pairs = sorted(itertools.product(*choices), key=_cost)
-        for first, second in pairs:
+        pairs = itertools.product(*choices)
+        for first, second in sorted(pairs, key=lambda p: p[0].cost + p[1].cost):
             held = (first.X_GO, second.X_GO)
             grasp = PairGrasp(**vars(first.grasp), X_GOs=held)
             q_pick = np.concatenate([first.q, second.q])
@@ -367,11 +298,7 @@ class CarryTaskPlanner(TaskPlanner):
         shape: Solid,
         firmness: float,
     ) -> list[_Grip]:
-        """Return the grasps of a wall by one arm.
-
-        Raises:
-            NoPathError: If there is none.
-        """
+        """Return the grasps of a wall by one arm."""
         arm, planner = self.pair.arms[index], self.planners[index]
         found, failures = list[_Grip](), list[IkFailure]()
         for grasp in wall.grasps(planner.hand, firmness):
@@ -404,11 +331,7 @@ class CarryTaskPlanner(TaskPlanner):
         shape: Solid,
         X_WO: RigidTransform,
     ) -> dict[AnyMode, Trajectory]:
-        """Return the motions to the end walls.
-
-        Raises:
-            NoPathError: If one does not exist.
-        """
+        """Return the motions to the end walls."""
         self._set_fingers(grasp.fingers_open)
         with self._standing(shape, X_WO, touchable=True):
             backs = self._backs(q_pick)
@@ -424,13 +347,10 @@ class CarryTaskPlanner(TaskPlanner):
         return {Mode.PRE_GRASP: there, Mode.GRASP: down}
 
     def _carry(
-        self, q_grasp: Vector, grasp: PairGrasp, shape: Solid, X_WO_goal: RigidTransform
+        self, q_grasp: Vector, grasp: Grasp, shape: Solid, X_WO_goal: RigidTransform
     ) -> dict[AnyMode, Trajectory]:
-        """Return the motions that follow a grasp, from lifting to home.
-
-        Raises:
-            NoPathError: If one does not exist.
-        """
+        """Return the motions that follow a grasp, from lifting to home."""
+        grasp = pair_grasp(grasp)
         X_WO = self.X_WG(q_grasp) @ grasp.X_GOs[0]
         lift = self.config.lift_height
         goal = aligned(X_WO_goal, X_WO)
@@ -439,10 +359,18 @@ class CarryTaskPlanner(TaskPlanner):
             lifting, q = self._carried(q_grasp, grasp, X_WO, up, "lift")
         with self._carrying(grasp, shape):
             across, q = self._carried(q, grasp, up, above, "transfer")
-        placing = self._place(q, grasp, shape, above, goal)
+        placing = self._set_down(q, grasp, shape, above, goal)
         return {Mode.LIFT: lifting, Mode.TRANSFER: across, **placing}
 
     def _place(
+        self, q_start: Vector, grasp: Grasp, shape: Solid, X_WO_goal: RigidTransform
+    ) -> dict[AnyMode, Trajectory]:
+        """Return the motions from above the goal onto it, and home."""
+        grasp = pair_grasp(grasp)
+        X_WO = self.X_WG(q_start) @ grasp.X_GOs[0]
+        return self._set_down(q_start, grasp, shape, X_WO, aligned(X_WO_goal, X_WO))
+
+    def _set_down(
         self,
         q_start: Vector,
         grasp: PairGrasp,
@@ -450,11 +378,7 @@ class CarryTaskPlanner(TaskPlanner):
         X_WO: RigidTransform,
         X_WO_goal: RigidTransform,
     ) -> dict[AnyMode, Trajectory]:
-        """Return the motions that take the object from a pose onto its goal, and home.
-
-        Raises:
-            NoPathError: If one does not exist.
-        """
+        """Return the motions that take the object from a pose to its goal, and home."""
         pressed = raised(X_WO_goal, -self._press)
         with self._carrying(grasp, shape, SUPPORT_OVERLAP - self._press):
             placing, q_place = self._carried(q_start, grasp, X_WO, pressed, "place")
@@ -467,11 +391,7 @@ class CarryTaskPlanner(TaskPlanner):
         return {Mode.PLACE: placing, Mode.RETREAT: away, Mode.HOME: home}
 
     def _home(self, starts: Sequence[Vector]) -> Trajectory:
-        """Return the motion of both arms home.
-
-        Raises:
-            NoPathError: If there is none.
-        """
+        """Return the motion of both arms home."""
         homes = np.split(self.q_home, 2)
         paths = [
             moves.joint_path(starts[i], homes[i])
@@ -514,9 +434,6 @@ class CarryTaskPlanner(TaskPlanner):
             X_WO: The object's pose at `q` [m].
             X_WO_end: Pose of the object at the end [m].
             what: The motion is, for messages.
-
-        Raises:
-            NoPathError: If an arm does not reach a pose, or something is in the way.
         """
         way = object_path(X_WO, X_WO_end)
         path = self.pair.follow(q, [grasp.X_WGs(X_WO) for X_WO in way], what)
@@ -535,12 +452,10 @@ class _Grip:
     cost: float
 
 
-def _cost(grips: Sequence[_Grip]) -> float:
-    return sum(grip.cost for grip in grips)
-
-
-def _apart(points: Sequence[Vector], others: Sequence[Vector]) -> list[float]:
-    return [float(np.linalg.norm(p - q)) for p, q in zip(points, others, strict=True)]
+def _apart(points: Sequence[Vector], others: Sequence[Vector]) -> float:
+    return sum(
+        float(np.linalg.norm(p - q)) for p, q in zip(points, others, strict=True)
+    )
 
 
 def raised(X: RigidTransform, height: float) -> RigidTransform:

@@ -8,7 +8,11 @@ from pydrake.systems.framework import Context
 from pydrake.trajectories import PiecewisePolynomial
 
 from drake_srg.planning.carrying.config import CarryMode, CarryTogether
-from drake_srg.planning.carrying.motions import CarryTaskPlanner, PairGrasp
+from drake_srg.planning.carrying.motions import (
+    CarryTaskPlanner,
+    PairGrasp,
+    pair_grasp,
+)
 from drake_srg.planning.grasps.grasps import Grasp
 from drake_srg.planning.motion.arm_motion import Motion
 from drake_srg.planning.pick_and_place.knowledge import (
@@ -23,7 +27,6 @@ from drake_srg.planning.pick_and_place.modes import (
     Entry,
     Now,
     Place,
-    TaskMode,
     task_modes,
 )
 from drake_srg.planning.pick_and_place.replanning import Replanner
@@ -35,7 +38,7 @@ from drake_srg.planning.planner_machine import (
     Table,
     Transitions,
 )
-from drake_srg.types import AnyMode, Blob, Mode, Vector
+from drake_srg.types import Blob, Mode, Vector
 
 CARRY_TRANSITIONS: Table = {
     **TRANSITIONS,
@@ -79,21 +82,14 @@ class CarryReplanner(Replanner):
         """
         attempt, X_WO = memory.attempt, memory.attempt.X_WO
         assert X_WO is not None, "motions are planned from a sighting"
-        grasp = self._task_planner.regrasped(
-            _pair_grasp(attempt.planned.grasp), q, X_WO
-        )
+        grasp = self._task_planner.regrasped(pair_grasp(attempt.planned.grasp), q, X_WO)
         attempt.motions = TaskMotions(grasp, attempt.planned.motions)
         self.carry(memory, time)
 
     def _in_hand(self, grasp: Grasp, blob: Blob, q: Vector) -> PairGrasp:
         """Return the grasp as it is seen with both arms at `q` (2N,) [rad]."""
         X_WO = self._sightings.pose(blob)
-        return self._task_planner.regrasped(_pair_grasp(grasp), q, X_WO)
-
-
-def _pair_grasp(grasp: Grasp) -> PairGrasp:
-    assert isinstance(grasp, PairGrasp)
-    return grasp
+        return self._task_planner.regrasped(pair_grasp(grasp), q, X_WO)
 
 
 class Settle(Carrying):
@@ -146,22 +142,6 @@ class SetDown(Place):
         return self.config.settle_time
 
 
-def carry_modes(
-    config: CarryTogether, replanner: CarryReplanner, repeat: int
-) -> dict[AnyMode, TaskMode]:
-    """Return the planner's actions in each mode.
-
-    Args:
-        config: Times and limits.
-        replanner: Plans from what is seen.
-        repeat: Number of cycles.
-    """
-    return {
-        **task_modes(config, replanner, repeat),
-        **{kind.mode: kind(config, replanner, repeat) for kind in (Settle, SetDown)},
-    }
-
-
 class CarryPlanner(PlannerMachine[PlannerMemory, Senses]):
     """Carries an object that is too wide for one hand with two arms.
 
@@ -209,7 +189,7 @@ class CarryPlanner(PlannerMachine[PlannerMemory, Senses]):
         replanner = CarryReplanner(task_planner, sightings, config)
         self._names = (config.first, config.second)
         super().__init__(
-            carry_modes(config, replanner, task.repeat),
+            task_modes(config, replanner, task.repeat, (Settle, SetDown)),
             memory=PlannerMemory(Motion(q_rest=task_planner.q_home)),
             transition=carry_transition,
             config=config,

@@ -88,25 +88,14 @@ class Fingers(abc.ABC):
 
     @abc.abstractmethod
     def opened(self, half_gap: float) -> FingerState:
-        """Return the open hand.
-
-        Args:
-            half_gap: Half of the gap between the fingers' ends [m].
-        """
+        """Return the open hand, with half the gap between the fingers' ends [m]."""
 
     @abc.abstractmethod
     def closed(self, width: float) -> FingerState:
-        """Return the hand that presses on something.
-
-        Args:
-            width: Width of the thing [m].
-        """
+        """Return the hand that presses on something of a given width [m]."""
 
     def wrapped(self, width: float) -> FingerState:
-        """Return the hand that presses on a wrapped thing; needs `wrap`.
-
-        Args:
-            width: Width of the thing [m].
+        """Return the hand that presses on a wrapped thing of a given width [m].
 
         Raises:
             NotImplementedError: If the fingers have no `wrap`.
@@ -124,11 +113,7 @@ class Fingers(abc.ABC):
         """
 
     def straight(self, q: Vector) -> bool:
-        """Return whether all fingers of an empty hand are straight.
-
-        Args:
-            q: Measured angles of the gripper's joints, shape (n,) [rad].
-        """
+        """Return whether an empty hand's fingers are all straight at `q` (n,) [rad]."""
         del q
         return True
 

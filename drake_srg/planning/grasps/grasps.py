@@ -226,6 +226,7 @@ class Candidate:
     score: float  # lower is better
 
 
+@dc.dataclass(frozen=True)
 class GraspSearch:
     """Searches for grasps with a planning scene; holds nothing between calls.
 
@@ -236,18 +237,10 @@ class GraspSearch:
         place_height: Height above the goal at which the hand lets go [m].
     """
 
-    def __init__(
-        self,
-        scene: PlanningScene,
-        hand: Hand,
-        q_home: Vector,
-        *,
-        place_height: float,
-    ) -> None:
-        self._scene = scene
-        self._hand = hand
-        self._q_home = q_home
-        self._place_height = place_height
+    scene: PlanningScene
+    hand: Hand
+    q_home: Vector
+    place_height: float
 
     def candidates(
         self,
@@ -279,14 +272,14 @@ class GraspSearch:
         choices = [
             (X_WO, grasp, target)
             for X_WO in self._ends_up(X_WO_seen, shape)
-            for grasp in self._hand.grasps(shape, X_WO, firmness)
+            for grasp in self.hand.grasps(shape, X_WO, firmness)
             for target in self._pick_targets(grasp, X_WO, turned)
         ]
         for X_WO, grasp, target in choices:
-            self._scene.SetFingers(grasp.fingers_open)
-            with self._scene.standing(shape, X_WO, touchable=True):
+            self.scene.SetFingers(grasp.fingers_open)
+            with self.scene.standing(shape, X_WO, touchable=True):
                 pick = solve_inverse_kinematics(
-                    self._scene, target, q_nominal=self._q_home
+                    self.scene, target, q_nominal=self.q_home
                 )
             if isinstance(pick, IkFailure):
                 no_pick.append((grasp, pick))
@@ -331,17 +324,17 @@ class GraspSearch:
         if isinstance(place, IkFailure):
             message = f"place {grasp.name}: {place.message}"
             raise NoPathError(PlanningFailure(place.failure, message))
-        X_WO = self._scene.X_WG(q_grasp) @ grasp.X_GO
+        X_WO = self.scene.X_WG(q_grasp) @ grasp.X_GO
         return Candidate(grasp, X_WO, q_grasp, place.q, score=0.0)
 
     def _place(
         self, q_grasp: Vector, grasp: Grasp, shape: Solid, X_WO_goal: RigidTransform
     ) -> IkSolution | IkFailure:
-        with carrying(self._scene, shape, grasp, supported=True):
+        with carrying(self.scene, shape, grasp, supported=True):
             return solve_inverse_kinematics(
-                self._scene,
-                place_target(grasp, X_WO_goal, self._place_height),
-                q_nominal=self._q_home,
+                self.scene,
+                place_target(grasp, X_WO_goal, self.place_height),
+                q_nominal=self.q_home,
                 q_guess=q_grasp,
             )
 
@@ -351,7 +344,7 @@ class GraspSearch:
         target = grasp.pick_target(X_WO)
         if not turned:
             return [target]
-        if not self._scene.reaches_any_pose or len(target.axes) > 1:
+        if not self.scene.reaches_any_pose or len(target.axes) > 1:
             return []  # the arm or the object's faces leave no choice
         angles = np.linspace(0.0, 2.0 * np.pi, _TURNS, endpoint=False)
         across = [X_WO.rotation() @ [np.cos(a), np.sin(a), 0.0] for a in angles]
@@ -360,7 +353,7 @@ class GraspSearch:
 
     def _ends_up(self, X_WO: RigidTransform, shape: Solid) -> list[RigidTransform]:
         """Return the object's pose, with either end up if it does not stand."""
-        if X_WO.rotation().col(2)[2] >= np.cos(self._hand.upright_within):
+        if X_WO.rotation().col(2)[2] >= np.cos(self.hand.upright_within):
             return [X_WO]
         if isinstance(shape, Sphere | ConvexPieces):
             return [X_WO]

@@ -172,11 +172,7 @@ class Segmentation:
         return result
 
     def lookup(self, p_W: Vector) -> npt.NDArray[np.float32]:
-        """Return heights above the table at points; 0 outside the map.
-
-        Args:
-            p_W: x, y in world, shape (..., 2) [m].
-        """
+        """Return heights above the table at points (..., 2) [m]; 0 outside the map."""
         padded = np.pad(self.above, 1)
         cells = (p_W - self.map.origin) * (1.0 / self.map.resolution) + 1.5
         ny, nx = padded.shape

@@ -94,11 +94,7 @@ def _pinch(
 
 
 def solid_map(solid: ConvexPieces) -> HeightMap:
-    """Return the height map of a solid that stands on z = 0, with its origin above 0.
-
-    Args:
-        solid: It stands with its z up.
-    """
+    """Return the map of a solid that stands, z up, on z = 0, its origin above 0."""
     corners = solid.corners
     low, high = corners.min(axis=0), corners.max(axis=0)
     origin = low[:2] - _AROUND

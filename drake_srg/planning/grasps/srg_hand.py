@@ -54,11 +54,8 @@ def opening_angle(half_width: float, depth: float) -> float | None:
 def pinch_angles(half_width: float) -> tuple[float, float]:
     """Return the base and tip angles of pads that lie flat on a thing's vertical sides.
 
-    Half the gap between vertical pads is
+    Half the gap between vertical pads, which is half of the thing's width [m], is
     hinge_y + base_length cos(base) - face_offset.
-
-    Args:
-        half_width: Half of the thing's width [m].
     """
     cosine = (half_width - SRG.hinge_y + SRG.face_offset) / SRG.base_length
     base = float(np.arccos(np.clip(cosine, -1.0, 1.0)))
@@ -88,10 +85,7 @@ def wrap_angles(half_width: float, gap: float) -> tuple[float, float]:
 def straight_base_angle(half_gap: float) -> float:
     """Return the base angle at which straight fingers' ends leave a gap [rad].
 
-    Half the gap is hinge_y + finger_length cos(base) - face_offset sin(base).
-
-    Args:
-        half_gap: Half of the gap [m].
+    Half the gap [m] is hinge_y + finger_length cos(base) - face_offset sin(base).
     """
     reach = np.hypot(SRG.finger_length, SRG.face_offset)
     phase = np.arctan2(SRG.face_offset, SRG.finger_length)
@@ -335,36 +329,34 @@ class SrgHand(Hand):
         self, shape: Solid, X_WO: RigidTransform, firmness: float = 1.0
     ) -> list[Grasp]:
         """Return the ways to take an object; empty if it does not fit the hand."""
-        squeeze = firmness * self.squeeze
+        firm = dc.replace(self, squeeze=firmness * self.squeeze)
         up_O = X_WO.rotation().matrix()[2]
         if isinstance(shape, ConvexPieces):
             if Approach.ABOVE.value not in self.approaches:
                 return []
-            fingers = SrgFingers(squeeze, self.full_scale)
             x, y, z = (round(float(value), 6) for value in up_O)
-            return list(solid_pinches(fingers, shape, (x, y, z), self.clearance))
+            return list(solid_pinches(firm.pinch, shape, (x, y, z), self.clearance))
         found: list[SrgGrasp | None] = []
         if isinstance(shape, Sphere) or up_O[2] >= np.cos(_UPRIGHT_WITHIN):
             if Approach.ABOVE.value in self.approaches:
-                found += self._from_above(shape, squeeze)
+                found += firm._from_above(shape)
             if Approach.SIDE.value in self.approaches and not isinstance(shape, Box):
-                found += [self._from_side(shape, tilt, squeeze) for tilt in self.tilts]
+                found += [firm._from_side(shape, tilt) for tilt in self.tilts]
         elif (
             abs(up_O[2]) <= np.sin(_UPRIGHT_WITHIN)
             and Approach.ABOVE.value in self.approaches
         ):
-            found += [self._lying(shape, up_O, t, squeeze) for t in _LYING_TILTS]
+            found += [firm._lying(shape, up_O, tilt) for tilt in _LYING_TILTS]
         return [
             dc.replace(grasp, turn_counts=self.turn_counts)
             for grasp in found
             if grasp is not None
         ]
 
-    def _from_above(self, shape: Shape, squeeze: float) -> list[SrgGrasp | None]:
+    def _from_above(self, shape: Shape) -> list[SrgGrasp | None]:
         upright, half_height = 0.5 * np.pi, 0.5 * shape.height
         if not isinstance(shape, Box):
-            name = "from above"
-            return [self._pinch(name, upright, shape.radius, half_height, 0.0, squeeze)]
+            return [self._pinch("from above", upright, shape.radius, half_height)]
         found: list[SrgGrasp | None] = []
         for axis, across_O in (("x", [1.0, 0.0, 0.0]), ("y", [0.0, 1.0, 0.0])):
             grasp = self._pinch(
@@ -372,8 +364,6 @@ class SrgHand(Hand):
                 upright,
                 shape.half_extent(np.array(across_O)),
                 half_height,
-                0.0,
-                squeeze,
             )
             if grasp is not None:  # with either finger on either face
                 found += [
@@ -383,7 +373,7 @@ class SrgHand(Hand):
         return found
 
     def _lying(
-        self, shape: Cylinder | Box, up_O: Vector, tilt: float, squeeze: float
+        self, shape: Cylinder | Box, up_O: Vector, tilt: float
     ) -> SrgGrasp | None:
         """Return a grasp from above, across the object, with a lean along its axis.
 
@@ -393,7 +383,6 @@ class SrgHand(Hand):
                 its z.
             tilt: Angle of the palm's x below the horizontal once the object stands
                 [rad].
-            squeeze: See the class [rad].
         """
         # The nearly level face of a box; a cylinder has none.
         up_O = np.array([up_O[0], up_O[1], 0.0])
@@ -406,7 +395,6 @@ class SrgHand(Hand):
             shape.half_extent(across_O / np.linalg.norm(across_O)),
             shape.half_extent(up_O / np.linalg.norm(up_O)),
             tilt,
-            squeeze,
         )
         if grasp is None:
             return None
@@ -422,8 +410,7 @@ class SrgHand(Hand):
         tilt: float,
         half_width: float,
         half_height: float,
-        lean: float,
-        squeeze: float,
+        lean: float = 0.0,
     ) -> SrgGrasp | None:
         """Return a grasp from above with the object's middle on the palm's x.
 
@@ -433,7 +420,6 @@ class SrgHand(Hand):
             half_width: Half of the object's width, along the palm's y [m].
             half_height: Half of the object's height, as it is taken [m].
             lean: Angle of the palm's x from the vertical, as the object is taken [rad].
-            squeeze: See the class [rad].
         """
         # At the pads' edges, the object is nearer than at their middle by this
         # distance.
@@ -458,13 +444,11 @@ class SrgHand(Hand):
             base,
             tip,
             base_open=opening,
-            closed=base + tip + squeeze,
+            closed=base + tip + self.squeeze,
             name=name,
         )
 
-    def _from_side(
-        self, shape: Cylinder | Sphere, tilt: float, squeeze: float
-    ) -> SrgGrasp | None:
+    def _from_side(self, shape: Cylinder | Sphere, tilt: float) -> SrgGrasp | None:
         radius = shape.radius
         # The object nearly touches the palm, so that the fingers wrap around it and do
         # not pull it in. They take it above its centre, which spares the wrist.
@@ -486,7 +470,7 @@ class SrgHand(Hand):
             base,
             total - base,
             base_open=_SIDE_OPENING,
-            closed=total + squeeze,
+            closed=total + self.squeeze,
             name=f"from the side, {np.rad2deg(tilt):.0f} degrees down",
         )
 

@@ -281,18 +281,12 @@ class HeightMapGrasps:
         return GraspPlan(
             tuple(grasps),
             len(segments.things),
-            lambda: self._refusals(segments, grasps, seed),
+            lambda: tuple(
+                self._refuse(segments, thing, seed)
+                for thing in _not_taken(segments, grasps)
+            ),
             segments.places,
             segments.beside_same,
-        )
-
-    def _refusals(
-        self, segments: Segmentation, grasps: Sequence[TopGrasp], seed: int
-    ) -> tuple[Refusal, ...]:
-        """Return the things without a grasp."""
-        return tuple(
-            self._refuse(segments, thing, seed)
-            for thing in _not_taken(segments, grasps)
         )
 
     def _pinches(self, segments: Segmentation, seed: int) -> list[TopGrasp]:
@@ -404,22 +398,16 @@ class HeightMapGrasps:
         found = self._pinches(segments, seed) or self._wraps(segments, segments.things)
         return bool(found)
 
-    def _anywhere(self) -> HeightMapGrasps:
-        """Return the same search without limits of reach."""
-        search = copy.copy(self)
-        search._reach = None
-        return search
-
     def _refuse(self, segments: Segmentation, thing: Thing, seed: int) -> Refusal:
         """Return why there is no grasp of a thing."""
         points = segments.map.centers()[thing.cells[:, 0], thing.cells[:, 1]]
+        anywhere = copy.copy(self)
+        anywhere._reach = None
         if self._reach is not None and not self._reach.contains(points).any():
             failure = Failure.OUT_OF_REACH
         elif len(segments.things) > 1 and self._takes(segments.only(thing), seed):
             failure = Failure.BLOCKED
-        elif self._reach is not None and self._anywhere()._takes(
-            segments.only(thing), seed
-        ):
+        elif self._reach is not None and anywhere._takes(segments.only(thing), seed):
             failure = Failure.OUT_OF_REACH
         elif thing.size[1] > self._fingers.max_width:
             failure = Failure.TOO_WIDE

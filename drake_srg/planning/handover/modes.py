@@ -17,7 +17,12 @@ from drake_srg.planning.handover.config import (
     HandoverSenses,
     Side,
 )
-from drake_srg.planning.handover.motions import HandoverMotions, HandoverTaskPlanner
+from drake_srg.planning.handover.motions import (
+    GIVER,
+    RECEIVER,
+    HandoverMotions,
+    HandoverTaskPlanner,
+)
 from drake_srg.planning.motion.planning_scene import PlanningFailure
 from drake_srg.planning.pick_and_place.knowledge import (
     Attempt,
@@ -38,12 +43,11 @@ from drake_srg.planning.pick_and_place.modes import (
     TaskMode,
     Transfer,
     Verifying,
-    task_modes,
 )
 from drake_srg.planning.pick_and_place.replanning import Replanner
 from drake_srg.planning.pick_and_place.sightings import Sightings, View
 from drake_srg.planning.planner_machine import Observation
-from drake_srg.types import AnyMode, Failure, Mode, Vector
+from drake_srg.types import Failure, Mode, Vector
 
 _UP = np.array([0.0, 0.0, 1.0])
 
@@ -67,19 +71,18 @@ class HandoverReplanner(Replanner):
         receiver: bool,
     ) -> None:
         super().__init__(planner.receiver if receiver else planner, sightings, config)
-        self.both = planner
-        self._beside = planner.receiver_beside if receiver else planner.giver_beside
+        self.both, self._arm = planner, RECEIVER if receiver else GIVER
 
     def correct(self, view: View, memory: PlannerMemory, time: float) -> None:
         """Find the object's pose in the hand, and plan the rest from there."""
         q, fingers = _stance(memory_of(memory).other)
-        with self._beside(q, fingers):
+        with self.both.pair.beside(self._arm, q, fingers):
             super().correct(view, memory, time)
 
     def escape(self, memory: PlannerMemory, time: float) -> None:
         """Plan a retreat from here, and home; if there is none, the arm is trapped."""
         q, fingers = _stance(memory_of(memory).other)
-        with self._beside(q, fingers):
+        with self.both.pair.beside(self._arm, q, fingers):
             super().escape(memory, time)
 
 
@@ -384,27 +387,8 @@ class HomeReceived(Home):
         return Observation(arrived=True, failure=Failure.NOT_TAKEN)
 
 
-def handover_modes(
-    config: Handover,
-    giver: HandoverReplanner,
-    receiver: HandoverReplanner,
-    repeat: int,
-) -> dict[AnyMode, TaskMode]:
-    """Return the actions of each mode.
-
-    Args:
-        config: Times, forces and limits.
-        giver: Plans the giver's motions from sightings.
-        receiver: Plans the receiver's motions.
-        repeat: Number of cycles.
-    """
-    givers = (Begin, Carry, Present, LetGo, Withdraw, Clear)
-    receivers = (
-        *(Approach, Reach, Take, Pull, Secure, Raise),
-        *(Transfer, Place, ReleaseReceived, Retreat, HomeReceived),
-    )
-    return {
-        **task_modes(config, giver, repeat),
-        **{kind.mode: kind(config, giver, repeat) for kind in givers},
-        **{kind.mode: kind(config, receiver, repeat) for kind in receivers},
-    }
+GIVERS = (Begin, Carry, Present, LetGo, Withdraw, Clear)
+RECEIVERS = (
+    *(Approach, Reach, Take, Pull, Secure, Raise),
+    *(Transfer, Place, ReleaseReceived, Retreat, HomeReceived),
+)

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import dataclasses as dc
 from collections.abc import Mapping, Sequence
-from contextlib import AbstractContextManager
 
 import numpy as np
 from pydrake.math import RigidTransform, RotationMatrix
@@ -20,7 +19,6 @@ from drake_srg.planning.grasps.grasps import (
 )
 from drake_srg.planning.grasps.srg_hand import Approach, SrgGrasp
 from drake_srg.planning.handover.config import Handover, HandoverMode
-from drake_srg.planning.motion.arm_model import restores_fingers
 from drake_srg.planning.motion.arm_pair import ArmPair, stretched
 from drake_srg.planning.motion.inverse_kinematics import (
     AxisTarget,
@@ -55,6 +53,7 @@ _MEETINGS = tuple(
 _LESS = 0.01
 _TURNS = 8  # sectors around the object from which the receiver may come
 _UP = np.array([0.0, 0.0, 1.0])
+GIVER, RECEIVER = 0, 1  # indices in the pair of arms
 
 
 @dc.dataclass(frozen=True)
@@ -66,11 +65,7 @@ class HandoverMotions(TaskMotions):
 
 
 class GivingHand(Hand):
-    """A hand that grasps standing objects only from above, by their upper ends.
-
-    Args:
-        hand: The hand.
-    """
+    """A hand that grasps standing objects only from above, by their upper ends."""
 
     def __init__(self, hand: Hand) -> None:
         self._hand = hand
@@ -124,7 +119,8 @@ def taking_grasps(hand: Hand, shape: Solid, height: float) -> list[SrgGrasp]:
 class HandoverTaskPlanner(TaskPlanner):
     """Plans all motions of a handover; holds nothing between calls.
 
-    For the modes of picking and placing, it is the giver's planner.
+    For the modes of picking and placing, it is the giver's planner. Methods that begin
+    with an underscore raise `NoPathError` for what is impossible.
 
     Args:
         scene: The giver and its surroundings, including the receiver.
@@ -151,18 +147,6 @@ class HandoverTaskPlanner(TaskPlanner):
         self.pair = pair
         self._receiver_moves = Moves(receiver.scene, receiver.hand.p_GT, config)
 
-    def giver_beside(
-        self, q: Vector, fingers: Mapping[str, float]
-    ) -> AbstractContextManager[None]:
-        """Let the giver avoid a receiver at `q` within the context."""
-        return self.pair.beside(0, q, fingers)
-
-    def receiver_beside(
-        self, q: Vector, fingers: Mapping[str, float]
-    ) -> AbstractContextManager[None]:
-        """Let the receiver avoid a giver at `q` within the context."""
-        return self.pair.beside(1, q, fingers)
-
     def plan(
         self,
         q_start: Vector,
@@ -188,7 +172,7 @@ class HandoverTaskPlanner(TaskPlanner):
         failures: list[PlanningFailure] = []
         q_waiting, waiting = self.receiver.q_home, self.waiting_fingers(shape)
         for X_WO_met in self.meetings():
-            with self.giver_beside(q_waiting, waiting):
+            with self.pair.beside(GIVER, q_waiting, waiting):
                 given = super().plan(q_start, X_WO, shape, X_WO_met, obstacles, tried)
             if isinstance(given, PlanningFailure):
                 failures.append(given)
@@ -218,7 +202,7 @@ class HandoverTaskPlanner(TaskPlanner):
         receiver, failures = self.receiver, list[IkFailure]()
         for grasp in taking_grasps(receiver.hand, shape, self.config.grip_height):
             with (
-                self.receiver_beside(self.q_home, {}),
+                self.pair.beside(RECEIVER, self.q_home, {}),
                 receiver.standing(obstacles),
                 carrying(receiver.scene, shape, grasp, supported=True),
             ):
@@ -249,7 +233,6 @@ class HandoverTaskPlanner(TaskPlanner):
             for a, b, c in _MEETINGS
         ]
 
-    @restores_fingers
     def back(self, q: Vector, plan: HandoverMotions) -> Trajectory | PlanningFailure:
         """Plan from the end of the receiver's pull back to its start.
 
@@ -258,9 +241,9 @@ class HandoverTaskPlanner(TaskPlanner):
             plan: Its motions.
         """
         start = plan.receiver.motions[HandoverMode.PULL].value(0.0)[:, 0]
-        moves = self._receiver_moves
+        moves, line = self._receiver_moves, np.array([q, start])
         try:
-            return moves.timed(np.array([q, start]), moves.holding, straight=True)
+            return moves.timed(line, moves.holding, straight=True)
         except NoPathError as error:
             return error.failure
 
@@ -271,12 +254,7 @@ class HandoverTaskPlanner(TaskPlanner):
         X_WO_goal: RigidTransform,
         obstacles: Obstacles,
     ) -> HandoverMotions:
-        """Return the motions of both arms, given the giver's motions up to the meeting.
-
-        Raises:
-            NoPathError: If the receiver does not reach the meeting, or an arm cannot
-                leave.
-        """
+        """Return the motions of both arms, given the giver's up to the meeting."""
         q_met = _end(given.motions[Mode.PLACE])
         X_WO = self.scene.X_WG(q_met) @ given.grasp.X_GO
         X_WO = RigidTransform(X_WO.translation())  # round: its turn has no meaning
@@ -316,20 +294,18 @@ class HandoverTaskPlanner(TaskPlanner):
             X_WO: The object that is presented [m].
             X_WO_goal: Goal of the object [m].
             obstacles: Other objects and their poses [m].
-
-        Raises:
-            NoPathError: If a motion does not exist.
         """
         q_met = _end(given.motions[Mode.PLACE])
-        with self.receiver_beside(q_met, given.grasp.fingers_closed):
+        with self.pair.beside(RECEIVER, q_met, given.grasp.fingers_closed):
             motions, q_take = self._reach(grasp, turn, shape, X_WO, obstacles)
-        with self.giver_beside(q_take, grasp.fingers_closed), self.standing(obstacles):
+        took = self.pair.beside(GIVER, q_take, grasp.fingers_closed)
+        with took, self.standing(obstacles):
             left = self.leave(q_met, given.grasp, shape, X_WO)
         leave: dict[AnyMode, Trajectory] = {
             HandoverMode.WITHDRAW: left[Mode.RETREAT],
             HandoverMode.CLEAR: left[Mode.HOME],
         }
-        with self.receiver_beside(self.q_home, given.grasp.fingers_open):
+        with self.pair.beside(RECEIVER, self.q_home, given.grasp.fingers_open):
             carry = self.receiver.plan_carry(q_take, grasp, shape, X_WO_goal, obstacles)
         if isinstance(carry, PlanningFailure):
             raise NoPathError(carry)
@@ -344,47 +320,28 @@ class HandoverTaskPlanner(TaskPlanner):
         X_WO: RigidTransform,
         obstacles: Obstacles,
     ) -> tuple[dict[AnyMode, Trajectory], Vector]:
-        """Return the receiver's motions up to its pull, and its posture at the grasp.
-
-        Raises:
-            NoPathError: If a motion does not exist.
-        """
-        scene, moves, home = (
-            self.receiver.scene, self._receiver_moves, self.receiver.q_home
-        )  # fmt: skip
-        before = scene.fingers
-        scene.SetFingers(grasp.fingers_open)
-        try:
-            with self.receiver.standing(obstacles):
-                with scene.standing(shape, X_WO, touchable=True):
-                    q_take = self._posture(grasp.target(X_WO), turn)
-                    back = moves.straight(q_take, moves.behind(q_take))
-                    down = -self.config.pull_distance * _UP
-                    pulled = HandTarget.from_pose(scene.X_WG(q_take)).shifted(down)
-                    pull = moves.straight(q_take, pulled)
-                with scene.standing(shape, X_WO):
-                    approach = moves.joint_path(home, back[-1])
-                slow = moves.holding
-                motions: dict[AnyMode, Trajectory] = {
-                    HandoverMode.APPROACH: moves.timed(approach, moves.free),
-                    HandoverMode.REACH: moves.timed(
-                        back[::-1], moves.free, straight=True
-                    ),
-                    HandoverMode.PULL: stretched(
-                        moves.timed(pull, slow, straight=True),
-                        self.config.pull_distance / self.config.pull_speed,
-                    ),
-                }
-        finally:
-            scene.fingers = before
+        """Return the receiver's motions up to its pull, and its grasping posture."""
+        receiver, moves = self.receiver, self._receiver_moves
+        scene, distance = receiver.scene, self.config.pull_distance
+        with receiver.ready(obstacles):
+            scene.SetFingers(grasp.fingers_open)
+            with scene.standing(shape, X_WO, touchable=True):
+                q_take = self._posture(grasp.target(X_WO), turn)
+                back = moves.straight(q_take, moves.behind(q_take))
+                down = HandTarget.from_pose(scene.X_WG(q_take)).shifted(-distance * _UP)
+                pull = moves.straight(q_take, down)
+            with scene.standing(shape, X_WO):
+                approach = moves.joint_path(receiver.q_home, back[-1])
+            slow = moves.timed(pull, moves.holding, straight=True)
+            motions: dict[AnyMode, Trajectory] = {
+                HandoverMode.APPROACH: moves.timed(approach, moves.free),
+                HandoverMode.REACH: moves.timed(back[::-1], moves.free, straight=True),
+                HandoverMode.PULL: stretched(slow, distance / self.config.pull_speed),
+            }
         return motions, q_take
 
     def _posture(self, target: HandTarget, turn: float | None) -> Vector:
-        """Return a free posture of the receiver.
-
-        Raises:
-            NoPathError: If there is none.
-        """
+        """Return a free posture of the receiver."""
         if turn is not None:
             y_W = np.array([np.cos(turn), np.sin(turn), 0.0])
             side = AxisTarget(PALM_Y, y_W, np.pi / _TURNS)

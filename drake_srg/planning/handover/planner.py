@@ -13,8 +13,9 @@ from drake_srg.planning.handover.config import (
     Side,
 )
 from drake_srg.planning.handover.modes import (
+    GIVERS,
+    RECEIVERS,
     HandoverReplanner,
-    handover_modes,
     memory_of,
 )
 from drake_srg.planning.handover.motions import HandoverTaskPlanner
@@ -26,6 +27,7 @@ from drake_srg.planning.pick_and_place.knowledge import (
     Senses,
     carried,
 )
+from drake_srg.planning.pick_and_place.modes import task_modes
 from drake_srg.planning.pick_and_place.sightings import PickTask, Sightings, View
 from drake_srg.planning.planner_machine import PlannerMachine, Table, Transitions
 from drake_srg.types import Mode
@@ -139,17 +141,20 @@ class HandoverPlanner(PlannerMachine[PlannerMemory, Senses]):
     ) -> None:
         hand = task_planner.hand
         sightings = Sightings(task, hand.upright_within)
-        giver, receiver = (
+        replanners = [
             HandoverReplanner(task_planner, sightings, config, receiver=second)
             for second in (False, True)
-        )
+        ]
         memory = HandoverMemory(
             Motion(q_rest=task_planner.q_home),
             other=Side(Motion(q_rest=task_planner.receiver.q_home)),
             arms=(config.giver, config.receiver),
         )
         super().__init__(
-            handover_modes(config, giver, receiver, task.repeat),
+            {
+                **task_modes(config, replanners[0], task.repeat, GIVERS),
+                **{k.mode: k(config, replanners[1], task.repeat) for k in RECEIVERS},
+            },
             memory=memory,
             transition=handover_transition,
             config=config,

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import abc
 import dataclasses as dc
+from typing import ClassVar
 
 import numpy as np
 from pydrake.math import RigidTransform, RotationMatrix
@@ -31,7 +32,6 @@ from drake_srg.planning.pick_and_place.replanning import Replanner
 from drake_srg.planning.planner_machine import Observation
 from drake_srg.planning.servoing.hand_motion import (
     hand_twist,
-    joint_step,
     limited,
     rotation_vector,
     turned,
@@ -71,8 +71,8 @@ def insertion_of(memory: PlannerMemory) -> Insertion:
     return insertion
 
 
-class Inserting(Carrying, abc.ABC):
-    """A mode whose set-point follows the motion of the tip.
+class KnowsTask(TaskMode):
+    """A mode that knows the peg and the hole.
 
     Args:
         task: All that is known.
@@ -83,6 +83,16 @@ class Inserting(Carrying, abc.ABC):
     def __init__(self, task: Task, replanner: Replanner, repeat: int) -> None:
         super().__init__(task.config, replanner, repeat)
         self.task = task
+
+
+class Inserting(KnowsTask, Carrying, abc.ABC):
+    """A mode whose set-point follows the motion of the tip.
+
+    Attributes:
+        haste: Largest speed of the set-point over `Insert.tip_speed`.
+    """
+
+    haste: ClassVar[float] = 1.0
 
     def enter(self, memory: PlannerMemory, entry: Entry) -> PlannerMemory:
         """Begin at the current commands."""
@@ -105,7 +115,8 @@ class Inserting(Carrying, abc.ABC):
         X_GT = pose_along(p_GT, up_G)
         tip.X_TG, tip.X_WT = X_GT.inverse(), X_WG @ X_GT
         pinch = X_WG.rotation().matrix()[:, 1]  # the palm's y
-        tip.along = _unit(pinch - pinch[2] * _UP)
+        level = pinch - pinch[2] * _UP
+        tip.along = level / np.linalg.norm(level)
         rim = task.X_WO_goal.translation().copy()
         rim[2] += task.config.depth - 0.5 * task.peg.height
         tip.X_WU = RigidTransform(_upright(tip.X_WT.rotation()), rim)
@@ -132,14 +143,10 @@ class Inserting(Carrying, abc.ABC):
             tip.progress, tip.progress_at = progress, now.time
         R_WT = self.rotation(tip, now.time, share)
         p, target = tip.X_WT.translation(), self.pull_to(tip, now.time)
-        p = p + limited(target - p, self.speed * config.period)
+        speed = self.haste * config.tip_speed
+        p = p + limited(target - p, speed * config.period)
         self._command(memory, tip, RigidTransform(R_WT, p), now.time)
         return memory
-
-    @property
-    def speed(self) -> float:
-        """Largest speed of the set-point [m/s]."""
-        return self.task.config.tip_speed
 
     def _command(
         self, memory: PlannerMemory, tip: Insertion, X_WT: RigidTransform, time: float
@@ -160,16 +167,7 @@ class Inserting(Carrying, abc.ABC):
             speed=0.25,
             turning=1.0,
         )
-        tip.q = joint_step(
-            tip.q,
-            arm.jacobian(tip.q),
-            twist,
-            config.period,
-            least=_LEAST,
-            speed=arm.speed,
-            lower=arm.lower,
-            upper=arm.upper,
-        ).q
+        tip.q = arm.step(tip.q, twist, config.period, _LEAST).q
         # The driver derives speeds from changes of the commands, so they change evenly.
         way = PiecewisePolynomial.FirstOrderHold(
             [0.0, config.period], np.column_stack([q_before, tip.q])
@@ -237,11 +235,7 @@ class Tilt(Inserting):
     """Tilts the peg over the hole, one edge of it lower and inside the rim."""
 
     mode = InsertMode.TILT
-
-    @property
-    def speed(self) -> float:
-        """Largest speed of the set-point [m/s]: nothing is in its way."""
-        return 3.0 * self.task.config.tip_speed
+    haste = 3.0  # nothing is in its way
 
     def turn_to(self, tip: Insertion) -> float:
         """Return the tilt to which the set-point turns [rad]."""
@@ -464,7 +458,7 @@ class Press(Inserting):
         late = time - tip.pressed_at > _PRESSING
         if not (slips or late or self.stalled(tip, time)):
             return Observation()
-        if not late and depth >= config.depth - config.depth_tolerance:
+        if not late and self._deep(tip):
             tip.seated = True
             return Observation(arrived=True, at_goal=True)
         why = Failure.TOO_TIGHT if depth < _SHALLOW else Failure.HOLE_BLOCKED
@@ -477,11 +471,7 @@ class Withdraw(Inserting):
     """Draws the peg out, to try again from the other side or to give up."""
 
     mode = InsertMode.WITHDRAW
-
-    @property
-    def speed(self) -> float:
-        """Largest speed of the set-point [m/s]."""
-        return 3.0 * self.task.config.tip_speed
+    haste = 3.0
 
     def enter(self, memory: PlannerMemory, entry: Entry) -> PlannerMemory:
         """Count the try, and change sides for the next one."""
@@ -526,10 +516,10 @@ class Withdraw(Inserting):
         return Observation(arrived=bool(high) or self.stalled(tip, time))
 
 
-class ReleaseSeated(Release):
+class ReleaseSeated(KnowsTask, Release):
     """Opens the fingers around the seated peg, and plans the way back from there."""
 
-    mode = Mode.RELEASE
+    mode: ClassVar[AnyMode] = Mode.RELEASE
 
     def enter(self, memory: PlannerMemory, entry: Entry) -> PlannerMemory:
         """Rest where the arm is, so that nothing pulls once the fingers open."""
@@ -542,18 +532,8 @@ class ReleaseSeated(Release):
         return memory
 
 
-class HomeInserted(Home):
-    """Moves the arm home, and checks from there whether the peg is as deep as it felt.
-
-    Args:
-        task: All that is known.
-        replanner: Plans from sightings.
-        repeat: Number of the task's cycles.
-    """
-
-    def __init__(self, task: Task, replanner: Replanner, repeat: int) -> None:
-        super().__init__(task.config, replanner, repeat)
-        self.task = task
+class HomeInserted(KnowsTask, Home):
+    """Moves the arm home, and checks there whether the peg is as deep as it felt."""
 
     def look(self, memory: PlannerMemory, now: Now) -> None:
         """Judge by touch, unless the peg is seen too high: the hand slipped."""
@@ -567,39 +547,20 @@ class HomeInserted(Home):
         tip.seated = False  # a next attempt must feel it anew
 
 
-def insertion_modes(
-    task: Task, modes: dict[AnyMode, TaskMode], replanner: Replanner, repeat: int
-) -> dict[AnyMode, TaskMode]:
-    """Return the actions of each mode.
-
-    Args:
-        task: All that is known.
-        modes: Modes of picking and placing.
-        replanner: Plans from sightings.
-        repeat: Number of the task's cycles.
-    """
-    kinds = (Tilt, Search, Slide, Spiral, Upright, Press, Withdraw)
-    return {
-        **modes,
-        **{kind.mode: kind(task, replanner, repeat) for kind in kinds},
-        Mode.RELEASE: ReleaseSeated(task.config, replanner, repeat),
-        Mode.HOME: HomeInserted(task, replanner, repeat),
-    }
+INSERTION_MODES: tuple[type[KnowsTask], ...] = (
+    *(Tilt, Search, Slide, Spiral, Upright, Press, Withdraw),
+    *(ReleaseSeated, HomeInserted),
+)
 
 
 def _centred(q: Vector) -> Vector:
-    """Return the angles of two fingers, left and right in turn, averaged to be equal.
+    """Return the angles (n,) of two fingers, left and right in turn, averaged [rad].
 
-    Args:
-        q: Shape (n,) [rad]; those of another hand are returned unchanged.
+    Those of another hand are returned unchanged.
     """
     if len(q) % 2:
         return q
     return np.repeat(0.5 * (q[0::2] + q[1::2]), 2)
-
-
-def _unit(vector: Vector) -> Vector:
-    return np.asarray(vector / np.linalg.norm(vector))
 
 
 def _upright(R_WT: RotationMatrix) -> RotationMatrix:

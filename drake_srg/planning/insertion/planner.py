@@ -8,7 +8,7 @@ from collections.abc import Mapping
 from pydrake.math import RigidTransform
 
 from drake_srg.planning.insertion.config import Insert, InsertMemory, InsertMode, Task
-from drake_srg.planning.insertion.modes import insertion_modes
+from drake_srg.planning.insertion.modes import INSERTION_MODES
 from drake_srg.planning.pick_and_place.knowledge import FATAL, TRANSITIONS, carried
 from drake_srg.planning.pick_and_place.modes import TaskMode, task_modes
 from drake_srg.planning.pick_and_place.planner import PickAndPlacePlanner
@@ -90,8 +90,10 @@ class InsertionPlanner(PickAndPlacePlanner):
         def make_modes(
             config: PlannerConfig, replanner: Replanner, repeat: int
         ) -> Mapping[AnyMode, TaskMode]:
-            modes = task_modes(config, replanner, repeat)
-            return insertion_modes(known, modes, replanner, repeat)
+            return {
+                **task_modes(config, replanner, repeat),
+                **{k.mode: k(known, replanner, repeat) for k in INSERTION_MODES},
+            }
 
         above = RigidTransform([0.0, 0.0, config.depth + config.hover])
         super().__init__(

@@ -232,15 +232,22 @@ class ArmModel:
         change = 0.5 * turns.sum(axis=1) * (turns @ self.levers)
         return np.asarray(self._chain.speeds(path).max(axis=0) + change)
 
-    def jacobian(self, q: Vector) -> Vector:
-        """Return the matrix from joint velocities to the hand's [v; w] in W, (6, N)."""
+    def jacobian(
+        self, q: Vector, p_GT: Vector | tuple[float, ...] = (0.0, 0.0, 0.0)
+    ) -> Vector:
+        """Return the matrix from joint velocities to [v; w] in W, shape (6, N).
+
+        Args:
+            q: Posture of the arm.
+            p_GT: The point of the hand whose velocity v is, shape (3,) [m].
+        """
         self.plant.SetPositions(self.context, self.positions(q))
         world = self.plant.world_frame()
         J_W: Vector = self.plant.CalcJacobianSpatialVelocity(
             self.context,
             JacobianWrtVariable.kQDot,
             self.hand_frame,
-            np.zeros(3),
+            p_GT,
             world,
             world,
         )[:, self.arm_indices]

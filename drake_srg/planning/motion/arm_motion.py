@@ -87,12 +87,9 @@ class Motion:
         return dc.replace(self, stopped_at=time - self.departed, due=time + STOP_TIME)
 
     def nearest(self, q: Vector) -> tuple[float, Vector]:
-        """Return the point of a stopped motion's path that is nearest to a position.
+        """Return the point of a stopped motion's path nearest to `q` (N,) [rad].
 
         It is not beyond the end of the stop.
-
-        Args:
-            q: Shape (N,) [rad].
 
         Returns:
             Its time in the trajectory [s] and its position, shape (N,) [rad].

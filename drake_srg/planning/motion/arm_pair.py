@@ -55,10 +55,6 @@ class PairedArm:
     gripper: str
     scene: PlanningScene
 
-    def finger_positions(self, angles: Mapping[str, float]) -> Vector:
-        """Return finger angles by name as positions of the gripper [rad]."""
-        return np.array([angles.get(name, 0.0) for name in self.scene.finger_names])
-
 
 @dc.dataclass(frozen=True)
 class ArmPair:
@@ -83,8 +79,9 @@ class ArmPair:
             q: Positions of the other arm, shape (N,) [rad].
             fingers: Angles of the other gripper's joints by name [rad].
         """
-        other = self.arms[1 - index]
-        with self._beside(index, q, other.finger_positions(fingers)):
+        names = self.arms[1 - index].scene.finger_names
+        angles = np.array([fingers.get(name, 0.0) for name in names])
+        with self._beside(index, q, angles):
             yield
 
     @contextlib.contextmanager
@@ -95,12 +92,9 @@ class ArmPair:
             yield
 
     def first_hit(self, samples: Vector) -> Clearance | None:
-        """Return the first clearance that breaks a margin, with both arms in motion.
+        """Return the first clearance that breaks a margin at postures (K, 2N) [rad].
 
         Both scenes are checked as they are: with what hands hold and what stands there.
-
-        Args:
-            samples: Postures of both, shape (K, 2N) [rad].
         """
         fingers = [arm.scene.fingers for arm in self.arms]
         for q in samples:
@@ -201,18 +195,13 @@ def minimum_jerk_motion(path: Vector, limits: Sequence[MotionLimits]) -> Traject
     """
     shares = np.linspace(0.0, 1.0, len(path))
     spline = PiecewisePolynomial.CubicWithContinuousSecondDerivatives(shares, path.T)
-    velocity = np.concatenate([limit.velocity for limit in limits])
-    acceleration = np.concatenate([limit.acceleration for limit in limits])
     in_a_second = _timed(spline, 1.0)
     times = np.linspace(0.0, 1.0, _TIMES)
     v = np.array([in_a_second.EvalDerivative(t, 1)[:, 0] for t in times])
     a = np.array([in_a_second.EvalDerivative(t, 2)[:, 0] for t in times])
-    slow = max(
-        float(np.max(np.abs(v) / velocity)),
-        float(np.sqrt(np.max(np.abs(a) / acceleration))),
-        1e-2,  # what does not move takes a while, too
-    )
-    return _timed(spline, slow)
+    halves = zip(limits, np.split(v, 2, axis=1), np.split(a, 2, axis=1), strict=True)
+    slow = max(limit.slowdown(*half) for limit, *half in halves)
+    return _timed(spline, max(slow, 1e-2))  # what does not move takes a while, too
 
 
 def _timed(path: PiecewisePolynomial, duration: float) -> Trajectory:

@@ -13,7 +13,6 @@ from pydrake.math import RigidTransform, RotationMatrix
 from pydrake.multibody.inverse_kinematics import InverseKinematics
 from pydrake.solvers import (
     Binding,
-    MathematicalProgram,
     MathematicalProgramResult,
     SnoptSolver,
     SolverOptions,
@@ -248,8 +247,84 @@ class _Search:
                 -clearance.spare,
                 f"minimum_distance: the pose is reached, but {clearance}",
             )
-        scene, target = self._scene, self._target
-        return _diagnose(scene, target, self._limits, self._guess, self._extend)
+        return self._diagnosis()
+
+    def _diagnosis(self) -> IkFailure:
+        """Drop one requirement after another until the rest can be met."""
+        scene, target, limits = self._scene, self._target, self._limits
+        starts = list(_starts(limits, self._guess, default_rng(0), 4))
+        if self._extend is not None:
+            failure = self._own_failure(starts)
+            if failure is not None:
+                return failure
+        turn = np.full(scene.num_joints, 2.0 * np.pi)
+
+        unlimited = _Program(scene, target, (-turn, turn))
+        for start in starts:
+            q, solved, _ = unlimited.solve(start, start)
+            beyond = np.maximum(limits[0] - q, q - limits[1])
+            worst = int(np.argmax(beyond))
+            if solved and beyond[worst] > 0.0:
+                return IkFailure(
+                    Requirement.JOINT_LIMITS,
+                    float(beyond[worst]),
+                    f"joint_limits: {scene.joint_names[worst]} would have to go "
+                    f"{beyond[worst]:.3f} rad beyond its limit",
+                )
+
+        if target.R_WG is not None or target.axes:
+            free = _Program(scene, target, limits, soft_rotation=True)
+            tries = [free.solve(start, start)[0] for start in starts]
+            close = 2.0 * target.position_tolerance  # beyond the corner of the box
+            reached = [q for q in tries if target.distance(scene.X_WG(q)) < close]
+            if reached:
+                angle = min(target.angle_violation(scene.X_WG(q)) for q in reached)
+                kind = Requirement.ORIENTATION if target.R_WG else Requirement.AXIS
+                return IkFailure(
+                    kind,
+                    angle,
+                    f"{kind.value}: the position is reached, but the hand stays "
+                    f"{np.degrees(angle):.1f} degrees beyond its tolerance",
+                )
+
+        near = _Program(scene, target, limits, soft_position=True)
+        tries = [near.solve(start, start)[0] for start in starts]
+        distance = min(target.distance(scene.X_WG(q)) for q in tries)
+        return IkFailure(
+            Requirement.POSITION,
+            distance,
+            f"position: the hand gets no nearer than {1e3 * distance:.0f} mm",
+        )
+
+    def _own_failure(self, starts: Sequence[Vector]) -> IkFailure | None:
+        """Return which of the caller's constraints cannot be met, if any.
+
+        The result is the first one without which all others can be met, or all of them
+        together.
+        """
+        plain = _Program(self._scene, self._target, self._limits)
+        if not any(plain.solve(start, start)[1] for start in starts):
+            return None
+        program = _Program(self._scene, self._target, self._limits, extend=self._extend)
+        names = [
+            own.evaluator().get_description() or f"constraint {number}"
+            for number, own in enumerate(program.own, 1)
+        ]
+        for name, own in zip(names, program.own, strict=True):
+            for start in starts:
+                violation = program.solve_without(own, start)
+                if violation is not None and violation > 0.0:
+                    return IkFailure(
+                        Requirement.OWN,
+                        violation,
+                        f"{name} (your own): cannot be met together with the rest, "
+                        f"which breaks its bounds by {violation:.3g}",
+                    )
+        return IkFailure(
+            Requirement.OWN,
+            np.nan,
+            f"{', '.join(names)} (your own): cannot be met together with the rest",
+        )
 
 
 def solve_from(
@@ -321,7 +396,8 @@ class _Program:
             self._extend(extend)
 
     def _extend(self, extend: Extend) -> None:
-        before = {b.evaluator() for b in _all(self._prog)}
+        programs = (self._prog.GetAllConstraints(), self._prog.GetAllCosts())
+        before = {b.evaluator() for bindings in programs for b in bindings}
         extend(self._ik)
         self.own, self._own_costs = (
             [b for b in bindings if b.evaluator() not in before]
@@ -387,99 +463,3 @@ class _Program:
         result = SnoptSolver().Solve(self._prog, guess, self._options)
         self._prog.RemoveCost(cost)
         return result
-
-
-def _all(program: MathematicalProgram) -> list[Binding]:
-    return [*program.GetAllConstraints(), *program.GetAllCosts()]
-
-
-def _diagnose(
-    scene: PlanningScene,
-    target: HandTarget,
-    limits: tuple[Vector, Vector],
-    guess: Vector,
-    extend: Extend | None = None,
-) -> IkFailure:
-    """Drop one requirement after another until the rest can be met."""
-    rng = default_rng(0)
-    starts = list(_starts(limits, guess, rng, 4))
-    if extend is not None:
-        failure = _diagnose_own(scene, target, limits, starts, extend)
-        if failure is not None:
-            return failure
-    turn = np.full(scene.num_joints, 2.0 * np.pi)
-
-    unlimited = _Program(scene, target, (-turn, turn))
-    for start in starts:
-        q, solved, _ = unlimited.solve(start, start)
-        beyond = np.maximum(limits[0] - q, q - limits[1])
-        worst = int(np.argmax(beyond))
-        if solved and beyond[worst] > 0.0:
-            return IkFailure(
-                Requirement.JOINT_LIMITS,
-                float(beyond[worst]),
-                f"joint_limits: {scene.joint_names[worst]} would have to go "
-                f"{beyond[worst]:.3f} rad beyond its limit",
-            )
-
-    turning = target.R_WG is not None or bool(target.axes)
-    if turning:
-        free = _Program(scene, target, limits, soft_rotation=True)
-        tries = [free.solve(start, start)[0] for start in starts]
-        close = 2.0 * target.position_tolerance  # beyond the corner of the box
-        reached = [q for q in tries if target.distance(scene.X_WG(q)) < close]
-        if reached:
-            angle = min(target.angle_violation(scene.X_WG(q)) for q in reached)
-            kind = Requirement.ORIENTATION if target.R_WG else Requirement.AXIS
-            return IkFailure(
-                kind,
-                angle,
-                f"{kind.value}: the position is reached, but the hand stays "
-                f"{np.degrees(angle):.1f} degrees beyond its tolerance",
-            )
-
-    near = _Program(scene, target, limits, soft_position=True)
-    tries = [near.solve(start, start)[0] for start in starts]
-    distance = min(target.distance(scene.X_WG(q)) for q in tries)
-    return IkFailure(
-        Requirement.POSITION,
-        distance,
-        f"position: the hand gets no nearer than {1e3 * distance:.0f} mm",
-    )
-
-
-def _diagnose_own(
-    scene: PlanningScene,
-    target: HandTarget,
-    limits: tuple[Vector, Vector],
-    starts: Sequence[Vector],
-    extend: Extend,
-) -> IkFailure | None:
-    """Return which of the caller's constraints cannot be met, if any.
-
-    The result is the first one without which all others can be met, or all of them
-    together.
-    """
-    plain = _Program(scene, target, limits)
-    if not any(plain.solve(start, start)[1] for start in starts):
-        return None
-    program = _Program(scene, target, limits, extend=extend)
-    names = [
-        own.evaluator().get_description() or f"constraint {number}"
-        for number, own in enumerate(program.own, 1)
-    ]
-    for name, own in zip(names, program.own, strict=True):
-        for start in starts:
-            violation = program.solve_without(own, start)
-            if violation is not None and violation > 0.0:
-                return IkFailure(
-                    Requirement.OWN,
-                    violation,
-                    f"{name} (your own): cannot be met together with the rest, which "
-                    f"breaks its bounds by {violation:.3g}",
-                )
-    return IkFailure(
-        Requirement.OWN,
-        np.nan,
-        f"{', '.join(names)} (your own): cannot be met together with the rest",
-    )

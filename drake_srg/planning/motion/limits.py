@@ -75,6 +75,20 @@ class MotionLimits:
             torque[indices],
         )
 
+    def slowdown(self, v: Vector, a: Vector) -> float:
+        """Return by which factor on its time a motion uses a limit, and exceeds none.
+
+        Args:
+            v: Its velocities, shape (K, N) [rad/s].
+            a: Its accelerations, shape (M, N) [rad/s²].
+        """
+        return float(
+            max(
+                np.max(np.abs(v) / self.velocity),
+                np.sqrt(np.max(np.abs(a) / self.acceleration)),
+            )
+        )
+
     def scaled(
         self, velocity: float = 1.0, acceleration: float = 1.0, torque: float = 1.0
     ) -> "MotionLimits":

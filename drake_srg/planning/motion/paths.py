@@ -9,7 +9,6 @@ import numpy as np
 from numpy.random import Generator, default_rng
 from pydrake.common.eigen_geometry import AngleAxis
 from pydrake.math import RotationMatrix
-from pydrake.multibody.tree import JacobianWrtVariable
 
 from drake_srg.common.geometry import cross
 from drake_srg.planning.motion.inverse_kinematics import (
@@ -72,18 +71,13 @@ def _linearize(
     scene: PlanningScene, target: HandTarget, q: Vector
 ) -> tuple[Vector, Vector]:
     """Return the errors, shape (m,) [m, rad], and their Jacobian, shape (m, N)."""
-    X_WG = scene.X_WG(q)
-    world = scene.plant.world_frame()
-    J_W = scene.plant.CalcJacobianSpatialVelocity(
-        scene.context, JacobianWrtVariable.kQDot, scene.hand_frame, target.p_GT,
-        world, world,
-    )[:, scene.arm_indices]  # fmt: skip
+    X_WG, J_W = scene.X_WG(q), scene.jacobian(q, target.p_GT)
     errors = [target.p_WT - X_WG @ target.p_GT]
-    rows = [J_W[3:]]
+    rows = [J_W[:3]]
     if target.R_WG is not None:
         turn = (target.R_WG @ X_WG.rotation().inverse()).ToAngleAxis()
         errors.append(turn.angle() * turn.axis())
-        rows.append(J_W[:3])
+        rows.append(J_W[3:])
     for axis in target.axes:
         axis_W = X_WG.rotation() @ axis.axis_G
         normal = cross(axis_W, axis.direction_W)
@@ -94,10 +88,10 @@ def _linearize(
             # circle.
             errors.append(beyond * normal / max(sine, 1e-12))
             across = np.eye(3) - np.outer(axis.direction_W, axis.direction_W)
-            rows.append(across @ J_W[:3])
+            rows.append(across @ J_W[3:])
         elif beyond > 0.0 and sine > 0.0:
             errors.append(np.array([beyond]))
-            rows.append(normal[np.newaxis] / sine @ J_W[:3])
+            rows.append(normal[np.newaxis] / sine @ J_W[3:])
     return np.concatenate(errors), np.concatenate(rows)
 
 
@@ -138,13 +132,10 @@ class _Tree:
 
 
 def rrt_connect(
+    scene: PlanningScene,
     q_start: Vector,
     q_goal: Vector,
     *,
-    lower: Vector,
-    upper: Vector,
-    weights: Vector,
-    is_edge_free: EdgeTest,
     step: float,
     max_iterations: int,
     rng: Generator,
@@ -156,22 +147,20 @@ def rrt_connect(
     within the limits.
 
     Args:
-        q_start: First waypoint, shape (N,).
-        q_goal: Last waypoint, shape (N,).
-        lower: Lower limits, shape (N,).
-        upper: Upper limits, shape (N,).
-        weights: Weights of the coordinates in the metric, shape (N,).
-        is_edge_free: Returns whether a straight line is free.
-        step: Longest edge of a tree, in the metric.
+        scene: The arm, and what to keep clear of.
+        q_start: First waypoint, shape (N,) [rad].
+        q_goal: Last waypoint, shape (N,) [rad].
+        step: Longest edge of a tree [m]: joints count with their levers.
         max_iterations: Largest number of samples.
         rng: Source of the samples.
 
     Returns:
-        The waypoints, shape (K, N), or None after `max_iterations` samples.
+        The waypoints, shape (K, N) [rad], or None after `max_iterations` samples.
     """
+    lower, upper, is_edge_free = scene.lower, scene.upper, scene.is_edge_free
     near_lower = np.maximum(lower, np.minimum(q_start, q_goal) - 1.0)
     near_upper = np.minimum(upper, np.maximum(q_start, q_goal) + 1.0)
-    first, second = _Tree(q_start, weights), _Tree(q_goal, weights)
+    first, second = (_Tree(root, scene.levers) for root in (q_start, q_goal))
     for iteration in range(max_iterations):
         sample = (
             rng.uniform(lower, upper)
@@ -253,12 +242,9 @@ def plan_joint_path(
         return np.array([q_start, q_goal])
     rng = default_rng(seed)
     path = rrt_connect(
+        scene,
         q_start,
         q_goal,
-        lower=scene.lower,
-        upper=scene.upper,
-        weights=scene.levers,
-        is_edge_free=scene.is_edge_free,
         step=0.5,  # m of motion; a few steps lead around any obstacle
         max_iterations=max_iterations,
         rng=rng,

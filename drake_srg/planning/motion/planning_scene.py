@@ -312,10 +312,7 @@ class PlanningScene(ArmModel):
 
     @contextlib.contextmanager
     def shared_with(self, gripper: str) -> Iterator[None]:
-        """Let another gripper touch the held object within the context.
-
-        Args:
-            gripper: The name of its model instance.
+        """Let another gripper, a model instance, touch the held object in the context.
 
         Raises:
             RuntimeError: (Drake's) If the name is unknown.

@@ -53,12 +53,9 @@ class PathPart:
 
 
 def joined(parts: Sequence[PathPart]) -> PathPart:
-    """Return the parts of a path, joined.
+    """Return the parts of a path, each of which begins where the one before ends.
 
     A motion may cut the corner between two parts, within the nearer half of each.
-
-    Args:
-        parts: Each begins where the one before ends.
     """
     roundings: list[Vector] = []
     for i, part in enumerate(parts):
@@ -148,10 +145,7 @@ def tip_limited_trajectory(
     Raises:
         ValueError: If waypoints are not of shape (K, N).
     """
-    if np.ndim(waypoints) != 2 or waypoints.shape[1] != scene.num_joints:
-        raise ValueError(
-            f"waypoints: must have shape (K, N), got {np.shape(waypoints)}"
-        )
+    _check_shape(scene, waypoints)
     # Drake's splines need knots that are 1e-10 apart.
     moves = np.max(np.abs(np.diff(waypoints, axis=0)), axis=1) > 1e-6
     waypoints = waypoints[np.append(moves, True)]
@@ -171,6 +165,13 @@ def tip_limited_trajectory(
             )
     message = f"no smooth motion along the path is free: {hit}"
     return PlanningFailure(Failure.BLOCKED, message)
+
+
+def _check_shape(scene: PlanningScene, waypoints: Vector) -> None:
+    if np.ndim(waypoints) != 2 or waypoints.shape[1] != scene.num_joints:
+        raise ValueError(
+            f"waypoints: must have shape (K, N), got {np.shape(waypoints)}"
+        )
 
 
 def _refined(
@@ -235,11 +236,7 @@ def _slowdown(
     slope, bend = (path.derivative(i).vector_values(s).T for i in (1, 2))
     v = slope * rate[:, None]
     a = bend * rate[:, None] ** 2 + slope * rate_dot[:, None]
-    exceeded = max(
-        np.max(np.abs(v) / limits.velocity),
-        np.sqrt(np.max(np.abs(a) / limits.acceleration)),
-    )
-    return float(max(1.0, _SAMPLING_SLACK * exceeded))
+    return max(1.0, _SAMPLING_SLACK * limits.slowdown(v, a))
 
 
 # Between the checked configurations, the polyline may break its margin by this [m]. A
@@ -282,10 +279,7 @@ def time_optimal_trajectory(
     Raises:
         ValueError: If a rounding is not positive, or waypoints are not of shape (K, N).
     """
-    if np.ndim(waypoints) != 2 or waypoints.shape[1] != scene.num_joints:
-        raise ValueError(
-            f"waypoints: must have shape (K, N), got {np.shape(waypoints)}"
-        )
+    _check_shape(scene, waypoints)
     allowed = np.broadcast_to(rounding, len(waypoints))
     if np.min(allowed) <= 0.0:
         raise ValueError("rounding must be positive")
@@ -402,8 +396,7 @@ def _within_limits(
     v_knot = (v[:-1] + v[1:]) / 2.0
     stretch = max(
         1.0,
-        np.max(np.abs(v) / limits.velocity),
-        np.sqrt(np.max(np.abs(a) / limits.acceleration)),
+        limits.slowdown(v, a),
         np.sqrt(_torque_use(scene, q_knot, v_knot, a, limits.torque)),
     )
     return _ramped(control, stretch * step)

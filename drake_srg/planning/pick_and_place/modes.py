@@ -6,6 +6,7 @@ planner's memory.
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from typing import ClassVar, TypeAlias
 
 import numpy as np
@@ -415,7 +416,10 @@ _KINDS: tuple[type[TaskMode], ...] = (
 
 
 def task_modes(
-    config: PlannerConfig, replanner: Replanner, repeat: int
+    config: PlannerConfig,
+    replanner: Replanner,
+    repeat: int,
+    kinds: Iterable[type[TaskMode]] = (),
 ) -> dict[AnyMode, TaskMode]:
     """Return the actions of each mode.
 
@@ -423,5 +427,6 @@ def task_modes(
         config: Times and limits.
         replanner: Plans from sightings.
         repeat: Number of the task's cycles.
+        kinds: Further modes, or others in place of those of picking and placing.
     """
-    return {kind.mode: kind(config, replanner, repeat) for kind in _KINDS}
+    return {kind.mode: kind(config, replanner, repeat) for kind in (*_KINDS, *kinds)}

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import contextlib
 import dataclasses as dc
-from collections.abc import Iterable, Iterator, Mapping, Sequence
-from typing import TypeAlias
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from typing import TypeAlias, TypeVar
 
 import numpy as np
 from pydrake.math import RigidTransform
@@ -51,6 +51,7 @@ _MOST_CANDIDATES = 8
 
 # Shapes to keep clear of, and their poses X_WO [m].
 Obstacles: TypeAlias = Sequence[tuple[Solid, RigidTransform]]
+_T = TypeVar("_T")
 
 
 @dc.dataclass(frozen=True)
@@ -63,6 +64,8 @@ class TaskMotions:
 
 class TaskPlanner:
     """Plans picking and placing with a planning scene; holds nothing between calls.
+
+    Methods that begin with an underscore raise `NoPathError` for what is impossible.
 
     Args:
         scene: The arm, the gripper and what they may hit.
@@ -83,15 +86,12 @@ class TaskPlanner:
         self.q_home = np.asarray(q_home, dtype=float)
         self.config = config
         self._moves = Moves(scene, hand.p_GT, config)
-        self._search = GraspSearch(
-            scene, hand, self.q_home, place_height=config.place_height
-        )
+        self._search = GraspSearch(scene, hand, self.q_home, config.place_height)
 
     def X_WG(self, q: Vector) -> RigidTransform:
         """Return the pose of the hand that holds the object, with the arm at `q`."""
         return self.scene.X_WG(q)
 
-    @restores_fingers
     def plan(
         self,
         q_start: Vector,
@@ -111,10 +111,10 @@ class TaskPlanner:
             obstacles: Other objects and their poses [m].
             tried: Names of grasps that failed.
         """
-        with self.standing(obstacles):
-            return self._plan(q_start, X_WO, shape, X_WO_goal, tried)
+        return self._among(
+            obstacles, lambda: self._plan(q_start, X_WO, shape, X_WO_goal, tried)
+        )
 
-    @restores_fingers
     def plan_carry(
         self,
         q_grasp: Vector,
@@ -132,15 +132,11 @@ class TaskPlanner:
             X_WO_goal: Goal of the object [m].
             obstacles: Other objects and their poses [m].
         """
-        try:
-            with self.standing(obstacles):
-                candidate = self._search.grasped(q_grasp, grasp, shape, X_WO_goal)
-                motions = self._after_grasp(shape, X_WO_goal, candidate)
-        except NoPathError as error:
-            return error.failure
-        return TaskMotions(grasp, motions)
+        return self._among(
+            obstacles,
+            lambda: TaskMotions(grasp, self._carry(q_grasp, grasp, shape, X_WO_goal)),
+        )
 
-    @restores_fingers
     def plan_place(
         self,
         q_start: Vector,
@@ -158,17 +154,42 @@ class TaskPlanner:
             X_WO_goal: Goal of the object [m].
             obstacles: Other objects and their poses [m].
         """
-        goal = place_target(grasp, X_WO_goal, self.config.place_height)
-        above = goal.shifted(self.config.lift_height * _UP)
+        return self._among(
+            obstacles,
+            lambda: TaskMotions(grasp, self._place(q_start, grasp, shape, X_WO_goal)),
+        )
+
+    def plan_escape(
+        self, q: Vector, fingers: Mapping[str, float], obstacles: Obstacles = ()
+    ) -> tuple[Trajectory, Trajectory] | PlanningFailure:
+        """Plan back out of a failed grasp: away from the object, then home.
+
+        Args:
+            q: Posture of the arm, shape (N,) [rad].
+            fingers: Angles of the open gripper's joints by name [rad].
+            obstacles: Other objects and their poses [m].
+        """
+        return self._among(obstacles, lambda: self._escape(q, fingers))
+
+    def _among(
+        self, obstacles: Obstacles, plan: Callable[[], _T]
+    ) -> _T | PlanningFailure:
+        """Return a plan that keeps clear of obstacles, or why there is none."""
         try:
-            with self.standing(obstacles):
-                with carrying(self.scene, shape, grasp, supported=True):
-                    path = self._moves.through(q_start, [above, goal])
-                    down = self._moves.timed(path, self._moves.holding, straight=True)
-                left = self.leave(path[-1], grasp, shape, X_WO_goal)
+            with self.ready(obstacles):
+                return plan()
         except NoPathError as error:
             return error.failure
-        return TaskMotions(grasp, {Mode.PLACE: down} | left)
+
+    @contextlib.contextmanager
+    def ready(self, obstacles: Obstacles) -> Iterator[None]:
+        """Add obstacles; restore everything that a plan changes."""
+        fingers = self.scene.fingers
+        try:
+            with self.standing(obstacles):
+                yield
+        finally:
+            self.scene.fingers = fingers
 
     def _plan(
         self,
@@ -177,10 +198,12 @@ class TaskPlanner:
         shape: Solid,
         X_WO_goal: RigidTransform,
         tried: Sequence[str],
-    ) -> TaskMotions | PlanningFailure:
+    ) -> TaskMotions:
+        """Return the motions with the best grasp."""
         taken = self._overlap(shape, X_WO_goal)
         if taken is not None:
-            return PlanningFailure(Failure.BLOCKED, f"the goal is taken: {taken}")
+            message = f"the goal is taken: {taken}"
+            raise NoPathError(PlanningFailure(Failure.BLOCKED, message))
         reasons: list[PlanningFailure] = []
         for turned in (False, True):
             candidates, failures = self._search.candidates(
@@ -199,8 +222,42 @@ class TaskPlanner:
             if all(f.failure is not Failure.BLOCKED for f in reasons):
                 break
         if not reasons:
-            return PlanningFailure(Failure.NO_GRASP, f"no known grasp takes a {shape}")
-        return most_specific(reasons)
+            message = f"no known grasp takes a {shape}"
+            raise NoPathError(PlanningFailure(Failure.NO_GRASP, message))
+        raise NoPathError(most_specific(reasons))
+
+    def _carry(
+        self, q_grasp: Vector, grasp: Grasp, shape: Solid, X_WO_goal: RigidTransform
+    ) -> dict[AnyMode, Trajectory]:
+        """Return the motions of `plan_carry`."""
+        candidate = self._search.grasped(q_grasp, grasp, shape, X_WO_goal)
+        return self._after_grasp(shape, X_WO_goal, candidate)
+
+    def _place(
+        self, q_start: Vector, grasp: Grasp, shape: Solid, X_WO_goal: RigidTransform
+    ) -> dict[AnyMode, Trajectory]:
+        """Return the motions of `plan_place`."""
+        moves = self._moves
+        goal = place_target(grasp, X_WO_goal, self.config.place_height)
+        above = goal.shifted(self.config.lift_height * _UP)
+        with carrying(self.scene, shape, grasp, supported=True):
+            path = moves.through(q_start, [above, goal])
+            down = moves.timed(path, moves.holding, straight=True)
+        left = self.leave(path[-1], grasp, shape, X_WO_goal)
+        return {Mode.PLACE: down} | left
+
+    def _escape(
+        self, q: Vector, fingers: Mapping[str, float]
+    ) -> tuple[Trajectory, Trajectory]:
+        """Return the motions of `plan_escape`."""
+        moves = self._moves
+        self.scene.SetFingers(fingers)
+        path = plan_cartesian_path(self.scene, q, moves.behind(q))
+        if isinstance(path, PlanningFailure):
+            path = q[np.newaxis]
+        away = moves.timed(path, moves.free)
+        home = moves.joint_path(path[-1], self.q_home)
+        return away, moves.timed(home, moves.free)
 
     def _with_grasp(
         self,
@@ -209,60 +266,39 @@ class TaskPlanner:
         X_WO_goal: RigidTransform,
         candidate: Candidate,
     ) -> dict[AnyMode, Trajectory]:
-        """Return all motions from `q_start` (N,) [rad] to home, with one grasp.
-
-        Raises:
-            NoPathError: If a motion does not exist.
-        """
+        """Return all motions from `q_start` (N,) [rad] to home, with one grasp."""
         scene, grasp, X_WO = self.scene, candidate.grasp, candidate.X_WO
-        motions: dict[AnyMode, Trajectory] = {}
-
+        moves, q_grasp = self._moves, candidate.q_grasp
         scene.SetFingers(grasp.fingers_open)
         with scene.standing(shape, X_WO, touchable=True):
-            back = self._moves.straight(
-                candidate.q_grasp, self._moves.behind(candidate.q_grasp), turning=True
-            )
-            motions[Mode.GRASP] = self._moves.timed(
-                back[::-1], self._moves.free, straight=True
-            )
+            back = moves.straight(q_grasp, moves.behind(q_grasp), turning=True)
+            around = moves.timed(back[::-1], moves.free, straight=True)
         with scene.standing(shape, X_WO):
-            motions[Mode.PRE_GRASP] = self._moves.timed(
-                self._moves.joint_path(q_start, back[-1]), self._moves.free
-            )
-
-        return motions | self._after_grasp(shape, X_WO_goal, candidate)
+            there = moves.timed(moves.joint_path(q_start, back[-1]), moves.free)
+        rest = self._after_grasp(shape, X_WO_goal, candidate)
+        return {Mode.GRASP: around, Mode.PRE_GRASP: there, **rest}
 
     def _after_grasp(
         self, shape: Solid, X_WO_goal: RigidTransform, candidate: Candidate
     ) -> dict[AnyMode, Trajectory]:
-        """Return the motions that follow a grasp, from lifting to home.
-
-        Raises:
-            NoPathError: If a motion does not exist.
-        """
-        scene, grasp = self.scene, candidate.grasp
+        """Return the motions that follow a grasp, from lifting to home."""
+        scene, grasp, moves = self.scene, candidate.grasp, self._moves
         motions: dict[AnyMode, Trajectory] = {}
         with carrying(scene, shape, grasp):
             with scene.supporting(SUPPORT_OVERLAP):
                 q_pick = candidate.q_grasp
-                up = self._moves.straight(
-                    q_pick, self._moves.above(q_pick), turning=True
-                )
-                motions[Mode.LIFT] = self._moves.timed(
-                    up, self._moves.holding, straight=True
-                )
+                up = moves.straight(q_pick, moves.above(q_pick), turning=True)
+                motions[Mode.LIFT] = moves.timed(up, moves.holding, straight=True)
             across, down = self._transfer(up[-1], X_WO_goal, candidate)
-            motions[Mode.TRANSFER] = self._moves.timed(across, self._moves.holding)
+            motions[Mode.TRANSFER] = moves.timed(across, moves.holding)
         drift_G = self._drift(grasp, motions.values())
         drifted = dc.replace(grasp, p_GO=grasp.p_GO + drift_G)
         with carrying(scene, shape, drifted, supported=True):
             if drift_G.any():
                 drift_W = scene.X_WG(across[-1]).rotation() @ drift_G
-                below = self._moves.below(across[-1]).shifted(-drift_W)
-                down = self._moves.straight(across[-1], below)
-            motions[Mode.PLACE] = self._moves.timed(
-                down, self._moves.holding, straight=True
-            )
+                below = moves.below(across[-1]).shifted(-drift_W)
+                down = moves.straight(across[-1], below)
+            motions[Mode.PLACE] = moves.timed(down, moves.holding, straight=True)
         return motions | self.leave(down[-1], drifted, shape, X_WO_goal)
 
     @restores_fingers
@@ -280,19 +316,15 @@ class TaskPlanner:
         Raises:
             NoPathError: If a motion does not exist.
         """
-        scene, motions = self.scene, dict[AnyMode, Trajectory]()
+        scene, moves = self.scene, self._moves
         X_WO = grasp.set_down(scene.X_WG(q_place), X_WO)
         scene.SetFingers(grasp.fingers_open)
         with scene.standing(shape, X_WO, touchable=True):
-            away = self._moves.straight(q_place, self._moves.behind(q_place))
-            motions[Mode.RETREAT] = self._moves.timed(
-                away, self._moves.free, straight=True
-            )
+            path = moves.straight(q_place, moves.behind(q_place))
+            away = moves.timed(path, moves.free, straight=True)
         with scene.standing(shape, X_WO):
-            motions[Mode.HOME] = self._moves.timed(
-                self._moves.joint_path(away[-1], self.q_home), self._moves.free
-            )
-        return motions
+            home = moves.timed(moves.joint_path(path[-1], self.q_home), moves.free)
+        return {Mode.RETREAT: away, Mode.HOME: home}
 
     def _transfer(
         self, q_lifted: Vector, X_WO_goal: RigidTransform, candidate: Candidate
@@ -300,11 +332,9 @@ class TaskPlanner:
         """Return the paths across, and down to the goal, both (K, N) [rad]."""
         scene = self.scene
         lift = self.config.lift_height * _UP
+        height = self.config.place_height
         place = place_target(
-            candidate.grasp,
-            X_WO_goal,
-            self.config.place_height,
-            angle_tolerance=_UPRIGHT,
+            candidate.grasp, X_WO_goal, height, angle_tolerance=_UPRIGHT
         )
         # A straight path keeps the object upright. If there is no such path, any other
         # path will do.
@@ -413,10 +443,8 @@ class TaskPlanner:
             for mode, motion in task.motions.items():
                 with contextlib.ExitStack() as stack:
                     if mode in (Mode.LIFT, Mode.TRANSFER, Mode.PLACE):
-                        supported = mode is not Mode.TRANSFER
-                        held = carrying(
-                            self.scene, shape, task.grasp, supported=supported
-                        )
+                        low = mode is not Mode.TRANSFER
+                        held = carrying(self.scene, shape, task.grasp, supported=low)
                         stack.enter_context(held)
                     else:
                         self.scene.SetFingers(task.grasp.fingers_open)
@@ -425,32 +453,6 @@ class TaskPlanner:
                 if hit is not None:
                     return f"{mode_name(mode)}: {hit}"
         return None
-
-    @restores_fingers
-    def plan_escape(
-        self, q: Vector, fingers: Mapping[str, float], obstacles: Obstacles = ()
-    ) -> tuple[Trajectory, Trajectory] | PlanningFailure:
-        """Plan back out of a failed grasp: away from the object, then home.
-
-        Args:
-            q: Posture of the arm, shape (N,) [rad].
-            fingers: Angles of the open gripper's joints by name [rad].
-            obstacles: Other objects and their poses [m].
-        """
-        self.scene.SetFingers(fingers)
-        try:
-            with self.standing(obstacles):
-                path = plan_cartesian_path(self.scene, q, self._moves.behind(q))
-                if isinstance(path, PlanningFailure):
-                    path = q[np.newaxis]
-                return (
-                    self._moves.timed(path, self._moves.free),
-                    self._moves.timed(
-                        self._moves.joint_path(path[-1], self.q_home), self._moves.free
-                    ),
-                )
-        except NoPathError as error:
-            return error.failure
 
     @contextlib.contextmanager
     def standing(self, obstacles: Obstacles) -> Iterator[None]:

@@ -21,6 +21,14 @@ from drake_srg.types import Vector
 _SPEED = 0.9  # share of the joints' velocity limits that may be used
 
 
+@dc.dataclass(frozen=True)
+class JointStep:
+    """A step of the joints towards a twist of the hand."""
+
+    q: Vector  # shape (N,) [rad]
+    achieved: float  # share of the twist that the step makes, 1 .. 0 or less
+
+
 class ServoArm(ArmModel):
     """The model `arm` of a plant with the body `palm` of the model `gripper`.
 
@@ -36,6 +44,25 @@ class ServoArm(ArmModel):
         palm = plant.GetFrameByName("palm", gripper)
         super().__init__(plant, plant.GetModelInstanceByName("arm"), gripper, palm)
         self.speed: Vector = _SPEED * plant.GetVelocityUpperLimits()[self.arm_indices]
+
+    def step(self, q: Vector, twist: Vector, period: float, least: float) -> JointStep:
+        """Return the joints after a step that moves the hand along a twist.
+
+        Near singularities of the arm the step is damped. If a joint would be too fast,
+        all joints slow down by the same factor, so the hand keeps its direction.
+
+        Args:
+            q: Positions of the joints, shape (N,) [rad].
+            twist: Desired twist of the hand, shape (6,) [m/s], [rad/s].
+            period: Duration of the step [s].
+            least: Singular value of the Jacobian below which a direction is damped.
+        """
+        jacobian = self.jacobian(q)
+        velocity = damped_solution(jacobian, twist, least).x
+        slower: float = max(1.0, float(np.max(np.abs(velocity) / self.speed)))
+        after = np.clip(q + period / slower * velocity, self.lower, self.upper)
+        made = jacobian @ (after - q) / period
+        return JointStep(after, float(made @ twist) / max(float(twist @ twist), 1e-12))
 
 
 def interaction_matrix(points: Vector, depths: Vector) -> Vector:
@@ -186,44 +213,3 @@ def hand_twist(
     away = X_WG_goal.translation() - X_WG.translation()
     turn = rotation_vector(X_WG_goal.rotation() @ X_WG.rotation().inverse())
     return np.concatenate([limited(gain * away, speed), limited(gain * turn, turning)])
-
-
-@dc.dataclass(frozen=True)
-class JointStep:
-    """A step of the joints towards a twist of the hand."""
-
-    q: Vector  # shape (N,) [rad]
-    achieved: float  # share of the twist that the step makes, 1 .. 0 or less
-
-
-def joint_step(
-    q: Vector,
-    jacobian: Vector,
-    twist: Vector,
-    period: float,
-    *,
-    least: float,
-    speed: Vector,
-    lower: Vector,
-    upper: Vector,
-) -> JointStep:
-    """Return the joints after a step that moves the hand along a twist.
-
-    Near singularities of the arm the step is damped. If a joint would be too fast, all
-    joints slow down by the same factor, so the hand keeps its direction.
-
-    Args:
-        q: Positions of the joints, shape (N,) [rad].
-        jacobian: Jacobian of the hand's twist [v; w], shape (6, N).
-        twist: Desired twist of the hand, shape (6,) [m/s], [rad/s].
-        period: Duration of the step [s].
-        least: Singular value of the Jacobian below which a direction is damped.
-        speed: Largest joint speeds, shape (N,) [rad/s].
-        lower: Lower limits of the joints, shape (N,) [rad].
-        upper: Upper limits of the joints, shape (N,) [rad].
-    """
-    velocity = damped_solution(jacobian, twist, least).x
-    slower: float = max(1.0, float(np.max(np.abs(velocity) / speed)))
-    following = np.clip(q + period / slower * velocity, lower, upper)
-    made = jacobian @ (following - q) / period
-    return JointStep(following, float(made @ twist) / max(float(twist @ twist), 1e-12))

@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 import dataclasses as dc
+import functools
 from collections.abc import Mapping
-from typing import TypeAlias
 
 from pydrake.common.value import AbstractValue
 from pydrake.systems.framework import Context
 from pydrake.trajectories import Trajectory
 
-from drake_srg.planning import state_machine
 from drake_srg.planning.motion.arm_motion import Motion
 from drake_srg.planning.pick_and_place.knowledge import (
     FATAL,
@@ -31,15 +30,9 @@ from drake_srg.planning.pick_and_place.modes import (
     task_modes,
 )
 from drake_srg.planning.pick_and_place.planner import PickAndPlacePlanner
-from drake_srg.planning.pick_and_place.replanning import Replanner
 from drake_srg.planning.pick_and_place.sightings import PickTask
 from drake_srg.planning.pick_and_place.task_motions import TaskPlanner
-from drake_srg.planning.planner_machine import (
-    Observation,
-    PlannerConfig,
-    Table,
-    Transitions,
-)
+from drake_srg.planning.planner_machine import Observation, Table, Transitions
 from drake_srg.planning.servoing.config import (
     ServoCommand,
     ServoFault,
@@ -214,27 +207,10 @@ class ServoLift(Lift):
         return super().observe_mode(memory, now)
 
 
-def servo_modes(
-    config: Servoing, replanner: Replanner, repeat: int
-) -> dict[AnyMode, TaskMode]:
-    """Return the actions of each mode.
-
-    Args:
-        config: Times and limits.
-        replanner: Plans from sightings.
-        repeat: Number of the task's cycles.
-    """
-    own = (ServoIdle, ServoGrasp, ServoClose, ServoVerify, ServoLift)
-    return {
-        **task_modes(config, replanner, repeat),
-        **{kind.mode: kind(config, replanner, repeat) for kind in own},
-    }
+_KINDS = (ServoIdle, ServoGrasp, ServoClose, ServoVerify, ServoLift)
 
 
-_Senses: TypeAlias = state_machine.Moment[Senses]
-
-
-def _servo(now: _Senses) -> ServoStatus:
+def _servo(now: Now) -> ServoStatus:
     assert isinstance(now.senses, ServoSenses), "these modes need a servo"
     return now.senses.servo
 
@@ -280,16 +256,11 @@ class ServoingPlanner(PickAndPlacePlanner):
     def __init__(
         self, task_planner: TaskPlanner, task: PickTask, config: Servoing
     ) -> None:
-        def make_modes(
-            _: PlannerConfig, replanner: Replanner, repeat: int
-        ) -> dict[AnyMode, TaskMode]:
-            return servo_modes(config, replanner, repeat)
-
         super().__init__(
             task_planner,
             task,
             config,
-            make_modes=make_modes,
+            make_modes=functools.partial(task_modes, kinds=_KINDS),
             transition=servo_transition,
             make_memory=ServoingMemory,
         )

@@ -23,7 +23,6 @@ from drake_srg.planning.servoing.hand_motion import (
     behind,
     hand_twist,
     image_displacement,
-    joint_step,
     limited,
 )
 from drake_srg.planning.servoing.memory import Memory
@@ -98,7 +97,7 @@ class VisualServo(LeafSystem):
         arm: Kinematics of arm and hand.
         X_GC: Believed pose of the camera in the hand [m].
         axis_G: Direction of approach in the hand, a unit vector, shape (3,).
-        sighting: Model value of the input `sighting`.
+        goal: The camera's sighting with the hand at its goal.
         config: Gains and limits.
     """
 
@@ -107,12 +106,14 @@ class VisualServo(LeafSystem):
         arm: ServoArm,
         X_GC: RigidTransform,
         axis_G: Vector,
-        sighting: Sighting,
-        config: ServoConfig,
+        goal: Sighting,
+        config: ServoConfig | None = None,
     ) -> None:
         super().__init__()
+        config = config or ServoConfig()
         self._arm, self._X_GC = arm, X_GC
         self._axis_G = np.asarray(axis_G, dtype=float)
+        self.goal: Any = goal
         self.config = config
         self._command = self.DeclareAbstractInputPort(
             name="command", model_value=AbstractValue.Make(ServoCommand.PASS)
@@ -120,7 +121,7 @@ class VisualServo(LeafSystem):
         self._planned = self.DeclareVectorInputPort("position_planned", arm.num_joints)
         self._measured = self.DeclareVectorInputPort("arm_state", 2 * arm.num_joints)
         self._sighting = self.DeclareAbstractInputPort(
-            name="sighting", model_value=AbstractValue.Make(sighting)
+            name="sighting", model_value=AbstractValue.Make(type(goal)())
         )
         self._state = self.DeclareAbstractState(AbstractValue.Make(Memory()))
         ticket = self.abstract_state_ticket(self._state)
@@ -226,23 +227,13 @@ class VisualServo(LeafSystem):
 
     def _moved(self, memory: Memory, time: float) -> Memory:
         """Return the memory after a step of the arm."""
-        config, arm, q = self.config, self._arm, memory.status.q
-        wanted = self._wanted(memory, time)
+        config = self.config
         most = config.acceleration * config.period
-        step = wanted - memory.twist
+        step = self._wanted(memory, time) - memory.twist
         twist = memory.twist + np.concatenate(
             [limited(step[:3], most), limited(step[3:], _TURNING * most)]
         )
-        made = joint_step(
-            q,
-            arm.jacobian(q),
-            twist,
-            config.period,
-            least=_LEAST_JACOBIAN,
-            speed=arm.speed,
-            lower=arm.lower,
-            upper=arm.upper,
-        )
+        made = self._arm.step(memory.status.q, twist, config.period, _LEAST_JACOBIAN)
         return memory.stepped(made, twist, config)
 
     def _wanted(self, memory: Memory, time: float) -> Vector:
@@ -290,29 +281,17 @@ class PositionBasedServo(VisualServo):
         - status
 
     The ports are those of `VisualServo`; `sighting` is a PoseSighting. The error is the
-    object's position in the camera relative to that of `X_CO_goal`.
+    object's position in the camera relative to that of the goal.
 
-    Args: as of `VisualServo`, with the goal in place of a sighting.
-        X_CO_goal: Pose of the object in the camera with the hand at its goal [m].
+    Args: as of `VisualServo`; the goal is a PoseSighting.
     """
-
-    def __init__(
-        self,
-        arm: ServoArm,
-        X_GC: RigidTransform,
-        axis_G: Vector,
-        X_CO_goal: RigidTransform,
-        config: ServoConfig | None = None,
-    ) -> None:
-        config = config or ServoConfig()
-        super().__init__(arm, X_GC, axis_G, PoseSighting(), config)
-        self._p_CO_goal = X_CO_goal.translation()
 
     def goal_camera(self, sighting: PoseSighting) -> Vector | ServoFault:
         """Return the camera's goal in its present frame; see `VisualServo`."""
         if sighting.X_CO is None:
             return ServoFault.LOST
-        return sighting.X_CO.translation() - self._p_CO_goal
+        p_CO: Vector = sighting.X_CO.translation()
+        return p_CO - self.goal.X_CO.translation()
 
 
 class ImageBasedServo(VisualServo):
@@ -335,22 +314,9 @@ class ImageBasedServo(VisualServo):
     inverse of their interaction matrix (see `image_displacement`). If the matrix is
     nearly singular, the hand is held.
 
-    Args: as of `VisualServo`, with the goal in place of a sighting. Only the
-        orientation of the camera's believed pose matters.
-        goal: The points with the hand at its goal.
+    Args: as of `VisualServo`; the goal is a FeatureSighting. Only the orientation of
+        the camera's believed pose matters.
     """
-
-    def __init__(
-        self,
-        arm: ServoArm,
-        X_GC: RigidTransform,
-        axis_G: Vector,
-        goal: FeatureSighting,
-        config: ServoConfig | None = None,
-    ) -> None:
-        config = config or ServoConfig()
-        super().__init__(arm, X_GC, axis_G, FeatureSighting(), config)
-        self._goal = goal
 
     def goal_camera(self, sighting: FeatureSighting) -> Vector | ServoFault:
         """Return the camera's goal in its present frame; see `VisualServo`."""
@@ -359,8 +325,8 @@ class ImageBasedServo(VisualServo):
         found = image_displacement(
             sighting.points,
             sighting.depths,
-            self._goal.points,
-            self._goal.depths,
+            self.goal.points,
+            self.goal.depths,
             _LEAST_INTERACTION,
         )
         return found.x if found.least >= _LEAST_INTERACTION else ServoFault.SINGULAR

@@ -31,6 +31,7 @@ from drake_srg.robot.serve.action_server import (
     FollowJointTrajectory,
     GoalStatus,
     Service,
+    goal_fields,
     goal_id,
     goal_info,
 )
@@ -294,21 +295,7 @@ class GoalStream(ArmStream):
         trajectory = joint_trajectory(name, joints)
 
         def goal(make: MakeMessage, id: bytes, times: Vector, q: Vector) -> Any:
-            return {
-                "goal_id": goal_id(make, id),
-                "trajectory": trajectory.convert(make, 0.0, times, q),
-                "multi_dof_trajectory": make(
-                    "trajectory_msgs/msg/MultiDOFJointTrajectory",
-                    header=header(make, 0.0),
-                    joint_names=[],
-                    points=[],
-                ),
-                "path_tolerance": [],
-                "component_path_tolerance": [],
-                "goal_tolerance": [],
-                "component_goal_tolerance": [],
-                "goal_time_tolerance": duration(make, 0.0),
-            }
+            return goal_fields(make, id, trajectory.convert(make, 0.0, times, q))
 
         action = FollowJointTrajectory(name)
         self._send = ServiceClient[_Goal](node, action.send_goal, goal, self._answered)

@@ -242,7 +242,6 @@ class Robot:
     Attributes:
         scenario: The scenario that runs on the hardware, with this arm alone.
         arm_joints: Names of the arm's joints in messages, in the order of its ports.
-        arm_limits: Least and greatest position of each, shape (N,) [rad or m].
         nodes: ROS nodes, which drivers share.
         shared: Whatever else drivers share, such as a bus; empty at first.
         own: The arm, by its name if the scenario has several.
@@ -250,7 +249,6 @@ class Robot:
 
     scenario: Scenario
     arm_joints: tuple[str, ...]
-    arm_limits: tuple[Vector, Vector]
     warnings: Warnings
     nodes: Nodes
     shared: dict[Any, Any] = dc.field(default_factory=dict)

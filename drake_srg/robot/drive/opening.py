@@ -29,7 +29,6 @@ from drake_srg.robot.serve.commands import (
     PortValues,
     Warnings,
     arm_joint_names,
-    joint_limits,
     port_of,
 )
 from drake_srg.robot.serve.loop import control_period
@@ -214,7 +213,6 @@ def MakeRobots(
                 scenario, arms={}, arm=own.arm, gripper=own.gripper, safety=own.safety
             ),
             tuple(arm_joint_names(plant, own)),
-            joint_limits(plant, own.arm_model),
             warnings,
             nodes,
             shared,

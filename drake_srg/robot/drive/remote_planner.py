@@ -21,7 +21,7 @@ from drake_srg.planning.servoing.config import ServoCommand, ServoStatus
 from drake_srg.planning.servoing.tracker import Sighting
 from drake_srg.robot.serve.commands import PortValues, port_of
 from drake_srg.scenario import RobotArm
-from drake_srg.types import AnyMode, Failure, Mode, PlannerStatus, Vector
+from drake_srg.types import Failure, Mode, PlannerStatus, Vector
 
 
 @dc.dataclass(frozen=True)
@@ -61,11 +61,6 @@ class Answer:
     planning_wall: float = 0.0
     arm: str = ""
     joints: slice = dc.field(default_factory=lambda: slice(None))
-
-    @property
-    def mode(self) -> AnyMode:
-        """The planner's mode."""
-        return self.status.mode
 
 
 @dc.dataclass(frozen=True)

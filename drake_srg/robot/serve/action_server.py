@@ -24,7 +24,7 @@ import numpy as np
 from pydrake.multibody.plant import MultibodyPlant
 
 from drake_srg.arm.reference import trajectory_piece
-from drake_srg.recording.rosbag import MakeMessage, Topic, stamp
+from drake_srg.recording.rosbag import MakeMessage, Topic, header, stamp
 from drake_srg.robot.serve.bridge import Outlet
 from drake_srg.robot.serve.commands import (
     ONE_ARM,
@@ -169,6 +169,26 @@ def goal_info(make: MakeMessage, id: bytes, time: float) -> Any:
         goal_id=goal_id(make, id),
         stamp=stamp(make, time),
     )
+
+
+def goal_fields(make: MakeMessage, id: bytes, trajectory: Any) -> dict[str, Any]:
+    """Return the fields of a request to follow a trajectory, without tolerances."""
+    nothing = make(
+        "trajectory_msgs/msg/MultiDOFJointTrajectory",
+        header=header(make, 0.0),
+        joint_names=[],
+        points=[],
+    )
+    return {
+        "goal_id": goal_id(make, id),
+        "trajectory": trajectory,
+        "multi_dof_trajectory": nothing,
+        "path_tolerance": [],
+        "component_path_tolerance": [],
+        "goal_tolerance": [],
+        "component_goal_tolerance": [],
+        "goal_time_tolerance": make("builtin_interfaces/msg/Duration", 0, 0),
+    }
 
 
 def with_actions(store: Any) -> Any:

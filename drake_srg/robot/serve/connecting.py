@@ -4,10 +4,8 @@ import contextlib
 import dataclasses as dc
 import os
 import re
-import select
 import signal
 import termios
-import threading
 import tty
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
@@ -17,6 +15,7 @@ from drake_srg.config import Config
 from drake_srg.recording.rosbag import Topic
 from drake_srg.robot.serve.bridge import Bridge
 from drake_srg.robot.serve.commands import CommandInbox
+from drake_srg.robot.serve.sockets import IoThread
 from drake_srg.scenario import Scenario
 from drake_srg.scenario.schema import check_single_arm
 
@@ -45,10 +44,8 @@ class KeyboardBridge(Bridge):
         self._inbox, self._terminal = inbox, terminal
         self._before = termios.tcgetattr(terminal)
         tty.setcbreak(terminal)
-        self._end, self._closing = os.pipe()
-        self._lock, self._open = threading.Lock(), True
-        self._thread = threading.Thread(target=self._run, name="keys", daemon=True)
-        self._thread.start()
+        self._io = IoThread("keys")
+        self._io.post(self._io.loop.add_reader, terminal, self._read)
 
     @property
     def status(self) -> str:
@@ -62,33 +59,25 @@ class KeyboardBridge(Bridge):
 
     def close(self) -> None:
         """Give the terminal back. A second call does nothing."""
-        with self._lock:
-            if not self._open:
-                return
-            self._open = False
-        os.close(self._closing)
-        self._thread.join()
-        os.close(self._end)
+        if self._io.loop.is_closed():
+            return
+        self._io.stop()
         # In the background, the signal would stop the whole process.
         mask = signal.pthread_sigmask(signal.SIG_BLOCK, [signal.SIGTTOU])
         with contextlib.suppress(termios.error):  # the terminal is gone
             termios.tcsetattr(self._terminal, termios.TCSADRAIN, self._before)
         signal.pthread_sigmask(signal.SIG_SETMASK, mask)
 
-    def _run(self) -> None:
-        while True:
-            ready, _, _ = select.select([self._terminal, self._end], [], [])
-            if self._end in ready:
-                return
-            try:
-                typed = os.read(self._terminal, 64)
-            except OSError:  # the terminal is gone
-                return
-            if not typed:
-                return
-            for key in typed.decode(errors="ignore"):
-                for topic, data in _KEYS.get(key, ()):
-                    self._inbox.receive(topic, data)
+    def _read(self) -> None:
+        try:
+            typed = os.read(self._terminal, 64)
+        except OSError:  # the terminal is gone
+            typed = b""
+        if not typed:
+            self._io.loop.remove_reader(self._terminal)
+        for key in typed.decode(errors="ignore"):
+            for topic, data in _KEYS.get(key, ()):
+                self._inbox.receive(topic, data)
 
 
 def own_terminal(stream: object) -> int | None:

@@ -10,7 +10,6 @@ import socket
 import struct
 import threading
 from collections.abc import Callable, Coroutine
-from concurrent import futures
 from concurrent.futures import Future
 from typing import Any, TypeVar
 
@@ -122,7 +121,7 @@ class IoThread:
         future = asyncio.run_coroutine_threadsafe(coroutine, self.loop)
         try:
             return future.result(timeout)
-        except futures.TimeoutError:  # a class of its own up to Python 3.10
+        except TimeoutError:
             future.cancel()
             raise TimeoutError(f"not done within {timeout:g} s") from None
 

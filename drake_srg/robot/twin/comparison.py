@@ -89,9 +89,9 @@ class TwinMonitor(LeafSystem):
         input_ports:
         - arm_state
         - arm_state_measured
-        - torque_measured
-        - external_felt
-        - external_expected
+        - arm_torque_measured
+        - arm_external_felt
+        - arm_external_expected
         - gripper_state
         - gripper_state_measured
         - object_error
@@ -106,17 +106,19 @@ class TwinMonitor(LeafSystem):
     The states [q; v] (2N, 2n) are those of the twin and of the robot [rad, rad/s], and
     `object_error` (m) is in m. A NaN is a measurement that nobody tells, and no
     difference. `joint_error` (N) and `finger_error` (n) are measured minus twin [rad].
+    Inputs of several arms begin with the names of their models in place of `arm` and
+    `gripper`; outputs have those of all arms, one after the other.
 
     Torques (N) are in N m. The motors must bring up what the measured motion needs by
     inverse dynamics, less the torques from outside:
 
-        torque_measured = needed - external_felt,
-        torque_expected = needed - external_expected,
-        torque_residual = torque_measured - torque_expected.
+        arm_torque_measured = needed - arm_external_felt,
+        torque_expected = needed - arm_external_expected,
+        torque_residual = arm_torque_measured - torque_expected.
 
-    So `external_felt` are the external torques that explain the measurement (see
-    `ExternalTorqueObserver`), and `external_expected` those of the contacts that the
-    twin simulates, such as the weight of a carried object.
+    So `arm_external_felt` are the external torques that explain the measurement (see
+    `ExternalTorqueObserver`), and `arm_external_expected` those of the contacts that
+    the twin simulates, such as the weight of a carried object.
 
     `difference` (4) has the largest of each of `KINDS`: joints [rad], torques [share of
     the effort limit] while the arm is still, else 0, fingers [rad], objects [m]; all of
@@ -126,8 +128,8 @@ class TwinMonitor(LeafSystem):
     limit, else 0.
 
     Args:
-        effort_limits: Of the arm's joints, shape (N,) [N m].
-        fingers: Number n of finger joints.
+        efforts: Limits of the joints (N,) [N m], by the name of the arm's model.
+        fingers: Number n of finger joints, by the name of the gripper's model.
         objects: Number m of objects.
         period: Time between samples [s].
     """
@@ -135,44 +137,45 @@ class TwinMonitor(LeafSystem):
     def __init__(
         self,
         config: TwinConfig,
-        effort_limits: Vector,
-        fingers: int,
+        efforts: Mapping[str, Vector],
+        fingers: Mapping[str, int],
         objects: int,
         period: float,
     ) -> None:
         super().__init__()
-        self._config, self._efforts = config, np.array(effort_limits)
-        n = len(self._efforts)
+        self._config, self._efforts = config, np.concatenate([*efforts.values()])
         self._limits = np.array([getattr(config, kind) for kind in KINDS])
         patience, still = config.patience, config.still_time
         self._patience = np.array([patience, still, patience, patience])
-        self._n, self._fingers = n, fingers
+        self._arms, self._hands = tuple(efforts), tuple(fingers)
+        joints = {name: len(limits) for name, limits in efforts.items()}
+        states = ("state", "state_measured")
+        torques = ("torque_measured", "external_felt", "external_expected")
+        sizes = {
+            f"{model}_{name}": 2 * n
+            for model, n in {**joints, **fingers}.items()
+            for name in states
+        }
+        sizes |= {f"{arm}_{name}": n for arm, n in joints.items() for name in torques}
         self._inputs = {
             name: self.DeclareVectorInputPort(name=name, size=size)
-            for name, size in (
-                ("arm_state", 2 * n),
-                ("arm_state_measured", 2 * n),
-                ("torque_measured", n),
-                ("external_felt", n),
-                ("external_expected", n),
-                ("gripper_state", 2 * fingers),
-                ("gripper_state_measured", 2 * fingers),
-                ("object_error", objects),
-            )
+            for name, size in {**sizes, "object_error": objects}.items()
         }
         # Since when the arm is still, and each difference exceeds its limit [s].
         self._still_since = int(self.DeclareDiscreteState([np.inf]))
         self._since = int(self.DeclareDiscreteState(np.full(len(KINDS), np.inf)))
-        arm = ("arm_state", "arm_state_measured")
-        torque = ("torque_measured", "external_felt", "external_expected")
-        hand = ("gripper_state", "gripper_state_measured")
-        for name, size, calc, needs in (
-            ("joint_error", n, self._calc_joint_error, arm),
-            ("torque_expected", n, self._calc_expected, torque),
-            ("torque_residual", n, self._calc_residual, torque),
-            ("finger_error", fingers, self._calc_finger_error, hand),
+        n, m = len(self._efforts), sum(fingers.values())
+        for name, size, calc, models, needs in (
+            ("joint_error", n, self._calc_joint_error, self._arms, states),
+            ("torque_expected", n, self._calc_expected, self._arms, torques),
+            ("torque_residual", n, self._calc_residual, self._arms, torques),
+            ("finger_error", m, self._calc_finger_error, self._hands, states),
         ):
-            tickets = {self._inputs[port].ticket() for port in needs}
+            tickets = {
+                self._inputs[f"{model}_{need}"].ticket()
+                for model in models
+                for need in needs
+            }
             self.DeclareVectorOutputPort(
                 name=name, size=size, calc=calc, prerequisites_of_calc=tickets
             )
@@ -183,34 +186,44 @@ class TwinMonitor(LeafSystem):
             self._shown[name] = int(index)
         self.DeclarePeriodicDiscreteUpdateEvent(period, 0.0, self._update)
 
-    def _eval(self, context: Context, name: str) -> Vector:
-        values: Vector = self._inputs[name].Eval(context)
-        return values
+    def _torques(self, context: Context, name: str) -> Vector:
+        """Return what an input says of all arms' joints, shape (N,)."""
+        ports = [self._inputs[f"{arm}_{name}"] for arm in self._arms]
+        return np.concatenate([port.Eval(context) for port in ports])
 
-    def _error(self, context: Context, name: str, n: int) -> Vector:
-        measured = self._eval(context, f"{name}_measured")[:n]
-        error: Vector = measured - self._eval(context, name)[:n]
+    def _halves(
+        self, context: Context, models: Sequence[str], name: str
+    ) -> tuple[Vector, Vector]:
+        """Return q and v of several models."""
+        states = [self._inputs[f"{model}_{name}"].Eval(context) for model in models]
+        halves = zip(*(np.split(state, 2) for state in states), strict=True)
+        q, v = (np.concatenate(half) for half in halves)
+        return q, v
+
+    def _error(self, context: Context, models: Sequence[str]) -> Vector:
+        measured, _ = self._halves(context, models, "state_measured")
+        error: Vector = measured - self._halves(context, models, "state")[0]
         return error
 
     def _calc_joint_error(self, context: Context, output: BasicVector) -> None:
-        output.SetFromVector(self._error(context, "arm_state", self._n))
+        output.SetFromVector(self._error(context, self._arms))
 
     def _residual(self, context: Context) -> Vector:
         felt, expected = (
-            self._eval(context, f"external_{name}") for name in ("felt", "expected")
+            self._torques(context, f"external_{name}") for name in ("felt", "expected")
         )
-        told = np.isfinite(self._eval(context, "torque_measured"))
+        told = np.isfinite(self._torques(context, "torque_measured"))
         return np.where(told, expected - felt, np.nan)
 
     def _calc_expected(self, context: Context, output: BasicVector) -> None:
-        measured = self._eval(context, "torque_measured")
+        measured = self._torques(context, "torque_measured")
         output.SetFromVector(measured - self._residual(context))
 
     def _calc_residual(self, context: Context, output: BasicVector) -> None:
         output.SetFromVector(self._residual(context))
 
     def _calc_finger_error(self, context: Context, output: BasicVector) -> None:
-        output.SetFromVector(self._error(context, "gripper_state", self._fingers))
+        output.SetFromVector(self._error(context, self._hands))
 
     def _differences(self, context: Context) -> Vector:
         (still_since,) = context.get_discrete_state(self._still_since).value()
@@ -218,16 +231,16 @@ class TwinMonitor(LeafSystem):
         shares = self._residual(context) / self._efforts
         return np.array(
             [
-                _largest(self._error(context, "arm_state", self._n)),
+                _largest(self._error(context, self._arms)),
                 _largest(shares) if still else 0.0,
-                _largest(self._error(context, "gripper_state", self._fingers)),
-                _largest(self._eval(context, "object_error")),
+                _largest(self._error(context, self._hands)),
+                _largest(self._inputs["object_error"].Eval(context)),
             ]
         )
 
     def _update(self, context: Context, discrete_state: DiscreteValues) -> None:
         config, time = self._config, context.get_time()
-        speed = self._eval(context, "arm_state_measured")[self._n :]
+        _, speed = self._halves(context, self._arms, "state_measured")
         (still_since,) = context.get_discrete_state(self._still_since).value()
         still = (np.abs(speed) <= config.still_speed).all()
         difference = self._differences(context)

@@ -32,23 +32,33 @@ from drake_srg.types import Vector
 
 
 @dc.dataclass(frozen=True)
+class ToldArm:
+    """The latest messages of an arm and its gripper.
+
+    Attributes:
+        state: [q; v] of its joints, shape (2N,) [rad, rad/s].
+        torque: Of these joints, shape (N,) [N m]; NaN: not told.
+        fingers: [q; v] of its fingers, shape (2n,); NaN: not told.
+        closure: Command to its gripper, 0 open .. 1 closed; None: not told.
+    """
+
+    state: Vector
+    torque: Vector
+    fingers: Vector
+    closure: float | None = None
+
+
+@dc.dataclass(frozen=True)
 class Told:
     """A robot's latest messages. Times are by its clock.
 
     Attributes:
-        stamp: Time of the arm's state [s].
-        arm_state: [q; v] of all arms' joints, shape (2N,) [rad, rad/s].
-        arm_torque: Of these joints, shape (N,) [N m]; NaN: not told.
-        gripper_state: [q; v] of all fingers, shape (2n,); NaN: not told.
-        closures: Command to each gripper, 0 open .. 1 closed; None: not told.
+        stamp: Time of the arms' states [s].
         sightings: Of objects, since the last call of `Listener.take`.
     """
 
     stamp: float
-    arm_state: Vector
-    arm_torque: Vector
-    gripper_state: Vector
-    closures: tuple[float | None, ...] = ()
+    arms: tuple[ToldArm, ...]
     sightings: tuple[Sighting, ...] = ()
 
 
@@ -159,26 +169,16 @@ class Listener:
                 arm.new = None
             self.heard_at = wall.monotonic()
             seen, self._sightings = tuple(self._sightings), []
-            stamps, states, torques = zip(*new, strict=True)
-            return Told(
-                max(stamps),
-                _both_halves(states),
-                np.concatenate(torques),
-                _both_halves([arm.gripper_state for arm in self._heard]),
-                tuple(arm.closure for arm in self._heard),
-                seen,
+            arms = tuple(
+                ToldArm(state, torque, arm.gripper_state, arm.closure)
+                for (_, state, torque), arm in zip(new, self._heard, strict=True)
             )
+            return Told(max(stamp for stamp, _, _ in new), arms, seen)
 
     def _receive_blobs(self, message: Any) -> None:
         seen = read_blobs(message.data)
         with self._lock:
             self._sightings += seen
-
-
-def _both_halves(states: Sequence[Vector]) -> Vector:
-    """Return states [q; v] as one, with the q of all and then the v of all."""
-    halves = [np.split(state, 2) for state in states]
-    return np.concatenate([half[i] for i in (0, 1) for half in halves])
 
 
 # An object that is nearer to the hand's grasp centre is left to contact [m]: half a
@@ -313,12 +313,10 @@ class TwinLoop:
         self._robots = robot_arms(scenario)
         self._efforts, self._joints = list[float](), list[str]()
         self._finger_joints = list[str]()
-        for robot in self._robots:
+        for robot, told in zip(self._robots, first.arms, strict=True):
             arm = plant.GetModelInstanceByName(robot.arm_model)
             efforts = [a.effort_limit() for a in model_actuators(plant, arm)]
-            begin = len(self._efforts)
-            q = first.arm_state[begin : begin + len(efforts)]
-            plant.SetPositions(plant_context, arm, q)
+            plant.SetPositions(plant_context, arm, told.state[: len(efforts)])
             whose = f" of {robot.name}" if robot.name else ""
             fingers = robot.gripper.joint_names if robot.gripper else ()
             self._efforts += efforts
@@ -335,7 +333,7 @@ class TwinLoop:
         self._parted = np.zeros(len(KINDS), dtype=bool)
         self.partings: list[Parting] = []
         self.largest, self.skipped = np.zeros(len(KINDS)), 0.0
-        self._fix(first.arm_state, first)
+        self._fix(first, first, 0.0)
         with failure_time(name, self._simulator):
             self._simulator.Initialize()
         self._advance = MakeAdvance(self._simulator, twin, scenario)
@@ -377,9 +375,7 @@ class TwinLoop:
         self._place(told)
         while (self._steps + 1) * self._period <= end + _ROUNDING:
             share = (self.time - begin) / max(end - begin, self._period)
-            share = min(max(share, 0.0), 1.0)
-            state = (1.0 - share) * last.arm_state + share * told.arm_state
-            self._fix(state, told)
+            self._fix(last, told, min(max(share, 0.0), 1.0))
             self._steps += 1
             with failure_time(self._name, self._simulator):
                 self._advance(self._steps * self._period)
@@ -399,17 +395,22 @@ class TwinLoop:
         }
         self._placing.place(told.sightings, parted, self.time)
 
-    def _fix(self, arm_state: Vector, told: Told) -> None:
+    def _fix(self, last: Told, told: Told, share: float) -> None:
+        """Set the twin's inputs, a share of the way between two messages."""
         values: dict[str, Any] = {
-            "robot.arm_state": arm_state,
-            "robot.arm_torque": told.arm_torque,
-            "robot.arm_torque_or_zero": np.nan_to_num(told.arm_torque),
-            "robot.gripper_state": told.gripper_state,
             "robot.sightings": AbstractValue.Make(tuple(self._seen.values())),
             "robot.placed_at": AbstractValue.Make(dict(self._placing.placed_at)),
         }
-        for robot, closure in zip(self._robots, told.closures, strict=True):
-            values[f"{robot.gripper_model}.closure_commanded"] = [closure or 0.0]
+        arms = zip(self._robots, last.arms, told.arms, strict=True)
+        for robot, before, now in arms:
+            arm, gripper = robot.arm_model, robot.gripper_model
+            values |= {
+                f"robot.{arm}_state": (1.0 - share) * before.state + share * now.state,
+                f"robot.{arm}_torque": now.torque,
+                f"robot.{arm}_torque_or_zero": np.nan_to_num(now.torque),
+                f"robot.{gripper}_state": now.fingers,
+                f"{gripper}.closure_commanded": [now.closure or 0.0],
+            }
         for name, value in values.items():
             self._twin.GetInputPort(name).FixValue(self._own, value)
 

@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 import dataclasses as dc
-from collections.abc import Callable, Mapping, Sequence
-from typing import TypeAlias
+from collections.abc import Callable
 
 import numpy as np
 from pydrake.systems.framework import (
@@ -13,8 +12,9 @@ from pydrake.systems.framework import (
     Diagram,
     DiagramBuilder,
     DiscreteValues,
+    InputPort,
 )
-from pydrake.systems.primitives import PassThrough, Selector, SelectorParams
+from pydrake.systems.primitives import PassThrough
 
 from drake_srg.arm.driver import ArmDriver
 from drake_srg.arm.external_torque import ExternalTorqueObserver
@@ -28,7 +28,7 @@ from drake_srg.common.systems import (
 from drake_srg.lifetime import LeafSystem
 from drake_srg.robot.serve.loop import control_period
 from drake_srg.robot.twin.comparison import ObjectComparison, TwinMonitor
-from drake_srg.scenario import RobotArm, Scenario, robot_arms
+from drake_srg.scenario import Scenario, robot_arms
 from drake_srg.station import MakeStation
 from drake_srg.station.plant import MakeModelsPlant
 from drake_srg.types import Vector
@@ -129,10 +129,11 @@ def MakeTwin(scenario: Scenario) -> Diagram:
     The arm follows `robot.arm_state` by its own driver: within the limits of its
     motors, and as far as nothing is in its way. Fingers and objects are simulated:
     `gripper.closure_commanded` (1) moves the fingers, contact the objects. The inputs
-    `robot.NAME` are measurements, each of all arms, one after the other; of states
-    [q; v], q has the joints of all. See `TwinMonitor` and `ObjectComparison`. NaN is a
+    `robot.NAME` are measurements, see `TwinMonitor` and `ObjectComparison`. NaN is a
     measurement that nobody tells, but for the arm's state, and for
-    `robot.arm_torque_or_zero` (N), which has zeros in its place. The subsystem
+    `robot.arm_torque_or_zero` (N), which has zeros in its place. With `arms`, ports of
+    an arm and its gripper have their names, such as `robot.left_state` and
+    `robot.left.gripper_state`; outputs `twin.NAME` are those of all. The subsystem
     `station` is the station, without cameras, safety monitor and disturbances.
 
     Raises:
@@ -160,34 +161,43 @@ def AddTwin(
     grippers = [robot.gripper for robot in robots if robot.gripper is not None]
     if not len(arms) == len(grippers) == len(robots):
         raise ScenarioError("twin: the scenario needs an arm and a gripper")
-    joints, fingers = (
-        [len(a.home) for a in arms],
-        [len(g.joint_names) for g in grippers],
-    )
     station = builder.AddNamedSystem("station", make_station(_followed(scenario)))
     export_outputs(builder, station)
     commands, models = input_ports(station), MakeModelsPlant(scenario)
-    own = builder.AddNamedSystem("measured_by_arm", _split(robots, joints))
-    every = builder.AddNamedSystem("measured_by_twin", _joined(robots, joints, fingers))
     names = [name for name, config in scenario.objects.items() if config.present]
     objects = builder.AddNamedSystem(
         "object_comparison", ObjectComparison(names, period)
     )
-    efforts = [
-        actuator.effort_limit()
-        for robot in robots
-        for actuator in model_actuators(
-            models, models.GetModelInstanceByName(robot.arm_model)
+    efforts = {
+        robot.arm_model: np.array(
+            [
+                actuator.effort_limit()
+                for actuator in model_actuators(
+                    models, models.GetModelInstanceByName(robot.arm_model)
+                )
+            ]
         )
-    ]
+        for robot in robots
+    }
+    fingers = {
+        robot.gripper_model: len(robot.gripper.joint_names)
+        for robot in robots
+        if robot.gripper is not None
+    }
     monitor = builder.AddNamedSystem(
         "twin_monitor",
-        TwinMonitor(scenario.twin, np.array(efforts), sum(fingers), len(names), period),
+        TwinMonitor(scenario.twin, efforts, fingers, len(names), period),
     )
-    for robot, size in zip(robots, joints, strict=True):
+
+    def take(name: str, first: InputPort, *others: InputPort) -> None:
+        builder.ExportInput(first, f"robot.{name}")
+        for other in others:
+            builder.ConnectInput(f"robot.{name}", other)
+
+    for robot in robots:
         arm, gripper = robot.arm_model, robot.gripper_model
         following = builder.AddNamedSystem(
-            robot.system("following"), LagCompensation(size, period)
+            robot.system("following"), LagCompensation(len(efforts[arm]), period)
         )
         closure = builder.AddNamedSystem(
             robot.system("closure_commanded"), PassThrough(1)
@@ -208,107 +218,32 @@ def AddTwin(
         hand = station.GetOutputPort(f"{gripper}.state_measured")
         expected = station.GetOutputPort(f"{arm}.external_torque")
         for output, system, input in (
-            (own.GetOutputPort(f"{arm}_state"), following, "state_measured"),
             (state, following, "state"),
-            (own.GetOutputPort(f"{arm}_state"), observer, f"{arm}_state"),
             # The robot may not publish its fingers' angles; the twin's weigh as much.
             (hand, observer, f"{gripper}_state"),
-            (own.GetOutputPort(f"{arm}_torque"), observer, "torque"),
-            (state, every, f"{arm}_state"),
-            (hand, every, f"{gripper}_state"),
-            (observer.get_output_port(), every, f"{arm}_felt"),
-            (expected, every, f"{arm}_expected"),
+            (state, monitor, f"{arm}_state"),
+            (hand, monitor, f"{gripper}_state"),
+            (observer.get_output_port(), monitor, f"{arm}_external_felt"),
+            (expected, monitor, f"{arm}_external_expected"),
         ):
             builder.Connect(output, system.GetInputPort(input))
-    for output, system, input in (
-        (every.GetOutputPort("arm_state"), monitor, "arm_state"),
-        (every.GetOutputPort("gripper_state"), monitor, "gripper_state"),
-        (every.GetOutputPort("felt"), monitor, "external_felt"),
-        (every.GetOutputPort("expected"), monitor, "external_expected"),
-        (objects.get_output_port(), monitor, "object_error"),
-        (station.GetOutputPort("object_poses_cheat"), objects, "object_poses"),
-    ):
-        builder.Connect(output, system.GetInputPort(input))
-    for name, targets in (
-        ("arm_state", [(own, "arm_state"), (monitor, "arm_state_measured")]),
-        ("arm_torque", [(monitor, "torque_measured")]),
-        ("arm_torque_or_zero", [(own, "torque")]),
-        ("gripper_state", [(monitor, "gripper_state_measured")]),
-        ("sightings", [(objects, "sightings")]),
-        ("placed_at", [(objects, "placed_at")]),
-    ):
-        first, *others = [system.GetInputPort(input) for system, input in targets]
-        builder.ExportInput(first, f"robot.{name}")
-        for other in others:
-            builder.ConnectInput(f"robot.{name}", other)
+        take(
+            f"{arm}_state",
+            following.GetInputPort("state_measured"),
+            observer.GetInputPort(f"{arm}_state"),
+            monitor.GetInputPort(f"{arm}_state_measured"),
+        )
+        take(f"{arm}_torque", monitor.GetInputPort(f"{arm}_torque_measured"))
+        take(f"{arm}_torque_or_zero", observer.GetInputPort("torque"))
+        take(f"{gripper}_state", monitor.GetInputPort(f"{gripper}_state_measured"))
+    builder.Connect(objects.get_output_port(), monitor.GetInputPort("object_error"))
+    poses = station.GetOutputPort("object_poses_cheat")
+    builder.Connect(poses, objects.GetInputPort("object_poses"))
+    for name in ("sightings", "placed_at"):
+        take(name, objects.GetInputPort(name))
     for system in (objects, monitor):
         for name, output in output_ports(system).items():
             builder.ExportOutput(output, f"twin.{name}")
-
-
-# Entries of a port, as (input port, its entry).
-_Entries: TypeAlias = list[tuple[str, int]]
-
-
-def _selector(inputs: Mapping[str, int], outputs: Mapping[str, _Entries]) -> Selector:
-    """Return a system whose outputs are entries of its inputs, given by their sizes."""
-    order, kinds = list(inputs), SelectorParams
-    return Selector(
-        SelectorParams(
-            inputs=[kinds.InputPortParams(name=k, size=n) for k, n in inputs.items()],
-            outputs=[
-                kinds.OutputPortParams(
-                    name=name,
-                    selections=[
-                        kinds.OutputSelection(
-                            input_port_index=order.index(port), input_offset=i
-                        )
-                        for port, i in entries
-                    ],
-                )
-                for name, entries in outputs.items()
-            ],
-        )
-    )
-
-
-def _split(robots: Sequence[RobotArm], joints: Sequence[int]) -> Selector:
-    """Return a system that gives each arm its own of what is measured of all."""
-    n, outputs, begin = sum(joints), dict[str, _Entries](), 0
-    for robot, size in zip(robots, joints, strict=True):
-        own = range(begin, begin + size)
-        both = [*own, *(n + i for i in own)]
-        outputs[f"{robot.arm_model}_state"] = [("arm_state", i) for i in both]
-        outputs[f"{robot.arm_model}_torque"] = [("torque", i) for i in own]
-        begin += size
-    return _selector({"arm_state": 2 * n, "torque": n}, outputs)
-
-
-def _joined(
-    robots: Sequence[RobotArm], joints: Sequence[int], fingers: Sequence[int]
-) -> Selector:
-    """Return a system that puts together what the twin has for each arm."""
-    arms = [robot.arm_model for robot in robots]
-    sizes = dict(zip(arms, joints, strict=True))
-    hands = [robot.gripper_model for robot in robots]
-    of_hands = dict(zip(hands, fingers, strict=True))
-    inputs = {f"{name}_state": 2 * k for name, k in (sizes | of_hands).items()}
-    inputs |= {f"{arm}_{kind}": k for arm, k in sizes.items() for kind in _TORQUES}
-    outputs = {
-        name: [
-            (f"{model}_state", half * k + i)
-            for half in (0, 1)
-            for model, k in parts.items()
-            for i in range(k)
-        ]
-        for name, parts in (("arm_state", sizes), ("gripper_state", of_hands))
-    }
-    for kind in _TORQUES:
-        outputs[kind] = [(f"{a}_{kind}", i) for a, k in sizes.items() for i in range(k)]
-    return _selector(inputs, outputs)
-
-
-_TORQUES = ("felt", "expected")
 
 
 def twin_period(scenario: Scenario) -> float:

@@ -10,7 +10,7 @@ from pydrake.geometry import (
     Box,
     ProximityProperties,
 )
-from pydrake.math import RigidTransform
+from pydrake.math import RigidTransform, RotationMatrix
 from pydrake.multibody.plant import (
     AddMultibodyPlant,
     CoulombFriction,
@@ -201,14 +201,7 @@ def test_a_pinch_that_cannot_carry_the_weight_resists_nothing():
 @HULLS
 @given(st.floats(5.0, 50.0))
 def test_turning_the_world_changes_nothing(force):
-    angle = 0.7
-    R = np.array(
-        [
-            [np.cos(angle), -np.sin(angle), 0],
-            [np.sin(angle), np.cos(angle), 0],
-            [0, 0, 1],
-        ]
-    )
+    R = RotationMatrix.MakeZRotation(0.7).matrix()
     turned = [
         dc.replace(p, p_W=p.p_W @ R.T, n_W=p.n_W @ R.T, f_W=R @ p.f_W)
         for p in pinch(force=force)

@@ -32,29 +32,27 @@ def test_extents():
 @given(tangent=st.floats(0.0, 1.0), half=st.floats(0.03, 0.05))
 def test_the_lean_of_flanks(tangent, half):
     """A ridge whose flanks lean by an angle of a known tangent."""
-    with np.errstate(divide="ignore"):
-        height = np.clip((half - np.abs(S)) / max(tangent, 1e-9), 0.0, 0.05)
-    strip, tip, top = height[None].astype(np.float32), np.zeros(1), np.array([0.05])
-    low, high, _ = extent(strip > 0.0, S)
-    for end, inwards in ((low, 1), (high, -1)):
-        lean = lean_of(strip, tip, top, end, inwards, STEP)[0]
+    for lean in leans(tangent, half, tip=0.0, top=0.05, from_height=0.0):
         # Both ends are found to one step of 2 mm, over a rise of 12 mm.
         assert tangent - 0.34 < lean < tangent + 0.01
+
+
+def leans(tangent, half, tip, top, from_height):
+    """Return the leans of both flanks of a ridge, which counts from a height on."""
+    height = np.clip((half - np.abs(S)) / max(tangent, 1e-9), 0.0, top)
+    strip, tip, top = height[None].astype(np.float32), np.full(1, tip), np.full(1, top)
+    low, high, _ = extent(strip > from_height, S)
+    return [
+        lean_of(strip, tip, top, end, inwards, STEP)[0]
+        for end, inwards in ((low, 1), (high, -1))
+    ]
 
 
 @given(tangent=st.floats(0.0, 1.0))
 def test_the_flanks_of_low_things_lean_from_the_fingers_ends_up(tangent):
     """Fingers slipped off the bowl of a spoon that lay upside down."""
-    with np.errstate(divide="ignore"):
-        height = np.clip((0.025 - np.abs(S)) / max(tangent, 1e-9), 0.0, 0.011)
-    strip, tip, top = (
-        height[None].astype(np.float32),
-        np.full(1, 0.002),
-        np.full(1, 0.011),
-    )
-    low, high, _ = extent(strip > 0.005, S)  # what counts as between the pads
-    for end, inwards in ((low, 1), (high, -1)):
-        lean = lean_of(strip, tip, top, end, inwards, STEP)[0]
+    # What counts as between the pads is above 5 mm.
+    for lean in leans(tangent, 0.025, tip=0.002, top=0.011, from_height=0.005):
         # To a step of 2 mm at both ends, over a rise of 7.2 mm.
         assert tangent - 0.56 < lean < tangent + 0.28
 

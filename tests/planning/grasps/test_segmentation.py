@@ -9,14 +9,19 @@ from drake_srg.types import HeightMap
 TABLE = 0.5
 
 
+def segmentation(height, origin=(0.0, 0.0)):
+    """Return the segmentation of heights in cells of 2 mm [m]."""
+    map_ = HeightMap(np.array(origin), 0.002, height)
+    return Segmentation.of(map_, TABLE, least_height=0.004, least_area=6e-5)
+
+
 def segmented(*boxes, noise=0.0):
     """Return a map with boxes (x0, x1, y0, y1, height) in cells of 2 mm [m]."""
     height = np.full((80, 100), TABLE)
     height += np.random.default_rng(0).normal(0.0, noise, height.shape)
     for x0, x1, y0, y1, tall in boxes:
         height[y0:y1, x0:x1] += tall
-    map_ = HeightMap(np.array([1.0, 2.0]), 0.002, height)
-    return Segmentation.of(map_, TABLE, least_height=0.004, least_area=6e-5)
+    return segmentation(height, (1.0, 2.0))
 
 
 def test_things_and_their_sizes():
@@ -63,8 +68,7 @@ def test_one_thing_alone():
 
 
 def test_the_unknown_is_level():
-    map_ = HeightMap(np.zeros(2), 0.002, np.full((20, 20), np.nan))
-    found = Segmentation.of(map_, TABLE, least_height=0.004, least_area=6e-5)
+    found = segmentation(np.full((20, 20), np.nan))
     assert found.unknown.all()
     np.testing.assert_array_equal(found.above, 0.0)
     assert found.things == ()
@@ -89,8 +93,7 @@ def discs(*circles):
     height = np.full(x.shape, TABLE)
     for x0, y0, radius, tall in circles:
         height[np.hypot(x - x0, y - y0) < radius] = TABLE + tall
-    map_ = HeightMap(np.zeros(2), 0.002, height)
-    return Segmentation.of(map_, TABLE, least_height=0.004, least_area=6e-5)
+    return segmentation(height)
 
 
 def test_a_ball_beside_a_plate_has_a_middle_of_its_own():
@@ -152,8 +155,7 @@ def test_places_beside_the_same_thing():
 def test_noise_does_not_break_low_things_apart(seed, tall):
     height = np.random.default_rng(seed).normal(TABLE, 0.003, (80, 100))
     height[30:42, 10:90] += tall
-    map_ = HeightMap(np.array([1.0, 2.0]), 0.002, height)
-    found = Segmentation.of(map_, TABLE, least_height=0.004, least_area=6e-5)
+    found = segmentation(height)
     assert np.count_nonzero(found.above[30:42, 10:90] < found.least) > 50
     whole = max(found.things, key=lambda thing: len(thing.cells))
     assert whole.size == pytest.approx((0.16, 0.024), abs=0.015)

@@ -1,3 +1,5 @@
+import itertools
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -110,9 +112,26 @@ def side(shape, tilt):
     return grasp
 
 
-def distances_of(grasp, shape, base, tip):
+def when_closed(grasp, shape):
     """Return signed distances from the held object to the links [m]."""
-    return link_distances("srg", shape, grasp, finger_joints(base, tip))
+    joints = finger_joints(grasp.base_angle, grasp.tip_angle)
+    return link_distances("srg", shape, grasp, joints)
+
+
+def when_open(grasp, shape):
+    """Return the same with open fingers."""
+    joints = finger_joints(3.0 * grasp.closure_open, 0.0)
+    return link_distances("srg", shape, grasp, joints)
+
+
+def assert_pinched(grasp, shape):
+    """Assert that the pads touch, the palm does not, and open fingers let it pass."""
+    distances = when_closed(grasp, shape)
+    for link in ("left_tip_link", "right_tip_link"):
+        # The planner's pads agree with the model's within a few tenths of a millimetre.
+        assert distances[link] == pytest.approx(0.0, abs=1e-3)
+    assert distances["palm"] > 0.01
+    assert min(when_open(grasp, shape).values()) > 0.002
 
 
 SHAPES = [CAN, Cylinder(0.028, 0.15), Sphere(0.033)]
@@ -120,28 +139,19 @@ SHAPES = [CAN, Cylinder(0.028, 0.15), Sphere(0.033)]
 
 @pytest.mark.parametrize("shape", SHAPES)
 def test_from_above_the_pads_lie_on_the_sides(shape):
-    grasp = above(shape)
-    distances = distances_of(grasp, shape, grasp.base_angle, grasp.tip_angle)
-    for link in ("left_tip_link", "right_tip_link"):
-        # The planner's pads agree with the model's within a few tenths of a millimetre.
-        assert distances[link] == pytest.approx(0.0, abs=1e-3)
-    assert distances["palm"] > 0.01
+    assert_pinched(above(shape), shape)
 
 
 @pytest.mark.parametrize("tilt", [0.0, 0.0873, 0.1745])
 @pytest.mark.parametrize("shape", [CAN, Cylinder(0.03, 0.15)])
 def test_from_the_side_base_and_tip_touch(shape, tilt):
     grasp = side(shape, tilt)
-    distances = distances_of(grasp, shape, grasp.base_angle, grasp.tip_angle)
-    for link in (
-        "left_base_link",
-        "right_base_link",
-        "left_tip_link",
-        "right_tip_link",
-    ):
+    distances = when_closed(grasp, shape)
+    for finger, link in itertools.product(("left", "right"), ("base", "tip")):
         # A tilt makes an ellipse of the circle, off by less than 1.5 % of the radius.
         # The finger is 15 mm high each way, which is at most 15 mm tan(10 degrees).
-        assert distances[link] == pytest.approx(0.0, abs=1e-3 + 0.015 * np.tan(tilt))
+        most = 1e-3 + 0.015 * np.tan(tilt)
+        assert distances[f"{finger}_{link}_link"] == pytest.approx(0.0, abs=most)
     assert distances["palm"] > 0.0
 
 
@@ -149,8 +159,7 @@ def test_from_the_side_base_and_tip_touch(shape, tilt):
 @pytest.mark.parametrize("shape", SHAPES)
 def test_the_open_hand_lets_the_object_pass(shape):
     for grasp in grasps_of(shape, ["above", "side"], [0.0, 0.1745], SQUEEZE):
-        distances = distances_of(grasp, shape, 3.0 * grasp.closure_open, 0.0)
-        assert min(distances.values()) > 0.002
+        assert min(when_open(grasp, shape).values()) > 0.002
 
 
 @given(radius=st.floats(0.02, 0.04), length=st.floats(0.05, 0.2))
@@ -213,13 +222,7 @@ def test_the_fingers_close_on_opposite_faces_of_a_box(size, yaw):
 @pytest.mark.parametrize("size", [(0.05, 0.07, 0.1), (0.1, 0.03, 0.06)])
 def test_the_pads_lie_on_the_faces_of_a_box(size):
     for grasp in box_grasps(size):
-        shape = Box(list(size))
-        distances = distances_of(grasp, shape, grasp.base_angle, grasp.tip_angle)
-        for link in ("left_tip_link", "right_tip_link"):
-            assert distances[link] == pytest.approx(0.0, abs=1e-3)
-        assert distances["palm"] > 0.01
-        opened = distances_of(grasp, shape, 3.0 * grasp.closure_open, 0.0)
-        assert min(opened.values()) > 0.002
+        assert_pinched(grasp, Box(list(size)))
 
 
 def test_a_box_wider_than_the_hand_is_taken_by_its_narrow_side():
@@ -258,15 +261,11 @@ def test_what_lies_is_taken_from_above_across_its_axis(shape, turns):
         assert grasp.pick_target(X_WO).angle_violation(X_WG) < 1e-9
         if isinstance(shape, Box):  # the grasp knows how the box is turned
             assert (X_WG.inverse() @ X_WO).IsNearlyEqualTo(grasp.X_GO, 1e-9)
-        # The fingers' ends keep clear of the table, the pads touch, the palm does not.
-        distances = distances_of(grasp, shape, grasp.base_angle, grasp.tip_angle)
-        assert distances["left_tip_link"] == pytest.approx(0.0, abs=1e-3)
-        assert distances["palm"] > 0.01
+        # The fingers' ends keep clear of the table.
+        assert_pinched(grasp, shape)
         ahead, edge = SRG.hinge_x + SRG.finger_length, 0.5 * SRG.pad_width
         corners = [X_WG @ np.array([ahead, 0.0, z]) for z in (-edge, edge)]
         assert min(corner[2] for corner in corners) > 0.005
-        opened = distances_of(grasp, shape, 3.0 * grasp.closure_open, 0.0)
-        assert min(opened.values()) > 0.002
 
 
 def test_what_leans_is_not_taken():
@@ -323,8 +322,7 @@ def test_thin_objects_are_pinched_by_straight_fingers(radius):
     grasp = above(shape)
     assert grasp.tip_angle >= 0.0
     assert grasp.base_angle < EMPTY_BASE_ANGLE
-    touching = distances_of(grasp, shape, grasp.base_angle, grasp.tip_angle)
-    assert min(touching.values()) == pytest.approx(0.0, abs=1.5e-3)
+    assert min(when_closed(grasp, shape).values()) == pytest.approx(0.0, abs=1.5e-3)
 
 
 def test_the_fingertips_of_an_empty_hand_meet_at_the_published_angle():

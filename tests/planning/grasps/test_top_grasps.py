@@ -88,6 +88,11 @@ FEW = settings(max_examples=4, deadline=None)
 ANGLES = st.floats(-np.pi, np.pi)
 
 
+def within(most):
+    """Return a planner that reaches from 0.1 m to `most` [m] from a place aside."""
+    return HeightMapGrasps(HAND, TABLE, reach=Reach((-0.3, 0.0), 0.1, most))
+
+
 def check_box(grasp, x, y, yaw, width):
     """Check that a grasp takes a box across its narrow side, near its middle."""
     assert turn(grasp.yaw, yaw + 0.5 * np.pi) < np.deg2rad(16)
@@ -196,7 +201,7 @@ def test_touching_boxes_are_taken_one_at_a_time():
 
 def test_things_out_of_reach_are_refused():
     scene = height_map((0.12, 0, 0, 0.06, 0.04, 0.05), (-0.1, 0, 0, 0.06, 0.04, 0.05))
-    plan = HeightMapGrasps(HAND, TABLE, reach=Reach((-0.3, 0.0), 0.1, 0.3)).plan(scene)
+    plan = within(0.3).plan(scene)
     assert all(grasp.p_WC[0] < 0 for grasp in plan.grasps)
     (refusal,) = plan.refused
     assert refusal.failure is Failure.OUT_OF_REACH
@@ -206,8 +211,7 @@ def test_things_out_of_reach_are_refused():
 def test_what_could_be_taken_beyond_the_reach_is_out_of_reach():
     # Only the edge of a long box is within reach, and no grasp takes it there.
     scene = height_map((0.05, 0, 0, 0.06, 0.3, 0.05))
-    reach = Reach((-0.3, 0.0), 0.1, 0.322)
-    plan = HeightMapGrasps(HAND, TABLE, reach=reach).plan(scene)
+    plan = within(0.322).plan(scene)
     assert not plan.grasps
     (refusal,) = plan.refused
     assert refusal.failure is Failure.OUT_OF_REACH
@@ -292,8 +296,7 @@ def test_a_thing_may_be_in_reach_with_its_end_only(monkeypatch):
     )
     monkeypatch.setattr(top_grasps, "_POINTS", 20)
     monkeypatch.setattr(top_grasps, "_PER_THING", 4)
-    reach = Reach((-0.3, 0.0), 0.1, 0.182)
-    planner = HeightMapGrasps(HAND, TABLE, reach=reach)
+    planner = within(0.182)
     for seed in range(5):
         grasps = planner.plan(scene, seed=seed).grasps
         assert grasps

@@ -1,19 +1,20 @@
 """The motions of a handover: who reaches what, and that the arms keep clear."""
 
-import itertools
+import copy
 
 import numpy as np
 import pytest
 from pydrake.math import RigidTransform
 
 from drake_srg.planning.handover.config import HandoverMode
-from drake_srg.planning.handover.modes import Pull
-from drake_srg.planning.handover.motions import taking_grasps
+from drake_srg.planning.handover.motions import GIVER, RECEIVER, taking_grasps
 from drake_srg.planning.motion.planning_scene import PlanningFailure
 from drake_srg.planning.motion.trajectories import motion_samples
 from drake_srg.scenario import load_scenario, robot_arms
 from drake_srg.station.planners import MakeHandoverPlanner, MakeTaskPlanner, goal_pose
 from drake_srg.types import Cylinder, Failure, Mode
+from planning.pick_and_place.kitchen_task import assert_fails, assert_joined, ends
+from planning.planning_world import MOVING
 
 BOTTLE = Cylinder(0.025, 0.21)
 START = RigidTransform([0.0, -0.48, 0.105])
@@ -25,18 +26,22 @@ def scenario():
 
 
 @pytest.fixture(scope="module")
-def planner(scenario):
-    from drake_srg.planning.handover.motions import HandoverTaskPlanner
-
-    system = MakeHandoverPlanner(scenario)
-    found = system._modes[HandoverMode.PULL].replanner.both
-    assert isinstance(found, HandoverTaskPlanner)
-    return found
+def system(scenario):
+    return MakeHandoverPlanner(scenario)
 
 
 @pytest.fixture(scope="module")
-def plan(scenario, planner):
-    goal = goal_pose(scenario, BOTTLE)
+def planner(system):
+    return system._modes[HandoverMode.PULL].replanner.both
+
+
+@pytest.fixture(scope="module")
+def goal(scenario):
+    return goal_pose(scenario, BOTTLE)
+
+
+@pytest.fixture(scope="module")
+def plan(planner, goal):
     found = planner.plan(planner.q_home, START, BOTTLE, goal)
     assert not isinstance(found, PlanningFailure), found.message
     return found
@@ -51,8 +56,9 @@ def test_the_receiver_waits_with_its_fingers_as_open_as_the_grasp_needs(planner,
     assert all(abs(waiting[name] - needed[name]) < 0.05 for name in needed)
 
 
-def test_only_the_giver_reaches_the_object_and_only_the_receiver_the_goal(scenario):
-    goal = goal_pose(scenario, BOTTLE)
+def test_only_the_giver_reaches_the_object_and_only_the_receiver_the_goal(
+    scenario, goal
+):
     near = {
         "left": RigidTransform([0.0, 0.48, 0.105]),
         "right": RigidTransform([1.1, 0.48, 0.105]),
@@ -64,8 +70,7 @@ def test_only_the_giver_reaches_the_object_and_only_the_receiver_the_goal(scenar
         reached = alone.plan(alone.q_home, there, BOTTLE, near[arm.name])
         assert not isinstance(reached, PlanningFailure), (arm.name, reached.message)
         failed = alone.plan(alone.q_home, elsewhere, BOTTLE, near[arm.name])
-        assert isinstance(failed, PlanningFailure)
-        assert failed.failure is Failure.OUT_OF_REACH
+        assert_fails(failed, Failure.OUT_OF_REACH)
 
 
 def test_motions_keep_clear_of_the_other_arm_where_that_is(planner, plan):
@@ -75,14 +80,14 @@ def test_motions_keep_clear_of_the_other_arm_where_that_is(planner, plan):
     took, gave = plan.receiver.grasp, plan.grasp
     for context, scene, fingers, motions, modes in (
         (
-            planner.receiver_beside(q_met, gave.fingers_closed),
+            planner.pair.beside(RECEIVER, q_met, gave.fingers_closed),
             receiver.scene,
             took.fingers_open,
             plan.receiver.motions,
             (HandoverMode.APPROACH, HandoverMode.REACH),
         ),
         (
-            planner.giver_beside(q_take, took.fingers_closed),
+            planner.pair.beside(GIVER, q_take, took.fingers_closed),
             giver.scene,
             gave.fingers_open,
             plan.motions,
@@ -98,20 +103,15 @@ def test_motions_keep_clear_of_the_other_arm_where_that_is(planner, plan):
 
 def test_motions_follow_one_another_without_a_jump(planner, plan):
     receiver = plan.receiver.motions
-    order = [plan.motions[m] for m in (Mode.PRE_GRASP, Mode.GRASP, Mode.LIFT)]
-    order += [plan.motions[m] for m in (Mode.TRANSFER, Mode.PLACE)]
-    order += [plan.motions[m] for m in (HandoverMode.WITHDRAW, HandoverMode.CLEAR)]
+    leaving = (HandoverMode.WITHDRAW, HandoverMode.CLEAR)
+    order = [plan.motions[m] for m in (*MOVING[:5], *leaving)]
     taking = [receiver[m] for m in (HandoverMode.APPROACH, HandoverMode.REACH)]
-    carrying = [receiver[m] for m in (Mode.LIFT, Mode.TRANSFER, Mode.PLACE)]
-    carrying += [receiver[m] for m in (Mode.RETREAT, Mode.HOME)]
+    carrying = [receiver[m] for m in MOVING[2:]]
     pull = receiver[HandoverMode.PULL]
-    for row in (order, [*taking, pull], [*taking, *carrying]):
-        for first, second in itertools.pairwise(row):
-            end = first.value(first.end_time())
-            np.testing.assert_allclose(end, second.value(0.0), atol=1e-6)
-    for row, home in ((order, planner.q_home), (carrying, planner.receiver.q_home)):
-        end = row[-1].value(row[-1].end_time())[:, 0]
-        np.testing.assert_allclose(end, home, atol=1e-6)
+    assert_joined(planner.q_home, order)
+    home = planner.receiver.q_home
+    assert_joined(home, [*taking, *carrying])
+    assert_joined(home, [*taking, pull], ends(pull)[1])
 
 
 def test_the_pull_is_straight_down_and_slow(planner, plan):
@@ -133,32 +133,24 @@ def test_hands_take_different_ends(planner, plan):
     assert plan.grasp.axis_G @ [1.0, 0.0, 0.0] == pytest.approx(-1.0)
 
 
-def test_what_the_giver_does_not_reach_is_told_at_once(scenario, planner):
+def test_what_the_giver_does_not_reach_is_told_at_once(planner, goal):
     far = RigidTransform([1.1, -0.5, 0.105])
-    failed = planner.plan(planner.q_home, far, BOTTLE, goal_pose(scenario, BOTTLE))
-    assert isinstance(failed, PlanningFailure)
-    assert failed.failure is Failure.OUT_OF_REACH
+    failed = planner.plan(planner.q_home, far, BOTTLE, goal)
+    assert_fails(failed, Failure.OUT_OF_REACH)
     assert failed.message.startswith("pick")
 
 
 def test_what_the_receiver_does_not_reach_is_told(planner):
     far = RigidTransform([0.0, 0.6, 0.105])
     failed = planner.plan(planner.q_home, START, BOTTLE, far)
-    assert isinstance(failed, PlanningFailure)
-    assert failed.failure is Failure.OUT_OF_REACH
+    assert_fails(failed, Failure.OUT_OF_REACH)
 
 
 @pytest.mark.parametrize("force", [0.0, 3.0, 8.0])
-def test_a_pull_is_felt_as_the_force_that_it_is(scenario, planner, force):
-    pull = MakeHandoverPlanner(scenario)._modes[HandoverMode.PULL]
-    assert isinstance(pull, Pull)
-    q = planner.q_home + 0.1
+def test_a_pull_is_felt_as_the_force_that_it_is(system, planner, force):
+    pull, q = system._modes[HandoverMode.PULL], planner.q_home + 0.1
     jacobian = planner.scene.jacobian(q)
-    memory = (
-        MakeHandoverPlanner(scenario)
-        .state(MakeHandoverPlanner(scenario).CreateDefaultContext())
-        .memory
-    )
+    memory = copy.copy(system.state(system.CreateDefaultContext()).memory)
     memory.torque_before = np.arange(7.0)
     memory.torque = memory.torque_before + jacobian.T @ [0, 0, -force, 0, 0, 0]
     assert pull.felt(memory, q) == pytest.approx(force, abs=1e-9)
@@ -171,7 +163,7 @@ def test_another_arm_is_an_obstacle_only_while_it_is_there(planner):
     # The giver's hand in the receiver's: the receiver's home, seen from its own base.
     reaching = np.array([0.0, 0.9, 0.0, -0.4, 0.0, 0.4, 0.0])
     before = scene.positions(q)
-    with planner.receiver_beside(reaching, {}):
+    with planner.pair.beside(RECEIVER, reaching, {}):
         assert np.any(scene.positions(q) != before)
         assert scene.clearance(q, 1.0).spare < 1.0
     np.testing.assert_array_equal(scene.positions(q), before)

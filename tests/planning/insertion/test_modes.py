@@ -21,6 +21,7 @@ from drake_srg.planning.insertion.modes import (
 from drake_srg.planning.insertion.planner import InsertionPlanner
 from drake_srg.planning.motion.arm_motion import Motion
 from drake_srg.planning.pick_and_place.sightings import PickTask
+from drake_srg.planning.servoing.hand_motion import ServoArm
 from drake_srg.planning.state_machine import Entry, Moment
 from drake_srg.types import Box, Cylinder, Failure, Sphere
 
@@ -50,6 +51,7 @@ class Measured:
 class FreeHand:
     """A hand with six joints: its position and its roll, pitch and yaw."""
 
+    step = ServoArm.step
     speed, lower, upper = np.full(6, 10.0), np.full(6, -10.0), np.full(6, 10.0)
 
     def X_WG(self, q):
@@ -90,14 +92,19 @@ def make_memory(p_WT):
     return memory
 
 
-def run(mode, memory, tip_at, duration, start=0.0):
-    """Update a mode while the tip is at `tip_at(memory)`; return what it observes."""
-    q = joints(tip_at(memory))
-    entry = Entry(start, moment(start, q).senses, None, None)
-    memory = mode.enter(memory, entry)
+def enter(mode, memory, q):
+    return mode.enter(memory, Entry(0.0, Measured(q), None, None))
+
+
+def run(mode, memory, tip_at, duration):
+    """Update a mode while the tip is at a place; return its memory and observation.
+
+    The place [m] may be a function of the memory.
+    """
+    where = tip_at if callable(tip_at) else lambda memory: tip_at
+    memory = enter(mode, memory, joints(where(memory)))
     for i in range(1, round(duration / CONFIG.period)):
-        time = start + i * CONFIG.period
-        now = moment(time, joints(tip_at(memory)))
+        now = moment(i * CONFIG.period, joints(where(memory)))
         memory = mode.update(memory, now)
         seen = mode.observe_mode(memory, now)
     return memory, seen
@@ -112,13 +119,8 @@ def pull(memory):
 
 def test_the_tilted_edge_is_inside_the_rim():
     mode = Tilt(TASK, None, 1)
-    high = RIM + 0.01 * UP
-    memory, seen = run(
-        mode,
-        make_memory(high),
-        lambda memory: memory.insertion.q,
-        3.0,
-    )
+    memory = make_memory(RIM + 0.01 * UP)
+    memory, seen = run(mode, memory, lambda memory: memory.insertion.q, 3.0)
     assert seen.arrived
     X_WT = memory.insertion.X_WT
     edge = X_WT @ [0.0, PEG.radius, 0.0]
@@ -129,14 +131,14 @@ def test_the_tilted_edge_is_inside_the_rim():
 
 
 def test_a_tip_at_rest_is_pulled_with_the_search_force_and_found():
-    memory, seen = run(Search(TASK, None, 1), make_memory(RIM), lambda memory: RIM, 1.0)
+    memory, seen = run(Search(TASK, None, 1), make_memory(RIM), RIM, 1.0)
     assert pull(memory) == pytest.approx([0.0, 0.0, -CONFIG.search_force], abs=0.05)
     assert seen.arrived
 
 
 def test_a_wall_ends_the_slide_and_its_absence_is_told():
     mode = Slide(TASK, None, 1)
-    memory, seen = run(mode, make_memory(RIM), lambda memory: RIM, 1.0)
+    memory, seen = run(mode, make_memory(RIM), RIM, 1.0)
     assert seen.arrived
     assert not seen.stuck
     assert pull(memory)[1] == pytest.approx(CONFIG.side_force, abs=0.1)
@@ -151,7 +153,7 @@ def test_a_wall_ends_the_slide_and_its_absence_is_told():
 
 def test_an_edge_that_sinks_is_at_the_wall_although_the_hand_creeps_on():
     mode, memory = Slide(TASK, None, 1), make_memory(RIM)
-    memory, seen = run(mode, memory, lambda memory: RIM, 0.1)
+    memory, seen = run(mode, memory, RIM, 0.1)
     q = joints(RIM - 0.001 * UP)
     for i in range(100):
         start = 0.1 + i * CONFIG.period
@@ -166,9 +168,8 @@ def test_an_edge_that_sinks_is_at_the_wall_although_the_hand_creeps_on():
 
 def test_a_hand_that_creeps_down_for_long_has_inserted_nothing():
     mode, memory = Press(TASK, None, 1), make_memory(RIM - 0.001 * UP)
-    entry = Entry(0.0, moment(0.0, joints(RIM - 0.001 * UP)).senses, None, None)
-    memory, time = mode.enter(memory, entry), 0.0
-    now = moment(time, joints(RIM - 0.001 * UP))
+    q, time = joints(RIM - 0.001 * UP), 0.0
+    memory, now = enter(mode, memory, q), moment(time, q)
     while not mode.observe_mode(memory, now).arrived:
         time += CONFIG.period
         creep = RIM - (0.001 + 0.0018 * time) * UP
@@ -201,7 +202,7 @@ def test_a_spiral_passes_every_place_within_its_radius():
 def test_a_peg_that_falls_in_ends_the_spiral_and_a_whole_spiral_is_told():
     config = dc.replace(CONFIG, strategy="spiral")
     mode = Spiral(dc.replace(TASK, config=config), None, 1)
-    memory, seen = run(mode, make_memory(RIM), lambda memory: RIM, 1.0)
+    memory, seen = run(mode, make_memory(RIM), RIM, 1.0)
     assert not (seen.arrived or seen.stuck)
     assert pull(memory)[2] == pytest.approx(-config.side_force, abs=0.05)
     memory.insertion.p = RIM - 0.001 * UP
@@ -246,7 +247,7 @@ def test_further_tries_search_aside(peg, steps):
 @pytest.mark.parametrize("kind", [Slide, Upright, Press])
 def test_a_peg_that_swivels_does_not_draw_the_hand_aside(kind):
     mode, aside = kind(TASK, None, 1), np.array([0.002, 0.0, 0.0])
-    memory, _ = run(mode, make_memory(RIM), lambda memory: RIM + aside, 0.05)
+    memory, _ = run(mode, make_memory(RIM), RIM + aside, 0.05)
     memory.insertion.began = RIM
     wiggle = 1.3 if kind is Slide else 0.1  # [N]
     for i in range(100):
@@ -282,7 +283,7 @@ def pressed(task, p_WT, duration, roll=0.0):
     hand = RigidTransform(lean, p_WT) @ X_TG
     q = np.concatenate([hand.translation(), lean.vector()])
     memory.insertion.X_WT = RigidTransform(lean, p_WT)
-    memory = mode.enter(memory, Entry(0.0, moment(0.0, q).senses, None, None))
+    memory = enter(mode, memory, q)
     for i in range(1, round(duration / CONFIG.period)):
         now = moment(i * CONFIG.period, q)
         memory = mode.update(memory, now)
@@ -318,7 +319,7 @@ def test_a_cylinder_turns_about_its_axis_once_it_has_entered():
 
 def test_a_peg_that_goes_to_and_fro_at_the_rim_does_not_turn_in_jumps():
     mode, memory = Press(TASK, None, 1), make_memory(RIM)
-    memory = mode.enter(memory, Entry(0.0, moment(0.0, joints(RIM)).senses, None, None))
+    memory = enter(mode, memory, joints(RIM))
     yaw = []
     for i in range(1, 300):
         time = i * CONFIG.period
@@ -354,9 +355,7 @@ def test_a_leaning_peg_that_may_wedge_is_put_upright(roll):
 )
 def test_the_depth_at_which_the_peg_stops_tells_what_stops_it(depth, seated, stops):
     bottom = RIM - depth * UP
-    mode = Press(TASK, None, 1)
-    memory = make_memory(bottom)
-    memory, seen = run(mode, memory, lambda memory: bottom, 1.53)
+    memory, seen = run(Press(TASK, None, 1), make_memory(bottom), bottom, 1.53)
     assert seen.arrived
     assert seen.at_goal is seated
     assert memory.insertion.seated is seated
@@ -377,7 +376,7 @@ def test_no_set_point_pulls_with_more_than_the_limits():
     memory.insertion.X_WT = RigidTransform(
         RollPitchYaw(0.3, 0.0, 0.0), RIM - [0.05, 0.0, 0.05]
     )
-    memory, _ = run(Press(TASK, None, 1), memory, lambda memory: RIM, 0.03)
+    memory, _ = run(Press(TASK, None, 1), memory, RIM, 0.03)
     assert np.linalg.norm(pull(memory)) < CONFIG.force_limit + 1e-6
     turn = memory.insertion.X_WT.rotation().ToAngleAxis().angle()
     assert turn < CONFIG.torque_limit / CONFIG.turning_stiffness + 1e-6
@@ -388,7 +387,7 @@ def test_the_next_try_comes_from_the_other_side_and_the_last_one_gives_up():
     high = RIM + 0.02 * UP
     for tries in range(1, CONFIG.tries + 1):
         memory.insertion.stops += (Failure.NO_HOLE,)
-        memory, seen = run(mode, memory, lambda memory: high, 0.1)
+        memory, seen = run(mode, memory, high, 0.1)
         assert memory.insertion.tries == tries
         assert memory.insertion.along == pytest.approx((-1.0) ** tries * ALONG)
         last = tries == CONFIG.tries
@@ -401,9 +400,7 @@ def test_what_was_met_counts_more_than_what_was_missed():
     memory.insertion.tries = CONFIG.tries - 1
     memory.insertion.stops = (Failure.HOLE_BLOCKED, Failure.NO_HOLE)
     memory.insertion.deepest = 0.0123
-    high = RIM + 0.02 * UP
-    mode = Withdraw(TASK, None, 1)
-    memory, seen = run(mode, memory, lambda memory: high, 0.1)
+    memory, seen = run(Withdraw(TASK, None, 1), memory, RIM + 0.02 * UP, 0.1)
     assert seen.failure is Failure.HOLE_BLOCKED
     assert "12.3 of 20 mm" in memory.trouble.message
 
@@ -411,7 +408,7 @@ def test_what_was_met_counts_more_than_what_was_missed():
 def test_modes_change_only_their_draft_of_the_memory():
     memory = make_memory(RIM)
     before = memory.insertion.X_WT, memory.insertion.q.copy()
-    run(Press(TASK, None, 1), memory.__copy__(), lambda memory: RIM, 0.1)
+    run(Press(TASK, None, 1), memory.__copy__(), RIM, 0.1)
     assert memory.insertion.X_WT is before[0]
     assert np.array_equal(memory.insertion.q, before[1])
 

@@ -1,5 +1,7 @@
 from __future__ import annotations
 
+import functools
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -80,6 +82,12 @@ def from_above(x: float, y: float, z: float, yaw: float) -> RigidTransform:
     return RigidTransform(R_WG, [x, y, z])
 
 
+@pytest.fixture
+def solve(iiwa, home):
+    """Solve for the iiwa, near home."""
+    return functools.partial(solve_inverse_kinematics, iiwa, q_nominal=home)
+
+
 @settings(max_examples=40, deadline=None)
 @given(unit, unit, unit)
 def test_every_can_is_reached_from_above_freely_and_within_limits(iiwa, x, y, yaw):
@@ -96,30 +104,23 @@ def test_every_can_is_reached_from_above_freely_and_within_limits(iiwa, x, y, ya
     assert found.cost == pytest.approx(np.sum((found.q - home) ** 2))
 
 
-def test_the_same_call_returns_the_same_solution(iiwa, home):
-    target = HandTarget.from_pose(from_above(0.55, 0.1, 0.2, 2.5))
-    first, second = (
-        solve_inverse_kinematics(iiwa, target, q_nominal=home) for _ in range(2)
-    )
+def test_the_same_call_returns_the_same_solution(solve):
+    first, second = (solve(REACHED) for _ in range(2))
     np.testing.assert_array_equal(first.q, second.q)
 
 
-def test_the_nominal_posture_reaches_its_own_pose_at_no_cost(iiwa, home):
-    target = HandTarget.from_pose(iiwa.X_WG(home))
-    found = solve_inverse_kinematics(iiwa, target, q_nominal=home)
-    assert found.cost < 1e-5
+def test_the_nominal_posture_reaches_its_own_pose_at_no_cost(iiwa, home, solve):
+    assert solve(HandTarget.from_pose(iiwa.X_WG(home))).cost < 1e-5
 
 
-def test_an_axis_target_leaves_the_turn_about_the_axis_free(iiwa, home):
+def test_an_axis_target_leaves_the_turn_about_the_axis_free(iiwa, home, solve):
     tip = np.array([0.16, 0.0, 0.0])
     target = HandTarget(np.array([0.6, 0.1, 0.1]), axes=(DOWN,), p_GT=tip)
-    found = solve_inverse_kinematics(iiwa, target, q_nominal=home)
+    found = solve(target)
     X_WG = iiwa.X_WG(found.q)
     np.testing.assert_allclose(X_WG @ tip, target.p_WT, atol=1.1e-4)
     assert target.angle_violation(X_WG) <= ANGLE_SLACK
-    turned = solve_inverse_kinematics(
-        iiwa, target, q_nominal=home + np.array([0, 0, 0, 0, 0, 0, 1.0])
-    )
+    turned = solve(target, q_nominal=home + np.eye(7)[6])
     assert abs(turned.q[6] - found.q[6]) > 0.5
 
 
@@ -148,10 +149,8 @@ def test_an_axis_target_leaves_the_turn_about_the_axis_free(iiwa, home):
         ),
     ],
 )  # fmt: skip
-def test_a_failure_names_what_cannot_be_met(
-    iiwa, home, target, requirement, least, most
-):
-    failure = solve_inverse_kinematics(iiwa, target, q_nominal=home)
+def test_a_failure_names_what_cannot_be_met(solve, target, requirement, least, most):
+    failure = solve(target)
     assert isinstance(failure, IkFailure)
     assert failure.requirement is requirement
     assert least < failure.violation < most
@@ -160,15 +159,11 @@ def test_a_failure_names_what_cannot_be_met(
     assert failure.failure is (Failure.BLOCKED if blocked else Failure.OUT_OF_REACH)
 
 
-def test_the_blocking_body_is_named(iiwa, home):
+def test_the_blocking_body_is_named(iiwa, solve):
     X_WG = from_above(0.6, 0.0, 0.3, 0.0)
     with iiwa.standing(Sphere(0.05), X_WG):
-        failure = solve_inverse_kinematics(
-            iiwa, HandTarget.from_pose(X_WG), q_nominal=home
-        )
-        unchecked = solve_inverse_kinematics(
-            iiwa, HandTarget.from_pose(X_WG), q_nominal=home, check_clearance=False
-        )
+        failure = solve(HandTarget.from_pose(X_WG))
+        unchecked = solve(HandTarget.from_pose(X_WG), check_clearance=False)
     assert isinstance(failure, IkFailure)
     assert "obstacle" in failure.message
     assert isinstance(unchecked, IkSolution)
@@ -185,9 +180,9 @@ def test_two_joints_reach_targets_in_their_plane_only(pendulum):
     assert failure.violation == pytest.approx(0.1, abs=1e-3)
 
 
-def test_a_vector_of_the_wrong_size_is_refused_with_the_joint_names(iiwa):
+def test_a_vector_of_the_wrong_size_is_refused_with_the_joint_names(solve):
     with pytest.raises(ValueError, match=r"q_nominal needs one entry.*joint_1"):
-        solve_inverse_kinematics(iiwa, HandTarget(np.zeros(3)), q_nominal=np.zeros(6))
+        solve(HandTarget(np.zeros(3)), q_nominal=np.zeros(6))
 
 
 def named(constraint, name):
@@ -214,55 +209,48 @@ def elbow_height(scene, q):
 REACHED = HandTarget.from_pose(from_above(0.55, 0.1, 0.2, 2.5))
 
 
-def test_a_constraint_of_ones_own_is_met_with_all_others(iiwa, home):
-    free = solve_inverse_kinematics(iiwa, REACHED, q_nominal=home)
-    below = elbow_height(iiwa, free.q) - 0.05
-    found = solve_inverse_kinematics(
-        iiwa,
-        REACHED,
-        q_nominal=home,
-        check_clearance=False,
-        extend=lambda ik: elbow_of(iiwa, ik, -9.0, below),
-    )
+def test_a_constraint_of_ones_own_is_met_with_all_others(iiwa, solve):
+    below = elbow_height(iiwa, solve(REACHED).q) - 0.05
+
+    def low_elbow(ik):
+        elbow_of(iiwa, ik, -9.0, below)
+
+    found = solve(REACHED, check_clearance=False, extend=low_elbow)
     assert isinstance(found, IkSolution)
     assert elbow_height(iiwa, found.q) <= below + 1e-5
     assert REACHED.distance(iiwa.X_WG(found.q)) <= 2e-4
 
 
-def test_a_cost_of_ones_own_is_part_of_the_cost(iiwa, home):
+def test_a_cost_of_ones_own_is_part_of_the_cost(iiwa, home, solve):
     def third_joint_turned(ik):
         q = ik.q()[iiwa.arm_indices]
         ik.get_mutable_prog().AddQuadraticCost(100.0 * (q[2] - 0.4) ** 2)
 
-    found = solve_inverse_kinematics(
-        iiwa, REACHED, q_nominal=home, extend=third_joint_turned
-    )
+    found = solve(REACHED, extend=third_joint_turned)
     assert abs(found.q[2] - 0.4) < 0.05
     own = 100.0 * (found.q[2] - 0.4) ** 2
     assert found.cost == pytest.approx(np.sum((found.q - home) ** 2) + own, rel=1e-6)
 
 
-def test_variables_of_ones_own_are_solved_for(iiwa, home):
+def test_variables_of_ones_own_are_solved_for(iiwa, solve):
     def share(ik):
         prog, q = ik.get_mutable_prog(), ik.q()[iiwa.arm_indices]
         (s,) = prog.NewContinuousVariables(1, "share")
         prog.AddBoundingBoxConstraint(0.2, 0.3, s)
         prog.AddLinearConstraint(q[2] == s)
 
-    found = solve_inverse_kinematics(iiwa, REACHED, q_nominal=home, extend=share)
+    found = solve(REACHED, extend=share)
     assert 0.2 - 1e-6 <= found.q[2] <= 0.3 + 1e-6
 
 
-def test_an_impossible_constraint_is_named_as_ones_own(iiwa, home):
+def test_an_impossible_constraint_is_named_as_ones_own(iiwa, solve):
     def impossible(ik):
         prog, q = ik.get_mutable_prog(), ik.q()[iiwa.arm_indices]
         named(prog.AddBoundingBoxConstraint(-1.0, 1.0, q[0]), "first joint")
         elbow_of(iiwa, ik, 5.0, 9.0)
 
     target = HandTarget(np.array([0.6, 0.1, 0.1]), axes=(DOWN,))
-    failure = solve_inverse_kinematics(
-        iiwa, target, q_nominal=home, max_starts=3, extend=impossible
-    )
+    failure = solve(target, max_starts=3, extend=impossible)
     assert isinstance(failure, IkFailure)
     assert failure.requirement is Requirement.OWN
     assert failure.failure is Failure.OUT_OF_REACH
@@ -270,34 +258,30 @@ def test_an_impossible_constraint_is_named_as_ones_own(iiwa, home):
     assert failure.violation > 3.0
 
 
-def test_constraints_that_exclude_each_other_are_named_together(iiwa, home):
+def test_constraints_that_exclude_each_other_are_named_together(iiwa, solve):
     def contradiction(ik):
         prog, q = ik.get_mutable_prog(), ik.q()[iiwa.arm_indices]
         for low, high in ((5.0, 6.0), (7.0, 8.0)):
             prog.AddLinearConstraint([1.0], low, high, q[:1])
 
-    failure = solve_inverse_kinematics(
-        iiwa, REACHED, q_nominal=home, max_starts=2, extend=contradiction
-    )
+    failure = solve(REACHED, max_starts=2, extend=contradiction)
     assert failure.requirement is Requirement.OWN
     assert failure.message.startswith("constraint 1, constraint 2 (your own)")
 
 
-def test_a_target_out_of_reach_is_not_blamed_on_ones_own(iiwa, home):
-    failure = solve_inverse_kinematics(
-        iiwa,
-        HandTarget(np.array([3.0, 0.0, 0.5])),
-        q_nominal=home,
-        max_starts=2,
-        extend=lambda ik: elbow_of(iiwa, ik, -9.0, 9.0),
-    )
+def test_a_target_out_of_reach_is_not_blamed_on_ones_own(iiwa, solve):
+    def any_elbow(ik):
+        elbow_of(iiwa, ik, -9.0, 9.0)
+
+    far = HandTarget(np.array([3.0, 0.0, 0.5]))
+    failure = solve(far, max_starts=2, extend=any_elbow)
     assert failure.requirement is Requirement.POSITION
 
 
 @pytest.mark.parametrize("x", [0.45, 0.6, 0.75, 1.2])
-def test_a_posture_is_the_solution_or_none(iiwa, home, x):
+def test_a_posture_is_the_solution_or_none(iiwa, home, solve, x):
     target = HandTarget(np.array([x, 0.1, 0.3]), axes=(DOWN,))
-    solution = solve_inverse_kinematics(iiwa, target, q_nominal=home, max_starts=3)
+    solution = solve(target, max_starts=3)
     found = find_posture(iiwa, target, q_nominal=home, max_starts=3)
     assert (found is None) == isinstance(solution, IkFailure)
     if found is not None:

@@ -1,4 +1,5 @@
 import dataclasses as dc
+from unittest.mock import Mock
 
 import numpy as np
 import pytest
@@ -147,16 +148,6 @@ def test_rests_at_a_corner_that_cannot_be_cut(iiwa, moves, corner):
 
 def test_rests_where_no_other_motion_is_free(monkeypatch, moves, corner):
     apart = tuple(moves.timed_part(part, moves.free) for part in corner)
-    monkeypatch.setattr(
-        moves, "timed_part", raises(NoPathError(PlanningFailure(Failure.BLOCKED, "")))
-    )
+    blocked = NoPathError(PlanningFailure(Failure.BLOCKED, ""))
+    monkeypatch.setattr(moves, "timed_part", Mock(side_effect=blocked))
     assert moves.without_rest(apart, corner, moves.free, PERIOD) is apart
-
-
-def raises(error):
-    """Return a function that raises an error."""
-
-    def function(*args):
-        raise error
-
-    return function

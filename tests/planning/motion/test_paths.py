@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import itertools
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -13,7 +14,6 @@ from pydrake.math import RigidTransform, RotationMatrix
 from drake_srg.planning.motion.inverse_kinematics import (
     AxisTarget,
     HandTarget,
-    solve_inverse_kinematics,
 )
 from drake_srg.planning.motion.paths import (
     follow,
@@ -22,8 +22,8 @@ from drake_srg.planning.motion.paths import (
     rrt_connect,
     shortcut_path,
 )
-from drake_srg.planning.motion.planning_scene import PlanningFailure
-from drake_srg.types import Box, Failure, Sphere
+from drake_srg.types import Failure, Sphere
+from planning.pick_and_place.kitchen_task import assert_fails
 
 unit = st.floats(-1.0, 1.0)
 
@@ -75,7 +75,7 @@ LOWER, UPPER = np.array([-1.0, -1.0]), np.array([1.0, 1.0])
 START, GOAL = np.array([-0.8, 0.0]), np.array([0.8, 0.0])
 
 
-def wall(gap: float):
+def barrier(gap: float):
     """Return the edge test of a wall, |x| < 0.05, that ends `gap` below y = 1."""
 
     def is_edge_free(q1: np.ndarray, q2: np.ndarray) -> bool:
@@ -90,17 +90,11 @@ def wall(gap: float):
 
 
 def search(gap: float, seed: int) -> np.ndarray | None:
-    return rrt_connect(
-        START,
-        GOAL,
-        lower=LOWER,
-        upper=UPPER,
-        weights=np.ones(2),
-        is_edge_free=wall(gap),
-        step=0.3,
-        max_iterations=500,
-        rng=np.random.default_rng(seed),
+    scene = SimpleNamespace(
+        lower=LOWER, upper=UPPER, levers=np.ones(2), is_edge_free=barrier(gap)
     )
+    rng = np.random.default_rng(seed)
+    return rrt_connect(scene, START, GOAL, step=0.3, max_iterations=500, rng=rng)
 
 
 @pytest.mark.parametrize("seed", range(10))
@@ -109,7 +103,7 @@ def test_the_search_goes_around_the_wall(seed):
     assert path is not None
     np.testing.assert_array_equal(path[0], START)
     np.testing.assert_array_equal(path[-1], GOAL)
-    assert all(map(wall(0.3), path[:-1], path[1:]))
+    assert all(map(barrier(0.3), path[:-1], path[1:]))
     assert np.all((path >= LOWER) & (path <= UPPER))
 
 
@@ -126,9 +120,9 @@ def test_the_seed_determines_the_path():
 def test_a_shortcut_is_free_no_longer_and_keeps_the_ends(seed):
     path = search(0.3, seed)
     short = shortcut_path(
-        path, is_edge_free=wall(0.3), attempts=50, rng=np.random.default_rng(seed)
+        path, is_edge_free=barrier(0.3), attempts=50, rng=np.random.default_rng(seed)
     )
-    assert all(map(wall(0.3), short[:-1], short[1:]))
+    assert all(map(barrier(0.3), short[:-1], short[1:]))
     np.testing.assert_array_equal(short[[0, -1]], path[[0, -1]])
     assert length_of(short) <= length_of(path) + 1e-12
     # Two straight lines over the wall's end are 2.13 long.
@@ -150,38 +144,21 @@ def length_of(path: np.ndarray) -> float:
     return float(np.sum(np.linalg.norm(np.diff(path, axis=0), axis=1)))
 
 
-DOWN = RotationMatrix(np.array([[0.0, 0.0, 1.0], [0.0, 1.0, 0.0], [-1.0, 0.0, 0.0]]))
-WALL = Box((0.3, 0.03, 0.5))
-X_WALL = RigidTransform([0.6, 0.0, 0.25])
-
-
-@pytest.fixture(scope="module")
-def sides(iiwa):
-    """Return postures left and right of a wall."""
-    home = np.array([0.0, -0.1, 0.0, -1.9, 0.0, 1.3, 0.0])
-    return [
-        solve_inverse_kinematics(
-            iiwa, HandTarget(np.array([0.55, y, 0.3]), DOWN), q_nominal=home
-        ).q
-        for y in (-0.3, 0.3)
-    ]
-
-
 def test_a_free_straight_line_is_the_path(iiwa, sides):
     path = plan_joint_path(iiwa, *sides)
     np.testing.assert_array_equal(path, sides)
 
 
 @pytest.mark.slow
+@pytest.mark.usefixtures("wall")
 @pytest.mark.parametrize("seed", range(3))
 def test_the_path_around_a_wall_is_free_and_repeatable(iiwa, sides, seed):
-    with iiwa.standing(WALL, X_WALL):
-        path = plan_joint_path(iiwa, *sides, seed=seed)
-        again = plan_joint_path(iiwa, *sides, seed=seed)
-        # Between two checked configurations nothing comes closer than contact.
-        fine = [q for a, b in itertools.pairwise(path) for q in
-                a + np.linspace(0, 1, 200)[:, None] * (b - a)]  # fmt: skip
-        assert all(iiwa.clearance(q).distance > 0.0 for q in fine)
+    path = plan_joint_path(iiwa, *sides, seed=seed)
+    again = plan_joint_path(iiwa, *sides, seed=seed)
+    # Between two checked configurations nothing comes closer than contact.
+    fine = [q for a, b in itertools.pairwise(path) for q in
+            a + np.linspace(0, 1, 200)[:, None] * (b - a)]  # fmt: skip
+    assert all(iiwa.clearance(q).distance > 0.0 for q in fine)
     assert len(path) > 2
     np.testing.assert_array_equal(path[[0, -1]], sides)
     np.testing.assert_array_equal(path, again)
@@ -191,18 +168,13 @@ def test_the_path_around_a_wall_is_free_and_repeatable(iiwa, sides, seed):
 def test_a_blocked_goal_is_named(iiwa, sides):
     with iiwa.standing(Sphere(0.1), iiwa.X_WG(sides[1])):
         failure = plan_joint_path(iiwa, *sides)
-    assert isinstance(failure, PlanningFailure)
-    assert failure.message.startswith("the goal is not free")
-    assert "obstacle" in failure.message
-    assert failure.failure is Failure.BLOCKED
+    assert_fails(failure, Failure.BLOCKED, "the goal is not free", "obstacle")
 
 
+@pytest.mark.usefixtures("wall")
 def test_a_failed_search_names_what_is_on_the_straight_line(iiwa, sides):
-    with iiwa.standing(WALL, X_WALL):
-        failure = plan_joint_path(iiwa, *sides, max_iterations=0)
-    assert isinstance(failure, PlanningFailure)
-    assert "no path in 0 iterations" in failure.message
-    assert "obstacle" in failure.message
+    failure = plan_joint_path(iiwa, *sides, max_iterations=0)
+    assert_fails(failure, Failure.BLOCKED, "no path in 0 iterations", "obstacle")
 
 
 def test_the_hand_goes_straight_and_turns_evenly(iiwa, sides):
@@ -236,39 +208,37 @@ def test_an_axis_is_kept_while_the_hand_moves(iiwa, sides):
         assert target.angle_violation(iiwa.X_WG(q)) < 1e-5
 
 
-def test_a_line_into_the_table_is_blocked(iiwa, sides):
-    target = HandTarget.from_pose(iiwa.X_WG(sides[0])).shifted(np.array([0, 0, -0.25]))
-    failure = plan_cartesian_path(iiwa, sides[0], target)
-    assert isinstance(failure, PlanningFailure)
-    assert "table" in failure.message
-    assert "along the line" in failure.message
+@pytest.fixture
+def moved(iiwa, sides):
+    """Plan a straight line of the hand from its place on one side, by a way [m]."""
+
+    def planned(*way):
+        here = HandTarget.from_pose(iiwa.X_WG(sides[0]))
+        return plan_cartesian_path(iiwa, sides[0], here.shifted(np.array(way)))
+
+    return planned
 
 
-def test_a_line_out_of_reach_fails_as_out_of_reach(iiwa, sides):
-    target = HandTarget.from_pose(iiwa.X_WG(sides[0])).shifted(np.array([0.6, 0, 0]))
-    failure = plan_cartesian_path(iiwa, sides[0], target)
-    assert isinstance(failure, PlanningFailure)
-    assert failure.failure is Failure.OUT_OF_REACH
+def test_a_line_into_the_table_is_blocked(moved):
+    assert_fails(moved(0, 0, -0.25), Failure.BLOCKED, "table", "along the line")
 
 
-def test_a_target_where_the_hand_is_gives_a_path(iiwa, sides):
-    path = plan_cartesian_path(
-        iiwa, sides[0], HandTarget.from_pose(iiwa.X_WG(sides[0]))
-    )
-    np.testing.assert_allclose(path, [sides[0]] * 2, atol=1e-6)
+def test_a_line_out_of_reach_fails_as_out_of_reach(moved):
+    assert_fails(moved(0.6, 0, 0), Failure.OUT_OF_REACH)
 
 
-def test_a_line_is_checked_once_all_along(iiwa, sides, monkeypatch):
+def test_a_target_where_the_hand_is_gives_a_path(moved, sides):
+    np.testing.assert_allclose(moved(0, 0, 0), [sides[0]] * 2, atol=1e-6)
+
+
+def test_a_line_is_checked_once_all_along(iiwa, moved, monkeypatch):
     checked = []
     is_free = iiwa.is_free
     monkeypatch.setattr(iiwa, "is_free", lambda q: checked.append(q) or is_free(q))
-    target = HandTarget.from_pose(iiwa.X_WG(sides[0])).shifted(np.array([0, 0, 0.1]))
-    path = plan_cartesian_path(iiwa, sides[0], target)
-    np.testing.assert_array_equal(checked, iiwa.samples(path))
+    np.testing.assert_array_equal(checked, iiwa.samples(moved(0, 0, 0.1)))
 
 
-def test_what_blocks_a_line_before_its_end_comes_first(iiwa, sides):
-    down = HandTarget.from_pose(iiwa.X_WG(sides[0])).shifted(np.array([0, 0, -2.0]))
-    failure = plan_cartesian_path(iiwa, sides[0], down)
+def test_what_blocks_a_line_before_its_end_comes_first(moved):
+    failure = moved(0, 0, -2.0)
     assert failure.failure is Failure.BLOCKED
     assert float(failure.message.split()[0]) < 0.5

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from pydrake.math import RigidTransform
+from pydrake.math import RigidTransform, RotationMatrix
 from pydrake.planning import RobotDiagramBuilder
 from pydrake.trajectories import PiecewisePolynomial
 
@@ -20,19 +20,14 @@ from drake_srg.planning.motion.planning_scene import (
     PlanningScene,
     carried_drift,
 )
-from drake_srg.types import Box, Cylinder, Shape, Sphere
+from drake_srg.types import Box, Cylinder, Sphere
 
 CAN = Cylinder(0.033, 0.102)
 # A grasp from above: the can's axis along the hand's x, its centre ahead of the palm.
-X_GO_ABOVE = RigidTransform(
-    RigidTransform([0.176, 0.0, 0.0]).rotation().MakeYRotation(-np.pi / 2),
-    [0.176, 0.0, 0.0],
-)
+X_GO_ABOVE = RigidTransform(RotationMatrix.MakeYRotation(-np.pi / 2), [0.176, 0.0, 0.0])
 
 
-def posture_above(
-    scene: PlanningScene, home: np.ndarray, can_bottom: float
-) -> np.ndarray:
+def posture_above(scene, home, can_bottom):
     """Return a posture with a can held as in X_GO_ABOVE, its bottom at a height."""
     X_WO = RigidTransform([0.55, 0.0, can_bottom + 0.051])
     X_WG = X_WO @ X_GO_ABOVE.inverse()
@@ -76,9 +71,7 @@ def test_no_body_moves_further_than_a_step_along_an_edge(iiwa, unit):
 
 
 @pytest.mark.parametrize("shape", [CAN, Box((0.1, 0.1, 0.1)), Sphere(0.05)])
-def test_an_obstacle_blocks_and_leaves_with_its_context(
-    iiwa: PlanningScene, home: np.ndarray, shape: Shape
-):
+def test_an_obstacle_blocks_and_leaves_with_its_context(iiwa, home, shape):
     X_WO = iiwa.X_WG(home) @ RigidTransform([0.1, 0.0, 0.0])
     with iiwa.standing(shape, X_WO):
         assert not iiwa.is_free(home)

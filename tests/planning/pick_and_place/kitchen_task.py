@@ -3,6 +3,7 @@
 import numpy as np
 from pydrake.math import RigidTransform
 
+from drake_srg.planning.motion.planning_scene import PlanningFailure
 from planning.planning_world import CAN, MOVING
 
 START = RigidTransform([0.6, 0.05, 0.5 * CAN.length])
@@ -18,15 +19,28 @@ def samples(trajectory, count=40):
     return [trajectory.value(t)[:, 0] for t in times]
 
 
-def assert_joined(planner, task):
-    """Assert that each motion begins where the last one ends, from home to home."""
-    q = planner.q_home
-    for mode in MOVING:
-        start, end = ends(task.motions[mode])
-        np.testing.assert_allclose(start, q, atol=1e-6, err_msg=mode.value)
+def assert_joined(q_start, motions, q_end=None):
+    """Assert that each motion begins where the last one ends, by default in a round."""
+    q = q_start
+    for motion in motions:
+        start, end = ends(motion)
+        np.testing.assert_allclose(start, q, atol=1e-6)
         q = end
-    np.testing.assert_allclose(q, planner.q_home, atol=1e-6)
+    np.testing.assert_allclose(q, q_start if q_end is None else q_end, atol=1e-6)
+
+
+def assert_a_cycle(planner, task):
+    """Assert that a task has a motion for each moving mode, from home to home."""
+    assert set(task.motions) == set(MOVING)
+    assert_joined(planner.q_home, [task.motions[mode] for mode in MOVING])
 
 
 def object_in_world(planner, task, q):
     return (planner.scene.X_WG(q) @ task.grasp.X_GO).translation()
+
+
+def assert_fails(result, failure, *words):
+    """Assert that there is no plan or path, for a reason with some words."""
+    assert isinstance(result, PlanningFailure)
+    assert result.failure is failure
+    assert all(word in result.message for word in words), result.message

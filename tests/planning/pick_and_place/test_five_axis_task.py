@@ -4,7 +4,6 @@ import numpy as np
 import pytest
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
-from pydrake.multibody.tree import JacobianWrtVariable
 
 from drake_srg.planning.grasps.grasps import pose_along
 from drake_srg.planning.motion.inverse_kinematics import (
@@ -15,11 +14,17 @@ from drake_srg.planning.motion.inverse_kinematics import (
 )
 from drake_srg.planning.motion.paths import follow
 from drake_srg.planning.motion.planning_scene import PlanningFailure
+from drake_srg.planning.pick_and_place.sightings import lean
 from drake_srg.scenario import load_scenario
 from drake_srg.station import MakeTaskPlanner
 from drake_srg.station.planners import goal_pose
 from drake_srg.types import Cylinder, Failure, Mode
-from planning.pick_and_place.kitchen_task import assert_joined, ends
+from planning.pick_and_place.kitchen_task import (
+    assert_a_cycle,
+    assert_fails,
+    ends,
+    samples,
+)
 from planning.planning_world import MOVING
 
 pytestmark = pytest.mark.slow
@@ -85,21 +90,13 @@ def posed(request, tasks):
     return POSES[request.param], task
 
 
-def samples(trajectory, count=25):
-    times = np.linspace(0.0, trajectory.end_time(), count)
-    return [trajectory.value(t)[:, 0] for t in times]
-
-
 def axis_angle(X_WO, axis_W):
     """Return the angle between an object's axis and a line [rad]."""
-    z = X_WO.rotation().matrix()[:, 2]
-    return np.arctan2(np.linalg.norm(np.cross(z, axis_W)), abs(z @ axis_W))
+    return lean(X_WO.rotation().matrix()[:, 2], axis_W)
 
 
 def test_each_motion_begins_where_the_last_one_ends(planner, posed):
-    _, task = posed
-    assert set(task.motions) == set(MOVING)
-    assert_joined(planner, task)
+    assert_a_cycle(planner, posed[1])
 
 
 def test_the_hand_grasps_at_the_middle_with_the_pads_along_the_axis(planner, posed):
@@ -174,9 +171,7 @@ def test_the_carried_object_hits_nothing(planner, posed):
 )
 def test_a_failure_gives_its_reason(planner, X_WO, failure, words):
     result = planner.plan(planner.q_home, X_WO, CYLINDER, GOAL)
-    assert isinstance(result, PlanningFailure)
-    assert result.failure is failure
-    assert words in result.message
+    assert_fails(result, failure, words)
 
 
 def exactly(scene, q, p_GT):
@@ -188,13 +183,9 @@ def exactly(scene, q, p_GT):
 
 def least_gain(scene, q, p_GT):
     """Return the least singular value of the task's Jacobian [m/rad, rad/rad]."""
-    X_WG, plant = scene.X_WG(q), scene.plant
-    J = plant.CalcJacobianSpatialVelocity(
-        scene.context, JacobianWrtVariable.kQDot, scene.hand_frame, p_GT,
-        plant.world_frame(), plant.world_frame(),
-    )[:, scene.arm_indices]  # fmt: skip
-    across = X_WG.rotation().matrix()[:, :2]
-    return np.linalg.svd(np.vstack([J[3:], across.T @ J[:3]]))[1][-1]
+    J = scene.jacobian(q, p_GT)
+    across = scene.X_WG(q).rotation().matrix()[:, :2]
+    return np.linalg.svd(np.vstack([J[:3], across.T @ J[3:]]))[1][-1]
 
 
 fives = st.lists(st.floats(-1.0, 1.0), min_size=5, max_size=5).map(np.array)

@@ -191,3 +191,14 @@ def test_the_last_attempt_and_the_last_cycle_are_observed_at_home(memory):
     for repeat, last in ((1, True), (2, False)):
         observed = observe(Mode.HOME, home, due, there, repeat=repeat)
         assert observed.last_cycle == last
+
+
+def test_copies_of_the_memory_share_what_never_changes(memory):
+    assert copy.deepcopy(memory) is memory
+
+
+def test_a_failure_is_reported_when_the_task_has_failed(memory):
+    memory.trouble.failure, memory.trouble.message = Failure.DROPPED, "lost"
+    assert memory.status(Mode.FAILED).failure is Failure.DROPPED
+    assert memory.status(Mode.RETREAT).failure is None
+    assert memory.status(Mode.RETREAT).message == "lost"

@@ -140,5 +140,4 @@ def test_uncertain_blobs_on_the_way_change_nothing():
 def test_an_object_seen_outside_the_hand_is_lost():
     world = World(look_before_place=True, max_attempts=1)
     world.where = lambda mode: [blob(START)]
-    status = world.run()
-    assert (status.mode, status.failure) == (Mode.FAILED, Failure.DROPPED)
+    world.fail(Failure.DROPPED)

@@ -40,6 +40,13 @@ def features(X_CO, frame=0, limit=0.6):
     return FeatureSighting(frame, points, p[:, 2])
 
 
+# Each kind of servo, and what its camera sees of an object.
+KINDS = {
+    "pbvs": (PositionBasedServo, lambda X_CO, frame=0: PoseSighting(frame, X_CO)),
+    "ibvs": (ImageBasedServo, features),
+}
+
+
 class IdealHand:
     """Runs a servo of either kind, one control period at a time.
 
@@ -57,17 +64,11 @@ class IdealHand:
         q=HOME,
     ):
         self.config = config or CONFIG
-        self.kind, self.X_WO = kind, X_WO
+        self.X_WO = X_WO
         self.velocity = np.array(velocity)
-        X_CO_goal = X_GC.inverse() @ X_GO
-        if kind == "pbvs":
-            self.servo = PositionBasedServo(
-                arm(), X_GC_believed, AHEAD, X_CO_goal, self.config
-            )
-        else:
-            self.servo = ImageBasedServo(
-                arm(), X_GC_believed, AHEAD, features(X_CO_goal), self.config
-            )
+        servo, self.see = KINDS[kind]
+        goal = self.see(X_GC.inverse() @ X_GO)
+        self.servo = servo(arm(), X_GC_believed, AHEAD, goal, self.config)
         self.simulator = Simulator(self.servo)
         self.context = self.simulator.get_mutable_context()
         self.q, self.time, self.frame = np.array(q), 0.0, 0
@@ -84,9 +85,7 @@ class IdealHand:
         """The present image of the camera."""
         X_CO = (arm().X_WG(self.q) @ X_GC).inverse() @ self.X_WO_now()
         self.frame += 1
-        if self.kind == "pbvs":
-            return PoseSighting(self.frame, X_CO)
-        return features(X_CO, self.frame)
+        return self.see(X_CO, self.frame)
 
     def tick(self, sighting=None, planned=None):
         """Advance by a control period, and return the status."""

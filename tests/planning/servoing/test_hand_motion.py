@@ -16,7 +16,6 @@ from drake_srg.planning.servoing.hand_motion import (
     hand_twist,
     image_displacement,
     interaction_matrix,
-    joint_step,
     limited,
 )
 from planning.servoing.ideal_hand import HOME, arm
@@ -147,10 +146,8 @@ def test_the_jacobian_is_the_derivative_of_the_hand_pose():
         np.testing.assert_allclose(twist[3:], half_turn, atol=1e-9)
 
 
-def step(q, twist, **limits):
-    given = {"speed": arm().speed, "lower": arm().lower, "upper": arm().upper}
-    jacobian = arm().jacobian(q)
-    return joint_step(q, jacobian, twist, 0.01, least=0.05, **(given | limits))
+def step(q, twist):
+    return arm().step(q, twist, 0.01, 0.05)
 
 
 @settings(max_examples=50)

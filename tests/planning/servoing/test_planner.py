@@ -9,7 +9,11 @@ from hypothesis import strategies as st
 from pydrake.math import RigidTransform
 
 from drake_srg.planning.motion.arm_motion import Motion
-from drake_srg.planning.pick_and_place.knowledge import PlannerMemory, transition
+from drake_srg.planning.pick_and_place.knowledge import (
+    Attempt,
+    PlannerMemory,
+    transition,
+)
 from drake_srg.planning.planner_machine import Observation
 from drake_srg.planning.servoing.config import (
     ServoCommand,
@@ -184,15 +188,15 @@ def blob_at(x):
     return Blob("can", "ceiling", (0.0, 0.0), RigidTransform([x, 0.0, 0.1]), 1.0)
 
 
-def look_at(sightings, window):
+def look_at(sightings, window, memory=None, start=0.0):
     """Look once for each x of the object, or None, 0.5 s apart; return what it did."""
     replanner = FakeReplanner()
     mode = ServoIdle(Servoing(window=window), replanner, 1)
-    memory = ServoingMemory(Motion(np.zeros(2)))
+    memory = memory or ServoingMemory(Motion(np.zeros(2)))
     for i, x in enumerate(sightings):
         blob = x if x is None else blob_at(x)
         seen = dc.replace(senses(ServoStatus()), see=lambda blob=blob: blob)
-        mode.look(memory, Moment(0.5 * i, seen))
+        mode.look(memory, Moment(start + 0.5 * i, seen))
     return replanner
 
 
@@ -218,12 +222,11 @@ def test_it_waits_until_the_object_is_in_the_window():
 
 
 def test_a_sighting_of_an_earlier_attempt_does_not_count():
-    replanner = FakeReplanner()
+    memory = ServoingMemory(
+        Motion(np.zeros(2)),
+        attempt=Attempt(began=4.0),
+        before=blob_at(0.0),
+        before_at=1.0,
+    )
     window = WindowConfig(min=[0.0, -1.0], max=[1.0, 1.0])
-    mode = ServoIdle(Servoing(window=window), replanner, 1)
-    memory = ServoingMemory(Motion(np.zeros(2)))
-    memory.before, memory.before_at = blob_at(0.0), 1.0
-    memory.attempt.began = 4.0
-    blob = blob_at(0.5)
-    mode.look(memory, Moment(4.0, dc.replace(senses(ServoStatus()), see=lambda: blob)))
-    assert replanner.waits == [4.0]
+    assert look_at([0.5], window, memory, start=4.0).waits == [4.0]

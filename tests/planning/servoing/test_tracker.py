@@ -6,7 +6,7 @@ The pose of a solid from the points on its visible surface.
 
 import numpy as np
 import pytest
-from helpers import fix, port_table, read
+from helpers import fix, read
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from pydrake.common.value import AbstractValue
@@ -125,13 +125,6 @@ def test_sightings_are_forgotten_once_there_are_none():
     arm = Arm()
     assert arm.run(0.5, PoseSighting(7, stamp=0.1 + AHEAD)).frame == 7
     assert arm.run(PERIOD, PoseSighting()).taken.time == -np.inf
-
-
-def test_ports():
-    assert port_table(LateSightings(7, PERIOD)) == (
-        {"sighting": None, "arm_state": 14, "arm_stamp": 1},
-        {"sighting": None},
-    )
 
 
 RED = ColorRange.around([0.8, 0.1, 0.08])

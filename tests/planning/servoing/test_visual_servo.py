@@ -4,7 +4,7 @@ import dataclasses as dc
 
 import numpy as np
 import pytest
-from helpers import fix, port_table, read
+from helpers import fix, read
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from pydrake.common.value import AbstractValue
@@ -16,6 +16,7 @@ from drake_srg.planning.servoing.visual_servo import RISE_SPEED
 from planning.servoing.ideal_hand import (
     CONFIG,
     HOME,
+    KINDS,
     X_GC,
     IdealHand,
     LateHand,
@@ -23,13 +24,18 @@ from planning.servoing.ideal_hand import (
     object_at,
 )
 
-KINDS = ["pbvs", "ibvs"]
 OFFSET = np.array([0.03, -0.02, -0.05])
 aside = st.floats(-0.05, 0.05)
+
+
+@pytest.fixture(scope="module", params=KINDS)
+def kind(request):
+    return request.param
+
+
 UNSEEN = {"pbvs": PoseSighting, "ibvs": FeatureSighting}
 
 
-@pytest.mark.parametrize("kind", KINDS)
 @settings(max_examples=4, deadline=None)
 @given(st.tuples(aside, aside, st.floats(-0.08, 0.0)))
 def test_the_hand_reaches_an_object_at_rest_from_random_starts(kind, offset):
@@ -39,7 +45,6 @@ def test_the_hand_reaches_an_object_at_rest_from_random_starts(kind, offset):
     assert hand.away() < 1e-3
 
 
-@pytest.mark.parametrize("kind", KINDS)
 def test_the_hand_catches_up_with_a_moving_object_and_follows_it_blindly(kind):
     velocity = np.array([0.0, 0.05, 0.0])
     hand = IdealHand(kind, object_at([0.0, -0.05, -0.05]), velocity)
@@ -61,7 +66,6 @@ def test_without_feed_forward_the_hand_trails_by_speed_over_gain():
     assert trail < hand.away() < trail + 0.05 * config.camera_period * 2
 
 
-@pytest.mark.parametrize("kind", KINDS)
 def test_a_wrong_calibration_does_not_matter_in_the_end(kind):
     """The goal is what the camera shows there, so its mounting need not be known."""
     turn = RotationMatrix(RollPitchYaw(np.deg2rad([3.0, -3.0, 3.0])))
@@ -72,7 +76,6 @@ def test_a_wrong_calibration_does_not_matter_in_the_end(kind):
     assert hand.away() < 1e-3
 
 
-@pytest.mark.parametrize("kind", KINDS)
 def test_speed_and_acceleration_stay_within_their_limits(kind):
     hand = IdealHand(kind, object_at([0.05, 0.05, -0.08]))
     p = [arm().X_WG(hand.q).translation()]
@@ -85,7 +88,6 @@ def test_speed_and_acceleration_stay_within_their_limits(kind):
     assert np.max(np.linalg.norm(a, axis=1)) < 1.1 * CONFIG.acceleration
 
 
-@pytest.mark.parametrize("kind", KINDS)
 def test_the_hand_holds_and_tells_once_the_object_leaves_the_image(kind):
     hand = IdealHand(kind, object_at(OFFSET))
     hand.run(0.3)
@@ -100,7 +102,6 @@ def test_the_hand_holds_and_tells_once_the_object_leaves_the_image(kind):
     assert hand.status.fault is ServoFault.LOST
 
 
-@pytest.mark.parametrize("kind", KINDS)
 def test_an_object_that_is_soon_back_is_reached(kind):
     hand = IdealHand(kind, object_at(OFFSET))
     hand.run(0.3)
@@ -112,7 +113,6 @@ def test_an_object_that_is_soon_back_is_reached(kind):
     assert hand.status.state is ServoState.REACHED
 
 
-@pytest.mark.parametrize("kind", KINDS)
 def test_a_frozen_camera_stops_the_hand_within_some_images(kind):
     hand = IdealHand(kind, object_at(OFFSET))
     hand.run(0.3)
@@ -202,7 +202,6 @@ def test_a_hand_that_is_told_to_hold_brakes_and_goes_on_when_it_may():
     assert hand.status.state is ServoState.REACHED
 
 
-@pytest.mark.parametrize("kind", KINDS)
 def test_late_images_are_used_where_the_arm_was_then(kind):
     velocity = np.array([0.0, 0.05, 0.0])
     hand = LateHand(kind, object_at([0.0, -0.05, -0.05]), velocity)
@@ -222,7 +221,6 @@ def test_images_on_their_way_do_not_count_at_the_goal():
     assert waited > 0.1 + (CONFIG.settled - 2) * CONFIG.camera_period
 
 
-@pytest.mark.parametrize("kind", KINDS)
 def test_a_camera_that_falls_silent_stops_the_hand(kind):
     hand = LateHand(kind, object_at(OFFSET))
     hand.run(0.5)
@@ -242,15 +240,6 @@ def test_looking_once_goes_where_the_first_image_showed_the_goal():
     assert hand.status.images == 1
     assert hand.status.state is ServoState.REACHED
     assert hand.away() == pytest.approx(0.02 * hand.time, abs=2e-3)
-
-
-@pytest.mark.parametrize("kind", KINDS)
-def test_ports(kind):
-    hand = IdealHand(kind, object_at(OFFSET))
-    assert port_table(hand.servo) == (
-        {"command": None, "position_planned": 7, "arm_state": 14, "sighting": None},
-        {"position_commanded": 7, "status": None},
-    )
 
 
 def test_a_context_can_be_copied():

@@ -147,7 +147,7 @@ class FakeNode(DirectNode):
         names = tuple(f"iiwa_joint_{i}" for i in range(1, 8))
         warnings = Warnings(self.told.append)
         nodes = SimpleNamespace(of=lambda version: self)
-        return Robot(kitchen(), names, (None, None), warnings, nodes)
+        return Robot(kitchen(), names, warnings, nodes)
 
 
 def joint_state(stamp, names, position, velocity, effort=()):

@@ -65,7 +65,10 @@ class ServoedStand(Stand):
         port = self.loop._cell.GetOutputPort("planner.servo_status")
         self._status = lambda: port.Eval(context)
         servo = self.loop._cell.GetSubsystemByName("servo")
-        self.X_GC, self.X_CO_goal = servo._X_GC, RigidTransform(servo._p_CO_goal)
+        self.X_GC, self.X_CO_goal = (
+            servo._X_GC,
+            RigidTransform(servo.goal.X_CO.translation()),
+        )
         self.X_WO = RigidTransform([0.02, -0.03, -0.04]) @ (
             arm().X_WG(HOME) @ self.X_GC @ self.X_CO_goal
         )

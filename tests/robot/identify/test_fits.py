@@ -156,14 +156,6 @@ def test_a_made_gripper_is_recovered(monkeypatch):
             assert 0.8 * e.low <= truth[name] <= 1.2 * e.high, name
 
 
-def test_both_specimens_have_the_same_gripper():
-    blocks = {
-        (SCENARIOS / f"{name}.yaml").read_text(encoding="utf-8").split("gripper: ")[1]
-        for name in SPECIMENS.values()
-    }
-    assert len(blocks) == 1
-
-
 HEATED = Motor(stall_current=3.0, dead_band=0.1, most=1.0)
 HEAT = {p.name: p.prior for p in HEAT_PARAMETERS}
 

@@ -12,6 +12,7 @@ from drake_srg.robot.serve.action_server import (
     CancelCode,
     ErrorCode,
     GoalStatus,
+    goal_fields,
     goal_id,
     goal_info,
 )
@@ -40,23 +41,6 @@ def tolerance(joint, position):
         velocity=0.0,
         acceleration=0.0,
     )
-
-
-def goal_fields(id, trajectory):
-    """The fields of a request to follow a trajectory."""
-    lists = ("path", "component_path", "goal", "component_goal")
-    return {
-        "goal_id": goal_id(make, id),
-        "trajectory": trajectory,
-        "multi_dof_trajectory": make(
-            "trajectory_msgs/msg/MultiDOFJointTrajectory",
-            header=trajectory.header,
-            joint_names=[],
-            points=[],
-        ),
-        **{f"{name}_tolerance": [] for name in lists},
-        "goal_time_tolerance": duration(make, 0.0),
-    }
 
 
 class Served:
@@ -100,7 +84,7 @@ class Served:
             make, 0.0, np.array([0.0, length]), np.stack([HOME, q])
         )
         trajectory.header.stamp.sec = int(start)
-        given = goal_fields(id, trajectory) | fields
+        given = goal_fields(make, id, trajectory) | fields
         accepted = self.call(ACTION.send_goal, **given)
         result = self.call(ACTION.get_result, goal_id=goal_id(make, id))
         self.advance()

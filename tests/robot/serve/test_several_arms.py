@@ -8,7 +8,7 @@ from drake_srg.common.exceptions import ScenarioError
 from drake_srg.common.safety_states import SafetyState, safety_state
 from drake_srg.common.systems import input_ports
 from drake_srg.robot.drive.arm import joint_trajectory
-from drake_srg.robot.serve.action_server import ACTION
+from drake_srg.robot.serve.action_server import ACTION, goal_fields
 from drake_srg.robot.serve.commands import Warnings
 from drake_srg.robot.serve.connecting import BridgeOptions
 from drake_srg.robot.serve.loop import (
@@ -20,7 +20,6 @@ from drake_srg.robot.serve.pictures import Pictures
 from drake_srg.scenario import load_scenario
 from experiments.stands.direct_node import make_message as make
 from robot.serve import test_loop
-from robot.serve.test_action_server import goal_fields
 
 ARMS = ("left", "right")
 HOME = np.array([0.0, -0.3, 0.0, -1.9, 0.0, 1.5, 0.0])
@@ -147,7 +146,7 @@ def test_joints_in_trajectories_have_the_names_of_the_joint_states():
 
 def test_each_arm_has_an_action():
     def act(bridge):
-        fields = goal_fields(bytes([1] * 16), trajectory("right", AWAY))
+        fields = goal_fields(make, bytes([1] * 16), trajectory("right", AWAY))
         kind = ACTION.send_goal.request_type
         request = make(kind, client=7, number=1, **fields)
         topic = ACTION.send_goal.request.replace("rq", "rq/right")

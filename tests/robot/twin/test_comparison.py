@@ -8,6 +8,7 @@ from pydrake.common.value import AbstractValue
 from pydrake.math import RigidTransform, RollPitchYaw
 from pydrake.systems.analysis import Simulator
 
+from drake_srg.common.systems import input_ports
 from drake_srg.robot.serve.commands import CommandError
 from drake_srg.robot.serve.pictures import BLOBS, camera_topics
 from drake_srg.robot.twin.comparison import (
@@ -79,24 +80,21 @@ PERIOD = 0.01
 CONFIG = TwinConfig(still_time=0.1, patience=0.3)
 
 
-class Stand:
+def make_monitor():
     """A monitor of a two-joint arm with two fingers and two objects."""
+    efforts = {"arm": np.array([100.0, 50.0])}
+    return TwinMonitor(CONFIG, efforts, {"gripper": 2}, 2, PERIOD)
+
+
+class Stand:
+    """A monitor whose inputs the test sets."""
 
     def __init__(self):
-        self.monitor = TwinMonitor(CONFIG, [100.0, 50.0], 2, 2, PERIOD)
+        self.monitor = make_monitor()
         self.simulator = Simulator(self.monitor)
         self.context = self.simulator.get_mutable_context()
-        for name, size in (
-            ("arm_state", 4),
-            ("arm_state_measured", 4),
-            ("torque_measured", 2),
-            ("external_felt", 2),
-            ("external_expected", 2),
-            ("gripper_state", 4),
-            ("gripper_state_measured", 4),
-            ("object_error", 2),
-        ):
-            self.fix(name, np.zeros(size))
+        for name, port in input_ports(self.monitor).items():
+            self.fix(name, np.zeros(port.size()))
         self.time = 0.0
 
     def fix(self, name, value):
@@ -113,7 +111,7 @@ class Stand:
 # An input with a difference just above and just below the limit.
 CASES = {
     "joint": ("arm_state_measured", [0.0, -1.01 * CONFIG.joint, 0.0, 0.0]),
-    "torque": ("external_expected", [0.0, 1.01 * CONFIG.torque * 50.0]),
+    "torque": ("arm_external_expected", [0.0, 1.01 * CONFIG.torque * 50.0]),
     "finger": ("gripper_state_measured", [1.01 * CONFIG.finger, 0.0, 0.0, 0.0]),
     "object": ("object_error", [np.nan, 1.01 * CONFIG.object]),
 }
@@ -165,7 +163,7 @@ def test_torques_of_a_moving_arm_do_not_count():
 
 @pytest.mark.parametrize(
     "port",
-    ["torque_measured", "gripper_state_measured", "object_error"],
+    ["arm_torque_measured", "gripper_state_measured", "object_error"],
 )
 def test_what_nobody_tells_is_no_difference(port):
     stand = Stand()
@@ -178,7 +176,7 @@ torques = arrays(float, 2, elements={"min_value": -300.0, "max_value": 300.0})
 
 
 def test_outputs_depend_on_their_own_inputs_alone():
-    system = TwinMonitor(CONFIG, [100.0, 50.0], 2, 2, PERIOD)
+    system = make_monitor()
     names = {
         output: {
             system.get_input_port(i).get_name()
@@ -187,7 +185,10 @@ def test_outputs_depend_on_their_own_inputs_alone():
         }
         for output in ("joint_error", "torque_expected", "torque_residual")
     }
-    torques = {"torque_measured", "external_felt", "external_expected"}
+    torques = {
+        f"arm_{name}"
+        for name in ("torque_measured", "external_felt", "external_expected")
+    }
     assert names == {
         "joint_error": {"arm_state", "arm_state_measured"},
         "torque_expected": torques,
@@ -197,13 +198,13 @@ def test_outputs_depend_on_their_own_inputs_alone():
 
 @given(torques, torques, torques)
 def test_measured_is_expected_and_residual(needed, felt, simulated):
-    system = TwinMonitor(CONFIG, [100.0, 50.0], 2, 2, PERIOD)
+    system = make_monitor()
     context = system.CreateDefaultContext()
     measured = needed - felt
     for name, value in (
-        ("torque_measured", measured),
-        ("external_felt", felt),
-        ("external_expected", simulated),
+        ("arm_torque_measured", measured),
+        ("arm_external_felt", felt),
+        ("arm_external_expected", simulated),
     ):
         system.GetInputPort(name).FixValue(context, value)
     expected = system.GetOutputPort("torque_expected").Eval(context)

@@ -13,7 +13,7 @@ from drake_srg.robot.drive.config import parse_hardware
 from drake_srg.robot.drive.opening import MakeRobots
 from drake_srg.robot.serve.commands import Warnings
 from drake_srg.robot.twin.comparison import Sighting
-from drake_srg.robot.twin.loop import Listener, Told, TwinLoop
+from drake_srg.robot.twin.loop import Listener, Told, ToldArm, TwinLoop
 from drake_srg.robot.twin.run import run_twin, status_text, twin_topics
 from drake_srg.robot.twin.station import AddTwin, LagCompensation, MakeTwin
 from drake_srg.scenario import load_scenario
@@ -31,9 +31,11 @@ def scenario():
     return load_scenario("kitchen_fast", seed=0, overrides=["twin.settle=0.3"])
 
 
-def told(stamp, **changes):
-    first = Told(stamp, REST, np.full(7, np.nan), np.full(8, np.nan), (0.0,))
-    return dc.replace(first, **changes)
+QUIET = ToldArm(REST, np.full(7, np.nan), np.full(8, np.nan), 0.0)
+
+
+def told(stamp, sightings=(), **changes):
+    return Told(stamp, (dc.replace(QUIET, **changes),), sightings)
 
 
 def make_loop(scenario, first):
@@ -71,22 +73,22 @@ def test_an_arm_that_goes_where_the_table_is_differs(loop):
     for share in np.linspace(0.0, 1.0, 40):
         state = (1.0 - share) * REST + share * down
         state[7:] = 0.5 * (down - REST)[:7]
-        reports += loop.follow(told(100.0 + 2.0 * share + 0.05, arm_state=state))
-    reports += follow(loop, 102.05, 103.5, arm_state=down)
+        reports += loop.follow(told(100.0 + 2.0 * share + 0.05, state=state))
+    reports += follow(loop, 102.05, 103.5, state=down)
     assert [report.kind for report in reports] == ["joint"]
     assert "joint" in reports[0].text
 
 
 def test_fingers_that_do_not_close_differ(loop):
     still = np.zeros(8)
-    assert follow(loop, 100.0, 100.5, gripper_state=still) == []
-    closed = {"gripper_state": still, "closures": (1.0,)}
+    assert follow(loop, 100.0, 100.5, fingers=still) == []
+    closed = {"fingers": still, "closure": 1.0}
     reports = follow(loop, 100.5, 101.7, **closed)
     assert [report.kind for report in reports] == ["finger"]
     assert "less closed" in reports[0].text
     assert follow(loop, 101.7, 102.0, **closed) == []  # once
     # Once it is over, the next one is reported anew.
-    assert follow(loop, 102.0, 103.5, gripper_state=still, closures=(0.0,)) == []
+    assert follow(loop, 102.0, 103.5, fingers=still, closure=0.0) == []
     reports = follow(loop, 103.5, 104.7, **closed)
     assert [report.kind for report in reports] == ["finger"]
 
@@ -124,23 +126,23 @@ def test_an_object_that_is_seen_elsewhere_differs_once(loop):
 def test_torques_that_the_twin_does_not_expect_are_reported(loop):
     torque = np.zeros(7)
     for _ in range(3):  # what the motors hold the arm with, by the twin itself
-        reports = follow(loop, 100.0 + loop.time, 100.5 + loop.time, arm_torque=torque)
+        reports = follow(loop, 100.0 + loop.time, 100.5 + loop.time, torque=torque)
         torque = torque - loop.value("twin.torque_residual")
     begin = 100.0 + loop.time
-    follow(loop, begin, begin + 0.5, arm_torque=torque)
+    follow(loop, begin, begin + 0.5, torque=torque)
     assert np.abs(loop.value("twin.torque_residual")).max() < 0.1
     begin = 100.0 + loop.time
     heavier = torque + np.array([0.0, 8.0, 0.0, 0.0, 0.0, 0.0, 0.0])
-    reports = follow(loop, begin, begin + 0.5, arm_torque=heavier)
+    reports = follow(loop, begin, begin + 0.5, torque=heavier)
     assert [report.kind for report in reports] == ["torque"]
     assert "joint 2 has 8.0 N m" in reports[0].text
 
 
 def test_nothing_is_reported_for_a_while_after_lost_messages(loop):
     still = np.zeros(8)
-    follow(loop, 100.0, 100.5, gripper_state=still)
+    follow(loop, 100.0, 100.5, fingers=still)
     # For 0.6 s nothing arrives, then the gripper is commanded to be closed.
-    assert loop.follow(told(101.1, gripper_state=still, closures=(1.0,))) == []
+    assert loop.follow(told(101.1, fingers=still, closure=1.0)) == []
     assert loop.skipped == 0.0
     assert loop.time == pytest.approx(1.1, abs=0.02)
 
@@ -186,11 +188,11 @@ def test_a_listener_tells_what_it_has_heard():
     assert talk.listener.take() is None  # nothing about the arm
     talk.joints(1.0)
     heard = talk.listener.take()
-    assert (heard.stamp, heard.closures) == (1.0, (0.4,))
-    np.testing.assert_array_equal(heard.arm_torque, np.arange(7.0))
+    assert (heard.stamp, heard.arms[0].closure) == (1.0, 0.4)
+    np.testing.assert_array_equal(heard.arms[0].torque, np.arange(7.0))
     talk.say("/gripper/closure_commanded", "Float64", 0.7)
     talk.joints(1.1)
-    assert talk.listener.take().closures == (0.7,)
+    assert talk.listener.take().arms[0].closure == 0.7
     assert talk.listener.take() is None
 
 
@@ -210,7 +212,7 @@ def test_bad_messages_change_nothing(topic, kind, data):
     assert talk.listener.take() is None
     talk.joints(1.0)
     heard = talk.listener.take()
-    assert heard.closures == (None,)
+    assert heard.arms[0].closure is None
     assert heard.sightings == ()
 
 
@@ -257,10 +259,6 @@ def test_an_arm_at_rest_teaches_nothing():
 
 # Two arms: whose messages are whose, and whose joint differs.
 
-Q = np.append(HOME, HOME)
-STILL = np.zeros(14)
-UNTOLD = np.full(14, np.nan)
-FINGERS = np.full(16, np.nan)
 TWO = """
 arms:
   left: {arm: !Ros2Arm {}, gripper: !Ros2Gripper {}}
@@ -273,8 +271,9 @@ def two():
     return load_scenario("handover", overrides=["twin.settle=0.3"])
 
 
-def both(stamp, q=Q, torque=UNTOLD, fingers=FINGERS, closures=(0.0, 0.0)):
-    return Told(stamp, np.append(q, STILL), torque, fingers, closures)
+def both(stamp, **right):
+    """Messages of two arms; `right` are those of the right one."""
+    return Told(stamp, (QUIET, dc.replace(QUIET, **right)))
 
 
 @pytest.fixture
@@ -283,10 +282,10 @@ def pair():
 
 
 def test_both_arms_follow_their_own_joints(pair):
-    q = Q.copy()
-    q[7] += 0.05  # of the right arm
-    assert follow(pair, 100.0, 101.5, told=both, q=q) == []
-    for arm, own in (("left", q[:7]), ("right", q[7:])):
+    state = REST.copy()
+    state[0] += 0.05
+    assert follow(pair, 100.0, 101.5, told=both, state=state) == []
+    for arm, own in (("left", HOME), ("right", state[:7])):
         reached = pair.value(f"{arm}.state_measured")[:7]
         np.testing.assert_allclose(reached, own, atol=3e-3)
     assert pair.value("twin.joint_error").shape == (14,)
@@ -294,18 +293,15 @@ def test_both_arms_follow_their_own_joints(pair):
 
 
 def test_a_report_names_the_arm(pair):
-    fingers = np.zeros(16)  # those of the right hand stay open
-    reports = follow(
-        pair, 100.0, 102.0, told=both, fingers=fingers, closures=(0.0, 1.0)
-    )
+    stuck = {"fingers": np.zeros(8), "closure": 1.0}
+    reports = follow(pair, 100.0, 102.0, told=both, **stuck)
     (report,) = reports
     assert report.kind == "finger"
     assert "finger joint" in report.text and " of right is " in report.text
 
 
 def test_only_the_arm_that_tells_its_torques_is_compared(pair):
-    torque = np.append(np.full(7, np.nan), np.zeros(7))
-    reports = follow(pair, 100.0, 103.0, told=both, torque=torque)
+    reports = follow(pair, 100.0, 103.0, told=both, torque=np.zeros(7))
     assert {report.kind for report in reports} == {"torque"}
     assert all(" of right has " in report.text for report in reports)
 
@@ -322,11 +318,12 @@ def test_a_listener_tells_once_it_has_heard_all_arms():
     assert talk.listener.take() is None
     talk.joints(1.1, "/right/joint_states", right=HOME + 1.0)
     heard = talk.listener.take()
-    assert (heard.stamp, heard.closures) == (1.1, (None, 0.4))
-    np.testing.assert_array_equal(heard.arm_state[:14], np.append(HOME, HOME + 1.0))
-    np.testing.assert_array_equal(heard.arm_state[14:], np.full(14, 0.5))
-    assert np.all(np.isnan(heard.gripper_state[[0, 1, 2, 3, 8, 9, 10, 11]]))
-    np.testing.assert_array_equal(heard.gripper_state[4:8], np.full(4, 0.2))
+    left, right = heard.arms
+    assert (heard.stamp, left.closure, right.closure) == (1.1, None, 0.4)
+    np.testing.assert_array_equal(left.state, [*HOME, *np.full(7, 0.5)])
+    np.testing.assert_array_equal(right.state, [*(HOME + 1.0), *np.full(7, 0.5)])
+    assert np.all(np.isnan(left.fingers))
+    np.testing.assert_array_equal(right.fingers[:4], np.full(4, 0.2))
     assert talk.listener.take() is None
 
 

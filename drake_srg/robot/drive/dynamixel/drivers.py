@@ -21,17 +21,6 @@ from drake_srg.types import Vector
 Report = Callable[[Sequence[ServoState]], None]
 
 
-@dc.dataclass(kw_only=True)
-class GroupConfig:
-    """The servos of a part of a robot."""
-
-    ids: Sequence[int]
-    # Largest torque, as a fraction of the stall torque.
-    effort: float = 1.0
-    # Largest distance from its goal at which a rebooted servo is driven on [counts].
-    resume_within: float = math.inf
-
-
 class ServoGroup:
     """Servos of a part of a robot, as the thread of a bus handles them.
 
@@ -44,17 +33,29 @@ class ServoGroup:
 
     Args:
         report: Called with their states, in the bus's thread.
+        effort: Largest torque, as a fraction of the stall torque.
+        resume_within: Largest distance from its goal at which a rebooted servo is
+            driven on [counts].
 
     Attributes:
+        ids: Of the servos.
         goals: Positions to command, by ID [counts]. Another thread may replace the
             mapping at any time.
         halted: Why the group has halted; empty while it works.
     """
 
-    def __init__(self, config: GroupConfig, report: Report, warnings: Warnings) -> None:
-        self.config = config
+    def __init__(
+        self,
+        ids: Sequence[int],
+        report: Report,
+        warnings: Warnings,
+        effort: float = 1.0,
+        resume_within: float = math.inf,
+    ) -> None:
+        self.ids = ids
         self.goals: Mapping[int, int] = {}
         self.halted = ""
+        self._effort, self._resume_within = effort, resume_within
         self._report, self._warnings = report, warnings
         self._ready: set[int] = set()
 
@@ -68,7 +69,7 @@ class ServoGroup:
             BusError: If a servo cannot be set up.
         """
         goals = self.goals
-        for number in self.config.ids:
+        for number in self.ids:
             if self.halted:
                 return False
             state = states[number]
@@ -85,15 +86,15 @@ class ServoGroup:
                 )
         if self.halted:
             return False
-        self._report([states[number] for number in self.config.ids])
+        self._report([states[number] for number in self.ids])
         return True
 
     def _resume(self, bus: ServoBus, number: int, state: ServoState, goal: int) -> None:
         away = abs(state.position - goal)
-        if away > self.config.resume_within:
+        if away > self._resume_within:
             self._halt(
                 f"servo {number} has rebooted and is {away} counts from its goal "
-                f"(allowed: {self.config.resume_within:.0f})"
+                f"(allowed: {self._resume_within:.0f})"
             )
             return
         self._set_up(bus, number, state)
@@ -104,7 +105,7 @@ class ServoGroup:
 
     def _set_up(self, bus: ServoBus, number: int, state: ServoState) -> None:
         """Switch the torque on where the servo is, and mark it last of all."""
-        effort = round(self.config.effort * bus.table.full_effort)
+        effort = round(self._effort * bus.table.full_effort)
         bus.write(number, bus.table.effort, effort)
         bus.write(number, "torque_enable", 1)
         bus.write(number, "goal_position", state.position)
@@ -155,7 +156,7 @@ class BusCycle:
     def cycle(self) -> bool:
         """Exchange states and goals with all servos; return whether that worked."""
         groups = [group for group in self._groups if not group.halted]
-        numbers = [number for group in groups for number in group.config.ids]
+        numbers = [number for group in groups for number in group.ids]
         try:
             if self._bus is None:
                 self._bus = self._open()
@@ -248,7 +249,7 @@ class DynamixelConfig(Config, HardwareDriver):
             ScenarioError: If the port is invalid, or another part has other settings.
             OSError: If the bus cannot be opened.
         """
-        known, bus = robot.shared.get(self._key, (self._settings, None))
+        known, bus = robot.shared.get(self.port, (self._settings, None))
         if known != self._settings:
             raise ScenarioError(
                 f"hardware: {self.port}: arm and gripper need the same baud, protocol, "
@@ -256,7 +257,7 @@ class DynamixelConfig(Config, HardwareDriver):
             )
         if bus is None or bus.closed:
             try:
-                bus = self.make_bus(robot)
+                bus = BusThread(self._open, self.period, robot.warnings)
             except ValueError as error:
                 raise ScenarioError(f"hardware: {error}") from None
             self.share(robot, bus)
@@ -264,24 +265,11 @@ class DynamixelConfig(Config, HardwareDriver):
 
     def share(self, robot: Robot, bus: BusCycle) -> None:
         """Have `bus_of` return an open bus."""
-        robot.shared[self._key] = self._settings, bus
-
-    @property
-    def _key(self) -> tuple[str, str]:
-        return "dynamixel", self.port
+        robot.shared[self.port] = self._settings, bus
 
     @property
     def _settings(self) -> tuple[float, ...]:
         return (self.baud, self.protocol, self.period, self.timeout, self.retries)
-
-    def make_bus(self, robot: Robot) -> BusCycle:
-        """Return what talks to the bus in a thread of its own.
-
-        Raises:
-            ValueError: If the port is invalid.
-            OSError: If the bus cannot be opened.
-        """
-        return BusThread(self._open, self.period, robot.warnings)
 
     def _open(self) -> ServoBus:
         line = open_line(self.port, self.baud)
@@ -338,9 +326,12 @@ class _ArmLink(Link):
         self._ids = config.ids or list(range(1, n + 1))
         self._zero, self._direction = np.array(config.zero), np.array(config.direction)
         self._mail, self._bus = Mailbox(), bus
-        resume = config.resume_within / _COUNT
-        servos = GroupConfig(ids=self._ids, resume_within=resume)
-        self._group = ServoGroup(servos, self._receive, robot.warnings)
+        self._group = ServoGroup(
+            self._ids,
+            self._receive,
+            robot.warnings,
+            resume_within=config.resume_within / _COUNT,
+        )
         bus.add(self._group)
 
     def take(self) -> PortValues:
@@ -427,8 +418,9 @@ class _GripperLink(Link):
         self._mail, self._bus = Mailbox(), bus
         self._position: int | None = None  # of the servo [counts]
         self._pressing = self._held = False
-        servo = GroupConfig(ids=[config.id], effort=config.effort)
-        self._group = ServoGroup(servo, self._receive, robot.warnings)
+        self._group = ServoGroup(
+            [config.id], self._receive, robot.warnings, effort=config.effort
+        )
         bus.add(self._group)
 
     def take(self) -> PortValues:

@@ -21,9 +21,8 @@ from drake_srg.robot.serve.ros1.tcpros import (
     Endpoint,
     MessageType,
     Publication,
-    SubscriberConnection,
     Subscription,
-    Timing,
+    serve_subscriber,
 )
 from drake_srg.robot.serve.ros1.xmlrpc import XmlRpcError, call, serve
 from drake_srg.robot.serve.sockets import IoThread, own_address
@@ -32,6 +31,9 @@ _DEFAULT_MASTER = "http://localhost:11311"
 # How long the constructor waits for the first attempt to register [s, real]. With a
 # roscore that takes some ms; then the first status is right.
 _REGISTRATION_TIMEOUT = 1.0
+# Time between checks that the master still knows the node, and for all goodbyes to it
+# together [s, real].
+_POLL, _GOODBYE = 1.0, 0.5
 
 
 class Ros1Bridge(RosBridge):
@@ -52,7 +54,6 @@ class Ros1Bridge(RosBridge):
             $ROS_HOSTNAME are ignored, so that settings for other nodes do not open this
             one to the network.
         name: The node's name. The master shuts down an older node of the same name.
-        timing: Waiting times; None takes the defaults.
 
     Raises:
         ValueError: If `master` or `host` is invalid.
@@ -67,7 +68,6 @@ class Ros1Bridge(RosBridge):
         master: str | None = None,
         host: str = "127.0.0.1",
         name: str = "/drake_srg",
-        timing: Timing | None = None,
     ):
         super().__init__(get_typestore(Stores.ROS1_NOETIC), inbox)
         # ROS 1 has no services of ROS 2.
@@ -77,7 +77,7 @@ class Ros1Bridge(RosBridge):
             topic.name: Publication(topic.name, self._type(topic.type))
             for topic in topics
         }
-        self._ours = ours = Endpoint(name, inbox.warnings, timing or Timing())
+        self._ours = ours = Endpoint(name, inbox.warnings)
         self._subscriptions = {
             topic.name: Subscription(
                 ours,
@@ -91,7 +91,7 @@ class Ros1Bridge(RosBridge):
         self._master = master or os.environ.get("ROS_MASTER_URI") or _DEFAULT_MASTER
         _check_uri(self._master)
         self._registered = self._closed = False
-        self._connections: set[SubscriberConnection] = set()
+        self._subscribers: set[asyncio.StreamWriter] = set()
         self._servers: list[asyncio.Server] = []
         self._tasks: list[asyncio.Task[None]] = []
         host = own_address(host)
@@ -183,9 +183,8 @@ class Ros1Bridge(RosBridge):
                 not [s, real].
         """
         slave, tcpros = self._listeners
-        loop = asyncio.get_running_loop()
         self._servers.append(await serve(slave, self._api.answer, self._refuse))
-        self._servers.append(await loop.create_server(self._connect, sock=tcpros))
+        self._servers.append(await asyncio.start_server(self._connect, sock=tcpros))
         tried = asyncio.Event()
         self._tasks.append(asyncio.create_task(self._stay_registered(tried)))
         with contextlib.suppress(asyncio.TimeoutError):
@@ -204,11 +203,10 @@ class Ros1Bridge(RosBridge):
             server.close()
         for listener in self._listeners:
             listener.close()
-        for connection in list(self._connections):
-            connection.abort()
-        timeout = self._ours.timing.goodbye
+        for writer in self._subscribers:
+            writer.transport.abort()
         goodbyes = [
-            self._call(f"unregister{kind}", topic, self._uri, timeout=timeout)
+            self._call(f"unregister{kind}", topic, self._uri, timeout=_GOODBYE)
             for kind, topics in (
                 ("Publisher", self._publications),
                 ("Subscriber", self._subscriptions),
@@ -239,7 +237,7 @@ class Ros1Bridge(RosBridge):
                     "ROS 1 master", f"ROS 1: roscore: {error}; waiting for it"
                 )
             tried.set()
-            await asyncio.sleep(self._ours.timing.poll)
+            await asyncio.sleep(_POLL)
 
     async def _register(self) -> None:
         for topic, publication in self._publications.items():
@@ -258,8 +256,14 @@ class Ros1Bridge(RosBridge):
         """Call a method of the master."""
         return await call(self._master, method, self._ours.name, *arguments, **options)
 
-    def _connect(self) -> SubscriberConnection:
-        return SubscriberConnection(self._ours, self._publications, self._connections)
+    async def _connect(
+        self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter
+    ) -> None:
+        self._subscribers.add(writer)
+        try:
+            await serve_subscriber(self._ours, self._publications, reader, writer)
+        finally:
+            self._subscribers.discard(writer)
 
     def _refuse(self, reason: str) -> None:
         self._ours.warnings.warn("ROS 1 request", f"ROS 1: refused a request: {reason}")
@@ -338,14 +342,13 @@ class SlaveApi:
     def get_bus_info(self, caller: str) -> list[Any]:
         """Return the connected peers."""
         info = [
-            [c.info.id, c.info.peer, "o", "TCPROS", topic, True, "TCPROS connection"]
-            for topic, publication in self._publications.items()
-            for c in publication.connections
-        ]
-        info += [
-            [c.id, c.peer, "i", "TCPROS", topic, True, "TCPROS connection"]
-            for topic, subscription in self._subscriptions.items()
-            for c in subscription.connections
+            [c.id, c.peer, direction, "TCPROS", topic, True, "TCPROS connection"]
+            for direction, topics in (
+                ("o", self._publications),
+                ("i", self._subscriptions),
+            )
+            for topic, which in topics.items()
+            for c in which.connections
         ]
         return [1, "bus info", info]
 

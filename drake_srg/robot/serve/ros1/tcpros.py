@@ -12,11 +12,9 @@ import asyncio
 import contextlib
 import dataclasses as dc
 import itertools
-import socket
 import struct
 from collections import deque
-from collections.abc import Callable, Iterable, Iterator, Mapping
-from typing import cast
+from collections.abc import AsyncIterator, Callable, Iterable, Mapping
 
 from drake_srg.common.exceptions import one_line
 from drake_srg.robot.serve.commands import Warnings
@@ -30,8 +28,10 @@ FRAME_LIMIT = 2**20
 ANY = "*"
 # Messages queued for a slow subscriber before the oldest is lost: ROS 2's default.
 _QUEUE = 10
-# Bytes read at once; other connections get their turn in between.
-_CHUNK = 2**16
+# Time for a peer to send its connection header [s, real].
+_HANDSHAKE = 5.0
+# Time before a publisher is tried again [s, real]; it doubles after each failure.
+_RETRY, _LONGEST_RETRY = 0.5, 4.0
 
 _LENGTH = struct.Struct("<I")
 _ids = itertools.count(1)
@@ -54,17 +54,45 @@ class MessageType:
     definition: str
 
 
-@dc.dataclass
 class Connection:
-    """A connection as `rosnode info` shows it."""
+    """A connection as `rosnode info` shows it.
 
-    peer: str  # subscriber's name, or publisher's URI
-    id: int = dc.field(default_factory=lambda: next(_ids))
+    Attributes:
+        peer: Name of a subscriber, or URI of a publisher.
+    """
+
+    def __init__(self, peer: str) -> None:
+        self.peer, self.id = peer, next(_ids)
 
 
 def frame(content: bytes | memoryview) -> bytes:
     """Return content with its length in front."""
     return b"".join((_LENGTH.pack(len(content)), content))
+
+
+async def frames(
+    reader: asyncio.StreamReader, limit: int = FRAME_LIMIT
+) -> AsyncIterator[bytes]:
+    """Yield the contents of a stream's frames until it ends.
+
+    Raises:
+        TcprosError: If a frame is larger than the limit [bytes], or the stream ends
+            within one.
+    """
+    while first := await reader.read(1):
+        try:
+            rest = await reader.readexactly(_LENGTH.size - 1)
+            (size,) = _LENGTH.unpack(first + rest)
+            if size > limit:
+                raise TcprosError(
+                    f"invalid frame: must have at most {limit} bytes, got {size}"
+                )
+            content = await reader.readexactly(size)
+        except asyncio.IncompleteReadError:
+            raise TcprosError(
+                "the connection ended in the middle of a message"
+            ) from None
+        yield content
 
 
 def encode_header(fields: Mapping[str, str]) -> bytes:
@@ -78,73 +106,15 @@ def decode_header(content: bytes) -> dict[str, str]:
     Raises:
         TcprosError: If the content is not a header.
     """
-    frames, fields = Frames(), []
-    with contextlib.suppress(TcprosError):  # a wrong length leaves bytes pending
-        for field in frames.feed(content):
-            fields.append(field.decode(errors="replace").partition("="))
-    if frames.pending or not all(name and equals for name, equals, _ in fields):
-        raise TcprosError("invalid header: must consist of fields name=value")
-    return {name: value for name, _, value in fields}
-
-
-class Frames:
-    """Finds the frames in a stream of bytes, whatever pieces it arrives in.
-
-    Args:
-        limit: Size of the largest frame [bytes].
-    """
-
-    def __init__(self, limit: int = FRAME_LIMIT) -> None:
-        self._bytes, self._limit = bytearray(), limit
-
-    @property
-    def pending(self) -> int:
-        """Number of bytes of the incomplete frame."""
-        return len(self._bytes)
-
-    def feed(self, data: bytes) -> Iterator[bytes]:
-        """Take bytes; yield the contents of all frames that are now complete.
-
-        Raises:
-            TcprosError: If a frame's length exceeds the limit.
-        """
-        self._bytes += data
-        start = 0
-        try:
-            while len(self._bytes) >= start + _LENGTH.size:
-                (size,) = _LENGTH.unpack_from(self._bytes, start)
-                if size > self._limit:
-                    raise TcprosError(
-                        f"invalid frame: must have at most {self._limit} bytes, "
-                        f"got {size}"
-                    )
-                end = start + _LENGTH.size + size
-                if len(self._bytes) < end:
-                    return
-                content = bytes(self._bytes[start + _LENGTH.size : end])
-                start = end
-                yield content
-        finally:
-            del self._bytes[:start]
-
-
-@dc.dataclass(frozen=True)
-class Timing:
-    """Waiting times of a ROS 1 node [s, real].
-
-    Attributes:
-        poll: Between checks that the master still knows the node.
-        retry: Before a publisher is tried again; doubles after each failure.
-        retry_max: Upper limit of `retry`.
-        handshake: For a peer to send its connection header.
-        goodbye: For all goodbyes to the master together.
-    """
-
-    poll: float = 1.0
-    retry: float = 0.5
-    retry_max: float = 4.0
-    handshake: float = 5.0
-    goodbye: float = 0.5
+    fields, end = dict[str, str](), 0
+    while end < len(content):
+        start = end + _LENGTH.size
+        end = start + int.from_bytes(content[end:start], "little")
+        field = content[start:end].decode(errors="replace")
+        name, equals, fields[name] = field.partition("=")
+        if end > len(content) or not (name and equals):
+            raise TcprosError("invalid header: must consist of fields name=value")
+    return fields
 
 
 @dc.dataclass(frozen=True)
@@ -153,12 +123,39 @@ class Endpoint:
 
     Attributes:
         name: The node's name, such as "/drake_srg".
-        timing: Waiting times.
     """
 
     name: str
     warnings: Warnings
-    timing: Timing
+
+
+class Subscriber(Connection):
+    """A subscriber to a publication.
+
+    Messages that it does not read wait in the system's buffers and then in a queue,
+    which loses its oldest message when it is full.
+    """
+
+    def __init__(self, peer: str) -> None:
+        super().__init__(peer)
+        self._queue: deque[bytes] = deque(maxlen=_QUEUE)
+        self._queued = asyncio.Event()
+
+    def send(self, framed: bytes) -> None:
+        """Queue a framed message."""
+        self._queue.append(framed)
+        self._queued.set()
+
+    async def write_to(self, writer: asyncio.StreamWriter) -> None:
+        """Write the queued messages until the connection breaks."""
+        writer.transport.set_write_buffer_limits(0)  # they wait in our own queue
+        with contextlib.suppress(OSError):
+            while True:
+                await self._queued.wait()
+                self._queued.clear()
+                while self._queue:
+                    writer.write(self._queue.popleft())
+                    await writer.drain()
 
 
 class Publication:
@@ -166,7 +163,7 @@ class Publication:
 
     def __init__(self, topic: str, type: MessageType):
         self.topic, self.type = topic, type
-        self.connections: set[SubscriberConnection] = set()
+        self.connections: set[Subscriber] = set()
 
     def send(self, message: bytes | memoryview) -> None:
         """Send a message to all subscribers, without waiting for them."""
@@ -176,129 +173,73 @@ class Publication:
                 connection.send(framed)
 
 
-class SubscriberConnection(asyncio.Protocol):
-    """An incoming connection of a subscriber.
+async def serve_subscriber(
+    ours: Endpoint,
+    publications: Mapping[str, Publication],
+    reader: asyncio.StreamReader,
+    writer: asyncio.StreamWriter,
+) -> None:
+    """Answer a subscriber's header, and send it messages until it leaves.
 
-    It belongs to no publication until its header has named one. Messages that the
-    subscriber does not read wait in the system's buffers and then in a queue, which
-    loses its oldest message when it is full.
-
-    Args:
-        publications: The node's publications, by topic.
-        connections: All open connections; this one adds and removes itself.
-
-    Attributes:
-        info: For other nodes.
+    The header names one of the publications.
     """
-
-    def __init__(
-        self,
-        ours: Endpoint,
-        publications: Mapping[str, Publication],
-        connections: set[SubscriberConnection],
-    ):
-        self._ours, self._publications = ours, publications
-        self._connections = connections
-        self._publication: Publication | None = None
-        self._frames = Frames()
-        self._queue: deque[bytes] = deque(maxlen=_QUEUE)
-        self._paused = False
-        self.info = Connection("")
-
-    def send(self, framed: bytes) -> None:
-        """Send a framed message now, or queue it."""
-        self._queue.append(framed)
-        self._flush()
-
-    def abort(self) -> None:
-        """Break the connection."""
-        self._transport.abort()
-
-    # Called by asyncio.
-
-    def connection_made(self, transport: asyncio.BaseTransport) -> None:
-        """Wait for the subscriber's header."""
-        self._transport = cast(asyncio.Transport, transport)
-        self._transport.set_write_buffer_limits(0)  # messages wait in our own queue
-        connection = self._transport.get_extra_info("socket")
-        connection.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
-        self._connections.add(self)
-        loop = asyncio.get_running_loop()
-        self._deadline = loop.call_later(self._ours.timing.handshake, self.abort)
-
-    def data_received(self, data: bytes) -> None:
-        """Read the header. Subscribers send nothing after it."""
-        if self._publication is not None or self._transport.is_closing():
-            return
-        try:
-            for content in self._frames.feed(data):
-                self._accept(decode_header(content))
-                return
-        except TcprosError as error:
-            kind = type(error).__name__
-            self._ours.warnings.warn(
-                f"ROS 1 subscriber {kind}", f"ROS 1: refused a subscriber: {error}"
-            )
-            self._transport.write(encode_header({"error": str(error)}))
-            self._transport.close()
-
-    def pause_writing(self) -> None:
-        """Queue messages from now on."""
-        self._paused = True
-
-    def resume_writing(self) -> None:
-        """Send the queued messages."""
-        self._paused = False
-        self._flush()
-
-    def connection_lost(self, _: Exception | None) -> None:
-        """Forget the subscriber."""
-        self._deadline.cancel()
-        self._queue.clear()
-        self._connections.discard(self)
-        if self._publication is not None:
-            self._publication.connections.discard(self)
-
-    def _flush(self) -> None:
-        while self._queue and not self._paused:
-            self._transport.write(self._queue.popleft())
-
-    def _accept(self, header: Mapping[str, str]) -> None:
-        """Answer a subscriber's header.
-
-        Raises:
-            TcprosError: If the header lacks a field or does not match a publication.
-        """
-        try:
-            topic, md5sum = header["topic"], header["md5sum"]
-            self.info.peer = header["callerid"]
-        except KeyError as error:
-            raise TcprosError(f"invalid header: lacks {error}") from error
-        publication = self._publications.get(topic)
-        if publication is None:
-            topics = ", ".join(sorted(self._publications))
-            raise MismatchError(f"{topic!r:.99} is not published (topics: {topics})")
+    try:
+        async with asyncio.timeout(_HANDSHAKE):
+            header = decode_header(await anext(frames(reader)))
+        subscriber, publication = _accepted(header, publications)
         type = publication.type
-        if md5sum not in (ANY, type.md5sum):
-            raise MismatchError(
-                f"{self.info.peer!r:.99} expects {topic} as {header.get('type')!r:.99} "
-                f"with MD5 sum {md5sum!r:.99}, but it is {type.name} with {type.md5sum}"
-            )
-        self._deadline.cancel()
-        self._publication = publication
-        publication.connections.add(self)
-        self._transport.write(
-            encode_header(
-                {
-                    "callerid": self._ours.name,
-                    "latching": "0",
-                    "md5sum": type.md5sum,
-                    "message_definition": type.definition,
-                    "topic": topic,
-                    "type": type.name,
-                }
-            )
+        answer = {
+            "callerid": ours.name,
+            "latching": "0",
+            "md5sum": type.md5sum,
+            "message_definition": type.definition,
+            "topic": publication.topic,
+            "type": type.name,
+        }
+        writer.write(encode_header(answer))
+        publication.connections.add(subscriber)
+        writing = asyncio.create_task(subscriber.write_to(writer))
+        try:
+            while await reader.read(FRAME_LIMIT):
+                pass  # subscribers send nothing after the header
+        finally:
+            writing.cancel()
+            publication.connections.discard(subscriber)
+    except TcprosError as error:
+        kind = error.__class__.__name__
+        ours.warnings.warn(
+            f"ROS 1 subscriber {kind}", f"ROS 1: refused a subscriber: {error}"
         )
+        writer.write(encode_header({"error": str(error)}))
+    except (OSError, StopAsyncIteration):  # it is silent or has left
+        pass
+    finally:
+        writer.close()
+
+
+def _accepted(
+    header: Mapping[str, str], publications: Mapping[str, Publication]
+) -> tuple[Subscriber, Publication]:
+    """Return a subscriber and what it subscribes to.
+
+    Raises:
+        TcprosError: If the header lacks a field or does not match a publication.
+    """
+    try:
+        topic, md5sum, peer = (header[name] for name in ("topic", "md5sum", "callerid"))
+    except KeyError as error:
+        raise TcprosError(f"invalid header: lacks {error}") from error
+    publication = publications.get(topic)
+    if publication is None:
+        topics = ", ".join(sorted(publications))
+        raise MismatchError(f"{topic!r:.99} is not published (topics: {topics})")
+    type = publication.type
+    if md5sum not in (ANY, type.md5sum):
+        raise MismatchError(
+            f"{peer!r:.99} expects {topic} as {header.get('type')!r:.99} "
+            f"with MD5 sum {md5sum!r:.99}, but it is {type.name} with {type.md5sum}"
+        )
+    return Subscriber(peer), publication
 
 
 @dc.dataclass
@@ -365,8 +306,7 @@ class Subscription:
 
     async def _follow(self, uri: str, publisher: _Publisher) -> None:
         """Receive from a publisher while it is listed or sends."""
-        timing = self._ours.timing
-        retry, worked = timing.retry, False
+        retry, worked = _RETRY, False
         while uri in self._listed:
             try:
                 await self._read(uri, publisher)
@@ -381,7 +321,7 @@ class Subscription:
             except Exception as error:  # only close() and the master may end this loop
                 self._warn("fault", f"{uri}: {error!r}; connection closed")
             worked, publisher.connection = publisher.connection is not None, None
-            retry = timing.retry if worked else min(2.0 * retry, timing.retry_max)
+            retry = _RETRY if worked else min(2.0 * retry, _LONGEST_RETRY)
             await asyncio.sleep(retry)
         self._publishers.pop(uri, None)
 
@@ -411,16 +351,12 @@ class Subscription:
                     }
                 )
             )
-            frames = Frames(self._largest)
-            while data := await reader.read(_CHUNK):
-                for content in frames.feed(data):
-                    if publisher.connection is None:
-                        self._check(decode_header(content))
-                        publisher.connection = Connection(uri)
-                    else:
-                        self._receive(content)
-            if frames.pending:
-                raise TcprosError("the connection ended in the middle of a message")
+            async for content in frames(reader, self._largest):
+                if publisher.connection is None:
+                    self._check(decode_header(content))
+                    publisher.connection = Connection(uri)
+                else:
+                    self._receive(content)
         finally:
             writer.close()
 

@@ -105,23 +105,8 @@ _CONFIGURATION = """
 
 types: Any = idl.types  # mypy does not understand its generic aliases
 
-# By rosbags' names. byte and char are uint8 on the wire, as in rmw_cyclonedds_cpp.
-_PRIMITIVES: dict[str, Any] = {
-    "bool": bool,
-    "byte": types.uint8,
-    "char": types.uint8,
-    "int8": types.int8,
-    "int16": types.int16,
-    "int32": types.int32,
-    "int64": types.int64,
-    "uint8": types.uint8,
-    "uint16": types.uint16,
-    "uint32": types.uint32,
-    "uint64": types.uint64,
-    "float32": types.float32,
-    "float64": types.float64,
-    "string": str,
-}
+# Where rosbags' names are not Cyclone's. byte and char are as in rmw_cyclonedds_cpp.
+_PRIMITIVES = {"bool": bool, "byte": types.uint8, "char": types.uint8, "string": str}
 
 
 class Ros2Bridge(RosBridge):
@@ -533,7 +518,9 @@ def _type(store: Typestore, field: Any) -> Any:
     content, size = detail
     if kind == Nodetype.BASE:
         bounded = content == "string" and size
-        return types.bounded_str[size] if bounded else _PRIMITIVES[content]
+        if bounded:
+            return types.bounded_str[size]
+        return _PRIMITIVES.get(content) or getattr(types, content)
     element = _type(store, content)
     if kind == Nodetype.ARRAY:
         return types.array[element, size]

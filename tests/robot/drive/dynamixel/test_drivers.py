@@ -14,9 +14,7 @@ from drake_srg.robot.drive.dynamixel.drivers import (
     BusCycle,
     BusThread,
     DynamixelArm,
-    DynamixelConfig,
     DynamixelGripper,
-    GroupConfig,
     ServoGroup,
 )
 from drake_srg.robot.drive.link import Robot
@@ -34,58 +32,56 @@ GRIPPER = {"id": 4, "open": 2048, "closed": CLOSED, "effort": 0.5}
 FAR = SCENARIO.gripper.proximity.range
 
 
+PROTOCOLS = pytest.mark.parametrize("protocol", [1, 2])
+COUNT = 2 * np.pi / 4096  # rad
+
+
 class Bench:
-    """An arm of three joints and a gripper, connected to emulated servos."""
+    """An arm of three joints and a gripper, connected to emulated servos.
 
-    def __init__(self, arm, gripper):
-        self.line = EmulatedLine(arm.protocol)
-        self.told = []
-        ends = np.full(3, 3.0)
+    Each exchange with them is a call.
+    """
+
+    def __init__(self, arm=None, gripper=None, protocol=1):
+        arm = DynamixelArm(**{"protocol": protocol} | (arm or {}))
+        gripper = DynamixelGripper(**{"protocol": protocol} | GRIPPER | (gripper or {}))
+        self.line, self.protocol, self.told = EmulatedLine(protocol), protocol, []
         warnings = Warnings(self.told.append)
-        self.robot = Robot(SCENARIO, JOINTS, (-ends, ends), warnings, None)
-        self.opened = []
-        self.arm, self.gripper = arm.connect(self.robot), gripper.connect(self.robot)
+        robot = Robot(SCENARIO, JOINTS, warnings, None)
+        self.bus = BusCycle(self.open, warnings)
+        arm.share(robot, self.bus)
+        self.arm, self.gripper = arm.connect(robot), gripper.connect(robot)
 
-    def cycle(self, q=(0.0, 0.0, 0.0), closure=0.0, hold=0.0):
-        """Command, exchange twice and return the measurements."""
+    def open(self):
+        self.line.closed = False
+        return ServoBus(self.line, self.protocol, retries=1)
+
+    def cycle(self, q=0.0, closure=0.0, hold=0.0):
+        """Command, exchange three times and return the measurements."""
         commands = {
-            "arm.position_commanded": np.array(q),
+            "arm.position_commanded": np.broadcast_to(q, 3),
             "gripper.closure_commanded": np.array([closure]),
             "gripper.hold": np.array([hold]),
         }
-        (_, bus) = next(iter(self.robot.shared.values()))
         for _ in range(3):
             self.arm.send(commands)
             self.gripper.send(commands)
-            bus.cycle()
+            self.bus.cycle()
             self.line.step()
         return self.arm.take() | self.gripper.take()
 
+    @property
+    def servos(self):
+        return self.line.bus.servos
 
-@pytest.fixture
-def bench(monkeypatch):
-    """A function that connects drivers with these options to emulated servos."""
-    benches = []
-
-    def make_bus(config, robot):  # without a thread
-        line = benches[-1].line
-        return BusCycle(lambda: ServoBus(line, config.protocol), robot.warnings)
-
-    def connect(arm=None, gripper=None):
-        benches.append(Bench.__new__(Bench))
-        benches[-1].__init__(
-            DynamixelArm(**(arm or {})), DynamixelGripper(**GRIPPER | (gripper or {}))
-        )
-        return benches[-1]
-
-    monkeypatch.setattr(DynamixelConfig, "make_bus", make_bus)
-    return connect
+    @property
+    def counts(self):
+        return [round(JOINT.to_counts(-q)) for q in self.line.q]
 
 
-@pytest.mark.parametrize("protocol", [1, 2])
-def test_joints_go_where_they_are_sent(bench, protocol):
-    both = {"protocol": protocol}
-    robot = bench({"full_torque": [1.0, 2.0, 3.0], **both}, both)
+@PROTOCOLS
+def test_joints_go_where_they_are_sent(protocol):
+    robot = Bench({"full_torque": [1.0, 2.0, 3.0]}, protocol=protocol)
     q = [0.5, -1.0, 2.0]
     measured = robot.cycle(q)
     assert robot.line.q == pytest.approx(q, abs=1e-3)
@@ -97,27 +93,26 @@ def test_joints_go_where_they_are_sent(bench, protocol):
     assert all(len(measured[k]) == n for k, n in robot.gripper.outputs.items())
 
 
-def test_zero_and_direction_of_a_joint_are_configured(bench):
-    robot = bench({"zero": [2048, 1048, 3048], "direction": [1, -1, 1]})
+def test_zero_and_direction_of_a_joint_are_configured():
+    robot = Bench({"zero": [2048, 1048, 3048], "direction": [1, -1, 1]})
     measured = robot.cycle([0.1, 0.2, -0.3])["arm.state_measured"]
     assert measured[:3] == pytest.approx([0.1, 0.2, -0.3], abs=1e-3)
-    turned = 1000 / 4096 * 2 * np.pi
+    turned = 1000 * COUNT
     expected = [0.1, -turned - 0.2, turned - 0.3]
     assert robot.line.q == pytest.approx(expected, abs=1e-3)
 
 
-def test_a_command_that_is_not_finite_is_ignored(bench):
-    robot = bench()
+def test_a_command_that_is_not_finite_is_ignored():
+    robot = Bench()
     robot.cycle([0.5, 0.5, 0.5], 0.5)
     robot.cycle([np.nan, 0.5, 0.5], np.nan)
     assert robot.line.q == pytest.approx([0.5, 0.5, 0.5], abs=1e-3)
     assert robot.line.closure == pytest.approx(0.5, abs=2e-3)
 
 
-@pytest.mark.parametrize("protocol", [1, 2])
-def test_the_gripper_tells_of_contact_by_its_load(bench, protocol):
-    both = {"protocol": protocol}
-    robot = bench(both, both)
+@PROTOCOLS
+def test_the_gripper_tells_of_contact_by_its_load(protocol):
+    robot = Bench(protocol=protocol)
     free = robot.cycle(closure=0.6)
     assert robot.line.closure == pytest.approx(0.6, abs=2e-3)
     angles = free["gripper.state_measured"]
@@ -133,8 +128,8 @@ def test_the_gripper_tells_of_contact_by_its_load(bench, protocol):
 
 
 @pytest.mark.parametrize("load", [0.0, 0.3])
-def test_a_held_gripper_stays_where_it_is_and_keeps_its_grip(bench, load):
-    robot = bench()
+def test_a_held_gripper_stays_where_it_is_and_keeps_its_grip(load):
+    robot = Bench()
     robot.cycle(closure=0.6)
     robot.line.load = load
     robot.cycle(closure=0.6)
@@ -145,11 +140,11 @@ def test_a_held_gripper_stays_where_it_is_and_keeps_its_grip(bench, load):
     assert robot.line.closure == pytest.approx(0.3, abs=2e-3)
 
 
-def test_a_servo_that_stretches_wires_moves_no_finger(bench):
-    robot = bench({}, {"stretch": 100.0})
+def test_a_servo_that_stretches_wires_moves_no_finger():
+    robot = Bench({}, {"stretch": 100.0})
     robot.line.load = 0.3
     q = robot.cycle(closure=0.6)["gripper.state_measured"][0]
-    stretched = 0.3 * 100.0 / 4096 * 2 * np.pi
+    stretched = 0.3 * 100.0 * COUNT
     assert q == pytest.approx(0.6 * TRAVEL - stretched, abs=2e-3)
 
 
@@ -163,8 +158,8 @@ def test_joints_of_an_empty_srg_add_up_to_its_closure(gripper, closure):
         assert sum(finger) == pytest.approx(SRG.full_scale * closure)
 
 
-def test_the_bus_closes_with_its_last_part(bench):
-    robot = bench()
+def test_the_bus_closes_with_its_last_part():
+    robot = Bench()
     robot.arm.close()
     assert not robot.line.closed
     robot.gripper.close()
@@ -183,97 +178,66 @@ def test_the_bus_closes_with_its_last_part(bench):
         ({}, {"contact_load": 0.5}, "gripper.contact_load: must be below effort"),
     ],
 )
-def test_bad_settings_are_told(bench, arm, gripper, words):
+def test_bad_settings_are_told(arm, gripper, words):
     with pytest.raises(ScenarioError, match=words):
-        bench(arm, gripper)
+        Bench(arm, gripper)
 
 
 def test_a_bad_port_is_told():
-    robot = Robot(SCENARIO, JOINTS, (None, None), Warnings(print), None)
+    robot = Robot(SCENARIO, JOINTS, Warnings(print), None)
     with pytest.raises(ScenarioError, match="port: must be tcp:HOST:PORT or a device"):
         DynamixelArm(port="COM3").connect(robot)
 
 
-PROTOCOLS = pytest.mark.parametrize("protocol", [1, 2])
-
-
-class Joints:
-    """Exchanges, one by one, with the joints of an emulated arm."""
-
-    def __init__(self, protocol, resume_within=30):
-        self.line = EmulatedLine(protocol)
-        self.opened, self.told, self.reports = 0, [], []
-        self.protocol = protocol
-        warnings = Warnings(self.told.append)
-        self.cycles = BusCycle(self.open, warnings)
-        config = GroupConfig(ids=[1, 2, 3], effort=0.8, resume_within=resume_within)
-        self.group = ServoGroup(config, self.reports.append, warnings)
-        self.cycles.add(self.group)
-
-    def open(self):
-        self.opened += 1
-        self.line.closed = False
-        return ServoBus(self.line, self.protocol, retries=1)
-
-    def cycle(self, goal=None):
-        if goal is not None:
-            self.group.goals = dict.fromkeys((1, 2, 3), goal)
-        before = len(self.reports)
-        self.cycles.cycle()
-        self.line.step()
-        return len(self.reports) > before
-
-    @property
-    def counts(self):
-        return [round(JOINT.to_counts(-q)) for q in self.line.q]
+GOAL = 100 * COUNT  # rad
+NEAR = {"resume_within": 30 * COUNT}
 
 
 @pytest.fixture(params=[1, 2])
 def robot(request):
-    robot = Joints(request.param)
-    assert robot.cycle()
+    """Servos that have been sent to a goal."""
+    robot = Bench(NEAR, protocol=request.param)
+    assert robot.cycle(GOAL)
     return robot
 
 
 def test_servos_are_set_up_where_they_are(robot):
-    assert robot.counts == [2048] * 3
-    for number, servo in robot.line.bus.servos.items():
-        assert servo.table["torque_enable"] == (number < 4)
-        assert servo.table["led"] == (number < 4)
-    effort = {1: ("torque_limit", 818), 2: ("goal_pwm", 708)}[robot.protocol]
-    assert robot.line.bus.servos[1].table[effort[0]] == effort[1]
-    assert robot.told == []
+    new = Bench(protocol=robot.protocol)
+    new.bus.cycle()
+    assert new.counts == [2048] * 3
+    for servo in new.servos.values():
+        assert servo.table["torque_enable"] == servo.table["led"] == 1
+    effort = {1: ("torque_limit", 1023, 512), 2: ("goal_pwm", 885, 442)}
+    name, joint, gripper = effort[robot.protocol]
+    assert (new.servos[1].table[name], new.servos[4].table[name]) == (joint, gripper)
+    assert new.told == []
 
 
 def test_a_servo_that_reboots_near_its_goal_goes_on(robot):
-    robot.cycle(2148)
-    robot.line.bus.servos[2].reboot()
+    robot.servos[2].reboot()
     robot.line.step()
-    assert robot.cycle(2158)
-    assert robot.cycle()
+    assert "arm.state_measured" in robot.cycle(GOAL + 10 * COUNT)
     assert robot.counts == [2158] * 3
-    assert robot.line.bus.servos[2].table["torque_enable"] == 1
+    assert robot.servos[2].table["torque_enable"] == 1
     (text,) = robot.told
     assert text == "servo 2 has rebooted, 10 counts from its goal; it goes on"
 
 
 def test_a_servo_that_reboots_far_from_its_goal_stops_all(robot):
-    robot.cycle(2148)
-    robot.line.bus.servos[2].reboot()
+    robot.servos[2].reboot()
     robot.line.step()
-    assert not robot.cycle(2400)
-    assert not robot.cycle(2400)
+    for _ in range(2):
+        assert "arm.state_measured" not in robot.cycle(GOAL + 252 * COUNT)
     assert robot.counts == [2148] * 3
     (text,) = robot.told
     assert "servo 2 has rebooted and is 252 counts from its goal (allowed: 30)" in text
 
 
 def test_a_servo_that_shuts_down_stops_all(robot):
-    robot.cycle(2148)
-    for servo in robot.line.bus.servos.values():
-        servo.table["temperature_limit"] = 20  # it has 25 degrees
+    for number in (1, 2, 3):
+        robot.servos[number].table["temperature_limit"] = 20  # it has 25 degrees
     robot.line.step()
-    assert not robot.cycle(2400)
+    assert "arm.state_measured" not in robot.cycle(2.0 * GOAL)
     assert robot.counts == [2148] * 3
     (text,) = robot.told
     assert "servo 1 has shut down (overheating)" in text
@@ -281,14 +245,13 @@ def test_a_servo_that_shuts_down_stops_all(robot):
 
 def test_silence_is_told_once_and_ends_in_a_new_line(robot):
     robot.line.silent = True
-    assert not robot.cycle(2148)
-    assert not robot.cycle(2148)
-    assert robot.counts == [2048] * 3
-    (text,) = robot.told
-    assert text.startswith("servo bus: servo 1, 2, 3: no intact reply within")
-    robot.line.silent = False
-    assert robot.cycle(2148)
+    assert robot.cycle(2.0 * GOAL) == {}
     assert robot.counts == [2148] * 3
+    (text,) = robot.told
+    assert text.startswith("servo bus: servo 1, 2, 3, 4: no intact reply within")
+    robot.line.silent = False
+    assert robot.cycle(2.0 * GOAL)
+    assert robot.counts == [2248] * 3
     robot.line.silent = True
     robot.cycle()
     assert len(robot.told) == 2
@@ -298,26 +261,23 @@ def test_silence_is_told_once_and_ends_in_a_new_line(robot):
 @settings(max_examples=20)
 @given(data=st.data())
 def test_joints_move_to_goals_only_whatever_happens(protocol, data):
-    robot = Joints(protocol)
-    allowed = {2048}
+    robot, q, allowed = Bench(NEAR, protocol=protocol), 0.0, {2048}
     for _ in range(data.draw(st.integers(1, 12))):
         match data.draw(st.sampled_from(["goal", "reboot", "silence", "noise"])):
             case "goal":
                 goal = data.draw(st.integers(1048, 3048))
                 allowed.add(goal)
-                robot.cycle(goal)
+                q = (goal - 2048) * COUNT
             case "reboot":
-                robot.line.bus.servos[data.draw(st.integers(1, 3))].reboot()
+                robot.servos[data.draw(st.integers(1, 3))].reboot()
                 robot.line.step()
-                robot.cycle()
             case "silence":
                 robot.line.silent = not robot.line.silent
-                robot.cycle()
             case "noise":
                 end = data.draw(st.integers(0, 40))
                 robot.line.spoil = lambda reply, end=end: reply[:end]
-                robot.cycle()
-                robot.line.spoil = None
+        robot.cycle(q)
+        robot.line.spoil = None
         assert set(robot.counts) <= allowed
 
 
@@ -335,8 +295,7 @@ class Served:
         self.told, self.reports = [], []
         warnings = Warnings(self.told.append)
         self.thread = BusThread(self.open, 0.001, warnings)
-        config = GroupConfig(ids=[1, 2])
-        self.group = ServoGroup(config, self.reports.append, warnings)
+        self.group = ServoGroup([1, 2], self.reports.append, warnings)
         stack.callback(self.thread.remove, self.group)
 
     def open(self):
@@ -360,7 +319,7 @@ def test_a_thread_reads_and_commands_until_it_ends(served):
     def arrived():
         commanded.update(served.inbox.take())
         q = commanded.get(POSITION, np.zeros(2))
-        return np.allclose(q, 100 / 4096 * 2 * np.pi * np.array([1, -1]))
+        return np.allclose(q, GOAL * np.array([1, -1]))
 
     assert wait_until(arrived)
     served.thread.remove(served.group)

@@ -6,7 +6,10 @@ import time
 import pytest
 from helpers import NEEDS_DDS
 
+from drake_srg.gripper.srg_tendon_driver import SrgTendonDriver
+from drake_srg.robot.serve.commands import CommandInbox, Warnings
 from drake_srg.robot.serve.dex1.hand import Phase
+from drake_srg.robot.serve.dynamixel.bridge import WiredGripper
 from robot.serve.ros2.peers import free_domain
 
 pytestmark = NEEDS_DDS
@@ -15,7 +18,7 @@ pytestmark = NEEDS_DDS
 class Peer:
     """A humanoid's controller, which sees a hand and drives its clock."""
 
-    def __init__(self, inbox, gripper, side, participant):
+    def __init__(self, inbox, side, participant):
         from cyclonedds.pub import DataWriter
         from cyclonedds.sub import DataReader
         from cyclonedds.topic import Topic
@@ -28,6 +31,7 @@ class Peer:
             return Topic(participant, name, type)
 
         self._types = messages
+        gripper = WiredGripper(SrgTendonDriver())
         self.bridge = Dex1Bridge(participant, inbox, gripper, side)
         self.motor = FakeMotor(inbox, self.bridge.ports)
         self.commands = DataWriter(
@@ -90,9 +94,9 @@ def participant(monkeypatch):
 
 
 @pytest.fixture
-def new(inbox, gripper, participant):
+def new(told, participant):
     """The peer of a hand that has just begun to calibrate."""
-    return Peer(inbox, gripper, "left", participant)
+    return Peer(CommandInbox([], Warnings(told.append)), "left", participant)
 
 
 @pytest.fixture

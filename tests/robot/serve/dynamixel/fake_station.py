@@ -7,10 +7,10 @@ import threading
 import numpy as np
 from helpers import needs_pty
 
+from drake_srg.robot.drive.dynamixel.bus import ServoBus, open_line
 from drake_srg.robot.serve.commands import CommandInbox, Warnings
 from drake_srg.robot.serve.dynamixel.bridge import ServoBridge
 from drake_srg.robot.serve.dynamixel.protocol import Instruction, Packet1, Packet2
-from robot.serve.dynamixel.servo_client import ServoClient
 from robot.serve.waiting import wait_until
 
 COUNT = 2 * np.pi / 4096
@@ -107,6 +107,8 @@ def answers(connection, ping=PING, pong=PONG):
     return False
 
 
-def client_of(station, url=None):
-    url = url or f"socket://{station.bridge.address}"
-    return ServoClient(url, station.sleep, lambda: station.time)
+def master_of(bridge, timeout=5.0):
+    """Return a master of the bridge's servos, with Protocol 1.0."""
+    terminal = bridge.address.startswith("/")
+    port = bridge.address if terminal else f"tcp:{bridge.address}"
+    return ServoBus(open_line(port, 57600), timeout=timeout, retries=0)

@@ -2,11 +2,13 @@
 
 import contextlib
 import dataclasses as dc
+import functools
 import math
 
 import numpy as np
 import pytest
 
+from drake_srg.robot.drive.dynamixel.bus import RefusedByServoError
 from drake_srg.robot.serve.commands import CommandInbox, Warnings
 from drake_srg.robot.serve.dynamixel.bridge import (
     Arm,
@@ -19,7 +21,7 @@ from drake_srg.robot.serve.dynamixel.protocol import BROADCAST, Instruction
 from drake_srg.robot.serve.dynamixel.servo import MotorCommand
 from drake_srg.scenario import load_scenario
 from robot.drive.dynamixel.emulated_line import POSITION, EmulatedLine
-from robot.serve.dynamixel.servo_client import ServoClient
+from robot.serve.dynamixel.fake_station import master_of
 
 FIVE_AXES = load_scenario("assistive_arm")
 TRAVEL = 0.69
@@ -179,14 +181,14 @@ def grasp(percent=50):
 
 @pytest.fixture
 def quiet():
-    """A bridge whose motor stands still: (bridge, inbox, client)."""
+    """A bridge whose motor stands still: (bridge, inbox, write a register)."""
     inbox = CommandInbox([], Warnings(print))
-    with contextlib.closing(ServoBridge(inbox, "tcp:0")) as bridge:
-        client = ServoClient(f"socket://{bridge.address}", lambda _: None)
+    with (
+        contextlib.closing(ServoBridge(inbox, "tcp:0")) as bridge,
+        contextlib.closing(master_of(bridge)) as master,
+    ):
         bridge.update(0.0, motor())
-        inbox.take()
-        yield bridge, inbox, client
-        client.close()
+        yield bridge, inbox, functools.partial(master.write, 1)
 
 
 def motor(angle=0.0):
@@ -195,35 +197,35 @@ def motor(angle=0.0):
 
 
 def test_a_repeated_write_wins_over_another_source(quiet):
-    bridge, inbox, client = quiet
-    client.write(30, 2500)
+    bridge, inbox, write = quiet
+    write("goal_position", 2500)
     first = inbox.take()
     inbox.put(grasp(), "/grasp")
     bridge.update(0.005, motor())
     inbox.take()
-    client.write(30, 2500)
+    write("goal_position", 2500)
     np.testing.assert_equal(inbox.take(), first)
     assert np.isfinite(first["gripper.motor_position_commanded"]).all()
 
 
 def test_another_source_interrupts_a_slow_motion(quiet):
-    bridge, inbox, client = quiet
-    client.write(32, 20)
-    client.write(30, 1000)
+    bridge, inbox, write = quiet
+    write("moving_speed", 20)
+    write("goal_position", 1000)
     inbox.put(grasp(), "/grasp")
     for k in range(100):
         bridge.update(0.005 * k, motor())
-    client.write(34, 104)  # a register that moves nothing
+    write("torque_limit", 104)  # a register that moves nothing
     np.testing.assert_equal(inbox.take(), grasp())
 
 
 def test_write_packets_are_counted_once_good_or_bad(quiet):
-    bridge, inbox, client = quiet
+    bridge, inbox, write = quiet
     before = inbox.received
-    client.write(32, 2)
-    client.write(30, 1000)
-    client.read(36, 2)
+    write("moving_speed", 2)
+    write("goal_position", 1000)
     for k in range(100):
         bridge.update(0.005 * k, motor())
-    client.send(3, 0, 1)  # read only
+    with pytest.raises(RefusedByServoError):
+        write("model_number", 1)
     assert inbox.received == before + 3

@@ -11,9 +11,9 @@ import time
 
 import numpy as np
 import pytest
-import serial
 from helpers import needs_pty
 
+from drake_srg.robot.drive.dynamixel.bus import BusError, open_line
 from drake_srg.robot.serve.commands import CommandInbox, Warnings
 from drake_srg.robot.serve.dynamixel.bridge import ServoBridge
 from drake_srg.robot.serve.dynamixel.protocol import Instruction, Packet1, PacketReader
@@ -25,9 +25,23 @@ from robot.serve.dynamixel.fake_station import (
     PONG_2,
     FakeStation,
     answers,
-    client_of,
     connect,
+    master_of,
 )
+
+
+@pytest.fixture
+def station():
+    with FakeStation("tcp:0") as station:
+        yield station
+
+
+@pytest.fixture
+def line(station):
+    """A function that opens a new connection."""
+    with contextlib.ExitStack() as stack:
+        yield lambda: stack.enter_context(connect(station.bridge))
+
 
 # Where it listens.
 
@@ -80,10 +94,10 @@ def test_a_closed_bridge_leaves_no_thread_or_connection(where):
 def test_a_terminal_survives_clients_that_leave_half_a_packet():
     with FakeStation("pty") as station:
         for _ in range(2):
-            client = client_of(station, station.bridge.address)
-            client.write(25, 1, size=1)
-            client.line.write(b"\xff\xff\x01\x05\x03")  # half a packet
-            client.close()
+            with contextlib.closing(master_of(station.bridge)) as master:
+                master.write(1, "led", 1)
+            with contextlib.closing(open_line(station.bridge.address, 57600)) as line:
+                line.write(b"\xff\xff\x01\x05\x03")  # half a packet
             time.sleep(0.15)
 
 
@@ -140,13 +154,13 @@ def test_an_unexpected_error_is_reported_and_ends_no_line(where, monkeypatch):
         raise RuntimeError("unforeseen")
 
     with FakeStation(where) as station:
-        url = station.bridge.address if where == "pty" else None
-        client = client_of(station, url)
         monkeypatch.setattr(Servo, "answer", fail_once)
-        with contextlib.suppress(serial.SerialException):  # the connection is closed
-            client.read(3, 1)
-        client.close()
-        client_of(station, url).close()
+        for fails in (True, False):
+            with contextlib.closing(master_of(station.bridge, 0.5)) as master:
+                # A connection is closed, a terminal is silent.
+                expected = pytest.raises((BusError, OSError), match=r".")
+                with expected if fails else contextlib.nullcontext():
+                    master.write(1, "led", 1)
     (text,) = station.warnings
     assert "unforeseen" in text
 

@@ -9,49 +9,8 @@ import numpy as np
 import pytest
 from helpers import needs_pty
 
-from robot.serve.dynamixel.fake_station import CLOSED, COUNT, FakeStation, client_of
+from robot.serve.dynamixel.fake_station import CLOSED, COUNT, FakeStation
 from robot.serve.dynamixel.simulated_gripper import SimulatedGripper
-
-# SAKE's driver.
-
-
-@pytest.mark.slow
-def test_sake_s_driver_calibrates_moves_and_holds(station):
-    client = client_of(station)
-    client.calibrate()
-    assert client.zero == 3298 - round(CLOSED / COUNT)
-    assert client.get_position() == 0
-    client.goto_position(60, 100)
-    assert client.get_position() == 60
-    assert station.angle == pytest.approx(CLOSED - 1500 * COUNT, abs=COUNT)
-    station.sleep(0.1)
-    assert station.commands["gripper.force_limit"] == pytest.approx([0.13])
-    client.goto_position(0, 50)
-    assert client.get_position() == 0
-    station.sleep(0.1)
-    # Held by a goal torque of 104 units of 4.5 mA. The stall current is 4.1 A, and full
-    # PWM gives 800/1023 of the stall torque.
-    assert np.isnan(station.commands["gripper.motor_position_commanded"][0])
-    torque = station.commands["gripper.motor_torque_commanded"]
-    assert torque == pytest.approx([104 * 4.5e-3 / 4.1 * 1023 / 800])
-    assert station.commands["gripper.force_limit"] == pytest.approx([1.0])
-    assert client.get_temperature() == 30
-    client.release()
-    assert station.warnings == []
-
-
-@pytest.mark.slow
-def test_sake_s_driver_recovers_from_an_overload(station):
-    client = client_of(station)
-    client.write(34, 800)
-    client.write(30, 0)  # far beyond the closed fingers
-    station.sleep(11.0)
-    assert client.check_overload_and_recover() == (32, 0)
-    assert client.check_overload_and_recover() == (0, 0)
-    station.sleep(0.1)
-    assert station.commands["gripper.motor_torque_commanded"] == [0.0]
-    assert len(station.warnings) == 1
-
 
 # ROBOTIS's SDK.
 
@@ -106,6 +65,91 @@ def test_the_sdk_receives_errors(master):
     assert handler.write2ByteTxRx(port, 1, 34, 2000)[1] == 8
     assert handler.factoryReset(port, 1)[1] == 64
     assert handler.ping(port, 2)[1] == sdk.COMM_RX_TIMEOUT
+
+
+@pytest.fixture
+def sake(master):
+    """Functions of SAKE's driver that write and read registers by address."""
+    handler, port, _ = master
+    writers = {
+        1: handler.write1ByteTxRx,
+        2: handler.write2ByteTxRx,
+        4: handler.write4ByteTxRx,
+    }
+
+    def write(address, value, size=2, error=0):
+        assert writers[size](port, 1, address, value) == (sdk.COMM_SUCCESS, error)
+
+    def read(address, error=0):
+        value, *outcome = handler.read2ByteTxRx(port, 1, address)
+        assert outcome == [sdk.COMM_SUCCESS, error]
+        return value
+
+    return write, read
+
+
+@pytest.mark.slow
+@ONE
+def test_sake_s_driver_calibrates_moves_and_holds(master, sake):
+    station, (write, read) = master[2], sake
+
+    def set_effort(percent):
+        write(34, 8 * percent)
+        write(71, 1024 + 8 * percent)
+
+    write(6, 0x0FFF0FFF, size=4)
+    write(34, 500)
+    write(24, 0, size=1)
+    write(70, 1, size=1)
+    write(71, 1024 + 100)
+    station.sleep(4.0)
+    write(71, 1024 + 10)
+    write(20, 0)
+    zero = read(36)
+    assert zero == 3298 - round(CLOSED / COUNT)
+    # To 60 % with full effort, and holding with 13 %.
+    set_effort(100)
+    write(70, 0, size=1)
+    write(30, zero + 1500)
+    station.sleep(3.0)
+    assert read(36) == pytest.approx(zero + 1500, abs=1)
+    assert station.angle == pytest.approx(CLOSED - 1500 * COUNT, abs=COUNT)
+    set_effort(13)
+    station.sleep(0.1)
+    assert station.commands["gripper.force_limit"] == pytest.approx([0.13])
+    # To 0 %, by torque.
+    set_effort(50)
+    write(70, 1, size=1)
+    station.sleep(3.0)
+    assert read(36) == pytest.approx(zero, abs=1)
+    set_effort(13)
+    station.sleep(0.1)
+    # Held by a goal torque of 104 units of 4.5 mA. The stall current is 4.1 A, and full
+    # PWM gives 800/1023 of the stall torque.
+    assert np.isnan(station.commands["gripper.motor_position_commanded"][0])
+    torque = station.commands["gripper.motor_torque_commanded"]
+    assert torque == pytest.approx([104 * 4.5e-3 / 4.1 * 1023 / 800])
+    assert station.commands["gripper.force_limit"] == pytest.approx([1.0])
+    assert read(43) % 256 == 30  # degrees Celsius
+    write(70, 0, size=1)
+    assert station.warnings == []
+
+
+@pytest.mark.slow
+@ONE
+def test_sake_s_driver_recovers_from_an_overload(master, sake):
+    station, (write, read) = master[2], sake
+    write(34, 800)
+    write(30, 0)  # far beyond the closed fingers
+    station.sleep(11.0)
+    read(34, error=32)
+    write(71, 0, error=32)
+    write(70, 0, size=1, error=32)
+    write(34, 500)
+    assert read(34) == 500
+    station.sleep(0.1)
+    assert station.commands["gripper.motor_torque_commanded"] == [0.0]
+    assert len(station.warnings) == 1
 
 
 @TWO

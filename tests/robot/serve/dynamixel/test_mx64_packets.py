@@ -10,7 +10,6 @@ from drake_srg.robot.serve.dynamixel.protocol import (
     Error1,
     Instruction,
     Packet2,
-    PacketReader,
     Refusal,
 )
 from robot.serve.dynamixel.servo_with_master import ServoWithMaster, ServoWithMaster2
@@ -262,32 +261,3 @@ def test_ten_thousand_random_packets_leave_a_valid_servo(servo, refusals):
         if count % 50 == 0:
             check(servo)
     assert seen == {None} | refusals
-
-
-def test_damaged_streams_neither_stop_nor_confuse_it(servo):
-    rng = random.Random(25)
-    packets = servo.table.packets
-    reader, time = PacketReader(packets), 0.0
-    for _ in range(1000):
-        wire = bytearray(random_packet(rng, servo).encode())
-        at = rng.randrange(len(wire))
-        length = len(packets.header) + 1 + (packets is Packet2)
-        match rng.randrange(5):
-            case 0:
-                del wire[at:]  # truncated
-            case 1:
-                wire[-2] ^= 1 << rng.randrange(8)  # wrong checksum
-            case 2:
-                wire[length : length + packets.width] = rng.randbytes(packets.width)
-            case 3:
-                wire[at:at] = rng.randbytes(rng.randrange(20))
-            case 4:
-                wire = bytearray(rng.randbytes(at))
-        time += rng.choice([0.0, 0.01, 0.2])
-        for packet in reader.feed(bytes(wire), time):
-            servo.answer(packet)
-        assert reader.pending < 1024
-    check(servo)
-    servo.table["id"] = 1
-    ping = packets(1, Instruction.PING)
-    assert list(reader.feed(ping.encode(), time + 1.0)) == [ping]

@@ -5,8 +5,9 @@ import contextlib
 import pytest
 
 from drake_srg.robot.serve.commands import CommandInbox, Warnings
+from drake_srg.robot.serve.ros1 import bridge as bridge_module
+from drake_srg.robot.serve.ros1 import tcpros
 from drake_srg.robot.serve.ros1.bridge import Ros1Bridge
-from drake_srg.robot.serve.ros1.tcpros import Timing
 from robot.serve.ros1 import peers
 from robot.serve.ros1.peers import wait_until
 
@@ -29,18 +30,18 @@ def publisher():
 
 
 @pytest.fixture
-def timing():
-    """Short waits between attempts, so that tests are quick."""
-    return Timing(poll=0.05, retry=0.05, retry_max=0.1)
+def new_bridge(inbox, monkeypatch):
+    """A function that returns a new bridge; closes it at the end of the test.
 
-
-@pytest.fixture
-def new_bridge(inbox, timing):
-    """A function that returns a new bridge; closes it at the end of the test."""
+    Waits between attempts are short, so that tests are quick.
+    """
+    monkeypatch.setattr(bridge_module, "_POLL", 0.05)
+    monkeypatch.setattr(tcpros, "_RETRY", 0.05)
+    monkeypatch.setattr(tcpros, "_LONGEST_RETRY", 0.1)
     with contextlib.ExitStack() as stack:
 
         def new_bridge(topics=peers.TOPICS, **options):
-            bridge = Ros1Bridge(inbox, topics, **{"timing": timing, **options})
+            bridge = Ros1Bridge(inbox, topics, **options)
             return stack.enter_context(contextlib.closing(bridge))
 
         yield new_bridge

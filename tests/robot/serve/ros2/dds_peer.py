@@ -1,8 +1,8 @@
 """A peer of the ROS 2 bridge that runs as a process: `dds_peer.py DOMAIN`.
 
-It does not use the package: its types are written by hand, and Cyclone DDS serialises
-them. It reads orders as lines of JSON, [name, argument...], and answers each with a
-line of JSON.
+It does not use the package: it makes its own types of rosbags' definitions and of those
+below, and Cyclone DDS serialises them. It reads orders as lines of JSON, [name,
+argument...], and answers each with a line of JSON.
 """
 
 import dataclasses as dc
@@ -19,164 +19,93 @@ from cyclonedds.builtin import (
 )
 from cyclonedds.core import InstanceState, ReadCondition, SampleState, ViewState
 from cyclonedds.domain import Domain, DomainParticipant
-from cyclonedds.idl.types import (
-    array,
-    float64,
-    int8,
-    int32,
-    int64,
-    sequence,
-    uint8,
-    uint16,
-    uint32,
-    uint64,
-)
 from cyclonedds.pub import DataWriter
 from cyclonedds.qos import Policy, Qos
 from cyclonedds.sub import DataReader
 from cyclonedds.topic import Topic
+from rosbags.interfaces import Nodetype
+from rosbags.typesys import Stores, get_types_from_msg, get_typestore
+
+# Of the action FollowJointTrajectory, by field. Each message of a service begins with
+# the header of rmw_cyclonedds_cpp.
+FOLLOW = "control_msgs/action/FollowJointTrajectory"
+CANCEL = "action_msgs/srv/CancelGoal"
+CALL = {"client": "uint64", "number": "int64"}
+LIMITS = dict.fromkeys(("position", "velocity", "acceleration"), "float64")
+TOLERANCES = "control_msgs/JointTolerance[]"
+COMPONENTS = "control_msgs/JointComponentTolerance[]"
+DEFINITIONS = {
+    "control_msgs/msg/JointTolerance": {"name": "string", **LIMITS},
+    "control_msgs/msg/JointComponentTolerance": {
+        "joint_name": "string",
+        "component": "uint16",
+        **LIMITS,
+    },
+    f"{FOLLOW}_SendGoal_Request": {
+        **CALL,
+        "goal_id": "unique_identifier_msgs/UUID",
+        "trajectory": "trajectory_msgs/JointTrajectory",
+        "multi_dof_trajectory": "trajectory_msgs/MultiDOFJointTrajectory",
+        "path_tolerance": TOLERANCES,
+        "component_path_tolerance": COMPONENTS,
+        "goal_tolerance": TOLERANCES,
+        "component_goal_tolerance": COMPONENTS,
+        "goal_time_tolerance": "builtin_interfaces/Duration",
+    },
+    f"{FOLLOW}_SendGoal_Response": {
+        **CALL,
+        "accepted": "bool",
+        "stamp": "builtin_interfaces/Time",
+    },
+    f"{FOLLOW}_GetResult_Request": {**CALL, "goal_id": "unique_identifier_msgs/UUID"},
+    f"{FOLLOW}_GetResult_Response": {
+        **CALL,
+        "status": "int8",
+        "error_code": "int32",
+        "error_string": "string",
+    },
+    f"{CANCEL}_Request": {**CALL, "goal_info": "action_msgs/GoalInfo"},
+    f"{CANCEL}_Response": {
+        **CALL,
+        "return_code": "int8",
+        "goals_canceling": "action_msgs/GoalInfo[]",
+    },
+}
+STORE = get_typestore(Stores.ROS2_HUMBLE)
+for name, definition in DEFINITIONS.items():
+    text = "\n".join(f"{kind} {field}" for field, kind in definition.items())
+    (fields,) = get_types_from_msg(text, name).values()
+    STORE.register({name: fields})
 
 
-def struct(name, /, **members):
-    """Return a type of ROS, such as "std_msgs/msg/Int32", with these members."""
+def struct(name):
+    """Return the type of a message, such as "std_msgs/msg/Int32"."""
     package, kind, short = name.split("/")
+    members = {field: member(*what) for field, what in STORE.fielddefs[name][1]}
     return idl.make_idl_struct(short, f"{package}::{kind}::dds_::{short}_", members)
 
 
-Int32 = struct("std_msgs/msg/Int32", data=int32)
-Bool = struct("std_msgs/msg/Bool", data=bool)
-Float64 = struct("std_msgs/msg/Float64", data=float64)
-String = struct("std_msgs/msg/String", data=str)
-Dimension = struct(
-    "std_msgs/msg/MultiArrayDimension", label=str, size=uint32, stride=uint32
-)
-Layout = struct(
-    "std_msgs/msg/MultiArrayLayout", dim=sequence[Dimension], data_offset=uint32
-)
-Float64MultiArray = struct(
-    "std_msgs/msg/Float64MultiArray", layout=Layout, data=sequence[float64]
-)
-Time = struct("builtin_interfaces/msg/Time", sec=int32, nanosec=uint32)
-Duration = struct("builtin_interfaces/msg/Duration", sec=int32, nanosec=uint32)
-Clock = struct("rosgraph_msgs/msg/Clock", clock=Time)
-Header = struct("std_msgs/msg/Header", stamp=Time, frame_id=str)
-JointState = struct(
-    "sensor_msgs/msg/JointState",
-    header=Header,
-    name=sequence[str],
-    position=sequence[float64],
-    velocity=sequence[float64],
-    effort=sequence[float64],
-)
-Image = struct(
-    "sensor_msgs/msg/Image",
-    header=Header,
-    height=uint32,
-    width=uint32,
-    encoding=str,
-    is_bigendian=uint8,
-    step=uint32,
-    data=sequence[uint8],
-)
-RegionOfInterest = struct(
-    "sensor_msgs/msg/RegionOfInterest",
-    **dict.fromkeys(("x_offset", "y_offset", "height", "width"), uint32),
-    do_rectify=bool,
-)
-CameraInfo = struct(
-    "sensor_msgs/msg/CameraInfo",
-    header=Header,
-    height=uint32,
-    width=uint32,
-    distortion_model=str,
-    d=sequence[float64],
-    k=array[float64, 9],
-    r=array[float64, 9],
-    p=array[float64, 12],
-    binning_x=uint32,
-    binning_y=uint32,
-    roi=RegionOfInterest,
-)
+def member(kind, what):
+    """Return the type of a message's field."""
+    if kind == Nodetype.NAME:
+        return struct(what)
+    of, size = what
+    if kind == Nodetype.BASE:
+        plain = {"bool": bool, "string": str, "byte": idl.types.uint8}
+        return plain.get(of) or getattr(idl.types, of)
+    if kind == Nodetype.ARRAY:
+        return idl.types.array[member(*of), size]
+    return idl.types.sequence[member(*of)]
 
-# Of the action FollowJointTrajectory.
-Uuid = struct("unique_identifier_msgs/msg/UUID", uuid=array[uint8, 16])
-GoalInfo = struct("action_msgs/msg/GoalInfo", goal_id=Uuid, stamp=Time)
-Vector3 = struct("geometry_msgs/msg/Vector3", **dict.fromkeys("xyz", float64))
-Quaternion = struct("geometry_msgs/msg/Quaternion", **dict.fromkeys("xyzw", float64))
-Transform = struct(
-    "geometry_msgs/msg/Transform", translation=Vector3, rotation=Quaternion
+
+STANDARD = (
+    *("Bool", "Float64", "Float64MultiArray", "Int32", "String"),
+    *("JointState", "Image", "CameraInfo", "Clock"),
 )
-Twist = struct("geometry_msgs/msg/Twist", linear=Vector3, angular=Vector3)
-Point = struct(
-    "trajectory_msgs/msg/JointTrajectoryPoint",
-    positions=sequence[float64],
-    velocities=sequence[float64],
-    accelerations=sequence[float64],
-    effort=sequence[float64],
-    time_from_start=Duration,
-)
-MultiPoint = struct(
-    "trajectory_msgs/msg/MultiDOFJointTrajectoryPoint",
-    transforms=sequence[Transform],
-    velocities=sequence[Twist],
-    accelerations=sequence[Twist],
-    time_from_start=Duration,
-)
-Trajectory, MultiTrajectory = (
-    struct(
-        f"trajectory_msgs/msg/{name}",
-        header=Header,
-        joint_names=sequence[str],
-        points=sequence[point],
-    )
-    for name, point in (
-        ("JointTrajectory", Point),
-        ("MultiDOFJointTrajectory", MultiPoint),
-    )
-)
-_LIMITS = dict.fromkeys(("position", "velocity", "acceleration"), float64)
-Tolerance = struct("control_msgs/msg/JointTolerance", name=str, **_LIMITS)
-Component = struct(
-    "control_msgs/msg/JointComponentTolerance",
-    joint_name=str,
-    component=uint16,
-    **_LIMITS,
-)
-_FOLLOW = "control_msgs/action/FollowJointTrajectory"
-# Each message of a service begins with the header of rmw_cyclonedds_cpp.
-_CALL = {"client": uint64, "number": int64}
-CALLS = (
-    struct(
-        f"{_FOLLOW}_SendGoal_Request",
-        **_CALL,
-        goal_id=Uuid,
-        trajectory=Trajectory,
-        multi_dof_trajectory=MultiTrajectory,
-        path_tolerance=sequence[Tolerance],
-        component_path_tolerance=sequence[Component],
-        goal_tolerance=sequence[Tolerance],
-        component_goal_tolerance=sequence[Component],
-        goal_time_tolerance=Duration,
-    ),
-    struct(f"{_FOLLOW}_SendGoal_Response", **_CALL, accepted=bool, stamp=Time),
-    struct(f"{_FOLLOW}_GetResult_Request", **_CALL, goal_id=Uuid),
-    struct(
-        f"{_FOLLOW}_GetResult_Response",
-        **_CALL,
-        status=int8,
-        error_code=int32,
-        error_string=str,
-    ),
-    struct("action_msgs/srv/CancelGoal_Request", **_CALL, goal_info=GoalInfo),
-    struct(
-        "action_msgs/srv/CancelGoal_Response",
-        **_CALL,
-        return_code=int8,
-        goals_canceling=sequence[GoalInfo],
-    ),
-)
-MESSAGES = (Int32, Bool, Float64, String, Float64MultiArray, Clock, JointState, Image)
-TYPES = {cls.__name__: cls for cls in (*MESSAGES, CameraInfo, *CALLS)}
+MESSAGES = {message.rpartition("/")[2]: message for message in STORE.fielddefs}
+CALLS = [name for name in DEFINITIONS if "/msg/" not in name]
+TYPES = {name: struct(MESSAGES[name]) for name in STANDARD}
+TYPES |= {name.rpartition("/")[2]: struct(name) for name in CALLS}
 
 # With a lease of one second, others soon notice when this process has vanished.
 CONFIGURATION = """
@@ -190,7 +119,7 @@ ANY = SampleState.Any | ViewState.Any | InstanceState.Any
 
 def message(cls, data):
     """Return a message of the value of its only field, or of fields by name."""
-    if cls is Float64MultiArray:
+    if cls is TYPES["Float64MultiArray"]:
         data = {"layout": {"dim": [], "data_offset": 0}, "data": data}
     if not isinstance(data, dict):
         return cls(data)
@@ -253,11 +182,11 @@ class Peer:
         Writers are announced in order. So this adds one more and waits until its
         message, a 0, has been confirmed.
         """
-        topic = Topic(self.participant, "rt/grasp", Int32)
+        topic = Topic(self.participant, "rt/grasp", TYPES["Int32"])
         writer = DataWriter(self.participant, topic, qos(True, 10))
         while writer.get_publication_matched_status().current_count < 2:
             time.sleep(0.001)  # the bridge has two readers per topic
-        writer.write(Int32(0))
+        writer.write(TYPES["Int32"](0))
         writer.wait_for_acks(10 * 10**9)
 
     def publish(self, name, *values):

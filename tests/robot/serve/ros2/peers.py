@@ -32,11 +32,11 @@ _HELD: deque[TextIO] = deque(maxlen=8)
 
 
 def free_domain():
-    """Return a domain without participants, which no other test on this machine uses."""
+    """Return a domain that no participant and no other test on this machine uses."""
     stem = Path(tempfile.gettempdir(), f"drake_srg_test_{os.getuid()}_domain_")
     # The ports of higher domains are among the system's ephemeral ports.
     for domain in random.SystemRandom().sample(range(1, 101), 100):
-        lock = Path(f"{stem}{domain}").open("w")
+        lock = Path(f"{stem}{domain}").open("w")  # noqa: SIM115 outlives the function
         with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
             try:
                 fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)

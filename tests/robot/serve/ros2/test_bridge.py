@@ -292,7 +292,7 @@ STORE = with_actions(get_typestore(Stores.ROS2_HUMBLE))
 
 
 @pytest.mark.parametrize("cls", dds_peer.TYPES.values(), ids=dds_peer.TYPES.keys())
-def test_types_equal_those_written_by_hand(cls):
+def test_types_equal_those_of_the_peer(cls):
     package, kind, _, name = cls.__idl_typename__.split("::")
     made = payload_type(STORE, f"{package}/{kind}/{name.rstrip('_')}")
     # The identifier contains a hash of the whole type.
