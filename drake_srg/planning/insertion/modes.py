@@ -485,7 +485,7 @@ class Withdraw(Inserting):
         return 0.0
 
     def pull_to(self, tip: Insertion, time: float) -> Vector:
-        """Return the place above the tip, as far as the hand does not slip, (3,) [m]."""
+        """Return the set-point that draws the tip up to the hover height, (3,) [m]."""
         config = self.task.config
         high = tip.rim + config.hover
         drawn = tip.X_WT_measured.translation()[2] + _DRAW / config.stiffness
