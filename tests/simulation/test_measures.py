@@ -212,6 +212,14 @@ def test_a_peg_that_lies_beside_its_hole_is_not_inserted():
         assert found is inserted
 
 
+@pytest.mark.parametrize(("above", "inserted"), [(4e-4, True), (6e-4, False)])
+def test_a_peg_that_stops_above_its_seat_is_not_inserted(above, inserted):
+    scenario, X_WO = hole_and_peg()
+    poses = np.array(2 * [pose_to_row(X_WO @ RigidTransform([0.0, 0.0, above]))])
+    found = is_placed(scenario, X_WO, np.array([0.0, 0.1]), poses, ["support"])
+    assert found is inserted
+
+
 def test_the_force_on_the_hole_is_the_peak_so_far():
     assert measures.hole_force({"hole_force_cheat": np.array([[1.0], [7.0]])}) == 7.0
     assert measures.hole_force({}) is None

@@ -25,7 +25,8 @@ class Insert(PlannerConfig):
     # Name of the hole's model among `directives`, which only metrics use. Its origin is
     # the middle of the rim, z up.
     hole: str = "hole"
-    # Depth of the hole [m], and depth short of it that counts as seated [m].
+    # Depth of the hole [m], and felt depth short of it that counts as seated [m]: the
+    # rim is felt to a millimetre or so.
     depth: float = dc.field(default=0.02, metadata=positive())
     depth_tolerance: float = dc.field(default=0.002, metadata=positive())
     # Strategy by which the peg finds the hole. `tilt`: it leans against the wall and is
@@ -70,7 +71,8 @@ class Insert(PlannerConfig):
     inset: float = dc.field(default=0.0025, metadata=positive())
     # Speed of the peg in search of contact, and in the hole [m/s].
     tip_speed: float = dc.field(default=0.01, metadata=positive())
-    # Tries from alternating sides; from the third on, `search_step` aside [m].
+    # Tries from alternating sides, with steps aside [m]: for a cylinder from the third
+    # on, for a box from the second on.
     tries: int = dc.field(default=4, metadata={"ge": 1})
     search_step: float = dc.field(default=0.0015, metadata={"ge": 0.0})
     # Rate at which a set-point drifts to the measurement where the peg must find its

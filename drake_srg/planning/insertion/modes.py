@@ -57,6 +57,8 @@ _FALLEN = 0.0005  # a peg this much deeper than the rim has found the hole [m]
 _SINKING = 0.6  # time from then until the edge is at the wall and has sunk [s]
 # Longest pressing [s]. Pegs go in within 7 s; later, the hand slips along the peg.
 _PRESSING = 10.0
+# Force that draws a peg out [N]: at 12 N, the hand slips along a peg that is stuck.
+_DRAW = 10.0
 _SHALLOW = 0.003  # depth from which a peg has entered [m]
 # The wall is at most this much farther than twice the inset [m]. A peg that slides
 # farther has met no hole.
@@ -245,7 +247,9 @@ class Tilt(Inserting):
         config, r = self.task.config, self.task.radius
         aside = r - self.task.inset - r * np.cos(self.task.tilt)
         up = r * np.sin(self.task.tilt) + 0.5 * config.hover
-        across = (tip.tries // 2) * config.search_step * np.cross(_UP, tip.along)
+        # Walls lead a round end to the middle, but a square one must be set down there.
+        steps = tip.tries // 2 if self.task.round else (tip.tries + 1) // 2
+        across = steps * config.search_step * np.cross(_UP, tip.along)
         return tip.X_WU.translation() + aside * tip.along + up * _UP + across
 
     def observe_tip(self, tip: Insertion, time: float) -> Observation:
@@ -389,8 +393,13 @@ class Press(Inserting):
         return memory
 
     def pull_to(self, tip: Insertion, time: float) -> Vector:
-        """Return the set-point that pulls down, (3,) [m]."""
-        return self.forward(tip, self.task.config.push_force, held=True)
+        """Return the set-point that pulls down, (3,) [m].
+
+        A peg that has entered is led by the hole. A hand held beside the hole's axis
+        would then wedge the peg.
+        """
+        outside = self._depth(tip) < _SHALLOW
+        return self.forward(tip, self.task.config.push_force, held=outside)
 
     def rotation(self, tip: Insertion, time: float, share: float) -> RotationMatrix:
         """Follow the peg's orientation R_WT, and put it upright, wobble and turn it."""
@@ -476,8 +485,11 @@ class Withdraw(Inserting):
         return 0.0
 
     def pull_to(self, tip: Insertion, time: float) -> Vector:
-        """Return the place above the tip, at the hover height, (3,) [m]."""
-        return np.array([*tip.p[:2], tip.rim + self.task.config.hover])
+        """Return the set-point that draws the tip up to the hover height, (3,) [m]."""
+        config = self.task.config
+        high = tip.rim + config.hover
+        drawn = tip.X_WT_measured.translation()[2] + _DRAW / config.stiffness
+        return np.array([*tip.p[:2], min(high, drawn)])
 
     def progress(self, tip: Insertion) -> float:
         """Return the tip's height [m]."""

@@ -212,6 +212,38 @@ def test_a_peg_that_falls_in_ends_the_spiral_and_a_whole_spiral_is_told():
     assert memory.insertion.stops == (Failure.NO_HOLE,)
 
 
+def test_a_peg_in_the_hole_leads_the_hand_aside():
+    mode, aside = Press(TASK, None, 1), np.array([0.002, 0.0015, 0.0])
+    for depth, held in ((0.002, True), (0.006, False)):
+        p = RIM - depth * UP
+        memory, _ = run(mode, make_memory(p), lambda memory, p=p: p + aside, 0.05)
+        memory.insertion.began = p
+        for i in range(100):
+            now = moment(0.05 + i * CONFIG.period, joints(p + aside))
+            memory = mode.update(memory, now)
+        expected = -CONFIG.stiffness * aside[:2] * held
+        assert pull(memory)[:2] == pytest.approx(expected, abs=0.1)
+
+
+def test_a_stuck_peg_is_drawn_out_with_less_than_makes_the_hand_slip():
+    memory = make_memory(RIM - 0.005 * UP)
+    mode = Withdraw(TASK, None, 1)
+    memory, _ = run(mode, memory, lambda memory: RIM - 0.005 * UP, 0.5)
+    assert 8.0 < pull(memory)[2] < 12.0
+
+
+@pytest.mark.parametrize(
+    ("peg", "steps"), [(PEG, (0, 0, 1, -1)), (Box([0.02, 0.02, 0.1]), (0, -1, 1, -2))]
+)
+def test_further_tries_search_aside(peg, steps):
+    mode = Tilt(dc.replace(TASK, peg=peg), None, 1)
+    for tries, expected in enumerate(steps):
+        tip = make_memory(RIM).insertion
+        tip.tries, tip.along = tries, (-1.0) ** tries * ALONG
+        aside = RIM[0] - mode.pull_to(tip, 0.0)[0]
+        assert aside == pytest.approx(expected * CONFIG.search_step, abs=1e-9)
+
+
 @pytest.mark.parametrize("kind", [Slide, Upright, Press])
 def test_a_peg_that_swivels_does_not_draw_the_hand_aside(kind):
     mode, aside = kind(TASK, None, 1), np.array([0.002, 0.0, 0.0])
