@@ -34,9 +34,11 @@ from drake_srg.planning.clearing.clearing_planner import (
     Verify,
 )
 from drake_srg.planning.clearing.knowledge import ClearingMemory, Pick
+from drake_srg.planning.clearing.maps import changed_places
 from drake_srg.planning.clearing.motions import ClearingMotions
 from drake_srg.planning.clearing.walls import (
     BEYOND,
+    CUT_OFF,
     GAP,
     LOADED,
     SIDE,
@@ -58,6 +60,13 @@ from drake_srg.types import (
 _ROUNDING = 1e-6  # in sums of depths [m]
 # Most grasps have enough room at this distance from a wall [m].
 _HAND = 0.12
+# A refused grasp stays refused until the map changes this near to it [m]: nothing
+# farther away touches the open hand. Unknown cells count as free, so a map that shows
+# more allows no more.
+_NEIGHBOURS = 0.2
+# Grasps this near to each other [m] and turned by less than this [rad] are refused
+# alike. A plan has no two grasps that are nearer.
+_NEAR, _TURNED = 0.012, 0.35
 
 
 @dc.dataclass(frozen=True)
@@ -116,6 +125,16 @@ class SharingSenses(Senses):
     other: Claim = NO_CLAIM
 
 
+@dc.dataclass(frozen=True, eq=False)
+class Refused:
+    """A grasp for which there were no motions at a depth."""
+
+    grasp: TopGrasp
+    depth: float  # [m]
+    why: PlanningFailure
+    height_map: HeightMap  # of the table then
+
+
 @dc.dataclass
 class SharingMemory(ClearingMemory):
     """The planner's memory.
@@ -123,10 +142,12 @@ class SharingMemory(ClearingMemory):
     Attributes:
         claim: Its claim, which ends once the arm is over its bin again.
         searched: The last map, if a plan on it found no pick and the arm rests.
+        refused: Grasps that need not be planned again.
     """
 
     claim: Claim = NO_CLAIM
     searched: SharedHeightMap | None = None
+    refused: tuple[Refused, ...] = ()
 
 
 class SharingPickPlanner(PickPlanner):
@@ -176,20 +197,43 @@ class SharingPickPlanner(PickPlanner):
         ways = [(side, None), (half, None), (beyond, None)]
         if not height_map.wanted:
             ways = [(half, side), (beyond, half), *ways]
-        for motions, easier in ways:
-            depth = motions.wall.depth
-            if depth < height_map.least - _ROUNDING:
-                continue
-            way = functools.partial(_way, motions, easier)
-            pick, missed = self._first_pick(way, memory, found, height_map, time)
-            if pick is not None:
-                pick.shared = depth < SIDE
-                if pick.shared:
-                    memory.claim = before.changed(depth, time)
-                return pick, missed
+        # In the end, what was refused on any other map is planned again: something far
+        # away may have been in the way.
+        for radius in (_NEIGHBOURS, np.inf) if height_map.open else (_NEIGHBOURS,):
+            memory.refused = _still_refused(memory.refused, height_map, radius)
+            for motions, easier in ways:
+                depth = motions.wall.depth
+                if depth < height_map.least - _ROUNDING:
+                    continue
+                way = functools.partial(_way, motions, easier)
+                pick, missed = self._first_pick(way, memory, found, height_map, time)
+                if pick is not None:
+                    pick.shared = depth < SIDE
+                    if pick.shared:
+                        memory.claim = before.changed(depth, time)
+                    return pick, missed
         if not height_map.open:
             memory.claim = before.changed(BEYOND, time)
         return None, missed
+
+    def _plan_motions(
+        self,
+        there: ClearingMotions,
+        memory: ClearingMemory,
+        grasp: TopGrasp,
+        height_map: HeightMap,
+    ) -> dict[AnyMode, Trajectory] | PlanningFailure:
+        """Return the motions of a pick, or why there are none, perhaps from memory."""
+        assert isinstance(memory, SharingMemory)
+        (depth,) = (m.wall.depth for m in self.by_depth if m is there)
+        for known in memory.refused:
+            if known.depth == depth and grasp.like(known.grasp, _NEAR, _TURNED):
+                return known.why
+        motions = super()._plan_motions(there, memory, grasp, height_map)
+        if isinstance(motions, PlanningFailure) and motions is not CUT_OFF:
+            refused = Refused(grasp, depth, motions, height_map)
+            memory.refused = (*memory.refused, refused)
+        return motions
 
     def plan(self, memory: ClearingMemory, height_map: HeightMap, time: float) -> None:
         """Plan the next pick; finish only once the map shows everything."""
@@ -209,6 +253,20 @@ class SharingPickPlanner(PickPlanner):
             if not isinstance(motion, PlanningFailure) or motions.wall.depth <= least:
                 break
         return motion
+
+
+def _still_refused(
+    refused: Sequence[Refused], height_map: HeightMap, radius: float
+) -> tuple[Refused, ...]:
+    """Return the refusals around which the map has not changed, in a radius [m]."""
+    maps = {known.height_map for known in refused}
+    changed = {earlier: changed_places(earlier, height_map) for earlier in maps}
+
+    def holds(known: Refused) -> bool:
+        away = changed[known.height_map] - known.grasp.p_WC[:2]
+        return bool(np.all(np.linalg.norm(away, axis=1) >= radius))
+
+    return tuple(filter(holds, refused))
 
 
 def _way(

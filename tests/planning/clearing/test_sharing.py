@@ -16,6 +16,7 @@ from drake_srg.planning.clearing.sharing import (
     NO_CLAIM,
     Claim,
     JointStatus,
+    SharingMemory,
     SharingPickPlanner,
     SharingPlanner,
     joint_status,
@@ -38,6 +39,7 @@ from drake_srg.types import Failure, HeightMap, Mode, PlannerStatus, Remaining
 from planning.clearing.fake_table import (
     ASIDE,
     HELD,
+    HERE,
     TALL,
     Grasps,
     Motions,
@@ -100,6 +102,7 @@ class Walled(Motions):
         super().__init__()
         self.wall = wall
         self.holds_arm = False  # whether an arm that has stopped is behind the wall
+        self.refusals = 0
 
     def contains(self, q):
         return self.holds_arm
@@ -110,6 +113,7 @@ class Walled(Motions):
     def plan(self, q_start, grasp, height_map, number=0, **others):
         if not self.reaches(grasp, 0.1):
             self.unreachable = [tuple(np.round(grasp.p_WC[:2], 6))]
+            self.refusals += 1
         motions = super().plan(q_start, grasp, height_map, number, **others)
         self.unreachable = ()
         return motions
@@ -301,6 +305,27 @@ def test_an_arm_that_waits_plans_only_if_there_is_news():
     pair = Pair(middle)
     assert plans_while_waiting(pair, (-0.4, 0.25)) == 1
     assert pair.memory("right").planned.grasp.p_WC[0] == pytest.approx(-0.4)
+
+
+def test_a_refused_grasp_is_planned_again_only_once_its_neighbours_have_changed():
+    refused, near, far = (-0.1, 0.05), (0.0, 0.05), (0.4, 0.25)
+    pair = Pair([refused, near, far])
+    memory, picks = SharingMemory(HERE), pair.planners["left"].planner
+    beyond = picks.by_depth[-1]
+
+    def refusals(*gone):
+        pair.gone, before = set(gone), beyond.refusals
+        seen = pair.planners["left"]._cropped(pair.table(), NO_CLAIM, NO_CLAIM)
+        picks.plan(memory, seen, 0.0)
+        return beyond.refusals - before
+
+    assert refusals() == 1
+    assert refusals() == refusals(far) == 0
+    assert refusals(near) == 1
+    # With nothing else to take, far changes count, too.
+    assert refusals(near, far) == 1
+    assert refusals(near, far) == 0
+    assert [thing.failure for thing in memory.left] == [Failure.OUT_OF_REACH]
 
 
 def failed_in_the_middle(*others):
