@@ -34,7 +34,6 @@ from drake_srg.planning.handover.config import Handover
 from drake_srg.planning.insertion.config import Insert
 from drake_srg.planning.planner_machine import (
     Clear,
-    ClearTogether,
     PickAndPlace,
     PlannerConfig,
 )
@@ -96,7 +95,6 @@ class TwinConfig(Config):
 PLANNERS: tuple[type[PlannerConfig], ...] = (
     PickAndPlace,
     Clear,
-    ClearTogether,
     Servoing,
     Insert,
     Handover,

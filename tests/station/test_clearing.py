@@ -124,7 +124,7 @@ def test_what_two_arms_cannot_share_is_told(override, message):
 
 def test_one_arm_alone_has_the_same_objects():
     alone = Path(__file__).parents[2] / "experiments/clear_table_alone.yaml"
-    both = load_scenario("clear_table_together", seed=1000)
+    both = load_scenario("clear_table_together_varied", seed=1000)
     assert load_scenario(alone, seed=1000).objects == both.objects
 
 
