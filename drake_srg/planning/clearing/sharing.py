@@ -132,7 +132,7 @@ class Refused:
     grasp: TopGrasp
     depth: float  # [m]
     why: PlanningFailure
-    height_map: HeightMap  # of the table then
+    old: bool = False  # the map has changed since, but not near
 
 
 @dc.dataclass
@@ -143,11 +143,25 @@ class SharingMemory(ClearingMemory):
         claim: Its claim, which ends once the arm is over its bin again.
         searched: The last map, if a plan on it found no pick and the arm rests.
         refused: Grasps that need not be planned again.
+        shown: The last map with which `refused` was compared, without gaps.
     """
 
     claim: Claim = NO_CLAIM
     searched: SharedHeightMap | None = None
     refused: tuple[Refused, ...] = ()
+    shown: HeightMap | None = None
+
+    def forget_changed(self, seen: HeightMap) -> None:
+        """Forget the refusals near to which the map has changed."""
+        before, self.shown = self.shown, seen.completed(self.shown)
+        places = np.zeros((0, 2)) if before is None else changed_places(before, seen)
+        if len(places):
+            self.refused = tuple(
+                dc.replace(known, old=True)
+                for known in self.refused
+                if np.linalg.norm(places - known.grasp.p_WC[:2], axis=1).min()
+                > _NEIGHBOURS
+            )
 
 
 class SharingPickPlanner(PickPlanner):
@@ -197,10 +211,8 @@ class SharingPickPlanner(PickPlanner):
         ways = [(side, None), (half, None), (beyond, None)]
         if not height_map.wanted:
             ways = [(half, side), (beyond, half), *ways]
-        # In the end, what was refused on any other map is planned again: something far
-        # away may have been in the way.
-        for radius in (_NEIGHBOURS, np.inf) if height_map.open else (_NEIGHBOURS,):
-            memory.refused = _still_refused(memory.refused, height_map, radius)
+        memory.forget_changed(height_map)
+        while True:
             for motions, easier in ways:
                 depth = motions.wall.depth
                 if depth < height_map.least - _ROUNDING:
@@ -212,6 +224,12 @@ class SharingPickPlanner(PickPlanner):
                     if pick.shared:
                         memory.claim = before.changed(depth, time)
                     return pick, missed
+            fresh = tuple(known for known in memory.refused if not known.old)
+            if not height_map.open or len(fresh) == len(memory.refused):
+                break
+            # In the end, old refusals do not count: something far away may have been in
+            # the way.
+            memory.refused = fresh
         if not height_map.open:
             memory.claim = before.changed(BEYOND, time)
         return None, missed
@@ -231,8 +249,7 @@ class SharingPickPlanner(PickPlanner):
                 return known.why
         motions = super()._plan_motions(there, memory, grasp, height_map)
         if isinstance(motions, PlanningFailure) and motions is not CUT_OFF:
-            refused = Refused(grasp, depth, motions, height_map)
-            memory.refused = (*memory.refused, refused)
+            memory.refused = (*memory.refused, Refused(grasp, depth, motions))
         return motions
 
     def plan(self, memory: ClearingMemory, height_map: HeightMap, time: float) -> None:
@@ -253,20 +270,6 @@ class SharingPickPlanner(PickPlanner):
             if not isinstance(motion, PlanningFailure) or motions.wall.depth <= least:
                 break
         return motion
-
-
-def _still_refused(
-    refused: Sequence[Refused], height_map: HeightMap, radius: float
-) -> tuple[Refused, ...]:
-    """Return the refusals around which the map has not changed, in a radius [m]."""
-    maps = {known.height_map for known in refused}
-    changed = {earlier: changed_places(earlier, height_map) for earlier in maps}
-
-    def holds(known: Refused) -> bool:
-        away = changed[known.height_map] - known.grasp.p_WC[:2]
-        return bool(np.all(np.linalg.norm(away, axis=1) >= radius))
-
-    return tuple(filter(holds, refused))
 
 
 def _way(
