@@ -220,8 +220,7 @@ class SharingPickPlanner(PickPlanner):
                 way = functools.partial(_way, motions, easier)
                 pick, missed = self._first_pick(way, memory, found, height_map, time)
                 if pick is not None:
-                    pick.shared = depth < SIDE
-                    if pick.shared:
+                    if depth < SIDE:
                         memory.claim = before.changed(depth, time)
                     return pick, missed
             fresh = tuple(known for known in memory.refused if not known.old)
@@ -298,11 +297,12 @@ class SharingMode(ClearingMode):
     planner: SharingPickPlanner
 
     def may_enter(self, memory: ClearingMemory, now: Now) -> bool:
-        """Return whether the arm may go to the depth that it has claimed."""
+        """Return whether the arm may go to the depth of its claim, or needs none."""
         assert isinstance(memory, SharingMemory)
         assert isinstance(now.senses, SharingSenses)
-        other, first = now.senses.other, self.planner.first
-        return memory.claim.granted(other, now.time, first=first)
+        claim, other = memory.claim, now.senses.other
+        granted = claim.granted(other, now.time, first=self.planner.first)
+        return claim.depth >= SIDE or granted
 
 
 class SharingIdle(SharingMode, Idle):
@@ -322,8 +322,7 @@ class SharingIdle(SharingMode, Idle):
 
     def update(self, memory: ClearingMemory, now: Now) -> ClearingMemory:
         """Forget a pick if the other arm comes first, and look."""
-        pick = memory.pick
-        if pick is not None and pick.shared and not self.may_enter(memory, now):
+        if not self.may_enter(memory, now):
             memory.pick = None
         return super().update(memory, now)
 
@@ -338,10 +337,10 @@ class SharingIdle(SharingMode, Idle):
 
     def observe_mode(self, memory: ClearingMemory, now: Now) -> Observation:
         """Report a pick only if the arm may go there."""
-        observed, pick = super().observe_mode(memory, now), memory.pick
-        if pick is not None and pick.shared and not self.may_enter(memory, now):
-            return dc.replace(observed, ready=False)
-        return observed
+        observed = super().observe_mode(memory, now)
+        return dc.replace(
+            observed, ready=observed.ready and self.may_enter(memory, now)
+        )
 
 
 class SharingRelease(SharingMode, Release):

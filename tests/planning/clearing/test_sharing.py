@@ -201,10 +201,8 @@ class Pair:
 
     def depth(self, name):
         """Return the least depth to which an arm may be [m]."""
-        memory = self.memory(name)
         away = self.mode(name) in (*HOLDS, Mode.RETREAT)
-        moves = memory.pick is None or memory.pick.shared
-        return memory.claim.depth if away and moves else SIDE
+        return self.memory(name).claim.depth if away else SIDE
 
     def step(self):
         """Advance by one step, and return the time [s]."""
