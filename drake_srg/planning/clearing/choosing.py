@@ -28,14 +28,7 @@ from drake_srg.planning.grasps.top_grasps import (
 )
 from drake_srg.planning.motion.planning_scene import PlanningFailure
 from drake_srg.planning.planner_machine import PlannerConfig, planning_clock
-from drake_srg.types import (
-    AnyMode,
-    Failure,
-    HeightMap,
-    LabeledHeightMap,
-    Remaining,
-    Vector,
-)
+from drake_srg.types import Failure, HeightMap, LabeledHeightMap, Remaining, Vector
 
 # Largest number of grasps whose motions are planned.
 _MOST_GRASPS = 30
@@ -212,7 +205,14 @@ class PickPlanner:
                 continue
             planned += 1
             label, there = way
-            motions = self._plan_motions(there, memory, grasp, height_map)
+            motions = there.plan(
+                memory.departure,
+                grasp,
+                height_map,
+                memory.attempts.picks,
+                filled=memory.loads.filled(there.destination),
+                spots=memory.loads.spots(there.destination),
+            )
             if isinstance(motions, PlanningFailure):
                 missed.append(Remaining(grasp.p_WC, motions.failure))
                 continue
@@ -220,23 +220,6 @@ class PickPlanner:
             into = there.destination
             return Pick(grasp, motions, height_map, into, ready_at, label), missed
         return None, missed
-
-    def _plan_motions(
-        self,
-        there: ClearingMotions,
-        memory: ClearingMemory,
-        grasp: TopGrasp,
-        height_map: HeightMap,
-    ) -> dict[AnyMode, Trajectory] | PlanningFailure:
-        """Return the motions of a pick, or why there are none."""
-        return there.plan(
-            memory.departure,
-            grasp,
-            height_map,
-            memory.attempts.picks,
-            filled=memory.loads.filled(there.destination),
-            spots=memory.loads.spots(there.destination),
-        )
 
     def _next_push(
         self, memory: ClearingMemory, height_map: HeightMap, time: float

@@ -203,15 +203,6 @@ def changed(before: HeightMap, after: HeightMap) -> npt.NDArray[np.bool_]:
     return np.asarray(out & (fallen(before, after) != 0.0))
 
 
-def changed_places(before: HeightMap, after: HeightMap) -> Vector:
-    """Return the middles of all cells of large changes, shape (n, 2) [m]."""
-    found = parts(changed(before, after), after.resolution)
-    places: Vector = (
-        after.centers()[np.any(found, axis=0)] if found else np.zeros((0, 2))
-    )
-    return places
-
-
 def completed(seen: HeightMap, earlier: HeightMap | None) -> HeightMap:
     """Return a map with its gaps filled from an earlier one, except removed things.
 

@@ -34,11 +34,9 @@ from drake_srg.planning.clearing.clearing_planner import (
     Verify,
 )
 from drake_srg.planning.clearing.knowledge import ClearingMemory, Pick
-from drake_srg.planning.clearing.maps import changed_places
 from drake_srg.planning.clearing.motions import ClearingMotions
 from drake_srg.planning.clearing.walls import (
     BEYOND,
-    CUT_OFF,
     GAP,
     LOADED,
     SIDE,
@@ -60,13 +58,6 @@ from drake_srg.types import (
 _ROUNDING = 1e-6  # in sums of depths [m]
 # Most grasps have enough room at this distance from a wall [m].
 _HAND = 0.12
-# A refused grasp stays refused until the map changes this near to it [m]: nothing
-# farther away touches the open hand. Unknown cells count as free, so a map that shows
-# more allows no more.
-_NEIGHBOURS = 0.2
-# Grasps this near to each other [m] and turned by less than this [rad] are refused
-# alike. A plan has no two grasps that are nearer.
-_NEAR, _TURNED = 0.012, 0.35
 
 
 @dc.dataclass(frozen=True)
@@ -125,16 +116,6 @@ class SharingSenses(Senses):
     other: Claim = NO_CLAIM
 
 
-@dc.dataclass(frozen=True, eq=False)
-class Refused:
-    """A grasp for which there were no motions at a depth."""
-
-    grasp: TopGrasp
-    depth: float  # [m]
-    why: PlanningFailure
-    old: bool = False  # the map has changed since, but not near
-
-
 @dc.dataclass
 class SharingMemory(ClearingMemory):
     """The planner's memory.
@@ -142,26 +123,10 @@ class SharingMemory(ClearingMemory):
     Attributes:
         claim: Its claim, which ends once the arm is over its bin again.
         searched: The last map, if a plan on it found no pick and the arm rests.
-        refused: Grasps that need not be planned again.
-        shown: The last map with which `refused` was compared, without gaps.
     """
 
     claim: Claim = NO_CLAIM
     searched: SharedHeightMap | None = None
-    refused: tuple[Refused, ...] = ()
-    shown: HeightMap | None = None
-
-    def forget_changed(self, seen: HeightMap) -> None:
-        """Forget the refusals near to which the map has changed."""
-        before, self.shown = self.shown, seen.completed(self.shown)
-        places = np.zeros((0, 2)) if before is None else changed_places(before, seen)
-        if len(places):
-            self.refused = tuple(
-                dc.replace(known, old=True)
-                for known in self.refused
-                if np.linalg.norm(places - known.grasp.p_WC[:2], axis=1).min()
-                > _NEIGHBOURS
-            )
 
 
 class SharingPickPlanner(PickPlanner):
@@ -211,45 +176,22 @@ class SharingPickPlanner(PickPlanner):
         ways = [(side, None), (half, None), (beyond, None)]
         if not height_map.wanted:
             ways = [(half, side), (beyond, half), *ways]
-        memory.forget_changed(height_map)
-        while True:
-            for motions, easier in ways:
-                depth = motions.wall.depth
-                if depth < height_map.least - _ROUNDING:
-                    continue
-                way = functools.partial(_way, motions, easier)
-                pick, missed = self._first_pick(way, memory, found, height_map, time)
-                if pick is not None:
-                    if depth < SIDE:
-                        memory.claim = before.changed(depth, time)
-                    return pick, missed
-            fresh = tuple(known for known in memory.refused if not known.old)
-            if not height_map.open or len(fresh) == len(memory.refused):
-                break
-            # In the end, old refusals do not count: something far away may have been in
-            # the way.
-            memory.refused = fresh
+        tried: set[tuple[TopGrasp, WalledMotions]] = set()
+        missed: list[Remaining] = []
+        for motions, easier in ways:
+            depth = motions.wall.depth
+            if depth < height_map.least - _ROUNDING:
+                continue
+            way = functools.partial(_way, motions, easier, tried)
+            pick, more = self._first_pick(way, memory, found, height_map, time)
+            missed = more + missed  # the reason at the least depth counts
+            if pick is not None:
+                if depth < SIDE:
+                    memory.claim = before.changed(depth, time)
+                return pick, missed
         if not height_map.open:
             memory.claim = before.changed(BEYOND, time)
         return None, missed
-
-    def _plan_motions(
-        self,
-        there: ClearingMotions,
-        memory: ClearingMemory,
-        grasp: TopGrasp,
-        height_map: HeightMap,
-    ) -> dict[AnyMode, Trajectory] | PlanningFailure:
-        """Return the motions of a pick, or why there are none, perhaps from memory."""
-        assert isinstance(memory, SharingMemory)
-        (depth,) = (m.wall.depth for m in self.by_depth if m is there)
-        for known in memory.refused:
-            if known.depth == depth and grasp.like(known.grasp, _NEAR, _TURNED):
-                return known.why
-        motions = super()._plan_motions(there, memory, grasp, height_map)
-        if isinstance(motions, PlanningFailure) and motions is not CUT_OFF:
-            memory.refused = (*memory.refused, Refused(grasp, depth, motions))
-        return motions
 
     def plan(self, memory: ClearingMemory, height_map: HeightMap, time: float) -> None:
         """Plan the next pick; finish only once the map shows everything."""
@@ -274,21 +216,25 @@ class SharingPickPlanner(PickPlanner):
 def _way(
     motions: WalledMotions,
     easier: WalledMotions | None,
+    tried: set[tuple[TopGrasp, WalledMotions]],
     grasp: TopGrasp,
     height_map: HeightMap,
 ) -> tuple[int, ClearingMotions] | None:
-    """Return motions to a grasp, if there is room between it and their wall.
+    """Return motions to a grasp, once, if there is room between it and their wall.
 
     Args:
         motions: The motions.
         easier: Motions to a greater depth, which leave out what these reach; None: all
             grasps count.
+        tried: Grasps and motions so far.
         grasp: The grasp.
         height_map: The map.
     """
-    if easier is not None and easier.reaches(grasp, _HAND):
+    kept = easier is not None and easier.reaches(grasp, _HAND)
+    if kept or (grasp, motions) in tried or not motions.reaches(grasp):
         return None
-    return (-1, motions) if motions.reaches(grasp) else None
+    tried.add((grasp, motions))
+    return -1, motions
 
 
 class SharingMode(ClearingMode):

@@ -30,10 +30,6 @@ _ROOM = 0.04
 _SIZE = 6.0  # of a wall [m]
 _EDGE = 0.01  # a thing this near to the end of a map may go on beyond it [m]
 _SAMPLES = 40  # of a motion with a load
-# The failure at things that the map shows only in part.
-CUT_OFF = PlanningFailure(
-    Failure.BLOCKED, "the thing reaches over to where the other arm may be"
-)
 LOADED = (Mode.LIFT, Mode.TRANSFER, Mode.PLACE)
 
 
@@ -156,7 +152,8 @@ class WalledMotions(BinMotions):
         depth = self.wall.frontier.depth
         cells = thing_at(height_map, self._table, grasp.p_WC)
         if depth(cells).min() < height_map.edge + _EDGE:
-            return CUT_OFF
+            message = "the thing reaches over to where the other arm may be"
+            return PlanningFailure(Failure.BLOCKED, message)
         length = float(np.max(np.linalg.norm(cells - grasp.p_WC[:2], axis=1)))
         least = self.wall.depth + length  # of the hand with the load
         message = "the load would reach over to the other arm"

@@ -305,24 +305,12 @@ def test_an_arm_that_waits_plans_only_if_there_is_news():
     assert pair.memory("right").planned.grasp.p_WC[0] == pytest.approx(-0.4)
 
 
-def test_a_refused_grasp_is_planned_again_only_once_its_neighbours_have_changed():
-    refused, near, far = (-0.1, 0.05), (0.0, 0.05), (0.4, 0.25)
-    pair = Pair([refused, near, far])
+def test_a_plan_tries_no_grasp_twice_at_one_depth():
+    pair = Pair([(-0.1, 0.05)])
     memory, picks = SharingMemory(HERE), pair.planners["left"].planner
-    beyond = picks.by_depth[-1]
-
-    def refusals(*gone):
-        pair.gone, before = set(gone), beyond.refusals
-        seen = pair.planners["left"]._cropped(pair.table(), NO_CLAIM, NO_CLAIM)
-        picks.plan(memory, seen, 0.0)
-        return beyond.refusals - before
-
-    assert refusals() == 1
-    assert refusals() == refusals(far) == 0
-    assert refusals(near) == 1
-    # With nothing else to take, far changes count, too.
-    assert refusals(near, far) == 1
-    assert refusals(near, far) == 0
+    seen = pair.planners["left"]._cropped(pair.table(), NO_CLAIM, NO_CLAIM)
+    picks.plan(memory, seen, 0.0)
+    assert [motions.refusals for motions in picks.by_depth] == [0, 0, 1]
     assert [thing.failure for thing in memory.left] == [Failure.OUT_OF_REACH]
 
 
