@@ -123,11 +123,15 @@ def test_what_two_arms_cannot_share_is_told(override, message):
         MakeClearingPair(scenario)
 
 
-def test_one_arm_alone_has_the_same_objects_and_nobody_to_wait_for():
-    both = load_scenario("clear_table_together_varied", seed=1000)
+@pytest.mark.parametrize(
+    "base", ["clear_table_together", "clear_table_together_varied"]
+)
+def test_one_arm_alone_has_the_same_objects_and_nobody_to_wait_for(base, tmp_path):
     file = Path(__file__).parents[2] / "experiments/clear_table_alone.yaml"
-    alone = load_scenario(file, seed=1000)
-    assert alone.objects == both.objects
+    text = file.read_text("utf-8").replace("clear_table_together", base)
+    (tmp_path / "alone.yaml").write_text(text, "utf-8")
+    alone = load_scenario(tmp_path / "alone.yaml", seed=1000)
+    assert alone.objects == load_scenario(base, seed=1000).objects
     planners = MakeClearingPair(alone)
     assert type(planners.GetSubsystemByName("left")) is ClearingPlanner
     assert planners.HasOutputPort("left.position_commanded")
