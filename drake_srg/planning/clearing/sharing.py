@@ -177,21 +177,22 @@ class SharingPickPlanner(PickPlanner):
         if not height_map.wanted:
             ways = [(half, side), (beyond, half), *ways]
         tried: set[tuple[TopGrasp, WalledMotions]] = set()
-        missed: list[Remaining] = []
+        missed: list[tuple[float, Remaining]] = []
         for motions, easier in ways:
             depth = motions.wall.depth
             if depth < height_map.least - _ROUNDING:
                 continue
             way = functools.partial(_way, motions, easier, tried)
             pick, more = self._first_pick(way, memory, found, height_map, time)
-            missed = more + missed  # the reason at the least depth counts
+            missed += [(depth, thing) for thing in more]
             if pick is not None:
                 if depth < SIDE:
                     memory.claim = before.changed(depth, time)
-                return pick, missed
+                return pick, more
         if not height_map.open:
             memory.claim = before.changed(BEYOND, time)
-        return None, missed
+        missed.sort(key=lambda pair: pair[0])  # for each thing, the least depth counts
+        return None, [thing for _, thing in missed]
 
     def plan(self, memory: ClearingMemory, height_map: HeightMap, time: float) -> None:
         """Plan the next pick; finish only once the map shows everything."""
