@@ -96,7 +96,12 @@ def make_carrying_picture() -> None:
 
 def make_clearing_together_picture() -> None:
     """Show two arms at their first grasps, over their bins, and at home."""
-    frames, rate, began = _video("clear_table_together", ["recording.bag_cameras=[]"])
+    overrides = (
+        "clutter.count=4",
+        "recording.video_fps=4",
+        "recording.bag_cameras=[]",
+    )
+    frames, rate, began = _video("clear_table_together", overrides)
     moments = (began["close"], began["release"])
     _save_row("clearing_together", frames, [round(rate * moment) for moment in moments])
 
