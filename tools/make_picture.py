@@ -2,7 +2,8 @@
 
 Run `python tools/make_picture.py [NAME]...`; without a name, it makes all pictures:
 cells (docs/cells.webp), varied (docs/varied.jpg), insertion (docs/insertion.webp),
-carrying (docs/carrying.webp), lessons (docs/tutorial/*.webp).
+carrying (docs/carrying.webp), clearing_together (docs/clearing_together.webp), lessons
+(docs/tutorial/*.webp).
 """
 
 import argparse
@@ -90,9 +91,25 @@ def make_carrying_picture() -> None:
     """Show the crate in both hands, on its way, and on its mark."""
     frames, rate, began = _video("carry_together", ["recording.bag_cameras=[]"])
     moments = (began["settle"], 0.5 * (began["transfer"] + began["place"]))
-    rows = [*(round(rate * moment) for moment in moments), len(frames) - 1]
-    picture = _joined([_scaled(frames[row], SMALL) for row in rows], 3)
-    picture.save(DOCS / "carrying.webp", quality=75, method=6)
+    _save_row("carrying", frames, [round(rate * moment) for moment in moments])
+
+
+def make_clearing_together_picture() -> None:
+    """Show two arms at their first grasps, over their bins, and at home."""
+    overrides = (
+        "clutter.count=4",
+        "recording.video_fps=4",
+        "recording.bag_cameras=[]",
+    )
+    frames, rate, began = _video("clear_table_together", overrides)
+    moments = (began["close"], began["release"])
+    _save_row("clearing_together", frames, [round(rate * moment) for moment in moments])
+
+
+def _save_row(name: str, frames: Sequence[Image.Image], rows: Sequence[int]) -> None:
+    """Save some frames of a video and its last one side by side."""
+    picture = _joined([_scaled(frames[row], SMALL) for row in (*rows, -1)], 3)
+    picture.save(DOCS / f"{name}.webp", quality=75, method=6)
 
 
 def make_lesson_pictures() -> None:
@@ -189,6 +206,7 @@ MAKERS = {
     "varied": make_varied_picture,
     "insertion": make_insertion_picture,
     "carrying": make_carrying_picture,
+    "clearing_together": make_clearing_together_picture,
     "lessons": make_lesson_pictures,
 }
 

@@ -159,12 +159,10 @@ class PickAndPlace(PlannerConfig):
 
 @dc.dataclass(kw_only=True)
 class Clear(PlannerConfig):
-    """Clears things of any shape off the table, one after another."""
+    """Clears things of any shape off the table, one after another.
 
-
-@dc.dataclass(kw_only=True)
-class ClearTogether(Clear):
-    """Has two `arms` do that at the same time, each into a bin on its own side."""
+    Two `arms` do so at the same time, each into a bin on its own side.
+    """
 
     several_arms: ClassVar[bool] = True
 

@@ -14,7 +14,6 @@ from drake_srg.common.exceptions import ScenarioError, suggest
 from drake_srg.common.systems import contact_approximations
 from drake_srg.objects.config import ObjectConfig
 from drake_srg.objects.disturber import Topple
-from drake_srg.planning.planner_machine import ClearTogether
 from drake_srg.scenario.planner import planner_problems
 from drake_srg.scenario.schema import RobotArm, Scenario, robot_arms
 from drake_srg.scenario.typed_yaml import describe, fail
@@ -184,9 +183,8 @@ def _bin_problems(scenario: Scenario) -> Iterator[tuple[str, str]]:
             yield key, f"unknown model {name!r} {suggest(name, models)}"
         if selection.names and selection.colour:
             yield key, "needs either names or a colour"
-        together = isinstance(scenario.planner, ClearTogether)
         for thing in selection.names or [selection.colour or _ALL]:
-            if thing in taken and not together:
+            if thing in taken and not scenario.arms:
                 yield key, f"must not take {thing!r}, which {taken[thing]!r} takes"
             taken[thing] = name
         for thing in selection.names:

@@ -12,7 +12,6 @@ from drake_srg.planning.insertion.config import Insert
 from drake_srg.planning.planner_machine import (
     SEARCH_PERIOD,
     Clear,
-    ClearTogether,
     PickAndPlace,
 )
 from drake_srg.planning.servoing.config import Servoing, WindowConfig
@@ -68,7 +67,7 @@ def planner_problems(scenario: Scenario) -> Iterator[tuple[str, str]]:
         yield from _handover_problems(scenario, planner)
     if isinstance(planner, CarryTogether):
         yield from _carry_problems(scenario, planner)
-    if isinstance(planner, ClearTogether):
+    if isinstance(planner, Clear) and scenario.arms:
         yield from _clear_together_problems(scenario)
 
 
@@ -152,10 +151,10 @@ def _carry_problems(
 
 
 def _clear_together_problems(scenario: Scenario) -> Iterator[tuple[str, str]]:
-    tag = f"planner: !{ClearTogether.__name__}"
-    if len(scenario.arms) != 2:
-        got = ", ".join(scenario.arms) or "none"
-        yield "arms", f"must be two with {tag}, got {got} (for one arm: !Clear)"
+    tag = f"planner: !{Clear.__name__} and arms"
+    if len(scenario.arms) > 2:
+        got = ", ".join(scenario.arms)
+        yield "arms", f"must be one or two with planner: !{Clear.__name__}, got {got}"
     for name, each in scenario.arms.items():
         if each.gripper is None:
             yield f"arms.{name}.gripper", f"must be given with {tag}"

@@ -34,7 +34,6 @@ from drake_srg.planning.handover.config import Handover
 from drake_srg.planning.insertion.config import Insert
 from drake_srg.planning.planner_machine import (
     Clear,
-    ClearTogether,
     PickAndPlace,
     PlannerConfig,
 )
@@ -99,7 +98,6 @@ ARM_DRIVERS: tuple[type[ArmDriver], ...] = (ArmPositionDriver, ArmImpedanceDrive
 PLANNERS: tuple[type[PlannerConfig], ...] = (
     PickAndPlace,
     Clear,
-    ClearTogether,
     Servoing,
     Insert,
     Handover,

@@ -3,12 +3,17 @@
 from __future__ import annotations
 
 import itertools
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 
 import numpy as np
-from pydrake.geometry import CollisionFilterDeclaration, GeometrySet, QueryObject
+from pydrake.geometry import (
+    CollisionFilterDeclaration,
+    GeometryId,
+    GeometrySet,
+    QueryObject,
+    Role,
+)
 from pydrake.multibody.plant import ContactResults, MultibodyPlant
-from pydrake.multibody.tree import BodyIndex, RigidBody
 from pydrake.planning import RobotDiagramBuilder
 
 from drake_srg.common.contacts import each_contact
@@ -41,11 +46,11 @@ class ArmContacts:
     """
 
     def __init__(self, plant: MultibodyPlant, arms: Sequence[RobotArm]) -> None:
-        self._arm_of: dict[int, str] = {}  # by the geometry's number
-        for arm in arms:
-            for body in _bodies(plant, arm):
-                for geometry in plant.GetCollisionGeometriesForBody(body):
-                    self._arm_of[geometry.get_value()] = arm.name
+        self._arm_of = {  # by the geometry's number
+            geometry.get_value(): arm.name
+            for arm in arms
+            for geometry in _geometries(plant, _models(arm))
+        }
 
     def force(self, contacts: ContactResults) -> float:
         """Return the largest contact force between two arms [N]; 0 without contact.
@@ -77,8 +82,10 @@ class InternalForce:
     def __init__(
         self, plant: MultibodyPlant, name: str, hands: tuple[str, str]
     ) -> None:
-        self._object = _model_geometries(plant, name)
-        self._hands = [_model_geometries(plant, hand) for hand in hands]
+        self._object, *self._hands = (
+            {geometry.get_value() for geometry in _geometries(plant, [model])}
+            for model in (name, *hands)
+        )
 
     def force(self, contacts: ContactResults) -> float:
         """Return the internal force [N], 0 unless both hands touch the object.
@@ -153,9 +160,11 @@ def min_arm_distance(scenario: Scenario, log: Mapping[str, Vector]) -> float | N
     Models.of(scenario).add_to(plant)
     plant.Finalize()
     filters = builder.scene_graph().collision_filter_manager()
-    filters.Apply(CollisionFilterDeclaration().ExcludeWithin(_all_geometries(plant)))
-    for first, second in itertools.combinations(arms, 2):
-        pair = (_geometries(plant, arm) for arm in (first, second))
+    inspector = builder.scene_graph().model_inspector()
+    every = GeometrySet(inspector.GetAllGeometryIds(Role.kProximity))
+    filters.Apply(CollisionFilterDeclaration().ExcludeWithin(every))
+    for two in itertools.combinations(arms, 2):
+        pair = (GeometrySet(_geometries(plant, _models(arm))) for arm in two)
         filters.Apply(CollisionFilterDeclaration().AllowBetween(*pair))
     diagram = builder.Build()
     root = diagram.CreateDefaultContext()
@@ -214,33 +223,16 @@ def _columns(
     return found
 
 
-def _bodies(plant: MultibodyPlant, arm: RobotArm) -> list[RigidBody]:
-    """Return the bodies of an arm and its gripper."""
-    models = [arm.arm_model, *([arm.gripper_model] if arm.gripper else [])]
-    instances = map(plant.GetModelInstanceByName, models)
+def _models(arm: RobotArm) -> list[str]:
+    """Return the model instances of an arm and its gripper."""
+    return [arm.arm_model, *([arm.gripper_model] if arm.gripper else [])]
+
+
+def _geometries(plant: MultibodyPlant, models: Iterable[str]) -> list[GeometryId]:
+    """Return the collision geometries of model instances."""
     return [
-        plant.get_body(index)
-        for instance in instances
-        for index in plant.GetBodyIndices(instance)
-    ]
-
-
-def _geometries(plant: MultibodyPlant, arm: RobotArm) -> GeometrySet:
-    found = map(plant.GetCollisionGeometriesForBody, _bodies(plant, arm))
-    return GeometrySet([geometry for those in found for geometry in those])
-
-
-def _model_geometries(plant: MultibodyPlant, name: str) -> set[int]:
-    """Return the numbers of a model's collision geometries."""
-    bodies = plant.GetBodyIndices(plant.GetModelInstanceByName(name))
-    return {
-        geometry.get_value()
-        for body in bodies
+        geometry
+        for name in models
+        for body in plant.GetBodyIndices(plant.GetModelInstanceByName(name))
         for geometry in plant.GetCollisionGeometriesForBody(plant.get_body(body))
-    }
-
-
-def _all_geometries(plant: MultibodyPlant) -> GeometrySet:
-    bodies = (plant.get_body(BodyIndex(i)) for i in range(plant.num_bodies()))
-    found = map(plant.GetCollisionGeometriesForBody, bodies)
-    return GeometrySet([geometry for those in found for geometry in those])
+    ]

@@ -13,7 +13,6 @@ from drake_srg.common.log_format import MODES, pose_key, row_to_pose
 from drake_srg.common.srg_geometry import SRG
 from drake_srg.objects.household import ObjectFacts, object_facts
 from drake_srg.objects.models import simple_shape
-from drake_srg.planning.planner_machine import ClearTogether
 from drake_srg.scenario import RobotArm, Scenario, robot_arms
 from drake_srg.simulation import measures
 from drake_srg.simulation.measures import hand_poses
@@ -256,7 +255,7 @@ def clearing_outcome(
     facts = {name: object_facts(name, scenario.objects[name]) for name in wanted}
     attempts = attempts_of(scenario, log, {name: facts[name] for name in names})
     found = resting_places(scenario, log, facts)
-    sorts = not isinstance(scenario.planner, ClearTogether)
+    sorts = not scenario.arms
     if not sorts:  # each bin is as good as the other
         wanted = {name: found[name] or into for name, into in wanted.items()}
     modes = [arm_modes(log, arm) for arm in robot_arms(scenario)]

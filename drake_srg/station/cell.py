@@ -19,7 +19,6 @@ from drake_srg.planning.handover.config import Handover
 from drake_srg.planning.insertion.config import Insert
 from drake_srg.planning.planner_machine import (
     Clear,
-    ClearTogether,
     PickAndPlace,
     PlannerConfig,
 )
@@ -114,10 +113,10 @@ def MakeCell(
     The tag of the scenario's `planner` chooses the planner: `!PickAndPlace`, a
     `PickAndPlacePlanner`; `!Taught`, a `TaughtPlanner`; `!Servoing`, a diagram of a
     `ServoingPlanner` and a visual servo, see `MakeServoingPlanner`; `!Clear`, a
-    `ClearingPlanner`, for which a `height_mapper` stands in for the localizer;
-    `!ClearTogether`, a diagram of two that share a table, see `MakeClearingPair`, with
-    ports `planner.NAME.mode` and `NAME.height_mapper.height_map` for each arm;
-    `!Script`, one that plays the script, without a localizer.
+    `ClearingPlanner`, for which a `height_mapper` stands in for the localizer, or with
+    `arms` a diagram of `MakeClearingPair`, with ports `planner.NAME.mode` and
+    `NAME.height_mapper.height_map` for each arm; `!Script`, one that plays the script,
+    without a localizer.
 
     Args:
         scenario: The scenario of the cell.
@@ -250,7 +249,7 @@ def AddClearingPlanner(
 ) -> System:
     """Add the planner that clears a scenario's table, and each arm's height mappers."""
     shares, make = {"": scenario}, MakeClearingPlanner
-    if isinstance(scenario.planner, ClearTogether):
+    if scenario.arms:
         make = MakeClearingPair
         shares = {f"{arm}.": own for arm, (own, _) in shares_of(scenario).items()}
     planner = builder.AddNamedSystem("planner", make(scenario))
@@ -295,7 +294,6 @@ _PLANNERS: dict[type[PlannerConfig], AddPlanner] = {
         AddLocalizingPlanner, make_planner=MakeCarryPlanner
     ),
     Clear: AddClearingPlanner,
-    ClearTogether: AddClearingPlanner,
     Script: AddScriptedPlanner,
 }
 

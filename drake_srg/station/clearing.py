@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses as dc
 import functools
+import itertools
 from collections.abc import Iterable
 
 import numpy as np
@@ -126,20 +127,22 @@ def MakeClearingPlanner(scenario: Scenario) -> ClearingPlanner:
     return ClearingPlanner(planner, hand.num_joints, hand.num_sensors)
 
 
-def shares_of(scenario: Scenario) -> dict[str, tuple[Scenario, Frontier]]:
-    """Return the share of work of each of two arms, and its side, by name.
+def shares_of(scenario: Scenario) -> dict[str, tuple[Scenario, Frontier | None]]:
+    """Return the share of work of each of one or two arms, and its side, by name.
 
     An arm's share is a scenario with this arm alone, the bin and the cameras on its
-    side, and all objects.
+    side, and all objects. One arm does everything, and both sides are its own.
 
     Raises:
         ScenarioError: If a side has no camera, or not one bin at least `SIDE` behind
             the plane between the arms.
     """
     arms, boxes = robot_arms(scenario), bin_boxes(scenario)
+    if len(arms) == 1:
+        return {arms[0].name: (scenario, None)}
     bases = [own_scene(scenario, arm).p_WA for arm in arms]
     place, localizer = scenario.task.place, scenario.localizer
-    shares = {}
+    shares: dict[str, tuple[Scenario, Frontier | None]] = {}
     for arm, base, other in zip(arms, bases, bases[::-1], strict=True):
         side = Frontier.between(base, other)
         own = [
@@ -189,7 +192,7 @@ def _hangs_over(scenario: Scenario, camera: str, side: Frontier) -> bool:
 
 
 def MakeClearingPair(scenario: Scenario) -> Diagram:
-    """Make the planners of two arms that clear one table, as one system.
+    """Make the planners of one or two `arms` that clear one table, as one system.
 
     .. pydrake_system::
 
@@ -208,8 +211,8 @@ def MakeClearingPair(scenario: Scenario) -> Diagram:
         - mode
         - status
 
-    ARM stands for the name of each arm. Its planner is a `SharingPlanner`; `mode` and
-    `status` are those of both, see `JointStatus`.
+    ARM stands for the name of each arm. The planners of two arms are `SharingPlanner`s;
+    `mode` and `status` are those of both, see `JointStatus`.
 
     Raises:
         ScenarioError: As `shares_of` and `MakeClearingPlanner` do, or if an arm's home
@@ -218,17 +221,20 @@ def MakeClearingPair(scenario: Scenario) -> Diagram:
     builder, shares = DiagramBuilder(), shares_of(scenario)
     planners = {
         name: builder.AddNamedSystem(
-            name, _MakeSharingPlanner(share, side, first=name == next(iter(shares)))
+            name,
+            _MakeSharingPlanner(share, side, first=name == next(iter(shares)))
+            if side
+            else MakeClearingPlanner(share),
         )
         for name, (share, side) in shares.items()
     }
     joint = builder.AddNamedSystem("joint_status", JointStatus(list(planners)))
     claims, others = "claim", "other_claim"
-    for name, other in zip(planners, reversed(planners), strict=True):
-        planner = planners[name]
+    for name, other in itertools.permutations(planners, 2):
         builder.Connect(
-            planners[other].GetOutputPort(claims), planner.GetInputPort(others)
+            planners[other].GetOutputPort(claims), planners[name].GetInputPort(others)
         )
+    for name, planner in planners.items():
         builder.Connect(
             planner.GetOutputPort("status"), joint.GetInputPort(f"{name}.status")
         )

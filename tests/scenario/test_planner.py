@@ -10,7 +10,6 @@ from drake_srg.planning.handover.config import Handover
 from drake_srg.planning.insertion.config import Insert
 from drake_srg.planning.planner_machine import (
     Clear,
-    ClearTogether,
     PickAndPlace,
     PlannerConfig,
 )
@@ -145,14 +144,14 @@ def test_a_key_from_before_there_were_tags_is_told_with_its_new_form(
             r"planner\.max_external_torque: must be null with planner: !CarryTogether",
         ),
         (
-            "clear_table_fast",
-            "planner=!ClearTogether {}",
-            r"arms: must be two with planner: !ClearTogether, got none \(for one",
+            "clear_table_together",
+            "arms={third: {arm: !ArmPositionDriver {}}}",
+            r"arms: must be one or two with planner: !Clear, got left, right, third",
         ),
         (
             "clear_table_together",
             "arms.right.gripper=null",
-            r"arms\.right\.gripper: must be given with planner: !ClearTogether",
+            r"arms\.right\.gripper: must be given with planner: !Clear",
         ),
         (
             "clear_table_together",
@@ -161,8 +160,8 @@ def test_a_key_from_before_there_were_tags_is_told_with_its_new_form(
         ),
         (
             "carry_together",
-            "planner=!ClearTogether {period: 0.0234375}",
-            r"task\.pick: must be all, .* with planner: !ClearTogether, got 'crate'",
+            "planner=!Clear {period: 0.0234375}",
+            r"task\.pick: must be all, .* with planner: !Clear, got 'crate'",
         ),
         (
             "kitchen_impedance",
@@ -233,7 +232,6 @@ def test_a_planner_of_ones_own_is_loaded_by_its_tag(monkeypatch):
         *(
             PickAndPlace,
             Clear,
-            ClearTogether,
             Servoing,
             Insert,
             Handover,

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from drake_srg.common.exceptions import ScenarioError
+from drake_srg.planning.clearing.clearing_planner import ClearingPlanner
 from drake_srg.planning.grasps.srg_hand import SrgHand
 from drake_srg.scenario import load_scenario
 from drake_srg.scenario.load import load_tree
@@ -122,10 +123,18 @@ def test_what_two_arms_cannot_share_is_told(override, message):
         MakeClearingPair(scenario)
 
 
-def test_one_arm_alone_has_the_same_objects():
-    alone = Path(__file__).parents[2] / "experiments/clear_table_alone.yaml"
-    both = load_scenario("clear_table_together", seed=1000)
-    assert load_scenario(alone, seed=1000).objects == both.objects
+@pytest.mark.parametrize(
+    "base", ["clear_table_together", "clear_table_together_varied"]
+)
+def test_one_arm_alone_has_the_same_objects_and_nobody_to_wait_for(base, tmp_path):
+    file = Path(__file__).parents[2] / "experiments/clear_table_alone.yaml"
+    text = file.read_text("utf-8").replace("clear_table_together", base)
+    (tmp_path / "alone.yaml").write_text(text, "utf-8")
+    alone = load_scenario(tmp_path / "alone.yaml", seed=1000)
+    assert alone.objects == load_scenario(base, seed=1000).objects
+    planners = MakeClearingPair(alone)
+    assert type(planners.GetSubsystemByName("left")) is ClearingPlanner
+    assert planners.HasOutputPort("left.position_commanded")
 
 
 def test_the_varied_cell_draws_as_that_of_one_arm():

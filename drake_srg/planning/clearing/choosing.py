@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses as dc
+import functools
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import TypeAlias
 
@@ -192,6 +193,9 @@ class PickPlanner:
         """Return the first pick along a route, and why better grasps are left."""
         missed: list[Remaining] = []
         planned = 0
+        # Grasps share bins, and to look into one on its map takes tens of milliseconds.
+        filled = functools.cache(memory.loads.filled)
+        spots = functools.cache(memory.loads.spots)
         for grasp in found.grasps:
             if self._given_up(memory.attempts.tried, grasp, found):
                 stuck = self._given_up(memory.attempts.stopped, grasp, found)
@@ -210,8 +214,8 @@ class PickPlanner:
                 grasp,
                 height_map,
                 memory.attempts.picks,
-                filled=memory.loads.filled(there.destination),
-                spots=memory.loads.spots(there.destination),
+                filled=filled(there.destination),
+                spots=spots(there.destination),
             )
             if isinstance(motions, PlanningFailure):
                 missed.append(Remaining(grasp.p_WC, motions.failure))

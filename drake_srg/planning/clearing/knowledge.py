@@ -65,7 +65,6 @@ class Pick(Memory):
     # Angles of the gripper's joints as the lift begins, shape (n,) [rad].
     angles: Vector = dc.field(default_factory=lambda: np.zeros(0))
     held: bool = False  # the fingers felt something until the arm was over the bin
-    shared: bool = False  # the arm enters what it shares with another; see `sharing`
 
     @property
     def placing(self) -> bool:

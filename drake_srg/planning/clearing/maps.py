@@ -45,6 +45,8 @@ _LEFT, _HIDDEN = 0.01, 0.02
 _FORK = 0.02
 _TAKEN_RADIUS = 0.12  # things this near to a grasp are the load itself [m]
 _LEAST_HEIGHT = 0.005  # lower things are below every motion across [m]
+# Hardly any cell of a map is noisier than so many standard deviations.
+_PEAK = 5.0
 # Reach of the open hand around its middle [m].
 HAND_RADIUS = 0.16
 # Noise breaks low things apart. Parts within this many cells of each other are one.
@@ -175,12 +177,16 @@ def fallen(before: HeightMap, after: HeightMap) -> Vector:
     Noise does not count. A cell that is unknown on either map has not fallen.
     """
     drop: Vector = before.height - after.height
-    known = np.abs(drop[np.isfinite(drop)])
-    noise = 1.4826 * float(np.median(known)) if len(known) else 0.0  # most is table
+    noise = _deviation(drop[np.isfinite(drop)])
     drop = np.nan_to_num(drop)
     differs = (np.abs(drop) > max(_SAME, _DEVIATIONS * noise)).astype(np.uint8)
     closed = cv2.morphologyEx(differs, cv2.MORPH_CLOSE, _KERNEL)  # unknown cells
     return np.where(opened(closed > 0), drop, 0.0)
+
+
+def _deviation(heights: Vector) -> float:
+    """Return the standard deviation of heights, most of which are the table's [m]."""
+    return 1.4826 * float(np.median(np.abs(heights))) if heights.size else 0.0
 
 
 def changed(before: HeightMap, after: HeightMap) -> npt.NDArray[np.bool_]:
@@ -258,12 +264,16 @@ def obstacle_boxes(
 ) -> list[tuple[Shape, RigidTransform]]:
     """Return boxes that fill a height map, with their poses [m].
 
+    Noise gets no boxes: to add hundreds to a scene takes seconds.
+
     Args:
         height_map: The map.
         table: Height of the table [m].
         size: Width of each box [m].
     """
-    heights = np.nan_to_num(height_map.height - table)
+    above = height_map.height - table
+    heights = np.nan_to_num(above)
+    least = max(_LEAST_HEIGHT, _PEAK * _deviation(above[np.isfinite(above)]))
     cells = max(1, round(size / height_map.resolution))
     width = cells * height_map.resolution
     boxes: list[tuple[Shape, RigidTransform]] = []
@@ -271,7 +281,7 @@ def obstacle_boxes(
         for column in range(0, heights.shape[1], cells):
             block = heights[row : row + cells, column : column + cells]
             high = float(block.max())
-            if high < _LEAST_HEIGHT:
+            if high < least:
                 continue
             middle = 0.5 * np.array(block.shape[::-1]) - 0.5 + [column, row]
             xy = height_map.origin + height_map.resolution * middle

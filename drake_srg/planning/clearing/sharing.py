@@ -176,20 +176,23 @@ class SharingPickPlanner(PickPlanner):
         ways = [(side, None), (half, None), (beyond, None)]
         if not height_map.wanted:
             ways = [(half, side), (beyond, half), *ways]
+        tried: set[tuple[TopGrasp, WalledMotions]] = set()
+        missed: list[tuple[float, Remaining]] = []
         for motions, easier in ways:
             depth = motions.wall.depth
             if depth < height_map.least - _ROUNDING:
                 continue
-            way = functools.partial(_way, motions, easier)
-            pick, missed = self._first_pick(way, memory, found, height_map, time)
+            way = functools.partial(_way, motions, easier, tried)
+            pick, more = self._first_pick(way, memory, found, height_map, time)
+            missed += [(depth, thing) for thing in more]
             if pick is not None:
-                pick.shared = depth < SIDE
-                if pick.shared:
+                if depth < SIDE:
                     memory.claim = before.changed(depth, time)
-                return pick, missed
+                return pick, more
         if not height_map.open:
             memory.claim = before.changed(BEYOND, time)
-        return None, missed
+        missed.sort(key=lambda pair: pair[0])  # for each thing, the least depth counts
+        return None, [thing for _, thing in missed]
 
     def plan(self, memory: ClearingMemory, height_map: HeightMap, time: float) -> None:
         """Plan the next pick; finish only once the map shows everything."""
@@ -214,21 +217,25 @@ class SharingPickPlanner(PickPlanner):
 def _way(
     motions: WalledMotions,
     easier: WalledMotions | None,
+    tried: set[tuple[TopGrasp, WalledMotions]],
     grasp: TopGrasp,
     height_map: HeightMap,
 ) -> tuple[int, ClearingMotions] | None:
-    """Return motions to a grasp, if there is room between it and their wall.
+    """Return motions to a grasp, once, if there is room between it and their wall.
 
     Args:
         motions: The motions.
         easier: Motions to a greater depth, which leave out what these reach; None: all
             grasps count.
+        tried: Grasps and motions so far.
         grasp: The grasp.
         height_map: The map.
     """
-    if easier is not None and easier.reaches(grasp, _HAND):
+    kept = easier is not None and easier.reaches(grasp, _HAND)
+    if kept or (grasp, motions) in tried or not motions.reaches(grasp):
         return None
-    return (-1, motions) if motions.reaches(grasp) else None
+    tried.add((grasp, motions))
+    return -1, motions
 
 
 class SharingMode(ClearingMode):
@@ -237,11 +244,12 @@ class SharingMode(ClearingMode):
     planner: SharingPickPlanner
 
     def may_enter(self, memory: ClearingMemory, now: Now) -> bool:
-        """Return whether the arm may go to the depth that it has claimed."""
+        """Return whether the arm may go to the depth of its claim, or needs none."""
         assert isinstance(memory, SharingMemory)
         assert isinstance(now.senses, SharingSenses)
-        other, first = now.senses.other, self.planner.first
-        return memory.claim.granted(other, now.time, first=first)
+        claim, other = memory.claim, now.senses.other
+        granted = claim.granted(other, now.time, first=self.planner.first)
+        return claim.depth >= SIDE or granted
 
 
 class SharingIdle(SharingMode, Idle):
@@ -261,8 +269,7 @@ class SharingIdle(SharingMode, Idle):
 
     def update(self, memory: ClearingMemory, now: Now) -> ClearingMemory:
         """Forget a pick if the other arm comes first, and look."""
-        pick = memory.pick
-        if pick is not None and pick.shared and not self.may_enter(memory, now):
+        if not self.may_enter(memory, now):
             memory.pick = None
         return super().update(memory, now)
 
@@ -277,10 +284,10 @@ class SharingIdle(SharingMode, Idle):
 
     def observe_mode(self, memory: ClearingMemory, now: Now) -> Observation:
         """Report a pick only if the arm may go there."""
-        observed, pick = super().observe_mode(memory, now), memory.pick
-        if pick is not None and pick.shared and not self.may_enter(memory, now):
-            return dc.replace(observed, ready=False)
-        return observed
+        observed = super().observe_mode(memory, now)
+        return dc.replace(
+            observed, ready=observed.ready and self.may_enter(memory, now)
+        )
 
 
 class SharingRelease(SharingMode, Release):

@@ -185,6 +185,15 @@ def test_a_low_edge_counts_and_a_corner_adds_nothing():
     assert obstacle_boxes(dc.replace(edge, height=np.zeros((0, 0))), 0.0) == []
 
 
+@given(seeds)
+def test_noise_gets_no_boxes(seed):
+    """Things in it do, if they are higher; most of the map may be unknown."""
+    for things, found in ((table(), 0), (table(A, tall=0.02), 1)):
+        seen = noisy(things, seed, 2e-3)
+        seen.height[:, 45:] = np.nan
+        assert bool(obstacle_boxes(seen, 0.0)) == found
+
+
 @given(places)
 def test_highest_thing_counts_within_the_radius(place):
     height_map = table(place)

@@ -16,6 +16,7 @@ from drake_srg.planning.clearing.sharing import (
     NO_CLAIM,
     Claim,
     JointStatus,
+    SharingMemory,
     SharingPickPlanner,
     SharingPlanner,
     joint_status,
@@ -38,6 +39,7 @@ from drake_srg.types import Failure, HeightMap, Mode, PlannerStatus, Remaining
 from planning.clearing.fake_table import (
     ASIDE,
     HELD,
+    HERE,
     TALL,
     Grasps,
     Motions,
@@ -100,6 +102,7 @@ class Walled(Motions):
         super().__init__()
         self.wall = wall
         self.holds_arm = False  # whether an arm that has stopped is behind the wall
+        self.refusals = 0
 
     def contains(self, q):
         return self.holds_arm
@@ -110,6 +113,7 @@ class Walled(Motions):
     def plan(self, q_start, grasp, height_map, number=0, **others):
         if not self.reaches(grasp, 0.1):
             self.unreachable = [tuple(np.round(grasp.p_WC[:2], 6))]
+            self.refusals += 1
         motions = super().plan(q_start, grasp, height_map, number, **others)
         self.unreachable = ()
         return motions
@@ -197,10 +201,8 @@ class Pair:
 
     def depth(self, name):
         """Return the least depth to which an arm may be [m]."""
-        memory = self.memory(name)
         away = self.mode(name) in (*HOLDS, Mode.RETREAT)
-        moves = memory.pick is None or memory.pick.shared
-        return memory.claim.depth if away and moves else SIDE
+        return self.memory(name).claim.depth if away else SIDE
 
     def step(self):
         """Advance by one step, and return the time [s]."""
@@ -301,6 +303,15 @@ def test_an_arm_that_waits_plans_only_if_there_is_news():
     pair = Pair(middle)
     assert plans_while_waiting(pair, (-0.4, 0.25)) == 1
     assert pair.memory("right").planned.grasp.p_WC[0] == pytest.approx(-0.4)
+
+
+def test_a_plan_tries_no_grasp_twice_at_one_depth():
+    pair = Pair([(-0.1, 0.05)])
+    memory, picks = SharingMemory(HERE), pair.planners["left"].planner
+    seen = pair.planners["left"]._cropped(pair.table(), NO_CLAIM, NO_CLAIM)
+    picks.plan(memory, seen, 0.0)
+    assert [motions.refusals for motions in picks.by_depth] == [0, 0, 1]
+    assert [thing.failure for thing in memory.left] == [Failure.OUT_OF_REACH]
 
 
 def failed_in_the_middle(*others):
