@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import dataclasses as dc
 from collections.abc import Sequence
-from typing import Any
 
 import cv2
 import numpy as np
@@ -56,23 +55,18 @@ class Unknowns:
     X_QB: RigidTransform
 
     def moved(self, step: Vector) -> Unknowns:
-        """Return these unknowns after a step, shape (16,).
-
-        Its parts are focal (2), center (2), then rotation vector and translation of a
-        small motion of C in C (6) and of B in B (6).
-        """
+        """Return these unknowns after a step of shape (16,), see `jacobian`."""
         return Unknowns(
             self.focal + step[0:2],
             self.center + step[2:4],
-            self.X_PC @ _pose(step[4:7], step[7:10]),
-            self.X_QB @ _pose(step[10:13], step[13:16]),
+            self.X_PC @ _small_pose(step[4:10]),
+            self.X_QB @ _small_pose(step[10:16]),
         )
 
 
 def project(unknowns: Unknowns, view: View) -> Vector:
     """Return the pixels (K, 2) at which the view's corners are expected."""
-    X_CB = unknowns.X_PC.inverse() @ view.X_PQ @ unknowns.X_QB
-    p_C = X_CB.multiply(view.p_B.T).T
+    p_C = _p_C(unknowns, view)
     z = np.maximum(p_C[:, 2:], 1e-3)  # a corner behind the camera is far off
     return np.asarray(p_C[:, :2] / z * unknowns.focal + unknowns.center)
 
@@ -82,10 +76,48 @@ def residuals(unknowns: Unknowns, view: View) -> Vector:
     return project(unknowns, view) - view.pixels
 
 
-def _pose(turn: Any, p: Any) -> RigidTransform:
-    """Return the pose of a rotation vector and a translation, of 3 numbers each."""
-    R = RotationMatrix.ProjectToRotationMatrix(cv2.Rodrigues(turn)[0])
-    return RigidTransform(R, p.ravel())
+def jacobian(unknowns: Unknowns, view: View) -> Vector:
+    """Return the derivatives of `project`, shape (K, 2, 16).
+
+    The columns are focal (2), center (2), then rotation vector and translation of a
+    small motion of C in C (6) and of B in B (6).
+    """
+    p_C = _p_C(unknowns, view)
+    z = np.maximum(p_C[:, 2], 1e-3)
+    xy = p_C[:, :2] / z[:, None]
+    # Derivative of the pixel by the point in C.
+    by_point = np.zeros((len(p_C), 2, 3))
+    for axis in range(2):
+        by_point[:, axis, axis] = unknowns.focal[axis] / z
+        by_point[:, axis, 2] = -unknowns.focal[axis] * xy[:, axis] / z
+    R_CB = (unknowns.X_PC.inverse() @ view.X_PQ @ unknowns.X_QB).rotation().matrix()
+    result = np.zeros((len(p_C), 2, NUM_PARAMETERS))
+    for axis in range(2):
+        result[:, axis, axis] = xy[:, axis]
+        result[:, axis, 2 + axis] = 1.0
+    result[:, :, 4:7] = by_point @ _cross(p_C)
+    result[:, :, 7:10] = -by_point
+    result[:, :, 10:13] = -by_point @ (R_CB @ _cross(view.p_B))
+    result[:, :, 13:16] = by_point @ R_CB
+    return result
+
+
+def _p_C(unknowns: Unknowns, view: View) -> Vector:
+    X_CB = unknowns.X_PC.inverse() @ view.X_PQ @ unknowns.X_QB
+    return np.asarray(X_CB.multiply(view.p_B.T).T)
+
+
+def _cross(p: Vector) -> Vector:
+    """Return the matrices (K, 3, 3) of the cross products with points (K, 3)."""
+    x, y, z = p.T
+    o = np.zeros_like(x)
+    return np.array([[o, -z, y], [z, o, -x], [-y, x, o]]).transpose(2, 0, 1)
+
+
+def _small_pose(step: Vector) -> RigidTransform:
+    """Return the pose of a rotation vector and a translation, shape (6,)."""
+    turn = cv2.Rodrigues(step[:3])[0]
+    return RigidTransform(RotationMatrix.ProjectToRotationMatrix(turn), step[3:])
 
 
 def first_estimate(views: Sequence[View], focal: Vector, center: Vector) -> Unknowns:
@@ -130,7 +162,8 @@ def _board_pose(view: View, focal: Vector, center: Vector) -> RigidTransform:
     _, turn, p = cv2.solvePnP(
         view.p_B, view.pixels, matrix, None, flags=cv2.SOLVEPNP_IPPE
     )
-    return _pose(turn, p)
+    R = RotationMatrix.ProjectToRotationMatrix(cv2.Rodrigues(turn)[0])
+    return RigidTransform(R, p.ravel())
 
 
 def _nearest_rotation(matrix: Vector) -> RotationMatrix:
@@ -148,16 +181,14 @@ _LEAST_NOISE, _MOST_ERROR = 0.05, 2.0
 # Largest standard deviations of the camera's position [m] and rotation [rad] that
 # count as an estimate. Good views give 0.1 mm and 0.01 degrees.
 MOST_POSITION_STD, MOST_ROTATION_STD = 1e-3, np.radians(0.2)
-# Median of the distances between corner and expectation over the noise of either
-# coordinate, and up to where errors over the noise count fully [Huber, Robust
-# Estimation of a Location Parameter, 1964]: of normally distributed errors, 6 % are
-# larger.
-_MEDIAN, _HUBER = 1.177, 1.88
+# Distances between corner and expectation, over the noise of either coordinate: their
+# median, and up to where they count fully [Huber, Robust Estimation of a Location
+# Parameter, 1964]. Of normally distributed errors, 6 % are farther.
+_MEDIAN, _HUBER = 1.177, 2.35
 # Rounds in which the noise of each view is renewed, and most steps of a round: eight
 # views need 32 from intrinsics that are off by a tenth, and views that determine no
 # camera would only take longer to be refused.
 _ROUNDS, _MOST_STEPS = 4, 100
-_STEP = 1e-5  # of a central difference, in each parameter's unit
 
 
 @dc.dataclass(frozen=True)
@@ -166,7 +197,7 @@ class Calibration:
 
     Attributes:
         estimate: The intrinsics and both poses.
-        covariance: Of the 16 parameters, in the units of `Unknowns.moved`.
+        covariance: Of the 16 parameters, in the units of `projection.jacobian`.
         condition: Condition number of the estimate, parameters scaled to equal effect.
         rms: Root mean square of the distances between corners and expectation [pixels].
         dropped: Names of other views, and why each was dropped.
@@ -287,37 +318,64 @@ def _noise(views: Sequence[View], estimate: Unknowns) -> Vector:
 def _minimize(
     views: Sequence[View], estimate: Unknowns, noise: Vector
 ) -> tuple[Unknowns, bool]:
-    """Return the estimate that minimises Huber's loss of the errors."""
+    """Return the estimate that minimises Huber's loss of the corners' distances.
+
+    It is the sum of squares of the errors e times s, with s = 1 up to Huber's limit h
+    and s² |e|² = 2 h |e| - h² beyond.
+    """
+
+    def shrunk(step: Vector) -> Vector:
+        error = _errors(views, estimate.moved(step), noise)
+        return (error * _shrinking(error)[0][:, None]).ravel()
+
+    def derivatives(step: Vector) -> Vector:
+        # `jacobian` is for small motions of the poses as moved. The last round starts
+        # where the one before ended: there, they are those by `step`.
+        moved = estimate.moved(step)
+        error, J = _errors(views, moved, noise), _jacobians(views, moved, noise)
+        s, slope = _shrinking(error)
+        radial = np.einsum("ki,kip->kp", error, J)
+        J = s[:, None, None] * J + np.einsum("ki,k,kp->kip", error, slope, radial)
+        return J.reshape(-1, NUM_PARAMETERS)
+
+    start = np.zeros(NUM_PARAMETERS)
     found = least_squares(
-        lambda step: _errors(views, estimate.moved(step), noise),
-        np.zeros(NUM_PARAMETERS),
+        *(shrunk, start, derivatives),
+        method="lm",
         x_scale="jac",
-        loss="huber",
-        f_scale=_HUBER,
         max_nfev=_MOST_STEPS,
     )
     return estimate.moved(found.x), bool(found.success)
 
 
+def _shrinking(error: Vector) -> tuple[Vector, Vector]:
+    """Return s and its derivative by |e| over |e|, see `_minimize`, shape (K,)."""
+    size = np.maximum(np.linalg.norm(error, axis=1), _HUBER)
+    square = _HUBER * (2.0 * size - _HUBER)
+    s = np.sqrt(square) / size
+    slope = (_HUBER / square - 1.0 / size) * s / size
+    return s, np.where(size > _HUBER, slope, 0.0)
+
+
 def _errors(views: Sequence[View], estimate: Unknowns, noise: Vector) -> Vector:
-    """Return the residuals of all corners over their noise, shape (2 K,)."""
+    """Return the residuals of all corners over their noise, shape (K, 2)."""
     pairs = zip(views, noise, strict=True)
-    errors = [residuals(estimate, view).ravel() / std for view, std in pairs]
-    return np.concatenate(errors)
+    return np.concatenate([residuals(estimate, view) / std for view, std in pairs])
+
+
+def _jacobians(views: Sequence[View], estimate: Unknowns, noise: Vector) -> Vector:
+    """Return the derivatives of `_errors`, shape (K, 2, 16)."""
+    pairs = zip(views, noise, strict=True)
+    return np.concatenate([jacobian(estimate, view) / std for view, std in pairs])
 
 
 def _covariance(
     views: Sequence[View], estimate: Unknowns, noise: Vector
 ) -> tuple[Vector, float]:
     """Return the covariance (16, 16) of the parameters, and its condition number."""
-    steps = _STEP * np.eye(NUM_PARAMETERS)
-    ahead, behind = (
-        np.array([_errors(views, estimate.moved(step), noise) for step in signed])
-        for signed in (steps, -steps)
-    )
-    J = (ahead - behind).T / (2.0 * _STEP)
+    J = _jacobians(views, estimate, noise).reshape(-1, NUM_PARAMETERS)
     # The variance of Huber's estimate: limited residuals, and the share within limits.
-    size = np.abs(_errors(views, estimate, noise))
+    size = np.linalg.norm(_errors(views, estimate, noise), axis=1)
     limited = float(np.sum(np.minimum(size, _HUBER) ** 2))
     limited /= float(np.mean(size <= _HUBER)) ** 2 * max(len(J) - NUM_PARAMETERS, 1)
     effect = np.linalg.norm(J, axis=0)
