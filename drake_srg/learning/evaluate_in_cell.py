@@ -191,7 +191,7 @@ def _simulate(policy: CellPolicy, scenario: Scenario, **options: Any) -> Result:
 
 
 def is_held(scenario: Scenario, result: Result) -> bool:
-    """Return whether the picked object was up at the end of a run, as in `HandTask`."""
+    """Return whether the picked object was up at the end of a run, as in `HandEnv`."""
     name = scenario.task.pick
     shape = simple_shape(name, scenario.objects[name])
     X_WO = row_to_pose(result.log[pose_key(name)][-1])

@@ -39,11 +39,6 @@ class Network:
     biases: list[Array]
 
     @property
-    def sizes(self) -> tuple[int, ...]:
-        """Sizes of the input, the hidden layers and the output."""
-        return (self.weights[0].shape[1], *(w.shape[2] for w in self.weights))
-
-    @property
     def members(self) -> int:
         """Number of networks."""
         return int(self.weights[0].shape[0])

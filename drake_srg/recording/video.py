@@ -84,13 +84,12 @@ class VideoFile:
         width: int,
         height: int,
         frame_rate: float,
-        quality: int = 23,
     ):
-        if width < 2 or height < 2 or frame_rate <= 0 or not 0 <= quality <= 51:
+        if width < 2 or height < 2 or frame_rate <= 0:
             raise ValueError(
-                "VideoRecorder: width and height must be at least 2 pixels, frame_rate "
-                f"greater than 0 and quality 0 .. 51, got width={width}, "
-                f"height={height}, frame_rate={frame_rate}, quality={quality}"
+                "VideoRecorder: width and height must be at least 2 pixels and "
+                f"frame_rate greater than 0, got width={width}, height={height}, "
+                f"frame_rate={frame_rate}"
             )
         self._av = require("av")
         self._size, self._name = (width, height), path.name
@@ -106,7 +105,7 @@ class VideoFile:
         # At some sizes, x264's macroblock tree reads memory that it has not written,
         # and equal images would give different bytes.
         self._stream.options = {
-            "crf": str(quality),
+            "crf": "23",  # x264's default
             "preset": "veryfast",
             "x264-params": "mbtree=0",
         }
@@ -270,7 +269,6 @@ class VideoRecorder(CaptionedRecorder):
         width: Width of the images [pixels]; an odd last column is left out.
         height: Height of the images [pixels]; an odd last row is left out.
         frame_rate: Images per simulated second [Hz].
-        quality: Constant rate factor of x264, 0 (lossless) .. 51; 23 is its default.
         caption: Model value of the port `caption`; None: a Python object, such as an
             enum. `AbstractValue.Make("")` takes Drake's strings.
         view: Projection of the camera; None: no names.
@@ -287,16 +285,13 @@ class VideoRecorder(CaptionedRecorder):
         height: int,
         *,
         frame_rate: float = 20.0,
-        quality: int = 23,
         caption: AbstractValue | None = None,
         view: View | None = None,
     ):
         super().__init__()
         self._begin(path)
         try:
-            self._file = VideoFile(
-                self._output.path, width, height, frame_rate, quality
-            )
+            self._file = VideoFile(self._output.path, width, height, frame_rate)
         except BaseException:
             self._closed = True
             self._output.discard()

@@ -105,9 +105,10 @@ def test_a_signal_that_comes_while_the_event_is_looked_at_stops_too():
     code = (
         "import os, signal, threading\n"
         "from drake_srg.cli.command import stop_on_signals\n"
-        "for _ in range(200):\n"
+        "numbers = [signal.SIGTERM, signal.SIGINT, signal.SIGHUP]\n"
+        "for number in 70 * numbers:\n"
         "    with stop_on_signals() as stop:\n"
-        "        arguments = os.getpid(), signal.SIGTERM\n"
+        "        arguments = os.getpid(), number\n"
         "        end = threading.Timer(0.001, os.kill, arguments)\n"
         "        end.start()\n"
         "        while not stop.wait(0.0):\n"

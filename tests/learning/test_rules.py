@@ -1,3 +1,5 @@
+import itertools
+
 import numpy as np
 import pytest
 from hypothesis import given
@@ -111,9 +113,14 @@ def scene_of(env, seed, error=None):
     return scene
 
 
-def is_round(env, seed):
-    scene_of(env, seed)
-    return env.unwrapped.scene.is_round
+def seeds_of(env, round_, count):
+    """The first seeds of cylinders, or of boxes."""
+
+    def fits(seed):
+        scene_of(env, seed)
+        return env.unwrapped.scene.is_round == round_
+
+    return list(itertools.islice(filter(fits, itertools.count()), count))
 
 
 def holds(env, rule, scene):
@@ -131,7 +138,7 @@ def pick_where_seen(observation):
 
 
 def test_boxes_are_first_tried_where_they_were_seen(env):
-    seed = next(k for k in range(100) if not is_round(env, k))
+    (seed,) = seeds_of(env, False, 1)
     scene = scene_of(env, seed, (0.0, 0.0))
     observations = []
 
@@ -149,13 +156,13 @@ def test_boxes_are_first_tried_where_they_were_seen(env):
 def test_an_uneven_closure_does_not_keep_it_from_lifting(env, round_):
     """As networks command it: tips that rest bend at each change."""
     rng = np.random.default_rng(1)
-    seeds = [k for k in range(80) if is_round(env, k) == round_][:4]
 
     def act(observation):
         action = pick_by_touch(observation)
         action[4] = np.clip(action[4] + 0.02 * rng.normal(), -1.0, 1.0)
         return action
 
+    seeds = seeds_of(env, round_, 4)
     scenes = [scene_of(env, seed, (0.0, 0.0)) for seed in seeds]
     assert sum(holds(env, act, scene) for scene in scenes) >= 3
 
@@ -163,7 +170,7 @@ def test_an_uneven_closure_does_not_keep_it_from_lifting(env, round_):
 def test_the_hand_comes_down_beside_a_cylinder():
     """Also where it starts on the other side: its way leads over the object."""
     env = make_environment("KitchenPick", {"noise": 0.0})
-    scene = scene_of(env, next(k for k in range(100) if is_round(env, k)))
+    scene = scene_of(env, *seeds_of(env, True, 1))
     start = env.unwrapped.workspace.start
     scene["object"] |= {
         "position": [float(start[0] - 0.09), float(start[1] - 0.15)],
@@ -180,7 +187,7 @@ def test_the_hand_comes_down_beside_a_cylinder():
 @pytest.mark.parametrize("radius", [0.016, 0.025, 0.034])
 def test_a_cylinder_is_pushed_between_the_ends_of_the_pads(env, radius):
     """They are closer together than it is wide, and keep it in their middle."""
-    scene = scene_of(env, next(k for k in range(100) if is_round(env, k)), (0.0, 0.2))
+    scene = scene_of(env, *seeds_of(env, True, 1), (0.0, 0.2))
     scene["object"]["shape"] |= {"radius": radius, "length": 0.1}
     observation, _ = env.reset(options={"scene": scene})
     for _ in range(21):
@@ -190,7 +197,7 @@ def test_a_cylinder_is_pushed_between_the_ends_of_the_pads(env, radius):
 
 
 def test_fingers_that_have_closed_on_nothing_open_again(env):
-    seed = next(k for k in range(100) if not is_round(env, k))
+    (seed,) = seeds_of(env, False, 1)
     scene_of(env, seed)
     inwards = np.sign(
         env.unwrapped.workspace.start[0] - env.unwrapped.scene.position[0]
@@ -213,9 +220,8 @@ def test_fingers_that_have_closed_on_nothing_open_again(env):
 @pytest.mark.parametrize("round_", [True, False])
 def test_it_holds_what_is_far_from_where_it_was_seen(env, round_):
     """Seen to one side, across the closing direction."""
-    seeds = [k for k in range(80) if is_round(env, k) == round_][:6]
     held = dict.fromkeys((pick, pick_by_touch), 0)
-    for seed in seeds:
+    for seed in seeds_of(env, round_, 6):
         scene_of(env, seed)
         size_x, size_y, _ = env.unwrapped.scene.shape.bounding_size
         yaw = env.unwrapped.scene.object.yaw

@@ -100,7 +100,7 @@ def test_odd_sizes_lose_their_last_row_and_column(tmp_path):
 def test_the_caption_is_along_the_lower_edge(tmp_path):
     frames = {}
     for text in (None, Mode.CLOSE):
-        diagram, recorder, _ = make(tmp_path / "v.mp4", 320, 240, text, quality=10)
+        diagram, recorder, _ = make(tmp_path / "v.mp4", 320, 240, text)
         with recorder:
             Simulator(diagram).AdvanceTo(0.1)
         frames[text] = decode(tmp_path / "v.mp4")[1][0].astype(float)
@@ -154,7 +154,7 @@ def test_pictures_have_names_an_inset_and_end_with_the_verdict(tmp_path):
     path = tmp_path / "video.mp4"
     view, builder = camera_view(), DiagramBuilder()
     recorder = builder.AddSystem(
-        VideoRecorder(path, 640, 360, frame_rate=10.0, view=view, quality=5)
+        VideoRecorder(path, 640, 360, frame_rate=10.0, view=view)
     )
     poses = {"can": RigidTransform()}
     for name, value in (
@@ -204,9 +204,7 @@ def test_an_image_of_another_size_is_an_error_with_both_sizes(tmp_path):
             Simulator(recorder, context).AdvanceTo(0.1)
 
 
-@pytest.mark.parametrize(
-    "wrong", [{"width": 1}, {"frame_rate": 0.0}, {"quality": 60}], ids=str
-)
+@pytest.mark.parametrize("wrong", [{"width": 1}, {"frame_rate": 0.0}], ids=str)
 def test_errors_name_the_bad_argument(tmp_path, wrong):
     [(name, value)] = wrong.items()
     with pytest.raises(

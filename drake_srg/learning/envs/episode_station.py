@@ -188,10 +188,6 @@ class EpisodeStation:
         values: list[float] = state.tolist()
         return values[4:7] + values[10:13]
 
-    def speed(self) -> float:
-        """Return the speed of the object's origin [m/s]."""
-        return math.hypot(*self.motion()[3:])
-
 
 _PORTS = ("color_image", "depth_image", "body_pose_in_world")
 

@@ -51,6 +51,9 @@ from drake_srg.sweeps.info import SweepInfo, read_sweep
 from drake_srg.sweeps.rows import read_rows
 from drake_srg.types import Cylinder
 
+# Episodes whose metadata form one row group.
+_EPISODES_AT_ONCE = 100
+
 
 class DatasetWriter:
     """Writes the files of a data set with one task.
@@ -65,9 +68,6 @@ class DatasetWriter:
         task: The task in words.
         robot: The robot's type.
         names: See `format.make_features`.
-        data_limit: Largest size of a Parquet file [bytes].
-        video_limit: Largest size of a video [bytes].
-        episodes_at_once: Episodes whose metadata form one row group.
 
     Raises:
         OSError: If a file cannot be written.
@@ -82,17 +82,15 @@ class DatasetWriter:
         task: str,
         robot: str,
         names: Mapping[str, Sequence[str]] | None = None,
-        data_limit: int = fmt.DATA_MB * fmt.MEGABYTE,
-        video_limit: int = fmt.VIDEO_MB * fmt.MEGABYTE,
-        episodes_at_once: int = 100,
     ):
         self._root, self._layout, self._fps = root, layout, fps
         self._task, self._robot = task, robot
-        self._episodes_at_once = episodes_at_once
         self._features = fmt.make_features(layout, fps, names)
         self._data_schema = fmt.data_schema(self._features)
         self._numbers = [n for n in self._data_schema.names if n != fmt.LANGUAGE]
         self._episode_schema = fmt.episode_schema(self._features)
+        data_limit = fmt.DATA_MB * fmt.MEGABYTE
+        video_limit = fmt.VIDEO_MB * fmt.MEGABYTE
         self._data = ParquetFiles(root / "data", self._data_schema, data_limit)
         self._episodes = ParquetFiles(
             root / "meta" / "episodes", self._episode_schema, data_limit
@@ -154,7 +152,7 @@ class DatasetWriter:
         self._rows.append(row)
         self._count += 1
         self._frames += length
-        if len(self._rows) == self._episodes_at_once:
+        if len(self._rows) == _EPISODES_AT_ONCE:
             self._write_rows()
 
     def finish(self) -> None:

@@ -111,14 +111,6 @@ def test_ground_truth_is_not_observed(pick):
     assert np.allclose(first, second, atol=1e-6)
 
 
-def test_a_critic_sees_it():
-    env = gymnasium.make("drake_srg/Pick-v0", critic=True).unwrapped
-    _, info = env.reset(seed=0)
-    thing = info["scene"]["object"]
-    assert info["critic"][3:5] == pytest.approx([thing["mass"], thing["friction"]])
-    assert info["critic"].dtype == np.float32
-
-
 def test_a_step_that_fails_in_the_simulator_truncates(pick, monkeypatch):
     def fail(*_):
         raise SimulationError("no convergence")

@@ -126,8 +126,7 @@ def test_the_scene_shows_its_colours_and_turns(browser, url):
     assert browser.evaluate("replay.view.eye") == pytest.approx(eye)
 
 
-@pytest.mark.parametrize("width", [390, 1280])
-@pytest.mark.parametrize("dark", [False, True])
+@pytest.mark.parametrize(("width", "dark"), [(390, False), (1280, True)])
 def test_the_page_fits_the_width(browser, url, width, dark):
     browser.open(f"{url}#t=0.1", width, dark=dark)
     assert browser.evaluate("document.documentElement.scrollWidth") <= width

@@ -1,3 +1,4 @@
+import functools
 import json
 import subprocess
 import sys
@@ -11,10 +12,13 @@ from rosbags.rosbag2 import Reader
 from rosbags.typesys import Stores, get_typestore
 
 from drake_srg.scenario import draw_scenario, load_tree
+from drake_srg.sweeps.dataset import make
 from drake_srg.sweeps.dataset.format import (
     QUANTILES,
     FilePlace,
     ImageStatistics,
+    ParquetFiles,
+    VideoFiles,
     encode_episode,
     next_place,
 )
@@ -247,22 +251,24 @@ def test_joints_are_interpolated_and_commands_are_held(tmp_path):
     np.testing.assert_allclose(action[:, 2], closure(before), atol=1e-7)
 
 
-def test_large_data_sets_have_several_files(sweep, tmp_path):
+def smaller(kind, limit, folder, content, _):
+    """Return files of a kind with a lower limit [bytes] than a data set's own."""
+    return kind(folder, content, limit)
+
+
+def test_large_data_sets_have_several_files(sweep, tmp_path, monkeypatch):
     path = sweep / "recordings/000007/recording.mcap"
     signals = read_signals(path)
     about = {"trial": 7, "seed": 107, "success": True, "failure": None}
     about |= {"object_size": None, "object_round": None}
     episode, _ = encode_episode(read_images(path, "ceiling"), FPS)
-    with DatasetWriter(
-        tmp_path / "made",
-        signals.layout,
-        FPS,
-        task="wait",
-        robot="arm",
-        data_limit=6100,  # an episode has 247 bytes per frame, and more metadata
-        video_limit=int(2.5 * len(episode)),
-        episodes_at_once=3,
-    ) as writer:
+    # An episode has 247 bytes per frame, and more metadata.
+    for kind, limit in ((ParquetFiles, 6100), (VideoFiles, int(2.5 * len(episode)))):
+        small = functools.partial(smaller, kind, limit)
+        monkeypatch.setattr(make, kind.__name__, small)
+    monkeypatch.setattr(make, "_EPISODES_AT_ONCE", 3)
+    out = tmp_path / "made"
+    with DatasetWriter(out, signals.layout, FPS, task="wait", robot="arm") as writer:
         for _ in range(7):
             images = {
                 f"observation.images.{camera}": read_images(path, camera)
