@@ -21,6 +21,7 @@ from rosbags.highlevel import AnyReader
 from drake_srg.lifetime import LeafSystem
 from drake_srg.recording.output import read_log
 from drake_srg.recording.recording import FILES, AddRecording
+from drake_srg.recording.replay.glb import read_glb
 from drake_srg.recording.replay.page import read_run
 from recording.replay.tiny_scene import add_camera
 
@@ -141,7 +142,8 @@ def test_the_page_has_scene_plots_and_video(out):
     page = (out / "replay.html").read_text()
     assert 'id="video"' in page
     assert "vertical speed" in page
-    names = [node.get("name") for node in read_run(out).document["nodes"]]
+    document, _ = read_glb(read_run(out).glb)
+    names = [node.get("name") for node in document["nodes"]]
     assert "box::body" in names
     assert "front" in names
     assert any(name.startswith("force of ") for name in names)
