@@ -168,7 +168,7 @@ def test_the_example_closes_and_opens_both_hands():
             for side in ("left", "right")
         ]
         for client in clients:
-            out, _ = client.communicate(timeout=120)
+            out, _ = client.communicate(timeout=300)
             assert client.returncode == 0
             closed, opened = out.splitlines()
             # An empty hand; the spool stops a little before 0 %.
