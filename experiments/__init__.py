@@ -29,17 +29,14 @@ def find_experiments() -> dict[str, Found]:
 def _find(folder: Path) -> dict[str, Found]:
     found = {}
     for path in folder.glob("*.py"):
-        tree = ast.parse(path.read_text(encoding="utf-8"))
-        first, *_ = (ast.get_docstring(tree) or "").split("\n")
-        for node in tree.body:
+        for node in ast.parse(path.read_text(encoding="utf-8")).body:
             match node:
                 case ast.Assign(
                     targets=[ast.Name(id=name)],
                     value=ast.Call(
-                        func=ast.Attribute(attr="Experiment"), keywords=keywords
+                        func=ast.Attribute(attr="Experiment"),
+                        args=[ast.Constant(value=str(text)), *_],
                     ),
                 ):
-                    texts = [k.value for k in keywords if k.arg == "description"]
-                    text = ast.literal_eval(texts[0]) if texts else first
                     found[name] = Found(f"{__name__}.{path.stem}", text)
     return dict(sorted(found.items()))

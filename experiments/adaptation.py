@@ -75,6 +75,18 @@ def trial(name: str, method: str, situation: str, seed: int) -> ex.Measures:
     return run_cycle("assistive_arm_fast", seed, overrides)
 
 
+def summary(own: ex.Trials) -> ex.Values:
+    found, placed = shares(own), own.where(placed=True)
+    for what, unit, measure in (
+        ("placement error", "mm", "distance"),
+        ("time to placement", "s", "placing"),
+        ("cycle", "s", "cycle"),
+        ("smoothness", "", "smoothness"),
+    ):
+        found |= ex.quantiles(what, unit, placed.known(measure))
+    return found
+
+
 def better(trials: ex.Trials) -> dict[str, ex.Values]:
     found: dict[str, ex.Values] = {ANYWHERE: {}, PUSHED: {}}
     for situation, method, other in (
@@ -93,9 +105,14 @@ def better(trials: ex.Trials) -> dict[str, ex.Values]:
 
 
 adaptation = ex.Experiment(
+    "Adaptive or preprogrammed: what looking is worth to the five-axis arm.",
     cases,
     trial,
-    summary=shares,
+    summary=summary,
     whole=better,
-    picture=[ex.Bars(["placed, share"])],
+    picture=[
+        ex.Bars(["placed, share"]),
+        ex.Bars(["placement error, median"]),
+        ex.Bars(["time to placement, median"]),
+    ],
 )

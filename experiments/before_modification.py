@@ -120,10 +120,17 @@ def whole(trials: ex.Trials) -> dict[str, ex.Values]:
         for factor, levels in LEVELS.items()
         for level in levels
     }
+    some = ex.number(spread=0.2)
     named = "{shape}, {material}, friction {friction:g}, tip {tip}"
+    for own in trials.groups("shape", "material", "tip").values():
+        name = "{shape}, {material}, tip {tip}".format_map(own[0])
+        off = own.known("distance")
+        found[name] = ex.quantiles("distance from the goal", "mm", off)
     for own in trials.groups("shape", "material", "friction", "tip").values():
-        share = (np.mean(own["placed"]), ex.number(spread=0.2))
-        found[named.format_map(own[0])] = {"placed, share []": share}
+        found[named.format_map(own[0])] = {
+            "grasped and lifted, share []": (np.mean(own["lifted"]), some),
+            "placed, share []": (np.mean(own["placed"]), some),
+        }
     least, _ = placed_interval(trials.where(tip=CORRECTED))
     _, most = placed_interval(trials.where(tip=AS_DRAWN))
     what = "placed: least share; expected: most as drawn []"
@@ -132,6 +139,7 @@ def whole(trials: ex.Trials) -> dict[str, ex.Values]:
 
 
 before_modification = ex.Experiment(
+    "What mended the five-axis arm after its beginning: fingertips or tip frame.",
     cases,
     trial,
     whole=whole,

@@ -25,6 +25,8 @@ _NAME, SCENARIO = "bridge_load", "kitchen"
 # Messages on each topic [Hz]. The station reads commands every 5 ms; 27 Hz is not in
 # step with that, so the slow commands arrive at all times in between.
 LOADS = {"1 kHz": 1000.0, "27 Hz": 27.0}
+# Scenarios whose full speed is measured.
+FREE = ("kitchen", "kitchen_tendon", "kitchen_fast", "assistive_arm", "gripper_bench")
 # A command moves one joint of the arm by STEP [rad], and no other command moves it for
 # REST [s]. So it comes to rest, and its next motion shows the next command's effect.
 STEP, REST = 0.01, 0.8
@@ -44,23 +46,33 @@ class Change(NamedTuple):
 
 
 def cases(duration: float = 60.0) -> list[ex.Case]:
-    """Load the station over each wire, and send images.
+    """Load the station over each wire, and run the scenarios at full speed.
 
     Args:
         duration: Duration of each load [s].
     """
     cases = [
         *ex.grid(wire=bridges.WIRES, what=LOADS, amount=[duration]),
+        *ex.grid(wire=["ROS 2"], what=FREE, amount=[8.0]),  # s
         *ex.grid(wire=bridges.WIRES, what=["image"], amount=[100]),  # images
     ]
-    return [{"name": f"{c['wire']}, {c['what']}", **c} for c in cases]
+    return [
+        {"name": c["what"] if c["what"] in FREE else f"{c['wire']}, {c['what']}", **c}
+        for c in cases
+    ]
 
 
 def trial(name: str, wire: str, what: str, amount: float) -> ex.Measures:
-    """Measure delays under a load, or the cost of images."""
+    """Measure delays under a load, full speed without commands, or cost of images."""
     if what == "image":
         return {"time to send, median [ms]": 1e3 * image_cost(wire, int(amount))}
     with bridges.open_wire(wire, _NAME) as opened:
+        if what in FREE:
+            options = ("--no-record", "--rate", "0", *opened.arguments)
+            station = bridges.ServedProcess(what, *options)
+            wall.sleep(amount)
+            served = station.stop()
+            return {"largest real-time factor []": served.sim_time / served.wall_time}
         station = bridges.ServedProcess(SCENARIO, "--no-record", *opened.arguments)
         try:
             with contextlib.closing(bridges.Client(opened.make_client)) as client:
@@ -170,6 +182,7 @@ PERIOD = 1e3 * control_period(load_scenario(SCENARIO))  # ms
 # all but 1 % of the delays.
 SLACK = 5.0
 bridge_load = ex.Experiment(
+    "Pace and delays of a served station under 1 kHz of commands, by ROS 1 and ROS 2.",
     cases,
     trial,
     {
@@ -182,6 +195,7 @@ bridge_load = ex.Experiment(
         # Client and station may drift against each other, by at most one period.
         "delay, growth of the median": ex.at_most(PERIOD, spread=PERIOD),
         "time to send, median": ex.at_most(3.0, clock="time"),
+        "largest real-time factor": ex.number(clock="rate"),
     },
     picture=[
         ex.Points("time [s]", "delay [ms]", where={"what": load}, limit=PERIOD + SLACK)

@@ -105,7 +105,10 @@ def synthesize(runs: list[Rendered], rng: np.random.Generator) -> list[float] | 
 def errors_of(
     result: solve.Calibration | None, truth: solve.Unknowns
 ) -> list[float] | None:
-    """Return the errors of position [mm] and rotation [degrees]."""
+    """Return the errors of position [mm], rotation [degrees] and focal length [%].
+
+    Last comes the calibration's own standard deviation of the position [mm].
+    """
     if result is None:
         return None
     estimate = result.estimate
@@ -113,6 +116,8 @@ def errors_of(
     return [
         1e3 * float(np.linalg.norm(X_CE.translation())),
         float(np.degrees(X_CE.rotation().ToAngleAxis().angle())),
+        100.0 * float(np.max(np.abs(estimate.focal / truth.focal - 1.0))),
+        1e3 * result.position_std,
     ]
 
 
@@ -220,18 +225,26 @@ def whole(trials: ex.Trials) -> dict[str, ex.Values]:
 
 def _quality(errors: Vector, share: float) -> ex.Values:
     """Judge one camera's calibrations by the quantile `share` of their errors."""
-    position, rotation = errors.T
+    position, rotation, focal, std = errors.T
+    good, n = np.sum((position <= POSITION) & (rotation <= ROTATION)), len(errors)
     words = "largest" if share == 1.0 else f"{100 * share:g} % quantile"
-    p, r = (np.quantile(values, share) for values in (position, rotation))
+    p, r, f = (np.quantile(values, share) for values in (position, rotation, focal))
+    low, high = ex.wilson(good, n)
     return {
         f"position, {words} [mm]": (p, ex.at_most(POSITION)),
         "position, median [mm]": np.median(position),
         f"rotation, {words} [deg]": (r, ex.at_most(ROTATION)),
         "rotation, median [deg]": np.median(rotation),
+        "share within both limits []": good / n,
+        "share within both limits, at least []": low,
+        "share within both limits, at most []": high,
+        "position within two standard deviations []": np.mean(position <= 2.0 * std),
+        f"focal length, {words} [%]": f,
     }
 
 
 calibration = ex.Experiment(
+    "How accurately cameras are calibrated, fixed and in the hand, and what for.",
     lambda: ex.grid(camera=CELLS),
     trial,
     whole=whole,

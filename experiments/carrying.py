@@ -88,6 +88,7 @@ def at_step_0(trials: ex.Trials) -> dict[str, ex.Values]:
 
 
 carrying = ex.Experiment(
+    "How far a cylinder slides in the hand that carries it, at several time steps.",
     cases,
     trial,
     {

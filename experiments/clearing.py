@@ -87,6 +87,7 @@ def table_trial(scene: str, seed: int) -> ex.Measures:
         "picks_delivered": metrics["picks_delivered"] or 0,
         "fit": len(own),
         "fit_cleared": sum(bool(t["cleared"]) for t in own),
+        "beyond": sum(not near for near in reached.values()),
         "rate": metrics["picks_per_hour"] or None,
         "false": max(counts["picks_held"] - counts["objects_cleared"], 0),
         "failures": [str(t["outcome"]) for t in things.values() if not t["cleared"]],
@@ -107,7 +108,9 @@ def summary(place: str) -> Callable[[ex.Trials], ex.Values]:
             k, n, least = sum(own[some]), sum(own[every]), asked.get(own.name)
             bound = ex.at_least(least) if least else None
             found |= ex.share(what, k, n, bound, spread=0.15)
-        rates = own.known("rate")
+        beyond, picks, rates = sum(own["beyond"]), sum(own["picks"]), own.known("rate")
+        found["lay out of reach [objects]"] = (beyond, ex.number(spread=3.0))
+        found["picks []"] = (picks, ex.number(spread=3.0 + 0.3 * picks))
         if len(rates):
             found["picks held per hour, median [1/h]"] = float(np.median(rates))
         failures = (reason for t in own for reason in t["failures"])
@@ -132,27 +135,27 @@ def _shares(place: str) -> list[ex.Bars]:
 
 
 clearing = ex.Experiment(
+    "A table cleared into a bin: spread objects, poured heaps, noisy depth.",
     _cases(("spread", "spread, noise", "heap, noise"), trials=32, seed=10000),
     table_trial,
     {"picks held per hour, median": {"heap, noise": ex.at_least(500.0)}},
     by=("scene",),
     summary=summary("in the bin"),
     picture=_shares("in the bin"),
-    description="A table cleared into a bin: spread objects, heaps, noisy depth.",
 )
 clearing_conditions = ex.Experiment(
+    "A table cleared on the accurate physics, by wires, and with everything varied.",
     _cases(("accurate", "accurate, wires", "varied"), trials=8, seed=10100),
     table_trial,
     by=("scene",),
     summary=summary("in the bin"),
     picture=_shares("in the bin"),
-    description="A table cleared on accurate physics, by wires, and varied.",
 )
 sorting = ex.Experiment(
+    "Objects sorted by colour and by name into two bins, and set upright in a row.",
     _cases(list(SCENES)[-5:], trials=5, seed=10300),
     table_trial,
     by=("scene",),
     summary=summary("where they belong"),
     picture=_shares("where they belong"),
-    description="Objects sorted into two bins, and set upright in a row.",
 )

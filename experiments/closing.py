@@ -164,6 +164,7 @@ def order_and_agreement(trials: ex.Trials) -> dict[str, ex.Values]:
 
 
 closing_sequence = ex.Experiment(
+    "A hand closing around a can: joint angles, wire force, proximity and touch.",
     lambda: ex.grid(driver=DRIVERS),
     sequence_trial,
     {
@@ -173,7 +174,6 @@ closing_sequence = ex.Experiment(
     },
     whole=order_and_agreement,
     picture=PICTURE,
-    description="A hand closing around a can: angles, forces, proximity and touch.",
 )
 
 # The client's ramp: message i of 0 to 1000 says floor(i / 10) percent.
@@ -246,6 +246,7 @@ def better(trials: ex.Trials) -> dict[str, ex.Values]:
 # Below 0.02 mm, shifts differ from run to run.
 SHIFTS = dict.fromkeys(WAYS, ex.number(spread=lambda shift: max(0.02, 0.1 * shift)))
 closing_gently = ex.Experiment(
+    "A hand closing around a can, gently: impact, steady force and shift of the can.",
     lambda: ex.grid(way=WAYS),
     gentle_trial,
     {
@@ -257,5 +258,4 @@ closing_gently = ex.Experiment(
     },
     whole=better,
     picture=PICTURE,
-    description="A hand closing gently around a can: impact, force and shift.",
 )

@@ -108,7 +108,7 @@ class InsertionStand:
 
         Return its height above the seat while the arm pressed, `stood`, and once it was
         let go, `height` [m], its `tilt` then [rad]; the largest force between cylinder
-        and table, `peak` [N].
+        and table, `peak`, and the last, `pressed` [N].
         """
         rig, time = self.rig, self.rig.time
         rig.context.SetTimeStateAndParametersFrom(self._held)
@@ -136,6 +136,7 @@ class InsertionStand:
             "height": float(X_WO.translation()[2] - _SEAT[2]),
             "tilt": float(np.arccos(upright)),
             "peak": max(forces),
+            "pressed": forces[-1],
         }
 
     def _posture(self, offset: Vector, q_guess: Vector) -> Vector:
@@ -159,7 +160,11 @@ class InsertionStand:
 
 
 def cases(seeds: int = 20) -> list[ex.Case]:
-    """Set the cylinder back many times, with each driver and error."""
+    """Set the cylinder back many times, with each driver and error.
+
+    Args:
+        seeds: Grasps with each driver, each with its own friction and mass.
+    """
     return ex.grid(driver=DRIVERS, seed=range(seeds))
 
 
@@ -187,9 +192,9 @@ def whole(trials: ex.Trials) -> dict[str, ex.Values]:
     for driver in DRIVERS:
         own = trials.where(driver=driver)
         for i, error in enumerate(ERRORS):
-            stood, height, tilt, peak = (
+            stood, height, tilt, peak, pressed = (
                 np.concatenate([t[key][i] for t in own])
-                for key in ("stood", "height", "tilt", "peak")
+                for key in ("stood", "height", "tilt", "peak", "pressed")
             )
             seated = (np.abs(height) < _SEATED) & (tilt < _UPRIGHT)
             n = len(stood)
@@ -202,13 +207,15 @@ def whole(trials: ex.Trials) -> dict[str, ex.Values]:
             if driver == "impedance" and error <= 1.0e-3:
                 least, _ = values["seated, at least []"]
                 values["seated, at least []"] = (least, ex.at_least(0.9, spread=0.05))
-            values["peak force, median [N]"] = np.quantile(peak, 0.5)
-            values["peak force, 95 % quantile [N]"] = np.quantile(peak, 0.95)
+            for what, forces in (("peak force", peak), ("force when pressed", pressed)):
+                values[f"{what}, median [N]"] = np.quantile(forces, 0.5)
+                values[f"{what}, 95 % quantile [N]"] = np.quantile(forces, 0.95)
             found[f"{driver}, {1e3 * error:.1f} mm"] = values
     return found
 
 
 compliance = ex.Experiment(
+    "Placing into a recess by a stiff and by a compliant arm, with errors of the goal.",
     cases,
     trial,
     by=("driver", "seed"),

@@ -18,6 +18,7 @@ from drake_srg.common.systems import MakeSimulator, output_ports
 from drake_srg.lifetime import my_context
 from drake_srg.robot.drive.config import HardwareConfig
 from drake_srg.robot.serve.pictures import BLOBS, camera_topics, served_camera
+from drake_srg.robot.twin.comparison import KINDS
 from drake_srg.robot.twin.loop import Listener, TwinLoop
 from drake_srg.robot.twin.station import AddTwin, MakeTwin
 from drake_srg.simulation.flat import MakeRoot
@@ -123,6 +124,7 @@ def trial(robot: str, seed: int) -> ex.Measures:
         "ended": mode.value,
         "reports": [str(parting.kind) for parting in loop.partings],
         "reported after [s]": [parting.time - begun for parting in loop.partings],
+        "largest": loop.largest.tolist(),
     }
 
 
@@ -135,6 +137,9 @@ def summary(own: ex.Trials) -> ex.Values:
         return {
             f"done, of {n} runs []": (done, ex.at_least(n)),
             "false reports []": (reports, ex.at_most(0)),
+        } | {
+            f"largest difference, {kind} []": max(values)
+            for kind, values in zip(KINDS, own["largest"].T, strict=True)
         }
     after = [t["reported after [s]"][0] for t in own if len(t["reports"])]
     known = _WHY if own.name == _UNSEEN else ""
@@ -145,6 +150,7 @@ def summary(own: ex.Trials) -> ex.Values:
 
 
 digital_twin = ex.Experiment(
+    "A twin beside simulated robots, healthy and faulty: when it reports a difference.",
     cases,
     trial,
     summary=summary,

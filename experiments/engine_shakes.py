@@ -1,8 +1,8 @@
-"""Twenty household objects, grasped anyhow and shaken, in Drake and MuJoCo.
+"""Verdicts of Drake's solvers and of MuJoCo about the same shaken grasps.
 
 The grasps of twenty household objects are drawn as by `drake-srg grasps`, from all
 sides, and half of them are moved at random. Wire force, mass, friction and shake are
-random, too. All engines get the same models, commands and times. An
+drawn as in `grasp_measures`. All engines get the same models, commands and times. An
 object counts as lost once it has moved by 15 mm in the hand (`floating_grasps`). The
 reference is the bench with finely meshed pads and steps of 1 ms. Times are processor
 times.
@@ -12,7 +12,7 @@ joint servos, on the bench of `drake-srg grasps`, and compared with `accurate` t
 grasp holds if it withstands 1 g.
 """
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 
@@ -40,13 +40,19 @@ MUJOCO = {f"MuJoCo, {name}": OPTIONS[f"MuJoCo, {name}"] for name in _SAME}
 ENGINES = (*DRAKE, *PHYSICS, *MUJOCO)
 
 
-def cases(shakes: int = 4) -> list[ex.Case]:
+def cases(
+    objects: Sequence[str] = (), engines: Sequence[str] = (), shakes: int = 4
+) -> list[ex.Case]:
     """Shake every object in every engine.
 
     Args:
         shakes: Of each object; 100 take 7 hours of one core.
     """
-    return ex.grid(shake=range(shakes), object=HOUSEHOLD, engine=ENGINES)
+    return ex.grid(
+        shake=range(shakes),
+        object=ex.chosen("objects", objects, HOUSEHOLD),
+        engine=ex.chosen("engines", engines, ENGINES),
+    )
 
 
 def trial(shake: int, object: str, engine: str) -> ex.Measures:
@@ -97,6 +103,7 @@ def _costs(own: ex.Trials) -> ex.Values:
 
 
 engine_shakes = ex.Experiment(
+    "Twenty household objects, grasped anyhow and shaken, in Drake and MuJoCo.",
     cases,
     trial,
     {"processor time of a grasp": ex.number(clock="time")},

@@ -9,6 +9,7 @@ objects with a coefficient of 0.5, the pads (0.8) therefore grip 1.3 times as we
 MuJoCo.
 """
 
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -40,12 +41,15 @@ MUJOCO: dict[str, dict[str, Any]] = {
 }
 
 
-def cases() -> list[ex.Case]:
+def cases(objects: Sequence[str] = (), engines: Sequence[str] = ()) -> list[ex.Case]:
     """Grasp every object in every way, in every engine."""
+    known = {name for name, _ in grasps.grasps()}
+    wanted = ex.chosen("objects", objects, known)
     return [
         {"engine": engine, "object": name, "approach": approach}
-        for engine in (*DRAKE, *MUJOCO)
+        for engine in ex.chosen("engines", engines, [*DRAKE, *MUJOCO])
         for name, approach in grasps.grasps()
+        if name in wanted
     ]
 
 
@@ -69,7 +73,20 @@ def summary(own: ex.Trials) -> ex.Values:
     }
 
 
+def agreement(trials: ex.Trials) -> dict[str, ex.Values]:
+    held = {
+        name: np.array(own["slip"]) < SLIP
+        for name, own in trials.groups("engine").items()
+    }
+    return {
+        name: {"verdicts as of the reference []": np.sum(verdicts == held[REFERENCE])}
+        for name, verdicts in held.items()
+        if name != REFERENCE and REFERENCE in held
+    }
+
+
 engines = ex.Experiment(
+    "One gripper and 23 household grasps in Drake and MuJoCo.",
     cases,
     trial,
     {
@@ -79,6 +96,7 @@ engines = ex.Experiment(
     },
     by=("engine",),
     summary=summary,
+    whole=agreement,
     picture=[
         ex.Bars(["grasps that hold"]),
         ex.Bars(["median creep", "greatest creep"], log=True),

@@ -220,6 +220,7 @@ def summary(own: ex.Trials) -> ex.Values:
 
 
 envelope = ex.Experiment(
+    "Where the five-axis arm can grasp a leaning or lying cylinder and stand it up.",
     cases,
     trial,
     {

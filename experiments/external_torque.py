@@ -53,6 +53,7 @@ def summary(own: ex.Trials) -> ex.Values:
 
 
 external_torque = ex.Experiment(
+    "External torques of carrying arms and the limits of their protective stops.",
     cases,
     trial,
     summary=summary,

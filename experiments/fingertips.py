@@ -73,11 +73,13 @@ def trial(
         f"plant_config.time_step={step}",
     )
     cycle = run_cycle(SCENARIOS[pads], 0, overrides)
-    shift, slip = cycle["shift"], cycle["slip"]
+    shift, slip, turn = cycle["shift"], cycle["slip"], cycle["turn"]
     return {
         "held": cycle["placed"],
+        "failure": cycle["failure"],
         "left": None if shift is None else 1e3 * shift["xyz".index(direction)] + offset,
         "slip": None if slip is None else 1e3 * slip,
+        "turn": None if turn is None else np.rad2deg(turn),
         "fine": step == _STEP,
     }
 
@@ -100,9 +102,13 @@ def summary(own: ex.Trials) -> ex.Values:
     """
     pads, surface, direction = (own[0][k] for k in ("pads", "surface", "direction"))
     near = [t for t in own.where(fine=True) if t["offset"] in OFFSETS]
-    left = np.array([t["left"] for t in near], dtype=float)
+    left, slip, turn = (
+        np.array([t[k] for t in near], dtype=float) for k in ("left", "slip", "turn")
+    )
     found: ex.Values = {
-        "grasped, up to an offset of [mm]": up_to(own, lambda t: t["held"])
+        "grasped, up to an offset of [mm]": up_to(own, lambda t: t["held"]),
+        "motion while carried, step 1 ms [mm]": max(slip),
+        "rotation while carried [degrees]": max(turn),
     }
     if direction == "y":
         return found | {"spread of final offsets [mm]": np.ptp(left)}
@@ -130,6 +136,7 @@ def no_slip(trials: ex.Trials) -> dict[str, ex.Values]:
 
 
 fingertips = ex.Experiment(
+    "Flat and curved fingertips that grasp a cylinder off its middle, carried fast.",
     cases,
     trial,
     {

@@ -146,6 +146,7 @@ def deviations(joint: str, wire_force: Vector, q: Vector) -> ex.Values:
 
 
 free_closing = ex.Experiment(
+    "Joint angles of a finger that closes on nothing against the force of its wire.",
     lambda: ex.grid(stops=STOPS),
     trial,
     {

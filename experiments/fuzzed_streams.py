@@ -214,6 +214,7 @@ def _sent(node: DirectNode, home: Vector) -> Vector:
 
 
 fuzzed_streams = ex.Experiment(
+    "Streams of good and bad messages from a robot: what the arm is sent meanwhile.",
     cases,
     trial,
     {

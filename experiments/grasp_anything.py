@@ -10,6 +10,7 @@ joints, grasps 87 % of household objects at best.
 import dataclasses as dc
 import time as clock
 from collections.abc import Sequence
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -34,6 +35,7 @@ from drake_srg.vision.surfaces import Surface
 from experiments.stands.holding import body_of, is_free
 
 _PUBLISHED = ex.at_least(0.87, spread=0.1, source="published, of an RP hand")
+_MODELS = (".sdf", ".urdf", ".obj", ".stl", ".glb", ".gltf", ".xml", ".vtk")
 _MIDDLE = np.array([0.5, 0.0, 0.0])  # of the bench, under the gantry [m]
 _UP = np.array([0.0, 0.0, 1.0])
 _SPREAD = 0.1  # things start within this of the middle [m]
@@ -58,14 +60,25 @@ _SETTINGS = (
 )
 
 
-def cases(trials: int = 6, seed: int = 1000) -> list[ex.Case]:
-    """Grasp every object in random poses, all in one pose before any in the next."""
-    return ex.grid(seed=range(seed, seed + trials), object=HOUSEHOLD)
+def cases(
+    objects: Sequence[str] = (), trials: int = 6, seed: int = 1000
+) -> list[ex.Case]:
+    """Grasp every object in random poses.
+
+    Args:
+        objects: Household objects, or files of models; all of the former by default.
+    """
+    named = [name for name in objects if Path(name).suffix not in _MODELS]
+    ex.chosen("objects", named, HOUSEHOLD)
+    # All objects in one pose before any in the next.
+    return ex.grid(seed=range(seed, seed + trials), object=objects or HOUSEHOLD)
 
 
 def trial(seed: int, object: str) -> ex.Measures:
     """Drop a thing and try to lift it, until it is held or all attempts failed."""
-    name, thing = object, household_object(object)
+    known = object in HOUSEHOLD
+    thing = household_object(object) if known else ObjectConfig(model=object)
+    name = Path(object).stem
     planner = HeightMapGrasps(SrgFingers(), _SURFACE.height, reach=_REACH)
     X_WO = drop(name, thing, default_rng([seed, sum(map(ord, name))]))
     tried: list[TopGrasp] = []
@@ -211,6 +224,18 @@ def picture(
     return image[rows, columns][::-1]
 
 
+def draw(figure: Any, trials: ex.Trials, rows: Sequence[Any]) -> None:
+    """Draw each object's first pose, with its number of successful first attempts."""
+
+    def caption(entry: Any) -> str:
+        own = trials.where(object=entry["object"])
+        return f"{sum(own['first attempt'])} of {len(own)} held"
+
+    first = trials.where(seed=trials[0]["seed"])
+    images = ex.Images(caption=caption, across=7)
+    images.draw(figure.add_subplot(), first, rows, ("object",))
+
+
 def whole(trials: ex.Trials) -> dict[str, ex.Values]:
     found: dict[str, ex.Values] = {}
     graspable = trials.where(graspable=True)
@@ -236,15 +261,10 @@ def whole(trials: ex.Trials) -> dict[str, ex.Values]:
 
 
 grasp_anything = ex.Experiment(
+    "Household objects in random poses, grasped from above by the depth image alone.",
     cases,
     trial,
     by=("object", "seed"),
     whole=whole,
-    picture=[
-        ex.Images(
-            caption=lambda t: "held at once" if t["first attempt"] else "not at once",
-            across=7,
-            each="object",
-        )
-    ],
+    picture=draw,
 )

@@ -146,12 +146,12 @@ COMMON: dict[str, Any] = {
     },
 }
 grasp_calibration = ex.Experiment(
+    "Where closing fingers move a cylinder, and the frames that correct for it.",
     preset={"scenario": "assistive_arm"},
     **COMMON,
-    description="Where closing fingers move a cylinder, and frames that correct it.",
 )
 grasp_calibration_fast = ex.Experiment(
+    "The same frames for the fast scenario of the five-axis arm.",
     preset={"scenario": "assistive_arm_fast"},
     **COMMON,
-    description="The same frames for the fast scenario of the five-axis arm.",
 )

@@ -161,6 +161,7 @@ def whole(trials: ex.Trials) -> dict[str, ex.Values]:
 
 
 grasp_width = ex.Experiment(
+    "The widest box that the hand closes on, the thinnest sheets and rods it holds.",
     cases,
     trial,
     {
@@ -207,6 +208,7 @@ def bottle_trial(hand: str, offset: float) -> ex.Measures:
 
 
 low_things = ex.Experiment(
+    "A lying squeeze bottle between tips that stay straight and tips that curl.",
     lambda: ex.grid(hand=HANDS, offset=OFFSETS),
     bottle_trial,
     {
@@ -218,5 +220,4 @@ low_things = ex.Experiment(
         "pads lean outwards, median [deg]": np.median(own["lean"]),
     },
     picture=[ex.Points("offset", "free")],
-    description="A lying squeeze bottle between straight tips and tips that curl.",
 )

@@ -22,6 +22,20 @@ _SETTLE = 2.5  # s
 WIDTHS, EFFORTS = (0.02, 0.068, 0.14), (0.2, 0.35, 0.5, 0.65, 0.8, 1.0)
 # Wide boxes are gripped near the palm, the others between the middles of the pads.
 _WIDE = 0.1  # m
+# ex.Measures of a trial as columns of the table, and their digits.
+COLUMNS = {
+    "width [mm]": 0,
+    "effort [%]": 0,
+    "torque limit": 0,
+    "closed [%]": 0,
+    "SAKE [%]": 0,
+    "counts": 0,
+    "wire [mm]": 1,
+    "current [mA]": 0,
+    "wire force [N]": 0,
+    "finger force [N]": 1,
+    "payload by friction [kg]": 1,
+}
 
 
 def cases(scenario: str = "srg_specimen") -> list[ex.Case]:
@@ -51,31 +65,28 @@ def trial(name: str, width: float, effort: float, scenario: str) -> ex.Measures:
         pads = 0.5 * np.sum(rig.measured("gripper.contact_force"))
     closures = np.linspace(0.0, 1.0, 501)
     angles = [spool_angle(c, radius, config) for c in closures]
-    counts = angle * _COUNTS
-    table = {
-        "width [mm]": f"{1e3 * width:.0f}",
-        "effort [%]": f"{100 * effort:.0f}",
-        "torque limit": f"{effort * _REGISTER:.0f}",
-        "closed [%]": f"{100 * np.interp(angle, angles, closures):.0f}",
-        "SAKE [%]": f"{100 * (1 - counts / _RANGE):.0f}",
-        "counts": f"{counts:.0f}",
-        "wire [mm]": f"{1e3 * radius * angle:.1f}",
-        "current [mA]": f"{1e3 * load * motor.temperature.stall_current:.0f}",
-        "wire force [N]": f"{wires:.0f}",
-        "finger force [N]": f"{pads:.1f}",
-        "payload by friction [kg]": f"{2.0 * _FRICTION * pads / _GRAVITY:.1f}",
-    }
+    values = (
+        *(1e3 * width, 100 * effort, round(effort * _REGISTER)),
+        100 * np.interp(angle, angles, closures),
+        *(100 * (1 - angle * _COUNTS / _RANGE), angle * _COUNTS, 1e3 * radius * angle),
+        *(1e3 * load * motor.temperature.stall_current, wires, pads),
+        2.0 * _FRICTION * pads / _GRAVITY,
+    )
+    table = dict(zip(COLUMNS, values, strict=True))
     return {"wire force [N]": wires, "pad force [N]": pads, "table": table}
 
 
 def ladder(trials: ex.Trials) -> dict[str, str]:
     """Return the table as in docs/gripper.md."""
-    rows = [t["table"] for t in trials]
-    lines = [[*rows[0]], ["---:"] * len(rows[0]), *(row.values() for row in rows)]
+    lines = [list(COLUMNS), ["---:"] * len(COLUMNS)]
+    lines += [
+        [f"{t['table'][name]:.{n}f}" for name, n in COLUMNS.items()] for t in trials
+    ]
     return {"ladder.md": "".join(f"| {' | '.join(line)} |\n" for line in lines)}
 
 
 grip_ladder = ex.Experiment(
+    "From a command to a grip: counts, wire, current, wire force, pad force, payload.",
     cases,
     trial,
     picture=[

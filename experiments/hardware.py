@@ -152,6 +152,7 @@ def compare(trials: ex.Trials) -> dict[str, ex.Values]:
 
 
 hardware = ex.Experiment(
+    "A simulated gripper beside a real one: currents, stops and heat by the registers.",
     lambda: ex.grid(model=MODELS),
     trial,
     whole=compare,

@@ -59,7 +59,13 @@ def things() -> dict[str, tuple[ObjectConfig, float]]:
     return {"can": (can, 0.1018 + 0.118), "box": (box, height + 0.118)}
 
 
-def creep(thing: str, scenario: str, overrides: Sequence[str]) -> float:
+def creep(
+    thing: str,
+    scenario: str,
+    overrides: Sequence[str],
+    force_limit: float,
+    duration: float = HOLD,
+) -> float:
     """Grasp a thing on a bench, lift it, and return how fast it moves [um/s].
 
     Raises:
@@ -70,21 +76,22 @@ def creep(thing: str, scenario: str, overrides: Sequence[str]) -> float:
         config, home=[0.0, 0.0, height], scenario=scenario, overrides=overrides
     )
     with Rig(bench, name="hold_drift") as rig:
-        rig.advance(3.5, closure=1.0, force_limit=_FIRM)
+        rig.advance(3.5, closure=1.0, force_limit=force_limit)
         rig.move([0.0, 0.0, height + 0.06], 1.0)
         rig.advance(1.0)  # until motion from the lift has settled
         if not is_free(rig):
             raise ScenarioError(f"hold_drift: {scenario}: the hand holds nothing")
         start = len(rig.log()["time"]) - 1
-        rig.advance(HOLD)
+        rig.advance(duration)
         p_GO = in_hand(rig.log())
-    return 1e6 * float(np.linalg.norm(p_GO[-1] - p_GO[start])) / HOLD
+    return 1e6 * float(np.linalg.norm(p_GO[-1] - p_GO[start])) / duration
 
 
 hold_drift = ex.Experiment(
+    "Creep of a held can and box, by step, approximation and stiction tolerance.",
     lambda: ex.grid(thing=("can", "box"), setting=SETTINGS),
     lambda thing, setting: {
-        f"creep over {HOLD:g} s [um/s]": creep(thing, *SETTINGS[setting])
+        f"creep over {HOLD:g} s [um/s]": creep(thing, *SETTINGS[setting], _FIRM)
     },
     {
         f"creep over {HOLD:g} s": {

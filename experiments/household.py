@@ -5,6 +5,8 @@ hold objects firmly that fit between the pads. On wider objects, the pads cannot
 parallel. They press on the edges and slip off.
 """
 
+from collections.abc import Sequence
+
 import numpy as np
 
 import experiments.runner as ex
@@ -17,8 +19,13 @@ OPENING = 1e3 * SRG.parallel_gap  # between parallel pads, base links sideways [
 SLIP = 5.0  # in the hand, from the lift to the end, of an object that is held [mm]
 
 
-def cases() -> list[ex.Case]:
-    return [{"object": name, "approach": way} for name, way in stand.grasps()]
+def cases(objects: Sequence[str] = ()) -> list[ex.Case]:
+    wanted = ex.chosen("objects", objects, {name for name, _ in stand.grasps()})
+    return [
+        {"object": name, "approach": approach}
+        for name, approach in stand.grasps()
+        if name in wanted
+    ]
 
 
 def trial(object: str, approach: str) -> ex.Measures:
@@ -40,6 +47,7 @@ def slip(own: ex.Trials) -> ex.Bound:
 
 
 household = ex.Experiment(
+    "Household objects grasped from above and the side, lifted and shaken at 1 g.",
     cases,
     trial,
     {

@@ -17,6 +17,7 @@ HANDS = {"pointing down": (0, 90, 0), "finger above finger": (90, 0, 0)}
 DRIVERS = ("SrgPositionDriver", "SrgTendonDriver")
 STEPS = {"1 ms": 0.001, "2 ms": 0.002, "5 ms": 0.005}  # s
 DURATION = 10.0  # of each run, whose last second is judged [s]
+_WINDOW = 0.05  # of a curve's sample [s]
 
 
 def trial(driver: str, hand: str, step: str) -> ex.Measures:
@@ -31,16 +32,23 @@ def trial(driver: str, hand: str, step: str) -> ex.Measures:
     force = log["gripper.contact_force"][:, 2]  # left base, right base, left tip, ...
     speeds = log["gripper.state_measured"][:, 4:]
     last = log["time"] > log["time"][-1] - 1.0
+    n = round(_WINDOW / time_step)
+    count = (len(force) - 1) // n
+    windows = speeds[1 : 1 + n * count].reshape(count, n, -1)
     return {
         "contact force, mean [N]": np.mean(force[last]),
         "fastest joint's speed, RMS [rad/s]": max(
             float(np.sqrt(np.mean(np.square(v)))) for v in speeds[last].T
         ),
         "contact force, peak to peak [N]": np.ptp(force[last]),
+        "time [s]": log["time"][n::n][:count],
+        "joint speed, RMS [rad/s]": np.sqrt(np.mean(windows**2, axis=1)).max(axis=1),
+        "fingertip force [N]": force[n::n][:count],
     }
 
 
 idle_contact = ex.Experiment(
+    "Whether fingers that press on each other chatter when closed on nothing.",
     lambda: ex.grid(driver=DRIVERS, hand=HANDS, step=STEPS),
     trial,
     {
@@ -57,4 +65,8 @@ idle_contact = ex.Experiment(
         ),
     },
     by=("driver", "hand", "step"),
+    picture=[
+        ex.Curves("time [s]", "joint speed, RMS [rad/s]", log="y"),
+        ex.Curves("time [s]", "fingertip force [N]"),
+    ],
 )

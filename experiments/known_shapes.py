@@ -7,6 +7,9 @@ colours, and must set them down as they were.
 """
 
 from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
 
 import experiments.runner as ex
 from experiments.stands.cells import metrics_of
@@ -65,8 +68,11 @@ MODELS = {
 CASES = {**{name: (*_THING, *own) for name, own in SHAPES.items()}, **MODELS}
 
 
-def shape_cases(trials: int = 40, seed: int = 940_000) -> list[ex.Case]:
-    return ex.grid(case=SHAPES, seed=range(seed, seed + trials))
+def shape_cases(
+    trials: int = 40, seed: int = 940_000, cases: Sequence[str] = ()
+) -> list[ex.Case]:
+    seeds = range(seed, seed + trials)
+    return ex.grid(case=ex.chosen("cases", cases, SHAPES), seed=seeds)
 
 
 def model_cases(trials: int = 6, seed: int = 945_000) -> list[ex.Case]:
@@ -75,26 +81,40 @@ def model_cases(trials: int = 6, seed: int = 945_000) -> list[ex.Case]:
 
 def trial(case: str, seed: int) -> ex.Measures:
     metrics = metrics_of("kitchen", seed, CASES[case])
-    return {"placed": bool(metrics["success"]), "failure": metrics["failure"]}
+    error, placed = metrics["placement_error_m"], bool(metrics["success"])
+    off = 1e3 * np.linalg.norm(error[:2]) if placed and error is not None else None
+    counts = {key: metrics[key] for key in ("failure", "attempts")}
+    return {"placed": placed, "distance from the goal [mm]": off} | counts
 
 
 def summary(own: ex.Trials) -> ex.Values:
-    """Expect that most trials of every case succeed; report failures."""
-    placed = sum(own["placed"])
-    found = ex.share("placed", placed, len(own), ex.at_least(0.95), spread=0.05)
+    """Expect that most trials of every case succeed; report errors and failures."""
+    placed, n = own["placed"], len(own)
+    found: dict[str, Any] = {
+        "trials []": (n, ex.number(spread=1.0)),
+        "at the first attempt []": np.mean(placed & (own["attempts"] == 1)),
+        **ex.share("placed", sum(placed), n, ex.at_least(0.95), spread=0.05),
+    }
+    apart, spread = own.known("distance from the goal [mm]"), ex.number(spread=0.5)
+    if len(apart):
+        found["distance from the goal, median [mm]"] = (np.median(apart), spread)
+        found["distance from the goal, largest [mm]"] = (max(apart), spread)
     missed = own.where(placed=False)["failure"]
     return found | ex.counts(missed, "trials", least=2.0)
 
 
+PICTURE: list[Any] = [ex.Bars(["placed"]), ex.Histogram("distance from the goal [mm]")]
 known_shapes = ex.Experiment(
+    "Known boxes, balls and lying cans, picked and placed by the planner of `kitchen`.",
     shape_cases,
     trial,
     summary=summary,
-    description="Known boxes, balls and lying cans, placed by the kitchen's planner.",
+    picture=PICTURE,
 )
 known_models = ex.Experiment(
+    "Known objects of any form, picked by the planner of `kitchen`, set down again.",
     model_cases,
     trial,
     summary=summary,
-    description="Known objects of any form, placed by the kitchen's planner.",
+    picture=PICTURE,
 )

@@ -47,7 +47,11 @@ _BETTER = ex.at_least(0.15, spread=0.05)
 
 
 def cases(seeds: int = 3) -> list[ex.Case]:
-    """Train, and judge the policies; judge the rules."""
+    """Train, and judge the policies; judge the rules.
+
+    Args:
+        seeds: Trainings of each recipe.
+    """
     trained = ex.grid(name=RECIPES, seed=range(seeds), noise=[0.0])
     return trained + ex.grid(name=RULES, seed=[0], noise=NOISES)
 
@@ -120,6 +124,7 @@ def whole(trials: ex.Trials) -> dict[str, ex.Values]:
 
 
 learned_policies = ex.Experiment(
+    "Policies that learn in minutes: where they hold, and what uncertainty costs.",
     cases,
     trial,
     summary=lambda own: {},

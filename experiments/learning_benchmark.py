@@ -25,6 +25,7 @@ CASES = {
     "learn_kitchen, train, plant": (1000.0, 7.0),
     "learn_bench, train, position": (500.0, 3.0),
     "learn_kitchen, train, position": (500.0, 7.0),
+    # As `kitchen_fast` simulates its cell, for comparison.
     "learn_kitchen, fast, position": (0.0, 7.0),
 }
 FIRST, *_, REFERENCE = CASES
@@ -33,6 +34,7 @@ WORKERS = "two workers"
 _EPISODES, _SHORT = 12, 10_000
 # Steps of the hand: down over a cylinder, closing, up until the shake.
 _DOWN, _CLOSE = 6, 14
+_FREE = 15  # steps of turning over the object
 _OLD = "" if has_fast_contact() else f"needs the faster contact of {NEWER_DRAKE}"
 
 
@@ -55,17 +57,22 @@ def trial(name: str) -> ex.Measures:
     cylinder = {"_tag": "!Cylinder", "radius": 0.03, "length": 0.1}
     thing = {"shape": cylinder, "mass": 0.2, "friction": 0.8, "resolution": 0.018}
     scene = {"object": {**thing, "position": [float(x), float(y)]}}
-    ticks, resets, held = [], [], []
+    ticks, free, resets, held = [], [], [], []
     for k in range(_EPISODES):
         start = time.process_time()
         env.reset(seed=k)
         resets.append(1e3 * (time.process_time() - start))
+        start = time.process_time()
+        for _ in range(_FREE):
+            env.step(np.array([0.0, 0.0, 0.0, 0.5, -1.0]))
+        free.append(_FREE / (time.process_time() - start))
         env.reset(options={"scene": scene})
         start = time.process_time()
         held.append(grasp(env))
         ticks.append(env.station.time / 3 * 64 / (time.process_time() - start))
     return {
         "control periods [1/s]": np.median(ticks),
+        "free of contact [1/s]": np.median(free),
         "reset [ms]": np.median(resets),
         "episodes held []": np.mean(held),
         "memory per 1,000 episodes [MB]": memory_growth(env),
@@ -114,11 +121,22 @@ def timed_grasps(episodes: int) -> float:
 
 
 def compared(trials: ex.Trials) -> dict[str, ex.Values]:
-    scaling = trials.where(name=WORKERS).one("scaling")
-    return {FIRST: {"two workers over one []": scaling}}
+    """Compare environments with the physics of `kitchen_fast`, and two workers."""
+    rates = {
+        name: trials.where(name=name)[0]["control periods [1/s]"] for name in CASES
+    }
+    reference = rates.pop(REFERENCE)
+    found: dict[str, ex.Values] = {}
+    for name, rate in rates.items():
+        ratio = rate / reference
+        same = ex.number(spread=0.4 * ratio)
+        found[name] = {f"rate over {REFERENCE} []": (ratio, same)}
+    found[FIRST]["two workers over one []"] = trials.where(name=WORKERS).one("scaling")
+    return found
 
 
 learning_benchmark = ex.Experiment(
+    "How fast environments for learning simulate and reset, and what memory they keep.",
     cases,
     trial,
     {
@@ -128,6 +146,7 @@ learning_benchmark = ex.Experiment(
             if rate
         }
         | {REFERENCE: ex.number(clock="rate")},
+        "free of contact": ex.number(clock="rate"),
         "reset": {
             name: ex.at_most(reset, clock="time") for name, (_, reset) in CASES.items()
         },

@@ -93,7 +93,12 @@ def trial(what: str) -> ex.Measures:
     grip, direction = what.removesuffix(_DRAKES).split(", ")
     mass, options = payload.MASSES[grip], {"harmonic": True} if _DRAKES in what else {}
     found = payload.largest(lambda m: _hold(grip, direction, m, options), mass)
-    return payload.held(mass, found) | {"largest mass held [kg]": found["largest"]}
+    return {
+        f"{mass:g} kg held for [s]": found["held_for"],
+        "slip while the load comes on [mm]": found["slip"],
+        "creep while held [um/s]": found["creep"],
+        "largest mass held [kg]": found["largest"],
+    }
 
 
 def _hold(
@@ -188,6 +193,7 @@ def _close_on_can() -> ex.Measures:
 
 
 mujoco_hand = ex.Experiment(
+    "The exported hand in MuJoCo: payload, and closing on nothing and on a can.",
     cases,
     trial,
     {

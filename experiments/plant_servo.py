@@ -98,6 +98,7 @@ def whole(trials: ex.Trials) -> dict[str, ex.Values]:
 
 
 plant_servo = ex.Experiment(
+    "The plant's own servos against sampled drivers: closing, force, grasps that fail.",
     cases,
     trial,
     {"closing time over the position driver's": ex.at_most(1.0)},

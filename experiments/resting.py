@@ -1,10 +1,12 @@
 """How household objects that are dropped on a table come to rest.
 
-One set of contact settings must bring all objects to rest. Each other set differs from
+One set of contact settings must bring all objects to rest. Every other set differs from
 it in one setting.
 """
 
 import dataclasses as dc
+import time as wall
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -22,11 +24,13 @@ from pydrake.systems.framework import DiagramBuilder
 
 import experiments.runner as ex
 from drake_srg.common.contacts import relaxation_time
+from drake_srg.common.systems import contact_approximations
 from drake_srg.objects.config import ObjectConfig
 from drake_srg.objects.household import object_facts
 from drake_srg.objects.models import AddObject, object_body, simple_shape
 from drake_srg.objects.solids import body_corners
 from drake_srg.types import Sphere
+from experiments import FOLDER
 from experiments.data import household_objects
 
 # Half the width of the table, and its thickness [m].
@@ -36,6 +40,7 @@ _SAMPLE = 0.02  # time between samples of the motion [s]
 # An explosion lifts an object above the place that it was dropped from, by more [m].
 _RISE = 0.01
 # Roll, pitch and yaw of the object: as it stands, tipped by 11 degrees, and on a side.
+# The yaw keeps its edges off the edges of the table's facets.
 POSES = {
     "standing": (0.0, 0.0, 0.3),
     "tipped": (0.17, 0.1, 0.3),
@@ -52,30 +57,52 @@ SOON, LATE, CREEP = (1.2, 1.5), (3.0, 3.3), (3.0, 13.0)
 
 @dc.dataclass(frozen=True)
 class Settings:
-    """Settings of contact."""
+    """Settings of contact; None keeps what an object has."""
 
+    approximation: str = "lagged"  # of Drake's discrete contact
     time_step: float = 0.005  # of the plant [s]
+    cell: float = 0.0  # edge of the facets of a rigid table's top [m]; 0: a box
     mat: float = 5.0e4  # modulus of the table [Pa]; 0: rigid
     mat_dissipation: float = 300.0  # of the table, unless it is rigid [s/m]
     resolution: float = 0.1  # edge of the facets of round things, over their radius
+    modulus: float | None = None  # of the objects [Pa]
+    dissipation: float | None = None  # of the objects [s/m]
 
 
+CHOSEN = Settings()
 HALF = "half the step"
+RIGID = dc.replace(CHOSEN, mat=0.0)
+# The first of the others are those of `kitchen`.
 SETTINGS = {
-    "chosen": Settings(),
-    "rigid box": Settings(mat=0.0, resolution=0.3),
-    HALF: Settings(time_step=0.0025),
+    "chosen": CHOSEN,
+    "rigid box": dc.replace(RIGID, resolution=0.3),
+    "rigid facets of 20 mm": dc.replace(RIGID, cell=0.02, resolution=0.3),
+    "rigid facets, objects of 1 MPa, 200 s/m": dc.replace(
+        RIGID, cell=0.025, modulus=1.0e6, dissipation=200.0
+    ),
+    "mat of 1 MPa": dc.replace(CHOSEN, mat=1.0e6),
+    "mat of 5 s/m": dc.replace(CHOSEN, mat_dissipation=5.0),
+    "round things as coarse as usual": dc.replace(CHOSEN, resolution=0.3),
+    **{
+        name: dc.replace(CHOSEN, approximation=name)
+        for name in contact_approximations()
+        if name != CHOSEN.approximation
+    },
+    "1/1024 s": dc.replace(CHOSEN, time_step=1.0 / 1024.0),
+    HALF: dc.replace(CHOSEN, time_step=0.5 * CHOSEN.time_step),
+    "10 ms": dc.replace(CHOSEN, time_step=0.01),
 }
 # The objects dropped with other settings.
 COMPARED = ("005_tomato_soup_can", "056_tennis_ball", "mug", "wrench")
 
 
-def cases() -> list[ex.Case]:
+def cases(objects: Sequence[str] = ()) -> list[ex.Case]:
+    things = household_objects()
     resting = [
         (name, pose)
-        for name, thing in household_objects().items()
+        for name in ex.chosen("objects", objects, things)
         for pose in POSES
-        if tipping_angle(name, thing, pose) > BALANCING
+        if tipping_angle(name, things[name], pose) > BALANCING
     ]
     return [
         {"settings": settings, "object": name, "pose": pose, "height": height}
@@ -96,11 +123,16 @@ def trial(settings: str, object: str, pose: str, height: float) -> ex.Measures:
         MultibodyPlantConfig(
             time_step=chosen.time_step,
             contact_model="hydroelastic_with_fallback",
-            discrete_contact_approximation="lagged",
+            discrete_contact_approximation=chosen.approximation,
         ),
         builder,
     )
     _AddTable(plant, chosen)
+    config = dc.replace(
+        config,
+        modulus=chosen.modulus or config.modulus,
+        dissipation=chosen.dissipation or config.dissipation,
+    )
     if radius := getattr(simple_shape(object, config), "radius", None):
         config.resolution = chosen.resolution * radius
     index = object_body(plant, AddObject(plant, "thing", config))
@@ -114,10 +146,12 @@ def trial(settings: str, object: str, pose: str, height: float) -> ex.Measures:
     context = plant.GetMyMutableContextFromRoot(simulator.get_mutable_context())
     R_WO = RollPitchYaw(*POSES[pose]).ToRotationMatrix()
     z = height - (corners @ R_WO.matrix().T)[:, 2].min()
+    # Beside the vertices of the facets.
     plant.SetFloatingBaseBodyPoseInWorldFrame(
         context, body, RigidTransform(R_WO, [0.003, 0.004, z])
     )
     times, speeds, positions, failed = [], [], [], False
+    start = wall.process_time()
     simulator.Initialize()
     for k in range(round(duration / _SAMPLE) + 1):
         try:
@@ -132,6 +166,7 @@ def trial(settings: str, object: str, pose: str, height: float) -> ex.Measures:
         times.append(k * _SAMPLE)
         speeds.append(np.linalg.norm(v, axis=1).max())
         positions.append(X_WO @ body.CalcCenterOfMassInBodyFrame(context))
+    elapsed = wall.process_time() - start
     time, speed, position = np.array(times), np.array(speeds), np.array(positions)
 
     def moves(span: tuple[float, float]) -> bool:
@@ -147,7 +182,10 @@ def trial(settings: str, object: str, pose: str, height: float) -> ex.Measures:
         "soon": moves(SOON),
         "late": moves(LATE),
         "creep": creep,
+        "sunk": -1e3 * min((X_WO @ corner)[2] for corner in corners),
         "height at rest": 1e3 * position[-1, 2],
+        "simulated": time[-1],
+        "elapsed": elapsed,
     }
 
 
@@ -164,8 +202,11 @@ def tipping_angle(name: str, config: ObjectConfig, pose: str) -> float:
 
 def _AddTable(plant: MultibodyPlant, settings: Settings) -> None:
     """Add a table whose top is z = 0."""
-    shape = geo.Box(2 * _HALF, 2 * _HALF, _THICKNESS)
+    shape: geo.Shape = geo.Box(2 * _HALF, 2 * _HALF, _THICKNESS)
     X_WT = RigidTransform([0.0, 0.0, -0.5 * _THICKNESS])
+    if settings.cell:  # the same box, but for the grid of its top
+        mesh = FOLDER / f"data/tables/facets_{1e3 * settings.cell:.0f}_mm.obj"
+        shape, X_WT = geo.Mesh(str(mesh)), RigidTransform()
     d = settings.mat_dissipation if settings.mat else 0.0
     properties = geo.ProximityProperties()
     geo.AddContactMaterial(
@@ -192,17 +233,23 @@ def summary(own: ex.Trials) -> ex.Values:
     exploded, soon, late = (sum(own[k]) for k in ("exploded", "soon", "late"))
     chosen = own.whole.where(settings="chosen")
     if own.name == "chosen":
+        sunk = max(own.where(pose="standing")["sunk"])
         return {
             "explosions [drops]": (exploded, ex.at_most(0.0)),
             "moving after 1.2 s [of the drops]": (soon / n, ex.at_most(1.0 / 50.0)),
             "moving after 3 s [drops]": (late, ex.at_most(0.0)),
             "creep in 10 s [mm]": max(own.known("creep")),
+            "deepest in the table at rest [mm]": sunk,
         }
     spread = ex.number(spread=max(3.0, 0.1 * n))  # contact is chaotic
+    speeds = [sum(t["simulated"]) / sum(t["elapsed"]) for t in (own, chosen)]
+    speed = speeds[0] / speeds[1]
+    faster = ex.number(spread=0.5 * speed)
     found: dict[str, Any] = {
         f"explosions [of {n} drops]": (exploded, spread),
         f"moving after 1.2 s [of {n} drops]": (soon, spread),
         f"moving after 3 s [of {n} drops]": (late, spread),
+        "speed of simulation [of the chosen one's]": (speed, faster),
     }
     if own.name == HALF:
         standing, same = own.where(pose="standing"), ("object", "pose", "height")
@@ -214,6 +261,7 @@ def summary(own: ex.Trials) -> ex.Values:
 
 
 resting = ex.Experiment(
+    "How household objects that are dropped on a table come to rest.",
     cases,
     trial,
     {
@@ -221,4 +269,6 @@ resting = ex.Experiment(
         "change of the height at rest": ex.at_most(0.1),
     },
     summary=summary,
+    picture=[ex.Points("sunk", "elapsed", log="y")],
+    serial=True,
 )

@@ -257,6 +257,7 @@ def whole(trials: ex.Trials) -> dict[str, ex.Values]:
 
 
 safety = ex.Experiment(
+    "How fast and far the safety monitor stops the kitchen's arm after random faults.",
     cases,
     trial,
     {

@@ -242,6 +242,7 @@ def summary(own: ex.Trials) -> ex.Values:
 
 
 served_servoing = ex.Experiment(
+    "Visual servoing through a served station's messages, with pictures that are late.",
     cases,
     trial,
     {"stopped by the safety monitor": ex.at_most(0)},

@@ -95,6 +95,12 @@ def _sine(time: Vector) -> tuple[Vector, Vector, Vector]:
     return 0.8 - c, w * s, w**2 * c
 
 
+def _tight_limit(motion: Reference) -> float:
+    """Return 0.7 of the feedforward PWM of a motion."""
+    _, v, a = motion(np.arange(0.0, 2.0, STEP))
+    return 0.7 * float(np.max(np.abs(SHIPPED.kff1[0] * v + SHIPPED.kff2[0] * a)))
+
+
 @dc.dataclass(frozen=True)
 class Motion:
     """A motion of the base joints; all functions take times (K,) [s]."""
@@ -129,6 +135,10 @@ MOTIONS = {
         _grip, 1.0, target=lambda t: np.where(t > START_TIME, SRG.joint_limit, START)
     ),
     "minimum_jerk": Motion(_close_and_open, 1.0, target=_closed_and_opened),
+    "minimum_jerk_limited": Motion(
+        _close_and_open, _tight_limit(_close_and_open), target=_closed_and_opened
+    ),
+    "sine_limited": Motion(_sine, _tight_limit(_sine)),
     "sine": Motion(_sine, 1.0),
 }
 
@@ -217,6 +227,8 @@ def summary(own: ex.Trials) -> ex.Values:
         ("minimum_jerk", _ends),
         ("minimum_jerk", _tracking),
         ("sine", _tracking),
+        ("minimum_jerk_limited", _limited),
+        ("sine_limited", _limited),
     ):
         if motion in t:
             found |= judge(own.name, t[motion])
@@ -231,6 +243,13 @@ def _rms(values: Vector) -> float:
 
 def _error(t: Any) -> Vector:
     return np.asarray(t["reference"] - t["angle [rad]"])
+
+
+def _at_limit(law: str, t: Any) -> float:
+    limit, steps = MOTIONS[t["motion"]].force_limit, LAWS[law].pwm_steps
+    if steps:
+        limit = np.floor(steps * limit) / steps
+    return float(np.mean(np.abs(t["PWM"]) >= limit - 1e-9))
 
 
 def rise_time(time: Vector, q: Vector, start: float, end: float) -> float:
@@ -260,9 +279,7 @@ def _step(law: str, t: Any) -> ex.Values:
     after = time > START_TIME
     rise, over = rise_time(time, q, START, END), overshoot(q)
     settled = settling_time(time[after] - START_TIME, _error(t)[after], BAND)
-    steps = config.pwm_steps
-    limit = np.floor(steps * LIMIT) / steps if steps else LIMIT
-    saturated = np.mean(np.abs(t["PWM"]) >= limit - 1e-9) * MOTIONS["step"].duration
+    saturated = _at_limit(law, t) * MOTIONS["step"].duration
     acceleration = LIMIT * t["torque limit"] / t["inertia"]
     # No law is faster than full torque throughout.
     fastest = (np.sqrt(1.8) - np.sqrt(0.2)) * np.sqrt(step / acceleration)
@@ -369,12 +386,21 @@ def _tracking(law: str, t: Any) -> ex.Values:
     return found
 
 
+def _limited(law: str, t: Any) -> ex.Values:
+    motion = t["motion"]
+    return {
+        f"{motion}: share at the limit []": _at_limit(law, t),
+        f"{motion}: RMS error [rad]": _rms(_error(t)),
+    }
+
+
 def whole(trials: ex.Trials) -> dict[str, ex.Values]:
     peak = max(max(abs(t["PWM"])) / MOTIONS[t["motion"]].force_limit for t in trials)
     return {"all": {"largest PWM of all motions [kappa]": peak}}
 
 
 servo_laws = ex.Experiment(
+    "Responses of the servo laws: ours and both readings of the thesis's equation 2.3.",
     lambda: ex.grid(law=LAWS, motion=MOTIONS),
     trial,
     {"largest PWM of all motions": ex.at_most(1.0)},

@@ -7,6 +7,7 @@ it rests.
 """
 
 import time as clock
+from pathlib import Path
 
 import numpy as np
 
@@ -72,11 +73,14 @@ def trial(group: str, seed: int) -> ex.Measures:
     outcome = metrics.objects["thing"]
     time = _pick_time(log["time"], log["mode"], scenario.planner.latency)
     cleared, picks = bool(outcome["cleared"]), metrics.picks or 0
+    model = scenario.objects["thing"].model
     return {
+        "kind": Path(model).stem if model else "shape",
         "counts": float(outcome["width_m"]) <= WIDEST,
         "once": cleared and picks == 1,
         "cleared": cleared,
         "false": bool(metrics.picks_held) and not cleared,
+        "outcome": str(outcome["outcome"]),
         "pick_time": time,
         "time": clock.process_time() - start,
     }
@@ -96,26 +100,32 @@ def _pick_time(time: Vector, mode: Vector, latency: float) -> float | None:
 
 def whole(trials: ex.Trials) -> dict[str, ex.Values]:
     own = trials.where(counts=True)
-    found: ex.Values = {"counted []": (len(own), ex.number(spread=5.0))}
-    for what, measure, asked in (
-        ("in the bin, first grasp", "once", FIRST),
-        ("in the bin, three grasps", "cleared", ANY),
-    ):
-        n = sum(own[measure])
-        found |= ex.share(what, n, len(own), spread=0.04)
-        found[f"{what} []"] = (n / max(len(own), 1), asked)
+    found: dict[str, ex.Values] = {}
+    for name in ("all", *GROUPS):
+        these = own if name == "all" else own.where(group=name)
+        found[name] = {"counted []": (len(these), ex.number(spread=5.0))}
+        for what, measure, asked in (
+            ("in the bin, first grasp", "once", FIRST),
+            ("in the bin, three grasps", "cleared", ANY),
+        ):
+            n = sum(these[measure])
+            found[name] |= ex.share(what, n, len(these), spread=0.04)
+            if name == "all":
+                found[name][f"{what} []"] = (n / max(len(these), 1), asked)
     times = own.known("pick_time")
     rate = 3600.0 / np.median(times) if len(times) else 0.0
-    found |= {
+    found["all"] |= {
         "trials []": (len(trials), ex.number(spread=1.0)),
         "picks per hour, median [1/h]": rate,
         "claimed, not in the bin [things]": sum(trials["false"]),
         "processor time of a trial [s]": np.median(trials["time"]),
     }
-    return {"all": found}
+    missed = own.where(cleared=False)["outcome"]
+    return found | {"not in the bin": ex.counts(missed, "things", least=2.0)}
 
 
 singles = ex.Experiment(
+    "One thing at a time cleared into a bin: household objects, shapes and new meshes.",
     cases,
     trial,
     {

@@ -17,6 +17,7 @@ from typing import Any
 import numpy as np
 
 import experiments.runner as ex
+from drake_srg.common.log_format import is_pose
 from drake_srg.objects.config import ObjectConfig, SleepingConfig
 from drake_srg.scenario import load_scenario
 from drake_srg.simulation.rig import Rig, tabletop
@@ -30,9 +31,10 @@ PUSH, PUSHED_FOR, END = 1.1, 0.1, 1.6
 MOVED, FELL = 0.005, np.deg2rad(45.0)  # an object moved [m], or fell over [rad]
 AWAKE, ASLEEP, HALF = "awake", "asleep", "half the step"
 _AT_REST = ("005_tomato_soup_can", "mug", "bowl", "squeeze_bottle", "wrench")
-# By how many trials a count differs from run to run.
-SOME = ex.number(spread=3.0)
+# By how many trials a count, and by how much a share, differs from run to run.
+SOME, PART = ex.number(spread=3.0), ex.number(spread=0.01)
 _COST = 2.0  # simulated time over which the cost is measured [s]
+QUANTILES = {"median": 0.5, "95th percentile": 0.95, "largest": 1.0}
 
 
 def scene(seed: int) -> tuple[dict[str, ObjectConfig], float]:
@@ -149,8 +151,8 @@ def outcomes(trials: ex.Trials) -> dict[str, ex.Values]:
         # Of one can that rolls.
         "difference of positions, largest [mm]": (largest, ex.number(spread=largest)),
     }
-    for word, share in (("median", 0.5), ("95th percentile", 0.95)):
-        value, limit = (np.quantile(apart(o), share) for o in (asleep, half))
+    for word in ("median", "95th percentile"):
+        value, limit = (np.quantile(apart(o), QUANTILES[word]) for o in (asleep, half))
         key = f"difference of positions, {word}, at most with half the step [mm]"
         same[key] = (value, ex.at_most(limit))
     return {
@@ -161,6 +163,7 @@ def outcomes(trials: ex.Trials) -> dict[str, ex.Values]:
 
 
 sleeping = ex.Experiment(
+    "Whether resting objects that sleep save time, and change no outcome.",
     cases,
     trial,
     {
@@ -198,10 +201,14 @@ def task_trial(kind: str, seed: int) -> ex.Measures:
     start = wall.process_time()
     overrides = (*_TASK_OVERRIDES, *(("sleeping={}",) if kind == ASLEEP else ()))
     scenario = load_scenario("kitchen_varied_accurate", seed=seed, overrides=overrides)
-    m = simulate_whole(scenario).metrics
+    result = simulate_whole(scenario)
+    m = result.metrics
     return {
         "success": bool(m.success),
+        "attempts": m.attempts,
         "outcome": f"{m.success}, {m.failure or ''}, {m.attempts}",
+        "touched": (m.others_moved_m or 0.0) > MOVED,
+        "ends": [log[-1, :3] for key, log in result.log.items() if is_pose(key)],
         "seconds": wall.process_time() - start,
     }
 
@@ -209,22 +216,43 @@ def task_trial(kind: str, seed: int) -> ex.Measures:
 def task_outcomes(trials: ex.Trials) -> dict[str, ex.Values]:
     """Expect the same outcome of every trial; that limit was set before the first."""
     awake, asleep = (trials.where(kind=kind) for kind in (AWAKE, ASLEEP))
-    n, other = len(awake), int(np.sum(awake["outcome"] != asleep["outcome"]))
-    what = f"trials that end otherwise [of {n}]"
-    cost = sum(asleep["seconds"]) / sum(awake["seconds"])
-    return {
-        "awake and asleep": {
-            what: (other, ex.at_most(0.0)),
-            "cost asleep over cost awake []": (cost, ex.number(spread=0.1)),
-        }
+    n, pairs = len(awake), list(zip(awake, asleep, strict=True))
+    other = int(np.sum(awake["outcome"] != asleep["outcome"]))
+    low, high = ex.wilson(other, n)
+    moved = np.sum(awake["touched"] != asleep["touched"])
+    apart = [np.linalg.norm(a["ends"] - b["ends"], axis=1).max() for a, b in pairs]
+    found: ex.Values = {
+        f"trials that end otherwise [of {n}]": (other, ex.at_most(0.0)),
+        "their share, at least []": (low, PART),
+        "their share, at most []": (high, PART),
+        f"trials in which only one moves another object [of {n}]": (moved, SOME),
     }
+    for word, share in QUANTILES.items():
+        value = 1e3 * np.quantile(apart, share)
+        key = f"difference of positions, {word} [mm]"
+        found[key] = (value, ex.number(spread=value))
+    cost = sum(asleep["seconds"]) / sum(awake["seconds"])
+    found["cost asleep over cost awake []"] = (cost, ex.number(spread=0.1))
+    return {"awake and asleep": found}
 
 
 sleeping_tasks = ex.Experiment(
+    "Whether objects that sleep change how a task ends.",
     task_cases,
     task_trial,
-    summary=lambda own: {f"successes [of {len(own)}]": (np.sum(own["success"]), SOME)},
+    dict.fromkeys(
+        ("successes", "trials of several attempts", "trials that move another object"),
+        SOME,
+    ),
+    summary=lambda own: {
+        f"successes [of {len(own)}]": np.sum(own["success"]),
+        f"trials of several attempts [of {len(own)}]": np.sum(own["attempts"] > 1),
+        f"trials that move another object [of {len(own)}]": np.sum(own["touched"]),
+    },
     whole=task_outcomes,
+    picture=[
+        ex.Bars(["successes", "trials that move another object"]),
+        ex.Histogram("seconds"),
+    ],
     serial=True,
-    description="Whether objects that sleep change how a task ends.",
 )

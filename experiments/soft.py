@@ -42,23 +42,27 @@ MOST_CREEP = 0.005
 
 
 def cases() -> list[ex.Case]:
-    """Grasp with both pulls, with half the time step and with a finer mesh.
+    """Grasp with both pulls, with half the time step and a finer mesh, and with a ramp.
 
     45 N at each wire is just enough to close the hand in time; 103 N is the default.
     """
-    # The longest step that soft bodies allow [s], a fast mesh of 3 x 4 x 3 cells [m].
-    common = {"wire_force": 103.0, "time_step": 0.005, "mesh": 0.015}
+    # The longest step that soft bodies allow [s], a fast mesh of 3 x 4 x 3 cells [m],
+    # and the time in which the pull grows up to the servo's limit after the hold [s].
+    common = {"wire_force": 103.0, "time_step": 0.005, "mesh": 0.015, "ramp": 0.0}
     changes: dict[str, ex.Case] = {
         "gentle": {"wire_force": 45.0},
         "strong": {},
         "half the step": {"time_step": 0.0025},
         "finer mesh": {"mesh": 0.0113},
+        "ramp": {"ramp": 8.0},
     }
     return [{"name": name} | common | change for name, change in changes.items()]
 
 
-def trial(name: str, wire_force: float, time_step: float, mesh: float) -> ex.Measures:
-    """Close on the sponge, lift it and hold it."""
+def trial(
+    name: str, wire_force: float, time_step: float, mesh: float, ramp: float
+) -> ex.Measures:
+    """Close on the sponge, lift it, hold it and, with a ramp, pull ever harder."""
     thing = ObjectConfig(
         shape=Box(SIZE),
         soft=FOAM,
@@ -68,6 +72,8 @@ def trial(name: str, wire_force: float, time_step: float, mesh: float) -> ex.Mea
         color=[0.95, 0.75, 0.2],
     )
     overrides = [f"plant_config.time_step={time_step}", f"arm.period={time_step}"]
+    if ramp:  # lets the spool wind farther than it takes to close an empty hand
+        overrides.append("gripper.spool.full_scale=5")
     scenario = bench_scenario(thing, home=[0.0, 0.0, HEIGHT], overrides=overrides)
     limit = scenario.gripper.wire_motor.drive.force_limit_of(wire_force)
     least = np.inf
@@ -84,34 +90,46 @@ def trial(name: str, wire_force: float, time_step: float, mesh: float) -> ex.Mea
         rig.move([0.0, 0.0, HEIGHT + LIFT_HEIGHT], LIFT)
         lifted = float(elements.vertices()[2].min())
         free = is_free(rig)
-        advance(HOLD)
+        advance(1.0 if ramp else HOLD)
         q, spring = rig.measured("gripper.state_measured")[:2], TendonDriveConfig()
         back = spring.base_spring.preload + spring.base_spring.stiffness * q
         # The grip force that balances the wires at the base hinges [N].
         moment = rig.measured("gripper.wire_force") * base_moment_arm(q) - back
+        if ramp:
+            rig.advance(ramp, force_limit=lambda t: limit + (1.0 - limit) * t / ramp)
         log = rig.log()
         squeeze = 1.0 - pad_gap(rig, log["gripper.state_measured"]) / SIZE[1]
     p_GO = in_hand(log)
     time, force = log["time"], log["gripper.contact_force"][:, 2:].mean(axis=1)
     start = int(np.argmin(np.abs(time - CLOSE - LIFT)))
     moved = np.linalg.norm(p_GO - p_GO[start], axis=1)
+    found = {"time [s]": time, "squeeze": squeeze, "grip force [N]": force}
+    if ramp:
+        after = time > CLOSE + LIFT
+        out = moved[after] > MOST_CREEP
+        until = slice(int(np.argmax(out)) if out.any() else None)
+        word = "when squeezed out" if out.any() else "while still held"
+        wire = log["gripper.wire_force"].mean(axis=1)
+        return found | {
+            f"grip force {word} [N]": max(force[after][until]),
+            f"wire force {word} [N]": max(wire[after][until]),
+            f"squeeze {word} [of the width]": max(squeeze[after][until]),
+        }
     end = CLOSE + LIFT + HOLD
     resting = (time > end - 1.0) & (time < end + 1e-6)
     after = time >= CLOSE + LIFT - 1e-9
     lost = np.flatnonzero(moved[after] > MOST_CREEP)
     held_for = time[after][lost[0]] - CLOSE - LIFT if len(lost) else HOLD
-    return {
-        "time [s]": time,
-        "squeeze": squeeze,
-        "grip force [N]": force,
+    last = time > end - 1.0
+    return found | {
         "at rest": squeeze[resting].mean(),
         "force at rest": force[resting].mean(),
         "expected force": np.mean(moment) / LEVER,
         "lifted off the table by [mm]": lifted * 1e3,
         "held for [s]": held_for if free else 0.0,
         "creep in the last second [mm/s]": 1e3
-        * np.ptp(moved[resting])
-        / np.ptp(time[resting]),
+        * np.ptp(moved[last])
+        / np.ptp(time[last]),
         "smallest volume of an element [of its free volume]": least,
     }
 
@@ -188,6 +206,7 @@ def elasticity(trials: ex.Trials) -> dict[str, ex.Values]:
 
 
 soft = ex.Experiment(
+    "A finite-element sponge, grasped, lifted and held gently and strongly.",
     cases,
     trial,
     {

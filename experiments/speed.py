@@ -34,6 +34,7 @@ from drake_srg.sweeps.engines import JoblibEngine
 from drake_srg.sweeps.sweep import run_sweep
 from drake_srg.types import Vector
 
+SOLVERS = ("toppra", "drake")
 SPANS = (8, 32, 64)  # of the paths
 
 
@@ -64,7 +65,7 @@ def path_trial(paths: int) -> ex.Measures:
     planner = MakeTaskPlanner(load_scenario("kitchen", seed=0))
     scene, random = planner.scene, np.random.default_rng(0)
     limits, grids = MotionLimits.of_plant(scene), []
-    solvers = (load_toppra(), solve_with_drake)
+    solvers = (load_toppra(), solve_with_drake)  # as in SOLVERS
     durations, times = np.full((2, len(solvers), paths), np.nan)
     for i in range(paths):
         first, second = random.uniform(-0.6, 0.6, (2, scene.num_joints))
@@ -103,17 +104,20 @@ def path_rows(trials: ex.Trials) -> dict[str, ex.Values]:
         own = t["times"][:, t["grids"] == grid]
         # Python and C++ do not slow down alike on a busy machine.
         ratio = (np.median(own[0] / own[1]), ex.at_most(1.0, spread=0.3))
-        found[f"{grid} grid points"] = {"wall time, median ratio []": ratio}
+        found[f"{grid} grid points"] = {"wall time, median ratio []": ratio} | {
+            f"wall time, {solver}, median [ms]": (time, ex.number(clock="time"))
+            for solver, time in zip(SOLVERS, np.median(own, axis=1), strict=True)
+        }
     return found
 
 
 time_parameterization = ex.Experiment(
+    "Motions of the kitchen's arm by toppra and by Drake: durations and speed.",
     lambda: [{"paths": 60}],
     path_trial,
     whole=path_rows,
     picture=[ex.Points("Drake: duration [s]", "toppra: duration [s]", equal=True)],
     serial=True,
-    description="Motions of the kitchen's arm by toppra and by Drake.",
 )
 
 _NO_VIDEO, _NO_IMAGES = "recording.video_camera=''", "recording.bag_cameras=[]"
@@ -164,6 +168,7 @@ def recording_trial(scenario: str) -> ex.Measures:
 
 VARIES = ex.number(spread=lambda cost: 0.2 * cost)  # costs that vary by a tenth
 recording_cost = ex.Experiment(
+    "Cost of recording a trial of a sweep, part by part, over an unrecorded one.",
     lambda: ex.grid(scenario=("kitchen_varied", "assistive_arm_varied")),
     recording_trial,
     {
@@ -175,7 +180,6 @@ recording_cost = ex.Experiment(
     },
     picture=[ex.Bars([part]) for part in ("numbers alone", "everything")],
     serial=True,
-    description="Cost of recording a trial of a sweep, part by part.",
 )
 
 _MEMORY = 600.0  # greatest memory of a worker [MB]
@@ -228,12 +232,12 @@ def sweep_rows(trials: ex.Trials) -> dict[str, ex.Values]:
 
 
 sweep_throughput = ex.Experiment(
+    "Sweeps with one worker and with two: trials per second and memory of 200 trials.",
     lambda: ex.grid(jobs=(1, 2)),
     sweep_trial,
     whole=sweep_rows,
     picture=[ex.Curves("trial", "memory of a worker [MB]", limit=_MEMORY)],
     serial=True,
-    description="Sweeps with one worker and with two: speed and memory.",
 )
 
 
@@ -256,6 +260,7 @@ def overhead_trial(scenario: str) -> ex.Measures:
 
 
 overhead = ex.Experiment(
+    "Wall-clock time of a run over that of its bare plant, and of a loop in Python.",
     lambda: ex.grid(scenario=("kitchen", "kitchen_fast")),
     overhead_trial,
     dict.fromkeys(
@@ -263,5 +268,4 @@ overhead = ex.Experiment(
         ex.number(spread=lambda ratio: 0.15 * ratio),
     ),
     serial=True,
-    description="Time of a run over that of its bare plant, and of a loop in Python.",
 )

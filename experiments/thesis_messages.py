@@ -46,12 +46,16 @@ def cases() -> list[ex.Case]:
     ]
 
 
-def trial(scenario: str, wire: str, overrides: Sequence[str] = ()) -> ex.Measures:
-    """Return the measures of a demonstration, perhaps with changes to the scenario."""
-    loaded = load_scenario(scenario, overrides=overrides)
-    witness, stop = Witness(loaded.task.pick), threading.Event()
+def trial(scenario: str, wire: str) -> ex.Measures:
+    return demonstrate(scenario, wire)
+
+
+def demonstrate(name: str, wire: str, overrides: Sequence[str] = ()) -> ex.Measures:
+    """Return the measures of a demonstration with changes to the scenario."""
+    scenario = load_scenario(name, overrides=overrides)
+    witness, stop = Witness(scenario.task.pick), threading.Event()
     with open_wire(wire, "thesis_messages") as opened:
-        arguments = (scenario, overrides, opened.make_client)
+        arguments = (name, overrides, opened.make_client)
         client = mp.get_context("spawn").Process(
             target=_send, args=arguments, daemon=True
         )
@@ -66,13 +70,13 @@ def trial(scenario: str, wire: str, overrides: Sequence[str] = ()) -> ex.Measure
             threading.Thread(target=stop_after_client, daemon=True).start()
             return bridges
 
-        served = Serve(loaded, connect, name=scenario, stop=stop)
+        served = Serve(scenario, connect, name=name, stop=stop)
     times, poses = zip(*witness.rows, strict=True)
     position = np.array([X_WO.translation() for X_WO in poses])
     upright = np.clip(poses[-1].rotation().matrix()[2, 2], -1.0, 1.0)
     away = 1e3 * np.linalg.norm(position - position[0], axis=1)
     return {
-        "sent": len(list(messages(loaded))),
+        "sent": len(list(messages(scenario))),
         "messages received []": served.commands,
         "pace []": served.sim_time / served.wall_time,
         "largest height [m]": max(position[:, 2]),
@@ -108,6 +112,7 @@ def _send(name: str, overrides: Sequence[str], make_bridge: MakeBridge) -> None:
 
 
 thesis_messages = ex.Experiment(
+    "The SRG thesis's demonstration, commanded by messages over ROS 1 and ROS 2.",
     cases,
     trial,
     {

@@ -201,6 +201,7 @@ def _largest(difference: Vector) -> float:
 
 
 thesis_table = ex.Experiment(
+    "The five-axis arm's cell compared with the results of its thesis.",
     cases,
     trial,
     summary=summary,

@@ -1,6 +1,5 @@
 """Runs, judges, draws and compares experiments: what a file of claims imports."""
 
-from drake_srg.sweeps.statistics import wilson_interval as wilson_interval
 from experiments.runner.claims import Bound as Bound
 from experiments.runner.claims import Case as Case
 from experiments.runner.claims import Measures as Measures
@@ -11,7 +10,9 @@ from experiments.runner.claims import at_least as at_least
 from experiments.runner.claims import at_most as at_most
 from experiments.runner.claims import counts as counts
 from experiments.runner.claims import number as number
+from experiments.runner.claims import quantiles as quantiles
 from experiments.runner.claims import share as share
+from experiments.runner.claims import wilson as wilson
 from experiments.runner.claims import within as within
 from experiments.runner.experiment import Experiment as Experiment
 from experiments.runner.experiment import chosen as chosen

@@ -10,18 +10,20 @@ from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from typing import Any, Literal, TypeAlias
 
 import numpy as np
+from scipy.stats import binomtest
 
-from drake_srg.sweeps.statistics import wilson_interval
 from drake_srg.types import Vector
 
-# Values in real time, which a slower machine changes: times, and rates.
+# What the machine's speed does to a value: nothing, or it grows with a slower machine
+# (a time), or it shrinks (a rate, such as a real-time factor).
 Clock = Literal["", "time", "rate"]
 # Values of a trial by the name of an axis of the grid, such as scene and seed.
 Case: TypeAlias = dict[str, Any]
 # What a trial returns: numbers, text, None, arrays, images; lists, mappings of them.
 Measures: TypeAlias = dict[str, Any]
 
-_SHARE = 0.1  # default spread, of a value or its criterion
+# Default spreads as shares: of a value or its criterion, and of a wall-clock value.
+_SHARE, _CLOCK_SHARE = 0.1, 0.5
 # Units suit the values, so that a millionth of one is round-off [any unit].
 _ROUND_OFF = 1e-6
 _OWN = "own"  # a source: we ask for it
@@ -135,7 +137,7 @@ def row(
 
     By default, the spread is a tenth of the value or of its limit, whichever is larger,
     because a change far below a limit means nothing. For `within`, it is at most the
-    allowed deviation.
+    allowed deviation; for a wall-clock value, at least half of the value.
     """
     value, bound = float(measured), bound or Bound()
     spread = bound.spread(value) if callable(bound.spread) else bound.spread
@@ -145,6 +147,8 @@ def row(
         if bound.deviation is not None:
             kept = bound.size != 0.0
             spread = min(bound.deviation, spread) if kept else bound.deviation
+        if bound.clock and math.isfinite(value):
+            spread = max(spread, _CLOCK_SHARE * abs(value))
     passed = math.isfinite(value) and bool(bound.low <= value <= bound.high)
     return Row(
         *(name, quantity, bound.text, value, unit, passed),
@@ -246,6 +250,14 @@ def rows_of(
                 yield row(name, quantity, float(value), unit, bound)
 
 
+def wilson(successes: float, trials: int) -> tuple[float, float]:
+    """Return the 95 % interval (Wilson) of a share; (0, 1) without trials."""
+    if trials == 0:
+        return 0.0, 1.0
+    found = binomtest(int(successes), int(trials)).proportion_ci(method="wilson")
+    return float(found.low), float(found.high)
+
+
 def share(
     what: str,
     successes: float,
@@ -259,7 +271,7 @@ def share(
 
     `what` is the quantity; that of the share itself ends with `first`.
     """
-    low, high = wilson_interval(int(successes), trials)
+    low, high = wilson(successes, trials)
     value, information = successes / max(trials, 1), number(spread=spread)
     claimed = dc.replace(bound or information, spread=spread)
     return {
@@ -277,4 +289,14 @@ def counts(words: Iterable[str], unit: str, least: float) -> Values:
     return {
         f"{word} [{unit}]": (n, number(spread=least + 0.3 * n))
         for word, n in Counter(words).items()
+    }
+
+
+def quantiles(what: str, unit: str, values: Vector) -> Values:
+    """Return median and 5 to 95 % quantiles; nothing without values."""
+    shares = {"median": 0.5, "5 % quantile": 0.05, "95 % quantile": 0.95}
+    return {
+        f"{what}, {word} [{unit}]": float(np.quantile(values, share))
+        for word, share in shares.items()
+        if len(values)
     }

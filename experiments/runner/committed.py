@@ -13,6 +13,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Literal
 
+import numpy as np
 from PIL import Image
 
 from drake_srg.common.exceptions import ScenarioError
@@ -128,7 +129,8 @@ def shrink(picture: Image.Image) -> bytes:
 class Change:
     """A changed row that needs attention.
 
-    A row that fails may have moved as well.
+    A row that fails may have moved as well. The new value of a wall-clock row is as if
+    measured at the speed of the machine that made the committed one.
     """
 
     what: Literal["failed", "moved", "appeared", "vanished"]
@@ -140,12 +142,12 @@ class Change:
 def compare(old: Sequence[Row] | None, new: Sequence[Row]) -> list[Change]:
     """Return the rows that moved by more than their spread, are new, gone or fail.
 
-    A row with a known reason to miss its criterion does not fail, but may move. Values
-    in real time may move, too: machines differ, so only their criteria count. Rows
+    A row with a known reason to miss its criterion does not fail, but may move. Rows
     are the same if they agree in name, quantity and unit; of several such rows, the
     first belongs to the first. The spread that counts is the committed one.
     """
     before, after = _keyed(old or ()), _keyed(new)
+    slower = slowdown(old or (), new)
     changes = []
     for key in {**before, **after}:
         was, row = before.get(key), after.get(key)
@@ -153,13 +155,16 @@ def compare(old: Sequence[Row] | None, new: Sequence[Row]) -> list[Change]:
             assert was is not None
             changes.append(Change("vanished", was, was.measured, math.nan))
             continue
-        value, committed = row.measured, was.measured if was else math.nan
+        value = row.measured
+        if row.clock:
+            value = value / slower if row.clock == "time" else value * slower
+        committed = was.measured if was else math.nan
         if row.fails:
             changes.append(Change("failed", row, committed, value))
         elif was is None:
             if old is not None:
                 changes.append(Change("appeared", row, committed, value))
-        elif not row.clock and _moved(was, value):
+        elif _moved(was, value):
             changes.append(Change("moved", was, committed, value))
     return changes
 
@@ -180,3 +185,23 @@ def _moved(old: Row, value: float) -> bool:
     if not math.isfinite(old.measured):
         return math.isfinite(value)
     return not abs(value - old.measured) <= old.spread
+
+
+def slowdown(old: Sequence[Row], new: Sequence[Row]) -> float:
+    """Return the ratio of this run's duration to the committed run's.
+
+    This is the median over the wall-clock rows; 1 if there are none.
+    """
+    before, after = _keyed(old), _keyed(new)
+    ratios = [
+        after[key].measured / row.measured
+        if row.clock == "time"
+        else row.measured / after[key].measured
+        for key, row in before.items()
+        if key in after
+        and row.clock
+        and row.clock == after[key].clock
+        and row.measured > 0.0
+        and after[key].measured > 0.0
+    ]
+    return float(np.median(ratios)) if ratios else 1.0

@@ -30,7 +30,9 @@ _PARAMETERS = {
     "trials": "Trials of each case.",
     "seeds": "Trials of each case, a seed each.",
     "seed": "Of the first trial.",
+    "objects": "Names of the objects; all by default.",
     "cases": "Names of the cases; all by default.",
+    "engines": "Names of the engines; all by default.",
 }
 # Draws on an empty figure.
 Drawing: TypeAlias = Callable[[Any, Trials, Sequence[Row]], None]
@@ -62,6 +64,7 @@ class Experiment:
     by their cases.
 
     Attributes:
+        description: One line.
         cases: Returns the cases. Its keyword arguments are the parameters that `--set`
             changes; its `Args:` describe them, but for `trials`, `seed` and the like.
         trial: Returns the measures of a case, passed as keyword arguments: numbers,
@@ -77,9 +80,9 @@ class Experiment:
         preset: Values that this experiment gives to parameters.
         serial: Whether to run one trial at a time because they measure wall-clock time.
         files: Returns text of other files of the result, by name.
-        description: One line; by default, the first one of the module's docstring.
     """
 
+    description: str
     cases: Callable[..., Iterable[Case]]
     trial: Callable[..., Measures]
     claims: Mapping[str, Claim] = dc.field(default_factory=dict)
@@ -90,7 +93,6 @@ class Experiment:
     preset: Mapping[str, Any] = dc.field(default_factory=dict)
     serial: bool = False
     files: Callable[[Trials], Mapping[str, str]] | None = None
-    description: str = ""
 
     def judge(self, trials: Trials, partial: bool = False) -> list[Row]:
         """Return the rows of trials; `partial` ones lack those of missing cases.

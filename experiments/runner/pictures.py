@@ -179,10 +179,9 @@ class Images:
     image: str = "image"  # measure: an array (H, W, 3) of uint8
     caption: Callable[[Any], str] = lambda entry: ""  # of a trial, below
     across: int = 6  # images beside each other
-    each: str = ""  # an axis: only the first trial with each of its values is shown
 
     def height(self, trials: Trials, rows: Sequence[Row]) -> float:
-        return 2.3  # `draw` makes the figure as large as its images
+        return 2.3 * -(-len(trials) // self.across)
 
     def draw(
         self, axes: Any, trials: Trials, rows: Sequence[Row], by: Sequence[str]
@@ -190,11 +189,9 @@ class Images:
         """Draw on axes, which images replace."""
         axes.set_axis_off()
         failed = {row.name for row in rows if row.fails}
-        groups = trials.groups(self.each).values() if self.each else ()
-        shown = [own[0] for own in groups] or list(trials)
-        across, down = self.across, -(-len(shown) // self.across)
+        across, down = self.across, -(-len(trials) // self.across)
         axes.figure.set_size_inches(1.8 * across, 0.4 + 2.3 * down)
-        for i, entry in enumerate(shown):
+        for i, entry in enumerate(trials):
             name = ", ".join(str(entry[axis]) for axis in by)
             x, y = i % across / across, 1.0 - (i // across + 1) / down
             own = axes.inset_axes([x, y + 0.06 / down, 0.95 / across, 0.82 / down])

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import argparse
 import dataclasses as dc
+import math
 import subprocess
 import sys
 import time as wall
@@ -39,10 +40,11 @@ from experiments.runner.committed import (
     read_rows,
     read_stamps,
     show_time,
+    slowdown,
     write_stamp,
 )
 from experiments.runner.experiment import chosen
-from experiments.runner.page import number, write_quoting_pages
+from experiments.runner.page import write_quoting_pages
 from experiments.runner.run import RESULT, align
 from experiments.runner.sources import ROOT
 
@@ -67,7 +69,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     add(
         "--quick",
         help=f"run the shortest only, about {QUICK:.0f} s in all, and do not "
-        "judge values in real time, because other programs may run",
+        "compare wall-clock values, because other programs may run",
         **flag,
     )
     add("--accept", help="put the new results into docs", **flag)
@@ -187,9 +189,11 @@ def run_apart(name: str, out: Path) -> str:
 class Report:
     """Outcome of a rerun of experiments."""
 
-    # By experiment: rows that somebody must look into, and why there is no result.
+    # By experiment: rows that somebody must look into; why there is no result; and,
+    # where that is measured, how many times as long it took as the committed run.
     changes: dict[str, list[Change]] = dc.field(default_factory=dict)
     missing: dict[str, str] = dc.field(default_factory=dict)
+    slowdowns: dict[str, float] = dc.field(default_factory=dict)
     uncommitted: list[str] = dc.field(default_factory=list)  # without a result so far
     accepted: bool = False  # whether the new rows are the committed ones by now
 
@@ -198,6 +202,8 @@ class Report:
         self.changes[name] = compare(old, new)
         if old is None:
             self.uncommitted.append(name)
+        elif any(row.clock for row in new):
+            self.slowdowns[name] = slowdown(old, new)
 
     @property
     def good(self) -> bool:
@@ -210,6 +216,11 @@ class Report:
     def text(self) -> str:
         """Return the report as text."""
         lines = [changes_table(self.changes)] if any(self.changes.values()) else []
+        lines += [
+            f"{name}: took {factor:.2f} times as long as the committed run, by which "
+            "its wall-clock values are corrected"
+            for name, factor in self.slowdowns.items()
+        ]
         lines += [f"{name}: NOT RUN: {error}" for name, error in self.missing.items()]
         if not self.accepted:
             lines += [f"{name}: no committed result yet" for name in self.uncommitted]
@@ -228,6 +239,10 @@ class Report:
 
 def changes_table(changes: Mapping[str, Sequence[Change]]) -> str:
     """Return changed rows, by experiment, as aligned text."""
+
+    def number(value: float) -> str:
+        return f"{value:.4g}" if math.isfinite(value) else "-"
+
     lines = [("experiment", "row", "quantity", "old", "new", "spread", "unit", "")]
     for name, own in changes.items():
         for change in own:

@@ -4,13 +4,17 @@ from __future__ import annotations
 
 import base64
 import contextlib
+import csv
 import dataclasses as dc
 import importlib
 import io
 import json
+import math
+import multiprocessing as mp
 import os
+import signal
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from concurrent.futures import as_completed
+from concurrent.futures import ProcessPoolExecutor, as_completed
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
@@ -23,7 +27,6 @@ from drake_srg.common.status_line import StatusLine
 from drake_srg.recording.output import OutputFile, output_folder
 from drake_srg.recording.timeline import make_figure, save_png
 from drake_srg.simulation.simulate import keep_first_replay
-from drake_srg.sweeps.engines import JoblibEngine
 from experiments import find_experiments
 from experiments.runner.claims import Case, Row, Trials
 from experiments.runner.experiment import Experiment
@@ -41,7 +44,7 @@ def find_experiment(name: str) -> Experiment:
         raise ScenarioError(f"unknown experiment {name!r} {suggest(name, found)}")
     experiment = getattr(importlib.import_module(found[name].module), name)
     assert isinstance(experiment, Experiment)
-    return dc.replace(experiment, description=found[name].description)
+    return experiment
 
 
 def describe(name: str) -> str:
@@ -101,7 +104,7 @@ def run_experiment(
 
     Args:
         name: Name of the experiment.
-        out: Folder for result.json, NAME.png and, where the experiment runs
+        out: Folder for result.json, trials.csv, NAME.png and, where the experiment runs
             a cell, replay.html of its first run; None writes nothing.
         overrides: Parameters of the experiment, `KEY=VALUE` each, the value YAML.
         quick: Whether to run only one case for each value of the first axis.
@@ -156,13 +159,23 @@ def _run_trials(
         for i, case in enumerate(cases):
             yield case, _run_trial(name, case, None if i else replays)
         return
-    with JoblibEngine(workers) as engine:
+    context = mp.get_context("spawn")
+    # Ctrl-C reaches everybody: we end the workers, which say nothing.
+    ignore = (signal.SIGINT, signal.SIG_IGN)
+    pool = ProcessPoolExecutor(workers, context, signal.signal, ignore)
+    try:
         futures = {
-            engine.submit(_run_trial, name, case, None if i else replays): case
+            pool.submit(_run_trial, name, case, None if i else replays): case
             for i, case in enumerate(cases)
         }
         for future in as_completed(futures):
             yield futures[future], future.result()
+    except BaseException:
+        for child in mp.active_children():  # a signal may have reached us alone
+            child.terminate()
+        raise
+    finally:
+        pool.shutdown(cancel_futures=True)
 
 
 def _run_trial(name: str, case: Case, replays: Path | None) -> Any:
@@ -252,11 +265,12 @@ def _write(
     out: Path,
     replays: Path,
 ) -> list[Path]:
-    """Write result.json, files and NAME.png: all of them or none.
+    """Write result.json, trials.csv, files and NAME.png: all of them or none.
 
     Equal results give equal bytes.
     """
     texts = {RESULT: json.dumps([r.as_dict() for r in rows], indent=2) + "\n"}
+    texts["trials.csv"] = _csv(trials)
     texts |= experiment.files(trials) if experiment.files else {}
     figure = make_figure(8.0, 4.0)
     experiment.draw(figure, trials, rows)
@@ -271,3 +285,24 @@ def _write(
     if (replays / REPLAY).exists():
         (replays / REPLAY).replace(out / REPLAY)
     return [*written, *out.glob(REPLAY)]
+
+
+def _csv(trials: Trials) -> str:
+    """Return axes and scalar measures: numbers with 9 digits, NaN as an empty field."""
+
+    def show(value: Any) -> str:
+        if value is None or (isinstance(value, float) and math.isnan(value)):
+            return ""
+        return f"{value:.9g}" if isinstance(value, float) else str(value)
+
+    scalars = (str, int, float, type(None))
+    columns = dict.fromkeys(
+        key for t in trials for key, value in t.items() if isinstance(value, scalars)
+    )
+    file = io.StringIO()
+    writer = csv.writer(file, lineterminator="\n")
+    writer.writerow(columns)
+    for t in trials:
+        values = [t.get(key) for key in columns]
+        writer.writerow([show(v) if isinstance(v, scalars) else "" for v in values])
+    return file.getvalue()

@@ -1,9 +1,8 @@
 """Sources of an experiment: the code, scenarios, models and data that its stamp hashes.
 
 That is the experiment's module with all that it imports of ours, wherever in a file the
-import stands, the scenarios that it may name, all models and all data. Too much may
-count, but not too little. Comments, docstrings and layout do not count, nor does what
-only draws.
+import stands, and the files that these name. Too much may count, but not too little.
+Comments, docstrings and layout do not count, nor does what only draws.
 """
 
 from __future__ import annotations
@@ -12,6 +11,7 @@ import ast
 import functools
 import hashlib
 import re
+from collections.abc import Collection, Iterable
 from pathlib import Path
 from typing import Any
 
@@ -21,7 +21,22 @@ from experiments import FOLDER, find_experiments
 
 ROOT = FOLDER.parent
 _DRAWING = ("experiments.runner.pictures", "drake_srg.recording.timeline")
+# Where the package chooses among planners: those that no scenario read has do not run.
+_CHOOSING = (
+    *("drake_srg.planning.planner_machine", "drake_srg.simulation.rig"),
+    *("drake_srg.scenario.planner", "drake_srg.scenario.schema"),
+    *("drake_srg.station.cell", "drake_srg.station.planners"),
+    *("drake_srg.station.clearing", "drake_srg.station.servoing"),
+)
+# Starts of the names of modules that only runs with a planner need, by its tag.
+_PLANNERS = {
+    "Clear": ("drake_srg.planning.clearing.", "drake_srg.station.clearing"),
+    "PickAndPlace": ("drake_srg.planning.pick_and_place.",),
+    "Servoing": ("drake_srg.planning.servoing.", "drake_srg.station.servoing"),
+    "Taught": ("drake_srg.theses.taught",),
+}
 _FACE = re.compile(r"^from (\S+) import \(?\s*(\w+) as \w+", re.MULTILINE)
+_TEXTS = (".py", ".yaml", ".sdf", ".urdf", ".xml")
 _COMMAND = ("drake_srg", "drake-srg")  # run in a process of its own: any command
 
 
@@ -43,40 +58,62 @@ def sources_hash(module: str, root: Path = ROOT) -> str:
 
 def sources_of(module: str, root: Path = ROOT) -> list[Path]:
     """Return the files of ours that an experiment's module runs or reads, sorted."""
-    modules = _modules(module, root)
-    own = {path for name, path in modules.items() if name.startswith("experiments.")}
-    named = "\n".join(str(n.value) for path in own for n in _strings(path))
+    own = [
+        path
+        for name, path in _modules(module, root, _PLANNERS).items()
+        if name.startswith("experiments.") and ".runner" not in name
+    ]
+    names = _names(own)
+    data = {
+        path
+        for path in (root / "experiments/data").rglob("*.*")
+        if _named(path, names) and path.name != "claims.yaml"  # which pages read
+    }
+    names |= _names(data)
     # Whatever starts like a name may be meant: code puts `_fast` behind some.
     scenarios = root / "drake_srg/scenarios"
     read = {
         path
         for path in scenarios.glob("*.yaml")
-        if any(f"{path.stem}_".startswith(f"{name}_") for name in _WORD.findall(named))
+        if any(f"{path.stem}_".startswith(f"{name.rstrip('_')}_") for name in names)
     }
+    code = "".join(_text(path) for path in own)
+    planners = {tag for tag in _PLANNERS if re.search(rf"\b{tag}\b", code)}
     for path in list(read):
         chain = [path]
-        while base := _BASE.search(chain[-1].read_text(encoding="utf-8")):
-            chain.append(scenarios / f"{base[1]}.yaml")
+        while base := _entry("base", chain[-1]):
+            chain.append(scenarios / f"{base}.yaml")
+        tags = [tag for file in chain if (tag := _entry("planner", file))]
+        planners.add(tags[0] if tags else "PickAndPlace")
         read |= set(chain)
-    data = {*(root / "experiments/data").rglob("*.*"), *(root / "models").rglob("*.*")}
-    pages = ("claims.yaml", "figures.md", "readme.md")  # which only pages read
-    data = {p for p in data if p.is_file() and p.name not in pages}
-    return sorted({*modules.values(), *read, *data})
+    modules = set(_modules(module, root, planners).values())
+    models = {path for path in (root / "models").rglob("*.*") if path.is_file()}
+    new = {*read, *data, *modules}
+    names = frozenset()
+    while new:
+        names |= _names(new)
+        new = {path for path in models - read if _named(path, names)}
+        read |= new
+    return sorted({*modules, *data, *read})
 
 
-_WORD, _BASE = re.compile(r"\w+"), re.compile(r"^base: (\w+)", re.MULTILINE)
-
-
-def _modules(module: str, root: Path) -> dict[str, Path]:
+def _modules(module: str, root: Path, planners: Collection[str]) -> dict[str, Path]:
     """Return a module and all our modules that it imports, by name."""
+    unused = tuple(
+        start for tag in _PLANNERS if tag not in planners for start in _PLANNERS[tag]
+    )
     found: dict[str, Path] = {}
     waiting = [module]
     while waiting:
         name = waiting.pop()
         path = _file(name, root)
-        if path is not None and name not in found and name not in _DRAWING:
-            found[name] = path
-            waiting += _imported(name, path, root)
+        if path is None or name in found or name in _DRAWING:
+            continue
+        found[name] = path
+        imported = _imported(name, path, root)
+        if name in _CHOOSING:
+            imported = [other for other in imported if not other.startswith(unused)]
+        waiting += imported
     return found
 
 
@@ -118,33 +155,41 @@ def _home(package: str, name: str, root: Path) -> str:
 
 
 @functools.cache
+def _tree(path: Path) -> ast.Module:
+    return ast.parse(path.read_text(encoding="utf-8"))
+
+
+@functools.cache
 def _running(path: Path) -> list[ast.AST]:
-    """Return the nodes that run: not docstrings, nor imports for types alone."""
+    """Return the imports and strings that run: not docstrings, nor for types alone."""
     found: list[ast.AST] = []
-    waiting: list[ast.AST] = [ast.parse(path.read_text(encoding="utf-8"))]
+    waiting: list[ast.AST] = [_tree(path)]
     while waiting:
         node = waiting.pop()
         match node:
+            case ast.Import() | ast.ImportFrom():
+                found.append(node)
+            case ast.Constant(value):
+                if isinstance(value, str):
+                    found.append(node)
             case ast.Expr(value=ast.Constant(value=str())):
-                continue
+                pass
             case ast.If() if ast.unparse(node.test).endswith("TYPE_CHECKING"):
                 waiting += node.orelse
-                continue
-        found.append(node)
-        waiting += ast.iter_child_nodes(node)
+            case _:
+                for value in map(vars(node).get, node._fields):
+                    if isinstance(value, ast.AST):
+                        waiting.append(value)
+                    elif isinstance(value, list):
+                        waiting += (item for item in value if isinstance(item, ast.AST))
     return found
-
-
-def _strings(path: Path) -> list[ast.Constant]:
-    nodes = (node for node in _running(path) if isinstance(node, ast.Constant))
-    return [node for node in nodes if isinstance(node.value, str)]
 
 
 @functools.cache
 def _content(path: Path) -> str:
     """Return a file's content without comments, docstrings and layout."""
     if path.suffix == ".py":
-        return repr(_plain(ast.parse(path.read_text(encoding="utf-8"))))
+        return repr(_plain(_tree(path)))
     if path.suffix == ".yaml":
         text = path.read_text(encoding="utf-8")
         return repr(yaml.serialize(yaml.compose(text, yaml.CSafeLoader)))
@@ -167,3 +212,35 @@ def _plain(node: Any) -> Any:
             if not (isinstance(item, ast.Expr) and isinstance(item.value, ast.Constant))
         ]
     return node
+
+
+@functools.cache
+def _text(path: Path) -> str:
+    return path.read_text(encoding="utf-8") if path.suffix in _TEXTS else ""
+
+
+@functools.cache
+def _names_in(path: Path) -> frozenset[str]:
+    """Return the words by which a file may name others; of code, words in strings."""
+    text = _text(path)
+    if path.suffix == ".py":
+        nodes = (n for n in _running(path) if isinstance(n, ast.Constant))
+        text = "\n".join(str(node.value) for node in nodes)
+    return frozenset(re.split(r"[^\w.-]+", text)) - {""}
+
+
+def _names(paths: Iterable[Path]) -> frozenset[str]:
+    return frozenset().union(*map(_names_in, paths))
+
+
+def _named(path: Path, names: Collection[str]) -> bool:
+    """Return whether names have a file, its stem or, of data, the folder of it."""
+    loose = {path.stem} if path.suffix != ".obj" else {path.parent.name}
+    return any(name in names for name in (path.name, *loose))
+
+
+def _entry(key: str, scenario: Path) -> str:
+    """Return a scenario's base, or the tag of its planner; "" if there is neither."""
+    pattern = {"base": r"^base: (\w+)", "planner": r"^planner: !(\w+)"}[key]
+    found = re.search(pattern, scenario.read_text(encoding="utf-8"), re.MULTILINE)
+    return found[1] if found else ""

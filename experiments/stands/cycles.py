@@ -50,8 +50,8 @@ def in_hand(
     """Return where the object was in the hand in the last cycle of a run's log.
 
     That is `held_at`: its centre in the palm frame when the fingers hold it; `shift`:
-    its motion while they close (3) [m]; `slip`: largest motion [m] while it is
-    carried; `error_G`: the placement error (3)
+    its motion while they close (3) [m]; `slip` and `turn`: largest motion [m] and
+    rotation of its axis [rad] while it is carried; `error_G`: the placement error (3)
     [m] in the palm's axes, of an object that was released.
     """
     mode = [MODES[int(i)] for i in log["mode"]]
@@ -66,13 +66,19 @@ def in_hand(
     X_WG = dict(zip(rows, hand_poses(scenario, arm[rows]), strict=True))
     X_GO = {k: X_WG[k].inverse() @ row_to_pose(poses[k]) for k in rows}
     p_GO = {k: X.translation() for k, X in X_GO.items()}
-    found: ex.Measures = dict.fromkeys(("shift", "held_at", "slip", "error_G"))
+    found: ex.Measures = dict.fromkeys(("shift", "held_at", "slip", "turn", "error_G"))
     if held:
         found["held_at"] = p_GO[held[0]]
     if opened and held:
         found["shift"] = p_GO[held[0]] - p_GO[opened[0]]
     if carried:
+        z_GO = {k: X.rotation().col(2) for k, X in X_GO.items()}
         found["slip"] = max(np.linalg.norm(p_GO[k] - p_GO[held[0]]) for k in carried)
+        z = z_GO[held[0]]
+        found["turn"] = max(
+            float(np.arctan2(np.linalg.norm(np.cross(z_GO[k], z)), z_GO[k] @ z))
+            for k in carried
+        )
     if placed and error is not None:
         R_GW = X_WG[placed[0]].rotation().inverse()
         found["error_G"] = R_GW @ np.array(error)
@@ -87,4 +93,4 @@ def shares(own: ex.Trials) -> ex.Values:
 
 
 def placed_interval(own: ex.Trials) -> tuple[float, float]:
-    return ex.wilson_interval(sum(own["placed"]), len(own))
+    return ex.wilson(sum(own["placed"]), len(own))

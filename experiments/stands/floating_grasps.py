@@ -37,7 +37,7 @@ from experiments.stands.mujoco_grasps import MujocoBench
 # Of the palm, in which the hand points down or to the front [degrees].
 _HANDS = ([0.0, 90.0, 0.0], [0.0, 0.0, 0.0])
 _HOME = np.array([0.0, 0.0, 0.6])  # of the gantry: nothing reaches the table [m]
-# Shares of wire force and mass, coefficient of friction, and
+# As in `grasp_measures`: shares of wire force and mass, coefficient of friction, and
 # the shake [s, Hz, m/s²]. The middle wire force of data/grasps.yaml is 120 N. With less
 # than half of it, the motor takes more than 4 s to close the open hand.
 _WIRE_FORCE, _FORCE, _MASS, _FRICTION = 120.0, (0.5, 1.2), (0.5, 2.5), (0.3, 0.9)

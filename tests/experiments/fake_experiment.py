@@ -59,12 +59,9 @@ COMMON = {{
     "picture": [ex.Points("length", "part"), ex.Curves("x", "x"), ex.Histogram("part"),
                 ex.Images(), ex.Bars(["of 2"])],
 }}
-fake_half = ex.Experiment(cases, trial, description="Half.", **COMMON)
+fake_half = ex.Experiment("Half.", cases, trial, **COMMON)
 fake_third = ex.Experiment(
-    *(cases, trial),
-    preset={{"kind": "third", "count": 3}},
-    description="A third.",
-    **COMMON,
+    "A third.", cases, trial, preset={{"kind": "third", "count": 3}}, **COMMON
 )
 '''
 

@@ -15,7 +15,7 @@ STAMP = Stamp("c0de", "1.2.3", "re5u17", 8.4)
 def rows(value=1.0, wall=2.0):
     return [
         row("can", "slip", value, "mm", ex.at_most(3.0)),
-        row("can", "duration", wall, "s", ex.at_most(9.0, clock="time")),
+        row("can", "duration", wall, "s", ex.number(clock="time")),
     ]
 
 

@@ -20,19 +20,19 @@ from experiments.hardware_loop import (
 )
 from experiments.runner.claims import Trials
 from experiments.stands.bridge_client import ServedProcess, open_wire
-from experiments.thesis_messages import messages, trial
+from experiments.thesis_messages import demonstrate, messages
 
 CLEAN, FAULTY = "kitchen, ROS 2", "5 % lost"
 GOOD = {
     "placed": True,
     "claimed": True,
-    "reason": "",
+    "told": "",
     "error": 1.0,
     "rounding": 0.0,
     "held_up": 0.1,
     "inside": 0.6,
 }
-TOLD = GOOD | {"placed": False, "claimed": False, "reason": "stale", "error": 200.0}
+TOLD = GOOD | {"placed": False, "claimed": False, "told": "stale", "error": 200.0}
 
 
 def parsed(way, arguments=("--ros2", "--domain", "9"), rate=1.0):
@@ -92,7 +92,7 @@ def test_the_messages_are_those_of_the_thesis():
 def test_a_short_demonstration_leaves_the_can_in_place():
     overrides = ["planner.messages.rate=500", "planner.messages.rest=0.3"]
     overrides += ["planner.messages.sequence=[{routine: closehalf, mode: close}]"]
-    one = trial("thesis_kitchen", "ROS 2", overrides)
+    one = demonstrate("thesis_kitchen", "ROS 2", overrides)
     assert one["sent"] == one["messages received []"] == 501
     assert one["distance from its original place [mm]"] < 1.0
     assert one["tilt at the end [degrees]"] < 1.0
@@ -136,7 +136,7 @@ def test_a_clean_wire_places_every_object_and_a_faulty_one_may_say_why_not():
     assert not failed(CLEAN, GOOD, GOOD)
     assert failed(CLEAN, GOOD, TOLD) == {"placed, of 2"}
     assert not failed(FAULTY, GOOD, TOLD)
-    silent = TOLD | {"reason": ""}
+    silent = TOLD | {"told": ""}
     assert failed(FAULTY, silent) == {"neither placed nor told why"}
 
 

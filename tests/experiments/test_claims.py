@@ -64,6 +64,14 @@ def test_around_zero_the_spread_is_the_allowed_deviation():
     assert row("", "", 0.01, "", ex.within(0.0, absolute=0.5)).spread == 0.5
 
 
+@given(measured=numbers, clock=st.sampled_from(["time", "rate"]))
+def test_wall_clock_values_may_move_by_half(measured, clock):
+    half = max(0.5 * abs(measured), 1e-6)
+    assert row("", "", measured, "", ex.number(clock=clock)).spread == pytest.approx(
+        half
+    )
+
+
 @given(spread=st.floats(1e-3, 1e3))
 def test_a_bound_may_state_its_spread(spread):
     bounds = [
@@ -135,7 +143,12 @@ def test_a_share_has_its_interval():
     assert low.measured == pytest.approx(0.5958, abs=1e-4)
     assert high.measured == pytest.approx(0.9821, abs=1e-4)
     assert {r.spread for r in (share, low, high)} == {0.1}
-    assert ex.wilson_interval(0, 0) == (0.0, 1.0)
+    assert ex.wilson(0, 0) == (0.0, 1.0)
+
+
+def test_quantiles_need_values():
+    assert ex.quantiles("time", "s", np.zeros(0)) == {}
+    assert ex.quantiles("time", "s", np.arange(101.0))["time, 5 % quantile [s]"] == 5.0
 
 
 def trials():

@@ -27,8 +27,8 @@ BEFORE = json.loads((Path(__file__).parent / "rows_before.json").read_text())
 
 
 @pytest.mark.parametrize("name", sorted(BEFORE))
-def test_no_judged_row_is_lost(name):
-    """Every row that had a bound has it still."""
+def test_no_row_is_lost(name):
+    """Every row of today, by name and bound, was there before: none went."""
     found = [
         (row.name, f"{row.quantity} [{row.unit}] {row.expected}")
         for row in committed_rows(name) or ()

@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 
 import experiments.runner as ex
 from experiments.runner.claims import row
-from experiments.runner.committed import compare
+from experiments.runner.committed import compare, slowdown
 
 sizes = st.floats(1e-3, 1e3)
 values = st.floats(-1e3, 1e3)
@@ -115,10 +115,47 @@ def test_without_committed_rows_nothing_has_changed():
     assert compare(None, [row("can", "slip", 1.0, "mm")]) == []
 
 
-def test_values_in_real_time_may_change_within_their_bounds():
-    old, slower, too_slow = (
-        row("image", "time", t, "ms", ex.at_most(3.0, clock="time"))
-        for t in (0.5, 2.5, 3.5)
-    )
-    assert whats([old], [slower]) == []
-    assert whats([old], [too_slow]) == ["failed"]
+def clocked(times, rates, ratio=1.0):
+    return [
+        *(
+            row(f"{i}", "time", t, "s", ex.number(clock="time"))
+            for i, t in enumerate(times)
+        ),
+        *(
+            row(f"{i}", "rate", r, "", ex.number(clock="rate"))
+            for i, r in enumerate(rates)
+        ),
+        row("2 : 1", "ratio", ratio, ""),
+    ]
+
+
+@given(
+    times=st.lists(sizes, min_size=2, max_size=4),
+    rates=st.lists(sizes, max_size=3),
+    slower=st.floats(0.1, 10.0),
+)
+def test_another_machine_changes_no_wall_clock_row(times, rates, slower):
+    old = clocked(times, rates)
+    new = clocked([slower * t for t in times], [r / slower for r in rates])
+    assert slowdown(old, new) == pytest.approx(slower)
+    assert compare(old, new) == []
+
+
+@given(slower=st.floats(0.1, 10.0), worse=st.floats(1.6, 10.0))
+def test_a_row_that_got_slower_than_the_others_has_moved(slower, worse):
+    old = clocked([1.0, 2.0, 3.0], [4.0])
+    times = [slower, 2.0 * slower, 3.0 * slower * worse]
+    (change,) = compare(old, clocked(times, [4.0 / slower]))
+    assert (change.what, change.row.name) == ("moved", "2")
+    assert change.new == pytest.approx(3.0 * worse)
+
+
+def test_a_ratio_of_two_times_is_compared_as_it_is():
+    old, new = clocked([1.0, 2.0], [], 2.0), clocked([3.0, 6.0], [], 1.0)
+    (change,) = compare(old, new)
+    assert (change.row.name, change.new) == ("2 : 1", 1.0)
+
+
+def test_times_of_zero_tell_nothing_about_the_machine():
+    old, new = clocked([0.0, 1.0], []), clocked([0.0, 2.0], [])
+    assert slowdown(old, new) == 2.0

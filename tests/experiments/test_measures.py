@@ -12,6 +12,7 @@ from experiments.calibration import errors_of
 from experiments.carrying import leaving
 from experiments.closing import ramp
 from experiments.envelope import bisect, cell
+from experiments.grasp_measures import auc, auc_by_object, auc_error
 from experiments.safety import make_stand
 from experiments.servo_laws import MOTIONS, rise_time, settling_time
 from experiments.singles import MESHES
@@ -106,6 +107,26 @@ def test_delays_count_until_the_joint_leaves_its_rest():
     delays = find_delays(published, changes)
     assert delays[0] == 1.5
     assert np.isnan(delays[1])
+
+
+def test_one_kind_of_outcome_ranks_nothing():
+    value, held = np.arange(4.0), np.ones(4, bool)
+    assert np.isnan(auc(value, held))
+    assert np.isnan(auc_by_object(value, held, np.array(["a"] * 4)))
+
+
+def test_the_error_of_an_auc():
+    # Their equation 1, worked by hand for 51 and 58 cases and an area of 0.893.
+    held = np.arange(109) < 51
+    assert auc_error(0.893, held) == pytest.approx(0.0325, abs=1e-4)
+    assert np.isnan(auc_error(0.9, np.ones(3, bool)))
+
+
+@pytest.mark.parametrize("flip", [False, True])
+def test_auc_counts_pairs(flip):
+    value, held = np.array([1.0, 2.0, 3.0]), np.array([False, True, True])
+    assert auc(-value if flip else value, held) == (0.0 if flip else 1.0)
+    assert auc(np.ones(3), held) == 0.5
 
 
 @given(edge=st.floats(0.1, 0.9))

@@ -16,7 +16,7 @@ TRIALS = Trials(
 def drawn(*panels, trials=TRIALS, rows=()):
     """Return a figure with panels, laid out."""
     experiment = ex.Experiment(
-        list, dict, by=("kind",), picture=list(panels), description="A title."
+        "A title.", list, dict, by=("kind",), picture=list(panels)
     )
     figure = make_figure(6.0, 4.0)
     experiment.draw(figure, trials, rows)

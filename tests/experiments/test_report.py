@@ -2,6 +2,7 @@ import dataclasses as dc
 
 from made import rows
 
+from experiments.runner.claims import row
 from experiments.runner.rerun import Report
 
 
@@ -48,3 +49,9 @@ def test_a_first_result_wants_to_be_accepted():
     accepted = dc.replace(made, accepted=True)
     assert accepted.good
     assert "no committed result yet" not in accepted.text()
+
+
+def test_the_machine_s_speed_is_told_where_it_matters():
+    assert "2.00 times as long" in report(rows(), rows(wall=4.0)).text()
+    timeless = [row("can", "slip", 1.0, "mm")]
+    assert "times as long" not in report(timeless, timeless).text()

@@ -33,16 +33,20 @@ def test_a_result_has_rows_a_table_and_a_picture(fake, tmp_path):
     result = run_experiment("fake_half", tmp_path / "out", workers=1)
     (row,) = result.rows
     assert (row.name, row.quantity, row.measured) == ("half", "of 2", 2.0)
-    assert [path.name for path in result.files] == [*("result.json", "fake_half.png")]
+    assert [path.name for path in result.files] == [
+        *("result.json", "trials.csv", "fake_half.png")
+    ]
     (saved,) = json.loads((tmp_path / "out/result.json").read_text())
     assert saved == row.as_dict()
+    lines = (tmp_path / "out/trials.csv").read_text().splitlines()
+    assert lines == [*("kind,length,count,part,none", "half,2,2,1,", "half,4,2,2,")]
 
 
 def test_equal_runs_write_equal_bytes(fake, tmp_path):
     fake()
     for folder in ("a", "b"):
         run_experiment("fake_half", tmp_path / folder, workers=1)
-    for name in ("result.json", "fake_half.png"):
+    for name in ("result.json", "trials.csv", "fake_half.png"):
         first, second = ((tmp_path / f / name).read_bytes() for f in ("a", "b"))
         assert first == second
 

@@ -38,13 +38,17 @@ def trial(seed):
     "drake_srg/arm/__init__.py": "",
     "drake_srg/arm/late.py": "measure = print",
     "drake_srg/station/__init__.py": "",
-    "drake_srg/station/cell.py": "",
+    "drake_srg/station/cell.py": "import drake_srg.planning.clearing.heap",
+    "drake_srg/planning/__init__.py": "",
+    "drake_srg/planning/clearing/__init__.py": "",
+    "drake_srg/planning/clearing/heap.py": "",
     "drake_srg/learning/__init__.py": "",
     "drake_srg/learning/train.py": "",
     "drake_srg/scenarios/bench_fast.yaml": "base: bench\nstep: 0.01  # [s]\n",
     "drake_srg/scenarios/bench.yaml": "model: package://drake_srg/sdf/hand.sdf\n",
     "drake_srg/scenarios/kitchen.yaml": "model: none\n",
     "models/sdf/hand.sdf": "<uri>../meshes/palm.obj</uri>",
+    "models/sdf/foot.sdf": "",
     "models/meshes/palm.obj": "v 0 0 0",
 }
 READ = {
@@ -52,8 +56,11 @@ READ = {
     *("drake_srg/gripper/drive.py", "drake_srg/arm/__init__.py"),
     *("drake_srg/arm/late.py", "drake_srg/station/__init__.py"),
     *("drake_srg/station/cell.py", "drake_srg/scenarios/bench_fast.yaml"),
-    *("drake_srg/scenarios/bench.yaml", "models/sdf/hand.sdf"),
-    *("models/meshes/palm.obj", "experiments/data/hidden.csv"),
+    *(
+        "drake_srg/scenarios/bench.yaml",
+        "models/sdf/hand.sdf",
+        "models/meshes/palm.obj",
+    ),
     "drake_srg/gripper/__init__.py",
 }
 
@@ -80,6 +87,11 @@ def names(root):
 
 def test_what_is_imported_named_and_based_on_counts_and_nothing_else(tree):
     assert names(tree()) == READ
+
+
+def test_a_planner_counts_with_a_scenario_that_has_it(tree):
+    clears = {"drake_srg/scenarios/bench.yaml": "planner: !Clear\n"}
+    assert "drake_srg/planning/clearing/heap.py" in names(tree(**clears))
 
 
 def test_another_process_may_run_any_command(tree):
