@@ -20,7 +20,7 @@ def test_the_exit_code_says_whether_all_rows_pass(
     assert main(words) == code
     printed = capsys.readouterr().out
     assert word in printed
-    for name in ("result.json", "fake_half.png"):
+    for name in ("result.json", "trials.csv", "fake_half.png"):
         assert str(out / name) in printed
     (row,) = json.loads((out / "result.json").read_text())
     assert row["pass"] == (code == 0)
