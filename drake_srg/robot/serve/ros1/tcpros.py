@@ -196,8 +196,9 @@ async def serve_subscriber(
             "topic": publication.topic,
             "type": type.name,
         }
-        writer.write(encode_header(answer))
+        # First: whoever reads the answer expects all messages from then on.
         publication.connections.add(subscriber)
+        writer.write(encode_header(answer))
         writing = asyncio.create_task(subscriber.write_to(writer))
         try:
             while await reader.read(FRAME_LIMIT):

@@ -110,6 +110,18 @@ def test_a_subscriber_receives_a_header_and_messages(bridge, master):
     assert peers.receive_frame(connection) == struct.pack("<II", 1, 250_000_000)
 
 
+def test_a_subscriber_misses_no_message_after_its_answer(bridge, master, monkeypatch):
+    encode, subscribed = tcpros.encode_header, []
+
+    def answer(fields):
+        subscribed.append(bridge.has_subscribers("/clock"))
+        return encode(fields)
+
+    monkeypatch.setattr(tcpros, "encode_header", answer)
+    peers.subscribe(master.node, "/clock", md5sum="*", type="*")
+    assert subscribed == [True]
+
+
 def test_headers_of_messages_count_up_on_each_topic(bridge, master):
     connection, _ = peers.subscribe(master.node, "/joint_states", md5sum="*", type="*")
     for _ in range(3):
