@@ -15,7 +15,12 @@ from pydrake.systems.framework import Context
 from drake_srg.common.geometry import Solid
 from drake_srg.lifetime import LeafSystem
 from drake_srg.types import Blob, BlobFlag
-from drake_srg.vision.camera import CameraModel, Imager, declare_camera_ports, see
+from drake_srg.vision.camera import (
+    CameraModel,
+    Imager,
+    declare_camera_ports,
+    eval_camera_port,
+)
 from drake_srg.vision.candidates import Candidate, Picture, Search, by_color, by_steps
 from drake_srg.vision.color import ColorRange
 from drake_srg.vision.images import clean_and_measure, metres
@@ -127,7 +132,9 @@ class BlobLocalizer(LeafSystem):
 
     def _calc_blobs(self, context: Context, output: AbstractValue) -> None:
         def read(camera: str) -> tuple[npt.NDArray[Any], npt.NDArray[Any], Any]:
-            color, depth, X_WB = (see(self, context, camera, port) for port in _PORTS)
+            color, depth, X_WB = (
+                eval_camera_port(self, context, camera, port) for port in _PORTS
+            )
             return color, depth, X_WB
 
         output.set_value(

@@ -188,7 +188,9 @@ def declare_camera_ports(
             system.DeclareAbstractInputPort(f"{camera}.{port}", value)
 
 
-def see(system: LeafSystem, context: Context, camera: str, port: str) -> Any:
+def eval_camera_port(
+    system: LeafSystem, context: Context, camera: str, port: str
+) -> Any:
     """Return the pixels of an image or the pose at a port of `declare_camera_ports`.
 
     Raises:

@@ -14,7 +14,12 @@ from pydrake.systems.framework import Context
 
 from drake_srg.lifetime import LeafSystem
 from drake_srg.types import HeightMap, Vector
-from drake_srg.vision.camera import CameraModel, Imager, declare_camera_ports, see
+from drake_srg.vision.camera import (
+    CameraModel,
+    Imager,
+    declare_camera_ports,
+    eval_camera_port,
+)
 from drake_srg.vision.images import Mask, clean, grow, has_depth
 from drake_srg.vision.surfaces import Surface
 
@@ -281,8 +286,8 @@ class HeightMapper(LeafSystem):
     ) -> Vector:
         """Return the points that a camera sees, in world, shape (n, 3) [m]."""
         return points_of(
-            see(self, context, camera, "depth_image")[..., 0],
-            see(self, context, camera, "body_pose_in_world"),
+            eval_camera_port(self, context, camera, "depth_image")[..., 0],
+            eval_camera_port(self, context, camera, "body_pose_in_world"),
             self._imagers[camera],
             subpixels=subpixels,
             within=within,

@@ -12,7 +12,7 @@ from pydrake.systems.framework import Context
 
 from drake_srg.lifetime import LeafSystem
 from drake_srg.types import Blob, Box, Obstacle, Shape, Vector
-from drake_srg.vision.camera import CameraModel, declare_camera_ports, see
+from drake_srg.vision.camera import CameraModel, declare_camera_ports, eval_camera_port
 from drake_srg.vision.images import Mask, narrowest_rectangle, robust_deviation
 from drake_srg.vision.solids import signed_distance
 from drake_srg.vision.surfaces import Surface
@@ -117,8 +117,8 @@ class ObstacleFinder(LeafSystem):
             The points in W [m], shape (n, 3), and how wide a pixel is there [m].
         """
         imager = self._imagers[camera]
-        depth = see(self, context, camera, "depth_image")[..., 0]
-        X_WB = see(self, context, camera, "body_pose_in_world")
+        depth = eval_camera_port(self, context, camera, "depth_image")[..., 0]
+        X_WB = eval_camera_port(self, context, camera, "body_pose_in_world")
         X_WD = X_WB @ imager.X_BI
         R_WD, p_WD = X_WD.rotation().matrix(), X_WD.translation()
         # The median removes single pixels, holes among them.

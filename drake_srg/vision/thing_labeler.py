@@ -15,7 +15,12 @@ from pydrake.systems.framework import Context
 from drake_srg.common.geometry import Solid
 from drake_srg.lifetime import LeafSystem
 from drake_srg.types import Blob, HeightMap, LabeledHeightMap, Vector
-from drake_srg.vision.camera import CameraModel, Imager, declare_camera_ports, see
+from drake_srg.vision.camera import (
+    CameraModel,
+    Imager,
+    declare_camera_ports,
+    eval_camera_port,
+)
 from drake_srg.vision.color import COLORS, NUM_HUES, ColorImage, color_names
 from drake_srg.vision.images import Mask
 from drake_srg.vision.solids import signed_distance
@@ -218,9 +223,9 @@ class ThingLabeler(LeafSystem):
             color_labels(
                 height_map,
                 self._table,
-                see(self, context, camera, "color_image"),
+                eval_camera_port(self, context, camera, "color_image"),
                 imager,
-                see(self, context, camera, "body_pose_in_world"),
+                eval_camera_port(self, context, camera, "body_pose_in_world"),
             )
             for camera, imager in self._imagers.items()
         ]

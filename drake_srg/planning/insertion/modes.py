@@ -71,7 +71,7 @@ def insertion_of(memory: PlannerMemory) -> Insertion:
     return insertion
 
 
-class KnowsTask(TaskMode):
+class PegMode(TaskMode):
     """A mode that knows the peg and the hole.
 
     Args:
@@ -85,7 +85,7 @@ class KnowsTask(TaskMode):
         self.task = task
 
 
-class Inserting(KnowsTask, Carrying, abc.ABC):
+class Inserting(PegMode, Carrying, abc.ABC):
     """A mode whose set-point follows the motion of the tip.
 
     Attributes:
@@ -516,7 +516,7 @@ class Withdraw(Inserting):
         return Observation(arrived=bool(high) or self.stalled(tip, time))
 
 
-class ReleaseSeated(KnowsTask, Release):
+class ReleaseSeated(PegMode, Release):
     """Opens the fingers around the seated peg, and plans the way back from there."""
 
     mode: ClassVar[AnyMode] = Mode.RELEASE
@@ -532,7 +532,7 @@ class ReleaseSeated(KnowsTask, Release):
         return memory
 
 
-class HomeInserted(KnowsTask, Home):
+class HomeInserted(PegMode, Home):
     """Moves the arm home, and checks there whether the peg is as deep as it felt."""
 
     def look(self, memory: PlannerMemory, now: Now) -> None:
@@ -547,7 +547,7 @@ class HomeInserted(KnowsTask, Home):
         tip.seated = False  # a next attempt must feel it anew
 
 
-INSERTION_MODES: tuple[type[KnowsTask], ...] = (
+INSERTION_MODES: tuple[type[PegMode], ...] = (
     *(Tilt, Search, Slide, Spiral, Upright, Press, Withdraw),
     *(ReleaseSeated, HomeInserted),
 )
