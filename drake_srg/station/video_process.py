@@ -234,7 +234,7 @@ class RemoteVideoRecorder(CaptionedRecorder):
 def main() -> None:
     """Render the frames that arrive on standard input until it ends."""
     lower_priority()
-    answers = os.fdopen(os.dup(1), "wb")
+    answers = os.fdopen(os.dup(1), "wb", buffering=0)
     os.dup2(2, 1)  # whatever libraries print
     frames, number, reason = 0, 0, ""
     last = wall.monotonic()
@@ -244,17 +244,16 @@ def main() -> None:
         if wall.monotonic() > last + _SIGN_PERIOD:
             last = wall.monotonic()
             answers.write(_SIGN)
-            answers.flush()
 
     try:
         frames = _render(live)
-    except EOFError:  # the simulation's process is gone
+    except (EOFError, BrokenPipeError):  # the simulation's process is gone
         return
     except OSError as error:
         number, reason = error.errno or 0, str(error)
     except Exception as error:
         reason = one_line(error)
-    with answers:
+    with answers, contextlib.suppress(BrokenPipeError):
         pickle.dump((frames, number, reason), answers)
 
 

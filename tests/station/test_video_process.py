@@ -102,6 +102,16 @@ def test_a_process_that_hangs_at_the_end_is_told(tmp_path):
     assert len(told) == 1
 
 
+def test_it_ends_quietly_if_the_simulation_has_died(tmp_path, capfd):
+    with VideoProcess(load_scenario("kitchen", overrides=SMALL), print) as process:
+        process.send(str(tmp_path / "video.mp4"))
+        process._process.stdout.close()
+        process.send()
+        process._process.stdin.close()
+        assert process._process.wait() == 0
+    assert "Traceback" not in capfd.readouterr().err
+
+
 def test_it_ends_with_its_block():
     process = VideoProcess(load_scenario("kitchen"), print)
     with pytest.raises(ZeroDivisionError), process:
