@@ -80,3 +80,17 @@ def test_a_lesson_has_a_small_picture_and_a_line_in_the_index(name):
     (picture,) = re.findall(r"!\[[^\]]+\]\((\w+\.webp)\)", PAGES[name])
     assert (FOLDER / picture).stat().st_size < 60_000
     assert f"({name}.md)" in INDEX
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("friction", "lifts"), [(0.05, False), (0.1, True)])
+def test_a_box_with_little_friction_is_lost_as_the_lesson_says(friction, lifts):
+    page = PAGES["your_object"]
+    assert f"`friction={friction}`" in page
+    (_, block), *_ = BLOCK.findall(page)
+    code = compile(block.replace("friction=0.6", f"friction={friction}"), "box", "exec")
+    if lifts:
+        exec(code, {})
+    else:
+        with pytest.raises(AssertionError, match="something else touches the box"):
+            exec(code, {})
