@@ -2,7 +2,8 @@
 
 Counted is the prose of README.md, CONTRIBUTING.md and docs: paragraphs, items of lists
 and cells of tables, without code blocks, headings and pictures. A full stop, a question
-mark, a colon or the end of a paragraph ends a sentence. Code in backquotes is one word,
+mark, a colon or the end of a paragraph ends a sentence, in a table also a
+semicolon. Code in backquotes is one word,
 and a link is its text.
 
 The lists of exceptions only shrink: a page that needs none must not be on them.
@@ -37,8 +38,7 @@ def sentences(page):
     text = re.sub(r"\[([^\]]*)\]\([^)]*\)", r"\1", text)
     text = re.sub(r"(?s)`[^`]+`", "CODE", text)
     text = re.sub(r"(?m)^#+ .*$", "", text).replace("**", "")
-    text = re.sub(r"(?m)^\|.*$", lambda row: row[0].replace("|", "\n\n"), text)
-    text = text.replace("<br>", "\n\n")
+    text = re.sub(r"(?m)^\|.*$", lambda row: re.sub(r"[|;]|<br>", "\n\n", row[0]), text)
     text = re.sub(r"(?m)^ *([*-]|\d+\.) ", "\n\n", text)
     for paragraph in re.split(r"\n\s*\n", text):
         yield from re.split(r"(?<=[.?:])\s+", " ".join(paragraph.split()))
@@ -87,10 +87,10 @@ def test_exceptions_are_pages():
 
 def test_sentences_are_counted_as_described():
     page = "# A title\n\nOne `two three` [four](x.md).\nFive? Six: seven.\n* eight\n"
-    page += "\n| a | b |\n|---|---|\n| nine. | ten<br>eleven |\n"
+    page += "\n| a | b |\n|---|---|\n| nine. | ten<br>eleven; twelve |\n"
     assert [s for s in sentences(page) if s.strip("-")] == [
         *("One CODE four.", "Five?", "Six:", "seven.", "eight", "a", "b"),
-        *("nine.", "ten", "eleven"),
+        *("nine.", "ten", "eleven", "twelve"),
     ]
     assert long_sentences("word " * 26)
     assert not long_sentences("word " * 25)
