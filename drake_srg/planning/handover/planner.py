@@ -175,7 +175,7 @@ class HandoverPlanner(PlannerMachine[PlannerMemory, Senses]):
         return memory_of(memory).commands(arm)
 
     def sense(self, context: Context) -> Senses:
-        """Return the measurements of both arms; that with the turn comes first."""
+        """Return the measurements of both arms, first of the active one."""
         receiving = memory_of(self.state(context).memory).receiving
         first, second = (
             self._senses(context, self._names[receiver])

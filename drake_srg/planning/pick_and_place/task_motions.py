@@ -223,7 +223,7 @@ class TaskPlanner:
             if all(f.failure is not Failure.BLOCKED for f in reasons):
                 break
         if not reasons:
-            message = f"no known grasp takes a {shape}"
+            message = f"no known grasp fits a {shape}"
             raise NoPathError(PlanningFailure(Failure.NO_GRASP, message))
         raise NoPathError(most_specific(reasons))
 
