@@ -463,7 +463,7 @@ def raised(X: RigidTransform, height: float) -> RigidTransform:
 
 
 def aligned(X_WO_goal: RigidTransform, X_WO: RigidTransform) -> RigidTransform:
-    """Return the goal of an object at `X_WO` [m]: upright, its x parallel to the world's.
+    """Return the goal of an object at `X_WO` [m], upright, its x parallel to world x.
 
     Of both directions of its x, it is the one that turns the object less.
     """
