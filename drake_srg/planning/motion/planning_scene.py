@@ -92,8 +92,8 @@ def _weld_free_bodies(plant: MultibodyPlant) -> None:
         X_WB = plant.GetDefaultFloatingBaseBodyPose(body)
         if X_WB.IsExactlyIdentity():
             raise ValueError(
-                f"{body.scoped_name()}: a free body without a pose (allowed: a weld, or
-                " "SetDefaultFloatingBaseBodyPose)"
+                f"{body.scoped_name()}: a free body without a pose (allowed: a weld, "
+                "or SetDefaultFloatingBaseBodyPose)"
             )
         plant.WeldFrames(plant.world_frame(), body.body_frame(), X_WB)
 
