@@ -30,7 +30,7 @@ class JointStep:
 
 
 class ServoArm(ArmModel):
-    """The model `arm` of a plant with the body `palm` of the model `gripper`.
+    """Kinematics of the model `arm` in a plant; the hand is `palm` of `gripper`.
 
     Args:
         plant: A finalized plant with both.
