@@ -86,7 +86,7 @@ class Memory:
         return draft
 
     def __deepcopy__(self, memo: dict[int, Any]) -> Self:
-        return self  # Drake copies contexts at every step; nobody changes this
+        return self  # no copy: Drake copies contexts at every step
 
 
 class ModeActions(abc.ABC, Generic[ModeT, MemoryT, SensesT, ObservationT]):

@@ -342,8 +342,8 @@ class CarryTaskPlanner(TaskPlanner):
                 moves.joint_path(starts[i], backs[i][-1])
                 for i, moves in enumerate(self._both_moves)
             ]
-            there = self.pair.checked(self._timed(paths), "pre_grasp")
-        return {Mode.PRE_GRASP: there, Mode.GRASP: down}
+            approach = self.pair.checked(self._timed(paths), "pre_grasp")
+        return {Mode.PRE_GRASP: approach, Mode.GRASP: down}
 
     def _carry(
         self, q_grasp: Vector, grasp: Grasp, shape: Solid, X_WO_goal: RigidTransform

@@ -108,7 +108,7 @@ class Settle(Carrying):
         """Move the set-points, and plan the rest."""
         memory = super().enter(memory, entry)
         q_from, q = memory.motion.position(entry.time), entry.senses.q
-        there = PiecewisePolynomial.CubicWithContinuousSecondDerivatives(
+        settling = PiecewisePolynomial.CubicWithContinuousSecondDerivatives(
             [0.0, self.config.settle_time],
             np.column_stack([q_from, q]),
             np.zeros(len(q)),
@@ -117,7 +117,7 @@ class Settle(Carrying):
         # Plan from where the motion ends.
         memory.motion = Motion(q.copy())
         self.replanner.regrasp(memory, q, entry.time)
-        memory.motion = Motion(q_from).followed_by(there, entry.time)
+        memory.motion = Motion(q_from).followed_by(settling, entry.time)
         return memory
 
     def trajectory(self, memory: PlannerMemory) -> None:

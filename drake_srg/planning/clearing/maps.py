@@ -101,9 +101,9 @@ def has_gone(before: HeightMap, after: HeightMap, p_W: Vector) -> bool:
     drop = fallen(before, after)
     if not np.any(drop[near(before, p_W, _GONE)] > 0.0):
         return False
-    left, volume = np.sum(drop[drop > 0.0]), np.sum(drop)
-    least = max(_LEAST_VOLUME / after.resolution**2, _LEAST_SHARE * left)
-    return bool(volume > least)
+    gone, net = np.sum(drop[drop > 0.0]), np.sum(drop)
+    least = max(_LEAST_VOLUME / after.resolution**2, _LEAST_SHARE * gone)
+    return bool(net > least)
 
 
 def volume_gone(
@@ -136,7 +136,7 @@ def volume_taken(before: HeightMap, after: HeightMap, p_W: Vector) -> float:
 
 
 def lowest(seen: HeightMap, earlier: HeightMap | None) -> HeightMap:
-    """Return the lower of two maps in every cell; an unknown height does not count."""
+    """Return the lower of two maps in every cell; unknown heights are ignored."""
     if earlier is None:
         return seen
     return dc.replace(seen, height=np.fmin(seen.height, earlier.height))

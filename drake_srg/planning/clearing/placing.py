@@ -80,7 +80,7 @@ class BinMotions(ClearingMotions):
     ) -> HeldLoad:
         """Return a load, with the fields that depend on the bin; see `plan`.
 
-        Loads go to the middle of the bin and to either side in turns.
+        Loads go to the middle of the bin and to either side in turn.
         """
         size = self.destination.high - self.destination.low
         aside = _ASIDE * np.where(size == size.max(), size, 0.0)

@@ -64,7 +64,7 @@ _HAND = 0.12
 class Claim:
     """A claim of an arm to a depth."""
 
-    since: float = np.inf  # when it was made [s]; inf: there is none; -inf: for good
+    since: float = np.inf  # when it was made [s]; inf: no claim; -inf: for good
     depth: float = SIDE  # [m]
 
     @property
@@ -77,7 +77,7 @@ class Claim:
 
         Args:
             other: The other claim.
-            first: Whether this one counts before a simultaneous one.
+            first: Whether this claim precedes a simultaneous one.
         """
         if self.depth + other.depth > GAP - _ROUNDING:
             return True
@@ -192,7 +192,7 @@ class SharingPickPlanner(PickPlanner):
                 return pick, more
         if not height_map.open:
             memory.claim = before.changed(BEYOND, time)
-        missed.sort(key=lambda pair: pair[0])  # for each thing, the least depth counts
+        missed.sort(key=lambda pair: pair[0])  # least depth first: its reasons count
         return None, [thing for _, thing in missed]
 
     def plan(self, memory: ClearingMemory, height_map: HeightMap, time: float) -> None:
@@ -317,7 +317,7 @@ class SharingVerify(SharingMode, Verify):
         return super().enter(memory, entry)
 
     def update(self, memory: ClearingMemory, now: Now) -> ClearingMemory:
-        """Look once it is this arm's turn, or if that never comes."""
+        """Look once it is this arm's turn, or at once if that never comes."""
         assert isinstance(now.senses, SharingSenses)
         may_look = self.may_enter(memory, now) or now.senses.other.for_good
         return super().update(memory, now) if may_look else memory

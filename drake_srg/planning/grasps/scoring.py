@@ -33,17 +33,17 @@ _FACE, _AWAY = 0.01, 0.02
 # Height of the flank over which its lean is measured [m].
 _RISE = 0.012
 # A low thing may have most of its flank below the limit for things between the pads.
-# Its flank counts from `_FOOT` above the fingers' ends [m], and from `_DEVIATIONS`
-# standard deviations of the table's own heights.
+# Its flank begins `_FOOT` above the fingers' ends [m], or `_DEVIATIONS` standard
+# deviations of the table's own heights if that is higher.
 _FOOT, _DEVIATIONS = 0.001, 2.0
 # Greatest tangent of the angle between a face and the pad that presses on it. Friction
 # would allow 0.6, but blurred edges look less steep than they are.
 STEEPEST = 0.45
 # Weights of the score's terms (docs/grasps.md): twist, wedge, lever [1/m].
 _TWIST, _WEDGE, _LEVER = 2.0, 2.0, 48.0
-# With a friction of 0.6, a lying squeeze bottle of 0.575 kg holds by levers of up to
-# 10 mm. Beyond that it swings, however long the lever. So the cost grows only up to
-# `_LONGEST`, and an unknown lever costs as much as `_UNKNOWN` [m].
+# With a friction of 0.6, a lying squeeze bottle of 0.575 kg is held with levers of up
+# to 10 mm. With any longer lever, it swings. So the cost grows only up to `_LONGEST`.
+# An unknown lever costs as much as `_UNKNOWN` [m].
 _LONGEST, _UNKNOWN = 0.05, 0.017
 # A thing that sticks out along the closing direction tips between the pads. Their
 # friction and pressure resist by N (mu w + h), if they are w apart and h high. Up to

@@ -353,12 +353,12 @@ class ReleaseReceived(Release):
             return memory
         lost = not other_holds(mine, entry.senses)
         mine.trouble.failure = Failure.DROPPED if lost else Failure.NOT_TAKEN
-        mine.trouble.message = _WORDS[mine.trouble.failure]
+        mine.trouble.message = _MESSAGES[mine.trouble.failure]
         mine.cycle.tried = mine.cycle.tried[:-1]  # the giver's grasp did not fail
         return memory
 
 
-_WORDS = {
+_MESSAGES = {
     Failure.DROPPED: "the giver has lost the object that it presented",
     Failure.NOT_TAKEN: "the receiver's hand has closed, but the giver feels no pull",
 }

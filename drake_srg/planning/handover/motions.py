@@ -301,10 +301,10 @@ class HandoverTaskPlanner(TaskPlanner):
             motions, q_take = self._reach(grasp, turn, shape, X_WO, obstacles)
         taken = self.pair.beside(GIVER, q_take, grasp.fingers_closed)
         with taken, self.standing(obstacles):
-            left = self.leave(q_met, given.grasp, shape, X_WO)
+            leaving = self.leave(q_met, given.grasp, shape, X_WO)
         leave: dict[AnyMode, Trajectory] = {
-            HandoverMode.WITHDRAW: left[Mode.RETREAT],
-            HandoverMode.CLEAR: left[Mode.HOME],
+            HandoverMode.WITHDRAW: leaving[Mode.RETREAT],
+            HandoverMode.CLEAR: leaving[Mode.HOME],
         }
         with self.pair.beside(RECEIVER, self.q_home, given.grasp.fingers_open):
             carry = self.receiver.plan_carry(q_take, grasp, shape, X_WO_goal, obstacles)

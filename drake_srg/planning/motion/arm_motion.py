@@ -112,17 +112,17 @@ class Motion:
         """
         if self.trajectory is None:
             return Motion(self.q_rest)
-        left = self.trajectory.end_time() - since
-        if left < _SEARCH:
+        remaining = self.trajectory.end_time() - since
+        if remaining < _SEARCH:
             return Motion(self.trajectory.value(self.trajectory.end_time())[:, 0])
         # The speed along the path rises evenly to the trajectory's, if the rest is long
         # enough.
-        ramp = min(STOP_TIME, float(np.sqrt(2.0 * STOP_TIME * left)))
+        ramp = min(STOP_TIME, float(np.sqrt(2.0 * STOP_TIME * remaining)))
         covered, speed = 0.5 * ramp**2 / STOP_TIME, ramp / STOP_TIME
         breaks, reached, speeds = [0.0, ramp], [since, since + covered], [0.0, speed]
-        if left - covered > _SEARCH:
-            breaks.append(ramp + left - covered)
-            reached, speeds = [*reached, since + left], [*speeds, speed]
+        if remaining - covered > _SEARCH:
+            breaks.append(ramp + remaining - covered)
+            reached, speeds = [*reached, since + remaining], [*speeds, speed]
         scaling = PiecewisePolynomial.CubicHermite(breaks, [reached], [speeds])
         rest = PathParameterizedTrajectory(self.trajectory, scaling)
         return Motion(self.q_rest).followed_by(rest, time)

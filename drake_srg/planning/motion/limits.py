@@ -21,7 +21,7 @@ class TipLimits(Config):
     velocity: float = dc.field(default=0.1, metadata=positive())  # m/s
     acceleration: float = dc.field(default=0.1, metadata=positive())  # m/s²
     jerk: float = dc.field(default=0.1, metadata=positive())  # m/s³
-    # Distance that a turn of the hand counts as [m/rad].
+    # Weight of the hand's turns in the distance on a path [m/rad].
     angle_weight: float = dc.field(default=0.1, metadata={"ge": 0.0})
 
     def slowed(self, factor: float) -> "TipLimits":

@@ -28,7 +28,7 @@ class PickTask:
     Attributes:
         object_name: Name of its blobs.
         shape: Its known shape.
-        goal: Its goal X_WO [m]; the rotation about z does not count.
+        goal: Its goal X_WO [m]; the rotation about z is ignored.
         tolerance: Distance from the goal that counts as placed [m].
         obstacles: Names and shapes of the other objects. Motions keep clear of them.
         repeat: Number of cycles. Every second one takes the object back to its first

@@ -244,8 +244,8 @@ class TaskPlanner:
         with carrying(self.scene, shape, grasp, supported=True):
             path = moves.through(q_start, [above, goal])
             down = moves.timed(path, moves.holding, straight=True)
-        left = self.leave(path[-1], grasp, shape, X_WO_goal)
-        return {Mode.PLACE: down} | left
+        leaving = self.leave(path[-1], grasp, shape, X_WO_goal)
+        return {Mode.PLACE: down} | leaving
 
     def _escape(
         self, q: Vector, fingers: Mapping[str, float]
@@ -273,11 +273,11 @@ class TaskPlanner:
         scene.SetFingers(grasp.fingers_open)
         with scene.standing(shape, X_WO, touchable=True):
             back = moves.straight(q_grasp, moves.behind(q_grasp), turning=True)
-            around = moves.timed(back[::-1], moves.free, straight=True)
+            reach = moves.timed(back[::-1], moves.free, straight=True)
         with scene.standing(shape, X_WO):
-            there = moves.timed(moves.joint_path(q_start, back[-1]), moves.free)
+            approach = moves.timed(moves.joint_path(q_start, back[-1]), moves.free)
         rest = self._after_grasp(shape, X_WO_goal, candidate)
-        return {Mode.GRASP: around, Mode.PRE_GRASP: there, **rest}
+        return {Mode.GRASP: reach, Mode.PRE_GRASP: approach, **rest}
 
     def _after_grasp(
         self, shape: Solid, X_WO_goal: RigidTransform, candidate: Candidate

@@ -83,9 +83,9 @@ class VisualServo(LeafSystem):
     Otherwise, its commands first move there without a jump. With TRACK, every image
     gives the hand's goal in world. An alpha-beta filter estimates the goal and its
     velocity, and every `config.period` the hand moves towards the goal's present
-    position. With FOLLOW, no image counts, and the hand continues with the goal's last
-    velocity. With RAISE, it also rises by `config.rise`, and then brakes and rests.
-    With HOLD, it brakes and rests at once.
+    position. With FOLLOW, images are ignored, and the hand continues with the goal's
+    last velocity. With RAISE, it also rises by `config.rise`, and then brakes and
+    rests. With HOLD, it brakes and rests at once.
 
     The hand is held while the object is not wholly in the image or the features do not
     determine the motion. After `config.patience` such images, or as many equal images
