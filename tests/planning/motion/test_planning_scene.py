@@ -157,7 +157,7 @@ TIME, HALF_STEP = 2.0, 0.006
 
 
 def turn(*joints):
-    """Return a motion at constant speed: each joint by so much in `TIME`."""
+    """Return a motion at constant speed, by an angle per joint in `TIME`."""
     ends = np.column_stack([np.zeros(len(joints)), joints])
     return PiecewisePolynomial.FirstOrderHold([0.0, TIME], ends)
 

@@ -29,7 +29,7 @@ def test_a_moving_arm_stops_where_it_touches_something(mode):
 
 
 def slow_down(task_planner):
-    """Let plans set down by 5 mrad more in another 50 ms."""
+    """Extend planned placements by 5 mrad in another 50 ms."""
     plan = task_planner._motions
 
     def motions(q_start, modes):
