@@ -1,4 +1,4 @@
-"""Planning: motions, grasps, the pick-and-place task, and scripts in its place."""
+"""Planning: motions, grasps, and the planners of all tasks."""
 
 from drake_srg.face import face
 

@@ -34,12 +34,12 @@ from drake_srg.types import AnyMode, Failure, Mode, PlannerStatus, Vector
 
 # Reasons for which any planner gives up, in words.
 GIVES_UP: Mapping[Failure, str] = {
-    Failure.STOPPED: "the arm does not get where it is sent; something is in its way",
+    Failure.STOPPED: "the arm does not reach its destination; something blocks it",
     Failure.TIME_BUDGET: "the time budget is used up",
 }
 _STILL = 0.05  # joint speed below which the fingers rest [rad/s]
 _CLEAR = 0.001  # distance at which resting fingers have let go of an object [m]
-# Time between looks for an object that is not seen [s]: by default, there are three.
+# Time between looks for an object that is not seen [s]. By default, there are 3 looks.
 SEARCH_PERIOD = 0.25
 # A carried object is lost once the gripper's joints have closed by this much on average
 # in `slip_time` [rad]. Fingers around an object yield to each other, which does not
@@ -100,13 +100,13 @@ class PlannerConfig(MotionConfig):
     # Greatest path error of a joint while the hand pushes things on a table, or sets
     # one down [rad]. Beyond it, the planner concludes that something stopped the arm;
     # null: the arm presses on until `arrival_timeout`. Delay alone gives the simulated
-    # iiwa errors of up to 0.021.
+    # iiwa errors of up to 0.021 rad.
     path_tolerance: float | None = dc.field(default=None, metadata=positive())
     # Protective stop: external torques (see `AddExternalTorque`) that end the task
     # while the arm moves, one per joint [N m]; null: no limits. Leave room for carried
     # objects: with a can, the fast kitchen's iiwa 14 feels up to 4 N m, at its wrist
     # 0.3 N m; with a cylinder, the five-axis arm feels 0.12 N m. Errors of the sensors
-    # add to that. A contact at the very end of setting an object down is its goal.
+    # add to that. Contact at the very end of setting an object down does not count.
     max_external_torque: list[float] | None = dc.field(
         default=None, metadata=positive()
     )
@@ -128,9 +128,9 @@ class PlannerConfig(MotionConfig):
     # Whether to look at the object in the hand above the goal, and to plan its placing
     # from there. Useful with cameras that see it there.
     look_before_place: bool = False
-    # Least waits of the arm [s]: with closed fingers before it lifts, with open fingers
-    # before it leaves, and at home. After clearing a table, the last one counts from
-    # the last release.
+    # Shortest waits of the arm [s]: with closed fingers before it lifts, with open
+    # fingers before it leaves, and at home. After clearing a table, the last one counts
+    # from the last release.
     grip_wait: float = dc.field(default=0.0, metadata={"ge": 0.0})
     release_wait: float = dc.field(default=0.0, metadata={"ge": 0.0})
     home_wait: float = dc.field(default=0.0, metadata={"ge": 0.0})
@@ -161,7 +161,7 @@ class PickAndPlace(PlannerConfig):
 class Clear(PlannerConfig):
     """Clears things of any shape off the table, one after another.
 
-    Two `arms` do so at the same time, each into a bin on its own side.
+    Two `arms` clear it at the same time, each into a bin on its own side.
     """
 
     several_arms: ClassVar[bool] = True
@@ -176,7 +176,7 @@ class HandSenses(Generic[SeenT]):
     finger_speeds: Vector  # shape (n,) [rad/s]
     grasped: bool  # both fingers sense something
     proximity: Vector  # shape (m,) [m]
-    see: Callable[[], SeenT]  # looks through the cameras, which takes long
+    see: Callable[[], SeenT]  # reads the cameras, which is slow
 
     @property
     def still(self) -> bool:
@@ -195,7 +195,7 @@ class Observation:
 
     ready: bool = False  # motions are planned, and the planning latency has passed
     pushing: bool = False  # a push is planned, and the planning latency has passed
-    finished: bool = False  # no grasp takes anything that is left
+    finished: bool = False  # no grasp fits anything that is left
     unseen: bool = False  # the last load was not seen where it belongs
     arrived: bool = False  # the mode's motion is over, and the arm has followed it
     stuck: bool = False  # the arm cannot go on as planned
@@ -221,9 +221,9 @@ class Transitions:
     """Transitions between the modes of a planner, as a pure function.
 
     Attributes:
-        table: The transitions. Your own modes are keys like ours.
-        fatal: Failures that lead from every mode to FAILED. All others are left to the
-            table.
+        table: The transitions. Keys may be modes of your own.
+        fatal: Failures that lead from every mode to FAILED. The table handles all
+            others.
 
     Raises:
         ValueError: If a mode that follows another one has no row.
@@ -251,8 +251,8 @@ class Transitions:
         missing = [str(mode) for mode in self.table if mode not in modes]
         if missing:
             raise ValueError(
-                f"modes: no actions for {', '.join(missing)}, which the transitions "
-                f"have (allowed: {', '.join(map(str, modes))})"
+                f"modes: no actions for {', '.join(missing)}, needed by the "
+                f"transitions (allowed: {', '.join(map(str, modes))})"
             )
 
     def __call__(
@@ -266,9 +266,9 @@ class Transitions:
 
         Args:
             mode: The mode now.
-            observation: Present knowledge.
+            observation: The mode's observation.
             t: Time since the mode began [s].
-            config: Its waits and gripper times count here.
+            config: Waits and times of the gripper; None: the defaults.
         """
         if observation.failure in self.fatal:
             return mode if mode in (Mode.DONE, Mode.FAILED) else Mode.FAILED
@@ -336,7 +336,7 @@ class PlannerMachine(
     StateMachine[AnyMode, MotionMemoryT, SensesT, Observation],
     Generic[MotionMemoryT, SensesT],
 ):
-    """Base class of planners: their outputs come from memory, and they begin in IDLE.
+    """Base class of planners, which begin in IDLE; their memory has the commands.
 
     Its modes may be ours, members of your own enum, strings, or a mixture. A run ends
     once the planner is in a mode named `done` or `failed`.
@@ -405,9 +405,11 @@ class PlannerMachine(
     def commands(self, memory: MotionMemoryT, arm: str) -> tuple[Motion, float]:
         """Return the motion and the commanded closure of an arm.
 
+        Override it for several arms.
+
         Args:
             memory: The planner's.
-            arm: The arm's name; empty: the only arm. Override this for several.
+            arm: The arm's name; empty: the only arm.
         """
         return memory.motion, memory.closure
 
@@ -441,7 +443,7 @@ class PlannerMachine(
 
         Args:
             context: The planner's.
-            see: Looks through the cameras; called only when a mode looks.
+            see: Reads the cameras; called only when a mode looks.
             prefix: Prefix of the ports' names.
         """
 
@@ -526,9 +528,9 @@ def AddStatusOutput(
 class _PlanningClock:
     """Wall-clock time that this process has spent on planning.
 
-    It is a clock like `time.process_time` and not part of any simulation: contexts
-    neither hold it nor depend on it, so equal seeds give equal bytes. The caller of a
-    simulation takes the difference between two readings.
+    Like `time.process_time`, it is not part of any simulation: contexts neither hold it
+    nor depend on it, so equal seeds give equal bytes. The caller of a simulation takes
+    the difference between two readings.
     """
 
     def __init__(self) -> None:

@@ -37,7 +37,7 @@ def next_mode(
         table: For each mode, conditions with the mode that follows. The first condition
             that holds decides; if none does, the mode stays.
         mode: The mode now.
-        arguments: Arguments of the conditions.
+        arguments: Passed to each condition.
 
     Raises:
         ValueError: If the table has no row for the mode.
@@ -86,14 +86,14 @@ class Memory:
         return draft
 
     def __deepcopy__(self, memo: dict[int, Any]) -> Self:
-        return self  # Drake copies contexts at every step; nobody changes this
+        return self  # no copy: Drake copies contexts at every step
 
 
 class ModeActions(abc.ABC, Generic[ModeT, MemoryT, SensesT, ObservationT]):
     """The actions of a state machine in one mode; they hold no state of their own.
 
-    `enter` and `update` get a memory that they may change, if it is a `Memory`, and
-    return it. They replace other memories, such as numbers or frozen dataclasses.
+    `enter` and `update` return the next memory. They may change a `Memory` in place,
+    but must replace any other memory, such as a number or a frozen dataclass.
     """
 
     def enter(
@@ -103,9 +103,9 @@ class ModeActions(abc.ABC, Generic[ModeT, MemoryT, SensesT, ObservationT]):
         return memory
 
     def observe_entry(self, memory: MemoryT) -> ObservationT | None:
-        """Return an observation that may end the mode immediately; None: wait.
+        """Return an observation that may end the mode on entry; None: no such one.
 
-        The machine evaluates the transition with it at time 0 in the mode.
+        The machine passes it to the transition, with a time in the mode of 0.
         """
         return None
 
@@ -125,7 +125,7 @@ class MachineState(Generic[ModeT, MemoryT]):
     mode: ModeT
     memory: MemoryT
     since: float = math.nan  # when the mode began [s]; NaN before initialization
-    earlier: dc.InitVar[object] = None  # the memory before, if a state had it
+    earlier: dc.InitVar[object] = None  # the previous memory, if any
 
     def __post_init__(self, earlier: object) -> None:
         make_read_only(self.memory, earlier)  # copies may share it
@@ -147,20 +147,20 @@ class StateMachine(LeafSystem, Generic[ModeT, MemoryT, SensesT, ObservationT]):
 
     Output: `mode`, the present mode (abstract; of the modes' type).
 
-    The initial mode begins at initialization, at any time, and its `enter` gives the
-    first memory. A context that is already under way continues. Then, at time 0 and
-    every `period`,
+    The initial mode begins at initialization, whatever the time, and its `enter`
+    returns the first memory. Initialization changes nothing in a context whose mode has
+    already begun. Then, at time 0 and every `period`,
 
     1. `sense` reads the inputs,
     2. the mode's `update` returns the next memory,
     3. its `observe` returns an observation,
-    4. `transition` says which mode follows, and
+    4. `transition` returns the mode that follows, and
     5. if it is another mode, its `enter` returns the first memory.
 
-    All state is in the context, as one abstract value. A machine without ports of its
-    own can be used as it is. For inputs and outputs, derive from it: declare the ports
-    after calling `__init__`, override `sense`, and calculate outputs from `state`, with
-    `{self.state_ticket}` as prerequisites.
+    All state is in the context, as one abstract value. To add inputs and outputs,
+    derive from the machine: declare the ports after calling `__init__`, override
+    `sense`, and calculate outputs from `state`, with `{self.state_ticket}` as
+    prerequisites.
 
     Args:
         modes: Actions of each mode.
@@ -168,7 +168,7 @@ class StateMachine(LeafSystem, Generic[ModeT, MemoryT, SensesT, ObservationT]):
         memory: The memory on entering the initial mode.
         transition: Returns the mode that follows from (mode, observation, time in the
             mode [s]). Keep it a pure function, so that it can be tested alone;
-            `next_mode` makes one of a table.
+            `next_mode` evaluates a table.
         period: Time between updates [s].
 
     Raises:
@@ -214,7 +214,7 @@ class StateMachine(LeafSystem, Generic[ModeT, MemoryT, SensesT, ObservationT]):
 
     def sense(self, context: Context) -> SensesT:
         """Return the senses that modes read; override it to read the inputs."""
-        return None  # type: ignore[return-value]  # without inputs there is nothing
+        return None  # type: ignore[return-value]  # no inputs
 
     def _calc_mode(self, context: Context, output: AbstractValue) -> None:
         output.set_value(self.state(context).mode)
@@ -255,7 +255,7 @@ class StateMachine(LeafSystem, Generic[ModeT, MemoryT, SensesT, ObservationT]):
     def _entered(
         self, mode: ModeT, memory: MemoryT, entry: Entry[SensesT, ModeT, ObservationT]
     ) -> MachineState[ModeT, MemoryT]:
-        """Return the state after a mode has begun, or after an immediate successor."""
+        """Return the state after entering a mode, and any that follow it at once."""
         for _ in self._modes:
             actions = self._actions(mode)
             memory = actions.enter(memory, entry)
@@ -268,7 +268,9 @@ class StateMachine(LeafSystem, Generic[ModeT, MemoryT, SensesT, ObservationT]):
             entry = dc.replace(entry, previous=mode, observation=observation)
             mode = following
         else:
-            raise RuntimeError(f"entry actions lead in a circle, on to mode {mode}")
+            raise RuntimeError(
+                f"entry actions: modes follow in a circle (next: {mode})"
+            )
         return MachineState(mode, memory, entry.time)
 
     def _SetState(self, state: State, machine: MachineState[ModeT, MemoryT]) -> None:

@@ -1,4 +1,4 @@
-"""A world for the planner, in which all goes well unless a test changes it."""
+"""A fake world for the planner, in which all goes well unless a test changes it."""
 
 import numpy as np
 from helpers import fix
@@ -39,7 +39,7 @@ def motion(start, end):
 
 
 class FakeScene:
-    """Its hand is as far out [m] as the first joint is turned [rad]."""
+    """A scene whose hand is as far out [m] as the first joint is turned [rad]."""
 
     def X_WG(self, q):  # as in PlanningScene
         return RigidTransform([q[0], 0.0, 0.0])
@@ -110,7 +110,7 @@ def make_planner(task_planner=None, repeat=1, **config):
 
 
 class Camera(LeafSystem):
-    """Shows the blobs it is given, and counts how often they are asked for."""
+    """Shows given blobs, and counts its evaluations."""
 
     def __init__(self):
         super().__init__()
@@ -183,7 +183,7 @@ class World:
         return self._context.get_time() - self._start
 
     def show(self, look, modes=(), after=None):
-        """Let the camera show `look()` in some modes, or after one until home."""
+        """Let the camera show `look()` in some modes, or after a mode until home."""
         usual = self.where
 
         def shown(mode):
@@ -193,7 +193,7 @@ class World:
         self.where = shown
 
     def held(self, shift=(0.0, 0.0, 0.0), sign=1.0):
-        """Return the blob of an object in the hand, off by a shift in it [m]."""
+        """Return the blob of an object in the hand, shifted in the hand's frame [m]."""
         grasp = self.task_planner.grasp
         X_WG = self.task_planner.scene.X_WG(self.commands[-1])
         return blob(X_WG @ (grasp.p_GO + shift), axis=sign * grasp.axis_G)

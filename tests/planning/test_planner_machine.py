@@ -52,7 +52,7 @@ def test_outputs_are_what_the_memory_says(q, closure):
 
 
 class Counting(LeafSystem):
-    """Its commands are the number of times that each was calculated."""
+    """A planner whose commands are the numbers of their calculations."""
 
     def __init__(self):
         super().__init__()

@@ -57,8 +57,8 @@ PLANNERS = {
         (*PICK[:8], *INSERTING, *PRESSING, *FROM_RELEASE),
     ),
 }
-# For each planner, modes in which a hand may lose the object, and the mode that follows
-# to open it.
+# For each planner, modes that open a hand, with the modes in which that hand may lose
+# the object.
 LOST = {
     "carrying": {Mode.RELEASE: (Mode.VERIFY, CarryMode.SETTLE, Mode.LIFT)},
     "handover": {
@@ -160,7 +160,7 @@ def test_other_strategies_skip_the_wall_and_a_try_that_fails_is_repeated(
 
 @pytest.mark.parametrize("name", ["handover", "carry_together"])
 def test_the_configuration_is_sent_to_other_processes(name):
-    """As the process that renders the video gets it."""
+    """The process that renders the video gets it that way."""
     scenario = load_scenario(name)
     again = read_typed(Scenario, yaml_dump_typed(scenario))
     assert again.planner == scenario.planner

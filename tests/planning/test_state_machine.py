@@ -213,7 +213,7 @@ def test_a_transition_to_an_unknown_mode_raises():
 
 
 class Passing(Still):
-    """Ends at once where `passes` is in the memory."""
+    """Ends at once if `passes` is in the memory."""
 
     def __init__(self, passes):
         self.passes = passes

@@ -19,13 +19,13 @@ class CarryTogether(PlannerConfig):
     first: str = "left"
     second: str = "right"
     # Once both hands hold the object, their set-points move to where the hands are, in
-    # this time [s]: what they pull against one another goes to zero.
+    # this time [s]. The hands then no longer pull against each other.
     settle_time: float = dc.field(default=0.3, metadata=positive())
 
-    # How far below the support the object's set-point ends [m]. Arms that yield then
-    # press the object on its support: 4 mm are some 15 N per hand of the iiwa. Then it
-    # does not shift when one opening finger leaves it before the other. `place_height`
-    # does not count.
+    # Depth below the support at which the object's set-point ends [m]. Compliant arms
+    # then press the object on its support: 4 mm are some 15 N per hand of the iiwa. So
+    # it does not shift when one opening finger leaves it before the other.
+    # `place_height` is ignored.
     press_depth: float = dc.field(default=0.004, metadata={"ge": 0.0, "le": 0.02})
 
     several_arms: ClassVar[bool] = True

@@ -51,8 +51,8 @@ _UP = np.array([0.0, 0.0, 1.0])
 _FIRMER = 1.5  # factor on the squeeze once a grasp has failed
 # How much farther a wall reaches into the hand than other things do [m]. Other things
 # end 2 mm beyond the base links, whose sensors just see their edge. A heavy crate
-# creeps by up to 2 mm in the hands. Once a base loses the edge, Algorithm 1 sends it to
-# the whole command, and the grip jumps by some millimetres.
+# creeps by up to 2 mm in the hands. If a base link lost the edge, Algorithm 1 would
+# send it to the whole command, and the grip would jump by some millimetres.
 _DEEPER = 0.005
 
 
@@ -85,7 +85,7 @@ def end_walls(solid: Solid) -> tuple[EndWall, EndWall] | None:
     """Return the walls at both ends of a solid along its x; None if it has none.
 
     They are the convex pieces whose centers are farthest along -x and x, if these are
-    boxes along the axes, rise to the top and are as thick as one another.
+    boxes along the axes, rise to the top and are equally thick.
     """
     if not isinstance(solid, ConvexPieces) or len(solid.pieces) < 2:
         return None
@@ -130,7 +130,7 @@ class PairGrasp(SrgGrasp):
 
 
 def pair_grasp(grasp: Grasp) -> PairGrasp:
-    """Return a grasp, cast to that of two hands."""
+    """Return a grasp, cast to a grasp of two hands."""
     assert isinstance(grasp, PairGrasp)
     return grasp
 
@@ -138,8 +138,7 @@ def pair_grasp(grasp: Grasp) -> PairGrasp:
 class CarryTaskPlanner(TaskPlanner):
     """Plans all motions of two arms that carry an object together.
 
-    Postures are those of both arms, shape (2N,) [rad], and every motion moves both. To
-    the machine of picking and placing, it is a planner like any other.
+    A posture is that of both arms, shape (2N,) [rad], and every motion moves both.
 
     Args:
         planners: Plan for each arm alone.
@@ -174,7 +173,7 @@ class CarryTaskPlanner(TaskPlanner):
         return first, second
 
     def regrasped(self, grasp: PairGrasp, q: Vector, X_WO: RigidTransform) -> PairGrasp:
-        """Return a grasp with the object as it is in hands whose arms are at `q`."""
+        """Return a grasp, updated to the hands with both arms at `q` (2N,) [rad]."""
         first, second = (X_WG.inverse() @ X_WO for X_WG in self.X_WGs(q))
         return dc.replace(
             grasp,
@@ -265,7 +264,7 @@ class CarryTaskPlanner(TaskPlanner):
             message = f"the goal is taken: {taken}"
             raise NoPathError(PlanningFailure(Failure.BLOCKED, message))
         walls = end_walls(shape)
-        assert walls is not None, "whoever makes the planner checks it"
+        assert walls is not None, "checked where the planner is built"
         bases = [arm.scene.p_WA for arm in self.pair.arms]
         ends = [X_WO @ wall.X_OE.translation() for wall in walls]
         swapped = _apart(bases, ends) > _apart(bases, ends[::-1])
@@ -280,7 +279,7 @@ class CarryTaskPlanner(TaskPlanner):
             held = (first.X_GO, second.X_GO)
             grasp = PairGrasp(**vars(first.grasp), X_GOs=held)
             q_pick = np.concatenate([first.q, second.q])
-            # Inverse kinematics has its tolerances; the closed chain has none.
+            # Inverse kinematics has tolerances; the closed chain has none.
             grasp = self.regrasped(grasp, q_pick, X_WO)
             try:
                 reach = self._reach(q_start, q_pick, grasp, shape, X_WO)
@@ -317,7 +316,7 @@ class CarryTaskPlanner(TaskPlanner):
         if found:
             return found
         if not failures:
-            why = f"no known grasp takes an end wall of a {shape}"
+            why = f"no known grasp fits an end wall of a {shape}"
             raise NoPathError(PlanningFailure(Failure.NO_GRASP, why))
         nearest = min(failures, key=lambda failure: failure.violation)
         message = f"{arm.name}, pick: {nearest.message}"
@@ -343,8 +342,8 @@ class CarryTaskPlanner(TaskPlanner):
                 moves.joint_path(starts[i], backs[i][-1])
                 for i, moves in enumerate(self._both_moves)
             ]
-            there = self.pair.checked(self._timed(paths), "pre_grasp")
-        return {Mode.PRE_GRASP: there, Mode.GRASP: down}
+            approach = self.pair.checked(self._timed(paths), "pre_grasp")
+        return {Mode.PRE_GRASP: approach, Mode.GRASP: down}
 
     def _carry(
         self, q_grasp: Vector, grasp: Grasp, shape: Solid, X_WO_goal: RigidTransform
@@ -384,10 +383,10 @@ class CarryTaskPlanner(TaskPlanner):
             placing, q_place = self._carried(q_start, grasp, X_WO, pressed, "place")
         self._set_fingers(grasp.fingers_open)
         with self._standing(shape, X_WO_goal, touchable=True):
-            aways = self._backs(q_place)
-            away = self.pair.checked(self._timed(aways, straight=True), "retreat")
+            backs = self._backs(q_place)
+            away = self.pair.checked(self._timed(backs, straight=True), "retreat")
         with self._standing(shape, X_WO_goal, touchable=False):
-            home = self._home([path[-1] for path in aways])
+            home = self._home([path[-1] for path in backs])
         return {Mode.PLACE: placing, Mode.RETREAT: away, Mode.HOME: home}
 
     def _home(self, starts: Sequence[Vector]) -> Trajectory:
@@ -408,7 +407,7 @@ class CarryTaskPlanner(TaskPlanner):
         Args:
             grasp: The grasp of both hands.
             shape: The object's.
-            margin: Distance that it keeps from furniture [m]; None: the hands'.
+            margin: Distance that the object keeps from furniture [m]; None: the hands'.
         """
         self._set_fingers(grasp.fingers_closed)
         first, second = self.pair.arms
@@ -433,10 +432,10 @@ class CarryTaskPlanner(TaskPlanner):
             grasp: The grasp of both hands.
             X_WO: The object's pose at `q` [m].
             X_WO_end: Pose of the object at the end [m].
-            what: The motion is, for messages.
+            what: Name of the motion, for messages.
         """
-        way = object_path(X_WO, X_WO_end)
-        path = self.pair.follow(q, [grasp.X_WGs(X_WO) for X_WO in way], what)
+        poses = object_path(X_WO, X_WO_end)
+        path = self.pair.follow(q, [grasp.X_WGs(X_WO) for X_WO in poses], what)
         limits = [moves.holding for moves in self._both_moves]
         motion = minimum_jerk_motion(path, limits)
         return self.pair.checked(motion, what), path[-1]
@@ -464,9 +463,9 @@ def raised(X: RigidTransform, height: float) -> RigidTransform:
 
 
 def aligned(X_WO_goal: RigidTransform, X_WO: RigidTransform) -> RigidTransform:
-    """Return the goal of an object at `X_WO` [m]: upright, its x along the world's.
+    """Return the goal of an object at `X_WO` [m], upright, its x parallel to world x.
 
-    Either end may be to the left. It is the one that turns the object less.
+    Of both directions of its x, it is the one that turns the object less.
     """
     left = X_WO.rotation().matrix()[0, 0] < 0.0
     turn = RotationMatrix.MakeZRotation(np.pi if left else 0.0)

@@ -56,9 +56,10 @@ carry_transition = Transitions(CARRY_TRANSITIONS, FATAL)
 
 
 class LargeSightings(Sightings):
-    """Reads views of an object that is larger than the distance between look-alikes.
+    """Finds an object that is larger than the distance between look-alikes.
 
-    A part of it that something hides from the rest is a blob, too, but no certain one.
+    In an image, something may cut a part off it. That part is a blob, too, but never a
+    certain one.
     """
 
     def obstacles(self, view: View, p_WO: Vector | None = None) -> Obstacles:
@@ -73,7 +74,7 @@ class CarryReplanner(Replanner):
     _task_planner: CarryTaskPlanner
 
     def regrasp(self, memory: PlannerMemory, q: Vector, time: float) -> None:
-        """Plan with the object in both hands, at the pose in which it was seen.
+        """Plan with the object in both hands, at the pose at which it was seen.
 
         Args:
             memory: The planner's.
@@ -95,8 +96,8 @@ class CarryReplanner(Replanner):
 class Settle(Carrying):
     """Moves the set-points to the actual poses of the hands, so that no hand pulls.
 
-    The hands have met the walls where they are, not where they were believed to be. The
-    rest of the task is planned from there.
+    The walls are where the hands met them, not where they were expected. The rest of
+    the task is planned from there.
     """
 
     mode = CarryMode.SETTLE
@@ -107,7 +108,7 @@ class Settle(Carrying):
         """Move the set-points, and plan the rest."""
         memory = super().enter(memory, entry)
         q_from, q = memory.motion.position(entry.time), entry.senses.q
-        there = PiecewisePolynomial.CubicWithContinuousSecondDerivatives(
+        settling = PiecewisePolynomial.CubicWithContinuousSecondDerivatives(
             [0.0, self.config.settle_time],
             np.column_stack([q_from, q]),
             np.zeros(len(q)),
@@ -116,14 +117,14 @@ class Settle(Carrying):
         # Plan from where the motion ends.
         memory.motion = Motion(q.copy())
         self.replanner.regrasp(memory, q, entry.time)
-        memory.motion = Motion(q_from).followed_by(there, entry.time)
+        memory.motion = Motion(q_from).followed_by(settling, entry.time)
         return memory
 
     def trajectory(self, memory: PlannerMemory) -> None:
         """Return no planned motion: `enter` makes one."""
 
     def observe_arrived(self, memory: PlannerMemory, now: Now) -> Observation:
-        """Report whether both hands hold the object, and that planning is over."""
+        """Report whether both hands hold the object, and whether planning is over."""
         return Observation(
             arrived=True,
             holding=holding(memory, now.senses),
@@ -170,14 +171,14 @@ class CarryPlanner(PlannerMachine[PlannerMemory, Senses]):
     `PickAndPlacePlanner`, for each arm.
 
     Both arms move at once, by one motion of all their joints. Each hand takes an end
-    wall of the object from above. Then object and arms are a closed chain: the object
+    wall of the object from above. Object and arms are then a closed chain: the object
     follows a minimum-jerk motion, and both hands keep their places on it. The modes are
     those of picking and placing, with one more between the check of the grasp and the
     lift: `Settle`.
 
     Args:
-        task_planner: Plans the motions of both.
-        task: The task, with an object that has end walls.
+        task_planner: Plans the motions of both arms.
+        task: The task; its object has end walls.
         config: Times and limits.
     """
 

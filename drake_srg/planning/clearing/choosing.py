@@ -38,12 +38,12 @@ _EDGES = np.ones((9, 9), np.uint8)
 
 
 # Returns the label of a grasp's thing, -1 for none, and the motions to its destination;
-# None if the thing must stay.
+# None to skip the grasp.
 Route: TypeAlias = Callable[[TopGrasp, HeightMap], "tuple[int, ClearingMotions] | None"]
 
 
 class PickPlanner:
-    """Plans the next pick; holds nothing between calls.
+    """Plans the next pick; keeps no state between calls.
 
     Args:
         grasps: Finds grasps in a height map.
@@ -145,10 +145,10 @@ class PickPlanner:
 
     @planning_clock.running()
     def plan(self, memory: ClearingMemory, height_map: HeightMap, time: float) -> None:
-        """Plan the next pick; finish if no grasp takes anything that is left.
+        """Plan the next pick; finish if no grasp fits anything that is left.
 
-        If no grasp takes anything from a heap, the heap is pushed first, at most
-        `config.max_attempts` times.
+        If no grasp is left, a heap is pushed first, at most `config.max_attempts`
+        times.
 
         Args:
             memory: The planner's memory.
@@ -179,7 +179,7 @@ class PickPlanner:
         height_map: HeightMap,
         time: float,
     ) -> tuple[Pick | None, list[Remaining]]:
-        """Return the next pick, and why better grasps are left; see `plan`."""
+        """Return the next pick, and why better grasps were skipped; see `plan`."""
         return self._first_pick(self.route, memory, found, height_map, time)
 
     def _first_pick(
@@ -190,10 +190,10 @@ class PickPlanner:
         height_map: HeightMap,
         time: float,
     ) -> tuple[Pick | None, list[Remaining]]:
-        """Return the first pick along a route, and why better grasps are left."""
+        """Return the first pick along a route, and why better grasps were skipped."""
         missed: list[Remaining] = []
         planned = 0
-        # Grasps share bins, and to look into one on its map takes tens of milliseconds.
+        # Grasps share bins, and reading the map of a bin takes tens of milliseconds.
         filled = functools.cache(memory.loads.filled)
         spots = functools.cache(memory.loads.spots)
         for grasp in found.grasps:
@@ -261,7 +261,7 @@ class PickPlanner:
     def _given_up(
         self, tried: Iterable[TopGrasp], grasp: TopGrasp, found: GraspPlan
     ) -> bool:
-        """Return whether the allowed number of like grasps have failed there."""
+        """Return whether as many similar grasps as allowed have failed there."""
         count = sum(
             _near(failed.p_WC, grasp.p_WC)
             or (
@@ -288,7 +288,7 @@ def _distinct(left: Iterable[Remaining]) -> list[Remaining]:
 
 
 def _named(places: Iterable[Vector], left: list[Remaining]) -> list[Remaining]:
-    """Return the remaining things, with the nearest reason for each given place, too.
+    """Return the remaining things, plus unexplained places with the nearest reason.
 
     Things that touch each other count as one thing with one reason.
     """
@@ -351,7 +351,7 @@ def label_of(grasp: TopGrasp, height_map: HeightMap, table: float) -> int:
 
 
 class ChosenGrasps(HeightMapGrasps):
-    """Finds grasps of labelled things only; everything else is in the way.
+    """Finds grasps of labelled things only; everything else is an obstacle.
 
     Its maps are LabeledHeightMaps. For its arguments see `HeightMapGrasps`.
     """
@@ -368,7 +368,7 @@ class ChosenGrasps(HeightMapGrasps):
         return dc.replace(segments, things=tuple(parts))
 
     def allowed(self, segments: Segmentation, candidates: Candidates) -> Candidates:
-        """Return the candidates that take one labelled thing."""
+        """Return the candidates that close on a single labelled thing."""
         low, high = (
             candidates.p_W + side[:, None] * candidates.direction
             for side in (candidates.low, candidates.high)

@@ -56,8 +56,8 @@ class ClearingMode(PlannerMode[ClearingMemory, Senses]):
 
     Attributes:
         yields: Whether the arm stops once it is off its path by `path_tolerance`.
-            Otherwise, it would press things into each other: with 500 N, a plate into a
-            box.
+            Otherwise, it would press things into each other, such as a plate into a box
+            with 500 N.
         planner: Plans the picks.
         config: Times and limits.
     """
@@ -69,16 +69,16 @@ class ClearingMode(PlannerMode[ClearingMemory, Senses]):
         self.config = planner.config
 
     def trajectory(self, memory: ClearingMemory) -> Trajectory | None:
-        """Return the planned motion of the mode, None where the arm rests."""
+        """Return the planned motion of the mode, None if the arm rests."""
         return memory.pick.motions.get(self.mode) if memory.pick else None
 
     def final_failure(self, memory: ClearingMemory, time: float) -> Failure | None:
-        """Return the failure that ends the task in any mode; None without one."""
+        """Return the failure that ends the task in any mode, or None."""
         over = time > self.config.time_budget
         return memory.failure or (Failure.TIME_BUDGET if over else None)
 
     def observe_mode(self, memory: ClearingMemory, now: Now) -> Observation:
-        """Report whether the arm has arrived, or is stopped by something."""
+        """Report whether the arm has arrived, or something stops it."""
         motion, q = memory.motion, now.senses.q
         if motion.arrived(q, now.time):
             return Observation(arrived=True)
@@ -121,7 +121,7 @@ class Idle(ClearingMode):
         return memory
 
     def update(self, memory: ClearingMemory, now: Now) -> ClearingMemory:
-        """Look whenever a look is due, from the last look before `search_time` on."""
+        """Look periodically, beginning with the last look before `search_time`."""
         view, done = memory.view, memory.pick or memory.push or memory.finished
         if done or now.time < view.next_look:
             return memory
@@ -142,7 +142,7 @@ class Idle(ClearingMode):
         self.planner.plan(memory, seen, time)
 
     def observe_mode(self, memory: ClearingMemory, now: Now) -> Observation:
-        """Report a pick or a push once planning has taken its time, or the end."""
+        """Report a pick or a push after the planning latency, or the end."""
         pick, push = memory.pick, memory.push
         return Observation(
             ready=pick is not None and now.time >= pick.ready_at,
@@ -248,13 +248,13 @@ class Grasp(ClearingMode):
         return super().enter(memory, entry)
 
     def observe_mode(self, memory: ClearingMemory, now: Now) -> Observation:
-        """Report the arrival; fingers that stand on something close where they are."""
+        """Report the arrival. Fingers that something stops close where they are."""
         observed = super().observe_mode(memory, now)
         return Observation(arrived=observed.arrived or observed.stuck)
 
 
 class Close(ClearingMode):
-    """Closes the fingers; meanwhile, looks for the previous load, clear of the arm."""
+    """Closes the fingers, and looks for the previous load, now that the arm is away."""
 
     mode = Mode.CLOSE
 
@@ -270,7 +270,7 @@ class Close(ClearingMode):
 
 
 class Lift(ClearingMode):
-    """Lifts what the fingers have closed on, straight up at first."""
+    """Lifts the load, straight up at first."""
 
     mode = Mode.LIFT
 
@@ -286,16 +286,16 @@ class Transfer(ClearingMode):
     mode = Mode.TRANSFER
 
     def update(self, memory: ClearingMemory, now: Now) -> ClearingMemory:
-        """Feel whether the load is still there when the arm arrives."""
+        """Check by touch, on arrival, whether the hand still holds the load."""
         pick, senses = memory.planned, now.senses
         if not memory.motion.arrived(senses.q, now.time):
             return memory
         if pick.grasp.detectable:
-            told = pick.grasp.holds(senses.fingers, senses.proximity)
+            plausible = pick.grasp.holds(senses.fingers, senses.proximity)
         else:  # fingers that lose such a thin load close further
             closing = np.mean(senses.fingers - pick.angles)
-            told = bool(closing < SLIP_CLOSING)
-        pick.held = senses.grasped and told
+            plausible = bool(closing < SLIP_CLOSING)
+        pick.held = senses.grasped and plausible
         return memory
 
     def observe_mode(self, memory: ClearingMemory, now: Now) -> Observation:
@@ -320,9 +320,9 @@ class Release(ClearingMode):
         """Let go, judge the pick by the map, and plan the next one.
 
         To drop a load, the hand opens fully: the load may have slipped up to where the
-        fingers are closer to each other. To set one down, it does not, because there
-        may be other things beside it. A stuck arm presses no further. Its pick has
-        failed, unless the load already stands on something.
+        fingers are closer to each other. To set a load down, it opens less, because
+        there may be other things beside it. A stuck arm stops where it is. Its pick has
+        failed, unless it was setting the load down.
         """
         pick, released = memory.planned, memory.released
         grasp, placing = pick.grasp, pick.placing
@@ -347,11 +347,11 @@ class Release(ClearingMode):
         return memory
 
     def update(self, memory: ClearingMemory, now: Now) -> ClearingMemory:
-        """Open fully if the fingers have come to rest and would lift the load again.
+        """Open fully if the fingers rest without having let go.
 
-        The load may have turned between their bases. Or it stands on tips that are
-        still bent because something, such as the wall of a bin, has pushed the fingers
-        open.
+        They would lift the load again. It may have turned between the base links. Or it
+        may lie on tips that are still bent, because something, such as the wall of a
+        bin, has pushed the fingers open.
         """
         # Fingers also rest for a moment after their tips have straightened.
         late = now.time >= memory.released.at + 0.5 * self.config.gripper_timeout
@@ -368,7 +368,7 @@ class Release(ClearingMode):
 
     @staticmethod
     def _has_let_go(memory: ClearingMemory, now: Now) -> bool:
-        """Return whether nothing is near the fingers, which are straight."""
+        """Return whether the fingers are straight, and nothing is near them."""
         hand, senses = memory.released.hand, now.senses
         return senses.clear and (hand is None or hand.straight(senses.fingers))
 
@@ -377,7 +377,7 @@ class LastChance(ClearingMode):
     """A mode that gives up if something stops the arm."""
 
     def observe_mode(self, memory: ClearingMemory, now: Now) -> Observation:
-        """Report whether the arm has arrived; give up where something stops it."""
+        """Report whether the arm has arrived; give up if something stops it."""
         observed = super().observe_mode(memory, now)
         failure = Failure.STOPPED if observed.stuck else None
         return Observation(arrived=observed.arrived, failure=failure)
@@ -389,7 +389,7 @@ class LastChance(ClearingMode):
         motion: Trajectory | PlanningFailure,
         wait: float = 0.0,
     ) -> ClearingMemory:
-        """Return the memory with a motion begun, or with the reason for having none."""
+        """Return the memory with a motion begun, or with the failure of its plan."""
         if isinstance(motion, PlanningFailure):
             memory.failure, memory.message = motion.failure, motion.message
         else:
@@ -399,12 +399,12 @@ class LastChance(ClearingMode):
 
 
 class Retreat(LastChance):
-    """Moves the open hand up and over the bin from where it got stuck or has placed."""
+    """Moves the open hand up and over the bin after it got stuck or set a load down."""
 
     mode = Mode.RETREAT
 
     def enter(self, memory: ClearingMemory, entry: Entry) -> ClearingMemory:
-        """Plan the way back from where the arm is, unless there is one, and go."""
+        """Follow the planned way out; without one, plan from where the arm is."""
         released = memory.released
         way_out, released.way_out = released.way_out, None
         if way_out is not None:
@@ -417,7 +417,7 @@ class Retreat(LastChance):
 
 
 class Verify(LastChance):
-    """Moves the arm aside and looks for the last load, and for anything beside it."""
+    """Moves the arm aside, and looks for the last load and for things that missed."""
 
     mode = Mode.VERIFY
 
@@ -451,7 +451,7 @@ class Home(LastChance):
     mode = Mode.HOME
 
     def enter(self, memory: ClearingMemory, entry: Entry) -> ClearingMemory:
-        """Plan the way home, and go; wait there until the last load has settled."""
+        """Plan the way home, and go. Wait there until the last load has settled."""
         motions = self.planner.motions
         motion = motions.plan_way(memory.motion.destination, motions.q_home)
         wait = memory.released.at + self.config.home_wait - entry.time
@@ -478,7 +478,7 @@ class End(ClearingMode):
 
 
 class Done(End):
-    """Nothing is left that a grasp takes, and the arm is home."""
+    """No grasp fits anything that is left, and the arm is home."""
 
     mode = Mode.DONE
 
@@ -522,8 +522,8 @@ class ClearingPlanner(PlannerMachine[ClearingMemory, Senses]):
     Outputs: `position_commanded` (N) [rad]; `closure_commanded` (1), 0 open .. 1
     closed; `mode` (Mode); `status` (PlannerStatus).
 
-    The planner knows no shapes. It looks from above the bin, where the arm hides
-    nothing, takes the best grasp within reach, and carries the load over the bin. A
+    The planner knows no shapes. It looks while the arm is over the bin and hides
+    nothing. It takes the best grasp within reach, and carries the load over the bin. A
     pick counts as held if the fingers feel something there (touch, proximity and their
     angles), and if the thing at the grasp is gone from the table. The planner avoids
     grasps that failed. After `config.max_attempts` failures in one place, it leaves the
@@ -544,7 +544,7 @@ class ClearingPlanner(PlannerMachine[ClearingMemory, Senses]):
         num_fingers: Number n of the gripper's measured joints.
         num_sensors: Number m of its proximity readings.
         modes: The modes.
-        memory: The kind of its memory.
+        memory: Class of its memory.
     """
 
     def __init__(
@@ -571,7 +571,7 @@ class ClearingPlanner(PlannerMachine[ClearingMemory, Senses]):
         self.declare_hand_inputs(num_fingers, num_sensors)
 
     def sense(self, context: Context) -> Senses:
-        """Return the measurements; the cameras are asked only when a mode looks."""
+        """Return the measurements; the cameras are read only when a mode looks."""
         return Senses(
             **vars(self.hand_senses(context, lambda: self._map.Eval(context))),
             see_destinations=lambda: (

@@ -14,7 +14,8 @@ from drake_srg.types import HeightMap, Vector
 # Radius around a destination in which the planner looks for a load that missed it [m].
 BESIDE = 0.1
 # How far a load in the hand may reach beyond a bin, and how far around the bin the
-# planner looks in the end for loads that missed it [m]. The arm is farther away.
+# planner takes its last look for loads that missed it [m]. The arm is then farther
+# away.
 AROUND = 0.2
 # In maps, a bin's edge flickers between wall and table within `EDGE` outside [m].
 # Within `_WALL` inside, a cell may still be wall [m].
@@ -71,7 +72,7 @@ class Destination:
 
     Attributes:
         low: Its least x, y in world, shape (2,) [m].
-        high: Its greatest.
+        high: Its greatest x, y.
         place: Place for the middle of a thing on its support, if it stands as before,
             shape (3,) [m]; None where loads are dropped.
         rim: World z of a bin's rim [m]; None: it has none.

@@ -44,10 +44,10 @@ from drake_srg.types import (
 _ROLLED = 0.3
 # Most of the volume that disappears this near to the grasp belongs to the load [m].
 _CORE = 0.03
-# If the hand over the bin holds a thing, at least this share of the thing is near the
-# bin. A long thing that was pushed there would lie on both sides of the limit.
+# A rise may be the hand with its load if at least this share of it is near the bin. A
+# long thing that was pushed there would lie on both sides of the limit.
 _LEAST_NEAR = 0.8
-# Noise raises the cells at the edges of a rise.
+# Noise also changes cells at the edges of a rise: they go with it.
 _EDGES = np.ones((5, 5), np.uint8)
 
 
@@ -80,8 +80,9 @@ class Pick(Memory):
         """Return a map without the hand over a bin and its load.
 
         A load that reaches over the edge of the bin would look like a thing on the
-        table, and so would its end beyond the omitted region. A thing that really lies
-        there appears in later looks, or now, if most of it lies outside.
+        table, and so would an end of it beyond the region near the bin. So a rise is
+        removed whole, unless over a fifth of it lies outside that region. A thing that
+        really lies there appears in later looks.
         """
         if self.destination.rim is None:
             return seen
@@ -139,9 +140,9 @@ class Attempts(Memory):
     Attributes:
         picks: Number of grasps begun.
         tried: Grasps that failed.
-        stopped: Those of them on the way to which the arm got stuck.
+        stopped: Those that failed because the arm got stuck.
         pushed: Pushes begun since the last load was taken.
-        doubtful: Whether the target of the previous pick has moved meanwhile.
+        doubtful: Whether the last approach was abandoned because its target moved.
     """
 
     picks: int = 0
@@ -153,11 +154,11 @@ class Attempts(Memory):
 
 @dc.dataclass
 class Released(Memory):
-    """The hand since it let go last.
+    """The hand since its last release.
 
     Attributes:
         at: Time of the release [s].
-        hand: Its model; None before the first time.
+        hand: Model of its fingers; None before the first release.
         fingers: Angles of the gripper's joints since then, by name [rad].
         astray: Whether the arm is still where it got stuck or set a thing down.
         way_out: The way up after the last load was laid down. The next pick is planned
@@ -179,11 +180,11 @@ class ClearingMemory(MotionMemory):
         view: Knowledge of the table from the cameras.
         pick: The pick under way, or the next one.
         push: Rest of the push under way, or the next one.
-        finished: Whether no grasp takes anything that is left.
-        left: Things that no grasp takes, and why.
+        finished: Whether no grasp fits anything that is left.
+        left: Things that remain, and why.
         attempts: The attempts so far.
         released: The hand since its last release.
-        loads: Loads that the hand has let go, and where they are.
+        loads: Loads that the hand has released, and where they are.
         first_seen_at: Time at which the first pick was planned [s].
         failure: Why the planner gives up.
         message: The same in words.
@@ -203,7 +204,7 @@ class ClearingMemory(MotionMemory):
 
     @property
     def planned(self) -> Pick:
-        """The pick, for modes that begin only with one."""
+        """The planned pick, for modes that need one."""
         assert self.pick is not None, "this mode needs a planned pick"
         return self.pick
 

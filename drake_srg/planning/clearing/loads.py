@@ -124,7 +124,7 @@ class Load:
 
 @dc.dataclass
 class Loads(Memory):
-    """All loads that the hand has let go, and the maps of their destinations.
+    """All loads that the hand has released, and the maps of their destinations.
 
     A load counts only if it is seen at its destination. One that fell out and is picked
     again counts once. Without a camera there, every load that was taken counts.
@@ -187,7 +187,7 @@ class Loads(Memory):
         return load.height
 
     def add(self, load: Load) -> None:
-        """Add a load that the hand has let go, or may have."""
+        """Add a load that the hand has released, or may have."""
         if self.seen is None:  # then taking it suffices
             counts = load.felt and not load.again
             verdict = Verdict.ARRIVED if counts else Verdict.NONE
@@ -223,7 +223,7 @@ class Loads(Memory):
         return arrived
 
     def _strike_off_left(self, destination: Destination, volume: float) -> None:
-        """Stop counting a load that has left the bin, as a mug does on open fingers.
+        """Stop counting a load that has left the bin, such as a mug on an open finger.
 
         A load that only topples or moves within the bin keeps its volume there.
 
@@ -241,10 +241,10 @@ class Loads(Memory):
     def match_missed(self, destination: Destination, volume: float) -> bool:
         """Return whether a new thing beside a bin may be a missed load.
 
-        If no load is missed, something else may have rolled there. Or a load may have
-        left the bin unnoticed when another came in; it then stops counting. If the
-        other lies at its place, only a thing of the same volume matches. Without a map
-        of the destinations, a load may always be missed.
+        It may be if a load was dropped. It may also be a load that counted and has left
+        the bin unnoticed: that load then stops counting. If another load now covers its
+        place, only a thing of the same volume matches. Without a map of the
+        destinations, the new thing always matches.
 
         Args:
             destination: The bin.
@@ -329,8 +329,8 @@ class Risen:
             beside &= ~(low & destination.contains(after, EDGE))
             hidden = inside & ~low & _hides(destination, after)
             inside, beside = inside & ~hidden, beside | hidden
-            # A load on the rim is one part: its ends join above the strip that the wall
-            # hides.
+            # A load across the rim is one part: its ends join above the wall, whose
+            # cells were unknown before.
             changed |= np.isnan(before.height) & (after.height > destination.rim)
         away = beside | ~destination.contains(after, BESIDE)
         received, over, apart = [], 0.0, 0.0

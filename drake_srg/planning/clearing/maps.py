@@ -14,8 +14,8 @@ from pydrake.math import RigidTransform
 from drake_srg.planning.motion.planning_scene import PlanningScene
 from drake_srg.types import Box, HeightMap, LabeledHeightMap, Shape, Vector
 
-# Heights that differ by less than both are equal: [m], below the height of a spoon's
-# handle, and in standard deviations of a change's noise.
+# Heights that differ by no more than the larger of both are equal: [m], below the
+# height of a spoon's handle, and in standard deviations of a change's noise.
 _SAME, _DEVIATIONS = 0.003, 3.0
 # Changes of less than this are noise at the edges of things [m³].
 _LEAST_VOLUME = 1.0e-6
@@ -45,7 +45,7 @@ _LEFT, _HIDDEN = 0.01, 0.02
 _FORK = 0.02
 _TAKEN_RADIUS = 0.12  # things this near to a grasp are the load itself [m]
 _LEAST_HEIGHT = 0.005  # lower things are below every motion across [m]
-# Hardly any cell of a map is noisier than so many standard deviations.
+# Hardly any cell of a map is off by more than this many standard deviations.
 _PEAK = 5.0
 # Reach of the open hand around its middle [m].
 HAND_RADIUS = 0.16
@@ -101,9 +101,9 @@ def has_gone(before: HeightMap, after: HeightMap, p_W: Vector) -> bool:
     drop = fallen(before, after)
     if not np.any(drop[near(before, p_W, _GONE)] > 0.0):
         return False
-    left, volume = np.sum(drop[drop > 0.0]), np.sum(drop)
-    least = max(_LEAST_VOLUME / after.resolution**2, _LEAST_SHARE * left)
-    return bool(volume > least)
+    gone, net = np.sum(drop[drop > 0.0]), np.sum(drop)
+    least = max(_LEAST_VOLUME / after.resolution**2, _LEAST_SHARE * gone)
+    return bool(net > least)
 
 
 def volume_gone(
@@ -136,7 +136,7 @@ def volume_taken(before: HeightMap, after: HeightMap, p_W: Vector) -> float:
 
 
 def lowest(seen: HeightMap, earlier: HeightMap | None) -> HeightMap:
-    """Return the lower of two heights in every cell, or the known one."""
+    """Return the lower of two maps in every cell; unknown heights are ignored."""
     if earlier is None:
         return seen
     return dc.replace(seen, height=np.fmin(seen.height, earlier.height))
@@ -180,7 +180,7 @@ def fallen(before: HeightMap, after: HeightMap) -> Vector:
     noise = _deviation(drop[np.isfinite(drop)])
     drop = np.nan_to_num(drop)
     differs = (np.abs(drop) > max(_SAME, _DEVIATIONS * noise)).astype(np.uint8)
-    closed = cv2.morphologyEx(differs, cv2.MORPH_CLOSE, _KERNEL)  # unknown cells
+    closed = cv2.morphologyEx(differs, cv2.MORPH_CLOSE, _KERNEL)  # fill gaps
     return np.where(opened(closed > 0), drop, 0.0)
 
 
@@ -264,7 +264,7 @@ def obstacle_boxes(
 ) -> list[tuple[Shape, RigidTransform]]:
     """Return boxes that fill a height map, with their poses [m].
 
-    Noise gets no boxes: to add hundreds to a scene takes seconds.
+    Noise gets no boxes: adding hundreds to a scene takes seconds.
 
     Args:
         height_map: The map.

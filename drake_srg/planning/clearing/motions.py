@@ -41,8 +41,8 @@ from drake_srg.types import AnyMode, Box, HeightMap, Mode, Vector
 # rare posture.
 _STARTS = 4
 _WITHIN = 0.01  # error of the radii of the ring that the hand reaches [m]
-# From this horizontal distance to a load's place, the hand hides nothing there [m]. The
-# turns of the first joint are tried for that.
+# At this horizontal distance from a load's place, the hand hides nothing there [m].
+# These turns of the first joint are tried to get that far.
 _AWAY = 0.6
 _TURNS = np.deg2rad(np.arange(15.0, 180.0, 15.0))
 # A load turns about the line between the pads until it hangs from them. No household
@@ -134,16 +134,16 @@ def reach_with_hand_down(
         return None
     ends = []
     for beyond in (0.0, float(scene.levers[0])):
-        within, without, q = middle, beyond, in_middle.q
-        while abs(without - within) > _WITHIN:
-            between = 0.5 * (within + without)
+        reached, missed, q = middle, beyond, in_middle.q
+        while abs(missed - reached) > _WITHIN:
+            between = 0.5 * (reached + missed)
             # The posture found nearby is the best start, and no other is needed.
             found = solve_from(scene, target(between), q)
             if found is None:
-                without = between
+                missed = between
             else:
-                within, q = between, found
-        ends.append(within)
+                reached, q = between, found
+        ends.append(reached)
     x, y = scene.p_WA[:2]
     return Reach((float(x), float(y)), *ends)
 
@@ -199,7 +199,7 @@ class HeldLoad:
 
     @property
     def tall(self) -> bool:
-        """Whether it does not hang but might topple over the rim."""
+        """Whether it stays level, but is so tall that it might topple over the rim."""
         return self.below > _TALL and not self.may_hang
 
     @property
@@ -213,7 +213,7 @@ class HeldLoad:
 
     @property
     def level(self) -> HeldLoad:
-        """The same load, if it does not turn in the hand and the bin is not full."""
+        """The same load, if it stays level in the hand and the bin is not full."""
         return dc.replace(self, sag=0.0, piled=0.0)
 
     @classmethod
@@ -229,13 +229,13 @@ class HeldLoad:
             table: Height of the table [m].
         """
         # Neighbours may hang from the load, but do not move its middle.
-        all_away = _away(height_map, table, p_WC)
+        touching = _away(height_map, table, p_WC)
         across_W = X_WG.rotation().matrix()[:2, 2]  # of the line between the pads
-        hangs = float(np.max(np.abs(all_away @ across_W)))
+        hangs = float(np.max(np.abs(touching @ across_W)))
         below = max(float(p_WC[2]) - table, 0.01)
-        long = bool(np.max(np.linalg.norm(all_away, axis=1)) > _LONG)
-        away = _away(height_map, table, p_WC, _STEP)
-        middle = np.clip(0.5 * (away.min(axis=0) + away.max(axis=0)), -_ASIDE, _ASIDE)
+        long = bool(np.max(np.linalg.norm(touching, axis=1)) > _LONG)
+        own = _away(height_map, table, p_WC, _STEP)
+        middle = np.clip(0.5 * (own.min(axis=0) + own.max(axis=0)), -_ASIDE, _ASIDE)
         return cls(
             p_GC=X_WG.inverse() @ p_WC,
             below=below,
@@ -248,7 +248,7 @@ class HeldLoad:
 def _away(
     height_map: HeightMap, table: float, p_WC: Vector, step: float = np.inf
 ) -> Vector:
-    """Return the cells of the thing at a grasp, relative to the grasp, (n, 2) [m]."""
+    """Return the cells of `thing_at` a grasp, relative to the grasp, (n, 2) [m]."""
     away: Vector = thing_at(height_map, table, p_WC, step) - p_WC[:2]
     return away
 
@@ -256,8 +256,8 @@ def _away(
 class ClearingMotions(abc.ABC):
     """Plans the motions of picks, and of the empty hand between them.
 
-    It holds nothing between calls. `scene`, `q_home`, `q_over` and `destination` can be
-    read from it.
+    It keeps no state between calls. `scene`, `q_home`, `q_over` and `destination` can
+    be read from it.
 
     Args:
         scene: The arm, the gripper and the furniture.
@@ -307,9 +307,8 @@ class ClearingMotions(abc.ABC):
             number: Number of loads that were dropped before. Only bins use it and the
                 next two arguments.
             filled: World z up to which the bin may be filled [m].
-            spots: Places where loads that may hang from the hand are laid down, and
-                tall ones set down. All other loads are dropped; without spots, these
-                are, too.
+            spots: Places to lay down loads that may hang from the hand, and to set down
+                tall ones. Without a spot, a load is dropped.
         """
         try:
             q_grasp = self._reach(grasp)
@@ -337,7 +336,7 @@ class ClearingMotions(abc.ABC):
     def _with_destination(
         self, load: HeldLoad, number: int, filled: float, spots: Spots
     ) -> HeldLoad:
-        """Return a load, completed by its destination; see `plan`."""
+        """Return a load, with the fields that depend on the destination; see `plan`."""
         return load
 
     @abc.abstractmethod
@@ -355,11 +354,11 @@ class ClearingMotions(abc.ABC):
             q_grasp: Posture of the arm, shape (N,) [rad].
             grasp: The grasp.
             load: The load.
-            least: The least height [m].
+            least: Least height of the lift [m].
             height_map: Height map of the table.
 
         Raises:
-            NoPathError: If there are none.
+            NoPathError: If there is no such motion.
         """
 
     def _approach(
@@ -373,7 +372,7 @@ class ClearingMotions(abc.ABC):
         """Return the motions to a grasp, the last one down from `height` [m] above.
 
         Raises:
-            NoPathError: If there are none.
+            NoPathError: If there is no such motion.
         """
         scene, moves = self.scene, self._moves
         scene.SetFingers(grasp.fingers_open)
@@ -427,7 +426,7 @@ class ClearingMotions(abc.ABC):
 
     @contextlib.contextmanager
     def _loaded(self, load: HeldLoad) -> Iterator[None]:
-        """Let the hand carry a box as long as there is room below the grasp."""
+        """Let the hand carry a box that reaches as far down as the load may hang."""
         length = load.below + load.sag
         box = Box([length, _LOAD_WIDTH, _LOAD_WIDTH])
         middle = RigidTransform(load.p_GC + np.array([0.5 * length, 0.0, 0.0]))

@@ -19,8 +19,8 @@ from drake_srg.planning.motion.planning_scene import NoPathError
 from drake_srg.planning.motion.trajectories import STRAIGHT, PathPart, joined
 from drake_srg.types import AnyMode, HeightMap, Mode, Vector
 
-# A load is let go this high above everything below it [m]. This is more than it sags in
-# the fingers, and a short fall.
+# A load is let go this high above everything below it [m]: more than it sags in the
+# fingers, but low enough to fall softly.
 _ABOVE = 0.02
 # Angles of the load on its way from hanging to lying [rad].
 _ANGLES = np.deg2rad([0.0, 15.0, 30.0, 45.0, 60.0, 75.0, 90.0])
@@ -32,33 +32,31 @@ _ASIDE = 0.22
 # If the arm cannot lift a load high enough, it draws the load in by these shares of
 # the distance.
 _DRAWN_IN = (0.15, 0.3, 0.45)
-# A long load swings as it is lifted. At full speed, a hammer of 0.67 kg pulls itself
-# out of the pads. Share of that speed while a load that may hang is lifted.
+# Share of the full speed at which a load that may hang is lifted. A long load swings:
+# at full speed, a hammer of 0.67 kg pulls itself out of the pads.
 _GENTLE = 0.6
 # Height above its support at which a thing is let go [m].
 _ABOVE_PLACE = 0.002
 # Radius around a place that contains the whole thing, but no neighbours [m]: the least
-# spacing of things that the hand takes.
+# spacing at which the hand can take things.
 _AROUND = 0.06
 
 
 def laying_targets(
     X_WG: RigidTransform, load: HeldLoad, palm: float, spot: Spot, high: float
 ) -> list[HandTarget]:
-    """Return the hand's first pose for laying a load down, and its path from there.
+    """Return the poses through which the hand lays a load down, the highest first.
 
-    Two pads are a hinge: a long load may hang from them. Dropped like that, it falls on
-    its end and topples to any side, perhaps over the rim. So the hand goes down on an
-    arc around that end, and the load ends as it lay on the table. A load that is still
-    level ends at the same place. A load that does not turn goes straight down.
-
-    The hand begins high over the end that hangs, and goes straight down to where the
-    load stands on that end.
+    Two pads are a hinge: a long load may hang from them. Dropped like that, it would
+    land on one end and topple to any side, perhaps over the rim. So the hand first goes
+    straight down until the load stands on its hanging end. Then it moves on an arc
+    around that end, until the load lies as it lay on the table. A load that is still
+    level ends at the same place. A load that cannot hang goes straight down.
 
     Args:
         X_WG: The hand over the middle of the bin, as it drops things.
         load: The load.
-        palm: Height of the palm above the underside of the level load [m].
+        palm: Height of the palm above the underside of a level load [m].
         spot: Place where it must lie.
         high: World z of the palm at which the hanging load clears the rim [m].
     """
@@ -75,17 +73,14 @@ def laying_targets(
 
 
 class BinMotions(ClearingMotions):
-    """Plans picks of things that go into a bin.
-
-    Its destination has a rim.
-    """
+    """Plans picks of things that go into a bin: a destination with a rim."""
 
     def _with_destination(
         self, load: HeldLoad, number: int, filled: float, spots: Spots
     ) -> HeldLoad:
-        """Return a load, completed by its destination; see `plan`.
+        """Return a load, with the fields that depend on the bin; see `plan`.
 
-        Loads go to the middle of the bin and to either side in turns.
+        Loads go to the middle of the bin and to either side in turn.
         """
         size = self.destination.high - self.destination.low
         aside = _ASIDE * np.where(size == size.max(), size, 0.0)
@@ -136,7 +131,7 @@ class BinMotions(ClearingMotions):
         return limits.scaled(_GENTLE, _GENTLE**2) if load.may_hang else limits
 
     def _drawn_in(self, q: Vector, load: HeldLoad) -> Vector:
-        """Return the way up and towards the arm's first joint from `q`, (k, N) [rad].
+        """Return the path up and towards the arm's first joint from `q`, (k, N) [rad].
 
         Raises:
             NoPathError: If the arm cannot go there.
@@ -202,9 +197,9 @@ class BinMotions(ClearingMotions):
         Args:
             up: The line on which it is lifted.
             lifting: The motion along that line, which ends at rest.
-            place: Place where it is let go, or where the way down begins.
+            place: The hand where it lets go, or where the way down begins.
             load: The load.
-            lifted: The load as it must clear everything below it during the lift.
+            lifted: The load as assumed for the height of the lift.
 
         Raises:
             NoPathError: If the arm cannot go there.

@@ -1,4 +1,4 @@
-"""Pushes apart a heap from which no grasp takes anything."""
+"""Pushes apart a heap that offers no grasp."""
 
 from __future__ import annotations
 
@@ -169,7 +169,7 @@ _STARTS = 4  # of inverse kinematics
 
 
 class PushMotions:
-    """Plans pushes in a planning scene; holds nothing between calls.
+    """Plans pushes in a planning scene; keeps no state between calls.
 
     Args:
         scene: The arm, the gripper, the furniture and the bin.
@@ -203,7 +203,7 @@ class PushMotions:
     def plan(
         self, q_start: Vector, height_map: HeightMap, tried: Sequence[Push] = ()
     ) -> Push | None:
-        """Plan to a heap, through its top, and over the bin; None if there is no way.
+        """Plan motions to a heap, through its top, and over the bin, or return None.
 
         Args:
             q_start: Posture of the arm, at rest, shape (N,) [rad].
@@ -215,7 +215,7 @@ class PushMotions:
             return None
         moves = self._moves
         up = np.array([0.0, 0.0, self._fingers.deepest])
-        # Broadside first.
+        # Try the broad side of the hand first.
         for yaw in (push.yaw + 0.5 * np.pi, push.yaw - 0.5 * np.pi, push.yaw):
             self.scene.SetFingers(self._fingers.closed(0.0).joints)
             start, end = (
@@ -253,7 +253,7 @@ class PushMotions:
         """Return the motions of an empty hand along parts of a path.
 
         Raises:
-            NoPathError: If there are none.
+            NoPathError: If there is no such motion.
         """
         moves = self._moves
         apart = tuple(moves.timed_part(part, moves.free) for part in parts)

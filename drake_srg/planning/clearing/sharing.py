@@ -1,11 +1,11 @@
-"""Two arms that clear one table at the same time, and never meet.
+"""Two arms that clear one table at the same time without meeting.
 
-A vertical plane halfway between the arms divides the table. All of an arm stays at a
-depth behind that plane, on its own side, or crosses it: then its depth is negative. The
-depths of both arms always add up to `GAP` or more, so that the arms are apart. At the
-depth `SIDE`, an arm is in nobody's way. To go further, it claims a lesser depth, and
-the earlier of two claims that exclude one another comes first. Walls in the planners'
-scenes keep each motion at its depth.
+A vertical plane halfway between the arms divides the table. An arm at a depth stays at
+least that far behind the plane, on its own side. With a negative depth, it may go that
+far beyond the plane. The depths of both arms always add up to `GAP` or more, which
+keeps the arms apart. At the depth `SIDE`, an arm never conflicts with the other one. To
+go farther, it claims a lesser depth. If two claims exclude each other, the earlier one
+comes first. Walls in the planners' scenes keep each motion at its depth.
 """
 
 from __future__ import annotations
@@ -64,7 +64,7 @@ _HAND = 0.12
 class Claim:
     """A claim of an arm to a depth."""
 
-    since: float = np.inf  # when it was made [s]; inf: there is none; -inf: for good
+    since: float = np.inf  # when it was made [s]; inf: no claim; -inf: for good
     depth: float = SIDE  # [m]
 
     @property
@@ -77,7 +77,7 @@ class Claim:
 
         Args:
             other: The other claim.
-            first: Whether this one counts before a simultaneous one.
+            first: Whether this claim precedes a simultaneous one.
         """
         if self.depth + other.depth > GAP - _ROUNDING:
             return True
@@ -86,8 +86,8 @@ class Claim:
     def granted(self, other: Claim, time: float, *, first: bool) -> bool:
         """Return whether the arm may go to the claimed depth.
 
-        The claim is then at least one update old. So the arm knows all earlier claims
-        of the other one, whose updates are at the same times.
+        The claim must be at least one update old. Both arms are updated at the same
+        times, so the arm then knows all earlier claims of the other one.
 
         Args:
             other: See `comes_first`.
@@ -97,7 +97,7 @@ class Claim:
         return self.since < time and self.comes_first(other, first=first)
 
     def changed(self, depth: float, time: float) -> Claim:
-        """Return a claim to another depth; it keeps its turn unless it asks for more.
+        """Return a claim to another depth; only a lesser depth costs its priority.
 
         Args:
             depth: The depth [m].
@@ -132,8 +132,9 @@ class SharingMemory(ClearingMemory):
 class SharingPickPlanner(PickPlanner):
     """Plans picks at each depth.
 
-    Those at the depth `SIDE`, which are possible at any time, are kept for when the
-    other arm crosses the plane, unless it waits for that now. Nothing is pushed.
+    Picks at the depth `SIDE` are possible at any time. The planner saves them for when
+    the other arm crosses the plane, unless that arm is waiting to do so. It never
+    pushes.
 
     Args:
         grasps: Finds grasps in a height map.
@@ -191,7 +192,7 @@ class SharingPickPlanner(PickPlanner):
                 return pick, more
         if not height_map.open:
             memory.claim = before.changed(BEYOND, time)
-        missed.sort(key=lambda pair: pair[0])  # for each thing, the least depth counts
+        missed.sort(key=lambda pair: pair[0])  # least depth first: its reasons count
         return None, [thing for _, thing in missed]
 
     def plan(self, memory: ClearingMemory, height_map: HeightMap, time: float) -> None:
@@ -203,9 +204,10 @@ class SharingPickPlanner(PickPlanner):
     def plan_retreat(
         self, memory: ClearingMemory, q: Vector, fingers: Mapping[str, float]
     ) -> Trajectory | PlanningFailure:
-        """Plan the way home from as far as the arm has claimed."""
+        """Plan the way back over the bin, at the greatest depth that works."""
         assert isinstance(memory, SharingMemory)
-        # With a pick planned, the claim is for that one, and the arm is over its bin.
+        # No lesser depth than the claim. With a pick planned, the claim is for that
+        # pick, and the arm is over its bin.
         least = memory.claim.depth if memory.pick is None else SIDE
         for motions in self.by_depth:
             motion = motions.plan_retreat(q, fingers)
@@ -221,13 +223,13 @@ def _way(
     grasp: TopGrasp,
     height_map: HeightMap,
 ) -> tuple[int, ClearingMotions] | None:
-    """Return motions to a grasp, once, if there is room between it and their wall.
+    """Route a grasp by some motions, if it is new and has room beside their wall.
 
     Args:
         motions: The motions.
-        easier: Motions to a greater depth, which leave out what these reach; None: all
-            grasps count.
-        tried: Grasps and motions so far.
+        easier: Motions at a greater depth. Grasps that these reach are saved for later;
+            None: no grasps are saved.
+        tried: Grasps and motions so far; a new pair is added.
         grasp: The grasp.
         height_map: The map.
     """
@@ -296,7 +298,7 @@ class SharingRelease(SharingMode, Release):
     def enter(self, memory: ClearingMemory, entry: Entry) -> ClearingMemory:
         """Let the other arm go first next time, unless something has stopped this one.
 
-        The view is of before, so it shows where the load was.
+        This look still uses the ended claim, so it shows where the load was.
         """
         assert isinstance(memory, SharingMemory)
         stuck = entry.observation is not None and entry.observation.stuck
@@ -306,25 +308,25 @@ class SharingRelease(SharingMode, Release):
 
 
 class SharingVerify(SharingMode, Verify):
-    """Looks in the end once the other arm is on its side."""
+    """Takes the last look once the other arm is on its own side."""
 
     def enter(self, memory: ClearingMemory, entry: Entry) -> ClearingMemory:
-        """Claim what the look must show, and go."""
+        """Claim the area that the look must show, and go."""
         assert isinstance(memory, SharingMemory)
         memory.claim = Claim(entry.time, BEYOND)
         return super().enter(memory, entry)
 
     def update(self, memory: ClearingMemory, now: Now) -> ClearingMemory:
-        """Look once it is this arm's turn, or if that never comes."""
+        """Look once it is this arm's turn, or at once if that never comes."""
         assert isinstance(now.senses, SharingSenses)
         may_look = self.may_enter(memory, now) or now.senses.other.for_good
         return super().update(memory, now) if may_look else memory
 
 
 class SharingFailed(SharingMode, Failed):
-    """Claims for good where the arm stands, unless that is on its side.
+    """Claims the arm's depth for good, unless the arm is on its own side.
 
-    So the other arm keeps away from there, but no longer waits for its turn.
+    The other arm then keeps clear of it, but no longer waits for its turn.
     """
 
     def enter(self, memory: ClearingMemory, entry: Entry) -> ClearingMemory:
@@ -369,11 +371,11 @@ class SharingPlanner(ClearingPlanner):
         - status
         - claim
 
-    Connect `claim` (2) to `other_claim` (2) of the other arm's planner, and the
-    reverse: when the claim was made [s], inf without one, and its depth [m]. The
-    earlier claim comes first. An arm that waits has a claim, and the other one ends its
-    own after one pick. So neither waits for more than that. The claim of an arm that
-    fails beyond its side is for good, from -inf on: the other arm clears the rest.
+    Connect `claim` (2) to `other_claim` (2) of the other arm's planner, and vice versa.
+    It has the time at which the claim was made [s], inf without a claim, and the depth
+    [m]. The earlier claim comes first. Each arm ends its claim after one pick, so the
+    other one waits no longer than that. An arm that fails beyond its own side claims
+    its depth for good, since -inf. The other arm then clears the rest.
 
     Args:
         planner: Plans the picks.
@@ -411,7 +413,7 @@ class SharingPlanner(ClearingPlanner):
         return memory.claim
 
     def _cropped(self, seen: HeightMap, claim: Claim, other: Claim) -> SharedHeightMap:
-        """Return a map without the other arm's side, or where it may be.
+        """Return a map without the area in which the other arm may be.
 
         The camera is on this arm's side, so the other arm hides nothing there.
         """
@@ -468,7 +470,7 @@ def joint_status(statuses: Mapping[str, PlannerStatus]) -> PlannerStatus:
 
 
 class JointStatus(LeafSystem):
-    """Reports what several planners do as if they were one.
+    """Reports on several planners as if they were one.
 
     .. pydrake_system::
 

@@ -1,4 +1,4 @@
-"""The plane between two arms, walls along it, and maps and motions that end there."""
+"""The plane between two arms, walls parallel to it, and maps and motions with walls."""
 
 from __future__ import annotations
 
@@ -17,18 +17,19 @@ from drake_srg.planning.motion.arm_model import restores_fingers
 from drake_srg.planning.motion.planning_scene import PlanningFailure, PlanningScene
 from drake_srg.types import AnyMode, Box, Failure, HeightMap, Mode, Vector
 
-# Least distance between the arms [m]. It is more than both lag behind their commands,
-# by 0.02 m each at a joint error of 0.02 rad.
+# Least distance between the arms [m]. It exceeds the sum of their errors: 0.02 m each,
+# at a joint error of 0.02 rad.
 GAP = 0.05
-# Depths [m]: beyond the plane, up to the plane, and in nobody's way. An open hand needs
-# 0.12 m on either side of a grasp. So both arms can take what lies in the middle.
+# Depths [m]: across the plane, up to the plane, and clear of the other arm, wherever
+# that is. An open hand needs 0.12 m on either side of a grasp, so with `BEYOND` both
+# arms can take things from the middle.
 BEYOND = -0.16
 HALF = 0.5 * GAP
 SIDE = GAP - BEYOND
 # A hand takes nothing nearer than this to a wall [m]: half the palm's width.
 _ROOM = 0.04
 _SIZE = 6.0  # of a wall [m]
-_EDGE = 0.01  # a thing this near to the end of a map may go on beyond it [m]
+_EDGE = 0.01  # a thing this near to the end of a map may extend beyond it [m]
 _SAMPLES = 40  # of a motion with a load
 LOADED = (Mode.LIFT, Mode.TRANSFER, Mode.PLACE)
 
@@ -39,7 +40,7 @@ class Frontier:
 
     Attributes:
         middle: A point of it, x and y in world, shape (2,) [m].
-        inward: Direction from there to the arm, shape (2,).
+        inward: Direction from there to the arm, a unit vector, shape (2,).
     """
 
     middle: Vector
@@ -51,7 +52,7 @@ class Frontier:
 
         Args:
             p_WA: Base of the first arm, shape (2 or 3,) [m].
-            p_WB: That of the second.
+            p_WB: Base of the second arm.
         """
         apart = p_WA[:2] - p_WB[:2]
         return cls(0.5 * (p_WA[:2] + p_WB[:2]), apart / np.linalg.norm(apart))
@@ -79,10 +80,10 @@ class Wall:
 
 @dc.dataclass(frozen=True, eq=False)
 class SharedHeightMap(HeightMap):
-    """A height map that shows nothing of the other arm, nor of where it may be.
+    """A height map without the area in which the other arm is or may be.
 
     Attributes:
-        least: The least depth to which the arm may go now [m].
+        least: The least depth that is free for the arm now [m].
         wanted: Whether the other arm waits.
         for_good: Whether the other arm has failed and stays where it is.
     """
@@ -98,7 +99,7 @@ class SharedHeightMap(HeightMap):
 
     @property
     def open(self) -> bool:
-        """Whether the map shows all that the arm could ever take."""
+        """Whether the map shows everything that the arm could ever take."""
         return self.for_good or self.least <= BEYOND
 
     def is_like(self, other: SharedHeightMap) -> bool:
@@ -110,12 +111,12 @@ class SharedHeightMap(HeightMap):
 
 
 class WalledMotions(BinMotions):
-    """Plans picks on one side of a wall, where all of the load stays, too.
+    """Plans picks on one side of a wall, which the load does not cross either.
 
     Args:
         wall: The wall, which is in the scene.
-        *args: As of `ClearingMotions`.
-        **others: As of `ClearingMotions`.
+        *args: See `ClearingMotions`.
+        **others: See `ClearingMotions`.
     """
 
     def __init__(self, wall: Wall, *args: Any, **others: Any) -> None:
@@ -123,7 +124,7 @@ class WalledMotions(BinMotions):
         self.wall = wall
 
     def reaches(self, grasp: TopGrasp, room: float = _ROOM) -> bool:
-        """Return whether there is some room [m] between a grasp and the wall."""
+        """Return whether there is `room` [m] between a grasp and the wall."""
         depth = self.wall.frontier.depth(grasp.p_WC)
         return bool(depth > self.wall.depth + room)
 
@@ -143,10 +144,9 @@ class WalledMotions(BinMotions):
         filled: float = -np.inf,
         spots: Spots = Spots(),  # noqa: B008  # it is immutable
     ) -> dict[AnyMode, Trajectory] | PlanningFailure:
-        """Plan like `ClearingMotions`; however the load hangs, it clears the wall.
+        """Plan like `BinMotions`; the load clears the wall, however it hangs.
 
-        A thing that the map shows only in part is left where it is, because its size is
-        unknown.
+        A thing that the map shows only in part stays, because its size is unknown.
         """
         assert isinstance(height_map, SharedHeightMap)
         depth = self.wall.frontier.depth
@@ -158,7 +158,7 @@ class WalledMotions(BinMotions):
         least = self.wall.depth + length  # of the hand with the load
         message = "the load would reach over to the other arm"
         over = PlanningFailure(Failure.BLOCKED, message)
-        if depth(grasp.p_WC) < least:  # planning would take long
+        if depth(grasp.p_WC) < least:  # do not plan in vain
             return over
         motions = super().plan(
             q_start, grasp, height_map, number, filled=filled, spots=spots

@@ -24,7 +24,7 @@ class Wrap:
         hinge_y: Their distance from the palm's middle [m].
         radius: Radius of the circle on which the tips' ends move about them [m].
         face_x: Palm x of the open base links' faces [m].
-        gap: Between these and the top of the thing as the fingers close [m].
+        gap: Gap between these faces and the top of the thing as the fingers close [m].
         widths: Least and greatest width of a thing [m].
     """
 
@@ -104,7 +104,7 @@ class Fingers(abc.ABC):
 
     @abc.abstractmethod
     def holds(self, width: float, q: Vector, proximity: Vector) -> bool:
-        """Return whether fingers whose sensors fire hold something of a given width.
+        """Return whether what the fingers sense has about a given width.
 
         Args:
             width: Expected width between the pads [m].

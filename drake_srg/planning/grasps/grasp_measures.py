@@ -161,7 +161,7 @@ def merged(
     Args:
         p: Middles of the faces, shape (n, 3) [m].
         n: Unit normals, shape (n, 3).
-        force: Normal forces, shape (n,) [N], some above 0.
+        force: Normal forces, shape (n,) [N], at least one above 0.
         points: 1 or 5.
 
     Returns:
@@ -217,13 +217,14 @@ class Body:
 def cone_wrenches(patches: Sequence[Patch], body: Body) -> Vector:
     """Return the wrenches of the edges of all friction cones.
 
-    A wrench belongs to a normal force of 1 N.
+    Each wrench is that of a normal force of 1 N.
 
     Returns:
         Force [N] and moment over size [N], shape (points, edges, 6).
     """
     p, n, mu = _points(patches)
-    # Any two unit vectors across the normal: the smallest entry's axis is far from it.
+    # Any two unit vectors across the normal: the axis of its smallest entry is far from
+    # it.
     axis = np.eye(3)[np.abs(n).argmin(axis=1)]
     first = np.cross(n, axis)
     first /= np.linalg.norm(first, axis=1, keepdims=True)
@@ -317,7 +318,7 @@ def resisted_acceleration(patches: Sequence[Patch], body: Body) -> float:
         program = MathematicalProgram()
         force = program.NewContinuousVariables(len(wrenches))
         a = program.NewContinuousVariables(1)
-        # Pressing forces in units of 1 N; an edge counts with its normal part, 1.
+        # Each variable is the normal force along one edge of a cone [N].
         pull = np.concatenate([direction, np.zeros(3)]) * body.mass
         weight = np.concatenate([body.g_W, np.zeros(3)]) * body.mass
         program.AddLinearEqualityConstraint(
@@ -335,7 +336,7 @@ def resisted_acceleration(patches: Sequence[Patch], body: Body) -> float:
 
 
 def friction_margin(patches: Sequence[Patch], body: Body) -> float:
-    """Return the greatest friction of all patches over the object's weight.
+    """Return the greatest friction force of all patches over the object's weight.
 
     For a pinch, this is the acceleration that the pads withstand across their normals,
     in units of gravity.
@@ -347,8 +348,8 @@ def friction_margin(patches: Sequence[Patch], body: Body) -> float:
 def slip_margin(patches: Sequence[Patch]) -> float:
     """Return the least unused share of friction, 0 .. 1; 0 without contact.
 
-    A sensor of force and moment could measure it (Bicchi, Salisbury and Brock, IJRR
-    12:249, 1993).
+    A force-torque sensor could measure it (Bicchi, Salisbury and Brock, IJRR 12:249,
+    1993).
     """
     least = 1.0 if patches else 0.0
     for patch in patches:

@@ -34,7 +34,7 @@ _EXACT = 0.002  # tolerance of a direction [rad]
 
 @dc.dataclass(frozen=True, kw_only=True)
 class Grasp(abc.ABC):
-    """One way to take an object, and to set it down with its axis upright.
+    """A way to take an object, and to set it down with its axis upright.
 
     The axis is the object's z unless `axis_O` says otherwise.
 
@@ -55,7 +55,7 @@ class Grasp(abc.ABC):
     # Direction of the palm's y in the object, perpendicular to its axis, shape
     # (3,): the normal of a box's face. None: the object is round.
     across_O: Vector | None = None
-    # Whether the goal's turn about the axis counts, too.
+    # Whether the goal also fixes the object's rotation about its axis.
     turn_counts: bool = False
     # Direction in the palm that must point down when the hand takes a lying
     # object, perpendicular to `axis_G` and the palm's y, shape (3,). None: the
@@ -69,7 +69,7 @@ class Grasp(abc.ABC):
 
     @property
     def X_GO(self) -> RigidTransform:
-        """Pose of the object in the hand [m]; a round one's turn is arbitrary."""
+        """The object's pose in the hand [m]; a round one has an arbitrary rotation."""
         if self.across_O is None:
             return pose_along(self.p_GO, self.axis_G)
         R_GA = _axes(self.axis_G, PALM_Y)
@@ -82,8 +82,8 @@ class Grasp(abc.ABC):
         """Return the hand's target for holding the object at `X_WO`.
 
         Args:
-            X_WO: The object's pose in world [m]. Its turn about its axis does not
-                count unless `turn_counts`.
+            X_WO: The object's pose in world [m]. Its rotation about its axis is ignored
+                unless `turn_counts`.
             angle_tolerance: Tolerance of the angle of the object's axis in the hand
                 [rad].
         """
@@ -115,7 +115,8 @@ class Grasp(abc.ABC):
 
         Args:
             X_WG: Pose of the hand [m].
-            X_WO_goal: The goal [m]. The object is turned about its axis as in the hand.
+            X_WO_goal: The goal [m]. The hand determines the rotation of an object with
+                faces about its axis.
         """
         if self.across_O is None:
             return X_WO_goal
@@ -124,7 +125,7 @@ class Grasp(abc.ABC):
 
     @abc.abstractmethod
     def holds(self, q: Vector, proximity: Vector) -> bool:
-        """Return whether fingers whose sensors fire hold the object, by its size.
+        """Return whether what the fingers sense may be the object, by its size.
 
         Args:
             q: Measured angles of the gripper's joints, shape (n,) [rad].
@@ -140,7 +141,7 @@ class PinchGrasp(Grasp):
     width: float  # between the pads [m]
 
     def holds(self, q: Vector, proximity: Vector) -> bool:
-        """Return whether fingers whose sensors fire hold the object, by its size."""
+        """Return whether what the fingers sense has about its width."""
         return self.fingers.holds(self.width, q, proximity)
 
 
@@ -169,7 +170,7 @@ class Hand(abc.ABC):
 
         Args:
             shape: The object's.
-            X_WO: Its pose [m]; the turn of a round one about its axis does not count.
+            X_WO: Its pose [m]. A round object's rotation about its axis is ignored.
             firmness: Factor on the usual squeeze, if the hand can vary it.
         """
 
@@ -217,7 +218,7 @@ _REGRASP_SQUEEZE = 1.5
 
 @dc.dataclass(frozen=True)
 class Candidate:
-    """A grasp with the arm's postures at both ends."""
+    """A grasp with the arm's postures at the pick and at the place."""
 
     grasp: Grasp
     X_WO: RigidTransform  # of the object, with the grasp's end up
@@ -228,10 +229,10 @@ class Candidate:
 
 @dc.dataclass(frozen=True)
 class GraspSearch:
-    """Searches for grasps with a planning scene; holds nothing between calls.
+    """Searches for grasps in a planning scene; keeps no state between calls.
 
     Args:
-        scene: The arm, the gripper and what they may hit.
+        scene: The arm, the gripper and their surroundings.
         hand: The grasps of that gripper.
         q_home: Home posture of the arm, shape (N,) [rad].
         place_height: Height above the goal at which the hand lets go [m].
@@ -251,10 +252,11 @@ class GraspSearch:
         turned: bool = False,
         tried: Sequence[str] = (),
     ) -> tuple[list[Candidate], list[PlanningFailure]]:
-        """Return the grasps that the arm reaches at both ends, the best first.
+        """Return the grasps that the arm reaches at both places, the best first.
 
         Args:
-            X_WO_seen: The object's pose [m]; a round one's turn does not count.
+            X_WO_seen: The object's pose [m]. A round object's rotation about its axis
+                is ignored.
             shape: Its shape.
             X_WO_goal: The goal's pose [m].
             turned: Whether to search each grasp from all around the object's axis,
@@ -298,7 +300,7 @@ class GraspSearch:
             score = pick.cost + place.cost - 50.0 * spare + 40.0 * grasp.lean
             score += grasp.cost + _FAILED * tried.count(grasp.name)
             candidates.append(Candidate(grasp, X_WO, pick.q, place.q, score))
-        # The narrowest miss, of angles or of distances, is the best explanation.
+        # The narrowest miss, in angle or distance, is the best explanation.
         step, missed = ("place", no_place) if no_place else ("pick", no_pick)
         failures = [
             PlanningFailure(ik.failure, f"{step} {grasp.name}: {ik.message}")
@@ -352,7 +354,7 @@ class GraspSearch:
         return [dc.replace(target, axes=(*target.axes, turn)) for turn in turns]
 
     def _ends_up(self, X_WO: RigidTransform, shape: Solid) -> list[RigidTransform]:
-        """Return the object's pose, with either end up if it does not stand."""
+        """Return the object's pose; unless it stands, also with its other end up."""
         if X_WO.rotation().col(2)[2] >= np.cos(self.hand.upright_within):
             return [X_WO]
         if isinstance(shape, Sphere | ConvexPieces):

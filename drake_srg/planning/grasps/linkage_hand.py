@@ -25,7 +25,7 @@ CRANK = 0.045
 _STRAIGHT_HALF_GAP = 0.0125
 OPEN_HALF_GAP = 0.030
 _OPEN_ANGLE = float(np.arcsin((OPEN_HALF_GAP - _STRAIGHT_HALF_GAP) / CRANK))
-_CLEARANCE = 0.012  # of the open hand on each side of an object [m]
+_CLEARANCE = 0.012  # between the open hand and each side of an object [m]
 # Half the gap between the middles of curved pads whose rims meet. (Flat pads touch.)
 _EMPTY_HALF_GAP = _STRAIGHT_HALF_GAP * (1.0 - np.cos(np.deg2rad(40.0)))
 # A thinner object cannot be told from the other finger [m].
@@ -91,7 +91,7 @@ class LinkageFingers(Fingers):
         return self.tip_x + _END
 
     def silhouette(self, half_gap: float, offsets: Vector) -> Vector:
-        """Return how far down the open hand reaches, seen along its pads."""
+        """Return the lower outline of the open hand, seen along its pads."""
         middle = self.tip_x - CRANK + pads_ahead(half_gap)
         fingers = [
             filled_rectangle(
@@ -113,12 +113,13 @@ class LinkageFingers(Fingers):
     def closed(self, width: float) -> FingerState:
         """Return the hand that presses on something.
 
-        The fingers stop once both sense something.
+        The command is the same for every width: the fingers stop once both sense
+        something.
         """
         return FingerState(1.0, crank_joints(crank_angle(0.5 * width)))
 
     def holds(self, width: float, q: Vector, proximity: Vector) -> bool:
-        """Return whether fingers whose sensors fire hold something of a given width."""
+        """Return whether what the fingers sense has about a given width."""
         return bool(np.max(q) < 0.5 * (crank_angle(0.5 * width) + EMPTY_ANGLE))
 
     def detectable(self, width: float) -> bool:
@@ -151,7 +152,7 @@ class LinkageHand(Hand):
     ) -> list[Grasp]:
         """Return the ways to take an object; empty if it does not fit the hand.
 
-        The driver, not the command, decides how firmly it closes.
+        `firmness` has no effect: the driver determines how firmly the hand closes.
         """
         if not isinstance(shape, Cylinder):
             return []

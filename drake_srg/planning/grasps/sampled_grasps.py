@@ -13,13 +13,13 @@ from drake_srg.planning.grasps.fingers import Fingers
 from drake_srg.planning.grasps.solid_grasps import solid_map
 from drake_srg.planning.grasps.top_grasps import HeightMapGrasps
 
-# Planned grasps from one direction, at most. All that `HeightMapGrasps` finds would
-# make a small file a study of a few directions.
+# Planned grasps from one direction, at most. With all that `HeightMapGrasps` finds, a
+# small file would cover only a few directions.
 _PER_DIRECTION = 12
-# Either way: half of the depth of a pad, a quarter of its clearance, and its half
-# width, along the palm's x, y, z [m].
+# Largest shifts either way along the palm's x, y, z [m]: half of the depth of a pad, a
+# quarter of its clearance, and half of its width.
 _SHIFT = np.array([0.012, 0.006, 0.012])
-_TURN = np.deg2rad(15.0)  # about any axis, at most
+_TURN = np.deg2rad(15.0)  # largest turn, about any axis
 
 
 @dc.dataclass(frozen=True, eq=False, kw_only=True)
@@ -46,17 +46,17 @@ class SampledGrasp:
 def sample_grasps(
     fingers: Fingers, solid: ConvexPieces, seed: int, direction: int
 ) -> list[SampledGrasp]:
-    """Return grasps from one direction, which is drawn evenly from the sphere.
+    """Return grasps from one direction, which is drawn uniformly from the sphere.
 
     They are those that `HeightMapGrasps` plans for the solid as it lies with that
-    direction up, either finger on either side. Each comes a second time, moved and
-    turned at random: many of these fail.
+    direction up, with either finger on either side. Each comes a second time, moved and
+    turned at random. Many of these fail.
 
     Args:
         fingers: The hand's.
         solid: The object, in its own frame.
         seed: Seed of random draws.
-        direction: Number of the direction; each draws on its own.
+        direction: Number of the direction; each has random draws of its own.
     """
     rng = np.random.default_rng([seed, direction])
     up_O = rng.normal(size=3)

@@ -15,7 +15,7 @@ from drake_srg.types import Vector
 
 Floats = npt.NDArray[np.float32]
 
-# Distance that the open hand keeps from everything [m]; one noisy cell counts less.
+# Distance that the open hand keeps from everything [m].
 _CLEARANCE = 0.004
 # A thing counts as between the fingers if it rises above their ends by this [m].
 _ENGAGED = 0.002
@@ -33,17 +33,17 @@ _FACE, _AWAY = 0.01, 0.02
 # Height of the flank over which its lean is measured [m].
 _RISE = 0.012
 # A low thing may have most of its flank below the limit for things between the pads.
-# Its flank counts from `_FOOT` above the fingers' ends [m], and from `_DEVIATIONS`
-# standard deviations of the table's own heights.
+# Its flank begins `_FOOT` above the fingers' ends [m], or `_DEVIATIONS` standard
+# deviations of the table's own heights if that is higher.
 _FOOT, _DEVIATIONS = 0.001, 2.0
 # Greatest tangent of the angle between a face and the pad that presses on it. Friction
 # would allow 0.6, but blurred edges look less steep than they are.
 STEEPEST = 0.45
 # Weights of the score's terms (docs/grasps.md): twist, wedge, lever [1/m].
 _TWIST, _WEDGE, _LEVER = 2.0, 2.0, 48.0
-# With a friction of 0.6, a lying squeeze bottle of 0.575 kg holds by levers of up to
-# 10 mm. Beyond that it swings, however long the lever. So the cost grows only up to
-# `_LONGEST`, and an unknown lever costs as much as `_UNKNOWN` [m].
+# With a friction of 0.6, a lying squeeze bottle of 0.575 kg is held with levers of up
+# to 10 mm. With any longer lever, it swings. So the cost grows only up to `_LONGEST`.
+# An unknown lever costs as much as `_UNKNOWN` [m].
 _LONGEST, _UNKNOWN = 0.05, 0.017
 # A thing that sticks out along the closing direction tips between the pads. Their
 # friction and pressure resist by N (mu w + h), if they are w apart and h high. Up to
@@ -80,7 +80,7 @@ _BESIDE, _YAWS = 0.03, 36
 def extent(
     mask: npt.NDArray[np.bool_], s: Vector
 ) -> tuple[Vector, Vector, npt.NDArray[np.bool_]]:
-    """Return the first and last set offset of a mask (..., S), and if any is set."""
+    """Return the first and last set offset of a mask (..., S), and whether any is."""
     some = np.asarray(mask.any(axis=-1))
     first = mask.argmax(axis=-1)
     last = len(s) - 1 - mask[..., ::-1].argmax(axis=-1)
@@ -119,8 +119,7 @@ def lean_of(
     """Return the tangents of the angles by which flanks lean inwards.
 
     Pads slip off flanks that lean more than friction allows. The lower a hand holds a
-    round thing, the less its flanks lean. The flanks of low things count down to their
-    foot.
+    round thing, the less its flanks lean. Low things' flanks count down to their foot.
 
     Args:
         strip: Heights along the closing direction, shape (n, S) [m].
@@ -220,7 +219,7 @@ class TopGraspJudge(abc.ABC):
 
     @abc.abstractmethod
     def judge(self, segments: Segmentation, p_W: Vector, yaw: Vector) -> Candidates:
-        """Return the best candidate at each place, or nearby.
+        """Return the best candidate at or near each place.
 
         Args:
             segments: The segmented map of the table.
@@ -230,7 +229,7 @@ class TopGraspJudge(abc.ABC):
 
     @abc.abstractmethod
     def _floor(self, segments: Segmentation, candidates: Candidates) -> Vector:
-        """Return from which height above the table pads touch a thing, (n,) [m]."""
+        """Return the height above the table from which pads touch a thing, (n,) [m]."""
 
     def _below_palm(self, segments: Segmentation, p_W: Vector, yaw: Vector) -> Vector:
         """Return the greatest height below the palm at each place, shape (n,) [m]."""
@@ -337,10 +336,7 @@ class PinchJudge(TopGraspJudge):
         self._silhouettes = [(g, fingers.silhouette(g, self._s)) for g in openings]
 
     def judge(self, segments: Segmentation, p_W: Vector, yaw: Vector) -> Candidates:
-        """Return the best candidate at each place, or nearby.
-
-        It is the best over all depths and openings.
-        """
+        """Return the best candidate at each place, over all depths and openings."""
         n = len(p_W)
         strip = sample(segments, p_W, yaw, self._s, self._t).max(axis=1)
         middle = np.abs(self._s) < _MIDDLE
@@ -384,10 +380,7 @@ class PinchJudge(TopGraspJudge):
         return Candidates(p_W, yaw, tip, half_gap, low, high, top, lean, score)
 
     def _floor(self, segments: Segmentation, candidates: Candidates) -> Vector:
-        """Return from which height above the table pads touch a thing, (n,) [m].
-
-        Just above the fingers' ends.
-        """
+        """Return the heights just above the fingers' ends, shape (n,) [m]."""
         return candidates.tip + _ENGAGED + segments.least / 4
 
 
@@ -461,10 +454,7 @@ class WrapJudge(TopGraspJudge):
         return np.repeat(p_W, _YAWS, axis=0), np.tile(yaws, len(p_W))
 
     def judge(self, segments: Segmentation, p_W: Vector, yaw: Vector) -> Candidates:
-        """Return the best candidate at each place, or nearby.
-
-        Each palm is first centred on the thing below it.
-        """
+        """Return the candidate near each place, centred on the thing below it."""
         low, high = self._sides(segments, p_W, yaw)[2:4]
         direction = np.stack([np.cos(yaw), np.sin(yaw)], axis=-1)
         p_W = p_W + (0.5 * (low + high))[:, None] * direction
@@ -496,10 +486,7 @@ class WrapJudge(TopGraspJudge):
         return Candidates(p_W, yaw, tip, half_gap, low, high, top, lean, score)
 
     def _floor(self, segments: Segmentation, candidates: Candidates) -> Vector:
-        """Return from which height above the table pads touch a thing, (n,) [m].
-
-        The height above which the sides are judged.
-        """
+        """Return the heights above which the sides are judged, shape (n,) [m]."""
         return candidates.top - _EDGE
 
     def _sides(

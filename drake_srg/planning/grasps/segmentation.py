@@ -14,7 +14,7 @@ from drake_srg.types import HeightMap, Vector
 
 # Cells this near to the table mostly belong to it [m].
 _NEAR = 0.01
-# Smoothing rounds edges, so it is worth it only from this noise [m].
+# Smoothing rounds edges, so only maps with more noise than this are smoothed [m].
 _NOISY = 3e-4
 # Noise makes specks that look like small things. On a noisy map, a thing must be larger
 # by this factor.

@@ -18,7 +18,7 @@ from drake_srg.types import HeightMap, Vector
 _MOST = 12
 # Resolution of the solid's height map, and margin of the map around it [m].
 _RESOLUTION, _AROUND = 0.002, 0.06
-# More than the clearance, because inverse kinematics leaves errors [m].
+# Added to the clearance, because inverse kinematics leaves errors [m].
 _SPARE = 1e-3
 # Costs of a grasp: per point below the best score [rad²], and per distance of the line
 # between the pads from the centre of mass, because the solid turns about that line
@@ -57,7 +57,7 @@ def solid_pinches(
 
 
 def _in_object(grasp: PinchGrasp, R_OS: RotationMatrix) -> PinchGrasp:
-    """Return a grasp of a solid that stands, in the solid's own frame."""
+    """Return a grasp, with its directions in the solid's own frame."""
     assert grasp.across_O is not None
     return dc.replace(grasp, axis_O=R_OS @ grasp.axis_O, across_O=R_OS @ grasp.across_O)
 
@@ -94,7 +94,7 @@ def _pinch(
 
 
 def solid_map(solid: ConvexPieces) -> HeightMap:
-    """Return the map of a solid that stands, z up, on z = 0, its origin above 0."""
+    """Return the map of a solid that stands on z = 0, its origin at x = y = 0."""
     corners = solid.corners
     low, high = corners.min(axis=0), corners.max(axis=0)
     origin = low[:2] - _AROUND
@@ -103,7 +103,7 @@ def solid_map(solid: ConvexPieces) -> HeightMap:
     p = flat.centers()
     top = np.full(flat.height.shape, low[2])
     for normals, offsets in solid.faces:
-        # Of each half-space, n z <= offset - n_x x - n_y y.
+        # Each half-space is n_z z <= offset - n_x x - n_y y.
         n_z, room = normals[:, 2], offsets - p @ normals[:, :2].T
         upper, lower = n_z > 1e-9, n_z < -1e-9
         above = np.min(room[..., upper] / n_z[upper], axis=-1)

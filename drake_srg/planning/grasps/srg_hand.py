@@ -139,7 +139,7 @@ _BASE_BACK, _TIP_BACK, _HOUSING = 0.0128, 0.0088, 0.006
 _LEAST_GAP = 0.0013
 # A finger is straight if its tip is turned by less than this [rad], 4 mm at its end.
 _STRAIGHT = 0.05
-# Greatest excess width of things on a height map [m].
+# On a height map, things look wider by up to this [m].
 _BLUR = 0.004
 # `squeeze` of wraps [rad]: three times the planner's default. With it, all flat boxes
 # hold (experiments/grasp_width.py).
@@ -221,11 +221,11 @@ class SrgFingers(Fingers):
         return FingerState(min(1.0, closure), finger_joints(base, tip))
 
     def holds(self, width: float, q: Vector, proximity: Vector) -> bool:
-        """Return whether fingers whose sensors fire hold something of a given width.
+        """Return whether something is between the ends of the pads.
 
-        The base links come first in `q`. The width says little, because a height map
-        shows things too wide or too narrow. So it suffices that something is between
-        the ends of the pads. A thing enclosed above ends that meet goes unnoticed.
+        The base links come first in `q`. The width is ignored, because a height map
+        shows things too wide or too narrow. A thing that is enclosed above ends that
+        meet goes unnoticed.
         """
         return ends_gap(q) > _LEAST_GAP
 
@@ -270,7 +270,7 @@ class Approach(enum.Enum):
 
 @dc.dataclass(frozen=True, kw_only=True)
 class SrgGrasp(Grasp):
-    """One way to take an object with the SRG."""
+    """A way to take an object with the SRG."""
 
     approach: Approach
     tilt: float  # of the palm's x below the horizontal, the object upright [rad]
@@ -278,7 +278,7 @@ class SrgGrasp(Grasp):
     tip_angle: float  # expected when holding [rad]
 
     def holds(self, q: Vector, proximity: Vector) -> bool:
-        """Return whether fingers whose sensors fire hold the object, by its size.
+        """Return whether what the fingers sense may be the object, by its size.
 
         The base links come first in `q` and `proximity`.
         """
@@ -306,7 +306,7 @@ class SrgHand(Hand):
             so it sets the force.
         full_scale: The driver's base plus tip angle at closure 1 [rad].
         clearance: Distance that the hand must keep from the table [m].
-        turn_counts: Whether the goal's turn counts for objects with faces.
+        turn_counts: Whether the goal also fixes the yaw of objects with faces.
     """
 
     approaches: Sequence[str]

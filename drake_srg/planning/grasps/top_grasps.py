@@ -79,7 +79,7 @@ class TopGrasp:
         return HandTarget.from_pose(self.X_WG)
 
     def holds(self, q: Vector, proximity: Vector) -> bool:
-        """Return whether closed fingers whose sensors fire hold something."""
+        """Return whether what the closed fingers sense may be the target."""
         return self.fingers.holds(self.width, q, proximity)
 
     def half_turn(self) -> TopGrasp:
@@ -115,9 +115,9 @@ class GraspPlan:
     Attributes:
         grasps: The best first.
         things: Number of things above the table; those that touch count as one.
-        explain: Returns the things that no grasp takes; see `refused`.
-        places: Returns places on things, shape (3,) each [m]: every part of a thing is
-            within a distance [m] of one of them.
+        explain: Returns the things without a grasp; see `refused`.
+        places: See `Segmentation.places`.
+        beside_same: See `Segmentation.beside_same`.
     """
 
     grasps: tuple[TopGrasp, ...] = ()
@@ -128,7 +128,7 @@ class GraspPlan:
 
     @functools.cached_property
     def refused(self) -> tuple[Refusal, ...]:
-        """Things without a grasp. To find the reasons takes as long as planning."""
+        """Things without a grasp. Finding the reasons takes as long as planning."""
         return self.explain()
 
 
@@ -200,8 +200,8 @@ class HeightMapGrasps:
 
     It combines points on things with directions, and judges all depths and openings
     together (see `PinchJudge`). The best are moved until both pads touch at the same
-    time, turned a little, and judged once more. Things that no pinch takes may be
-    wrapped (`WrapJudge`).
+    time, turned a little, and judged once more. Things without a pinch may be wrapped
+    (`WrapJudge`).
 
     Args:
         fingers: The hand's.
@@ -274,7 +274,7 @@ class HeightMapGrasps:
         if not segments.things:
             return GraspPlan()
         new, old = self._distinct(segments, self._pinches(segments, seed), tried)
-        # Only things that no pinch takes, because wraps need a flat top and more room.
+        # Wrap only things without a pinch: wraps need a flat top and more room.
         wraps = self._wraps(segments, _not_taken(segments, new))
         new_wraps, old_wraps = self._distinct(segments, wraps, tried)
         grasps = (new + new_wraps + old + old_wraps)[:_MOST]
@@ -309,7 +309,7 @@ class HeightMapGrasps:
         return [dc.replace(grasp, wrapped=True) for grasp in grasps]
 
     def allowed(self, segments: Segmentation, candidates: Candidates) -> Candidates:
-        """Return those candidates that may be grasped."""
+        """Return the candidates that may be used; override it to exclude some."""
         return candidates
 
     def _search(self, segments: Segmentation, seed: int) -> Candidates:
@@ -320,16 +320,16 @@ class HeightMapGrasps:
         centered = first.p_W + (0.5 * (first.low + first.high))[:, None] * (
             first.direction
         )
-        little = 0.5 * np.pi / YAWS
-        again = self._judge.judge(
+        half_step = 0.5 * np.pi / YAWS
+        finer = self._judge.judge(
             segments,
             *self._within_reach(
                 np.repeat(centered, 3, axis=0),
                 np.repeat(first.yaw, 3)
-                + np.tile([-little, 0.0, little], len(centered)),
+                + np.tile([-half_step, 0.0, half_step], len(centered)),
             ),
         )
-        found = self._judge.refine(segments, again).best(3 * _KEPT)
+        found = self._judge.refine(segments, finer).best(3 * _KEPT)
         return found.take(np.flatnonzero(found.score > _LEAST_SCORE))
 
     def _within_reach(self, p_W: Vector, yaw: Vector) -> tuple[Vector, Vector]:
@@ -367,9 +367,9 @@ class HeightMapGrasps:
         grasps: Sequence[TopGrasp],
         tried: Sequence[TopGrasp],
     ) -> tuple[list[TopGrasp], list[TopGrasp]]:
-        """Return distinct grasps, the best first: new ones, and ones like failed ones.
+        """Return distinct grasps, the best first: new ones, and others.
 
-        Among those like failed ones, grasps at other places come first.
+        The others resemble failed ones. Among them, grasps at other places come first.
         """
         near = [segments.labels_near(failed.p_WC, SAME_THING) for failed in tried]
         new: list[TopGrasp] = []
@@ -399,7 +399,7 @@ class HeightMapGrasps:
         return bool(found)
 
     def _refuse(self, segments: Segmentation, thing: Thing, seed: int) -> Refusal:
-        """Return why there is no grasp of a thing."""
+        """Return the reason why there is no grasp of a thing."""
         points = segments.map.centers()[thing.cells[:, 0], thing.cells[:, 1]]
         anywhere = copy.copy(self)
         anywhere._reach = None

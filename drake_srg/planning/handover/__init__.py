@@ -1,1 +1,1 @@
-"""An object that one arm gives and another one takes, in the air."""
+"""One arm hands an object over to another, in the air."""

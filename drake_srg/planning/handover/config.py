@@ -33,9 +33,9 @@ class Handover(PlannerConfig):
     # Height of the receiver's grasp above the object's lower end [m]: when a hand from
     # the side sets the object down, its wrist must clear the table.
     grip_height: float = dc.field(default=0.1, metadata=positive())
-    # The giver lets go once the force along the receiver's pull exceeds the earlier
-    # force by this much [N]. The pull ends after this distance [m], at this speed
-    # [m/s].
+    # The giver lets go once the force along the receiver's pull exceeds the force
+    # before the pull by this much [N]. The pull ends after this distance [m], at this
+    # speed [m/s].
     pull_force: float = dc.field(default=4.0, metadata=positive())
     pull_distance: float = dc.field(default=0.008, metadata=positive())
     pull_speed: float = dc.field(default=0.01, metadata=positive())
@@ -89,7 +89,7 @@ class HandoverMemory(PlannerMemory):
     other: Side = dc.field(default_factory=lambda: Side(Motion(np.zeros(0))))
     receiving: bool = False  # whether it is the receiver's turn
     arms: tuple[str, str] = ("left", "right")  # names of the giver and the receiver
-    takes: int = 0  # attempts of the receiver, within this one of the giver
+    takes: int = 0  # the receiver's attempts during the giver's present one
     taken: bool = False  # the giver has felt the receiver's pull and let go
     # The giver's external torques as the pull begins, and now, (N,) [N m].
     torque_before: Vector = dc.field(default_factory=lambda: np.zeros(0))

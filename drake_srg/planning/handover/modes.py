@@ -53,11 +53,11 @@ _UP = np.array([0.0, 0.0, 1.0])
 
 
 class HandoverReplanner(Replanner):
-    """Plans for the arm whose turn it is, beside the other one at its present place.
+    """Plans for one arm, with the other as an obstacle where it is now.
 
     Args:
-        planner: Plans the motions of both.
-        sightings: Reads blobs, for a task.
+        planner: Plans the motions of both arms.
+        sightings: Finds the task's objects in views.
         config: Times and distances.
         receiver: Whether it plans the receiver's motions.
     """
@@ -224,11 +224,11 @@ class Pull(_ReceiversTurn, Carrying):
 
     @property
     def wait(self) -> float:
-        """Time for the end of the pull to be felt [s]."""
+        """Time for the filtered force to settle after the pull [s]."""
         return 3.0 * self.config.pull_time
 
     def enter(self, memory: PlannerMemory, entry: Entry) -> PlannerMemory:
-        """Record the giver's torques before the pull."""
+        """Record the giver's torques, and begin to pull."""
         memory = super().enter(memory, entry)
         mine = memory_of(memory)
         torque = _senses_of_other(entry.senses).external_torque
@@ -262,7 +262,7 @@ class Pull(_ReceiversTurn, Carrying):
         return float(wrench[:3] @ -_UP)
 
     def observe_mode(self, memory: PlannerMemory, now: Now) -> Observation:
-        """Report that the giver has felt the pull, or that the pull is over."""
+        """Report that the pull is over, or that the receiver has lost the object."""
         if memory.attempt.lost:
             return Observation(arrived=True)
         return super().observe_mode(memory, now)
@@ -340,7 +340,7 @@ class Raise(_ReceiversTurn, Carrying):
 
 
 class ReleaseReceived(Release):
-    """Opens the receiver's fingers, on the goal or around nothing."""
+    """Opens the receiver's fingers, on the goal or after a failed take."""
 
     mode = Mode.RELEASE
 
@@ -353,12 +353,12 @@ class ReleaseReceived(Release):
             return memory
         lost = not other_holds(mine, entry.senses)
         mine.trouble.failure = Failure.DROPPED if lost else Failure.NOT_TAKEN
-        mine.trouble.message = _WORDS[mine.trouble.failure]
+        mine.trouble.message = _MESSAGES[mine.trouble.failure]
         mine.cycle.tried = mine.cycle.tried[:-1]  # the giver's grasp did not fail
         return memory
 
 
-_WORDS = {
+_MESSAGES = {
     Failure.DROPPED: "the giver has lost the object that it presented",
     Failure.NOT_TAKEN: "the receiver's hand has closed, but the giver feels no pull",
 }

@@ -47,9 +47,10 @@ _MEETINGS = tuple(
     for up in (0.18, 0.24)
     for along, aside in ((0.0, 0.0), (0.05, 0.0), (0.0, 0.1), (0.0, -0.1))
 )
-# The giver uses this much less of its pads than it could [m]. So more of the object is
-# free for the receiver. The base links also stay farther than their sensors' range of
-# 10 mm: otherwise one finger would stop before the other, and the object would lean.
+# The giver uses this much less of its pads than it could [m], which leaves more of the
+# object to the receiver. The object also stays out of the 10 mm range of the base
+# links' sensors: otherwise, one finger would stop before the other, and the object
+# would lean.
 _LESS = 0.01
 _TURNS = 8  # sectors around the object from which the receiver may come
 _UP = np.array([0.0, 0.0, 1.0])
@@ -95,7 +96,7 @@ _LYING = RigidTransform(RotationMatrix.MakeXRotation(0.5 * np.pi), [0.0, 0.0, 0.
 def taking_grasps(hand: Hand, shape: Solid, height: float) -> list[SrgGrasp]:
     """Return pinches from the side at a height above the object's lower end.
 
-    They are the pinches of a lying object, turned to an object that stands in the air.
+    They are the pinches of a lying object, applied to one that is held upright.
     A wrap around a slim object presses with the ends of the fingers only, and slips.
 
     Args:
@@ -117,10 +118,10 @@ def taking_grasps(hand: Hand, shape: Solid, height: float) -> list[SrgGrasp]:
 
 
 class HandoverTaskPlanner(TaskPlanner):
-    """Plans all motions of a handover; holds nothing between calls.
+    """Plans all motions of a handover; keeps no state between calls.
 
-    For the modes of picking and placing, it is the giver's planner. Methods that begin
-    with an underscore raise `NoPathError` for what is impossible.
+    For the modes of picking and placing, it is the giver's planner. Private methods
+    raise `NoPathError` if there is no solution.
 
     Args:
         scene: The giver and its surroundings, including the receiver.
@@ -160,7 +161,7 @@ class HandoverTaskPlanner(TaskPlanner):
 
         Args:
             q_start: Posture of the giver, at rest, shape (N,) [rad].
-            X_WO: The object's pose [m]; the turn of a round one does not count.
+            X_WO: The object's pose [m]. Its rotation about its axis is ignored.
             shape: The object's shape.
             X_WO_goal: Goal of the object [m].
             obstacles: Other objects and their poses [m].
@@ -177,7 +178,7 @@ class HandoverTaskPlanner(TaskPlanner):
             if isinstance(given, PlanningFailure):
                 failures.append(given)
                 if given.message.startswith("pick"):
-                    break  # no meeting point helps: the giver does not reach the object
+                    break  # the giver cannot pick the object, wherever the arms meet
                 continue
             try:
                 return self._received(given, shape, X_WO_goal, obstacles)
@@ -189,7 +190,7 @@ class HandoverTaskPlanner(TaskPlanner):
         """Return the receiver's fingers, by name [rad], while it waits for an object.
 
         They are as open as the grasp needs. If they opened on the way, they would sweep
-        space beside the giver that no plan has checked.
+        unchecked space beside the giver.
         """
         height = self.config.grip_height
         grasps = taking_grasps(self.receiver.hand, shape, height)
@@ -257,7 +258,7 @@ class HandoverTaskPlanner(TaskPlanner):
         """Return the motions of both arms, given the giver's up to the meeting."""
         q_met = _end(given.motions[Mode.PLACE])
         X_WO = self.scene.X_WG(q_met) @ given.grasp.X_GO
-        X_WO = RigidTransform(X_WO.translation())  # round: its turn has no meaning
+        X_WO = RigidTransform(X_WO.translation())  # it is round
         height = self.config.grip_height
         grasps = taking_grasps(self.receiver.hand, shape, height)
         failures: list[PlanningFailure] = []
@@ -269,7 +270,7 @@ class HandoverTaskPlanner(TaskPlanner):
                     )
                 except NoPathError as error:
                     failures.append(error.failure)
-            # Another side may have a way past the giver, but not more reach.
+            # From another side, the hand may get past the giver, but not farther.
             if all(f.failure is not Failure.BLOCKED for f in failures):
                 break
         raise NoPathError(most_specific(failures))
@@ -289,7 +290,7 @@ class HandoverTaskPlanner(TaskPlanner):
         Args:
             given: The giver's grasp and motions up to the meeting.
             grasp: The receiver's grasp.
-            turn: Direction of the palm's y about the vertical [rad]; None: any.
+            turn: Direction of the palm's y from the world's x [rad]; None: any.
             shape: The object's shape.
             X_WO: The object that is presented [m].
             X_WO_goal: Goal of the object [m].
@@ -298,12 +299,12 @@ class HandoverTaskPlanner(TaskPlanner):
         q_met = _end(given.motions[Mode.PLACE])
         with self.pair.beside(RECEIVER, q_met, given.grasp.fingers_closed):
             motions, q_take = self._reach(grasp, turn, shape, X_WO, obstacles)
-        took = self.pair.beside(GIVER, q_take, grasp.fingers_closed)
-        with took, self.standing(obstacles):
-            left = self.leave(q_met, given.grasp, shape, X_WO)
+        taken = self.pair.beside(GIVER, q_take, grasp.fingers_closed)
+        with taken, self.standing(obstacles):
+            leaving = self.leave(q_met, given.grasp, shape, X_WO)
         leave: dict[AnyMode, Trajectory] = {
-            HandoverMode.WITHDRAW: left[Mode.RETREAT],
-            HandoverMode.CLEAR: left[Mode.HOME],
+            HandoverMode.WITHDRAW: leaving[Mode.RETREAT],
+            HandoverMode.CLEAR: leaving[Mode.HOME],
         }
         with self.pair.beside(RECEIVER, self.q_home, given.grasp.fingers_open):
             carry = self.receiver.plan_carry(q_take, grasp, shape, X_WO_goal, obstacles)
@@ -341,7 +342,7 @@ class HandoverTaskPlanner(TaskPlanner):
         return motions, q_take
 
     def _posture(self, target: HandTarget, turn: float | None) -> Vector:
-        """Return a free posture of the receiver."""
+        """Return a collision-free posture of the receiver at a target; see `_taken`."""
         if turn is not None:
             y_W = np.array([np.cos(turn), np.sin(turn), 0.0])
             side = AxisTarget(PALM_Y, y_W, np.pi / _TURNS)

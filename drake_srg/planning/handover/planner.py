@@ -131,8 +131,8 @@ class HandoverPlanner(PlannerMachine[PlannerMemory, Senses]):
     cannot be handed over stays where it is.
 
     Args:
-        task_planner: Plans the motions of both.
-        task: The task, with a cylinder.
+        task_planner: Plans the motions of both arms.
+        task: The task; its object is a cylinder.
         config: Times, forces and limits.
     """
 
@@ -175,7 +175,7 @@ class HandoverPlanner(PlannerMachine[PlannerMemory, Senses]):
         return memory_of(memory).commands(arm)
 
     def sense(self, context: Context) -> Senses:
-        """Return the measurements of both arms, first of the one with the turn."""
+        """Return the measurements of both arms, first of the active one."""
         receiving = memory_of(self.state(context).memory).receiving
         first, second = (
             self._senses(context, self._names[receiver])

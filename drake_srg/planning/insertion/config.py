@@ -18,7 +18,7 @@ from drake_srg.types import Box, Cylinder, Failure, Vector
 class Insert(PlannerConfig):
     """Picks the peg that `task.pick` names, and inserts it where its goal is.
 
-    The goal is the seated peg; its turn about its axis does not count. The arm must
+    The goal is the seated peg; its rotation about its axis is ignored. The arm must
     yield: `arm: !ArmImpedanceDriver` with `cartesian`.
     """
 

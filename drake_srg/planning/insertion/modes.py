@@ -106,7 +106,7 @@ class Inserting(PegMode, Carrying, abc.ABC):
         return memory
 
     def _begin(self, memory: PlannerMemory, tip: Insertion) -> None:
-        """Record the hand's hold on the peg, and the believed place of the hole."""
+        """Record the hand's hold on the peg, and the expected place of the hole."""
         task, grasp = self.task, memory.attempt.planned.grasp
         tip.q = memory.motion.destination
         X_WG = task.arm.X_WG(tip.q)
@@ -124,7 +124,7 @@ class Inserting(PegMode, Carrying, abc.ABC):
         tip.tries, tip.stops, tip.deepest, tip.seated = 0, (), 0.0, False
 
     def _measure(self, tip: Insertion, q: Vector, share: float) -> None:
-        assert tip.X_TG is not None, "a mode before has noted how the hand holds it"
+        assert tip.X_TG is not None, "the first of these modes records the hold"
         tip.X_WT_measured = self.task.arm.X_WG(q) @ tip.X_TG.inverse()
         tip.p = tip.p + share * (tip.X_WT_measured.translation() - tip.p)
 
@@ -410,7 +410,7 @@ class Press(Inserting):
         return turned(R_WT, tip.twist - before)
 
     def _to_upright(self, tip: Insertion) -> Vector:
-        """Return the turn that puts a peg upright that may wedge, (3,) [rad]."""
+        """Return the turn to put a peg upright that might wedge, (3,) [rad]."""
         config = self.task.config
         if self._depth(tip) > _WEDGING * 2.0 * self.task.radius:
             return np.zeros(3)

@@ -90,7 +90,7 @@ class ArmChain:
 
     def _placed(self, q: Vector) -> tuple[Vector, Vector]:
         """Return axes (N, K, 3) and points (N + 1, K, 3) at postures (K, N), in W."""
-        R, t = np.eye(3), np.zeros((len(q), 3))  # of what the joints so far move
+        R, t = np.eye(3), np.zeros((len(q), 3))  # of all that the joints so far move
         axes, points = [], []
         for axis, point, turns, value in zip(
             self.axes, self.points[:-1], self.turns, q.T, strict=True
@@ -119,7 +119,7 @@ def _rotations(axis: Vector, angle: Vector) -> Vector:
 # the line between their joints [m]. It only affects the step between checked
 # configurations, never a distance.
 _REACH = 0.2
-_TWO_TURNS = 2.0 * np.pi  # to either side, for a joint without limits [rad]
+_TWO_TURNS = 2.0 * np.pi  # limit to either side of an unlimited joint [rad]
 _POSE_FREEDOMS = 6  # of a rigid body in space
 
 
@@ -269,7 +269,7 @@ def _moving_joints(plant: MultibodyPlant, model: ModelInstanceIndex) -> list[Joi
 class _WithScene(Protocol):
     @property
     def scene(self) -> ArmModel:
-        """The model that it plans with."""
+        """The model to plan with."""
 
 
 _P = ParamSpec("_P")

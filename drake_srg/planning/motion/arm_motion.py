@@ -47,7 +47,7 @@ class Motion:
 
     @property
     def destination(self) -> Vector:
-        """The position in which the commands end, shape (N,) [rad]."""
+        """The position at which the commands end, shape (N,) [rad]."""
         return self.position(np.inf)
 
     def arrived(self, q: Vector, time: float) -> bool:
@@ -89,7 +89,7 @@ class Motion:
     def nearest(self, q: Vector) -> tuple[float, Vector]:
         """Return the point of a stopped motion's path nearest to `q` (N,) [rad].
 
-        It is not beyond the end of the stop.
+        It is not beyond the place at which the stop ends.
 
         Returns:
             Its time in the trajectory [s] and its position, shape (N,) [rad].
@@ -112,23 +112,23 @@ class Motion:
         """
         if self.trajectory is None:
             return Motion(self.q_rest)
-        left = self.trajectory.end_time() - since
-        if left < _SEARCH:
+        remaining = self.trajectory.end_time() - since
+        if remaining < _SEARCH:
             return Motion(self.trajectory.value(self.trajectory.end_time())[:, 0])
         # The speed along the path rises evenly to the trajectory's, if the rest is long
         # enough.
-        ramp = min(STOP_TIME, float(np.sqrt(2.0 * STOP_TIME * left)))
-        gone, speed = 0.5 * ramp**2 / STOP_TIME, ramp / STOP_TIME
-        breaks, reached, speeds = [0.0, ramp], [since, since + gone], [0.0, speed]
-        if left - gone > _SEARCH:
-            breaks.append(ramp + left - gone)
-            reached, speeds = [*reached, since + left], [*speeds, speed]
+        ramp = min(STOP_TIME, float(np.sqrt(2.0 * STOP_TIME * remaining)))
+        covered, speed = 0.5 * ramp**2 / STOP_TIME, ramp / STOP_TIME
+        breaks, reached, speeds = [0.0, ramp], [since, since + covered], [0.0, speed]
+        if remaining - covered > _SEARCH:
+            breaks.append(ramp + remaining - covered)
+            reached, speeds = [*reached, since + remaining], [*speeds, speed]
         scaling = PiecewisePolynomial.CubicHermite(breaks, [reached], [speeds])
         rest = PathParameterizedTrajectory(self.trajectory, scaling)
         return Motion(self.q_rest).followed_by(rest, time)
 
     def ended(self, time: float) -> Motion:
-        """Return the following rest; a motion that is not yet over is stopped."""
+        """Return the arm at rest; a motion that is not yet over comes to a stop."""
         under_way = self.trajectory is not None and time < self.due
         rest = self.stopped(time) if under_way else Motion(self.q_rest)
         return dc.replace(rest, q_rest=self.position(time))
@@ -136,6 +136,6 @@ class Motion:
     def followed_by(
         self, trajectory: Trajectory | None, time: float, wait: float = 0.0
     ) -> Motion:
-        """Return the motion that begins at `time`, with a wait at its end [s]."""
+        """Return the motion that begins at `time`, with a wait [s] at its end."""
         due = time + (trajectory.end_time() if trajectory else 0.0)
         return Motion(self.position(time), trajectory, time, due + wait)

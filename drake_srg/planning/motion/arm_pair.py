@@ -92,9 +92,9 @@ class ArmPair:
             yield
 
     def first_hit(self, samples: Vector) -> Clearance | None:
-        """Return the first clearance that breaks a margin at postures (K, 2N) [rad].
+        """Return the first broken margin at postures (K, 2N) [rad], or None.
 
-        Both scenes are checked as they are: with what hands hold and what stands there.
+        Both scenes are checked with their held objects and obstacles.
         """
         fingers = [arm.scene.fingers for arm in self.arms]
         for q in samples:
@@ -107,14 +107,14 @@ class ArmPair:
         return None
 
     def checked(self, motion: Trajectory, what: str) -> Trajectory:
-        """Return a motion of both arms in which nothing collides.
+        """Return a motion of both arms, once checked for collisions.
 
         Args:
             motion: Motion of both arms.
-            what: It is, for the message.
+            what: Name of the motion, for messages.
 
         Raises:
-            NoPathError: If something does.
+            NoPathError: If something collides.
         """
         levers = np.concatenate([arm.scene.levers for arm in self.arms])
         hit = self.first_hit(motion_samples(self.first.scene, motion, levers))
@@ -136,7 +136,7 @@ class ArmPair:
         Args:
             q: Positions of both arms, shape (2N,) [rad].
             poses: K poses X_WG of the hands [m].
-            what: The motion is, for messages.
+            what: Name of the motion, for messages.
 
         Raises:
             NoPathError: If an arm does not reach a pose.
@@ -164,7 +164,7 @@ class ArmPair:
 
 
 def together(motions: Sequence[Trajectory]) -> Trajectory:
-    """Return the motions of both arms as one motion; the faster one is slowed down."""
+    """Return the motions of both arms as one; the shorter one is slowed down."""
     duration = max(motion.end_time() for motion in motions)
     both = StackedTrajectory(rowwise=True)
     for motion in motions:
@@ -173,7 +173,7 @@ def together(motions: Sequence[Trajectory]) -> Trajectory:
 
 
 def stretched(trajectory: Trajectory, duration: float) -> Trajectory:
-    """Return a motion that takes at least a duration [s], along the same path."""
+    """Return a motion, slowed down to last at least a duration [s]."""
     if trajectory.end_time() >= duration:
         return trajectory
     share = PiecewisePolynomial.FirstOrderHold(
@@ -201,7 +201,7 @@ def minimum_jerk_motion(path: Vector, limits: Sequence[MotionLimits]) -> Traject
     a = np.array([in_a_second.EvalDerivative(t, 2)[:, 0] for t in times])
     halves = zip(limits, np.split(v, 2, axis=1), np.split(a, 2, axis=1), strict=True)
     slow = max(limit.slowdown(*half) for limit, *half in halves)
-    return _timed(spline, max(slow, 1e-2))  # what does not move takes a while, too
+    return _timed(spline, max(slow, 1e-2))  # even without motion
 
 
 def _timed(path: PiecewisePolynomial, duration: float) -> Trajectory:

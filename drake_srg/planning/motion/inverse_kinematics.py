@@ -69,7 +69,8 @@ class HandTarget:
         return max(beyond)
 
 
-# A solvable call needs 5 to 20 major iterations. One that needs more will fail.
+# A solvable call needs 5 to 20 major iterations. A call that needs 60 would fail
+# anyway.
 _OPTIONS = SolverOptions()
 _OPTIONS.SetOption(SnoptSolver.id(), "Major iterations limit", 60)
 JOINT_MARGIN = 0.02  # distance kept from the joint limits [rad]
@@ -140,8 +141,8 @@ def solve_inverse_kinematics(
     it takes ten times as long as another start without it. The first start is
     `q_guess`. Further ones are drawn at random, farther and farther away. Each also
     replaces the nominal posture of its program, which spreads the solutions of a
-    redundant arm over its null space. The first free solution counts. The same call
-    returns the same result.
+    redundant arm over its null space. The result is the first collision-free solution.
+    The same call returns the same result.
 
     Args:
         scene: The arm, and what to keep clear of.
@@ -175,12 +176,13 @@ def find_posture(
     max_starts: int = 12,
     seed: int = 0,
 ) -> IkSolution | None:
-    """Return a free solution of `solve_inverse_kinematics`, or None.
+    """Return a collision-free solution, or None.
 
-    It does not look for the reason, which would take as long as several solutions.
+    Unlike `solve_inverse_kinematics`, it does not look for the reason of a failure,
+    which would take as long as several solutions.
 
     Args:
-        scene: See `solve_inverse_kinematics`, as for the other arguments.
+        scene: The arm, and what to keep clear of.
         target: Target of the hand.
         q_nominal: Preferred joint positions, shape (N,) [rad].
         q_guess: First start, shape (N,) [rad]; None: `q_nominal`.
@@ -299,8 +301,8 @@ class _Search:
     def _own_failure(self, starts: Sequence[Vector]) -> IkFailure | None:
         """Return which of the caller's constraints cannot be met, if any.
 
-        The result is the first one without which all others can be met, or all of them
-        together.
+        The result names the first constraint without which all others can be met. If
+        there is none, it names them all.
         """
         plain = _Program(self._scene, self._target, self._limits)
         if not any(plain.solve(start, start)[1] for start in starts):
@@ -330,7 +332,7 @@ class _Search:
 def solve_from(
     scene: PlanningScene, target: HandTarget, start: Vector
 ) -> Vector | None:
-    """Solve for a posture near another one that reaches `target`, free or not.
+    """Solve for a posture near `start` that reaches `target`; ignore collisions.
 
     Args:
         scene: The arm.
@@ -372,7 +374,7 @@ class _Program:
         ik = InverseKinematics(scene.plant, scene.context, with_joint_limits=False)
         self._ik, self._prog = ik, ik.get_mutable_prog()
         lower = scene.positions(limits[0])
-        upper = scene.positions(limits[1])  # only the arm moves
+        upper = scene.positions(limits[1])  # equal, except for the arm
         self._prog.AddBoundingBoxConstraint(lower, upper, ik.q())
         # A soft program seeks the least violation in any posture.
         weight = 1e-6 if self._soft else 1.0

@@ -14,18 +14,18 @@ from drake_srg.types import Vector
 class TipLimits(Config):
     """Limits of the tip along its path, by default those of the five-axis arm's thesis.
 
-    Distance on a path is as in `moveToPose` with metric [1, 1, 1, angle_weight]: the
-    norm of the tip's step and of the hand's turn times that weight.
+    Distance on a path is as in CoppeliaSim's `moveToPose` with the metric [1, 1, 1,
+    angle_weight]: the norm of the tip's step and of the hand's turn times that weight.
     """
 
     velocity: float = dc.field(default=0.1, metadata=positive())  # m/s
     acceleration: float = dc.field(default=0.1, metadata=positive())  # m/s²
     jerk: float = dc.field(default=0.1, metadata=positive())  # m/s³
-    # Distance that a turn of the hand counts as [m/rad].
+    # Weight of the hand's turns in the distance on a path [m/rad].
     angle_weight: float = dc.field(default=0.1, metadata={"ge": 0.0})
 
     def slowed(self, factor: float) -> "TipLimits":
-        """Return the limits of the same motions in `factor` times the time."""
+        """Return the limits at which the same motions take `factor` times as long."""
         return dc.replace(
             self,
             velocity=self.velocity / factor,
@@ -76,7 +76,7 @@ class MotionLimits:
         )
 
     def slowdown(self, v: Vector, a: Vector) -> float:
-        """Return by which factor on its time a motion uses a limit, and exceeds none.
+        """Return the factor on its duration at which a motion just keeps all limits.
 
         Args:
             v: Its velocities, shape (K, N) [rad/s].
@@ -92,7 +92,7 @@ class MotionLimits:
     def scaled(
         self, velocity: float = 1.0, acceleration: float = 1.0, torque: float = 1.0
     ) -> "MotionLimits":
-        """Return these limits times factors, such as those for a carrying hand."""
+        """Return these limits times factors."""
         return dc.replace(
             self,
             velocity=velocity * self.velocity,
@@ -117,10 +117,7 @@ class InverseDynamics:
         self._arm.plant.SetPositions(self._arm.context, self._arm.positions(q))
 
     def holding(self) -> Vector:
-        """Return the torques that hold the arm at rest, (N,) [N m].
-
-        Without them, the arm would fall.
-        """
+        """Return the torques that hold the arm against gravity, (N,) [N m]."""
         gravity: Vector = self._arm.plant.CalcGravityGeneralizedForces(
             self._arm.context
         )

@@ -36,7 +36,7 @@ class Moves:
     """Paths and timings in a planning scene; impossible moves raise `NoPathError`.
 
     Args:
-        scene: The arm, the gripper and what they may hit.
+        scene: The arm, the gripper and their surroundings.
         p_GT: The hand's point that moves along straight lines, shape (3,) [m].
         config: Distances and speeds.
 
@@ -63,22 +63,22 @@ class Moves:
         return p_WT
 
     def above(self, q: Vector, height: float | None = None) -> HandTarget:
-        """Return the hand as at `q` (N,) [rad], lifted by `height` or `lift_height`."""
+        """Return the hand at `q` (N,) [rad], lifted by `height` or `lift_height`."""
         height = self._config.lift_height if height is None else height
         return self._like(q).shifted(height * _UP)
 
     def below(self, q: Vector) -> HandTarget:
-        """Return the hand as at `q` (N,) [rad], lowered by `lift_height`."""
+        """Return the hand at `q` (N,) [rad], lowered by `lift_height`."""
         return self._like(q).shifted(-self._config.lift_height * _UP)
 
     def behind(self, q: Vector) -> HandTarget:
-        """Return the hand as at `q` (N,) [rad], drawn back by `approach_distance`."""
+        """Return the hand at `q` (N,) [rad], drawn back by `approach_distance`."""
         X_WG = self._scene.X_WG(q)
         back = -self._config.approach_distance * X_WG.rotation().col(0)
         return self._like(q).shifted(back)
 
     def _like(self, q: Vector) -> HandTarget:
-        """Return the hand's pose, or the part that the arm can keep along a line."""
+        """Return the hand's pose at `q`, or what the arm can keep of it on a line."""
         X_WG = self._scene.X_WG(q)
         if self._scene.reaches_any_pose:
             return HandTarget.from_pose(X_WG)
@@ -120,7 +120,7 @@ class Moves:
         return path
 
     def joint_path(self, q_start: Vector, q_goal: Vector) -> Vector:
-        """Return a free path between two postures, (K, N) [rad].
+        """Return a collision-free path between two postures, (K, N) [rad].
 
         If the hand's motion is limited, a straight line of the hand is preferred.
 

@@ -1,4 +1,4 @@
-"""Free paths: of the joints, straight or around obstacles; of the hand, straight."""
+"""Collision-free paths of the joints, and of the hand on straight lines."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ from drake_srg.types import Failure, Vector
 _DAMPING = 1e-6  # m² and rad²: matters only within a millimetre of a singularity
 _CLOSE = 1e-7  # m and rad; the next step would only add rounding errors
 _MOST_STEPS = 20  # of Newton's method
-_SHORTCUTS = 20  # random ones that are tried on a path around obstacles
+_SHORTCUTS = 20  # number of random shortcuts to try on a path around obstacles
 # Turn of the hand between the waypoints of a line, and the largest step of a joint
 # there [rad]. With a larger one, the hand would leave its line in between.
 _TURN_SPACING, _JOINT_STEP = 0.1, 0.3
@@ -44,7 +44,7 @@ def follow(scene: PlanningScene, target: HandTarget, q: Vector) -> Vector | None
     Returns:
         Joint angles near `q`, shape (N,) [rad], or None if it does not converge.
     """
-    # A start beyond the margin may stay there, but must not go farther.
+    # A joint that starts beyond the margin may stay there, but must not go farther.
     lower = np.minimum(scene.lower + JOINT_MARGIN, q)
     upper = np.maximum(scene.upper - JOINT_MARGIN, q)
     for _ in range(_MOST_STEPS):
@@ -99,7 +99,7 @@ EdgeTest = Callable[[Vector, Vector], bool]
 
 
 class _Tree:
-    """Vertices and their parents; the joints' `weights` (N,) define the metric."""
+    """A tree of postures; the joints' `weights` (N,) define the metric."""
 
     def __init__(self, root: Vector, weights: Vector) -> None:
         self.vertices = [root]
@@ -267,7 +267,7 @@ def plan_cartesian_path(
     *,
     spacing: float = 0.02,
 ) -> Vector | PlanningFailure:
-    """Move the hand's point T straight from its place at `q_start` to `target`.
+    """Plan a straight path of the hand's point T from `q_start` to `target`.
 
     An orientation turns evenly about one axis from its start. Axes stay within their
     angles along the whole line, so `q_start` must meet them. To end at a known posture
@@ -299,8 +299,8 @@ def _line(
     """Follow the line of `plan_cartesian_path`, ignoring obstacles.
 
     Returns:
-        The waypoints that are reached, shape (K, N) [rad], and the reason why the rest
-        is not.
+        The waypoints that are reached, shape (K, N) [rad], and the reason why the line
+        ends early, if it does.
     """
     X_WG = scene.X_WG(q_start)
     p_start = X_WG @ target.p_GT

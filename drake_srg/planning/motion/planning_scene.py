@@ -58,14 +58,14 @@ class PlanningFailure:
 def most_specific(failures: Sequence[PlanningFailure]) -> PlanningFailure:
     """Return the first failure that is due to the surroundings, or else the first one.
 
-    Such a failure explains more than one that is out of the arm's reach.
+    It explains more than a target out of the arm's reach.
     """
     blocked = [f for f in failures if f.failure is Failure.BLOCKED]
     return (blocked or failures)[0]
 
 
 class NoPathError(Exception):
-    """Raised by a move that does not exist; `failure` has the reason."""
+    """Raised if there is no such path or motion; `failure` has the reason."""
 
     def __init__(self, failure: PlanningFailure) -> None:
         super().__init__(failure.message)
@@ -77,7 +77,7 @@ _CLOSE = 0.2
 
 
 def _weld_free_bodies(plant: MultibodyPlant) -> None:
-    """Weld the free bodies of a plant, not finalized, to their initial places.
+    """Weld the free bodies of an unfinalized plant to their initial places.
 
     Raises:
         ValueError: If a body has no default pose: it would be at the world's origin.
@@ -92,8 +92,8 @@ def _weld_free_bodies(plant: MultibodyPlant) -> None:
         X_WB = plant.GetDefaultFloatingBaseBodyPose(body)
         if X_WB.IsExactlyIdentity():
             raise ValueError(
-                f"{body.scoped_name()}: a free body that nobody has placed (allowed: "
-                "a weld, or SetDefaultFloatingBaseBodyPose)"
+                f"{body.scoped_name()}: a free body without a pose (allowed: a weld, "
+                "or SetDefaultFloatingBaseBodyPose)"
             )
         plant.WeldFrames(plant.world_frame(), body.body_frame(), X_WB)
 
@@ -104,7 +104,7 @@ class PlanningScene(ArmModel):
     Frame O is an object's frame (see `drake_srg.types.Shape`); for `q`, G and W see
     `ArmModel`.
 
-    Each pair of bodies keeps a distance from the surroundings: the arm keeps `margin`,
+    Each body keeps a distance from the surroundings: links of the arm keep `margin`,
     the gripper `hand_margin` (fingers work near tables), and a held object its own.
     Links of the arm must not touch each other, but keep no margin. Bodies of the
     gripper may touch each other, the held object, and `touchable` shapes.
@@ -125,7 +125,7 @@ class PlanningScene(ArmModel):
             `palm` is G, whose pose is planned.
         margin: Distance that the arm keeps from its surroundings [m].
         hand_margin: Distance that the gripper keeps from them [m].
-        payload: Mass at G's origin that torque limits include [kg], always.
+        payload: Mass at G's origin that torque limits always include [kg].
 
     Attributes:
         step: Largest motion of any point between two checks [m].
@@ -225,7 +225,7 @@ class PlanningScene(ArmModel):
 
         Args:
             path: At least two waypoints, which straight lines connect, shape (K, N)
-                [rad]. The result does not include inner waypoints.
+                [rad]. Inner waypoints need not be among the samples.
         """
         turns = np.abs(np.diff(path, axis=0)).sum(axis=1)
         parts = np.maximum(1, np.ceil(turns / _CLOSE)).astype(int)
@@ -249,7 +249,7 @@ class PlanningScene(ArmModel):
     def first_hit(
         self, samples: Iterable[Vector], tolerance: float = 0.0
     ) -> Clearance | None:
-        """Return the first clearance among `samples` that breaks a margin, else None.
+        """Return the first broken margin among `samples`, or None.
 
         Breaking it by less than `tolerance` [m] does not count.
         """
@@ -394,7 +394,7 @@ class PlanningScene(ArmModel):
 
 
 def _at(path: Vector, index: Vector) -> Vector:
-    """Return the points of a path (K, N) at indices that need not be whole."""
+    """Return the points of a path (K, N) at fractional indices."""
     numbers = np.arange(len(path))
     return np.array([np.interp(index, numbers, q) for q in path.T]).T
 
@@ -420,8 +420,8 @@ def carried_drift(
     """Return how far a held object drifts in the hand's frame G, shape (3,) [m].
 
     In a step of h, the joints follow their speeds and the hand follows an arc, while
-    the object moves along the tangent. So the object drifts by -h/2 times the hand's
-    acceleration at constant joint speeds.
+    the object moves along the tangent. So the object drifts at -h/2 times the hand's
+    acceleration at constant joint speeds [m/s].
 
     Args:
         scene: The arm and the gripper.

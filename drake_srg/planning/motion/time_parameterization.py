@@ -21,8 +21,8 @@ def load_toppra() -> Callable[
 ]:
     """Return `toppra_parameterization`; the first call imports toppra in 0.4 s."""
     # toppra imports matplotlib, which it needs only to draw, and SciPy, which it needs
-    # only for paths and a solver that we do not use. Importing both would cost every
-    # command that plans a second. Stand-in modules are the only remedy: the standard
+    # only for paths and a solver that we do not use. Importing both would slow every
+    # command that plans by a second. Stand-in modules are the only remedy: the standard
     # library's `LazyLoader` loads a module at the first `from MODULE import NAME`, as
     # toppra does, and toppra has no smaller part to import. They can go once toppra
     # imports the two only where it uses them (0.6.10 does not).
@@ -67,13 +67,14 @@ class _MemberOnDemand:
 
 @contextlib.contextmanager
 def on_demand(*names: str) -> Iterator[None]:
-    """Defer the modules that the block would import until their first use.
+    """Defer the import of some modules within the block until their first use.
 
-    The modules may call names that they import `from` the others, and read their
-    attributes. They may not derive from such names or test for their instances.
+    Modules that the block imports may call names that they import `from` a deferred
+    module, and read attributes of such names. They must not derive from such names or
+    test for instances of them.
 
     Args:
-        names: The others, as in `import NAME`, including their parents.
+        names: The deferred modules, as in `import NAME`, including their parents.
     """
     waiting = {name: _OnDemand(name) for name in names if name not in sys.modules}
     sys.modules.update(waiting)

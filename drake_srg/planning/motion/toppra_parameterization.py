@@ -57,7 +57,7 @@ class _Limits(LinearConstraint):
     With the path's speed squared x and its acceleration u, a joint's acceleration is
     q' u + q'' x, and its torque M q' u + (M q'' + C(q, q') q') x + g (Pham and Pham,
     2018). Unlike toppra's own constraints, this one computes the holding torques only
-    once per grid point, and formats no description of itself.
+    once per grid point, and does not format a description of itself.
     """
 
     def __init__(self, arm: ArmModel, limits: MotionLimits) -> None:

@@ -1,8 +1,8 @@
-"""Smooth motions along free paths, as fast as the arm's limits allow.
+"""Smooth motions along collision-free paths, as fast as the arm's limits allow.
 
-With limits on the tip, the tip moves like a lift: as fast as the limits of speed,
-acceleration and jerk along the path allow. CoppeliaSim's `moveToPose` moves arms like
-this; its distance between poses includes turns.
+With limits on the tip, the tip moves as fast as its limits of speed, acceleration and
+jerk along the path allow, as with CoppeliaSim's `moveToPose`. Distance along the path
+includes turns.
 
 One approximation serves twice: a cubic spline whose control points lie on the
 approximated curve, at averages of the knots (Schoenberg, 1967). Such a spline
@@ -121,7 +121,7 @@ def tip_limited_trajectory(
     *,
     p_GT: Vector | None = None,
 ) -> Trajectory | PlanningFailure:
-    """Move from rest to rest along `waypoints`, the tip within the limits of `tip`.
+    """Plan a motion from rest to rest along `waypoints`, within the tip's limits.
 
     The joints follow a cubic spline through the waypoints, and through points between
     those that are far apart. Distance along it follows a profile of seven phases of
@@ -220,7 +220,7 @@ def _profile(distance: float, tip: TipLimits) -> PiecewisePolynomial:
     ruckig.Ruckig(1).calculate(move, result)
     ((profile,),) = result.profiles
     phases = np.array(profile.t) > 1e-9
-    ends = np.append(phases, True)  # begins of phases, and the end of the last one
+    ends = np.append(phases, True)  # starts of phases, and the end of the last one
     breaks = np.append(0.0, np.cumsum(np.array(profile.t)[phases]))
     position, speed = (np.array(x)[ends] for x in (profile.p, profile.v))
     # A cubic is determined by the values and slopes at its ends.
@@ -230,7 +230,7 @@ def _profile(distance: float, tip: TipLimits) -> PiecewisePolynomial:
 def _slowdown(
     path: PiecewisePolynomial, profile: PiecewisePolynomial, limits: MotionLimits
 ) -> float:
-    """Return the time factor at which the joints keep their limits, at least 1."""
+    """Return the factor on time at which the joints keep their limits, at least 1."""
     t = np.linspace(0.0, profile.end_time(), _SAMPLES)
     s, rate, rate_dot = (profile.derivative(i).vector_values(t)[0] for i in range(3))
     slope, bend = (path.derivative(i).vector_values(s).T for i in (1, 2))
@@ -255,7 +255,7 @@ def time_optimal_trajectory(
     *,
     rounding: float | Vector = ROUNDING,
 ) -> BsplineTrajectory | PlanningFailure:
-    """Move from rest to rest along `waypoints`, as fast as `limits` allow.
+    """Plan a fast motion from rest to rest along `waypoints`, within `limits`.
 
     The path's corners are rounded, by less and less until the motion is free in
     `scene`. toppra finds the fastest motion along it; a spline then gives each step of
@@ -371,7 +371,7 @@ def _on_lines(
 
 
 def grid_of(path: BsplineTrajectory) -> Vector:
-    """Return the points at which a path's motion keeps its limits, shape (K,)."""
+    """Return the s at which a motion along a path keeps its limits, shape (K,)."""
     spans = path.num_control_points() - 3
     return np.linspace(0.0, path.end_time(), int(np.clip(2 * spans, 30, 200)) + 1)
 

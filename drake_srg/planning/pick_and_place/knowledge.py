@@ -39,17 +39,17 @@ class Attempt(Memory):
     motions: TaskMotions | None = None
     escape: tuple[Trajectory, Trajectory] | None = None  # retreat and home
     trapped: bool = False  # not even an escape could be planned
-    looked: bool = False  # the mode's last look has been taken
+    looked: bool = False  # the mode has taken its last look
     moved: bool = False  # the object has left the place of the planned grasp
     lost: bool = False  # the object has left the hand
     at_goal: bool | None = None  # whether it was seen on its goal; None: not looked
 
     @property
     def planned(self) -> TaskMotions:
-        """The motions, for modes that begin only with motions.
+        """The planned motions, for modes that need them.
 
         Raises:
-            RuntimeError: If the transitions lead there without a plan.
+            RuntimeError: If there is no plan.
         """
         if self.motions is None:
             raise RuntimeError(
@@ -91,7 +91,7 @@ class Totals(Memory):
 
 @dc.dataclass
 class Seen(Memory):
-    """Sightings that the planner remembers after an attempt."""
+    """Sightings that outlast an attempt."""
 
     localization: Blob | None = None  # the first one that led to a plan
     localized_at: float = 0.0  # s
@@ -194,18 +194,18 @@ def watch_touch(memory: PlannerMemory, senses: Senses, config: PlannerConfig) ->
         f"the arm touches something: joint {joint + 1} feels "
         f"{abs(torque[joint]):.2g} N m from outside (allowed: {limits[joint]:.2g} N m)"
     )
-    # On its path, and by its lag, the arm might move on into the thing that it has met.
+    # Stop here: stopping along the path, the lagging arm could push on into the thing.
     memory.motion = Motion(senses.q.copy())
 
 
 def carried(
     following: AnyMode, lost: AnyMode = Mode.RELEASE
 ) -> list[tuple[Condition, AnyMode]]:
-    """Return the row of a mode with one successor, and another one for a lost object.
+    """Return the row of a mode with an object in the hand.
 
     Args:
-        following: The mode that follows a motion with a held object.
-        lost: The one that follows if the hand has lost it.
+        following: The mode that follows the motion.
+        lost: The mode that follows if the hand has lost the object.
     """
     return [
         (lambda o, t, c: o.arrived and not o.holding, lost),
@@ -261,6 +261,6 @@ TRANSITIONS: Table = {
     Mode.FAILED: [],
 }
 
-# All other failures are reasons to go home first, and perhaps to try again.
+# After any other failure, the arm first goes home, and may try again.
 FATAL = (Failure.TIME_BUDGET, Failure.STOPPED)
 transition = Transitions(TRANSITIONS, FATAL)

@@ -31,7 +31,7 @@ from drake_srg.planning.planner_machine import (
 )
 from drake_srg.types import AnyMode, Failure, Mode
 
-# An object that meets something while it is set down has met its goal if the joints are
+# Contact while setting down an object counts as reaching its goal if all joints are
 # this near to the motion's end [rad]: 5 to 8 mm at the hand of an iiwa.
 _SET_DOWN = 0.01
 
@@ -54,7 +54,7 @@ class TaskMode(PlannerMode[PlannerMemory, Senses]):
 
     Attributes:
         mode: Its own mode.
-        motion_of: Name of its planned motion; None: that of the mode.
+        motion_of: Mode whose planned motion it uses; None: its own.
         config: Times and limits.
         replanner: Plans from sightings.
         repeat: Number of the task's cycles.
@@ -124,7 +124,7 @@ class Carrying(Moving):
     """A mode that moves the arm with the object in the hand."""
 
     def enter(self, memory: PlannerMemory, entry: Entry) -> PlannerMemory:
-        """Record the fingers' hold on the object, unless a mode has, and move."""
+        """Record the fingers' hold, unless an earlier mode has, and move."""
         if not len(memory.grip.angles):
             memory.grip.angles = entry.senses.fingers.copy()
             memory.grip.unheld_since = np.inf
@@ -165,7 +165,7 @@ class BetweenAttempts(TaskMode):
             memory.cycle = Cycle(started=entry.time)
         elif attempt.at_goal is False:
             failure = failure or Failure.MISPLACED
-        # A message of the motion planner says more.
+        # The motion planner's own message is more specific.
         worded = entry.previous is Mode.IDLE or attempt.trapped
         if failure is not None and not worded:
             trouble.message = trouble.touched or _MESSAGES.get(failure, trouble.message)
@@ -294,7 +294,7 @@ class Place(Carrying):
     mode = Mode.PLACE
 
     def update(self, memory: PlannerMemory, now: Now) -> PlannerMemory:
-        """End early if the object reaches its goal sooner, because it hangs askew."""
+        """Accept contact near the end: an object that hangs askew arrives early."""
         touched = memory.trouble.touched
         left = np.max(np.abs(memory.motion.destination - now.senses.q))
         memory = super().update(memory, now)
@@ -328,7 +328,7 @@ class Release(TaskMode):
         return Observation(failure=memory.trouble.failure)
 
     def observe_mode(self, memory: PlannerMemory, now: Now) -> Observation:
-        """Report fingers that rest clear of the object, once an escape is planned."""
+        """Report whether the fingers rest, and are clear once an escape is planned."""
         clear = now.time >= memory.attempt.ready_at and now.senses.clear
         return Observation(still=now.senses.still, clear=clear)
 
@@ -427,6 +427,6 @@ def task_modes(
         config: Times and limits.
         replanner: Plans from sightings.
         repeat: Number of the task's cycles.
-        kinds: Further modes, or others in place of those of picking and placing.
+        kinds: Additional modes, or replacements of those of picking and placing.
     """
     return {kind.mode: kind(config, replanner, repeat) for kind in (*_KINDS, *kinds)}

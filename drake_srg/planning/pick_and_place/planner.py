@@ -81,9 +81,9 @@ class PickAndPlacePlanner(PlannerMachine[PlannerMemory, Senses]):
         config: Times, speeds and limits.
         make_modes: Makes the actions of each mode. Add your own modes to those of
             `task_modes`.
-        transition: Says which mode follows; with your own modes, `Transitions` of a
-            table made from `TRANSITIONS`.
-        make_memory: Class of the memory, including that of your own modes.
+        transition: Returns the mode that follows; with your own modes, `Transitions` of
+            a table made from `TRANSITIONS`.
+        make_memory: Class of the memory. Derive it if your own modes need more.
 
     Raises:
         ValueError: If `config.max_external_torque` lacks one entry per joint, or the

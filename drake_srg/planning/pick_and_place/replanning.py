@@ -33,23 +33,24 @@ from drake_srg.planning.planner_machine import (
 )
 from drake_srg.types import AnyMode, Blob, Failure, Mode, Sphere, Vector
 
-# An object seen this far from where the motions expect it has moved [m], [rad]. This
-# exceeds the error of the localisation, and closing fingers still compensate for it.
+# An object seen farther than this from where the motions expect it has moved [m],
+# [rad]. This exceeds the error of the localisation. Closing fingers can still
+# compensate it.
 _MOVED, _TURNED = 0.003, np.deg2rad(5.0)
 # An object seen farther than this from its place in the hand is not in the hand [m].
 _LOST = 0.03
-_ORDER: dict[AnyMode, int] = {mode: i for i, mode in enumerate(Mode)}  # of a cycle
+_ORDER: dict[AnyMode, int] = {mode: i for i, mode in enumerate(Mode)}  # in a cycle
 _STANDING = np.deg2rad(5.0)  # greatest lean of an object that stands on its goal
 
 
 class Replanner:
     """Plans with a task planner from sightings of one object.
 
-    It holds nothing between calls: its methods change the planner's memory.
+    It has no state of its own: its methods change the planner's memory.
 
     Args:
         task_planner: Plans the motions.
-        sightings: Reads blobs, for a task.
+        sightings: Finds the task's objects in views.
         config: Times and distances.
     """
 
@@ -69,7 +70,7 @@ class Replanner:
         return memory.seen.X_WO_goal or self._upright_goal(memory)
 
     def _upright_goal(self, memory: PlannerMemory) -> RigidTransform:
-        """Return the object's upright pose after this cycle: on the goal, or back."""
+        """Return the upright pose after this cycle: the goal, or the first place."""
         back = memory.seen.X_WO_return if memory.totals.cycles % 2 else None
         return back or self._task.goal
 
@@ -100,8 +101,8 @@ class Replanner:
             view: Present view.
             memory: The planner's memory.
             time: Present time [s].
-            travel: Motion of the object until the hand is there, shape (3,) [m]; None:
-                it rests.
+            travel: Displacement of the object until the hand arrives, shape (3,) [m];
+                None: it rests.
         """
         blob, attempt = self.find(view), memory.attempt
         _look(memory, view, blob, time)
@@ -169,7 +170,7 @@ class Replanner:
                 p_WO = self._sightings.middle(blob)
             obstacles = self._obstacles(view, memory, q, fingers, p_WO)
             moved = bool(self._obstruction(motions, Mode.PRE_GRASP, obstacles))
-        if certain is not None and not moved:  # else it may be behind the hand
+        if certain is not None and not moved:  # the hand may half hide an uncertain one
             X_WO_seen = self._sightings.pose(certain)
             far = distance(X_WO_seen, X_WO, self._shape) > _MOVED
             moved = far or self._turn(X_WO_seen, X_WO) > _TURNED
@@ -206,7 +207,7 @@ class Replanner:
         if not isinstance(result, PlanningFailure):
             rest = {**motions.motions, **result.motions}
             memory.attempt.motions = dc.replace(result, motions=rest)
-        elif view.obstacles:  # without, the motions stay as they were
+        elif view.obstacles:  # without new ones, the old motions stay valid
             hit = self._obstruction(motions, Mode.TRANSFER, obstacles)
             if hit is not None:
                 memory.trouble.failure = Failure.BLOCKED
@@ -244,7 +245,7 @@ class Replanner:
     def _turn(self, X_1: RigidTransform, X_2: RigidTransform) -> float:
         """Return the angle between the object's axis in two poses [rad].
 
-        The axis of a solid does not count, because look-alike poses may have different
+        It is 0 for a solid of several pieces, whose look-alike poses may have different
         axes.
         """
         if isinstance(self._shape, ConvexPieces):
@@ -265,7 +266,7 @@ class Replanner:
         fingers: Mapping[str, float],
         p_WO: Vector | None = None,
     ) -> Obstacles:
-        """Return the obstacles seen now, and earlier ones that the arm may hide."""
+        """Return the obstacles seen now, and earlier ones that the arm may now hide."""
         seen = self._sightings.obstacles(view, p_WO)
         if seen:
             seen = self._task_planner.others(q, fingers, seen)
@@ -311,9 +312,9 @@ def _trap(memory: PlannerMemory, why: PlanningFailure) -> None:
 
 
 def _fail(memory: PlannerMemory, failure: Failure, message: str) -> None:
-    """Record a failure, unless there is a more specific one.
+    """Record a failure, unless there is one already.
 
-    More specific is the fate of an object that was in the hand.
+    The earlier one is more specific, such as a dropped object.
     """
     if memory.trouble.failure is None:
         memory.trouble.failure, memory.trouble.message = failure, message

@@ -28,7 +28,7 @@ class PickTask:
     Attributes:
         object_name: Name of its blobs.
         shape: Its known shape.
-        goal: Its goal X_WO [m]; the rotation about z does not count.
+        goal: Its goal X_WO [m]; the rotation about z is ignored.
         tolerance: Distance from the goal that counts as placed [m].
         obstacles: Names and shapes of the other objects. Motions keep clear of them.
         repeat: Number of cycles. Every second one takes the object back to its first
@@ -52,7 +52,7 @@ class View:
 
 
 class Sightings:
-    """Reads in views the object to take, and the others to keep clear of.
+    """Finds in views the object to take, and the others to keep clear of.
 
     Args:
         task: The object to take, and its goal.
@@ -70,8 +70,8 @@ class Sightings:
 
         Args:
             view: Present view.
-            rests: Returns whether the object may rest at a pose X_WO. A look-alike that
-                floats, or is inside the table, is something else.
+            rests: Returns whether the object may rest at a pose X_WO. A blob that
+                floats, or is inside the table, is less trustworthy.
         """
 
         def likely(blob: Blob) -> tuple[bool, bool, tuple[bool, int, bool, float]]:
@@ -81,11 +81,11 @@ class Sightings:
         return max(self._own(view), key=likely, default=None)
 
     def nearest(self, view: View, p_WO: Vector) -> Blob | None:
-        """Return the object's blob nearest to its believed place.
+        """Return the object's blob nearest to its expected place.
 
         Args:
             view: Present view.
-            p_WO: Believed place of the object, shape (3,) [m].
+            p_WO: Expected place of the object, shape (3,) [m].
         """
 
         def distance(blob: Blob) -> float:
@@ -98,7 +98,7 @@ class Sightings:
         return [blob for blob in view.blobs if blob.object_name == name]
 
     def pose(self, blob: Blob) -> RigidTransform:
-        """Return the object's pose X_WO [m], with any turn if the object is round."""
+        """Return the pose X_WO [m]; a round object's rotation is arbitrary."""
         return self._pose(self.task.shape, blob)
 
     def middle(self, blob: Blob) -> Vector:
@@ -111,8 +111,9 @@ class Sightings:
 
         Args:
             view: Present view.
-            p_WO: Believed place of the object's middle, shape (3,) [m]. A look-alike
-                elsewhere is an obstacle. An obstacle around this place is the object.
+            p_WO: Expected place of the object's middle, shape (3,) [m]. A look-alike
+                elsewhere counts as an obstacle. An obstacle around this place is taken
+                for the object.
         """
         known = tuple(
             (shape, self._pose(shape, blob))
@@ -176,7 +177,7 @@ def _turned_up(X_WO: RigidTransform, up: Vector) -> RigidTransform:
     R_WO = X_WO.rotation().matrix()
     turn = np.cross(up, _UP)
     sine = float(np.linalg.norm(turn))
-    if sine > 1e-12:  # less is no turn, and too little to normalize
+    if sine > 1e-12:  # less is negligible, and too small to normalize
         turning = AngleAxis(np.arctan2(sine, up[2]), turn / sine)
         R_WO = RotationMatrix(turning).matrix() @ R_WO
     R = RotationMatrix.ProjectToRotationMatrix(R_WO)
@@ -210,12 +211,12 @@ def middle_of(shape: Solid) -> Vector:
 def distance(X_1: RigidTransform, X_2: RigidTransform, shape: Solid) -> float:
     """Return the distance between two poses of an object, whatever its yaw [m].
 
-    It is the shorter one of the distances between its origins and between its middles:
+    It is the distance between its origins or between its middles, whichever is less:
     look-alike poses of a solid may have different origins.
 
     Args:
         X_1: A pose [m].
-        X_2: Another one [m].
+        X_2: Another pose [m].
         shape: The object's.
     """
     points = (np.zeros(3), middle_of(shape))
@@ -223,7 +224,7 @@ def distance(X_1: RigidTransform, X_2: RigidTransform, shape: Solid) -> float:
 
 
 def lean(axis_1: Vector, axis_2: Vector) -> float:
-    """Return the angle between two lines of directions (3,), 0 .. pi/2 [rad]."""
+    """Return the angle between two lines, given by directions (3,), 0 .. pi/2 [rad]."""
     sine = float(np.linalg.norm(np.cross(axis_1, axis_2)))
     return float(np.arctan2(sine, abs(float(axis_1 @ axis_2))))
 

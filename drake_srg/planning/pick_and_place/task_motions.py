@@ -44,8 +44,8 @@ _UPRIGHT = 0.004
 _HIGHER = (0.0, 0.04, 0.08)
 
 
-# Number of grasps whose motions are planned before giving up. There are more only if
-# the hand may turn about the object. Each search for a path takes up to 5 s.
+# Number of grasps whose motions are planned before giving up: each search for a path
+# takes up to 5 s. There are more candidates only if the hand may turn about the object.
 _MOST_CANDIDATES = 8
 
 
@@ -63,12 +63,12 @@ class TaskMotions:
 
 
 class TaskPlanner:
-    """Plans picking and placing with a planning scene; holds nothing between calls.
+    """Plans picking and placing in a planning scene; keeps no state between calls.
 
-    Methods that begin with an underscore raise `NoPathError` for what is impossible.
+    Private methods raise `NoPathError` instead of returning a failure.
 
     Args:
-        scene: The arm, the gripper and what they may hit.
+        scene: The arm, the gripper and their surroundings.
         hand: The grasps of that gripper.
         q_home: Home posture of the arm, shape (N,) [rad].
         config: Distances and speeds.
@@ -89,7 +89,7 @@ class TaskPlanner:
         self._search = GraspSearch(scene, hand, self.q_home, config.place_height)
 
     def X_WG(self, q: Vector) -> RigidTransform:
-        """Return the pose of the hand that holds the object, with the arm at `q`."""
+        """Return the hand's pose [m] with the arm at `q` (N,) [rad]."""
         return self.scene.X_WG(q)
 
     def plan(
@@ -101,11 +101,12 @@ class TaskPlanner:
         obstacles: Obstacles = (),
         tried: Sequence[str] = (),
     ) -> TaskMotions | PlanningFailure:
-        """Plan the motions from `q_start` over pick and place to home.
+        """Plan all motions: from `q_start` to the pick, to the goal, and home.
 
         Args:
             q_start: Posture of the arm, at rest, shape (N,) [rad].
-            X_WO: The object's pose [m]; the turn of a round one does not count.
+            X_WO: The object's pose [m]. A round object's rotation about its axis is
+                ignored.
             shape: The object's shape.
             X_WO_goal: Goal of the object [m].
             obstacles: Other objects and their poses [m].
@@ -123,7 +124,7 @@ class TaskPlanner:
         X_WO_goal: RigidTransform,
         obstacles: Obstacles = (),
     ) -> TaskMotions | PlanningFailure:
-        """Plan from a grasp that holds the object, anywhere, until home.
+        """Plan the motions of a hand that holds the object: lift, place, and go home.
 
         Args:
             q_grasp: Posture of the arm, at rest, shape (N,) [rad].
@@ -145,7 +146,7 @@ class TaskPlanner:
         X_WO_goal: RigidTransform,
         obstacles: Obstacles = (),
     ) -> TaskMotions | PlanningFailure:
-        """Plan from above the goal onto it, and home, with the object in the hand.
+        """Plan to set down an object that the hand holds above its goal, and go home.
 
         Args:
             q_start: Posture of the arm, at rest, shape (N,) [rad].
@@ -162,7 +163,7 @@ class TaskPlanner:
     def plan_escape(
         self, q: Vector, fingers: Mapping[str, float], obstacles: Obstacles = ()
     ) -> tuple[Trajectory, Trajectory] | PlanningFailure:
-        """Plan back out of a failed grasp: away from the object, then home.
+        """Plan the way out of a failed grasp: away from the object, then home.
 
         Args:
             q: Posture of the arm, shape (N,) [rad].
@@ -174,7 +175,7 @@ class TaskPlanner:
     def _among(
         self, obstacles: Obstacles, plan: Callable[[], _T]
     ) -> _T | PlanningFailure:
-        """Return a plan that keeps clear of obstacles, or why there is none."""
+        """Run `plan` among obstacles; return its plan, or the reason why it failed."""
         try:
             with self.ready(obstacles):
                 return plan()
@@ -183,7 +184,7 @@ class TaskPlanner:
 
     @contextlib.contextmanager
     def ready(self, obstacles: Obstacles) -> Iterator[None]:
-        """Add obstacles; restore everything that a plan changes."""
+        """Add obstacles within the context; restore the fingers after it."""
         fingers = self.scene.fingers
         try:
             with self.standing(obstacles):
@@ -216,13 +217,13 @@ class TaskPlanner:
                     return TaskMotions(candidate.grasp, motions)
                 except NoPathError as error:
                     no_path.append(error.failure)
-            # The grasps that came farthest show the obstacle best.
+            # The grasps that came farthest give the most specific reason.
             reasons = reasons or no_path or failures
-            # Another side may have a way past obstacles, but not more reach.
+            # From another side, the hand may get past obstacles, but not farther.
             if all(f.failure is not Failure.BLOCKED for f in reasons):
                 break
         if not reasons:
-            message = f"no known grasp takes a {shape}"
+            message = f"no known grasp fits a {shape}"
             raise NoPathError(PlanningFailure(Failure.NO_GRASP, message))
         raise NoPathError(most_specific(reasons))
 
@@ -243,8 +244,8 @@ class TaskPlanner:
         with carrying(self.scene, shape, grasp, supported=True):
             path = moves.through(q_start, [above, goal])
             down = moves.timed(path, moves.holding, straight=True)
-        left = self.leave(path[-1], grasp, shape, X_WO_goal)
-        return {Mode.PLACE: down} | left
+        leaving = self.leave(path[-1], grasp, shape, X_WO_goal)
+        return {Mode.PLACE: down} | leaving
 
     def _escape(
         self, q: Vector, fingers: Mapping[str, float]
@@ -272,11 +273,11 @@ class TaskPlanner:
         scene.SetFingers(grasp.fingers_open)
         with scene.standing(shape, X_WO, touchable=True):
             back = moves.straight(q_grasp, moves.behind(q_grasp), turning=True)
-            around = moves.timed(back[::-1], moves.free, straight=True)
+            reach = moves.timed(back[::-1], moves.free, straight=True)
         with scene.standing(shape, X_WO):
-            there = moves.timed(moves.joint_path(q_start, back[-1]), moves.free)
+            approach = moves.timed(moves.joint_path(q_start, back[-1]), moves.free)
         rest = self._after_grasp(shape, X_WO_goal, candidate)
-        return {Mode.GRASP: around, Mode.PRE_GRASP: there, **rest}
+        return {Mode.GRASP: reach, Mode.PRE_GRASP: approach, **rest}
 
     def _after_grasp(
         self, shape: Solid, X_WO_goal: RigidTransform, candidate: Candidate
@@ -311,10 +312,11 @@ class TaskPlanner:
             q_place: Posture of the arm, at rest, shape (N,) [rad].
             grasp: The grasp.
             shape: The object's shape.
-            X_WO: Pose of the object [m]. The turn about its axis is as in the hand.
+            X_WO: Pose of the object [m]. The hand determines its rotation about its
+                axis.
 
         Raises:
-            NoPathError: If a motion does not exist.
+            NoPathError: If there is no such motion.
         """
         scene, moves = self.scene, self._moves
         X_WO = grasp.set_down(scene.X_WG(q_place), X_WO)
@@ -329,7 +331,7 @@ class TaskPlanner:
     def _transfer(
         self, q_lifted: Vector, X_WO_goal: RigidTransform, candidate: Candidate
     ) -> tuple[Vector, Vector]:
-        """Return the paths across, and down to the goal, both (K, N) [rad]."""
+        """Return the paths to above the goal, and down to it, both (K, N) [rad]."""
         scene = self.scene
         lift = self.config.lift_height * _UP
         height = self.config.place_height
@@ -358,7 +360,7 @@ class TaskPlanner:
         return drift
 
     def _across(self, q_lifted: Vector, above_goal: HandTarget) -> Vector | None:
-        """Return a path above the goal that keeps the object upright, or None."""
+        """Return a path to above the goal that keeps the object upright, or None."""
         scene = self.scene
         for higher in _HIGHER:
             lines = [above_goal]
@@ -374,7 +376,9 @@ class TaskPlanner:
         else:
             return None
         if not scene.reaches_any_pose and self.config.tip_limits is None:
-            # Without a redundant joint, a straight line costs detours of the joints.
+            # To follow a straight line, an arm without a redundant joint takes detours
+            # in joint space. Go straight in joint space if that keeps the object
+            # upright.
             ends = np.array([q_lifted, across[-1]])
             line = scene.samples(ends)
             lean = max(above_goal.angle_violation(scene.X_WG(q)) for q in line)
@@ -428,14 +432,14 @@ class TaskPlanner:
     def obstruction(
         self, task: TaskMotions, shape: Solid, obstacles: Obstacles
     ) -> str | None:
-        """Describe the obstacle to motions; None if they are free.
+        """Describe what blocks motions; None if they are free.
 
-        Half of every margin is reserved for differences between images of the same
-        object.
+        Obstacles may break a margin by up to half of the smaller one, because images of
+        the same object differ.
 
         Args:
             task: The motions.
-            shape: Shape of the object that is taken.
+            shape: Shape of the object in the hand.
             obstacles: Other objects and their poses [m].
         """
         slack = 0.5 * min(self.config.clearance, self.config.hand_clearance)

@@ -1,1 +1,1 @@
-"""Visual servoing: images drive the hand until it stands before an object."""
+"""Visual servoing: images drive the hand to an object."""

@@ -44,18 +44,18 @@ class ServoConfig(Config):
     settled: int = dc.field(default=6, metadata={"ge": 1})
     # Height by which the hand raises the grasped object before it brakes [m].
     rise: float = dc.field(default=0.02, metadata={"ge": 0.0})
-    # Number of images without a usable sighting, or of equal images of a moving hand,
-    # after which the servo gives up; and least motion of the hand for that [m].
+    # The servo gives up after `patience` images without a usable sighting, or as many
+    # equal images while the hand moves by more than `moved` [m].
     patience: int = dc.field(default=5, metadata={"ge": 1})
     moved: float = dc.field(default=0.002, metadata=positive())
-    # Number of images that the servo uses; 0: all. With 1, the hand goes to the goal in
-    # the first image.
+    # Number of images that the servo uses; 0: all. With 1, the hand goes to the goal as
+    # seen in the first image.
     looks: int = dc.field(default=0, metadata={"ge": 0})
 
 
 @dc.dataclass(kw_only=True)
 class ServoingConfig(ServoConfig):
-    """A visual servo that takes over in front of the object until the grasp."""
+    """A visual servo that moves the hand from in front of the object to the grasp."""
 
     # `pbvs`: by the object's pose; `ibvs`: by its silhouette in the image.
     method: str = dc.field(default="pbvs", metadata={"among": ("pbvs", "ibvs")})
@@ -72,14 +72,15 @@ class ServoingConfig(ServoConfig):
 class WindowConfig(Config):
     """The window in which the planner takes a moving object: a rectangle in world.
 
-    It waits for `search_time` until the object is seen there, and twice in all.
+    It plans once it has seen the object twice, the second time in the window. Without
+    such a sighting, it gives up after `search_time`.
     """
 
     # Corners [x, y] in world [m].
     min: list[float] = dc.field(default_factory=list)
     max: list[float] = dc.field(default_factory=list)
-    # The hand goes to where the object will be after this time [s]: it covers planning
-    # and the approach. The servo corrects the rest.
+    # The hand goes to where the object will be after this time [s], which covers
+    # planning and the approach. The servo corrects the rest.
     lead_time: float = dc.field(default=1.5, metadata={"ge": 0.0})
 
     def contains(self, p_W: Vector) -> bool:
@@ -92,8 +93,8 @@ class WindowConfig(Config):
 class Servoing(PlannerConfig):
     """Picks and places as `PickAndPlace` does, with a visual servo for the grasp."""
 
-    # Where an object on a belt is taken; null: the object is taken anywhere, and its
-    # motion is not known before the servo sees it.
+    # Where to take an object from a belt; null: anywhere, and only the servo notices
+    # that the object moves.
     window: WindowConfig | None = None
     servo: ServoingConfig = dc.field(default_factory=ServoingConfig)
 

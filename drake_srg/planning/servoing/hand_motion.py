@@ -30,7 +30,7 @@ class JointStep:
 
 
 class ServoArm(ArmModel):
-    """The model `arm` of a plant with the body `palm` of the model `gripper`.
+    """Kinematics of the model `arm` in a plant; the hand is `palm` of `gripper`.
 
     Args:
         plant: A finalized plant with both.
@@ -98,10 +98,10 @@ class Solution:
 def damped_solution(matrix: Vector, b: Vector, least: float) -> Solution:
     """Return x with matrix x = b, damped where the matrix is nearly singular.
 
-    Every singular value s counts as s / (s² + d²), where d² grows from 0 to `least`²
-    as s falls below `least` (Nakamura and Hanafusa, J. Dyn. Sys. Meas. Control 108,
-    1986). So x is never longer than b over `least` for any matrix, and exact if all
-    singular values exceed `least`.
+    The inverse of each singular value s becomes s / (s² + d²), where d² grows from 0 to
+    `least`² as s falls below `least` (Nakamura and Hanafusa, J. Dyn. Sys. Meas. Control
+    108, 1986). So x is never longer than b over `least` for any matrix, and exact if
+    all singular values exceed `least`.
 
     Args:
         matrix: Shape (n, m).

@@ -165,12 +165,12 @@ class Memory(Shared):
     def compared(
         self, frame: int, p_WG: Vector, config: ServoConfig
     ) -> tuple[Memory, bool]:
-        """Return the memory after an image, and whether the image is old.
+        """Return the memory after an image, and whether the image is stale.
 
         Args:
             frame: Frame of the image.
             p_WG: Position of the hand, shape (3,) [m].
-            config: Least motion of the hand after which an equal image is an old one.
+            config: Least motion of the hand after which an equal image is stale.
         """
         if frame != self.frame:
             return dc.replace(self, frame=frame, p_frame=p_WG, same=0), False
@@ -215,7 +215,7 @@ class Memory(Shared):
 
     def near(self, p_WG: Vector, time: float, config: ServoConfig) -> Memory:
         """Return the memory after a period in which no image was read."""
-        assert self.goal is not None, "an image that counts shows the goal"
+        assert self.goal is not None, "each used image shows the goal"
         return self._close(float(np.linalg.norm(self.goal.at(time) - p_WG)), config)
 
     def _close(self, error: float, config: ServoConfig) -> Memory:
@@ -223,7 +223,7 @@ class Memory(Shared):
         near, first = error < config.tolerance, self.near_goal == 0
         near_since = self.heard if first else self.near_since
         # Images that were taken before the first one arrived do not count: the hand
-        # could not react to it yet.
+        # could not react to the first one yet.
         counts = first or self.taken >= near_since
         near_goal = self.near_goal + counts if near else 0
         reached = near_goal >= config.settled

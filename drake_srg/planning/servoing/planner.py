@@ -97,7 +97,7 @@ class ServoIdle(Idle):
     config: Servoing
 
     def look(self, memory: PlannerMemory, now: Now) -> None:
-        """Look twice, and plan for the place that the object will have reached."""
+        """Look twice, and plan for the place where the object will be."""
         window = self.config.window
         if window is None:
             super().look(memory, now)
@@ -109,7 +109,7 @@ class ServoIdle(Idle):
         before = memory.before if memory.before_at >= memory.attempt.began else None
         memory.before, memory.before_at = blob, now.time
         if blob is None or before is None or not window.contains(blob.position):
-            place = "planner.window that was seen twice"
+            place = "planner.window, or seen only once"
             self.replanner.wait(view, memory, now.time, place)
             return
         v_WO = (blob.position - before.position) / elapsed
@@ -117,14 +117,14 @@ class ServoIdle(Idle):
 
 
 class Servoed(TaskMode):
-    """A mode in which the servo moves the arm and the planner's motion follows."""
+    """A mode in which the servo moves the arm."""
 
     def trajectory(self, memory: PlannerMemory) -> Trajectory | None:
         """Return None, because the servo moves the arm."""
         return None
 
     def update(self, memory: PlannerMemory, now: Now) -> PlannerMemory:
-        """Rest at the arm's present position."""
+        """Update the planner's motion to rest at the servo's commands."""
         memory, q = super().update(memory, now), _servo(now).q
         if len(q):
             memory.motion = Motion(q)
@@ -199,7 +199,7 @@ class ServoLift(Lift):
             )
 
     def observe_mode(self, memory: PlannerMemory, now: Now) -> Observation:
-        """Report a failed plan, or else the same as every lift."""
+        """Report a failed plan, or the end of the lift."""
         if memory.attempt.trapped:
             return Observation(failure=memory.trouble.failure)
         if not memory.attempt.looked:

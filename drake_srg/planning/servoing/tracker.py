@@ -141,8 +141,8 @@ class LateSightings(LeafSystem):
     The input `sighting` (a Sighting) has its `stamp`. `arm_state` (2N), [q; v] in rad
     and rad/s, was measured at `arm_stamp` (1) by the same clock [s]. The output
     `sighting` is the newest one with measurements of the arm before and after it;
-    `taken` is filled in. Until there is one, and while the input's stamp is NaN, it is
-    a sighting of nothing, taken at minus infinity.
+    `taken` is filled in. Without such a sighting, and while the input's stamp is NaN,
+    the output is a sighting of nothing, taken at minus infinity.
 
     Args:
         num_joints: N.
@@ -192,7 +192,7 @@ class LateSightings(LeafSystem):
         return known if taken is None else dc.replace(late, taken=taken)
 
 
-_LEAST_AREA = 50  # of a region that counts [pixels]
+_LEAST_AREA = 50  # of an object's region [pixels]
 
 
 def silhouette(mask: Mask) -> Mask | None:
@@ -313,8 +313,8 @@ def fit_translation(
 ) -> Vector | None:
     """Return the position of a solid of known orientation from points of its surface.
 
-    Gauss-Newton on the robustly weighted distances from the surface, from half of the
-    least extent behind the middle of the points.
+    It minimizes robustly weighted distances from the surface by Gauss-Newton. The start
+    is half of the solid's least extent behind the middle of the points.
 
     Args:
         points: Points in the camera's frame, shape (n, 3) [m].
@@ -338,7 +338,7 @@ def fit_translation(
         normals = normals @ R.T
         spread = (weight * normals.T) @ normals / weight.sum()
         away = (weight * distance) @ normals / weight.sum()
-        # In between, all points may be nearest to the same face.
+        # Damped, because all points may be nearest to the same face on the way.
         step = np.linalg.solve(spread + _DAMPING * np.eye(3), away)
         p_CO = p_CO + step
         if np.linalg.norm(step) < _STILL:

@@ -58,8 +58,7 @@ class VisualServo(LeafSystem):
 
     It stands between the planner of the arm's motion and the arm's driver (or the
     safety monitor before it). The hand keeps the orientation in which the servo began.
-    Derive from it and override `goal_camera`, which returns the camera's goal in its
-    present frame.
+    Derive from it and override `goal_camera`.
 
     .. pydrake_system::
 
@@ -84,9 +83,9 @@ class VisualServo(LeafSystem):
     Otherwise, its commands first move there without a jump. With TRACK, every image
     gives the hand's goal in world. An alpha-beta filter estimates the goal and its
     velocity, and every `config.period` the hand moves towards the goal's present
-    position. With FOLLOW, no image counts, and the hand continues with the goal's last
-    velocity. With RAISE, it also rises by `config.rise`, and then brakes and rests.
-    With HOLD, it brakes and rests at once.
+    position. With FOLLOW, images are ignored, and the hand continues with the goal's
+    last velocity. With RAISE, it also rises by `config.rise`, and then brakes and
+    rests. With HOLD, it brakes and rests at once.
 
     The hand is held while the object is not wholly in the image or the features do not
     determine the motion. After `config.patience` such images, or as many equal images
@@ -95,7 +94,7 @@ class VisualServo(LeafSystem):
 
     Args:
         arm: Kinematics of arm and hand.
-        X_GC: Believed pose of the camera in the hand [m].
+        X_GC: Assumed pose of the camera in the hand [m].
         axis_G: Direction of approach in the hand, a unit vector, shape (3,).
         goal: The camera's sighting with the hand at its goal.
         config: Gains and limits.
@@ -144,7 +143,7 @@ class VisualServo(LeafSystem):
         self.DeclarePeriodicUnrestrictedUpdateEvent(config.period, 0.0, self._update)
 
     def goal_camera(self, sighting: Any) -> Vector | ServoFault:
-        """Return the camera's goal in its present frame, shape (3,) [m].
+        """Return where the camera must go, in its present frame, shape (3,) [m].
 
         Args:
             sighting: Sighting in the camera's image.
@@ -166,7 +165,7 @@ class VisualServo(LeafSystem):
         output.SetFromVector(q)
 
     def _passed(self, context: Context, memory: Memory) -> Vector:
-        """Return the commands of a servo that passes, shape (N,) [rad]."""
+        """Return the commands of a servo that passes on a plan, shape (N,) [rad]."""
         planned: Vector = self._planned.Eval(context)
         over = memory.hand_over
         return planned if over is None else planned + over.offset
@@ -201,7 +200,7 @@ class VisualServo(LeafSystem):
         return EventStatus.Succeeded()
 
     def _looked(self, context: Context, memory: Memory, time: float) -> Memory:
-        """Return the memory after an image, or after an image that is overdue."""
+        """Return the memory after a look, with or without a new image."""
         config = self.config
         q = self._measured.Eval(context)[: self._arm.num_joints]
         if config.looks and memory.status.images >= config.looks:
@@ -315,7 +314,7 @@ class ImageBasedServo(VisualServo):
     nearly singular, the hand is held.
 
     Args: as of `VisualServo`; the goal is a FeatureSighting. Only the orientation of
-        the camera's believed pose matters.
+        the camera's assumed pose matters.
     """
 
     def goal_camera(self, sighting: FeatureSighting) -> Vector | ServoFault:

@@ -132,7 +132,7 @@ def test_both_hands_must_hold(plan):
 
 
 def test_the_bases_sensors_keep_a_wall_that_creeps_in_the_hands(planner, shape):
-    """Algorithm 1 sends a base that loses it to the whole command, and the grip jumps.
+    """If a base link lost the wall, Algorithm 1 would make the grip jump.
 
     Crates of up to 2 kg creep down by up to 2 mm on the longest way.
     """

@@ -122,7 +122,7 @@ class Motions:
         self.taken = []
         self.starts = []
         self.places = False  # loads are set down, not dropped
-        self.way_out = None  # where the way up out of a bin ends
+        self.way_out = None  # end of the way up out of a bin
 
     def plan(self, q_start, grasp, height_map, number=0, *, filled=-np.inf, spots=None):
         place = tuple(np.round(grasp.p_WC[:2], 6))
@@ -167,14 +167,14 @@ def _line(start, end):
 
 @dc.dataclass
 class Run:
-    """Advances a planner whose arm follows at once, over a table of the test's."""
+    """Advances a planner over a fake table, with an arm that follows at once."""
 
     grasps: Grasps
     motions: Motions
     shown: HeightMap
     config: PlannerConfig = dc.field(default_factory=lambda: CONFIG)
     pushes: Pushes | None = None
-    picks: PickPlanner | None = None  # None: makes one
+    picks: PickPlanner | None = None  # None: a new one
 
     def __post_init__(self):
         picks = self.picks or PickPlanner(

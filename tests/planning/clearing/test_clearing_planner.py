@@ -65,8 +65,8 @@ def test_counts_only_what_is_felt_and_gone(felt, after):
 
 @pytest.mark.parametrize(("width", "counted"), [(SIDE, 1), (0.002, 0)])
 def test_notices_fingers_that_close_further_on_the_way(width, counted):
-    # A load that turns in the hand lets them close too; but for thin ones, the angles
-    # still differ from those of an empty hand.
+    # Fingers also close if a load turns in the hand. Unless the load is thin, their
+    # angles still differ from those of an empty hand.
     one = run(A, width=width)
     one.until(Mode.CLOSE)
     one.feel(True)
@@ -143,7 +143,7 @@ def test_a_load_that_stands_early_is_placed(mode, cycles):
     early.until(Mode.RELEASE)
     q = early.planner.GetInputPort("arm_state").Eval(early.context)[:2]
     commanded = early.planner.GetOutputPort("position_commanded").Eval(early.context)
-    np.testing.assert_allclose(commanded, q)  # the arm presses no further
+    np.testing.assert_allclose(commanded, q)  # the arm stops pressing
     early.feel(False)
     early.until(Mode.RETREAT)
     early.follow = follow
@@ -153,7 +153,7 @@ def test_a_load_that_stands_early_is_placed(mode, cycles):
 
 @pytest.mark.parametrize(("tolerance", "early"), [(0.5, True), (None, False)])
 def test_presses_a_load_no_further_than_it_may(tolerance, early):
-    """Loads were pressed on what lay in the bin with up to 700 N."""
+    """Regression: loads were pressed on others in the bin with up to 700 N."""
     pressed = run(A, config=dc.replace(CONFIG, path_tolerance=tolerance))
     pressed.motions.places = True
     pressed.until(Mode.CLOSE)
@@ -167,7 +167,7 @@ def test_presses_a_load_no_further_than_it_may(tolerance, early):
 
 @pytest.mark.parametrize("places", [False, True])
 def test_opens_fully_where_nothing_stands_beside_the_load(places):
-    """An object that slipped upwards in the hand needs fingers opened wider."""
+    """An object that has slipped up in the hand needs a wider opening."""
     only = run(A)
     only.motions.places = places
     pick(only, after=table())
@@ -225,7 +225,7 @@ def test_goes_up_all_the_way_out_of_a_row_or_where_it_must(rim):
     [(0.1, True, True), (0.1, False, False), (None, False, True)],
 )
 def test_an_empty_hand_does_not_go_down_in_a_bin(rim, felt, placed):
-    """An object for a row, which must not fall, is never released above it."""
+    """Over a row, where nothing may fall, the hand always goes down."""
     deep = in_a_bin()
     deep.motions.destination = dc.replace(BIN, rim=rim)
     pick(deep, after=table(B), felt=felt)
@@ -236,7 +236,7 @@ def test_an_empty_hand_does_not_go_down_in_a_bin(rim, felt, placed):
 
 
 def test_bent_tips_are_stretched_on_the_way_to_the_next_grasp():
-    """A tip still bent from letting go stood on a hammer, and the hand closed above."""
+    """Regression: a tip that was still bent stood on a hammer and missed it."""
     run = Run(Grasps([A], width=0.06), Motions(), table(A))
     closure = run.planner.GetOutputPort("closure_commanded")
     bent = np.array([0.5, 0.5, 0.0, 0.4, 0.0, 0.0, 0.0, 0.0])
@@ -248,7 +248,7 @@ def test_bent_tips_are_stretched_on_the_way_to_the_next_grasp():
     run.fix("gripper_state", np.zeros(8))
     run.simulator.AdvanceTo(run.context.get_time() + 0.1)
     assert closure.Eval(run.context) == grasp_at(A).closure_open > 0.0
-    # What is still bent above the thing closes all the same.
+    # Tips that are still bent over the thing do not delay the grasp for ever.
     run = Run(Grasps([A], width=0.06), Motions(), table(A))
     run.fix("gripper_state", bent)
     run.until(Mode.GRASP)
@@ -257,7 +257,7 @@ def test_bent_tips_are_stretched_on_the_way_to_the_next_grasp():
 
 
 def test_fingers_that_are_still_opening_are_waited_for():
-    """They touch the load until the pads have left it, and may rest meanwhile."""
+    """Until the pads have left the load, fingers touch it, and may briefly rest."""
     held = run(A, config=dc.replace(CONFIG, gripper_timeout=2.0))
     held.motions.places = True
     closure = held.planner.GetOutputPort("closure_commanded")
@@ -275,7 +275,7 @@ def test_fingers_that_are_still_opening_are_waited_for():
     ("tip", "near"), [(0.6, 0.01), (0.0, 0.0)], ids=["bent", "wedged"]
 )
 def test_opens_fully_where_it_would_lift_what_it_has_set_down(tip, near):
-    """Boxes came up again that stood on bent tips, or had turned between the bases."""
+    """Regression: boxes on bent tips, or turned between the bases, came up again."""
     held = run(A, config=dc.replace(CONFIG, gripper_timeout=2.0))
     held.motions.places = True
     closure = held.planner.GetOutputPort("closure_commanded")
@@ -306,7 +306,7 @@ def test_leaves_what_fails_too_often():
 
 @pytest.mark.parametrize(("joined", "attempts"), [(True, 2), (False, 8)])
 def test_grasps_that_are_alike_count_together_on_one_thing(joined, attempts):
-    # Such as all around the rim of a plate.
+    # Alike are, for example, all grasps around the rim of a plate.
     places = [(x, 0.2) for x in (0.1, 0.2, 0.3, 0.4)]
     shown = table(*places, *((x, 0.2) for x in BETWEEN if joined))
     tried = run(*places, shown=shown, config=dc.replace(CONFIG, max_attempts=2))
@@ -329,7 +329,7 @@ def test_grasps_of_another_width_are_tried_on_what_failed(wider):
 
 
 def test_grasps_of_what_is_given_up_leave_room_for_others():
-    # As many grasps of one thing as the planner plans motions for, and one of another.
+    # One thing has as many grasps as the planner plans motions for, another has one.
     many = run(*[A] * 40, B, config=dc.replace(CONFIG, max_attempts=1))
     pick(many, after=table(A, B), felt=False)
     pick(many, after=table(A))
@@ -448,7 +448,7 @@ def test_leaves_a_heap_that_pushes_do_not_change(pushes):
 
 
 def test_a_load_that_is_seen_in_the_end_gives_no_more_pushes():
-    """The pushes since then have not helped, and would not help again."""
+    """Pushes since the last look have not helped, and would not help again."""
     stays = heap(after_push=[])
     stays.grasps.places = (A, B)
     stays.show(table(A, B))
@@ -472,7 +472,7 @@ def test_goes_back_when_something_stops_a_push():
 
 @pytest.mark.parametrize(("tolerance", "early"), [(0.5, True), (3.0, False)])
 def test_presses_no_further_than_it_may(tolerance, early):
-    """A plate was pressed into a box by 500 N, and never came out again."""
+    """Regression: a plate was pressed into a box by 500 N, and stuck there."""
     stuck = heap(after_push=[], path_tolerance=tolerance)
     stuck.until(Mode.PUSH)
     start = stuck.context.get_time()

@@ -7,7 +7,7 @@ import pytest
 
 from planning.clearing.fake_table import BIN, SIDE, TALL, crossing, table
 
-BEFORE = (0.15, 0.15)  # it has been there before
+BEFORE = (0.15, 0.15)  # place of an earlier load
 
 
 def test_the_top_of_what_is_in_a_bin_leaves_out_its_walls():
@@ -30,7 +30,7 @@ def test_the_emptier_lane_of_a_bin_comes_first():
 
 @pytest.mark.parametrize(("away", "below"), [(0.06, TALL), (0.08, TALL), (0.1, 0.01)])
 def test_what_the_open_hand_may_reach_is_below_a_lane(away, below):
-    """A finger went down in a mug beside a lane, and lifted it out of the bin."""
+    """Regression: a finger went down in a mug beside a lane, and lifted it out."""
     deep = dc.replace(BIN, high=np.add(BIN.low, [0.3, 0.25]), rim=0.12, floor=0.01)
     lane = deep.middle[1] - 0.2 * 0.25
     shown = table((deep.middle[0], lane + away + 0.5 * SIDE))
@@ -56,7 +56,7 @@ def test_the_lanes_of_a_bin_that_was_not_seen_are_empty():
     ],
 )
 def test_what_reaches_over_the_rim_from_inside(inside, outside, height, sticks_out):
-    """A hammer in the bin was picked up by its handle seven times."""
+    """Regression: a hammer was picked out of the bin by its handle seven times."""
     deep, shown, bar = crossing(inside, outside, height)
     expected = bar & ~deep.contains(shown, 0.01) if sticks_out else np.zeros_like(bar)
     np.testing.assert_array_equal(deep.overhang(shown), expected)

@@ -83,9 +83,9 @@ def test_what_is_not_seen_in_the_bin_is_told(seen):
 
 @pytest.mark.parametrize(("hand", "seen"), [((0.45, 0.38), 1), ((0.45, 0.2), 0)])
 def test_the_hand_itself_is_no_load_beside_the_bin(hand, seen):
-    """It is where the next grasp is; what the camera sees elsewhere counts.
+    """Only things away from the hand at the next grasp count as loads beside the bin.
 
-    A load that was felt would be in the bin all the same.
+    A load that was felt would still be in the bin.
     """
     near = (0.45, 0.38)
     both = run(A, near)
@@ -111,7 +111,7 @@ def test_takes_what_fell_beside_the_bin_where_the_arm_has_hidden_it():
     fell.show_bin(IN_BIN)
     fell.until(Mode.DONE)
     assert fell.motions.taken == [A, B]
-    # It had been lost, and is no longer.
+    # The load was lost for a while, and is found again.
     assert (fell.status.cycles, fell.status.left) == (1, ())
 
 
@@ -135,13 +135,13 @@ def test_what_the_fingers_missed_counts_once_it_is_seen_in_the_bin(seen, cycles)
     thin.until(Mode.VERIFY)
     thin.show_bin(*seen, (0.3, 0.2))
     thin.until(Mode.DONE)
-    # It may never have been in the hand, so nothing has been lost.
+    # A load that was never felt is not reported as lost.
     assert (thin.status.cycles, thin.status.left) == (cycles + 1, ())
 
 
 @pytest.mark.parametrize(("seen", "cycles"), [((IN_BIN,), 1), ((), 0)])
 def test_what_the_map_missed_counts_once_it_is_seen_in_the_bin(seen, cycles):
-    """More rises elsewhere, because what touched the load has moved."""
+    """The map hides the loss: a thing that touched the load has moved and rises."""
     touching = run(A, B)
     touching.show_bin()
     pick(touching, after=table(B, (0.45, 0.05), (0.45, 0.35)))
@@ -161,14 +161,14 @@ def test_a_load_in_the_hand_is_no_thing_beside_the_bin():
     beside = (BIN.high[0] + 0.03, 0.35)
     seen = over_bin(before).without_load(table(B, beside))
     np.testing.assert_array_equal(seen.height, table(B).height)
-    # What leaves its place shows, beside the bin, too, and so does what rises far off.
+    # Falls show even beside the bin, and so do rises far from it.
     small = dc.replace(BIN, low=np.zeros(2), high=np.full(2, 0.02), rim=0.12)
     seen = over_bin(before, small).without_load(table(far))
     np.testing.assert_array_equal(seen.height, table(far).height)
 
 
 def test_the_end_of_the_hand_over_the_bin_is_no_thing_on_the_table():
-    """It was cut off at the limit of what is left out, and picked."""
+    """Regression: an end beyond the region near the bin was taken for a thing."""
     before = table(A)
     small = dc.replace(
         BIN, low=np.array([0.35, 0.3]), high=np.array([0.4, 0.35]), rim=0.12
@@ -181,12 +181,12 @@ def test_the_end_of_the_hand_over_the_bin_is_no_thing_on_the_table():
 
 
 def test_what_was_pushed_towards_the_bin_shows_as_a_whole():
-    """Cut off at the limit of what is left out, a wide box looked narrow enough."""
+    """Regression: a wide box at the edge of that region looked narrow enough."""
     before, after = table(A), table()
     small = dc.replace(
         BIN, low=np.array([0.35, 0.3]), high=np.array([0.4, 0.35]), rim=0.12
     )
-    limit = small.low[0] - AROUND  # of what is near the bin
+    limit = small.low[0] - AROUND  # edge of the region near the bin
     middles = after.centers()
     pushed = (np.abs(middles[..., 0] - limit) < 0.06) & (middles[..., 1] > 0.3)
     after.height[pushed] = TALL
@@ -208,7 +208,7 @@ def test_what_is_hidden_beside_something_leaves_with_the_rest():
 
 
 class Watched(Grasps):
-    """Remembers the map that it was given last."""
+    """Remembers the last map."""
 
     def plan(self, height_map, **rest):
         self.seen = height_map
@@ -217,7 +217,7 @@ class Watched(Grasps):
 
 @pytest.mark.parametrize("crosses", [True, False])
 def test_what_sticks_out_of_the_bin_stays_there(crosses):
-    """A hammer in the bin was picked up by its handle seven times."""
+    """Regression: a hammer was picked out of the bin by its handle seven times."""
     low = dc.replace(BIN, rim=0.6 * TALL)
     middle = 0.5 * (BIN.low + BIN.high)[1]
     out, on_rim, in_bin = ((BIN.low[0] + x, middle) for x in (-0.03, 0.0, 0.03))
@@ -237,7 +237,7 @@ def test_things_that_are_set_down_show():
 
 
 def with_one_beside(*seen):
-    """Return a run in which a thing lies beside the bin after two were let go there.
+    """Return a run in which, after two releases, a thing lies beside the bin.
 
     Args:
         seen: Place in the bin at which the first one is seen.
@@ -270,7 +270,7 @@ def test_what_fell_out_of_the_bin_counts_once(seen_before, seen_again, other):
 
 @pytest.mark.parametrize("seen", [True, False])
 def test_what_rolled_beside_the_bin_counts_where_no_load_is_missed(seen):
-    """A brick that had come to lie there was never counted."""
+    """Regression: a brick that had rolled there was never counted."""
     rolled = with_one_beside(IN_BIN)
     both = IN_BIN, (0.35, 0.25)
     rolled.show_bin(*both)
@@ -283,7 +283,7 @@ def test_what_rolled_beside_the_bin_counts_where_no_load_is_missed(seen):
 
 
 def fell_out(memory, there, after):
-    """Return whether what a pick takes fell out, by the map after it."""
+    """Return whether the target of a pick fell out earlier, by the map after it."""
     volume = there.load(after, felt=True).volume
     return memory.fell_out(there, volume, after)
 
@@ -297,12 +297,12 @@ def test_what_lay_beside_the_bin_from_the_first_has_not_fallen_out():
     assert not has_come(None)
     assert not has_come(table(FELL, A))
     assert has_come(table(A))
-    # Pushed by 15 mm, a bowl was once taken for a box that had toppled in the bin.
+    # Regression: a bowl that was pushed by 15 mm was taken for a fallen box.
     assert not has_come(table((FELL[0] + 0.015, FELL[1]), A))
 
 
 def test_what_fell_where_another_thing_was_taken_has_fallen_out():
-    """The lowest heights of all maps count, not those of the first."""
+    """The lowest heights of all maps decide, not those of the first map."""
     maps = table(FELL, A), table(A), table(FELL)
     least = None
     for seen in maps:
@@ -325,9 +325,9 @@ def test_what_fell_where_another_thing_was_taken_has_fallen_out():
     ],
 )
 def test_what_rolled_away_is_known_by_its_volume(received, left, expected):
-    """A pitcher that leaned on the rim fell out later, and was counted twice.
+    """Regressions: a pitcher that leaned on the rim fell out, and counted twice.
 
-    Two wrenches from a heap beside the bin were taken for one.
+    Two wrenches from a heap beside the bin were taken for one load.
     """
     bin_ = dc.replace(BIN, low=np.array([0.3, 0.1]), rim=0.12)
     far = (bin_.low[0] - 0.25, 0.2)
@@ -352,7 +352,7 @@ def test_what_rolled_away_is_known_by_its_volume(received, left, expected):
 
 
 def test_what_slipped_out_of_the_hand_beside_the_bin_counts_once_it_is_in_it():
-    """As it had not been felt, it was taken for a load that had counted before."""
+    """Regression: it was not felt, and was taken for a load that had counted."""
     slipped = run(A, FELL, shown=table(A))
     slipped.show_bin()
     pick(slipped, after=table(), felt=False)
@@ -369,7 +369,7 @@ def test_what_slipped_out_of_the_hand_beside_the_bin_counts_once_it_is_in_it():
 
 
 def test_an_empty_hand_beside_the_bin_has_found_no_load():
-    """A load that had only rolled within the bin was reported as dropped."""
+    """Regression: a load that rolled within the bin was reported as dropped."""
     empty = with_one_beside(IN_BIN)
     empty.show_bin((0.15, 0.25), (0.35, 0.25), tall=1.5 * TALL)  # the first rolled
     pick(empty, after=table(FELL), felt=False)

@@ -14,7 +14,7 @@ from planning.clearing.fake_table import BIN, SIDE, TALL, crossing, table
 from planning.clearing.test_maps import noisy
 
 LOAD = Load(destination=BIN, volume=SIDE**2 * TALL, height=TALL)
-BEFORE = (0.15, 0.15)  # it has been there before
+BEFORE = (0.15, 0.15)  # place of an earlier load
 seeds = st.integers(0, 2**32 - 1)
 inside = st.tuples(st.floats(0.25, 0.38), st.floats(0.12, 0.28))
 
@@ -235,7 +235,7 @@ def test_where_all_moves_a_small_load_must_have_been_felt():
 
 
 def test_what_falls_in_small_parts_counts_too():
-    """A thing that slipped out of the hand was counted, because others moved."""
+    """Regression: a thing that slipped counted, because others moved."""
     slipped = dc.replace(LOAD, volume=0.0, height=TALL, felt=False)
     empty, other, shifted = (
         HeightMap(np.zeros(2), 0.002, np.zeros((200, 250))) for _ in range(3)
@@ -308,7 +308,7 @@ def bin_with(first):
 
 @pytest.mark.parametrize(("first", "arrived"), [(FIRST, 2), (ELSEWHERE, 2), (None, 1)])
 def test_what_the_hand_carries_out_of_the_bin_counts_no_more(first, arrived):
-    """A mug went back to the table on the open fingers, and counted twice."""
+    """Regression: a mug left the bin on the open fingers, and counted twice."""
     loads = with_first()
     assert loads.look(bin_with(first))
     assert loads.arrived == arrived
@@ -342,7 +342,7 @@ OTHER_BIN = dc.replace(BIN, high=BIN.high + 1.0)
 def test_what_lies_beside_the_bin_may_be_a_load_that_is_gone(
     now, tall, volume, destination, missed
 ):
-    """One that fell out as another came to lie where it was counted twice."""
+    """Regression: a load counted twice if another covered its place in the bin."""
     loads = with_first()
     loads.seen = table(*now, tall=tall)
     for _ in range(2):

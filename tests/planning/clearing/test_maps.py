@@ -47,13 +47,13 @@ def test_what_moves_is_not_still(seed, step):
 
 @given(seeds, st.floats(0.03, 0.2))
 def test_edges_of_tall_things_flicker(seed, tall):
-    """Heaps seemed to move for as long as the planner was ready to wait."""
+    """Regression: because of flicker, heaps seemed to move without end."""
     rng = np.random.default_rng(seed)
     shown = HeightMap(np.zeros(2), 0.002, np.zeros((100, 120)))
     x = shown.centers()[..., 0]
 
     def look(edge):
-        """Near the edge, cells show what is beside them as well as what is there."""
+        """Return a look at an edge, near which cells may show their neighbours."""
         near = x + rng.uniform(-0.004, 0.004, x.shape)
         return dc.replace(shown, height=np.where(near > edge, tall, 0.0))
 
@@ -95,7 +95,7 @@ def test_tells_gone_from_pushed_and_from_untouched(seed):
 
 @given(seeds, st.floats(0.0, 0.05), st.booleans())
 def test_what_slides_elsewhere_is_not_taken(seed, sinks, noise):
-    """A plate slid down a wall, and a marker seemed larger than what had come in."""
+    """Regression: when a plate slid down a wall, a marker seemed too large."""
     amount = NOISE if noise else 0.0
     before, after = table(A), table()
     slides = np.linalg.norm(before.centers() - B, axis=-1) < 0.08
@@ -112,7 +112,7 @@ def test_flat_things_go_too(tall):
 
 
 def test_a_flat_thing_that_leaves_a_noisy_table_is_gone():
-    """A share, because noise can hide it: 5 of 3,000 seeds do."""
+    """Noise hides it in 5 of 3,000 seeds, so the test demands only a share."""
     others, gone = [(x, 0.3) for x in np.arange(0.05, 0.45, 0.06)], []
     for seed in range(100):
         before = noisy(table(*others), seed, noise=2.4e-3)
@@ -125,7 +125,7 @@ def test_a_flat_thing_that_leaves_a_noisy_table_is_gone():
 
 @pytest.mark.parametrize(("now", "kept"), [((), False), ((A,), True)])
 def test_what_has_left_is_in_no_gap_either(now, kept):
-    """A strip beside a box kept the height of a pitcher, and was grasped thrice."""
+    """Regression: a strip beside a box kept a removed pitcher's height."""
     before, after = table(A), table(*now)
     x, y = np.moveaxis(after.centers(), -1, 0)
     gap = (np.abs(x - A[0]) < 0.005) & (np.abs(y - A[1]) < 0.02)
@@ -187,7 +187,7 @@ def test_a_low_edge_counts_and_a_corner_adds_nothing():
 
 @given(seeds)
 def test_noise_gets_no_boxes(seed):
-    """Things in it do, if they are higher; most of the map may be unknown."""
+    """Higher things get boxes, even if most of the map is unknown."""
     for things, found in ((table(), 0), (table(A, tall=0.02), 1)):
         seen = noisy(things, seed, 2e-3)
         seen.height[:, 45:] = np.nan

@@ -154,7 +154,7 @@ def test_the_arm_faces_the_grasp(motions, place, yaw):
     planned = motions.plan(motions.q_home, grasp, moved(table()))
     assert not isinstance(planned, PlanningFailure), planned.message
     q = planned[Mode.GRASP].value(1e9)[:, 0]
-    # Bent backwards, its first joint would be turned by pi.
+    # An arm bent backwards would have its first joint turned by pi.
     assert q[0] == pytest.approx(np.arctan2(place[1], place[0]), abs=1.0)
 
 

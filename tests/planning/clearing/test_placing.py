@@ -46,7 +46,7 @@ middles = st.floats(0.02, 0.12) | st.floats(-0.12, -0.02)
 
 @given(yaws, middles, st.floats(0.02, 0.22))
 def test_a_load_that_hangs_turns_about_the_end_it_stands_on(yaw, middle, sag):
-    """The hand stays as far from that end as it was when the load hung straight."""
+    """The hand keeps its distance from the end on which the load stands."""
     _, *arc = way(yaw, middle, sag)[0]
     # The pivot: straight below the hand when it begins to turn, at the height of the
     # hand when the load lies.
@@ -80,7 +80,7 @@ def test_it_begins_high_and_only_goes_down_without_turning(yaw, middle, sag):
 
 
 def test_the_far_end_of_the_load_does_not_hit_the_far_wall_when_it_lies():
-    """A level load goes down as far to the side as the hanging one has to turn."""
+    """A level load goes down at the side to which a hanging one turns."""
     poses, _ = way(0.0, 0.1, 0.2)
     outward = poses[0].rotation().col(2)
     shifts = [(X.translation() - poses[-1].translation()) @ outward for X in poses]
@@ -132,7 +132,7 @@ def test_loads_are_dropped_in_the_middle_of_the_bin_and_beside_it(
     assert not isinstance(planned, PlanningFailure), planned.message
     at_grasp = motions.scene.X_WG(planned[Mode.GRASP].value(1e9)[:, 0])
     over_bin = motions.scene.X_WG(planned[Mode.TRANSFER].value(1e9)[:, 0])
-    # A long load is as it lay, or hangs from the hand: the bin's middle is between.
+    # A long load is level or hangs. The bin's middle is halfway between both.
     middle = np.array([PLACE[0] + 0.25 * length, PLACE[1], 0.0])
     p_W = over_bin @ (at_grasp.inverse() @ middle)
     low, high = bin_boxes(scenario)["bin"]
@@ -143,7 +143,7 @@ def test_loads_are_dropped_in_the_middle_of_the_bin_and_beside_it(
 
 
 def test_the_arm_rests_only_at_the_grasp_and_over_the_bin(motions):
-    """A load that may hang from the hand comes to rest above the table, too."""
+    """With a load that may hang from the hand, it also rests above the table."""
 
     def rests(grasp, height_map):
         planned = motions.plan(motions.q_home, grasp, height_map)
@@ -185,19 +185,19 @@ def test_far_out_a_long_load_is_lifted_less(motions):
 def test_a_load_clears_the_rim_even_if_it_hangs_from_the_pads(
     scenario, motions, length
 ):
-    """It turns about the line between the pads, down to its farther end."""
+    """It may turn about the line between the pads until its longer end is down."""
     (_, high), far_end = bin_boxes(scenario)["bin"], 0.7 * length
     grasp, height_map = bar_at(PLACE, -0.3 * length, far_end)
     lowest = grasp.p_WC[2] + risen(motions, grasp, height_map) - far_end
     assert lowest > high[2] + 0.02
-    # Between the pads it lies level, and needs no more than its own height.
+    # Held across that line, it stays level, and needs only its own height.
     turned = dc.replace(grasp, X_WG=palm_pose(grasp.X_WG.translation(), 0.5 * np.pi))
     assert risen(motions, turned, height_map) < risen(motions, grasp, height_map)
 
 
 @pytest.mark.parametrize(("turn", "slower"), [(0.0, 0.6), (0.5 * np.pi, 1.0)])
 def test_what_hangs_from_the_pads_is_lifted_gently(monkeypatch, motions, turn, slower):
-    """A hammer swung, and slipped out of the hand."""
+    """Regression: a hammer swung, and slipped out of the hand."""
     grasp, height_map = bar_at(PLACE, -0.1, 0.2)
     grasp = dc.replace(grasp, X_WG=palm_pose(grasp.X_WG.translation(), turn))
     gently = lifting(motions, grasp, height_map).end_time()
@@ -347,7 +347,7 @@ def test_a_thing_is_set_down_as_it_stood_at_its_own_place(
         motions.scene.X_WG(planned[mode].value(1e9)[:, 0])
         for mode in (Mode.GRASP, Mode.PLACE)
     )
-    X_OO = at_place @ at_grasp.inverse()  # of what was taken
+    X_OO = at_place @ at_grasp.inverse()  # motion of the thing
     p_WO = X_OO @ np.array([*PLACE, 0.0])
     name = scenario_of_row_motions.task.clear.objects[slot]
     np.testing.assert_allclose(

@@ -181,7 +181,7 @@ class Pair:
         return self.planners[name].state(self.contexts[name]).mode
 
     def feel(self):
-        """Let both arms follow at once; what a hand lifts is on the table no more."""
+        """Let both arms follow their commands at once; remove lifted things."""
         for name, planner in self.planners.items():
             context, mode = self.contexts[name], self.mode(name)
             if mode is Mode.TRANSFER:
@@ -315,7 +315,7 @@ def test_a_plan_tries_no_grasp_twice_at_one_depth():
 
 
 def failed_in_the_middle(*others):
-    """Return arms of which something holds the right one in the middle for good."""
+    """Return a pair whose right arm is stuck in the middle and has failed."""
     pair = Pair([(-0.05, 0.05), *others])
     while not (pair.mode("right") is Mode.GRASP and pair.depth("right") == BEYOND):
         pair.step()
@@ -336,7 +336,7 @@ def done(pair, name, limit=60.0):
 def test_an_arm_that_has_failed_in_the_middle_blocks_it_but_nothing_else(looks):
     middle, side, free = (0.05, 0.15), (0.4, 0.05), (0.4, 0.25)
     pair = failed_in_the_middle(middle, side)
-    if looks:  # in vain for its last load, in the end
+    if looks:  # its last look does not show its last load
         port = pair.planners["left"].GetInputPort("destination_map")
         port.FixValue(pair.contexts["left"], table())
     assert pair.memory("right").claim == Claim(-np.inf, BEYOND)

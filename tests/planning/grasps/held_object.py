@@ -1,4 +1,4 @@
-"""An object in the hand of a gripper's model, and how far its links are from it."""
+"""Distances between the links of a gripper's model and an object in its hand."""
 
 import numpy as np
 from pydrake.math import RigidTransform

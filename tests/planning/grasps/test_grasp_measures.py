@@ -49,7 +49,7 @@ def pressed(model, depth=0.002, frictions=(0.4, 1.2)):
     for name, size, friction in zip(
         ("thing", "hand"), (0.1, 0.04), frictions, strict=True
     ):
-        # So heavy that the step in which Drake finds the forces moves nothing.
+        # So heavy that the one step that computes the forces moves nothing.
         heavy = SpatialInertia.SolidBoxWithMass(1e3, 1.0, 1.0, 1.0)
         body = plant.AddRigidBody(name, heavy)
         properties = ProximityProperties()
@@ -115,7 +115,7 @@ def test_merging_keeps_force_and_moment(count, seed, points):
     np.testing.assert_allclose(normal, np.tile([0.0, 0.0, 1.0], (len(where), 1)))
 
 
-# A hull takes milliseconds.
+# Few examples, because a hull takes milliseconds.
 HULLS = settings(max_examples=5)
 BODY = Body(mass=0.5, p_WB=np.zeros(3), size=0.05)
 
@@ -207,7 +207,7 @@ def test_turning_the_world_changes_nothing(force):
         for p in pinch(force=force)
     ]
     assert slip_margin(turned) == pytest.approx(slip_margin(pinch(force=force)))
-    # Pyramids turn with the contact's axes, so hulls agree but roughly.
+    # Friction pyramids turn with the contact's axes, so hulls agree only roughly.
     assert wrench_space(turned, BODY).epsilon == pytest.approx(
         wrench_space(pinch(force=force), BODY).epsilon, rel=0.3
     )

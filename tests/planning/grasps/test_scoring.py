@@ -1,4 +1,4 @@
-"""Scores of pinches and wraps, and what they count."""
+"""Scores of pinches and wraps, and their terms."""
 
 import dataclasses as dc
 
@@ -38,7 +38,7 @@ def test_the_lean_of_flanks(tangent, half):
 
 
 def leans(tangent, half, tip, top, from_height):
-    """Return the leans of both flanks of a ridge, which counts from a height on."""
+    """Return the leans of both flanks of a ridge, measured from a height upwards."""
     height = np.clip((half - np.abs(S)) / max(tangent, 1e-9), 0.0, top)
     strip, tip, top = height[None].astype(np.float32), np.full(1, tip), np.full(1, top)
     low, high, _ = extent(strip > from_height, S)
@@ -50,8 +50,8 @@ def leans(tangent, half, tip, top, from_height):
 
 @given(tangent=st.floats(0.0, 1.0))
 def test_the_flanks_of_low_things_lean_from_the_fingers_ends_up(tangent):
-    """Fingers slipped off the bowl of a spoon that lay upside down."""
-    # What counts as between the pads is above 5 mm.
+    """Regression: fingers slipped off a spoon that lay upside down."""
+    # Only the part above 5 mm is between the pads.
     for lean in leans(tangent, 0.025, tip=0.002, top=0.011, from_height=0.005):
         # To a step of 2 mm at both ends, over a rise of 7.2 mm.
         assert tangent - 0.56 < lean < tangent + 0.28

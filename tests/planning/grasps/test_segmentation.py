@@ -39,7 +39,7 @@ def test_specks_and_flat_things_are_none():
 
 
 def test_what_noise_may_have_raised_is_a_speck():
-    """The hand went for one of 16 x 8 mm, twice."""
+    """Regression: the hand tried twice to grasp a speck of 16 x 8 mm."""
     speck = (40, 46, 40, 44, 0.009)
     assert len(segmented(speck).things) == 1
     assert segmented(speck, noise=0.001).things == ()

@@ -85,7 +85,7 @@ def test_pinches_near_the_centre_of_mass_are_better():
 
 
 def test_the_hand_is_where_the_solid_is():
-    """Wherever it stands, the arm's target puts the palm above it."""
+    """Wherever the solid stands, the arm's target puts the palm above it."""
     grasp = solid_pinches(FINGERS, HAMMER.translated([0.1, 0.0, 0.2]), UP, CLEARANCE)[0]
     X_WO = RigidTransform(RollPitchYaw(0.0, 0.0, 1.2), [0.6, 0.1, 0.5])
     target = grasp.pick_target(X_WO)
@@ -104,7 +104,7 @@ def test_what_is_wider_than_the_hand_has_no_pinch():
     "turn", [(np.pi, 0.0), (0.5 * np.pi, 0.0), (0.0, -0.5 * np.pi)]
 )
 def test_what_lies_on_another_side_is_taken_as_it_lies(turn):
-    """The same grasps as of a solid that is modelled like that."""
+    """Its grasps are those of a solid that is modelled in this orientation."""
     R = RollPitchYaw(*turn, 0.0).ToRotationMatrix().matrix()
     lying = solid_pinches(FINGERS, HAMMER, tuple(R[2]), CLEARANCE)
     modelled = solid_pinches(FINGERS, HAMMER.rotated(R), UP, CLEARANCE)

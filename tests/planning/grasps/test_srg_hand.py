@@ -64,7 +64,7 @@ def test_held_things_are_told_from_none(width):
     [(1.777, 1.76, 0.0, 0.0), (1.714, 1.744, 0.066, 0.098), (1.617, 1.62, 0.3, 0.31)],
 )
 def test_an_empty_hand_whose_tips_have_turned_holds_nothing(empty):
-    """A hand that had lost a tin went on to set it down in the bin."""
+    """Regression: a hand that had lost a tin went on to set it down."""
     assert not FINGERS.holds(0.084, np.array(empty), np.zeros(4))
     assert FINGERS.holds(0.084, np.array(empty) - [0.03, 0.03, 0.0, 0.0], np.zeros(4))
 
@@ -119,7 +119,7 @@ def when_closed(grasp, shape):
 
 
 def when_open(grasp, shape):
-    """Return the same with open fingers."""
+    """Return the signed distances with open fingers [m]."""
     joints = finger_joints(3.0 * grasp.closure_open, 0.0)
     return link_distances("srg", shape, grasp, joints)
 
@@ -210,7 +210,7 @@ def test_the_fingers_close_on_opposite_faces_of_a_box(size, yaw):
         X_WG = X_WO @ grasp.X_GO.inverse()
         assert grasp.pick_target(X_WO).distance(X_WG) == pytest.approx(0.0, abs=1e-12)
         assert grasp.pick_target(X_WO).angle_violation(X_WG) == 0.0
-        # Not so if the hand is turned, unless it is to set the box down.
+        # A turned hand misses the target of the pick, but not that of the place.
         turned = X_WG @ RigidTransform(RotationMatrix.MakeXRotation(0.1), np.zeros(3))
         assert grasp.pick_target(X_WO).angle_violation(turned) > 0.0
         assert grasp.target(X_WO).angle_violation(turned) == 0.0
@@ -250,7 +250,7 @@ def test_what_lies_is_taken_from_above_across_its_axis(shape, turns):
     grasps = SrgHand(["above"], [], SQUEEZE).grasps(shape, X_WO)
     assert grasps
     for grasp in grasps:
-        # Where the hand is that holds the object as the target asks.
+        # Pose of a hand that meets the target.
         down, axis = grasp.down_G, grasp.axis_G
         R_GT = np.column_stack([down, np.cross(axis, down), axis])
         z_W = X_WO.rotation().col(2)
@@ -281,7 +281,7 @@ def test_a_box_stands_on_its_goal_turned_as_in_the_hand(yaw):
     goal = RigidTransform([0.5, 0.1, 0.05])
     set_down = grasp.set_down(X_WO @ grasp.X_GO.inverse(), goal)
     assert set_down.IsNearlyEqualTo(X_WO, 1e-12)
-    # How a can is turned has no meaning.
+    # A can's rotation about its axis is ignored.
     assert above(CAN).set_down(X_WO, goal) is goal
 
 
@@ -342,7 +342,7 @@ def test_commands_scale_with_the_full_scale_of_the_driver(full_scale):
     for grasp, other in zip(nominal, scaled, strict=True):
         assert other.fingers_open == grasp.fingers_open
         assert other.fingers_closed == grasp.fingers_closed
-        # The same angles, as fractions of another whole.
+        # The same angles, as fractions of another full scale.
         asked = full_scale * other.closure_open
         assert asked == pytest.approx(3.0 * grasp.closure_open)
         asked = full_scale * other.closure_closed

@@ -128,7 +128,7 @@ def test_a_box_is_taken_across_its_narrow_side(yaw, width, height, noise):
 
 
 def test_what_sticks_out_along_the_closing_direction_tips():
-    """Hammers fell that were held by the head alone."""
+    """Regression: hammers fell that were held by the head alone."""
 
     def best_at_bar(*arms):
         """Return the best score of a grasp across the middle of a bar."""
@@ -219,7 +219,7 @@ def test_what_could_be_taken_beyond_the_reach_is_out_of_reach():
 
 def test_a_thing_between_walls_is_blocked():
     box = (0, 0, 0, 0.05, 0.05, 0.05)
-    # So thick that the hand does not take box and wall together.
+    # The walls are so thick that the hand cannot take one together with the box.
     walls = [(x, 0, 0, 0.12, 0.06, 0.1) for x in (-0.09, 0.09)]
     walls += [(0, y, 0, 0.3, 0.12, 0.1) for y in (-0.09, 0.09)]
     failures = [
@@ -240,7 +240,7 @@ def test_the_next_attempt_differs_from_those_that_failed():
 
 
 def test_after_a_failure_another_way_to_take_the_thing_comes_first():
-    # A bar on which a block stands, which is as wide but higher.
+    # A bar with a block on it, as wide as the bar, but higher.
     scene = height_map((0, 0, 0, 0.26, 0.04, 0.03), (0.1, 0, 0, 0.06, 0.04, 0.09))
     bar = [g for g in PLANNER.plan(scene).grasps if g.height < 0.04]
     tried = bar[:1]

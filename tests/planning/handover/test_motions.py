@@ -48,7 +48,7 @@ def plan(planner, goal):
 
 
 def test_the_receiver_waits_with_its_fingers_as_open_as_the_grasp_needs(planner, plan):
-    """Opened on its way, they would sweep space that no plan has checked."""
+    """Opening on the way, the fingers would sweep unchecked space."""
     waiting = planner.waiting_fingers(BOTTLE)
     needed = plan.receiver.grasp.fingers_open
     assert waiting.keys() == needed.keys()

@@ -48,7 +48,7 @@ def test_a_draft_shares_nothing_that_modes_change():
 
 
 def test_the_receivers_fingers_open_as_soon_as_there_is_a_plan():
-    """The arm waits for seconds then; on the approach, fingers were late by 0.7 s."""
+    """Regression: fingers that opened only on the approach were late by 0.7 s."""
     begin = MakeHandoverPlanner(load_scenario("handover"))._modes[Mode.IDLE]
     grasp = SimpleNamespace(closure_open=0.47)
     plan = HandoverMotions(grasp, {}, TaskMotions(grasp, {}), RigidTransform())

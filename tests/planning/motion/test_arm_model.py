@@ -16,7 +16,7 @@ def scene(request):
 
 
 def corners(scene, q):
-    """Return the corners of the boxes around all that moves, in world, (M, 3) [m]."""
+    """Return the corners of boxes around all moving geometry, in world, (M, 3) [m]."""
     scene.X_WG(q)
     inspector = scene._checker.model().scene_graph().model_inspector()
     signs = np.array(np.meshgrid(*[[-1, 1]] * 3)).reshape(3, -1)
@@ -69,7 +69,7 @@ def test_a_joint_that_slides_moves_all_that_follows():
     begin, end = chain.speeds(path)
     np.testing.assert_allclose(begin[:2], [0.2, 0.25 * np.pi + 0.05 * np.pi])
     np.testing.assert_allclose(end[:2], begin[:2])
-    # The hand, which hangs, swings along x with the slide, and later across it.
+    # The hand hangs. It swings along x, as the slide moves, and later across it.
     swing, reach = 0.25 * np.pi, 0.05 * np.pi
     np.testing.assert_allclose(begin[2], max(0.2, abs(0.2 - swing)) + reach)
     np.testing.assert_allclose(end[2], np.hypot(0.2, swing) + reach)

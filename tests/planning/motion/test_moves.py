@@ -107,14 +107,14 @@ def test_limits_of_the_tip_are_kept_in_place_of_the_fastest_motion(iiwa, home):
 
 @pytest.fixture
 def corner(moves, home):
-    """Return a way straight up, and one from there to the side."""
+    """Return a path straight up, and a path from there to the side."""
     up = moves.straight(home, moves.above(home, 0.2))
     aside = moves.joint_path(up[-1], up[-1] + np.array([0.8, *np.zeros(6)]))
     return PathPart(up, STRAIGHT), PathPart(aside)
 
 
 def both_ways(moves, corner):
-    """Return the motions with a rest at the corner, and those without, if there are."""
+    """Return the motions with a rest at the corner, and those of `without_rest`."""
     apart = tuple(moves.timed_part(part, moves.free) for part in corner)
     return apart, moves.without_rest(apart, corner, moves.free, PERIOD)
 

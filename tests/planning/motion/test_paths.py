@@ -210,7 +210,7 @@ def test_an_axis_is_kept_while_the_hand_moves(iiwa, sides):
 
 @pytest.fixture
 def moved(iiwa, sides):
-    """Plan a straight line of the hand from its place on one side, by a way [m]."""
+    """Return a function that plans a straight line of the hand by an offset [m]."""
 
     def planned(*way):
         here = HandTarget.from_pose(iiwa.X_WG(sides[0]))

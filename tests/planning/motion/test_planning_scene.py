@@ -157,7 +157,7 @@ TIME, HALF_STEP = 2.0, 0.006
 
 
 def turn(*joints):
-    """Return a motion at constant speed: each joint by so much in `TIME`."""
+    """Return a motion at constant speed, by an angle per joint in `TIME`."""
     ends = np.column_stack([np.zeros(len(joints)), joints])
     return PiecewisePolynomial.FirstOrderHold([0.0, TIME], ends)
 
@@ -203,7 +203,7 @@ def test_a_free_body_must_be_placed(iiwa, home):
             plant.SetDefaultFloatingBaseBodyPose(plant.get_body(body), X_WB)
         return PlanningScene(builder)
 
-    with pytest.raises(ValueError, match=r"^mug::\w+: a free body that nobody has"):
+    with pytest.raises(ValueError, match=r"^mug::\w+: a free body without a pose"):
         scene(None)
     beside = scene(RigidTransform([1.0, 0.0, 0.0]))
     assert beside.is_free(home)

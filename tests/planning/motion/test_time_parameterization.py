@@ -24,7 +24,7 @@ share = st.floats(0.2, 1.0)
 
 @st.composite
 def motions(draw, count):
-    """Draw points that a path leads along, (count, 7), and factors on the limits."""
+    """Draw points of a path, (count, 7), and factors on the limits."""
     values = draw(st.lists(unit, min_size=7 * count, max_size=7 * count))
     points = MIDDLE + 0.5 * np.array(values).reshape(count, 7)
     # Where a path stands still, no speed along it is too high.

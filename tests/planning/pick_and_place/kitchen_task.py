@@ -20,7 +20,7 @@ def samples(trajectory, count=40):
 
 
 def assert_joined(q_start, motions, q_end=None):
-    """Assert that each motion begins where the last one ends, by default in a round."""
+    """Assert that motions join end to end, by default in a closed loop."""
     q = q_start
     for motion in motions:
         start, end = ends(motion)
@@ -40,7 +40,7 @@ def object_in_world(planner, task, q):
 
 
 def assert_fails(result, failure, *words):
-    """Assert that there is no plan or path, for a reason with some words."""
+    """Assert that planning fails for a reason whose message has some words."""
     assert isinstance(result, PlanningFailure)
     assert result.failure is failure
     assert all(word in result.message for word in words), result.message

@@ -31,7 +31,7 @@ def test_an_obstacle_that_appears_during_the_approach_is_planned_around():
     world.unknown = lambda mode: [WALL] if Mode.PRE_GRASP in world.trace else []
     world.task_planner.hit = "lift: palm and obstacle"
     status = world.run()
-    # The fake calls every way blocked; after three detours the planner tries anyway.
+    # The fake reports every motion as blocked. After three detours, the planner goes.
     assert world.trace.count(Mode.PRE_GRASP) == 4
     assert (status.mode, status.attempts) == (Mode.DONE, 1)
     calls = [call[4] for call in world.task_planner.calls]
@@ -132,7 +132,7 @@ def test_the_arm_is_not_its_own_obstacle(planner):
 
 @pytest.mark.parametrize(("gap", "itself"), [(0.005, True), (0.1, False)])
 def test_a_speck_just_beside_the_hand_is_the_hand(planner, gap, itself):
-    """Images show the rim of a finger some pixels away from where it is."""
+    """Images show the rim of a finger a few pixels off."""
     q, X_WG = planner.q_home, planner.scene.X_WG(planner.q_home)
 
     def speck(y):

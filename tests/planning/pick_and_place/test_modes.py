@@ -155,7 +155,7 @@ def test_releasing_an_object_that_was_lost_is_a_failure(
     after = begin(Mode.RELEASE, memory, previous)
     assert after.trouble.failure is failure
     assert after.cycle.tried == ((GRASP.name,) if failure else ())
-    # There is no way out here, which ends the mode at once.
+    # Without an escape, the mode ends at once.
     expected = Observation(failure=failure) if failure else None
     assert modes()[Mode.RELEASE].observe_entry(after) == expected
 

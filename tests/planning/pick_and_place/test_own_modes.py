@@ -43,7 +43,7 @@ from planning.planning_world import (
 )
 
 BLOBS = AbstractValue.Make([])
-# Of the recording, only what names modes is looked at.
+# The test reads only the names of modes from the recording.
 FEW_PICTURES = [
     "cameras.overview.width=160",
     "cameras.overview.height=90",
@@ -64,7 +64,7 @@ def own_planner(**changes):
 
 
 class OwnWorld(World):
-    """A world whose fingers hold in the own mode, too."""
+    """A world whose fingers also hold in the mode that the test adds."""
 
     def _sense(self):
         super()._sense()

@@ -71,7 +71,7 @@ def test_cameras_are_evaluated_only_when_the_planner_looks():
     # Once before the grasp and once at home, to see the object on its goal.
     assert world.camera.evaluations == 2
     assert status.looks == 2
-    assert status.blobs == tuple(world.seen[-1:])  # handed on, not looked for again
+    assert status.blobs == tuple(world.seen[-1:])  # passed on, without another look
 
 
 def test_an_object_that_appears_later_is_found():

@@ -29,7 +29,7 @@ def test_a_moving_arm_stops_where_it_touches_something(mode):
 
 
 def slow_down(task_planner):
-    """Let plans set down by 5 mrad more in another 50 ms."""
+    """Extend planned placements by 5 mrad in another 50 ms."""
     plan = task_planner._motions
 
     def motions(q_start, modes):
@@ -121,7 +121,7 @@ def test_an_arm_that_hits_a_post_stops():
     stopped, going_on = collision(30.0), collision(1e4)
     assert stopped.metrics.failure == "stopped"
     assert "the arm touches something" in stopped.status.message
-    # With a limit out of reach, it is told only once the arm has not arrived.
+    # With an unreachable limit, it fails only because the arm does not arrive.
     assert "the arm touches something" not in going_on.status.message
     moved = [
         np.linalg.norm(np.diff(result.log["object_pose.post"][[0, -1], :2], axis=0))

@@ -163,10 +163,10 @@ def test_a_solid_is_set_down_on_the_side_on_which_it_lies(down, yaw):
     goal = set_down_at(GOAL, X_WO, THING)
     np.testing.assert_array_equal(goal.rotation().matrix(), X_WO.rotation().matrix())
     np.testing.assert_allclose(goal.translation()[:2], GOAL.translation()[:2])
-    # What the upright one stands on is as high.
+    # Its lowest point is at the height of the goal.
     lowest = (goal @ THING.corners.T)[2].min()
     assert lowest == pytest.approx(GOAL.translation()[2])
-    # Its goal upright is as high as what it is on now.
+    # With its own upright pose as the goal, it stays where it is.
     assert set_down_at(standing_at(X_WO, THING), X_WO, THING).IsNearlyEqualTo(
         X_WO, 1e-9
     )

@@ -50,7 +50,7 @@ def all_observations():
 
 @functools.cache
 def successors(mode):
-    """Modes that follow a mode by any observation at all, at once or after long."""
+    """Modes that may follow a mode, by any observation, at once or after long."""
     observed = itertools.product(all_observations(), (0.0, LONG))
     config = PlannerConfig()
     return {transition(mode, o, t, config) for o, t in observed} - {mode}
@@ -121,20 +121,19 @@ def test_nothing_fails_without_a_failure(mode, o, t):
     assert transition(mode, dc.replace(o, failure=None), t) is not Mode.FAILED
 
 
-# What follows a mode by some facts, whatever the others are: other failures than these
-# and `FINAL`, too.
+# For some facts in a mode, the mode that follows, whatever the other facts are.
 FAILED, WELL = {"failure": Failure.DROPPED}, {"failure": None}
 DECIDED = [
-    # Without a plan, a way out, a place for the object or an attempt left, it fails.
+    # The task fails without a plan, an escape, a free goal or an attempt left.
     (Mode.IDLE, FAILED, Mode.FAILED),
     (Mode.RELEASE, FAILED, Mode.FAILED),
     (Mode.TRANSFER, {**FAILED, "arrived": True, "holding": True}, Mode.FAILED),
     (Mode.HOME, {**FAILED, "arrived": True, "at_goal": False}, Mode.FAILED),
-    # An object that has left the hand is not placed, even if more fails.
+    # An object that has left the hand is not placed, even if something else fails.
     (Mode.VERIFY, {"holding": False}, Mode.RELEASE),
     (Mode.LIFT, {"arrived": True, "holding": False}, Mode.RELEASE),
     (Mode.TRANSFER, {"arrived": True, "holding": False}, Mode.RELEASE),
-    # One that has moved is looked for again.
+    # The planner looks again for an object that has moved.
     (Mode.PRE_GRASP, {"arrived": True, "moved": True}, Mode.IDLE),
     (Mode.PRE_GRASP, {"arrived": False, "moved": True}, Mode.PRE_GRASP),
     # An idle planner waits until it has planned; a stuck arm goes home first.
@@ -152,7 +151,7 @@ DECIDED = [
 @given(observations, times)
 def test_some_facts_decide(mode, facts, following, o, t):
     assume(o.failure not in FINAL)
-    if facts.get("failure"):  # any will do
+    if facts.get("failure"):  # any failure
         facts = {**facts, "failure": o.failure or Failure.DROPPED}
     assert transition(mode, dc.replace(o, **facts), t) is following
 
@@ -168,7 +167,7 @@ def test_a_motion_is_over_when_the_arm_has_arrived(mode, o, t):
     assert transition(mode, o, t) is (Mode.FAILED if stopped else mode)
 
 
-# What a mode comes after, and the facts that it needs.
+# For each mode, the one before it, and the facts that lead to it.
 NEEDS = {
     Mode.PRE_GRASP: (Mode.IDLE, ["ready"]),
     Mode.LIFT: (Mode.VERIFY, ["holding"]),

@@ -119,7 +119,7 @@ class IdealHand:
 
 
 class LateHand(IdealHand):
-    """The same with images that arrive 0.1 s late, until the camera falls silent."""
+    """An ideal hand whose images arrive 0.1 s late, until the camera falls silent."""
 
     def __init__(self, *arguments, **settings):
         super().__init__(*arguments, **settings)
@@ -138,6 +138,6 @@ class LateHand(IdealHand):
 
 
 def object_at(offset):
-    """The object's pose with the hand at HOME, `offset` (3,) [m] from its goal."""
+    """The object's pose if a hand at HOME is `offset` (3,) [m] from its goal."""
     X_WG = arm().X_WG(HOME)
     return RigidTransform(offset) @ X_WG @ X_GO

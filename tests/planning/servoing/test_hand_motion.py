@@ -70,7 +70,7 @@ def test_a_singular_matrix_gives_a_finite_solution_and_says_so():
 @settings(max_examples=30)
 @given(st.tuples(within, within, within))
 def test_displacements_lead_to_the_goal(away):
-    """From random starts, some displacements in a row reach the goal."""
+    """From random starts, repeated displacements reach the goal."""
     goal = np.column_stack([0.05 * CORNERS, [0.30, 0.32, 0.34, 0.31]])
     p_C = goal - 0.2 * np.array(away)
     for _ in range(30):
@@ -129,7 +129,7 @@ def test_the_hand_stays_behind_until_it_is_aligned(aside, ahead):
     back = behind(np.array([aside, 0.0, ahead]), AXIS, **FUNNEL)
     assert 0.0 <= back <= FUNNEL["standoff"]
     assert (back == 0.0) == (aside <= FUNNEL["alignment"])
-    # The farther aside, the farther behind, however far it has still to go.
+    # The farther aside, the farther behind, whatever the distance to the goal.
     assert back <= behind(np.array([aside + 0.01, 0.0, 0.0]), AXIS, **FUNNEL)
 
 

@@ -19,7 +19,7 @@ def test_position_and_velocity_converge(velocity, seed):
         seen = i * PERIOD * velocity + rng.uniform(-noise, noise, 3)
         goal = goal.seen(seen, i * PERIOD, ALPHA, BETA)
     assert np.max(np.abs(goal.at(goal.time) - 59 * PERIOD * velocity)) < 2 * noise
-    # A surprise of at most 2 noise moves the velocity by beta / period of that.
+    # An innovation of at most 2 noise changes the velocity by beta / period times it.
     assert np.max(np.abs(goal.v_W - velocity)) < 4 * noise * BETA / PERIOD + 1e-6
 
 

@@ -132,7 +132,7 @@ def test_a_servo_that_takes_too_long_is_left():
     memory = mode.update(memory, now(4.1, ServoState.TRACKING, at_rest=False))
     assert memory.trouble.failure is Failure.OUT_OF_REACH
     assert "in time" in memory.trouble.message
-    # The way out is planned from where the hand comes to rest.
+    # The escape is planned only once the hand rests.
     assert servo_command(Mode.GRASP, memory) is ServoCommand.HOLD
     assert mode.replanner.escapes == 0
     memory = mode.update(memory, now(4.3, ServoState.HOLDING))
@@ -165,7 +165,7 @@ def test_the_rest_is_planned_once_the_raised_hand_rests_and_a_failure_ends_it():
 
 @given(st.sampled_from(list(SERVO_TRANSITIONS)), flags, flags, flags, flags)
 def test_all_else_is_as_in_picking_and_placing(mode, arrived, still, holding, ready):
-    """Without trouble of the servo, both tables say the same."""
+    """Unless the servo fails, both tables agree."""
     seen = Observation(ready=ready, arrived=arrived, still=still, holding=holding)
     assert servo_transition(mode, seen, 1.0, CONFIG) is transition(
         mode, seen, 1.0, CONFIG
@@ -189,7 +189,7 @@ def blob_at(x):
 
 
 def look_at(sightings, window, memory=None, start=0.0):
-    """Look once for each x of the object, or None, 0.5 s apart; return what it did."""
+    """Look every 0.5 s at an object at each x, None: not seen; return the effects."""
     replanner = FakeReplanner()
     mode = ServoIdle(Servoing(window=window), replanner, 1)
     memory = memory or ServoingMemory(Motion(np.zeros(2)))

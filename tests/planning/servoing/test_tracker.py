@@ -1,6 +1,6 @@
 """The arm's position at the time of an image that arrives late.
 
-Silhouettes in images: their ellipses, and when they do not count.
+Silhouettes in images: their ellipses, and when they are rejected.
 The pose of a solid from the points on its visible surface.
 """
 

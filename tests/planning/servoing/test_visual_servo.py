@@ -53,7 +53,7 @@ def test_the_hand_catches_up_with_a_moving_object_and_follows_it_blindly(kind):
     np.testing.assert_allclose(hand.status.velocity, velocity, atol=2e-3)
     assert hand.away() < 2e-3
     hand.fix(ServoCommand.FOLLOW)
-    hand.run(0.5, UNSEEN[kind]())  # what the camera shows counts no more
+    hand.run(0.5, UNSEEN[kind]())  # images are now ignored
     assert hand.status.state is ServoState.FOLLOWING
     assert hand.away() < 3e-3
 
@@ -67,7 +67,7 @@ def test_without_feed_forward_the_hand_trails_by_speed_over_gain():
 
 
 def test_a_wrong_calibration_does_not_matter_in_the_end(kind):
-    """The goal is what the camera shows there, so its mounting need not be known."""
+    """The goal is an image, so the camera's mounting need not be known."""
     turn = RotationMatrix(RollPitchYaw(np.deg2rad([3.0, -3.0, 3.0])))
     wrong = X_GC @ RigidTransform(turn, [0.012, -0.01, 0.012])
     hand = IdealHand(kind, object_at(OFFSET), X_GC_believed=wrong)
@@ -216,7 +216,7 @@ def test_images_on_their_way_do_not_count_at_the_goal():
     statuses = hand.run(1.0)
     first = next(i for i, status in enumerate(statuses) if status.images)
     reached = next(i for i, s in enumerate(statuses) if s.state is ServoState.REACHED)
-    # One image, those of the next 0.1 s, and then the others that it takes.
+    # One image, then those of the next 0.1 s, which do not count, then the rest.
     waited = (reached - first) * CONFIG.period
     assert waited > 0.1 + (CONFIG.settled - 2) * CONFIG.camera_period
 
