@@ -303,7 +303,11 @@ class GraspSearch:
         # The narrowest miss, in angle or distance, is the best explanation.
         step, missed = ("place", no_place) if no_place else ("pick", no_pick)
         failures = [
-            PlanningFailure(ik.failure, f"{step} {grasp.name}: {ik.message}")
+            PlanningFailure(
+                ik.failure,
+                f"{step} {grasp.name}: {ik.message}",
+                picking=not no_place,
+            )
             for grasp, ik in sorted(missed, key=lambda miss: miss[1].violation)
         ]
         return sorted(candidates, key=lambda c: c.score), failures

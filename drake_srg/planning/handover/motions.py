@@ -177,8 +177,8 @@ class HandoverTaskPlanner(TaskPlanner):
                 given = super().plan(q_start, X_WO, shape, X_WO_met, obstacles, tried)
             if isinstance(given, PlanningFailure):
                 failures.append(given)
-                if given.message.startswith("pick"):
-                    break  # the giver cannot pick the object, wherever the arms meet
+                if given.picking:
+                    break
                 continue
             try:
                 return self._received(given, shape, X_WO_goal, obstacles)

@@ -53,6 +53,7 @@ class PlanningFailure:
 
     failure: Failure
     message: str
+    picking: bool = False  # no grasp takes the object, wherever it is to be placed
 
 
 def most_specific(failures: Sequence[PlanningFailure]) -> PlanningFailure:

@@ -224,7 +224,8 @@ class TaskPlanner:
                 break
         if not reasons:
             message = f"no known grasp fits a {shape}"
-            raise NoPathError(PlanningFailure(Failure.NO_GRASP, message))
+            failure = PlanningFailure(Failure.NO_GRASP, message, picking=True)
+            raise NoPathError(failure)
         raise NoPathError(most_specific(reasons))
 
     def _carry(
