@@ -93,7 +93,7 @@ def find_views(shots: Sequence[Shot], mounting: Mounting) -> list[View]:
         if any(len(view.pixels) for view in views):
             if candidate.legacy:
                 logging.getLogger("drake_srg").warning(
-                    "a board made by OpenCV before 4.6, which starts with a white square"
+                    "the board was made by OpenCV before 4.6: a white square is first"
                 )
             return views
     if not shots:
