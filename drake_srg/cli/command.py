@@ -226,7 +226,7 @@ def printing() -> Iterator[None]:
 
 
 def tell(message: str) -> None:
-    """Print a message on standard error; ignore that it is closed or full."""
+    """Print a message on standard error; do nothing if it is closed or full."""
     with contextlib.suppress(OSError):
         print(f"drake-srg: {message}", file=sys.stderr, flush=True)
 

@@ -26,7 +26,7 @@ from drake_srg.scenario.typed_yaml import load_typed, parse_yaml
 class FaultsConfig(Config):
     """Latency and loss that are added to those of the network."""
 
-    # Delay of measurements, and of commands [s]; rounded to whole control periods.
+    # Delay of measurements and of commands, each [s]; rounded to control periods.
     latency: float = dc.field(default=0.0, metadata={"ge": 0.0})
     # Share of messages that are dropped, in each direction.
     loss: float = dc.field(default=0.0, metadata={"ge": 0.0, "le": 1.0})

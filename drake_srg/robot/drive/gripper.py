@@ -37,7 +37,7 @@ class RosGripper(RosDriver):
     command: str = "grasp"
     # Topic that halts the gripper while the arm is stopped, std_msgs/Bool: false: stay
     # and keep the grip, true: obey. Empty: the gripper has no such topic; it finishes
-    # its last command and receives no more.
+    # its last command and gets no new ones.
     hold: str = "startgrasp"
 
     def connect(self, robot: Robot) -> Link:

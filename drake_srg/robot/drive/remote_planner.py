@@ -146,7 +146,7 @@ class Pause:
                 until=math.inf,
                 since=None,
             )
-        if math.isinf(self.until) and not self.cut:  # the monitor returns to its path
+        if math.isinf(self.until) and not self.cut:  # the monitor keeps to its path
             return dc.replace(self, until=time + STOP_TIME)
         if math.isfinite(self.until) and time < self.until:
             return self

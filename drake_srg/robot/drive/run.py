@@ -313,8 +313,8 @@ class ControlLoop:
         if self._pressed:
             commands["safety.estop"] = np.ones(1)
         with failure_time(self._name, self._simulator):
-            # Commands change halfway between two updates. At the time of an update, the
-            # monitor's outputs would change after a command was sent.
+            # Commands change halfway between two updates. At the time of an update, a
+            # command has already been sent, which the monitor would then contradict.
             self._simulator.AdvanceTo((self._steps - 0.5) * self.period)
             self._fix(commands)
             self._simulator.AdvanceTo(self._steps * self.period)

@@ -292,7 +292,7 @@ def AddHardwareStation(
         scenario: The scenario to run on the hardware.
         hardware: The connections.
         unmonitored: None: add monitors. Otherwise, monitors stand elsewhere on the way
-            to the robot, and this is the time between readings, and commands [s].
+            to the robot, and this is the period of readings and commands [s].
 
     Raises:
         ScenarioError: If the models or limits do not fit the scenario.

@@ -5,7 +5,7 @@ A service is a pair of DDS topics, one for requests and one for replies. A reque
 begins with a number of the client and one of the request, and the reply repeats both,
 as in rmw_cyclonedds_cpp (`cdds_request_header_t` in its serdata.hpp, `rmw_init_cs` and
 `rmw_take_response_request` in its rmw_node.cpp). rmw_fastrtps_cpp puts them into RTPS's
-own header instead. Services of one middleware therefore cannot reach the other.
+own header instead. So a client of one middleware cannot reach a server of the other.
 
 Definitions follow ros-controls/control_msgs, `action/FollowJointTrajectory.action`, and
 ros2/rcl_interfaces, action_msgs. Goals and results are flat here, because a nested
@@ -247,8 +247,9 @@ class ActionServer:
     refused as a `/joint_trajectory`, or if it ends in the past. A new goal replaces the
     active one, which ends as canceled with INVALID_GOAL. A goal succeeds once its time
     is over and the joints are within its goal tolerances, if it has any. It is aborted
-    if they exceed a tolerance. After an aborted or canceled goal, the arm stays where
-    it is. Only positions have tolerances. There is no feedback.
+    if they exceed a path tolerance before its end, or a goal tolerance for longer than
+    its time tolerance. After an aborted or canceled goal, the arm stays where it is.
+    Only positions have tolerances. There is no feedback.
 
     Requests arrive in threads of bridges; `advance` answers them.
 

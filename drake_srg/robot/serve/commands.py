@@ -174,7 +174,7 @@ def port_of(robot: RobotArm, port: str) -> str:
 
 
 def topic_of(robot: RobotArm, topic: str) -> str:
-    """Return an arm's topic: /left/grasp for the arm `left`, /grasp for a sole arm."""
+    """Return an arm's topic: /left/grasp of the arm `left`, /grasp of a single arm."""
     return f"/{robot.name}{topic}" if robot.name else topic
 
 

@@ -204,7 +204,7 @@ def _AddReference(
     robot: RobotArm,
     arm: ArmDriver,
 ) -> None:
-    """Add the system that moves an arm to its targets, and pop its port of `inputs`."""
+    """Add the system that moves an arm to targets, and pop its port from `inputs`."""
     commanded = f"{robot.arm_model}.position_commanded"
     name = robot.system("arm_reference")
     reference: JerkLimitedReference | TrajectoryFollower

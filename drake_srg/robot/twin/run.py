@@ -34,7 +34,7 @@ class TwinResult:
     """The result of a twin, for metrics.json.
 
     Attributes:
-        ended: Why the twin ended: "stopped" by the user, or "silent", like the robot.
+        ended: Why the twin ended: "stopped" by the user, or the robot was "silent".
         partings: All reports of differences.
         largest: Largest difference of each of `KINDS`.
         sim_time_s: Time by the robot's clock [s].

@@ -116,7 +116,7 @@ class Grasp:
 PERIOD = 1.0 / 30.0  # of the driver's cycles [s]
 TRAVEL = 2500  # counts from closed to open
 _ID = 1
-_CURRENT_LIMIT = 1600  # 100 % of force [3.36 mA]
+_CURRENT_LIMIT = 1600  # 100 % of force, in units of 3.36 mA
 _SETUP = {
     "operating_mode": Mode.CURRENT_BASED_POSITION,
     "current_limit": _CURRENT_LIMIT,

@@ -15,7 +15,7 @@ BROADCAST = 254
 
 
 class Instruction(enum.IntEnum):
-    """Instruction codes of Protocol 2.0. Some exist in Protocol 1.0, too."""
+    """Instruction codes of Protocol 2.0. Protocol 1.0 has some of them, too."""
 
     PING = 0x01
     READ = 0x02
@@ -34,7 +34,7 @@ class Instruction(enum.IntEnum):
     FAST_BULK_READ = 0x9A
 
 
-# Broadcast instructions that read several servos. Unlike others, servos answer them.
+# Instructions that read several servos. They are broadcast, but servos reply.
 GROUP_READING = (
     Instruction.SYNC_READ,
     Instruction.BULK_READ,

@@ -69,7 +69,7 @@ class Ros1Bridge(RosBridge):
         name: str = "/drake_srg",
     ):
         super().__init__(get_typestore(Stores.ROS1_NOETIC), inbox)
-        # ROS 1 has no actions of ROS 2.
+        # Actions of ROS 2 do not exist in ROS 1.
         topics = [topic for topic in topics if _is_ours(topic)]
         self._sequence = {topic.name: 0 for topic in topics}
         self._publications = {
