@@ -35,26 +35,26 @@ def _limit(name: str, unit: str) -> Any:
         type=_numbers,
         default=[],
         metavar="N,N,...",
-        help=f"the joints' {name} limits in place of the file's [{unit}]: one number "
-        "for all, or one per joint from the base",
+        help=f"{name} limits of the joints that replace the file's [{unit}]: one "
+        "number for all joints, or one per joint from the base",
     )
 
 
 @command(
     "make a checked arm for the kitchen from a URDF or an SDF file",
     "It makes the collision meshes convex, adds motors and gains, ignores contacts "
-    "between links that always or never touch, finds base and home in the kitchen, "
-    "and tries in simulation whether the arm holds still, follows and keeps its "
-    "limits. Then: drake-srg run DIR/arm.yaml. Exit code: 0 the arm passes, 1 it is "
-    "written but does not, 2 bad input.",
+    "between links that always or never touch, and chooses the arm's base and home in "
+    "the kitchen. In simulation, it checks that the arm holds still, follows commands "
+    "and keeps its limits. Then: drake-srg run DIR/arm.yaml. Exit code: 0 the arm "
+    "passes, 1 it is written but fails a check, 2 bad input.",
     argument("file", type=Path, metavar="FILE", help="a .urdf or an .sdf"),
     folder("the arm", "out/arms/NAME"),
     argument(
         "--tip",
         default="",
         metavar="LINK",
-        help="the link or frame that carries the gripper; what is beyond it is left "
-        "out (default: the end of the chain)",
+        help="the link or frame that carries the gripper; links beyond it are left out "
+        "(default: the end of the chain)",
     ),
     _limit("effort", "N m"),
     _limit("velocity", "rad/s"),
@@ -101,12 +101,12 @@ def _make(
     from drake_srg.importing.arm_model import write_model
     from drake_srg.scenario import load_scenario
 
-    line.show(f"{file.name}: reading it and making it convex")
+    line.show(f"{file.name}: reading the file and making meshes convex")
     arm = read_arm(file, tip, given)
     ignored = write_model(arm, folder / _MODEL)
-    line.show(f"{file.name}: looking for what it reaches")
+    line.show(f"{file.name}: computing the arm's reach")
     placement = place_arm(arm, folder / _SCENARIO)
-    line.show(f"{file.name}: checking it")
+    line.show(f"{file.name}: checking the arm")
     scenario = load_scenario(folder / _SCENARIO)
     check, picture = check_arm(scenario, folder / _MODEL)
     image = draw_reach(picture, placement)

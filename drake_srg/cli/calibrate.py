@@ -1,4 +1,4 @@
-"""The commands identify and calibrate: measure a robot, and write a scenario."""
+"""The commands identify and calibrate, which write measured values to a scenario."""
 
 from __future__ import annotations
 
@@ -31,19 +31,19 @@ VENDOR = "vendor"
 
 @command(
     "fit a gripper's motor, friction and heat to its servo's log",
-    "It prints intervals, correlations and what the log leaves open, and writes a "
-    "scenario.",
+    "It prints confidence intervals, correlations and the limits of the log, and "
+    "writes a scenario.",
     argument(
         "log",
         metavar="FILE",
-        help=f"rows of your gripper's tests, or `{VENDOR}` for the maker's own "
+        help=f"a log of your gripper's tests, or `{VENDOR}` for the maker's log "
         "(columns: docs/gripper.md)",
     ),
     argument(
         "--record",
         metavar="PORT",
-        help="test the gripper at a serial device or tcp:HOST:PORT for three minutes, "
-        "with nothing between its fingers, and write FILE first",
+        help="first test the gripper at a serial device or tcp:HOST:PORT for three "
+        "minutes, with nothing between its fingers, and write the log to FILE",
     ),
     argument(
         "--id",
@@ -57,14 +57,14 @@ VENDOR = "vendor"
         type=int,
         default=57600,
         metavar="N",
-        help="with --record: of the serial device (default: %(default)s)",
+        help="with --record: baud rate of the serial device (default: %(default)s)",
     ),
     argument(
         "--hottest",
         type=float,
         default=60.0,
         metavar="DEGC",
-        help="with --record: temperature at which to stop (default: %(default)s)",
+        help="with --record: stop above this temperature (default: %(default)s)",
     ),
     argument(
         *("-o", "--out"),
@@ -115,7 +115,7 @@ def identify(options: argparse.Namespace) -> int:
     result = fit_log(rows)
     source = Path(options.log).stem if own else "an EZGripper measured by its vendor"
     text = overlay(result, base, source)
-    # A log of something else may give values that no scenario takes.
+    # A log of something else may give values that are invalid in a scenario.
     tree = parse_yaml(text, options.log)["gripper"]
     check_tree(tree, SrgTendonDriver | None, options.log, "gripper")
     with writing("-o", options.out):
@@ -164,7 +164,7 @@ def _record(options: argparse.Namespace, path: Path) -> None:
 
         def pause(duration: float) -> None:
             if stop.wait(duration):
-                raise RecordingError("stopped before its end")
+                raise RecordingError("stopped before the end of the test")
 
         try:
             with contextlib.ExitStack() as stack:
@@ -185,9 +185,10 @@ _BOARD = "6,5,0.04,0.03,DICT_4X4_50"
 
 
 @command(
-    "find a camera's intrinsics and pose by images of a board",
-    "The board is a ChArUco board. In simulation, the arm shows it to the camera. It "
-    "prints standard deviations and writes the images, and a scenario with the result.",
+    "find a camera's intrinsics and pose from images of a board",
+    "The board is a ChArUco board. In simulation, the arm shows it to the camera. The "
+    "command prints standard deviations, and writes a scenario with the result; in "
+    "simulation, also the images.",
     argument("what", choices=["camera"], metavar="WHAT", help="the word camera"),
     SCENARIO,
     argument(
@@ -199,15 +200,15 @@ _BOARD = "6,5,0.04,0.03,DICT_4X4_50"
         "--images",
         metavar="IMAGES",
         default="24",
-        help="how many to take in simulation, or a folder of images with poses.csv "
-        "(default: %(default)s)",
+        help="number of images to take in simulation, or a folder of images with "
+        "poses.csv (default: %(default)s)",
     ),
     argument(
         "--board",
         metavar="BOARD",
         default=_BOARD,
-        help="the board in a folder's images: columns, rows, sides of a square and of "
-        "a marker [m], dictionary (default: %(default)s)",
+        help="the board in a folder's images: columns, rows, side of a square [m], "
+        "side of a marker [m], dictionary (default: %(default)s)",
     ),
     folder("calibration.yaml and the images", "out/calibrate_SCENARIO"),
 )
@@ -267,7 +268,7 @@ def parse_board(text: str) -> Board:
     """Return the board that `--board` describes.
 
     Raises:
-        ScenarioError: If it describes none.
+        ScenarioError: If the text is invalid.
     """
     import cv2
 
@@ -307,7 +308,7 @@ def parse_count(text: str) -> int | None:
     """Return the number of images in `--images`; None if it names a folder.
 
     Raises:
-        ScenarioError: If it is a number that is too small or too large.
+        ScenarioError: If the number is too small or too large.
     """
     from drake_srg.robot.calibrate.solve import MIN_VIEWS
 
@@ -321,7 +322,7 @@ def parse_count(text: str) -> int | None:
 
 
 def _base(scenario: str, out: Path) -> str:
-    """Return the scenario's name as a file in `out` refers to it."""
+    """Return the scenario's name, or its path relative to `out`."""
     if not scenario.endswith(".yaml"):
         return scenario
     if Path(scenario).resolve() == (out / "calibration.yaml").resolve():

@@ -1,8 +1,8 @@
 """Commands of the command line: arguments, exit codes, signals, output.
 
-`command` describes the function below it; `make_parser` in `main.py` lists them all.
-argparse it is: with cyclopts, typer or tyro, `--help` takes 0.15 to 0.3 s longer, and
-errors take several lines.
+`command` decorates the function of a command; `make_parser` in `main.py` lists all
+commands. It uses argparse, because with cyclopts, typer or tyro, `--help` takes 0.15 to
+0.3 s longer, and errors take several lines.
 """
 
 import argparse
@@ -33,7 +33,7 @@ INTERRUPTED = 130  # the shells' code for Ctrl-C
 
 
 class OutputError(Exception):
-    """Raised if standard output cannot be written; the message says why."""
+    """Raised if standard output cannot be written; the message is the reason."""
 
 
 # Time after which to try again to interrupt an import [s].
@@ -43,8 +43,9 @@ _AGAIN = 0.05
 def end_on_signals() -> None:
     """Make Ctrl-C, SIGTERM and SIGHUP (a closed terminal) end the command.
 
-    They raise a KeyboardInterrupt, but not within an import: there, Drake makes an
-    ImportError of it, and Python prints tracebacks. A second one does not wait.
+    They raise a KeyboardInterrupt, but wait for the end of an import: there, Drake
+    would turn it into an ImportError, and Python would print tracebacks. A second
+    signal does not wait.
     """
     if threading.current_thread() is not threading.main_thread():  # Python's own limit
         return
@@ -77,12 +78,12 @@ def writing(
     """Report an OSError as bad input that names an option and its path.
 
     Args:
-        option: As on the command line: `--out`.
-        path: Its value.
-        advise: Returns what to do about it, or nothing; called only if it is needed.
+        option: The option as on the command line, such as `--out`.
+        path: The option's value.
+        advise: Called after an OSError; returns a remedy, or "".
 
     Raises:
-        ScenarioError: In place of the OSError.
+        ScenarioError: In place of an OSError.
     """
     try:
         yield
@@ -134,7 +135,7 @@ def stop_on_signals() -> Iterator[threading.Event]:
         setter.join()
 
 
-# Pages of the documentation that explain a command, or an entry of a scenario.
+# Pages of the documentation that explain commands, and entries of scenarios.
 COMMAND_PAGES = {
     "calibrate": "docs/calibration.md",
     "serve": "docs/bridges.md",
@@ -160,7 +161,7 @@ KEY_PAGES = {
     "gripper": "docs/extending.md",
 }
 
-# Errors that need no explanation.
+# Errors that need no page.
 _PLAIN = (
     r"^stopped|cannot be (read|written)|already (exists|has)|is missing|"
     r"another process|`drake-srg doctor`"
@@ -171,13 +172,13 @@ class Output:
     """Standard output of a command.
 
     Args:
-        json: Whether it is one JSON object and nothing else.
-        quiet: Whether only errors and warnings are printed, and the JSON object.
+        json: Whether to print one JSON object and nothing else.
+        quiet: Whether to print only errors, warnings and the JSON object.
         command: The command's name.
 
     Attributes:
-        json: As given.
-        progress: Whether to show progress, on standard error.
+        json: Whether to print one JSON object and nothing else.
+        progress: Whether to show progress on standard error.
     """
 
     def __init__(self, json: bool, quiet: bool, command: str = ""):
@@ -186,7 +187,7 @@ class Output:
         self._command = command
 
     def say(self, *lines: object) -> None:
-        """Print lines for people.
+        """Print lines for people, unless --json or --quiet is given.
 
         Raises:
             OutputError: If standard output cannot be written.
@@ -197,7 +198,7 @@ class Output:
                     print(line)
 
     def answer(self, values: Mapping[str, Any]) -> None:
-        """Print the result for scripts; its values are JSON's, or paths.
+        """Print the result as JSON with --json; values may be paths.
 
         Raises:
             OutputError: If standard output cannot be written.
@@ -207,7 +208,7 @@ class Output:
                 print(json.dumps(values, indent=2, default=str))
 
     def complain(self, message: str) -> None:
-        """Print an error: a line on standard error, and JSON with --json."""
+        """Print an error on standard error, and as JSON with --json."""
         page = page_about(message, self._command)
         tell(f"{message}{page and f' (see {page})'}")
         self.answer({"error": message, "page": page or None})
@@ -225,7 +226,7 @@ def printing() -> Iterator[None]:
 
 
 def tell(message: str) -> None:
-    """Print a message on standard error, which may be closed or full."""
+    """Print a message on standard error; do nothing if it is closed or full."""
     with contextlib.suppress(OSError):
         print(f"drake-srg: {message}", file=sys.stderr, flush=True)
 
@@ -245,7 +246,7 @@ def page_about(message: str, command: str) -> str:
     return COMMAND_PAGES.get(command, "")
 
 
-# Adds an argument, or several, to a parser or a group.
+# Adds arguments to a parser or a group.
 Adds: TypeAlias = Callable[[Any], object]
 
 
@@ -254,13 +255,13 @@ class Command:
     """A command: the function that runs it, and its texts on the command line.
 
     Attributes:
-        run: Takes the parsed command line and returns the exit code. It raises a
+        run: Takes the parsed command line and returns the exit code; raises a
             ScenarioError for bad input.
-        name: As one types it.
-        summary: For the overview: no capital, no full stop.
-        details: Text of the command's own help after the summary.
-        adds: Its arguments.
-        own_help: Whether `--help` is among its arguments.
+        name: The command's name.
+        summary: Text for the overview, without capital and full stop.
+        details: Text after the summary in the command's own help.
+        adds: The command's arguments.
+        own_help: Whether `adds` contains `--help`.
     """
 
     run: Callable[[argparse.Namespace], int]
@@ -296,14 +297,14 @@ def command(
     name: str | None = None,
     own_help: bool = False,
 ) -> Callable[[Callable[[argparse.Namespace], int]], Command]:
-    """Return a decorator that makes a command of a function; see `Command`.
+    """Return a decorator that turns a function into a `Command`.
 
     Args:
-        summary: For the overview.
-        details: For the command's own help, too.
-        adds: Its arguments.
-        name: Name of the command; None: the function's.
-        own_help: Whether `--help` is among its arguments.
+        summary: Text for the overview, without capital and full stop.
+        details: Text after the summary in the command's own help.
+        adds: The command's arguments.
+        name: Name of the command; None: the function's name.
+        own_help: Whether `adds` contains `--help`.
     """
     return lambda run: Command(
         run, run.__name__ if name is None else name, summary, details, adds, own_help
@@ -315,7 +316,7 @@ def argument(*names: str, help: str, **options: Any) -> Adds:
 
     Args:
         *names: As for argparse's `add_argument`.
-        help: Its meaning, as a sentence without capital and full stop.
+        help: The help text, without capital and full stop.
         **options: As for `add_argument`.
     """
     text = sentence(help)
@@ -359,8 +360,8 @@ def repeatable(name: str, metavar: str, help: str) -> Adds:
 
 
 HELP = argument("-h", "--help", action="help", help="print this and exit")
-# Options of every command, which may stand before it, too: without a default, what
-# stands there counts.
+# Options of every command. They may also stand before the command: without a default
+# here, that value is kept.
 JSON = argument(
     "--json",
     action="store_true",
@@ -371,7 +372,7 @@ QUIET = argument(
     *("-q", "--quiet"),
     action="store_true",
     default=argparse.SUPPRESS,
-    help="print nothing but errors, warnings and what --json asks for",
+    help="print only errors, warnings and the object of --json",
 )
 
 
@@ -402,13 +403,13 @@ CELL = argument(
     "--cell",
     default="",
     metavar="MODULE:FUNCTION",
-    help="a function of yours that builds the cell from the scenario, as in a project "
-    "of `drake-srg new`",
+    help="your function that builds the cell from the scenario, as in a project of "
+    "`drake-srg new`",
 )
 
 
 def load(options: argparse.Namespace) -> "Scenario":
-    """Return the scenario that a command's options choose; imports Drake."""
+    """Return the scenario that the options name; imports Drake."""
     from drake_srg.scenario import load_scenario
 
     return load_scenario(options.scenario, seed=options.seed, overrides=options.set)
@@ -421,7 +422,7 @@ def name_of(options: argparse.Namespace) -> str:
 
 
 def resuming(options: argparse.Namespace, out: Path) -> str:
-    """Return the command line that resumes an interrupted command in a folder."""
+    """Return the command line that resumes an interrupted command."""
     words = [w for w in options.typed if w not in ("--resume", "--replace")]
     where = [] if options.out is not None else ["--out", str(out)]
     return shlex.join(["drake-srg", *words, *where, "--resume"])
@@ -431,7 +432,7 @@ OPEN = flag("--open", "show the page in the default browser")
 
 
 def _domain(text: str) -> int:
-    """Return a ROS 2 domain. From 233 on, DDS would need ports above 65535."""
+    """Parse a ROS 2 domain. From 233 on, DDS would need ports above 65535."""
     if not (text.isdecimal() and int(text) <= 232):
         raise argparse.ArgumentTypeError(f"must be 0 to 232, got {text}")
     return int(text)
@@ -441,9 +442,9 @@ def ros(ros1: str, ros2: str, peer: str) -> Adds:
     """Return a function that adds the options of a command that speaks ROS.
 
     Args:
-        ros1: Help of `--ros1`.
-        ros2: Help of `--ros2`.
-        peer: For whom this machine's address is.
+        ros1: Help text of `--ros1`.
+        ros2: Help text of `--ros2`.
+        peer: Who connects to this machine's address, for the help text of `--host`.
     """
     return all_of(
         flag("--ros1", ros1),

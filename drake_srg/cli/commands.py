@@ -136,8 +136,8 @@ def _tell(options: argparse.Namespace, result: Result, out: Path) -> int:
 
 @command(
     "run the kitchen cell and record it",
-    "The same as `drake-srg run kitchen`. It ends with what to open, and what to try "
-    "next. Exit code: 0 success, 1 the task failed.",
+    "The same as `drake-srg run kitchen`, with hints what to open and to try next. "
+    "Exit code: 0 success, 1 the task failed.",
     folder("the results", "out/kitchen"),
     OPEN,
 )
@@ -147,7 +147,7 @@ def demo(options: argparse.Namespace) -> int:
     options.no_record, options.hardware, options.cell = False, None, ""
     code = run(options)
     page = options.out / "replay.html"
-    # As the reader can type it, also where no environment is activated.
+    # The program as the user can type it, even if no environment is activated.
     typed = sys.argv[0] if Path(sys.argv[0]).name == "drake-srg" else "drake-srg"
     program = "drake-srg" if shutil.which("drake-srg") else typed
     options.console.say(
@@ -163,8 +163,8 @@ def demo(options: argparse.Namespace) -> int:
 
 @command(
     "make the page that plays a recorded run",
-    "`drake-srg run` and recorded sweeps make it, too: replay.html, one file that "
-    "any browser opens. With several folders, it plays the runs side by side.",
+    "The page is replay.html, which any browser opens. `drake-srg run` and recorded "
+    "sweeps write it already. With several folders, it plays the runs side by side.",
     argument(
         "folders", type=Path, nargs="+", metavar="DIR", help="folder of a recorded run"
     ),
@@ -172,7 +172,7 @@ def demo(options: argparse.Namespace) -> int:
         *("-o", "--out"),
         type=Path,
         metavar="FILE",
-        help="page of several runs (default: compare.html in the first folder)",
+        help="with several folders: the page (default: compare.html in the first one)",
     ),
     OPEN,
 )
@@ -182,7 +182,7 @@ def replay(options: argparse.Namespace) -> int:
 
     first: Path = options.folders[0]
     if len(options.folders) == 1 and options.out is not None:
-        raise ScenarioError("-o: needs several folders (one has DIR/replay.html)")
+        raise ScenarioError("-o: needs several folders (one has its DIR/replay.html)")
     with writing("DIR", first):
         if len(options.folders) == 1:
             page = write_page(first)
@@ -203,20 +203,20 @@ def _open(page: Path) -> None:
 
 
 @command(
-    "list the scenarios or our objects",
+    "list the scenarios or the household objects",
     "",
-    flag("--objects", "list our household objects instead"),
+    flag("--objects", "list the household objects instead"),
     argument(
         *("-o", "--out"),
         type=Path,
         metavar="DIR",
-        help="with --objects: folder for a picture of each, and one of all",
+        help="with --objects: folder for pictures of the objects",
     ),
     REPLACE,
     name="list",
 )
 def list_all(options: argparse.Namespace) -> int:
-    """Print the name and the first sentence of every scenario, or the objects."""
+    """Print the name and the first sentence of every scenario; or the objects."""
     if options.objects:
         return list_objects(options)
     if options.out is not None:
@@ -279,8 +279,8 @@ def _draw(dot: str, output: Path) -> None:
     """Draw a graph with Graphviz, in the format of the file's suffix."""
     if shutil.which("dot") is None:
         raise ScenarioError(
-            f"-o {output}: needs Graphviz (sudo apt-get install -y graphviz); a .dot "
-            "file does not"
+            f"-o {output}: needs Graphviz (sudo apt-get install -y graphviz); only a "
+            ".dot file does not"
         )
     try:
         subprocess.run(
@@ -301,13 +301,13 @@ def _draw(dot: str, output: Path) -> None:
     scenario_arguments(
         "*",
         "a name from `drake-srg list`, a .yaml file, or - for standard input "
-        "(default: every scenario that has a fast variant, and the variant)",
+        "(default: each scenario with a fast variant, and the variant)",
     ),
     argument(
         "--peers",
         type=Path,
         metavar="FILE",
-        help="measure robosuite, too: the Python of an environment that has it "
+        help="also measure robosuite, with this Python of an environment that has it "
         "(see docs/speed.md)",
     ),
 )
@@ -322,7 +322,7 @@ def bench(options: argparse.Namespace) -> int:
         scenarios_with_fast_variant,
     )
 
-    # All are loaded before the first one runs, so that a mistake shows at once.
+    # Load all before the first one runs, so that a mistake shows at once.
     scenarios = {
         name: load_scenario(name, seed=options.seed, overrides=options.set)
         for name in options.scenario or scenarios_with_fast_variant()
@@ -371,7 +371,7 @@ _PROGRAMS = {
 
 @command(
     "write a scenario's models as URDF, MJCF or SDF",
-    "One file per model, and `scene` with all of them in their places.",
+    "One file per model, and `scene` with all models in their places.",
     SCENARIO,
     one_of(
         *(
@@ -397,10 +397,10 @@ def export(options: argparse.Namespace) -> int:
     kind = next(k for k in _PROGRAMS if getattr(options, k) is not None)
     if where := getattr(options, kind):
         if options.out is not None:
-            raise ScenarioError(f"-o {options.out}: --{kind} has a folder already")
+            raise ScenarioError(f"-o {options.out}: must be absent with --{kind} DIR")
         options.out = Path(where)
     default = Path("out") / "export" / name_of(options)
-    # Models beside those that are written have the same suffix, and stay.
+    # With --replace, other models in the folder have the same suffix, but must stay.
     stem = "scene" if options.replace else "*"
     with results_folder(options, default, (stem + FORMATS[kind],)) as out:
         exported = export_scenario(scenario, kind, out)

@@ -1,6 +1,6 @@
-"""Checks this machine for all that the package needs, and names what to install.
+"""Checks that this machine has all that the package needs, and says what to install.
 
-Nothing of Drake is imported here, so that the checks run even where Drake does not.
+This module does not import Drake, so that the checks run even if Drake does not.
 """
 
 from __future__ import annotations
@@ -45,7 +45,7 @@ _SWEEPS = {"jinja2": "jinja2", "joblib": "joblib", "pyarrow": "pyarrow"}
 _IMPORT = {"coacd": "coacd", "scipy": "scipy", "trimesh": "trimesh"}
 _ROS2 = {"cyclonedds.domain": "cyclonedds"}
 
-_PATIENCE = 120.0  # s
+_PATIENCE = 120.0  # longest time for a check in another interpreter [s]
 
 
 @dc.dataclass(frozen=True)
@@ -54,10 +54,10 @@ class Check:
 
     Attributes:
         name: Name of the checked feature.
-        ok: Whether it works.
-        detail: Result in words.
-        fix: The command to run if it does not work.
-        optional: Whether the package also runs without it.
+        ok: Whether the feature works.
+        detail: The result in words.
+        fix: The command to run if the feature does not work.
+        optional: Whether the package also runs without the feature.
     """
 
     name: str
@@ -67,7 +67,7 @@ class Check:
     optional: bool = False
 
     def __str__(self) -> str:
-        """The check as `drake-srg doctor` prints it: a line, and the fix below it."""
+        """The text that `drake-srg doctor` prints: a line, and a fix if needed."""
         word = "ok" if self.ok else "missing" if self.optional else "FAIL"
         line = f"{word:7} {self.name:10} {self.detail}"
         return line if self.ok else f"{line}\n{'':18} {self.fix}"
@@ -76,7 +76,7 @@ class Check:
 def examine_machine() -> list[Check]:
     """Check this machine; takes some seconds.
 
-    Nothing here raises. Checks that could crash the interpreter run in another one.
+    It never raises. Checks that could crash the interpreter run in another one.
 
     Returns:
         One Check each for Python, Drake, the other packages, rendering, video, rosbags,
@@ -122,12 +122,12 @@ def examine_machine() -> list[Check]:
 
 
 def check(name: str, examine: Callable[[], str], fix: str) -> Check:
-    """Run a check; an exception is its failure.
+    """Run a check. It fails if `examine` raises an exception.
 
     Args:
         name: Name of the checked feature.
         examine: Returns what was found, or raises.
-        fix: The command to run if it raises.
+        fix: The command to run if the check fails.
     """
     try:
         return Check(name, ok=True, detail=examine())
@@ -172,7 +172,7 @@ def _video() -> str:
 
 
 def _installed(packages: Sequence[str]) -> str:
-    # Not imported, because that takes seconds.
+    # Do not import the packages: that takes seconds.
     return ", ".join(f"{name} {importlib.metadata.version(name)}" for name in packages)
 
 
@@ -184,7 +184,7 @@ def _graphviz() -> str:
 
 
 def _versions(packages: dict[str, str]) -> str:
-    """Import modules, given with their packages, and return the versions."""
+    """Import modules, and return the versions of their packages."""
     found = []
     for module, package in packages.items():
         importlib.import_module(module)

@@ -44,10 +44,10 @@ class _Help(argparse.Action):
 
 
 def _load(module: str) -> Any:
-    """Import a module of experiments/, which is beside the package in a checkout.
+    """Import a module of experiments/, which only a checkout of the repository has.
 
     Raises:
-        ScenarioError: If this is no checkout.
+        ScenarioError: If this is not a checkout.
     """
     if not (_CHECKOUT / "experiments/runner").is_dir():
         raise ScenarioError(
@@ -61,13 +61,13 @@ def _load(module: str) -> Any:
 
 @command(
     "compare models with published claims and theory",
-    "It continues an earlier run of the same experiment. Exit code: 0 every claim "
+    "It continues earlier runs of the same experiment. Exit code: 0 every claim "
     "holds, 1 at least one does not, 2 bad input.",
     argument(
         *("-h", "--help"),
         action=_Help,
         nargs=0,
-        help="print this or, after a NAME, the parameters of that experiment",
+        help="print this help or, after NAME, the experiment's parameters",
     ),
     one_of(
         argument("experiment", nargs="?", metavar="NAME", help="the experiment to run"),
@@ -85,11 +85,11 @@ def _load(module: str) -> Any:
         type=int,
         default=0,
         metavar="N",
-        help="number of processes that run trials (default: one a core)",
+        help="number of processes that run trials (default: one per core)",
     ),
     flag(
         "--any-code",
-        "use finished trials of an earlier run although the code has changed",
+        "use finished trials of earlier runs even if the code has changed",
     ),
     argument(
         *("-o", "--out"),
@@ -115,7 +115,7 @@ def experiment(options: argparse.Namespace) -> int:
         return SUCCESS
     run = _load("runner.run")
     default = Path("out") / "experiments" / options.experiment
-    with results_folder(options, default, ()) as out:  # it continues what is there
+    with results_folder(options, default, ()) as out:  # earlier results are continued
         result = run.run_experiment(
             options.experiment,
             out,

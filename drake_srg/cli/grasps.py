@@ -17,14 +17,14 @@ if TYPE_CHECKING:
     from drake_srg.learning.grasp_bench import GraspLabel
     from drake_srg.learning.grasp_labels import LabelJob
 
-# Agreement with the accurate physics is also printed outside of these margins [g].
+# Agreement with the accurate physics is also printed for larger margins than this [g].
 _MARGIN = 0.4
 
 
 @command(
     "label grasps of an object: sampled, planned and shaken",
-    "A grasp is a success if the object stays in the hand at 1 g. The labels go to an "
-    "Isaac grasp file, as GraspGen reads and writes it, or to Parquet.",
+    "A grasp succeeds if the object stays in the hand at 1 g. The labels go to an "
+    "Isaac grasp file, the format of GraspGen, or to a Parquet file.",
     argument(
         "model",
         metavar="MODEL",
@@ -49,7 +49,7 @@ _MARGIN = 0.4
         *("-o", "--out"),
         type=Path,
         metavar="FILE",
-        help="a .yaml or a .parquet; the best ten grasps are shown in a .png beside it "
+        help="a .yaml or a .parquet; a .png beside it shows the best ten grasps "
         "(default: out/grasps/NAME_HAND.yaml)",
     ),
     REPLACE,
@@ -80,7 +80,7 @@ _MARGIN = 0.4
         type=int,
         default=0,
         metavar="N",
-        help="repeat N of the grasps by the accurate physics and print the agreement",
+        help="repeat N of the grasps with the accurate physics and print the agreement",
     ),
     ENGINE,
 )
@@ -154,7 +154,7 @@ def grasps(options: argparse.Namespace) -> int:
 
 
 def _job(options: argparse.Namespace) -> LabelJob:
-    """Return the labelling task; read the model, so that errors come early."""
+    """Return the labelling task; check that the model exists."""
     from drake_srg.learning.grasp_labels import LabelJob
     from drake_srg.objects.household import HOUSEHOLD, household_object
     from drake_srg.objects.meshes.load import resolve
@@ -184,7 +184,7 @@ def _job(options: argparse.Namespace) -> LabelJob:
 
 
 def _files(options: argparse.Namespace, job: LabelJob) -> tuple[Path, Path]:
-    """Return the paths of labels and picture, both still free.
+    """Return the paths of labels and picture, which may be written.
 
     Raises:
         ScenarioError: If a suffix is unknown, a folder is missing, or a file exists.
@@ -207,12 +207,12 @@ def _files(options: argparse.Namespace, job: LabelJob) -> tuple[Path, Path]:
 
 
 def _agreement(pairs: list[tuple[GraspLabel, GraspLabel]]) -> list[str]:
-    """Return in words how many labels agree with the accurate physics."""
+    """Return a line on how many labels agree with the accurate physics."""
     if not pairs:
         return []
     clear = [(a, b) for a, b in pairs if abs(a.margin) > _MARGIN]
     counts = [sum(a.success == b.success for a, b in some) for some in (pairs, clear)]
     return [
-        f"as the accurate physics: {counts[0]} of {len(pairs)}; of those with a margin "
+        f"agree with the accurate physics: {counts[0]} of {len(pairs)}; with margins "
         f"beyond {_MARGIN} g: {counts[1]} of {len(clear)}"
     ]

@@ -22,26 +22,26 @@ from drake_srg.cli.results import SWEEP, TRAINING, folder, results_folder
 from drake_srg.cli.sweep import ENGINE, make_engine
 from drake_srg.common.exceptions import ScenarioError
 
-_SET = "a keyword of the environment (repeatable), such as driver=tendon; YAML"
+_SET = "a keyword of the environment (repeatable) in YAML, such as driver=tendon"
 
 
 @command(
     "learn to grasp: train a policy in an environment",
-    "It writes the best policy, judged by episodes of its own, as policy.npz. "
-    "It needs the extra `learn`.",
+    "It writes the policy that does best in validation episodes as policy.npz. It "
+    "needs the extra `learn`.",
     argument(
         "environment",
         metavar="ENV",
-        help="an environment, such as GraspOneShot, or the id of any other",
+        help="an environment, such as GraspOneShot, or any Gymnasium ID",
     ),
     argument(
         "--algo",
         choices=("q", "sac", "bc", "dagger"),
         default="q",
         metavar="NAME",
-        help="the algorithm: q, values of actions, for episodes of one step; sac, "
-        "soft actor-critic; bc, which clones a hand-written rule, or --data; dagger, "
-        "which asks the rule again where the clone ends up (default: %(default)s)",
+        help="the algorithm: q: action values, for episodes of one step; sac: soft "
+        "actor-critic; bc: clone a hand-written rule, or --data; dagger: also ask the "
+        "rule in states that the clone reaches (default: %(default)s)",
     ),
     argument(
         "--data",
@@ -54,8 +54,8 @@ _SET = "a keyword of the environment (repeatable), such as driver=tendon; YAML"
         choices=("rule", "touch"),
         default="rule",
         metavar="NAME",
-        help="for bc and dagger: which hand-written rule is imitated; touch: the one "
-        "that finds objects by touch (default: %(default)s)",
+        help="for bc and dagger: the hand-written rule to imitate; touch: the one that "
+        "finds objects by touch (default: %(default)s)",
     ),
     argument(
         "--steps",
@@ -77,13 +77,13 @@ _SET = "a keyword of the environment (repeatable), such as driver=tendon; YAML"
         type=int,
         default=50,
         metavar="N",
-        help="episodes that judge a policy in training (default: %(default)s)",
+        help="number of validation episodes (default: %(default)s)",
     ),
     folder("policy.npz and the log", "out/train/ENV"),
     flag("--resume", "continue the training in DIR"),
 )
 def train(options: argparse.Namespace) -> int:
-    """Train a policy, and print how it went and where it is; returns the exit code.
+    """Train a policy, and print its score and path; return the exit code.
 
     Raises:
         ScenarioError: For bad input, or if the folder cannot be written.
@@ -134,12 +134,12 @@ def train(options: argparse.Namespace) -> int:
 
 
 @command(
-    "run a policy in many episodes, beside a rule's and chance's",
-    "No episode took part in training. Exit code: 0 once all have run.",
+    "run a policy in many episodes, next to a rule and to chance",
+    "Training uses none of these episodes. Exit code: 0 once all have run.",
     argument(
         "policy",
         metavar="POLICY",
-        help="a policy.npz, the name of one of ours, or rule, touch, random",
+        help="a policy.npz, the name of a policy of the package, rule, touch or random",
     ),
     argument(
         "environment",
@@ -159,7 +159,7 @@ def train(options: argparse.Namespace) -> int:
     ENGINE,
     folder("the results", "out/evaluate/ENV"),
     flag("--resume", "continue the evaluation in DIR"),
-    flag("--no-baselines", "leave out rule and random actions"),
+    flag("--no-baselines", "run only the policy, without rule and random actions"),
     flag("--report", "also write DIR/POLICY/report.html"),
 )
 def evaluate(options: argparse.Namespace) -> int:
@@ -200,7 +200,7 @@ def evaluate(options: argparse.Namespace) -> int:
                 if name == RULE != options.policy and "has no hand-written" in str(
                     error
                 ):
-                    continue  # an environment of somebody else's
+                    continue  # an environment of another package
                 raise
             files.append(out / part / "trials.parquet")
             if options.report:
@@ -232,7 +232,7 @@ def _evaluation(options: argparse.Namespace) -> Callable[..., Any]:
 
         return functools.partial(
             evaluate_in_cell,
-            # Baselines act as the policy does.
+            # Baselines act in the same way as the policy.
             environment=cell_policy(options.policy, ONE_SHOT, seed).environment,
             seed=seed,
             overrides=options.set,
@@ -240,16 +240,16 @@ def _evaluation(options: argparse.Namespace) -> Callable[..., Any]:
     from drake_srg.learning.evaluate import evaluate
 
     given = keywords(options.set)
-    if options.policy not in BUILT_IN:  # they run as the policy does
+    if options.policy not in BUILT_IN:  # baselines get the policy's keywords, too
         given = {**load_policy(options.policy).info.keywords, **given}
     return functools.partial(evaluate, seed=seed, keywords=given)
 
 
 def keywords(items: Sequence[str]) -> dict[str, Any]:
-    """Return the keywords that `--set KEY=VALUE` options give.
+    """Return the keywords of `--set KEY=VALUE` options.
 
     Raises:
-        ScenarioError: If one has no `=`, or its value is not YAML.
+        ScenarioError: If an option has no `=`, or its value is not YAML.
     """
     from drake_srg.scenario.typed_yaml import parse_yaml
 
@@ -260,7 +260,7 @@ def keywords(items: Sequence[str]) -> dict[str, Any]:
             raise ScenarioError(f"--set {item}: must be KEY=VALUE")
         tree = parse_yaml(f"{key}: {value}", f"--set {item}")
         try:
-            json.dumps(tree)  # as files of results keep it
+            json.dumps(tree)  # files of results have the keywords as JSON
         except TypeError:
             tree = None
         if not isinstance(tree, dict):

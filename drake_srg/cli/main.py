@@ -46,17 +46,17 @@ def main(arguments: Sequence[str] | None = None) -> int:
     """Run a command and return its exit code.
 
     Args:
-        arguments: The command line without the program's name; None: sys.argv's.
+        arguments: The command line without the program's name; None: from sys.argv.
     """
-    # If the shell has closed a stream, Python's is None, and `print` would take
-    # another.
+    # If the shell has closed a stream, it is None in Python, and `print` would write to
+    # standard output instead.
     sys.stdout, sys.stderr = sys.stdout or _NullStream(), sys.stderr or _NullStream()
     try:
         try:
             return _run(sys.argv[1:] if arguments is None else arguments)
         finally:
             with printing():
-                sys.stdout.flush()  # here, where errors are handled, not at exit
+                sys.stdout.flush()  # not at exit: errors are handled here
     except OutputError as error:
         _close_output()
         tell(f"standard output: cannot be written: {error}")
@@ -99,19 +99,19 @@ def _run(arguments: Sequence[str]) -> int:
 
 
 class CommandParser(argparse.ArgumentParser):
-    """A parser that reports an error in one line, like every command."""
+    """A parser that reports an error in one line."""
 
-    json = False  # whether the command line asks for it
+    json = False  # whether the command line contains --json
 
     def error(self, message: str) -> NoReturn:
         """Print the error, and exit."""
         Output(self.json, quiet=False).complain(message)
         sys.exit(BAD_INPUT)
 
-    def parse_args(  # type: ignore[override] # of its overloads, this one is used
+    def parse_args(  # type: ignore[override] # only this overload is used
         self, args: Sequence[str]
     ) -> argparse.Namespace:
-        """Return the options, and suggest one for the first that is unknown."""
+        """Return the options; exit with a suggestion if one is unknown."""
         options, unknown = self.parse_known_args(args)
         if unknown:
             parsers = _parsers(self)
@@ -122,18 +122,18 @@ class CommandParser(argparse.ArgumentParser):
         return options
 
     def print_help(self, file: Any = None) -> None:
-        """Print the help; argparse's own method hides that it cannot be written."""
+        """Print the help. Unlike argparse's own method, report a failure to write."""
         with printing():
             print(self.format_help(), end="", file=file)
 
     def _check_value(self, action: argparse.Action, value: object) -> None:
-        """Suggest a command, or another word, for one that is unknown."""
+        """Raise an error with a suggestion if a command or choice is unknown."""
         if action.choices is not None and value not in action.choices:
             hint = suggest(str(value), map(str, action.choices))
             raise argparse.ArgumentError(action, f"unknown {value!r} {hint}")
 
     def format_help(self) -> str:
-        """Return the help; the overview has its commands in groups."""
+        """Return the help text; in the overview, commands are in groups."""
         if self._subparsers is None:
             return super().format_help()
         lines = [self.description or "", "", "usage: drake-srg COMMAND ...", ""]
@@ -151,7 +151,7 @@ class CommandParser(argparse.ArgumentParser):
 
 
 class _PrintVersion(argparse.Action):
-    """Prints the version; looks it up only then, because that reads the disk."""
+    """Prints the version, which it looks up on disk only when needed."""
 
     def __call__(self, parser: argparse.ArgumentParser, *_: object) -> None:
         with printing():
@@ -186,13 +186,13 @@ COMMANDS: dict[str, tuple[Command, ...]] = {
 
 @command("print this", name="")
 def _overview(options: argparse.Namespace) -> int:
-    """Print what `--help` prints: `drake-srg` alone."""
+    """Print the overview, like `--help`, for `drake-srg` without a command."""
     options.console.say(make_parser().format_help().rstrip())
     return SUCCESS
 
 
 def make_parser() -> argparse.ArgumentParser:
-    """Return the parser of all commands; `options.run(options)` runs the chosen one."""
+    """Return the parser of all commands; `options.run(options)` runs the parsed one."""
     parser = CommandParser(
         prog="drake-srg",
         description="Robot cells with the SAKE Robotics gripper, simulated with Drake.",

@@ -49,9 +49,8 @@ def _color(text: str) -> list[float]:
 
 @command(
     "make a model of an object from a mesh, a URDF or an SDF file",
-    "It mends the file, cuts meshes into convex pieces, draws the object and drops "
-    "it on a table. Exit code: 0 it rests there, 1 it does not, 2 bad "
-    "input.",
+    "It repairs the file, cuts meshes into convex pieces, draws the object and drops "
+    "it on a table. Exit code: 0 the object rests there, 1 it does not, 2 bad input.",
     argument(
         "file",
         type=Path,
@@ -70,15 +69,15 @@ def _color(text: str) -> list[float]:
             "--density",
             type=_positive,
             metavar="X",
-            help="the density [kg/m3] that sets the mass",
+            help="the density [kg/m3], in place of the mass",
         ),
     ),
-    argument("--friction", type=_positive, metavar="MU", help="Coulomb's coefficient"),
+    argument("--friction", type=_positive, metavar="MU", help="friction coefficient"),
     argument(
         "--color",
         type=_color,
         metavar="COLOR",
-        help="the colour of all that is seen: R,G,B, each 0 .. 1",
+        help="the colour of the whole object: R,G,B, each 0 .. 1",
     ),
     argument(
         "--scale",
@@ -92,7 +91,7 @@ def _color(text: str) -> list[float]:
         type=int,
         default=32,
         metavar="N",
-        help="greatest number of convex pieces per mesh (default: 32)",
+        help="largest number of convex pieces per mesh (default: 32)",
     ),
     name="import",
 )
@@ -108,7 +107,7 @@ def import_object(options: argparse.Namespace) -> int:
         raise ScenarioError(f"--pieces: must be 1 .. 256, got {options.pieces}")
     with new_folder(options, Path("out") / "objects" / name, _FILES) as out:
         with StatusLine(shown=options.console.progress) as line:
-            line.show(f"{name}: mending it and cutting it into convex pieces")
+            line.show(f"{name}: repairing the file and cutting convex pieces")
             folder = import_model(file, options.scale, options.pieces, quiet=True)
         report = read_report(folder)
         with writing("--out", out):
@@ -118,7 +117,7 @@ def import_object(options: argparse.Namespace) -> int:
                 copy_folder(folder, new)
                 report = _adjust(new, name, report, options)
                 with StatusLine(shown=options.console.progress) as line:
-                    line.show(f"{name}: drawing and dropping it")
+                    line.show(f"{name}: drawing and dropping the object")
                     outcome = _draw_and_drop(new / MODEL, name)
                 new.rename(out)
     files = [out / MODEL, out / _PICTURE]
@@ -182,13 +181,14 @@ def _description(report: Report, outcome: DropOutcome) -> list[str]:
         f"{'size':10} {size} mm",
         f"{'mass':10} {report.mass:.4g} kg",
         f"{'contact':10} {count}{cut}",
-        f"{'fit':10} pieces stand out by up to {fit[0]}, the mesh by {fit[1]}",
+        f"{'fit':10} pieces exceed the mesh by up to {fit[0]}, the mesh the pieces by "
+        f"{fit[1]}",
         f"{'drop test':10} {outcome}",
     ]
 
 
 def list_objects(options: argparse.Namespace) -> int:
-    """Print name, size, mass and pieces of our household objects; draw them."""
+    """Print name, size, mass and pieces of the household objects; draw them with -o."""
     from drake_srg.objects.household import HOUSEHOLD, household_object, object_facts
 
     say, found = options.console.say, {}
@@ -212,7 +212,7 @@ def list_objects(options: argparse.Namespace) -> int:
 
 
 def _draw_all(folder: Path) -> list[Path]:
-    """Draw each of our objects, and a sheet of all; return the files."""
+    """Draw each household object, and a sheet of all; return the files."""
     import cv2
 
     from drake_srg.objects.household import (

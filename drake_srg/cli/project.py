@@ -1,4 +1,4 @@
-"""The command `drake-srg new`: a project of one's own."""
+"""The command `drake-srg new`, which starts a project."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from drake_srg.common.exceptions import ScenarioError
 
 _TEMPLATES = Path(__file__).with_name("template")
 _PLACE = "@NAME@"
-_MODULES = ("cell", "test_cell")  # the project's own
+_MODULES = ("cell", "test_cell")  # modules of every project
 
 
 @command(
@@ -24,9 +24,9 @@ _MODULES = ("cell", "test_cell")  # the project's own
     argument("name", metavar="NAME", help="name of the project and its folder"),
 )
 def new(options: argparse.Namespace) -> int:
-    """Write a project into a new folder, and print what to do with it."""
+    """Write a project into a new folder, and print its files and the next step."""
     with writing("NAME", Path(options.name)):
-        here = Path.cwd()  # which may have been deleted
+        here = Path.cwd()  # fails if the folder was deleted
     folder = make_project(options.name, here)
     files = sorted(folder.iterdir())
     options.console.say(*(path.relative_to(here) for path in files))
@@ -39,7 +39,7 @@ def make_project(name: str, parent: Path) -> Path:
     """Write a project, and return its folder.
 
     Args:
-        name: The project's, and its folder's.
+        name: Name of the project and of its folder.
         parent: Parent of the folder.
 
     Raises:

@@ -1,7 +1,7 @@
 """Folders for results, which never overwrite a user's files silently.
 
-Without `-o`, results go to a new folder: `out/kitchen`, then `out/kitchen-2`. With it,
-a folder that has results already is refused unless `--replace` is given.
+Without `-o`, results go to a new folder: `out/kitchen`, then `out/kitchen-2`. With
+`-o`, a folder that already has results is refused unless `--replace` is given.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from pathlib import Path
 from drake_srg.cli.command import Adds, all_of, argument, flag, writing
 from drake_srg.common.exceptions import ScenarioError
 
-# Files of results, as patterns: of a run, a sweep, a training.
+# Patterns of result files.
 RUN = (
     *("metrics.json", "log.npz", "video.mp4", "recording.mcap", "timeline.png"),
     *("replay.html", "replay.glb"),
@@ -40,9 +40,9 @@ def folder(contents: str, default: str) -> Adds:
 
     Args:
         contents: Contents of the folder, in words.
-        default: The folder where none is given, in words.
+        default: The default folder, in words.
     """
-    where = f"{default}, or with -2 and so on if that has results"
+    where = f"{default}, with -2 and so on if that has results"
     return all_of(
         argument(
             *("-o", "--out"),
@@ -66,18 +66,18 @@ def results_folder(
 ) -> Iterator[Path]:
     """Yield the folder of a command's results, locked against other processes.
 
-    It is made if necessary, and removed if nothing has been written when an error
-    occurs. An OSError on the way is reported as one about `-o`.
+    The folder is made if necessary, and removed if an error occurs before anything is
+    written. An OSError is reported as bad input that names `--out`.
 
     Args:
         options: Options of the command: `out`, `replace` and perhaps `resume`.
-        default: The folder without `-o`; a number is added if it is taken.
+        default: The folder without `-o`; it gets a number if it is taken.
         names: Patterns of the command's output files, as for `Path.glob`.
         advise: See `writing`.
 
     Raises:
-        ScenarioError: If the folder has results already, or another process is writing
-            there, or it cannot be written.
+        ScenarioError: If the folder already has results, if another process is writing
+            there, or if it cannot be written.
     """
     from drake_srg.recording.output import output_folder
 
@@ -104,17 +104,17 @@ def results_folder(
 def new_folder(
     options: argparse.Namespace, default: Path, names: Sequence[str]
 ) -> Iterator[Path]:
-    """Yield the path of a folder that a command makes at the end, in one step.
+    """Yield the path of a folder that the command itself makes, in one step at its end.
 
-    A replaced folder is kept until then, and restored after an error.
+    A folder to be replaced is kept until then, and restored after an error.
 
     Args:
         options: Options of the command: `out` and `replace`.
-        default: The path without `-o`; a number is added if it is taken.
-        names: Patterns of what the command writes: all that may be replaced.
+        default: The path without `-o`; it gets a number if it is taken.
+        names: Patterns of the command's output files. Only these may be replaced.
 
     Raises:
-        ScenarioError: If there is something already.
+        ScenarioError: If the folder has files that must not be replaced.
     """
     for out in _choices(options, default):
         results = {path for name in names for path in out.glob(name)}
@@ -140,7 +140,7 @@ def new_folder(
 def taken(
     options: argparse.Namespace, out: Path, names: Sequence[str]
 ) -> ScenarioError:
-    """Return an error that a folder has results already, with the remedy."""
+    """Return an error that says that a folder has results, and the remedy."""
     found = find(out, names)
     there = f" ({found.relative_to(out)})" if found is not None else ""
     more = "continue them with --resume, " if hasattr(options, "resume") else ""
@@ -156,10 +156,10 @@ def find(out: Path, names: Sequence[str]) -> Path | None:
 
 
 def remove(out: Path, names: Sequence[str]) -> None:
-    """Remove the files that match the patterns, and folders that this empties.
+    """Remove the files that match the patterns, and folders that become empty.
 
     Raises:
-        OSError: If one cannot be removed.
+        OSError: If a file cannot be removed.
     """
     found = {path for name in names for path in out.glob(name)}
     folders = {parent for path in found for parent in path.parents if parent != out}
@@ -175,9 +175,9 @@ def remove(out: Path, names: Sequence[str]) -> None:
 
 
 def _choices(options: argparse.Namespace, default: Path) -> Iterator[Path]:
-    """Yield the folder of `-o`; without it, the default and numbered ones.
+    """Yield the folder of `-o`; without `-o`, the default folder and numbered ones.
 
-    To be resumed is the last one that exists.
+    With `--resume`, yield only the last one that exists.
     """
     if options.out is not None:
         yield options.out

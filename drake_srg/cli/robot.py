@@ -60,7 +60,7 @@ def _sides(text: str) -> list[str]:
     allowed = ("left", "right", "center")
     if len(set(sides)) < len(sides) or not set(sides) <= set(allowed):
         raise argparse.ArgumentTypeError(
-            f"must be different ones of {', '.join(allowed)}, got {text}"
+            f"must be one or more of {', '.join(allowed)}, without repeats; got {text}"
         )
     return sides
 
@@ -80,7 +80,7 @@ def _number(text: str) -> float:
     argument(
         "--servo",
         metavar="ADDRESS",
-        help="run the servos of gripper and arm for real drivers, at tcp:PORT, "
+        help="emulate the servos of gripper and arm for real drivers, at tcp:PORT, "
         "tcp:HOST:PORT or pty",
     ),
     argument(
@@ -93,14 +93,14 @@ def _number(text: str) -> float:
         "--dex1",
         type=_sides,
         metavar="SIDES",
-        help="be the hands of a humanoid on SAKE's driver, as DDS topics in --domain: "
-        "left, right, center or left,right (one station each)",
+        help="emulate hands of a humanoid with SAKE's driver, as DDS topics in "
+        "--domain: left, right, center or left,right (one station each)",
     ),
     argument(
         "--name",
         default="drake_srg",
         metavar="NAME",
-        help="the node's name, to run several stations (default: %(default)s)",
+        help="the node's name, different for each station (default: %(default)s)",
     ),
     argument(
         "--rate",
@@ -117,7 +117,7 @@ def _number(text: str) -> float:
         help="shortest time between pictures [s] (default: %(default)s)",
     ),
     folder("the results", "out/served/SCENARIO"),
-    flag("--no-record", "write no recording and replay"),
+    flag("--no-record", "write neither recording nor replay"),
 )
 def serve(options: argparse.Namespace) -> int:
     """Serve a station until the user stops it; return the exit code.
@@ -130,15 +130,14 @@ def serve(options: argparse.Namespace) -> int:
         sys.stderr if output.json else sys.stdout, shown=output.progress, at_once=True
     )
     with stop_on_signals() as stop, contextlib.closing(status):
-        # Imported here, under the signal handlers, so that a signal during the import
-        # of Drake ends the command cleanly.
+        # Imported under the signal handlers, so that a signal ends the command cleanly.
         from drake_srg.robot.serve.connecting import BridgeOptions, own_terminal
         from drake_srg.robot.serve.loop import Serve
 
         ros1, ros2 = speaks_ros(options)
         sides = options.dex1 or []
         if sides:
-            ros2 = options.ros2  # the domain is that of the hands
+            ros2 = options.ros2  # --domain alone is for the hands
         if sides and (ros2 or options.servo):
             raise ScenarioError("serve: --dex1: cannot go with --ros2 or --servo")
         bridges = BridgeOptions(
@@ -205,8 +204,8 @@ def serve(options: argparse.Namespace) -> int:
 
 @contextlib.contextmanager
 def _joined(bridges: BridgeOptions) -> Iterator[BridgeOptions]:
-    """Yield the bridges, whose hands share one participant of their DDS domain."""
-    from drake_srg.robot.serve.dex1 import messages  # noqa: F401 # names what is missing
+    """Yield the options with a participant in a DDS domain, which all hands share."""
+    from drake_srg.robot.serve.dex1 import messages  # noqa: F401 # checks the package
     from drake_srg.robot.serve.ros2.bridge import domain_id, open_participant
 
     try:
@@ -222,7 +221,7 @@ def _serve_each(
     serve_one: Callable[[BridgeOptions], Served],
     stop: threading.Event,
 ) -> list[Served]:
-    """Serve a station for each, at once; when one ends, all do."""
+    """Serve a station for each hand at the same time; when one ends, end all."""
     if len(hands) == 1:
         return [serve_one(hands[0])]
 
@@ -297,7 +296,7 @@ def _recordings(options: argparse.Namespace, default: Path) -> Iterator[Path | N
 
 
 def _config(options: argparse.Namespace, names: Iterable[str]) -> HardwareConfig:
-    """Return the robot's topics; `names` are the names of several arms."""
+    """Return the drivers with the robot's topics, given the names of several arms."""
     from drake_srg.robot.drive.arm import Ros1Arm, Ros2Arm
     from drake_srg.robot.drive.config import ArmHardware, HardwareConfig, load_hardware
     from drake_srg.robot.drive.gripper import Ros1Gripper, Ros2Gripper

@@ -37,21 +37,21 @@ ENGINE = all_of(
         "--jobs",
         type=int,
         metavar="N",
-        help="trials at a time, one process each (default: the machine's cores)",
+        help="number of trials that run at the same time (default: one per core)",
     ),
     argument(
         "--engine",
         choices=("joblib", "ray"),
         default="joblib",
         metavar="NAME",
-        help="what runs trials: joblib, processes on this machine, or ray, a Ray "
+        help="where trials run: joblib: in processes on this machine; ray: on a Ray "
         "cluster (default: %(default)s)",
     ),
     argument(
         "--address",
         metavar="ADDRESS",
-        help="address of the Ray cluster (default: $RAY_ADDRESS; if that is not set, "
-        "Ray starts on this machine)",
+        help="address of the Ray cluster (default: $RAY_ADDRESS; if it is not set, Ray "
+        "starts on this machine)",
     ),
 )
 
@@ -74,12 +74,12 @@ A_SWEEP = argument("folder", type=Path, metavar="DIR", help="folder of the sweep
         choices=("none", "failures", "all"),
         default="none",
         metavar="WHICH",
-        help="trials whose video, rosbag and log are kept: none, failures or all "
+        help="trials that keep video, rosbag and log: none, failures or all "
         "(default: %(default)s)",
     ),
 )
 def sweep(options: argparse.Namespace) -> int:
-    """Run a sweep, and print its summary and where the files are.
+    """Run a sweep, and print its summary and the paths of its files.
 
     Returns:
         The exit code, which does not depend on the outcome of the trials.
@@ -131,7 +131,7 @@ def sweep(options: argparse.Namespace) -> int:
 
 @command(
     "turn a sweep into an HTML page",
-    "The page shows how often trials succeed, why they fail and what that depends on.",
+    "The page shows how often trials succeed, why they fail, and what both depend on.",
     A_SWEEP,
     argument(
         *("-o", "--out"),
@@ -141,7 +141,7 @@ def sweep(options: argparse.Namespace) -> int:
     ),
 )
 def report(options: argparse.Namespace) -> int:
-    """Write the page of a sweep, and print its path; returns the exit code.
+    """Write the page of a sweep, and print its path; return the exit code.
 
     Raises:
         ScenarioError: If no trial has finished, or the page cannot be written.
@@ -207,7 +207,7 @@ def dataset(options: argparse.Namespace) -> int:
 
 
 def make_engine(options: argparse.Namespace) -> "Engine":
-    """Return the engine that the options ask for.
+    """Return the engine that the options choose.
 
     Raises:
         ScenarioError: If options exclude each other or a number is out of range.

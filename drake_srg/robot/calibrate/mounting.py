@@ -34,7 +34,7 @@ class Board:
 
     Its frame B is OpenCV's: the origin is the outer corner of the first square, x
     points to the right along the rows, y down the columns, and z into the board, away
-    from who looks at it.
+    from the viewer.
 
     Attributes:
         columns: Squares in a row.
@@ -42,8 +42,8 @@ class Board:
         square: Side of a square [m].
         marker: Side of a marker [m].
         dictionary: Name of the markers' dictionary in `cv2.aruco`.
-        legacy: Whether OpenCV before 4.6 made it: with an even number of rows, it
-            starts with a white square.
+        legacy: Whether the board was made by OpenCV before 4.6: with an even number of
+            rows, it starts with a white square.
     """
 
     columns: int = 6
@@ -69,10 +69,10 @@ class Board:
         return np.array(self.detector.getBoard().getChessboardCorners(), dtype=float)
 
     def cells(self) -> npt.NDArray[np.bool_]:
-        """Return which cells are white; a marker's cell is a sixth of its side wide.
+        """Return which cells are white. A cell's side is a sixth of a marker's.
 
         Returns:
-            Shape (rows k, columns k), with k the cells in a side of a square.
+            Array of shape (rows k, columns k), with k cells along a square's side.
         """
         k = round(6 * self.square / self.marker)
         size = (k * self.columns, k * self.rows)
@@ -100,7 +100,7 @@ class Corners:
 
     Attributes:
         p_B: Their places on the board [m], shape (K, 3).
-        pixels: Their places in the image, shape (K, 2); the middle of a pixel has whole
+        pixels: Their places in the image, shape (K, 2). Pixel centers have whole
             coordinates.
     """
 
@@ -109,7 +109,7 @@ class Corners:
 
 
 def find_corners(image: npt.NDArray[np.uint8], board: Board) -> Corners:
-    """Return the corners of the board that an image shows, all, some or none.
+    """Return the corners of the board that an image shows; there may be none.
 
     Args:
         image: Grey (height, width) or RGB (height, width, 3).
@@ -125,8 +125,9 @@ def find_corners(image: npt.NDArray[np.uint8], board: Board) -> Corners:
 
 MODEL = "charuco_board"
 _PALM = "gripper::palm"
-# A fixed camera sees the board on posts above the palm, like a tray: its rows run along
-# the fingers, its face points along the palm's z. Here is its middle [m].
+# A fixed camera sees the board on posts above the palm, like a tray. The board's rows
+# run along the fingers, and its face points along the palm's z axis. This is the
+# board's middle in the palm's frame [m].
 _TRAY = np.array([0.12, 0.0, 0.08])
 THICKNESS = 0.005  # of the board [m]
 
@@ -136,12 +137,12 @@ class Mounting:
     """A camera and a board; one of them is mounted on the hand.
 
     Attributes:
-        model: Its intrinsics as configured.
-        X_PB: Its body in its base frame as configured [m].
-        base_frame: Name of its base frame P.
-        in_hand: Whether the arm moves it; otherwise the arm moves the board.
-        X_WP: Its base frame in the world, for a fixed camera [m].
-        X_QO: The board in its mount Q as placed by `with_board` [m].
+        model: The camera's configured intrinsics.
+        X_PB: Configured pose of the camera's body in its base frame P [m].
+        base_frame: Name of P.
+        in_hand: Whether the arm moves the camera; otherwise it moves the board.
+        X_WP: Pose of P in the world, for a fixed camera [m].
+        X_QO: Pose of the board in its mount Q, as placed by `with_board` [m].
     """
 
     camera: str
@@ -155,22 +156,22 @@ class Mounting:
 
     @property
     def hand_frame(self) -> str:
-        """Name of the frame H whose poses distinguish the views."""
+        """Name of the moving frame H, whose pose differs from view to view."""
         return self.base_frame if self.in_hand else _PALM
 
     def X_PQ(self, X_WH: RigidTransform) -> RigidTransform:
-        """Return the board's mount in the camera's, with the hand at `X_WH` [m]."""
+        """Return the pose of the board's mount in the camera's for a hand pose [m]."""
         return X_WH.inverse() if self.in_hand else self.X_WP.inverse() @ X_WH
 
     @property
     def focal(self) -> Vector:
-        """Focal lengths as configured [pixels], shape (2,)."""
+        """Configured focal lengths [pixels], shape (2,)."""
         info = self.model.color
         return np.array([info.focal_x(), info.focal_y()])
 
     @property
     def center(self) -> Vector:
-        """Principal point as configured; whole in the middle of a pixel, shape (2,)."""
+        """Configured principal point [pixels], (2,); pixel centers are whole."""
         info, shift = self.model.color, self.model.pixel_center
         return np.array([info.center_x() - shift, info.center_y() - shift])
 
@@ -182,7 +183,7 @@ class Mounting:
 
 
 def mount(scenario: Scenario, camera: str, arm: ArmModel, board: Board) -> Mounting:
-    """Return how a scenario's camera sees the board.
+    """Return how a scenario's camera and the board are mounted.
 
     Args:
         scenario: The scenario.
@@ -221,7 +222,7 @@ def mount(scenario: Scenario, camera: str, arm: ArmModel, board: Board) -> Mount
 
 
 def with_board(scenario: Scenario, mounting: Mounting) -> Scenario:
-    """Return the scenario with the board and its one camera, without objects."""
+    """Return the scenario with the board and only this camera, without objects."""
     pose = Transform(mounting.X_QO)
     weld = AddWeld(
         parent="world" if mounting.in_hand else _PALM, child=f"{MODEL}::board"

@@ -20,13 +20,13 @@ def X_PB(result: Calibration, mounting: Mounting) -> RigidTransform:
 def answer(
     result: Calibration, mounting: Mounting, *, simulated: bool
 ) -> dict[str, Any]:
-    """Return the calibration as JSON's values: metres, degrees and pixels.
+    """Return the calibration as values for JSON, in metres, degrees and pixels.
 
     Args:
-        result: Of `calibrate`.
-        mounting: Of the camera.
-        simulated: Whether the camera that `mounting` describes is the true one; the
-            entry `errors` then compares with it, and is None otherwise.
+        result: The result of `calibrate`.
+        mounting: The camera's mounting.
+        simulated: Whether `mounting` describes the true camera. The entry `errors` then
+            compares the result with it, and is None otherwise.
     """
     pose = X_PB(result, mounting)
     values = {
@@ -61,8 +61,8 @@ def overlay(found: Mapping[str, Any], base: str) -> str:
     """Return a scenario file: `base` with the calibrated camera.
 
     Args:
-        found: Of `answer`.
-        base: A scenario: its name, or its path from the file.
+        found: The result of `answer`.
+        base: A scenario's name, or its path relative to the file.
     """
     return "\n".join(
         [
@@ -89,8 +89,8 @@ def overlay(found: Mapping[str, Any], base: str) -> str:
     )
 
 
-# By quantity: names of its value, standard deviation and error, a factor for the unit,
-# and digits of the value and of the others.
+# By quantity: keys of the value, its standard deviation and its error, a factor for the
+# unit, and the decimals of the value, and of deviation and error.
 _ROWS = {
     "focal [pixels]": ("focal_px", "focal_std_px", "focal_px", 1.0, 2, 2),
     "center [pixels]": ("center_px", "center_std_px", "center_px", 1.0, 2, 2),

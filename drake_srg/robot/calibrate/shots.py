@@ -1,4 +1,4 @@
-"""Images of the board with the poses of the hand, from a run or from a folder."""
+"""Images of the board with poses of the hand, from a simulation or a folder."""
 
 from __future__ import annotations
 
@@ -45,7 +45,7 @@ COLUMNS = ("image", "x", "y", "z", "qw", "qx", "qy", "qz")
 
 @dc.dataclass(frozen=True)
 class Shot:
-    """An image and the hand's pose as it was taken.
+    """An image, and the hand's pose when it was taken.
 
     Attributes:
         name: File name of the image.
@@ -59,9 +59,9 @@ class Shot:
 
 
 def find_views(shots: Sequence[Shot], mounting: Mounting) -> list[View]:
-    """Return what each image shows of the board, in order.
+    """Return a view of the board for each image, in order.
 
-    If none shows it, the images may show a board of OpenCV before 4.6.
+    If no image shows the board, look for a board made by OpenCV before 4.6.
 
     Raises:
         ScenarioError: If an image has another size than the camera's, or two in a row
@@ -93,7 +93,7 @@ def find_views(shots: Sequence[Shot], mounting: Mounting) -> list[View]:
         if any(len(view.pixels) for view in views):
             if candidate.legacy:
                 logging.getLogger("drake_srg").warning(
-                    "the board is of OpenCV before 4.6: it starts with a white square"
+                    "the board was made by OpenCV before 4.6: a white square is first"
                 )
             return views
     if not shots:
@@ -124,7 +124,7 @@ def shot_files(shots: Sequence[Shot]) -> dict[str, bytes]:
         q, p = shot.X_WH.rotation().ToQuaternion(), shot.X_WH.translation()
         numbers = (*p, q.w(), q.x(), q.y(), q.z())
         writer.writerow([shot.name, *(f"{x:.9f}" for x in numbers)])
-        # Grey, or RGB to OpenCV's order.
+        # Grey, or RGB, which OpenCV wants as BGR.
         image = shot.image if shot.image.ndim == 2 else shot.image[..., ::-1]
         files[shot.name] = bytes(cv2.imencode(".png", image)[1])
     return {POSES: text.getvalue().encode(), **files}
@@ -149,7 +149,7 @@ def _read_shot(folder: Path, row: Mapping[str, str], where: str) -> Shot:
     file = folder / name
     image = None
     if file.is_file():  # `imread` warns on standard error about a missing file
-        with contextlib.suppress(cv2.error):  # more pixels than it takes
+        with contextlib.suppress(cv2.error):  # raised if it has too many pixels
             image = cv2.imread(str(file), cv2.IMREAD_COLOR)
     if image is None:
         raise ScenarioError(f"{where}: image {name!r} cannot be read")
@@ -163,36 +163,37 @@ def _frozen(last: Shot, shot: Shot) -> bool:
     return moved and np.array_equal(last.image, shot.image)
 
 
-# Pixels in a marker's cell. The detector reads 2.5, but finds corners half as well.
+# Pixels per cell of a marker. The detector also reads cells of 2.5 pixels, but finds
+# corners half as accurately.
 _CELL_PIXELS = 3.0
 # The board's diagonal fills at most this share of the image's height.
 _MOST_FILLED = 0.8
-# Angle between the board's normal and the line of sight [rad]: poses are told best by
-# tilted boards, but foreshortened markers are not read.
+# Angle between the board's normal and the line of sight [rad]. Tilted boards determine
+# the pose best, but the detector does not read markers that are foreshortened too much.
 _LEAST_TILT, _MOST_TILT = np.radians(10.0), np.radians(40.0)
 _TILT_TOLERANCE = np.radians(5.0)
-# Random views that are tried for each one wanted.
+# Random views to try for each wanted view.
 _TRIES = 12
 
 
 def plan_visits(
     mounting: Mounting, scene: PlanningScene, home: Vector, count: int, seed: int
 ) -> list[Vector]:
-    """Return paths from posture to posture, the first one from home.
+    """Plan paths from posture to posture, the first from home.
 
     Args:
         mounting: Camera and board.
         scene: The arm, and what to keep clear of.
         home: The posture to start from, shape (N,) [rad].
         count: How many postures.
-        seed: Of the random views.
+        seed: Seed of the random views.
 
     Returns:
         Waypoints (K, N) [rad] that straight joint lines connect, for each posture.
 
     Raises:
-        ScenarioError: If the arm cannot show the board that often, or the image is too
-            small for it.
+        ScenarioError: If the arm reaches too few postures, or the image is too small
+            to read the board.
     """
     box = Box([*mounting.board.size, THICKNESS])
     X_OB = RigidTransform([*mounting.board.center[:2], 0.5 * THICKNESS])
@@ -219,7 +220,7 @@ def plan_visits(
                 return paths
     raise ScenarioError(
         f"cameras.{mounting.camera}: the arm can show it the board in {len(paths)} of "
-        f"{count} ways; another camera, or fewer --images"
+        f"{count} ways; use another camera, or fewer --images"
     )
 
 
@@ -242,7 +243,8 @@ def _targets(
     X_GH = scene.X_WG(home).inverse() @ mounting.X_WH(scene, home)
     for _ in range(_TRIES * count):
         z = rng.uniform(near, far)
-        # The board's middle stays so far inside that most of it is seen.
+        # The board's middle keeps this distance from the image's edge [pixels], so that
+        # the image shows most of the board.
         margin = 0.35 * diagonal * mounting.focal.max() / z
         u, v = (_inside(rng, side, margin) for side in (width, height))
         p_C = z * np.array([*(np.array([u, v]) - mounting.center) / mounting.focal, 1])
@@ -267,7 +269,7 @@ def _targets(
 
 
 def _inside(rng: np.random.Generator, side: float, margin: float) -> float:
-    """Return a place along a side of the image, at least a margin inside it."""
+    """Return a random coordinate [pixels], a margin away from the image's edges."""
     return float(rng.uniform(min(margin, side / 2), max(side - margin, side / 2)))
 
 
@@ -279,14 +281,14 @@ def _tilted(rng: np.random.Generator, angle: float) -> Vector:
 
 
 def _turned(axis: Vector, tilt: Vector) -> Vector:
-    """Return `tilt` (3,) in a frame whose z is `axis` (3,)."""
+    """Return the vector `tilt` (3,), given in a frame whose z axis is `axis` (3,)."""
     first = np.cross(axis, np.eye(3)[np.argmin(np.abs(axis))])
     first /= np.linalg.norm(first)
     return np.array([first, np.cross(axis, first), axis]).T @ tilt
 
 
-# Share of the arm's speed and acceleration; images are taken at rest, so the way there
-# does not matter.
+# Share of the arm's limits of speed and acceleration. Images are taken at rest, so the
+# motions between them do not matter.
 _SPEED = 0.9
 # The arm rests once no joint is faster than this [rad/s]; at a metre that is 0.1 mm in
 # the time between two readings of its joints.
@@ -322,7 +324,7 @@ def take_shots(
     limits = MotionLimits.of_plant(scene).scaled(_SPEED, _SPEED)
     shots: list[Shot] = []
     shown = with_board(scenario, mounting)
-    # The log is not read.
+    # Nothing reads the log, so a long period will do.
     with Rig(shown, name="calibrate", log_period=_NO_LOG, images=True) as rig:
         for path in paths:
             tell(len(shots))
@@ -337,7 +339,7 @@ def take_shots(
 
 def _duration(way: Vector, limits: MotionLimits) -> float:
     """Return the time of a minimum-jerk motion within the limits [s]."""
-    # Peaks of speed and acceleration over way / time and way / time^2.
+    # The peaks are 1.875 way / time for speed, and 5.774 way / time^2 for acceleration.
     speed = 1.875 * way / limits.velocity
     acceleration = np.sqrt(5.774 * way / limits.acceleration)
     return float(max(speed.max(), acceleration.max(), 0.1))

@@ -1,8 +1,8 @@
-"""The solver of a camera's intrinsics and pose, by reprojection of the corners.
+"""Solves for a camera's intrinsics and pose by minimizing reprojection errors.
 
-Frames: C is the camera's imager and B the board. P is the frame on which the camera is
-mounted and Q the one on which the board is: a camera in the hand has P on the hand and
-Q = world, a fixed one has P = world and Q on the hand. X_PQ is known in every view.
+Frames: C is the camera's imager and B the board. P is the camera's mount and Q the
+board's. A camera in the hand has P on the hand and Q = world; a fixed camera has
+P = world and Q on the hand. X_PQ is known in every view.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ NUM_PARAMETERS = 16  # focal, center, X_PC and X_QB
 
 @dc.dataclass(frozen=True)
 class View:
-    """An image of the board: what is known of it.
+    """The corners of the board that an image shows, and its known pose.
 
     Attributes:
         X_PQ: Pose of the board's mount in the camera's mount [m].
@@ -44,7 +44,7 @@ class Unknowns:
 
     Attributes:
         focal: Focal lengths [pixels], shape (2,).
-        center: Principal point [pixels], shape (2,); whole in the middle of a pixel.
+        center: Principal point [pixels], shape (2,); pixel centers are whole numbers.
         X_PC: Pose of the camera's imager in its mount [m].
         X_QB: Pose of the board in its mount [m].
     """
@@ -67,20 +67,21 @@ class Unknowns:
 def project(unknowns: Unknowns, view: View) -> Vector:
     """Return the pixels (K, 2) at which the view's corners are expected."""
     p_C = _p_C(unknowns, view)
-    z = np.maximum(p_C[:, 2:], 1e-3)  # a corner behind the camera is far off
+    z = np.maximum(p_C[:, 2:], 1e-3)  # a corner behind the camera gets a large error
     return np.asarray(p_C[:, :2] / z * unknowns.focal + unknowns.center)
 
 
 def residuals(unknowns: Unknowns, view: View) -> Vector:
-    """Return expected minus seen pixels (K, 2)."""
+    """Return expected minus observed pixels (K, 2)."""
     return project(unknowns, view) - view.pixels
 
 
 def jacobian(unknowns: Unknowns, view: View) -> Vector:
     """Return the derivatives of `project`, shape (K, 2, 16).
 
-    The columns are focal (2), center (2), then rotation vector and translation of a
-    small motion of C in C (6) and of B in B (6).
+    The parameters are focal (2) and center (2) [pixels], then a small motion of C,
+    expressed in C (6), and one of B, expressed in B (6). A motion is a rotation vector
+    (3) [rad] and a translation (3) [m].
     """
     p_C = _p_C(unknowns, view)
     z = np.maximum(p_C[:, 2], 1e-3)
@@ -121,14 +122,14 @@ def _small_pose(step: Vector) -> RigidTransform:
 
 
 def first_estimate(views: Sequence[View], focal: Vector, center: Vector) -> Unknowns:
-    """Return unknowns from which a least-squares fit converges.
+    """Return initial unknowns from which a least-squares fit converges.
 
     In each view X_PC X_CB = X_PQ X_QB. The rotations are the null vector of these
     equations, written out for the 18 entries of R_PC and R_QB. The translations follow
     by linear least squares.
 
     Args:
-        views: At least three, with hands turned about at least two axes.
+        views: At least three views, with the hand turned about at least two axes.
         focal: Approximate focal lengths [pixels], shape (2,).
         center: Approximate principal point [pixels], shape (2,).
     """
@@ -173,21 +174,23 @@ def _nearest_rotation(matrix: Vector) -> RotationMatrix:
     return RotationMatrix.ProjectToRotationMatrix(u @ v)
 
 
-# Fewer views than this leave nothing to judge the estimate by.
+# With fewer views, the residuals do not show how good the estimate is.
 MIN_VIEWS = 5
-# Corners are found with an error of 0.05 to 0.3 pixels. A fit that is better than this
-# is so by chance, and one that is worse has wrong poses or another board [pixels].
+# Corners are found with an error of 0.05 to 0.3 pixels. A fit better than the first
+# value is due to chance; one worse than the second has wrong poses or another board
+# [pixels].
 _LEAST_NOISE, _MOST_ERROR = 0.05, 2.0
 # Largest standard deviations of the camera's position [m] and rotation [rad] that
 # count as an estimate. Good views give 0.1 mm and 0.01 degrees.
 MOST_POSITION_STD, MOST_ROTATION_STD = 1e-3, np.radians(0.2)
-# Distances between corner and expectation, over the noise of either coordinate: their
-# median, and up to where they count fully [Huber, Robust Estimation of a Location
-# Parameter, 1964]. Of normally distributed errors, 6 % are farther.
+# Distances between observed and expected corners, in standard deviations of one
+# coordinate: the median, and Huber's limit, beyond which they no longer count fully
+# [Huber, Robust Estimation of a Location Parameter, 1964]. Of normally distributed
+# errors, 6 % exceed the limit.
 _MEDIAN, _HUBER = 1.177, 2.35
-# Rounds in which the noise of each view is renewed, and most steps of a round: eight
-# views need 32 from intrinsics that are off by a tenth, and views that determine no
-# camera would only take longer to be refused.
+# Number of rounds, each of which estimates the noise of each view anew, and most steps
+# of a round. Eight views need 32 steps if the initial intrinsics are off by a tenth.
+# With more steps, views that determine no camera would only be refused later.
 _ROUNDS, _MOST_STEPS = 4, 100
 
 
@@ -197,10 +200,11 @@ class Calibration:
 
     Attributes:
         estimate: The intrinsics and both poses.
-        covariance: Of the 16 parameters, in the units of `projection.jacobian`.
-        condition: Condition number of the estimate, parameters scaled to equal effect.
-        rms: Root mean square of the distances between corners and expectation [pixels].
-        dropped: Names of other views, and why each was dropped.
+        covariance: Covariance of the parameters of `jacobian`, shape (16, 16).
+        condition: Condition number, with parameters scaled to equal effect.
+        rms: Root mean square distance of observed from expected corners [pixels].
+        views: The views that the fit uses.
+        dropped: Why each of the other views was dropped, by the views' names.
     """
 
     estimate: Unknowns
@@ -222,12 +226,12 @@ class Calibration:
 
     @property
     def rotation_std(self) -> float:
-        """Standard deviation of the camera's rotation, all axes together [rad]."""
+        """Standard deviation of the camera's rotation, combined over all axes [rad]."""
         return float(np.sqrt(np.trace(self.covariance[4:7, 4:7])))
 
     @property
     def position_std(self) -> float:
-        """Standard deviation of the camera's position, all axes together [m]."""
+        """Standard deviation of the camera's position, combined over all axes [m]."""
         return float(np.sqrt(np.trace(self.covariance[7:10, 7:10])))
 
 
@@ -235,14 +239,14 @@ def calibrate(views: Sequence[View], focal: Vector, center: Vector) -> Calibrati
     """Estimate intrinsics, the camera's pose and the board's pose.
 
     Args:
-        views: Corners and hand poses. A view is dropped if it has too few corners, or
-            all of them on one line.
+        views: Corners and poses of the mounts. A view is dropped if it has too few
+            corners, or all of them on one line.
         focal: Approximate focal lengths [pixels], shape (2,).
         center: Approximate principal point [pixels], shape (2,).
 
     Raises:
-        ScenarioError: If too few views are left, if they are too alike to tell the
-            parameters apart, if no parameters fit them, or if the fit does not end.
+        ScenarioError: If too few views are left, if they are too similar to determine
+            the parameters, if no parameters fit, or if the fit does not converge.
     """
     few = {view.name: reason for view in views if (reason := _too_few(view))}
     used = tuple(view for view in views if view.name not in few)
@@ -293,9 +297,9 @@ def _too_few(view: View) -> str:
 
 
 def _fit(views: Sequence[View], estimate: Unknowns) -> tuple[Unknowns, Vector, bool]:
-    """Return the estimate that minimises Huber's loss, and the noise of each view.
+    """Return the estimate that minimizes Huber's loss, and the noise of each view.
 
-    The last value is whether the fit has found the minimum.
+    The last value says whether the fit has found the minimum.
     """
     ended = False
     for _ in range(_ROUNDS):
@@ -307,7 +311,7 @@ def _fit(views: Sequence[View], estimate: Unknowns) -> tuple[Unknowns, Vector, b
 def _noise(views: Sequence[View], estimate: Unknowns) -> Vector:
     """Return the standard deviations of the corners in each view [pixels].
 
-    Corners of tilted and far boards are found worse, some by a tenth of the accuracy.
+    Corners of tilted or distant boards are found less accurately, up to ten times less.
     """
     medians = [
         np.median(np.linalg.norm(residuals(estimate, view), axis=1)) for view in views
@@ -318,10 +322,10 @@ def _noise(views: Sequence[View], estimate: Unknowns) -> Vector:
 def _minimize(
     views: Sequence[View], estimate: Unknowns, noise: Vector
 ) -> tuple[Unknowns, bool]:
-    """Return the estimate that minimises Huber's loss of the corners' distances.
+    """Minimize Huber's loss; return the estimate, and whether this is the minimum.
 
-    It is the sum of squares of the errors e times s, with s = 1 up to Huber's limit h
-    and s² |e|² = 2 h |e| - h² beyond.
+    The loss is the sum of |s e|² over the corners' errors e. Up to Huber's limit h, s
+    is 1. Beyond, it follows from s² |e|² = 2 h |e| - h².
     """
 
     def shrunk(step: Vector) -> Vector:
@@ -329,8 +333,9 @@ def _minimize(
         return (error * _shrinking(error)[0][:, None]).ravel()
 
     def derivatives(step: Vector) -> Vector:
-        # `jacobian` is for small motions of the poses as moved. The last round starts
-        # where the one before ended: there, they are those by `step`.
+        # `jacobian` differentiates by small motions of the moved poses, which agrees
+        # with derivatives by `step` near 0. The last round starts where the round
+        # before ended, so its steps stay near 0.
         moved = estimate.moved(step)
         error, J = _errors(views, moved, noise), _jacobians(views, moved, noise)
         s, slope = _shrinking(error)
@@ -349,7 +354,7 @@ def _minimize(
 
 
 def _shrinking(error: Vector) -> tuple[Vector, Vector]:
-    """Return s and its derivative by |e| over |e|, see `_minimize`, shape (K,)."""
+    """Return s of `_minimize`, and its derivative by |e| divided by |e|, both (K,)."""
     size = np.maximum(np.linalg.norm(error, axis=1), _HUBER)
     square = _HUBER * (2.0 * size - _HUBER)
     s = np.sqrt(square) / size
@@ -358,7 +363,7 @@ def _shrinking(error: Vector) -> tuple[Vector, Vector]:
 
 
 def _errors(views: Sequence[View], estimate: Unknowns, noise: Vector) -> Vector:
-    """Return the residuals of all corners over their noise, shape (K, 2)."""
+    """Return the residuals of all corners, divided by their noise, shape (K, 2)."""
     pairs = zip(views, noise, strict=True)
     return np.concatenate([residuals(estimate, view) / std for view, std in pairs])
 
@@ -374,7 +379,8 @@ def _covariance(
 ) -> tuple[Vector, float]:
     """Return the covariance (16, 16) of the parameters, and its condition number."""
     J = _jacobians(views, estimate, noise).reshape(-1, NUM_PARAMETERS)
-    # The variance of Huber's estimate: limited residuals, and the share within limits.
+    # The variance of Huber's estimate depends on the residuals, cut off at the limit,
+    # and on the share of residuals within the limit.
     size = np.linalg.norm(_errors(views, estimate, noise), axis=1)
     limited = float(np.sum(np.minimum(size, _HUBER) ** 2))
     limited /= float(np.mean(size <= _HUBER)) ** 2 * max(len(J) - NUM_PARAMETERS, 1)

@@ -1,4 +1,4 @@
-"""An arm that speaks ROS 1 or ROS 2: its states, and the ways of its commands."""
+"""Drivers of arms that speak ROS 1 or ROS 2, with three ways to send commands."""
 
 import dataclasses as dc
 import itertools
@@ -38,16 +38,16 @@ from drake_srg.robot.serve.action_server import (
 from drake_srg.robot.serve.commands import PortValues, Warnings, numbers
 from drake_srg.types import Vector
 
-# How late an answer or a result may be, and how long the server may take to be found,
-# by the robot's clock [s].
+# Longest delay of an answer or a result, and longest time to find the server, by the
+# robot's clock [s].
 _PATIENCE = 1.0
-# These ends of a goal count even if a newer goal has replaced it meanwhile.
+# A goal that ends with one of these stops the arm even if a newer goal replaced it.
 _VIOLATIONS = (ErrorCode.PATH_TOLERANCE_VIOLATED, ErrorCode.GOAL_TOLERANCE_VIOLATED)
-# Calls that may be without a reply; beyond that, the oldest are forgotten.
+# Most calls that wait for a reply; beyond that, the oldest are forgotten.
 _MOST_CALLS = 200
 
 _T = TypeVar("_T")
-# Returns the fields of a request, given what `call` is given.
+# Returns the fields of a request from the values of a `call`.
 Fill = Callable[..., Mapping[str, Any]]
 
 
@@ -87,15 +87,15 @@ def duration(make: MakeMessage, seconds: float) -> Any:
 
 
 class Window:
-    """Gives commands times by the robot's clock, somewhat ahead of it.
+    """Gives each command a time that is `lead` ahead of the robot's clock.
 
-    The times are `period` apart while both clocks keep pace. Where ours was held up,
-    the robot gets more time for a step, and never less. Where the robot's was held up,
-    the newest command gets farther ahead, until the arm rests.
+    The times are `period` apart while both clocks keep pace. After a delay of our
+    clock, the robot gets more time for a step, never less. After a delay of the robot's
+    clock, the newest command is farther ahead than `lead`, until the arm rests.
 
     Args:
-        lead: How far ahead the newest command is [s].
-        period: Between commands [s].
+        lead: How far ahead of the robot's clock the newest command is [s].
+        period: Time between commands [s].
     """
 
     def __init__(self, lead: float, period: float) -> None:
@@ -107,11 +107,11 @@ class Window:
 
         Args:
             q: The newest command, shape (N,) [rad or m].
-            stamp: The robot's clock, as far as it is known [s].
+            stamp: The newest known time of the robot's clock [s].
         """
         ahead = [old for t, old in self._kept if t > stamp]
         if ahead and all(np.array_equal(q, old) for old in ahead):
-            self._kept.clear()  # it rests, and needs no time for a step
+            self._kept.clear()  # the arm rests: the next step may start at `lead`
         time = stamp + self._lead
         if self._kept:
             time = max(time, self._kept[-1][0] + self._period)
@@ -123,12 +123,12 @@ class Window:
 
 
 class ArmStream:
-    """The way of the commands to an arm.
+    """Sends commands to an arm.
 
     Attributes:
-        lag: How long after a command the arm is to be there [s].
-        fails: Whether the arm obeys no more. The link then falls silent, so that the
-            safety monitor stops.
+        lag: Time within which the arm must reach a commanded position [s].
+        fails: Whether the arm no longer obeys. The link then reports nothing, so that
+            the safety monitor stops the arm.
     """
 
     lag: float = 0.0
@@ -139,17 +139,17 @@ class ArmStream:
 
         Args:
             q: Positions, shape (N,) [rad or m].
-            stamp: The robot's clock, as far as it is known; -inf: not at all [s].
+            stamp: The newest known time of the robot's clock [s]; -inf: unknown.
             stopped: Whether the safety monitor stops the arm, or has stopped it.
         """
         raise NotImplementedError
 
     def close(self) -> None:
-        """Leave the arm where it is; the node is still open."""
+        """Leave the arm where it is. Called while the node is still open."""
 
 
 class PositionStream(ArmStream):
-    """Sends the newest positions, to be taken at once.
+    """Sends the newest positions, which the arm obeys at once.
 
     Args:
         node: The node; not yet open.
@@ -167,13 +167,13 @@ class PositionStream(ArmStream):
 
 
 class TrajectoryStream(ArmStream):
-    """Sends the positions around now, with times by the robot's clock.
+    """Sends the positions of the last and next `lead` seconds, by the robot's clock.
 
     Args:
         node: The node; not yet open.
         topic: Name of the trajectory_msgs/JointTrajectory.
-        lead: How far ahead the newest command is [s].
-        period: Between commands [s].
+        lead: How far ahead of the robot's clock the newest command is [s].
+        period: Time between commands [s].
     """
 
     def __init__(
@@ -197,7 +197,7 @@ class ServiceClient(Generic[_T]):
     Args:
         node: The node; not yet open.
         fill: Called as `fill(make, *values)`.
-        receive: Called with what a call was about, and the reply.
+        receive: Called with the `about` of a call, and the reply.
     """
 
     def __init__(
@@ -230,8 +230,8 @@ class ServiceClient(Generic[_T]):
         """Send a request.
 
         Args:
-            about: Handed to `receive` with the reply.
-            values: Handed to `fill`.
+            about: Passed to `receive` with the reply.
+            values: Passed to `fill`.
         """
         with self._lock:
             number = next(self._numbers)
@@ -258,25 +258,25 @@ class _Goal:
 
 
 class GoalStream(ArmStream):
-    """Sends goals that reach somewhat ahead, each of which replaces the one before.
+    """Sends goals of an action, each of which replaces the one before.
 
-    A goal is what a trajectory of `TrajectoryStream` is: positions of the last and the
-    next `lead` seconds by the robot's clock. As long as the commands change, there is a
-    new one every half `lead`. It begins on the path of the one before, so that a
-    joint_trajectory_controller goes on along the same path
-    (ros-controls/ros2_controllers, "Trajectory Replacement"). The last one ends where
-    the arm is to rest.
+    A goal has the same trajectory as a message of `TrajectoryStream`: positions of the
+    last and next `lead` seconds, by the robot's clock. While the commands change, a new
+    goal is sent every half `lead`. It begins on the path of the goal before, so that a
+    joint_trajectory_controller continues along the same path
+    (ros-controls/ros2_controllers, "Trajectory Replacement"). The last goal ends where
+    the arm must rest.
 
-    The arm obeys no more once a goal is rejected in time, aborted, or canceled by
-    another, once an answer or a result is missing, or once the server has gone. Then
-    all goals are canceled, no others are sent, and the user is told. A stop of the
-    safety monitor goes along the path, by goals as ever; what is then left of them is
-    canceled, and so it is when the stream is closed.
+    The stream fails if the server rejects a goal that came in time, aborts one, or
+    disappears, if another client cancels one, or if an answer or a result is missing.
+    It then cancels all goals, sends no more, and warns the user. When the safety
+    monitor stops the arm, goals follow the braking path as usual. Goals that remain
+    after that are canceled. Closing the stream cancels all goals.
 
     Args:
         node: The node; not yet open.
-        lead: How far ahead the newest command is [s].
-        period: Between commands [s].
+        lead: How far ahead of the robot's clock the newest command is [s].
+        period: Time between commands [s].
     """
 
     def __init__(
@@ -309,18 +309,18 @@ class GoalStream(ArmStream):
             node,
             action.cancel_goal,
             lambda make, id: {"goal_info": goal_info(make, id, 0.0)},
-            lambda goal, reply: None,  # its result says enough
+            lambda goal, reply: None,  # the goal's result says enough
         )
         # Commands come from the control loop, replies from the node's thread.
         self._lock = threading.RLock()
         self._goals: dict[bytes, _Goal] = {}  # sent and not known to have ended
         self._newest: _Goal | None = None
-        self._last: Vector | None = None  # command
-        self._changed = False  # since the newest goal
-        # By the robot's clock [s]: of the first and the last command, and before which
-        # there is no new goal.
+        self._last: Vector | None = None  # the last command
+        self._changed = False  # whether a command has changed since the newest goal
+        # By the robot's clock [s]: time of the first command, of the last one, and the
+        # earliest time of the next goal.
         self._first, self._stamp, self._next = math.inf, -math.inf, -math.inf
-        self._found = False  # the server
+        self._found = False  # whether the server was found
 
     def send(self, q: Vector, stamp: float, *, stopped: bool) -> None:
         """Send a command; called every control period."""
@@ -342,14 +342,14 @@ class GoalStream(ArmStream):
                 self._cancel_goals(before=stamp)
 
     def close(self) -> None:
-        """Leave the arm where it is; the node is still open."""
+        """Leave the arm where it is. Called while the node is still open."""
         with self._lock:
             if not self.fails:
                 self._cancel_goals()
             self.fails = True
 
     def _works(self, stamp: float) -> bool:
-        """Return whether the server is there, and all of its replies are."""
+        """Return whether the server is there and no reply is overdue."""
         if self._send.there:
             self._found = True
         elif self._found:
@@ -363,7 +363,7 @@ class GoalStream(ArmStream):
                 self._fail("a goal was not answered")
             elif goal is self._newest:
                 self._fail("a goal has ended without a result")
-            else:  # replaced long ago; its result is of no interest
+            else:  # replaced long ago; its result does not matter
                 del self._goals[goal.id]
         return self._found and not self.fails
 
@@ -380,9 +380,9 @@ class GoalStream(ArmStream):
         if self._stamp <= goal.end:
             self._fail("a goal was rejected")
             return
-        # A wire or a server was held up. The arm has come to rest meanwhile; if it is
-        # far behind, the safety monitor stops the commands.
-        self._changed = True  # so that there is another goal, even for a resting arm
+        # The network or the server caused a delay, and the arm has come to rest
+        # meanwhile. If it is far behind, the safety monitor stops it.
+        self._changed = True  # send another goal, even if the commands rest
         self._warnings.warn(
             f"{self._name} late",
             f"{self._name}: a goal came too late; does `lead` exceed twice "
@@ -429,11 +429,11 @@ class RosArm(RosDriver):
     part: ClassVar[str] = "arm"
     own_topics: ClassVar[tuple[str, ...]] = ("command", "external_torque")
 
-    # Topic of the commands, one each control period. `trajectory`: a
-    # trajectory_msgs/JointTrajectory with the positions of the last and the next `lead`
-    # seconds by the robot's clock, as a joint_trajectory_controller takes them. The arm
-    # follows that much later, and wires may be late or lose messages for as long.
-    # `positions`: a std_msgs/Float64MultiArray [rad or m], to be taken at once.
+    # Topic of the commands, one message each control period. `trajectory`: a
+    # trajectory_msgs/JointTrajectory with the positions of the last and next `lead`
+    # seconds by the robot's clock, for a joint_trajectory_controller. The arm follows
+    # `lead` later, and tolerates messages that are late or missing for as long.
+    # `positions`: a std_msgs/Float64MultiArray [rad or m], which the arm obeys at once.
     command: str = "joint_trajectory"
     stream: str = dc.field(
         default="trajectory", metadata={"among": ("trajectory", "positions")}
@@ -441,8 +441,8 @@ class RosArm(RosDriver):
     lead: float = dc.field(default=0.05, metadata={"gt": 0.0})
     # Topic of the torques that the joints feel from outside, as the arm's controller
     # estimates them: std_msgs/Float64MultiArray [N m], one number per joint, in the
-    # order of `joints`, at least every `safety.watchdog`. Limits of them need it.
-    # Empty: the arm does not publish them.
+    # order of `joints`, at least every `safety.watchdog`. Limits of external torque or
+    # force need this topic. Empty: the arm does not publish them.
     external_torque: str = ""
 
     def connect(self, robot: Robot) -> Link:
@@ -451,7 +451,7 @@ class RosArm(RosDriver):
         return _ArmLink(self, robot, node, self._stream(robot, node))
 
     def _stream(self, robot: Robot, node: Node) -> ArmStream:
-        """Return the way of the commands."""
+        """Return the stream that sends the commands."""
         joints, arm = self.names(robot), robot.scenario.arm
         assert arm is not None
         command = robot.topic(self.command)
@@ -473,9 +473,9 @@ class Ros2Arm(RosArm):
     version: ClassVar[int] = 2
     own_topics = (*RosArm.own_topics, "action")
 
-    # `action`: as trajectories, but as goals of the control_msgs/FollowJointTrajectory
-    # named `action`, two for each `lead`. Answers must take less than half a `lead`.
-    # The server must use rmw_cyclonedds_cpp.
+    # `action`: trajectories as goals of the control_msgs/FollowJointTrajectory named by
+    # the key `action`, two per `lead`. Answers must arrive within half a `lead`. The
+    # server must use rmw_cyclonedds_cpp.
     stream: str = dc.field(
         default="trajectory", metadata={"among": ("trajectory", "positions", "action")}
     )
@@ -517,7 +517,7 @@ class _ArmLink(Link):
         return {} if self._stream.fails else self._mail.take(self._needed)
 
     def close(self) -> None:
-        self._stream.close()  # the node that it shares is closed elsewhere
+        self._stream.close()  # `Nodes` closes the shared node
 
     def send(self, commands: PortValues) -> None:
         self._stream.send(

@@ -1,4 +1,4 @@
-"""Hardware cameras: pictures from ROS messages, as a system."""
+"""Drivers of cameras that speak ROS, and a system that outputs their pictures."""
 
 import abc
 import dataclasses as dc
@@ -33,12 +33,12 @@ _KEPT = 4  # unpaired images of each kind
 
 @dc.dataclass(frozen=True, eq=False)
 class Picture:
-    """A colour and a depth image of the same time.
+    """A colour and a depth image with the same time stamp.
 
     Attributes:
-        stamp: The time by the camera's clock [s].
+        stamp: Their time by the camera's clock [s].
         color: RGBA, shape (h, w, 4).
-        depth: Depths as Drake has them [m], shape (h, w): 0 too close, inf too far.
+        depth: Depths as in Drake's images [m], shape (h, w): 0 too close, inf too far.
     """
 
     stamp: float
@@ -64,9 +64,9 @@ def color_pixels(message: Any, shape: tuple[int, int]) -> npt.NDArray[np.uint8]:
 
 
 def depth_pixels(message: Any, shape: tuple[int, int]) -> npt.NDArray[np.float32]:
-    """Return the depths of a sensor_msgs/Image as Drake has them, shape (h, w) [m].
+    """Return the depths of a sensor_msgs/Image as in Drake's, shape (h, w) [m].
 
-    ROS writes -inf (32FC1) for too close, +inf, NaN or 0 (16UC1, in mm) for unknown.
+    In ROS, -inf (32FC1) means too close, and +inf, NaN or 0 (16UC1, in mm) unknown.
 
     Raises:
         CommandError: If it has another size or encoding.
@@ -109,7 +109,7 @@ def _rows(message: Any, shape: tuple[int, int], size: int) -> npt.NDArray[np.uin
 
 
 class Album:
-    """Pairs the images of a camera, and keeps the newest pair. Any thread may call.
+    """Pairs the images of a camera, and keeps the newest pair. It is thread-safe.
 
     Args:
         shape: Height and width of the images [pixels].
@@ -138,12 +138,12 @@ class Album:
             return self._newest
 
     def wait(self, after: float, patience: float) -> Picture | None:
-        """Return the newest picture once it is newer than a time; None: none came.
+        """Wait for a picture that is newer than a time; return None if none arrives.
 
         Args:
-            after: By the camera's clock [s]; NaN: the robot tells no time. Then it is
-                the second picture to arrive from now on, because the first may have
-                been on its way.
+            after: The time by the camera's clock [s]; NaN: the robot's time is unknown.
+                Then wait for the second picture from now on, because the first may have
+                been on its way already.
             patience: How long to wait [s, real].
         """
         enough = self._count + 2
@@ -157,7 +157,7 @@ class Album:
             return self._newest if self._changed.wait_for(newer, patience) else None
 
     def _add(self, message: Any, images: dict[float, Any], pixels: Any) -> None:
-        """Add an image to those of its kind, and keep the pair if that is newer."""
+        """Add an image, and keep its pair if that is complete and newer."""
         stamp = seconds(message.header.stamp)
         with self._changed:
             images[stamp] = pixels
@@ -180,10 +180,10 @@ class Camera(abc.ABC):
 
     @abc.abstractmethod
     def picture(self, after: float, patience: float | None = None) -> Picture:
-        """Return a picture that is newer than a time; waits for it.
+        """Wait for a picture that is newer than a time, and return it.
 
         Args:
-            after: By the robot's clock [s].
+            after: The time by the robot's clock [s].
             patience: How long to wait [s, real]; None: as configured.
 
         Raises:
@@ -192,10 +192,10 @@ class Camera(abc.ABC):
 
     @abc.abstractmethod
     def newest(self) -> Picture | None:
-        """Return the newest picture, if there is one; does not wait.
+        """Return the newest picture at once, if there is one.
 
         Raises:
-            ScenarioError: If the camera is not the scenario's.
+            ScenarioError: If the camera's intrinsics are not the scenario's.
         """
 
 
@@ -210,7 +210,7 @@ class RosCamera(Config):
     color: str = COLOR
     depth: str = DEPTH
     info: str = CAMERA_INFO
-    # Time to wait for a picture that is newer than a look [s].
+    # Time to wait for a picture from after the localizer asks for one [s].
     patience: float = dc.field(default=10.0, metadata=positive())
 
     def connect(self, name: str, robot: Robot) -> Camera:
@@ -269,7 +269,7 @@ class _RosCamera(Camera):
             raise ScenarioError(f"cameras.{self._name}: {self._misfit}")
 
     def _check_info(self, message: Any) -> None:
-        # ROS 1 has the matrix as K, which rosbags calls so too.
+        # ROS 1 calls the matrix K, and so does rosbags.
         matrix = message.K if hasattr(message, "K") else message.k
         fx, _, cx, _, fy, cy, *_ = np.array(matrix, dtype=float)
         given = np.array([fx, fy, cx + DRAKE_PIXEL_CENTER, cy + DRAKE_PIXEL_CENTER])
@@ -299,21 +299,21 @@ class CameraFeed(LeafSystem):
         - depth_image
         - body_pose_in_world
 
-    An image is evaluated only when somebody looks. It then waits for a picture that is
-    newer than `stamp` (1), the time by the robot's clock [s]: one from before might
-    show the arm on its way. So whoever looks must not be in a hurry.
+    Evaluating an image waits for a picture that is newer than `stamp` (1), the time by
+    the robot's clock [s]: an older one might show the arm on its way. So a system that
+    must not wait, such as the control loop, must not evaluate these ports.
 
     Args:
-        X_WB: The pose of its body in world [m].
+        X_WB: The pose of the camera's body in world [m].
     """
 
     def __init__(self, camera: Camera, X_WB: RigidTransform) -> None:
         super().__init__()
         self._camera = camera
         self._stamp = self.DeclareVectorInputPort(name="stamp", size=1)
-        # Time, too: the camera sees more than the inputs tell. No update event could
-        # fetch the picture instead, because none knows whether anybody will look, and
-        # each would wait for the camera.
+        # It depends on time, too: the view changes without the inputs. An update event
+        # could not fetch the picture instead: it would wait for the camera each time,
+        # even if nobody reads the picture.
         entry = self.DeclareCacheEntry(
             description="picture",
             value_producer=ValueProducer(

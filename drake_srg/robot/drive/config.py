@@ -1,4 +1,4 @@
-"""Hardware files: which drivers a robot needs, and faults to try out."""
+"""Hardware files: a robot's drivers, and faults to inject."""
 
 import dataclasses as dc
 import functools
@@ -24,20 +24,20 @@ from drake_srg.scenario.typed_yaml import load_typed, parse_yaml
 
 @dc.dataclass(kw_only=True)
 class FaultsConfig(Config):
-    """Latency and loss that a wire of its own does not have."""
+    """Latency and loss that are added to those of the network."""
 
-    # Added to measurements and to commands [s], in whole control periods.
+    # Delay of measurements and of commands, each [s]; rounded to control periods.
     latency: float = dc.field(default=0.0, metadata={"ge": 0.0})
-    # Share of messages that get lost, in both directions.
+    # Share of messages that are dropped, in each direction.
     loss: float = dc.field(default=0.0, metadata={"ge": 0.0, "le": 1.0})
     seed: int = dc.field(default=0, metadata={"ge": 0})
 
 
 class FaultyLink(Link):
-    """A link that delivers late, or not at all.
+    """A link that delays messages and drops some.
 
     Args:
-        period: Time between calls [s].
+        period: Time between calls of `take`, and of `send` [s].
     """
 
     def __init__(self, link: Link, config: FaultsConfig, period: float) -> None:
@@ -67,12 +67,12 @@ class FaultyLink(Link):
         self._link.close()
 
     def _pass(self, get: Callable[[], PortValues]) -> PortValues | None:
-        """Return a message, or None if it gets lost."""
+        """Return a message, or None if it is dropped."""
         values = get()
         return None if self._random.random() < self._loss else values
 
 
-# The drivers that a tag selects from.
+# The drivers that a YAML tag may name.
 ARMS = (Ros1Arm, Ros2Arm, DynamixelArm)
 GRIPPERS = (Ros1Gripper, Ros2Gripper, DynamixelGripper)
 CAMERAS = (Ros1Camera, Ros2Camera)
@@ -91,7 +91,7 @@ else:
 class ArmHardware(Config):
     """The drivers of an arm and its gripper."""
 
-    # Both are needed in a file; Drake's reader wants defaults.
+    # A file must name both. The defaults are for Drake's reader, which needs them.
     arm: _Arm = dc.field(default_factory=Ros2Arm)
     gripper: _Gripper = dc.field(default_factory=Ros2Gripper)
 
@@ -100,10 +100,10 @@ class ArmHardware(Config):
 class HardwareConfig(ArmHardware):
     """The drivers of a robot's parts."""
 
-    # In place of `arm` and `gripper`, which are the short form for one arm: those of
-    # several arms, by the arms' names in the scenario.
+    # Drivers of several arms, by the arms' names in the scenario. `arm` and `gripper`
+    # are the short form for a single arm, and must be absent with `arms`.
     arms: dict[str, ArmHardware] = dc.field(default_factory=dict)
-    # Cameras by their names in the scenario; the localizer's are needed.
+    # Cameras by their names in the scenario. Those of the localizer are required.
     cameras: dict[str, _Camera] = dc.field(default_factory=dict)
     # The nodes of the drivers that speak ROS.
     ros1: Ros1Config = dc.field(default_factory=Ros1Config)
@@ -116,17 +116,17 @@ class HardwareConfig(ArmHardware):
     # Time that a stopped arm waits for a release, after which the run goes on
     # [s, real]; 0: a stop ends the run.
     release: float = dc.field(default=0.0, metadata={"ge": 0.0})
-    # Faults that the wires do not have by themselves; null: none.
+    # Faults to inject; null: none.
     faults: FaultsConfig | None = None
 
     @property
     def drivers(self) -> dict[str, ArmHardware]:
-        """Drivers of each arm, by its name; that of the only arm is empty."""
+        """Drivers of each arm, by the arm's name; a single arm has the name ""."""
         return self.arms or {"": self}
 
     @property
     def ros_versions(self) -> set[int]:
-        """Versions of ROS that parts of the robot speak."""
+        """Versions of ROS that the drivers speak."""
         arms = self.drivers.values()
         drivers = [part for arm in arms for part in (arm.arm, arm.gripper)]
         parts = (*drivers, *self.cameras.values())
@@ -137,7 +137,7 @@ def load_hardware(path: str | Path) -> HardwareConfig:
     """Load a hardware file.
 
     Raises:
-        ScenarioError: If it cannot be read, or is invalid.
+        ScenarioError: If the file cannot be read, or is invalid.
     """
     path = Path(path)
     try:
@@ -152,7 +152,7 @@ def parse_hardware(text: str, origin: str) -> HardwareConfig:
     """Return the configuration that the text of a hardware file describes.
 
     Raises:
-        ScenarioError: If it is invalid.
+        ScenarioError: If the text is invalid.
     """
     tree = parse_yaml(text, origin) or {}
     places = {"": tree}

@@ -1,4 +1,4 @@
-"""The SRG behind the topics of its thesis, over ROS 1 or ROS 2."""
+"""Drivers of the SRG over ROS 1 or ROS 2, with the topics of its thesis."""
 
 import dataclasses as dc
 import math
@@ -18,13 +18,13 @@ from drake_srg.robot.drive.link import (
 )
 from drake_srg.robot.serve.commands import PortValues, numbers
 
-# Control periods between two equal gripper commands, in case one gets lost.
+# An unchanged command is repeated after so many control periods, in case it was lost.
 _REPEAT = 20
 
 
 @dc.dataclass(kw_only=True)
 class RosGripper(RosDriver):
-    """The SRG behind the topics of its thesis."""
+    """An SRG that speaks ROS, with the topics of its thesis."""
 
     part: ClassVar[str] = "gripper"
     own_topics = ("proximity", "contact_force", "command", "hold")
@@ -35,9 +35,9 @@ class RosGripper(RosDriver):
     contact_force: str = "gripper/contact_force"
     # Topic of the commands, std_msgs/Int32: 0 open .. 100 closed.
     command: str = "grasp"
-    # Topic that halts the gripper while the arm is stopped, std_msgs/Bool: false to
-    # stay where it is and keep its grip, true to obey. Empty: it only gets no new
-    # commands.
+    # Topic that halts the gripper while the arm is stopped, std_msgs/Bool: false: stay
+    # and keep the grip, true: obey. Empty: the gripper has no such topic; it finishes
+    # its last command and gets no new ones.
     hold: str = "startgrasp"
 
     def connect(self, robot: Robot) -> Link:
@@ -46,13 +46,13 @@ class RosGripper(RosDriver):
 
 
 class Ros1Gripper(RosGripper):
-    """The SRG behind ROS 1."""
+    """An SRG that speaks ROS 1."""
 
     version = 1
 
 
 class Ros2Gripper(RosGripper):
-    """The SRG behind ROS 2."""
+    """An SRG that speaks ROS 2."""
 
     version = 2
 
@@ -93,7 +93,7 @@ class _GripperLink(Link):
         return self._mail.take()
 
     def close(self) -> None:
-        pass  # the node that it shares is closed elsewhere
+        pass  # `Nodes` closes the shared node
 
     def send(self, commands: PortValues) -> None:
         closure = float(commands["gripper.closure_commanded"][0])
@@ -139,7 +139,7 @@ def percent(name: str) -> Topic:
 
 
 def obeys(name: str) -> Topic:
-    """Return a topic that halts a gripper, as std_msgs/Bool: false to hold."""
+    """Return a topic that halts a gripper as std_msgs/Bool: false to hold."""
     kind = "std_msgs/msg/Bool"
 
     def convert(make: MakeMessage, time: float, hold: float) -> Any:

@@ -36,7 +36,8 @@ STAMP = "hardware.stamp"
 EXTERNAL_TORQUE = "arm.external_torque"
 JOINT_STATE = "sensor_msgs/msg/JointState"
 ARRAY = "std_msgs/msg/Float64MultiArray"
-# A robot that was silent for this long has been given up. [s]
+# A stamp that is this far ahead [s] must be confirmed by the next one. The safety
+# monitor has long stopped a robot that was silent for this time.
 _LONGEST_GAP = 5.0
 
 _T = TypeVar("_T")
@@ -57,11 +58,11 @@ class Node:
     def subscribe(
         self, topic: str, type: str, receive: Receive, largest: int = COMMAND_LIMIT
     ) -> None:
-        """Have messages of a topic received; several may receive the same topic.
+        """Have messages of a topic received. Several receivers may share a topic.
 
         Args:
-            topic: Its name.
-            type: Its type, such as "sensor_msgs/msg/JointState".
+            topic: Name of the topic.
+            type: Type of its messages, such as "sensor_msgs/msg/JointState".
             receive: Called with each message, in a thread of the node.
             largest: Size of the largest message [bytes].
         """
@@ -112,10 +113,10 @@ class Node:
 
 
 class Nodes:
-    """One node for each ROS.
+    """A ROS 1 node and a ROS 2 node, which drivers share.
 
     Args:
-        suffix: Of the nodes' names, where several processes have nodes.
+        suffix: Added to the nodes' names, which must differ between processes.
     """
 
     def __init__(
@@ -127,7 +128,7 @@ class Nodes:
         }
 
     def of(self, version: int) -> Node:
-        """Return the node of ROS 1 or of ROS 2."""
+        """Return the node that speaks ROS 1 or ROS 2."""
         return self._nodes[version]
 
     def open(self) -> None:
@@ -149,7 +150,7 @@ class Link(abc.ABC):
 
     Attributes:
         outputs: Sizes of the station's output ports that the link measures, by name.
-        lag: How long after a command the hardware is to be there [s].
+        lag: Time within which the hardware must reach a commanded position [s].
     """
 
     outputs: Mapping[str, int] = {}
@@ -159,9 +160,9 @@ class Link(abc.ABC):
     def take(self) -> PortValues:
         """Return what has been measured since the last call, by output port.
 
-        An empty mapping says that nothing has arrived. Values are finite and have the
-        ports' sizes; a link refuses whatever is not, and warns. A message that arrives
-        out of order or twice does not count as new. `STAMP` may be among the keys.
+        An empty mapping means that nothing has arrived. Values are finite and have the
+        ports' sizes; a link refuses all others, and warns. A message that arrives out
+        of order or twice does not count as new. `STAMP` may be among the keys.
         """
 
     @abc.abstractmethod
@@ -172,9 +173,8 @@ class Link(abc.ABC):
             commands: By the station's input port, in its units:
                 `arm.position_commanded` (N) [rad or m], already within the limits of
                 the safety monitor; `gripper.closure_commanded` (1), 0 open .. 1
-                closed; or `gripper.hold` (1), nonzero while the gripper is to stay
-                where it is and keep its grip. A link ignores ports that are not its
-                own.
+                closed; and `gripper.hold` (1), nonzero while the gripper must stay
+                where it is and keep its grip. A link ignores the ports of other parts.
         """
 
     @abc.abstractmethod
@@ -182,15 +182,15 @@ class Link(abc.ABC):
         """Disconnect, leaving the hardware where it is. A second call does nothing."""
 
 
-# Commands to the parts of an arm.
+# Commands to an arm and its gripper.
 COMMANDS = ("arm.position_commanded", "gripper.closure_commanded", "gripper.hold")
 
 
 class NamedLink(Link):
-    """A link to a part of an arm, whose ports have the arm's name.
+    """A link to an arm or its gripper whose port names begin with the arm's name.
 
     Args:
-        link: Its ports are those of `arm` and `gripper`.
+        link: The same link without the arm's name in its ports.
     """
 
     def __init__(self, link: Link, own: RobotArm) -> None:
@@ -227,7 +227,7 @@ class Mailbox:
             self._values.update(values)
 
     def take(self, needed: Set[str] = frozenset()) -> dict[str, Vector]:
-        """Return what has come since the last call; none until all needed is new."""
+        """Return what has come since the last call; {} until all of `needed` has."""
         with self._lock:
             if needed - self._values.keys():
                 return {}
@@ -237,14 +237,14 @@ class Mailbox:
 
 @dc.dataclass(frozen=True)
 class Robot:
-    """The robot as the drivers of an arm and its gripper know it.
+    """The view of a robot that the drivers of one arm and its gripper get.
 
     Attributes:
         scenario: The scenario that runs on the hardware, with this arm alone.
         arm_joints: Names of the arm's joints in messages, in the order of its ports.
         nodes: ROS nodes, which drivers share.
-        shared: Whatever else drivers share, such as a bus; empty at first.
-        own: The arm, by its name if the scenario has several.
+        shared: Anything else that drivers share, such as a bus; empty at first.
+        own: The arm; its name is empty if the scenario has only one.
     """
 
     scenario: Scenario
@@ -262,9 +262,10 @@ class Robot:
         return tuple(self.own.system(name) for name in names)
 
     def topic(self, name: str) -> str:
-        """Return the name of a topic; one without a slash in front is the arm's own.
+        """Return a topic's full name. A name without a leading slash is the arm's own.
 
-        So is `grasp`: /grasp of the only arm, /left/grasp of the arm `left`.
+        For example, `grasp` is /left/grasp for the arm `left`, and /grasp for a single
+        arm.
         """
         return name if name[:1] in ("", "/") else topic_of(self.own, f"/{name}")
 
@@ -275,17 +276,17 @@ class HardwareDriver(abc.ABC):
     An arm's link measures `arm.state_measured` (2N), [q; v], and perhaps
     `arm.torque_measured` (N) and `arm.external_torque` (N) [N m]. A gripper's link
     measures `gripper.state_measured` (2n), [q; v]; `gripper.triggered` (m), nonzero
-    where a finger sensor fires, from which the station tells `gripper.grasped`;
+    where a finger sensor fires, from which the station computes `gripper.grasped`;
     `gripper.proximity` (m) [m]; and perhaps `gripper.contact_force` (m) [N] and
-    `gripper.pwm`. A gripper without finger sensors tells by other means, such as
-    currents, and says 0 or `proximity.range` as the distance.
+    `gripper.pwm`. A gripper without finger sensors detects contact by other means, such
+    as currents, and reports a distance of 0 or `proximity.range`.
     """
 
     @abc.abstractmethod
     def connect(self, robot: Robot) -> Link:
         """Return a link to the hardware.
 
-        The station waits for its first measurements afterwards, so this need not.
+        It need not wait for measurements: the station does so afterwards.
 
         Raises:
             ScenarioError: If the configuration does not fit the robot.
@@ -304,17 +305,18 @@ class RosDriver(Config, HardwareDriver):
     own_topics: ClassVar[tuple[str, ...]] = ()
 
     # Topic of the sensor_msgs/JointState; all arms and grippers may share it. A name
-    # without a slash in front, here and below, is the arm's own: `grasp` is /left/grasp
-    # for the arm `left`, and /grasp for the only arm.
+    # without a leading slash, here and below, is the arm's own: `grasp` is /left/grasp
+    # for the arm `left`, and /grasp for a single arm.
     state: str = "/joint_states"
-    # Names of the joints in messages, in the order of the model's; empty: the model's.
+    # Names of the joints in messages, in the order of the model's joints; empty: as in
+    # the model.
     joints: list[str] = dc.field(default_factory=list)
 
     def names(self, robot: Robot) -> Sequence[str]:
-        """Return the names of the joints in messages, in the order of the model's.
+        """Return the joints' names in messages, in the order of the model's joints.
 
         Raises:
-            ScenarioError: If there are more or fewer than in the model, or equal ones.
+            ScenarioError: If their number is not the model's, or two are equal.
         """
         model = robot.arm_joints if self.part == "arm" else robot.gripper_joints
         given = self.joints
@@ -334,10 +336,10 @@ class JointStates:
     """Reads the states of some joints from sensor_msgs/JointState messages.
 
     Args:
-        names: Of the joints, in the wanted order.
+        names: Names of the joints, in the wanted order.
 
     Attributes:
-        stamp: Time of the newest message [s].
+        stamp: Time of the newest message [s]; -inf: none has arrived.
     """
 
     def __init__(self, names: Sequence[str]) -> None:
@@ -345,13 +347,13 @@ class JointStates:
         self._jumped = math.inf
 
     def read(self, message: Any) -> tuple[float, Vector, Vector | None] | None:
-        """Return stamp [s], state [q; v] and efforts; None if no joint is among it.
+        """Return stamp [s], state [q; v] and efforts; None if the message has no joint.
 
-        Efforts are None where a message lacks them, or they are not finite.
+        Efforts are None if the message lacks them or they are not finite.
 
         Raises:
-            CommandError: If the message is not newer than the last one, jumps ahead
-                and no second one confirms that, or lacks some of the joints or their
+            CommandError: If the message is not newer than the last one, if its stamp
+                jumps ahead and does not confirm an earlier jump, or if some joints lack
                 finite positions and velocities.
         """
         given = list(message.name)
@@ -379,8 +381,8 @@ class JointStates:
                 "stamp",
                 f"needs a newer time than {self.stamp:.3f} s, got {stamp:.3f} s",
             )
-        # One wrong stamp far ahead must not make all that follow look old. A second one
-        # means that the robot was silent.
+        # One wrong stamp far ahead must not make all later messages look old. A second
+        # one means that the robot was silent for a while.
         jumps = math.isfinite(self.stamp) and stamp > self.stamp + _LONGEST_GAP
         if jumps and not 0.0 < stamp - self._jumped <= _LONGEST_GAP:
             self._jumped = stamp

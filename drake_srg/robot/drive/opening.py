@@ -1,4 +1,4 @@
-"""Connect to the hardware that a file describes."""
+"""Connects to the hardware that a hardware file describes."""
 
 from __future__ import annotations
 
@@ -36,14 +36,14 @@ from drake_srg.scenario import Scenario, robot_arms, servo_of
 from drake_srg.station.plant import MakeModelsPlant
 from drake_srg.types import Vector
 
-# Measurements that planner and safety monitor cannot do without, if links have them.
+# Measurements to wait for, if links have them: planner and safety monitor need them.
 _NEEDED = ("arm.state_measured", "gripper.state_measured", EXTERNAL_TORQUE)
 _POLL = 0.02  # s
 
 
 @dc.dataclass(frozen=True)
 class Hardware:
-    """A robot's live connections, and where it was at first.
+    """A robot's live connections, and its first measurements.
 
     Attributes:
         start: The first measurements, by the station's output port.
@@ -55,7 +55,7 @@ class Hardware:
 
     @property
     def lag(self) -> float:
-        """Time after a command by which the slowest part must arrive [s]."""
+        """Time within which the slowest part must reach a commanded position [s]."""
         return max((link.lag for link in self.links), default=0.0)
 
 
@@ -71,12 +71,12 @@ def open_hardware(
     """Connect to arms and grippers, and wait for their first measurements.
 
     Args:
-        scenario: That runs on the hardware.
-        config: Of the drivers.
-        warnings: Where trouble is reported.
-        inbox: For commands to us: if any part of the robot speaks ROS, a node
-            subscribes to its topics.
-        stopped: Whether to give up waiting.
+        scenario: The scenario to run on the hardware.
+        config: The drivers.
+        warnings: Receives warnings.
+        inbox: Receives the user's commands: if any part of the robot speaks ROS, a node
+            subscribes to the inbox's topics.
+        stopped: Returns whether to give up waiting.
 
     Raises:
         ScenarioError: If the drivers do not fit the scenario, or nothing arrives.
@@ -87,7 +87,7 @@ def open_hardware(
     with contextlib.ExitStack() as stack:
         robots = MakeRobots(scenario, config, warnings)
         nodes = robots[0].nodes
-        stack.callback(nodes.close)  # after the links, which may have last words
+        stack.callback(nodes.close)  # after the links, which may still send
         parts = [
             (robot, part, driver)
             for robot in robots
@@ -115,7 +115,7 @@ def open_hardware(
 
 
 def check_arms(scenario: Scenario, config: HardwareConfig) -> None:
-    """Raise a ScenarioError unless the arms of a scenario are those of a file."""
+    """Raise a ScenarioError unless scenario and hardware file have the same arms."""
     arms = robot_arms(scenario)
     if not all(own.arm and own.gripper for own in arms):
         raise ScenarioError("hardware: the scenario needs an arm and a gripper")
@@ -131,7 +131,7 @@ def check_arms(scenario: Scenario, config: HardwareConfig) -> None:
 
 
 def _check_topics(parts: Iterable[tuple[Robot, str, HardwareDriver]]) -> None:
-    """Raise a ScenarioError if two drivers have one topic, or one joint in it."""
+    """Raise a ScenarioError if two drivers share a topic of their own, or a joint."""
     users: dict[tuple[int, str, str], str] = {}
     for robot, part, driver in parts:
         if not isinstance(driver, RosDriver):
@@ -147,7 +147,7 @@ def _check_topics(parts: Iterable[tuple[Robot, str, HardwareDriver]]) -> None:
 
 
 def _subscribe(node: Node, inbox: CommandInbox) -> None:
-    """Have a node put the messages of an inbox's topics into it."""
+    """Subscribe a node to the topics of an inbox, which receives their messages."""
     for topic in inbox.topics.values():
         node.subscribe(
             topic.name, topic.type, functools.partial(inbox.receive_message, topic.name)
@@ -158,7 +158,7 @@ def _subscribe(node: Node, inbox: CommandInbox) -> None:
 def open_cameras(
     scenario: Scenario, config: HardwareConfig, warnings: Warnings
 ) -> Iterator[Mapping[str, Camera]]:
-    """Connect to the cameras of localizer and servo, and wait for a picture of each.
+    """Connect to the cameras that the task needs, and wait for a picture of each.
 
     Raises:
         ScenarioError: If a camera is missing from the hardware file, does not fit the
@@ -197,13 +197,13 @@ def MakeRobot(
 def MakeRobots(
     scenario: Scenario, config: HardwareConfig, warnings: Warnings, suffix: str = ""
 ) -> list[Robot]:
-    """Return the robot of a scenario, for each of its arms; its nodes are still closed.
+    """Return a `Robot` for each arm of a scenario; they share nodes, not yet open.
 
     Args:
-        scenario: That runs on the hardware.
-        config: Of the nodes.
-        warnings: Where trouble is reported.
-        suffix: Of the nodes' names, where several processes have nodes.
+        scenario: The scenario to run on the hardware.
+        config: The nodes' configuration.
+        warnings: Receives warnings.
+        suffix: Added to the nodes' names, which must differ between processes.
     """
     plant = MakeModelsPlant(scenario)
     nodes, shared = Nodes(config.ros1, config.ros2, warnings, suffix), dict[Any, Any]()

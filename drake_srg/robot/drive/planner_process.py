@@ -1,12 +1,12 @@
 """Localizer and planner of a robot, in a process of their own.
 
-A tick with the newest measurements lets it advance by one planner period, and an answer
-goes back. While the planner thinks it takes no ticks, so its clock stands still, as it
-does in simulation, where planning takes no simulated time either.
+An image takes tenths of a second, and a plan takes seconds. In the process of the
+control loop, even another thread would delay the loop. Localizer and planner therefore
+run as a separate cell, see `PlannerCell`.
 
-Both take long: images tenths of a second, plans seconds. In the process of the control
-loop they would hold it up, whatever thread they are in. So they run as a cell of their
-own, see `PlannerCell`.
+The control loop sends ticks with the newest measurements. Each advances the cell by one
+planner period, and an answer goes back. While the planner plans, it takes no ticks and
+its clock stands still. In simulation, planning takes no simulated time either.
 """
 
 from __future__ import annotations
@@ -56,10 +56,10 @@ class ServoEye:
 
     def __init__(self, tracker: Tracker, camera: Camera) -> None:
         self._tracker, self._camera = tracker, camera
-        self._stamp = -math.inf  # of the picture before
+        self._stamp = -math.inf  # of the last picture [s]
 
     def look(self) -> Sighting | None:
-        """Return what the newest picture shows; None if it has been looked at."""
+        """Return what the newest picture shows; None if there is no new one."""
         picture = self._camera.newest()
         if picture is None or picture.stamp <= self._stamp:
             return None
@@ -90,14 +90,14 @@ class MirrorLink(Link):
         """Disconnect, leaving the hardware where it is. A second call does nothing."""
 
 
-_SAMPLE = 0.005  # time between samples of a motion that is sent [s]
+_SAMPLE = 0.005  # time between samples of a motion [s]
 
 
 def sendable(motion: Motion) -> Motion:
-    """Return a motion that pickles: of Drake's trajectories, only B-splines do.
+    """Return a motion that pickles. Of Drake's trajectories, only B-splines do.
 
-    Others become a cubic spline through samples of theirs, with their speeds at both
-    ends.
+    Other trajectories become a cubic B-spline through samples, with the same velocities
+    at both ends.
     """
     trajectory = motion.trajectory
     if trajectory is None or isinstance(trajectory, BsplineTrajectory):
@@ -116,11 +116,11 @@ def sendable(motion: Motion) -> Motion:
 
 
 class PlannerCell:
-    """A cell whose clock ticks move.
+    """A cell whose clock advances with ticks.
 
     Args:
-        hardware: With a `MirrorLink` as its only link, and the cameras. The one of a
-            visual servo is looked through only while the servo tracks.
+        hardware: The cameras, and a `MirrorLink` as the only link. Pictures of a visual
+            servo's camera are evaluated only while the servo tracks.
     """
 
     def __init__(self, scenario: Scenario, hardware: Hardware) -> None:
@@ -154,7 +154,7 @@ class PlannerCell:
         self._ticks = 0
 
     def answers(self, tick: Tick) -> list[Answer]:
-        """Advance by one planner period; return what each arm is commanded then."""
+        """Advance by one planner period; return an answer for each arm."""
         self._mirror.values = tick.values
         if tick.servo is not None:
             self._fix_servo(tick.servo)
@@ -184,7 +184,7 @@ class PlannerCell:
         return [dc.replace(a, command=command, sighting=sighting) for a in answers]
 
     def _fix_servo(self, status: ServoStatus) -> None:
-        """Tell the planner what the servo reports, if it has one."""
+        """Fix the servo's report at the planner's input, if there is a servo."""
         if self._eye is None:
             return
         context = my_context(self._planner, self._simulator.get_context())
@@ -192,18 +192,18 @@ class PlannerCell:
         port.FixValue(context, AbstractValue.Make(status))
 
 
-# Ticks under way. More would let the planner's clock run behind the robot's, fewer
-# would leave it waiting for each message.
+# Most ticks without an answer. With more, the planner's clock would fall behind the
+# robot's. With fewer, the planner would wait for each message.
 _UNDER_WAY = 2
 _POLL = 0.1  # s
 _UNEXPECTED = Ended("the planner's process has ended unexpectedly")
 
 
 class PlannerProcess(PlannerLink):
-    """Runs the localizer and the planner of a scenario in a process.
+    """Runs the localizer and the planner of a scenario in another process.
 
     Args:
-        config: Of the drivers; the process opens the cameras.
+        config: The drivers; the process opens the cameras.
         outputs: Sizes of the measurements in the ticks, by name.
         start: The first measurements.
     """
@@ -220,7 +220,7 @@ class PlannerProcess(PlannerLink):
         self._answers: deque[list[Answer] | Ended] = deque()  # to each tick
         self._under_way = 0
         self._ready = threading.Event()
-        self.planning_wall = 0.0  # what planning has taken there [s]
+        self.planning_wall = 0.0  # time spent planning so far [s, real]
         # Drake's schema objects do not pickle, but their YAML does.
         texts = (yaml_dump_typed(scenario), yaml_dump_typed(config))
         self._process = Companion(
@@ -235,8 +235,8 @@ class PlannerProcess(PlannerLink):
         """Wait until the planner is ready for ticks.
 
         Args:
-            patience: How long [s, real].
-            stopped: Whether to give up waiting.
+            patience: How long to wait [s, real].
+            stopped: Returns whether to give up waiting.
 
         Raises:
             ScenarioError: If it does not get ready.
@@ -311,7 +311,7 @@ def _run(
                 send(cell.answers(connection.recv()))
     except (EOFError, OSError) as error:
         reason = one_line(error)
-    except Exception as error:  # the robot must not be left without a word
+    except Exception as error:  # the control loop must get a reason
         reason = one_line(error) or repr(error)
-    with contextlib.suppress(OSError):  # the control loop is gone
+    with contextlib.suppress(OSError):  # the control loop's process is gone
         send(Ended(reason))

@@ -1,4 +1,4 @@
-"""A planner in another process, as a system that never waits."""
+"""A system that stands in for a planner in another process, and never waits."""
 
 from __future__ import annotations
 
@@ -26,10 +26,10 @@ from drake_srg.types import Failure, Mode, PlannerStatus, Vector
 
 @dc.dataclass(frozen=True)
 class Tick:
-    """Inputs of the planner, one period of its clock after the tick before.
+    """Inputs of the planner; its clock advances by one period per tick.
 
     Attributes:
-        values: Measurements by output port of the station, with the robot's clock.
+        values: Measurements, and the robot's clock, by output port of the station.
     """
 
     values: PortValues
@@ -42,13 +42,13 @@ class Answer:
 
     Attributes:
         time: The planner's clock [s]; `motion` refers to it.
-        motion: The arm's motion; None: the one before goes on.
-        closure: Of the gripper, 0 open .. 1 closed.
+        motion: The arm's motion; None: the previous one continues.
+        closure: The gripper's closure, 0 open .. 1 closed.
         status: The report on the task.
-        command: To the visual servo, if there is one.
-        sighting: What a new picture of its camera shows; None: there is no new one.
-        planning_wall: What planning has taken so far on the wall clock [s].
-        arm: The arm's name; empty: the only one.
+        command: The command to the visual servo, if there is one.
+        sighting: What a new picture of the servo's camera shows; None: no new picture.
+        planning_wall: Time spent planning so far, on the wall clock [s].
+        arm: The arm's name; empty: a single arm.
         joints: Which joints of the motion are the arm's.
     """
 
@@ -82,8 +82,8 @@ class PlannerLink(abc.ABC):
         """Return what has arrived since the last call, in order."""
 
 
-# After these stops the monitor goes on along the path of the commands. After others it
-# waits for commands that begin where the arm rests.
+# After a stop for one of these reasons, the monitor continues along the path of the
+# commands. After others, it waits for commands that begin where the arm rests.
 _PATH_KEPT = {
     StopReason.FOLLOWING_ERROR,
     StopReason.MEASURED_SPEED,
@@ -92,8 +92,8 @@ _PATH_KEPT = {
     StopReason.FORCE,
     StopReason.STALE,
 }
-# How an arm that rests elsewhere goes to its path: at least so long [s], at most so
-# fast [rad/s or m/s].
+# An arm that rests off its path returns there in at least this time [s], and at most
+# this fast [rad/s or m/s].
 _RETURN_TIME, _RETURN_SPEED = 0.5, 0.2
 _THERE = 1e-6  # rad or m
 
@@ -103,13 +103,14 @@ class Pause:
     """A motion while the arm is stopped, and until it is back on its path.
 
     Attributes:
-        stopped: The motion in whose middle the arm was stopped. It comes to rest by
-            itself, within the planner's limits.
-        motion: The commands meanwhile.
-        held: Where the arm rests, shape (N,); None: not yet.
+        stopped: The motion that the stop interrupted, braked to rest within the
+            planner's limits.
+        motion: The commands during the pause.
+        held: Where the arm rests, shape (N,) [rad or m]; None: it still moves.
         cut: Whether the monitor has forgotten the path.
-        until: When the next thing happens after the release [s]; infinite before.
-        since: Where on its path `stopped` goes on [s], once the arm returns there.
+        until: When the next step after the release is due [s]; infinite before.
+        since: Time on the path of `stopped` at which it continues [s]; None until the
+            arm returns there.
     """
 
     stopped: Motion
@@ -132,9 +133,9 @@ class Pause:
 
         Args:
             time: Now [s].
-            state: Of the safety monitor.
-            reason: Of the stop.
-            held: Where the arm rests in a stop, otherwise NaN; shape (N,).
+            state: State of the safety monitor.
+            reason: Reason of the stop.
+            held: Where the arm rests in a stop, shape (N,) [rad or m]; otherwise NaN.
         """
         if state is not SafetyState.RUNNING:
             return dc.replace(
@@ -145,13 +146,13 @@ class Pause:
                 until=math.inf,
                 since=None,
             )
-        if math.isinf(self.until) and not self.cut:  # the monitor goes along its path
+        if math.isinf(self.until) and not self.cut:  # the monitor keeps to its path
             return dc.replace(self, until=time + STOP_TIME)
         if math.isfinite(self.until) and time < self.until:
             return self
         if self.since is not None:
             return self.stopped.resumed(time, self.since)
-        # The arm's present positions.
+        # Where the arm rests now.
         start = self.motion.destination
         if self.cut and self.held is not None:
             start = self.held
@@ -172,8 +173,8 @@ def _line(start: Vector, goal: Vector) -> PiecewisePolynomial:
     )
 
 
-# Without an answer for so long, a servo must not go on [s]. The planner answers every
-# period unless it plans, and it does that only while the hand rests.
+# Without an answer for this long, a servo must hold [s]. The planner answers every
+# period unless it plans, which it does only while the hand rests.
 _SERVO_PATIENCE = 0.5
 
 
@@ -183,14 +184,16 @@ class Plan:
 
     Attributes:
         motion: The arm's motion, by the planner's clock.
-        behind: The planner's clock lags this much behind ours in `motion` [s].
-        command: To the visual servo, if there is one.
-        sighting: The newest one of its camera while it tracks, if there is one.
-        answered: When the last answer arrived [s].
-        pause: While the arm is stopped, and until it is back on its path. It replaces
-            `motion`, and is by our clock.
-        departed: When the planner's motion began by its own clock, if `motion` is the
-            rest of it after a pause [s]; otherwise None.
+        behind: How far the planner's clock lags behind ours in `motion` [s].
+        closure: The gripper's closure, 0 open .. 1 closed.
+        status: The report on the task.
+        command: The command to the visual servo, if there is one.
+        sighting: The servo's newest sighting while it tracks, if there is one.
+        answered: When the last answer arrived, by our clock [s].
+        pause: The pause while the arm is stopped, and until it is back on its path. It
+            replaces `motion`, and is by our clock.
+        departed: When the planner's motion began, by the planner's clock [s], if
+            `motion` is the rest of it after a pause; otherwise None.
         joints: Which joints of the motion are the arm's.
     """
 
@@ -206,7 +209,7 @@ class Plan:
     joints: slice = dc.field(default_factory=lambda: slice(None))
 
     def position(self, time: float) -> Vector:
-        """Return the arm's commanded position at a time [s], shape (N,)."""
+        """Return the arm's commanded position at a time [s], shape (N,) [rad or m]."""
         if self.pause is not None:
             return self.pause.motion.position(time)[self.joints]
         return self.motion.position(time - self.behind)[self.joints]
@@ -227,10 +230,10 @@ class Plan:
         if motion is None:
             return plan
         if self._goes_on(motion):
-            # The planner stops this motion. It may have got farther than the planner
-            # knew: it must not jump back.
+            # The planner stops this motion. The arm may be farther along than the
+            # planner knew, and must not jump back.
             assert motion.stopped_at is not None
-            if self.departed is not None:  # ours has been stopped once before
+            if self.departed is not None:  # `motion` continues after a pause
                 return dc.replace(plan, motion=self.motion.stopped(time - self.behind))
             reached = time - self.behind - motion.departed
             stop = max(motion.stopped_at, reached)
@@ -245,9 +248,9 @@ class Plan:
 
         Args:
             time: Now [s].
-            state: Of the safety monitor.
-            reason: Of the stop, if there is one.
-            held: Where the arm rests in a stop, otherwise NaN; shape (N,).
+            state: State of the safety monitor.
+            reason: Reason of the stop, if there is one.
+            held: Where the arm rests in a stop, shape (N,) [rad or m]; otherwise NaN.
         """
         if self.pause is None:
             if state is SafetyState.RUNNING:
@@ -265,7 +268,7 @@ class Plan:
         return dc.replace(self, motion=after, pause=None, answered=time)
 
     def broken_off(self, time: float, reason: str) -> Plan:
-        """Return the plan without a planner: the arm stops along its path."""
+        """Return the plan after the planner is lost: the arm stops along its path."""
         status = dc.replace(
             self.status, mode=Mode.FAILED, failure=Failure.STOPPED, message=reason
         )
@@ -275,7 +278,7 @@ class Plan:
         return dc.replace(self, motion=motion, status=status, command=command)
 
     def _goes_on(self, motion: Motion) -> bool:
-        """Return whether a motion is this one, but for the stop that it ends with."""
+        """Return whether a motion is the current one, now with a stop at its end."""
         departed = self.motion.departed if self.departed is None else self.departed
         return (
             motion.stopped_at is not None
@@ -305,27 +308,27 @@ class RemotePlanner(LeafSystem):
         - sighting
 
     Every `planner_period`, the inputs go to the planner as a `Tick`. Every `period`,
-    its answers are taken. `position_commanded` (N) [rad] follows the motion of the last
-    answer whether or not the planner is busy; `closure_commanded` (1), `mode` and
-    `status` are the last answer's. Where the planner ends, or says nothing for
-    `patience`, the arm comes to rest along its path and the task has failed. Ports of
-    an arm with a name begin with `NAME.`, as those of a station and of a
-    `PlannerMachine`. A stop of one arm pauses all.
+    this system takes the planner's answers. `position_commanded` (N) [rad or m] follows
+    the motion of the last answer even while the planner is busy. `closure_commanded`
+    (1), `mode` and `status` are those of the last answer. If the planner ends, or does
+    not answer for `patience`, the arm comes to rest along its path and the task has
+    failed. Ports of an arm with a name begin with `NAME.`, as those of a station and of
+    a `PlannerMachine`. A stop of one arm pauses all arms.
 
-    While `safety.state` (2), a monitor's, says that the arm is stopped, the planner's
-    clock stands still: it gets no ticks, and its motion comes to rest. After the
-    release, the motion goes on where it was stopped; after a stop that has made the
-    monitor forget the path, the arm first goes there from `arm.position_held` (N).
+    While `safety.state` (2) of a monitor says that the arm is stopped, the planner's
+    clock stands still: the planner gets no ticks, and the motion comes to rest. After
+    the release, the motion continues where it was stopped. If the monitor has forgotten
+    the path, the arm first returns to it from `arm.position_held` (N) [rad or m].
 
-    For a visual servo, whose tracker is in the other process, too, `servo_status`
+    The tracker of a visual servo is in the other process, too. `servo_status`
     (ServoStatus) goes to the planner with every tick. `servo_command` (ServoCommand)
     and `sighting` (a Sighting with its stamp, NaN unless the servo tracks) come with
-    its answers. While the arm is stopped, and where the planner ends or does not answer
-    for half a second, a servo that is in charge is told to hold.
+    the answers. A servo in charge is told to hold while the arm is stopped, and when
+    the planner ends or does not answer for half a second.
 
     Args:
         robots: The arms, at home at first.
-        sizes: Of the measurements, by name.
+        sizes: Sizes of the measurements, by name.
         period: Time between commands [s].
         planner_period: The planner's own period [s].
         patience: Longest time for a plan [s].
@@ -388,13 +391,13 @@ class RemotePlanner(LeafSystem):
         self.DeclarePeriodicPublishEvent(planner_period, 0.0, self._post)
 
     def plans(self, context: Context) -> dict[str, Plan]:
-        """Return what the planner last said, by the arms' names."""
+        """Return the plan of each arm, by the arms' names."""
         state = context.get_abstract_state(int(self._plans))
         plans: dict[str, Plan] = state.get_value()
         return plans
 
     def plan(self, context: Context) -> Plan:
-        """Return what the planner last said about the first arm, and the task."""
+        """Return the plan of the first arm, whose status is that of the task."""
         return next(iter(self.plans(context).values()))
 
     def _calc_position(self, arm: str, context: Context, output: BasicVector) -> None:

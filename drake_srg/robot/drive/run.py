@@ -50,8 +50,8 @@ from drake_srg.station.cell import command_ports
 from drake_srg.station.servoing import MakeServo
 from drake_srg.types import Failure, Mode, PlannerStatus, Vector, mode_words
 
-# Outputs of the station that are about commands, not about the robot.
-_OURS = ("safety.state", "safety.speed_scale", ".position_allowed", ".position_held")
+# Name endings of the outputs that our own monitors compute; all others are measured.
+_OWN = ("safety.state", "safety.speed_scale", ".position_allowed", ".position_held")
 
 
 def measurements(station: Diagram) -> dict[str, int]:
@@ -59,7 +59,7 @@ def measurements(station: Diagram) -> dict[str, int]:
     return {
         name: port.size()
         for name, port in output_ports(station).items()
-        if not name.endswith(_OURS)
+        if not name.endswith(_OWN)
     }
 
 
@@ -90,14 +90,14 @@ def MakeHardwareCell(
     With `arms`, ports of an arm begin with `NAME.` as those of `MakeStation`. The
     subsystems are named `station` and `planner` and, with a visual servo, `servo`,
     `late_sightings` and `command_hold`. The servo moves the arm at the period of its
-    driver. What its camera shows comes from the planner.
+    driver. Sightings of its camera come from the planner.
 
     Args:
-        scenario: That runs on the hardware.
-        station: Of `MakeHardwareStation`, without cameras.
+        scenario: The scenario to run on the hardware.
+        station: A station from `MakeHardwareStation`, without cameras.
         planner: The connection to the planner.
         patience: Longest time for a plan [s].
-        lag: How long after a command the robot is to be there [s].
+        lag: Time within which the robot must reach a commanded position [s].
     """
     builder = DiagramBuilder()
     builder.AddNamedSystem("station", station)
@@ -149,12 +149,12 @@ def _AddServo(
     planner: RemotePlanner,
     lag: float,
 ) -> VisualServo:
-    """Add a scenario's visual servo, and what dates its sightings."""
+    """Add a scenario's visual servo, and `late_sightings` in front of it."""
     assert scenario.arm is not None
     config, period = servo_of(scenario), scenario.arm.period
     assert config is not None
-    # Its commands pass the safety monitor, which wants a new one every period; each
-    # waits for one in `command_hold`.
+    # The safety monitor needs a new command every period, and `command_hold` delays
+    # each by one period.
     config = dc.replace(config, period=period, lag=config.lag + lag + period)
     servo = builder.AddNamedSystem("servo", MakeServo(scenario, config))
     late = builder.AddNamedSystem(
@@ -179,8 +179,9 @@ def _AddHold(
 ) -> LinearSystem:
     """Add `command_hold`, which delays a servo's commands by a period.
 
-    Drake updates the servo before the monitor at the same time, and others read the
-    monitor before either. Without the delay, those would see it judge an old command.
+    At the same time, Drake updates the servo before the monitor, and other systems read
+    the monitor before both. Without the delay, they would read outputs that belong to
+    an older command than the monitor then judges.
     """
     eye = np.eye(len(arm.home))
     hold = builder.AddNamedSystem(
@@ -192,8 +193,8 @@ def _AddHold(
     return hold
 
 
-# A run goes on for this time after its end is known, so that the last commands arrive
-# and are recorded [s].
+# Time that a run continues after the task ended or the arm was stopped, so that the
+# last commands arrive and are recorded [s].
 _SETTLE = 0.5
 _STOPPED = (SafetyState.PROTECTIVE_STOP, SafetyState.EMERGENCY_STOP)
 _WHY = {
@@ -207,20 +208,21 @@ _WHY = {
 class ControlLoop:
     """Advances a cell one control period at a time, until the run has ended.
 
-    Only `advance` touches the context, so all of it happens in one thread. It never
+    Only `advance` touches the context, so one thread does all of the work. It never
     waits for the robot or the planner.
 
-    A stop ends the run, unless the arm may wait for a release. Then the run goes on
-    once the stop is acknowledged and its cause over. A stop of one arm stops all.
+    A stop ends the run, unless the arm may wait for a release. In that case, the run
+    continues once the user has released the stop and its cause is gone. A stop of one
+    arm stops all arms.
 
     Args:
-        diagram: The root, with the cell in it.
-        cell: Of `MakeHardwareCell`.
+        diagram: The root diagram, which contains the cell.
+        cell: A cell from `MakeHardwareCell`.
         release: How long a stopped arm waits for a release [s].
 
     Attributes:
-        status: The planner's last report, or that the arm was stopped.
-        period: Of the loop [s].
+        status: The planner's last report, or a report that the arm was stopped.
+        period: The control period [s].
     """
 
     def __init__(
@@ -246,9 +248,9 @@ class ControlLoop:
         self._status = cell.GetOutputPort("planner.status")
         self._sampling, self._next_sample = scenario.recording.period, 0.0
         self._steps, self._release = 0, release
-        self._resting_since = math.inf  # in a stop
-        self._ends = False  # whether a stop ends the run all the same
-        self._end: float | None = None  # when the run ends, once that is known
+        self._resting_since = math.inf  # stopped and at rest [s]
+        self._pressed = False  # `press_estop` was called: the stop is final
+        self._end: float | None = None  # when the run ends, once that is known [s]
         with failure_time(name, self._simulator):
             self._simulator.Initialize()
 
@@ -259,11 +261,15 @@ class ControlLoop:
 
     @property
     def safety(self) -> tuple[SafetyState, StopReason]:
-        """State of the safety monitor, and its reason; see `_decisive`."""
+        """State and reason of the safety monitor that decides; see `_decisive`."""
         return self._decisive()[1]
 
     def _decisive(self) -> tuple[str, tuple[SafetyState, StopReason]]:
-        """Return the last arm to come to rest, then the one whose stop stopped all."""
+        """Return the arm that decides, and its state.
+
+        This is an arm that still moves, if there is one. Once all rest, it is the arm
+        whose own stop caused the emergency stops of the others.
+        """
         states = {
             arm: safety_state(port.Eval(self._context))
             for arm, port in self._safety.items()
@@ -278,13 +284,13 @@ class ControlLoop:
 
     @property
     def waits(self) -> str:
-        """Reason of a resting arm's stop while it waits for a release, or ""."""
+        """Reason of the stop while the arms wait for a release, otherwise ""."""
         state, reason = self.safety
         return reason.value if state in _STOPPED and self._end is None else ""
 
     def press_estop(self) -> None:
-        """Stop the arm; the run ends once it rests."""
-        self._ends = True
+        """Stop the arms; the run ends once they rest."""
+        self._pressed = True
 
     def _fix(self, values: PortValues) -> None:
         for name, value in values.items():
@@ -294,8 +300,8 @@ class ControlLoop:
         """Advance by one period; return whether the run goes on.
 
         Args:
-            commands: To the safety monitor, by input port of the cell. A release counts
-                for this period.
+            commands: Commands to the safety monitor, by input port of the cell. A
+                release lasts for this period only.
 
         Raises:
             ScenarioError: If Drake fails.
@@ -304,11 +310,11 @@ class ControlLoop:
         commands = {"safety.release": np.zeros(1), **(commands or {})}
         if not self._release:  # a stop is final
             commands["safety.release"] = np.zeros(1)
-        if self._ends:
+        if self._pressed:
             commands["safety.estop"] = np.ones(1)
         with failure_time(self._name, self._simulator):
-            # Between two updates: at an update's own time, a command has already been
-            # sent that the monitor would then contradict.
+            # Commands change halfway between two updates. At the time of an update, a
+            # command has already been sent, which the monitor would then contradict.
             self._simulator.AdvanceTo((self._steps - 0.5) * self.period)
             self._fix(commands)
             self._simulator.AdvanceTo(self._steps * self.period)
@@ -322,7 +328,7 @@ class ControlLoop:
             min(self._resting_since, self.time) if resting else math.inf
         )
         waited = self.time - self._resting_since
-        if resting and (self._ends or waited >= self._release):
+        if resting and (self._pressed or waited >= self._release):
             why = _WHY.get(reason, "a limit was reached")
             self.status = dc.replace(
                 self.status,
@@ -335,13 +341,13 @@ class ControlLoop:
         return self._end is None or self.time < self._end
 
 
-# Largest distance of the arm from home at the start [rad or m].
+# Largest distance of each joint from home at the start [rad or m].
 _HOME = 0.05
-# A lag of the control loop up to this is caught up with [s].
+# The control loop catches up with a delay of at most this [s].
 _CATCH_UP = 0.02
 # Topics that command the safety monitor.
 _COMMANDS = ("estop", "release")
-# Longest time for a plan, and until the planner is ready once its cameras are [s].
+# Longest time for a plan, and between the first pictures and a ready planner [s].
 _PLANNING = 60.0
 
 
@@ -360,19 +366,19 @@ def run_on_hardware(
     """Do a scenario's task on hardware, in real time.
 
     The control loop (measurements, safety monitor, commands) and the planner run in two
-    processes; see `planner_process`. The files are those of `Simulate`, but for video
-    and replay. Nobody knows where the objects are: `metrics.claimed` is the planner's
-    word.
+    processes; see `planner_process`. The files are those of `Simulate`, without video
+    and replay. There is no ground truth about the objects: `metrics.claimed` says
+    whether the planner reports success.
 
     A safety stop ends the run, unless the hardware file lets it wait for a release.
-    Topics (/estop, /release) and keys (e, r) command the monitor. Disturbances are left
-    out.
+    Topics (/estop, /release) and keys (e, r) command the monitor. The scenario's
+    disturbances do not happen.
 
     Args:
-        scenario: To run.
-        config: Of the drivers.
+        scenario: The scenario to run.
+        config: The drivers.
         name: The scenario's name, for metrics.json and messages.
-        out: Folder for the results; None writes nothing.
+        out: Folder for the results; None: write nothing.
         record: Whether to write rosbag and timeline too.
         progress: Whether to show progress on standard error.
         stop: Stops the arm when set, by any thread or by a signal handler.
@@ -444,7 +450,7 @@ def run_on_hardware(
 
 
 def _check_home(scenario: Scenario, hardware: Hardware) -> None:
-    """Raise a ScenarioError unless the arms are where the planner begins."""
+    """Raise a ScenarioError unless the arms are at home, where the planner begins."""
     for own in robot_arms(scenario):
         assert own.arm is not None
         home = np.array(own.arm.home)
@@ -483,7 +489,7 @@ def _run(
 ) -> float:
     """Advance in real time until the run has ended; return how long it took [s]."""
     start = wall.monotonic()
-    never = threading.Event()  # the pacer goes on while the arm is being stopped
+    never = threading.Event()  # never set: the pacer also paces a stop
     pacer = Pacer(rate, never, patience=_CATCH_UP)
     goes_on = True
     with StatusLine(shown=progress) as line:

@@ -1,4 +1,4 @@
-"""The hardware station: the ports of a station, with a robot behind them."""
+"""The hardware station: the ports of a station, connected to a real robot."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ from drake_srg.station.plant import MakeModelsPlant
 
 
 class HardwareReader(LeafSystem):
-    """Outputs what links have measured, and when something last arrived.
+    """Outputs the newest measurements of links, and when they last arrived.
 
     .. pydrake_system::
 
@@ -46,14 +46,14 @@ class HardwareReader(LeafSystem):
         - heartbeat
         - hardware.stamp
 
-    Every `period`, the links are asked for what is new; what is not, keeps its value.
-    `heartbeat` (1) is the time [s] at which the link that has been silent for longest
-    last delivered anything. `hardware.stamp` (1) is the newest time by the robot's
+    Every `period`, it takes new measurements from the links; the other outputs keep
+    their values. `heartbeat` (1) is the time [s] of the last delivery of the link that
+    has been silent for longest. `hardware.stamp` (1) is the newest time by the robot's
     clock [s].
 
     Args:
         period: Time between readings [s].
-        start: Values before anything arrives, by port; others are NaN.
+        start: Values before anything arrives, by port; those of other ports are NaN.
     """
 
     def __init__(
@@ -69,7 +69,7 @@ class HardwareReader(LeafSystem):
             index = self.DeclareDiscreteState(value)
             self.DeclareStateOutputPort(name, index)
             self._states[name] = int(index)
-        # When each link last delivered; it had done so when the station was built.
+        # When each link last delivered [s]; all did before the station was built.
         self._heard = int(self.DeclareDiscreteState(np.zeros(len(self._links))))
         self.DeclareVectorOutputPort(
             name="heartbeat",
@@ -89,7 +89,7 @@ class HardwareReader(LeafSystem):
             values = link.take()
             for name, value in values.items():
                 index = self._states[name]
-                # Links of several arms may tell the robot's time.
+                # Links of several arms may report the robot's time; the newest counts.
                 older = discrete_state.value(index) if name == STAMP else value
                 discrete_state.set_value(index, np.fmax(value, older))
             if values:
@@ -98,7 +98,7 @@ class HardwareReader(LeafSystem):
 
 
 class HardwareWriter(LeafSystem):
-    """Sends commands to links every period.
+    """Sends commands to links.
 
     .. pydrake_system::
 
@@ -109,7 +109,7 @@ class HardwareWriter(LeafSystem):
     Args:
         links: The links; each gets all commands.
         period: Time between commands [s].
-        sizes: Of the commands, by name.
+        sizes: Sizes of the commands, by name.
     """
 
     def __init__(
@@ -172,7 +172,7 @@ class CommonStop(LeafSystem):
 
 
 class HandHold(LeafSystem):
-    """Keeps a gripper's command while the arm is stopped, and tells it to hold.
+    """Freezes a gripper's command while the arm is stopped, and tells it to hold.
 
     .. pydrake_system::
 
@@ -186,8 +186,8 @@ class HandHold(LeafSystem):
 
     `closure_commanded` (1) is 0 open .. 1 closed, `safety_state` (2) that of a
     `SafetyMonitor`. While the arm runs, the command passes. Otherwise `closure_allowed`
-    (1) is the last one from before, and `hold` (1) is 1: the gripper is to stay where
-    it is and keep its grip.
+    (1) is the last command before the stop, and `hold` (1) is 1: the gripper must stay
+    where it is and keep its grip.
 
     Args:
         period: The control period [s].
@@ -232,7 +232,7 @@ _TRIGGERED = "gripper.triggered"
 
 @scenario_errors()
 def MakeHardwareStation(scenario: Scenario, hardware: Hardware) -> Diagram:
-    """Build the station of a robot: `MakeStation`'s ports, without those of a plant.
+    """Build the station of a real robot: `MakeStation`'s ports, except for a plant's.
 
     .. pydrake_system::
 
@@ -256,15 +256,17 @@ def MakeHardwareStation(scenario: Scenario, hardware: Hardware) -> Diagram:
         - camera_NAME.depth_image (with cameras)
         - camera_NAME.body_pose_in_world (with cameras)
 
-    A `SafetyMonitor` stands between the commands and the robot, also where the scenario
+    A `SafetyMonitor` stands between the commands and the robot, even if the scenario
     has no `safety`: it stops the arm when a link falls silent. A `HandHold` halts the
-    gripper as long. With `arms`, ports of an arm begin with `NAME.` as those of
-    `MakeStation`. All monitors share the inputs `safety.NAME`, and a `CommonStop` stops
-    all arms with one. Advance it in real time, in steps of `arm.period` at most. No
-    system waits for the robot, but cameras do when they are looked through.
+    gripper while the arm is stopped. With `arms`, ports of an arm begin with `NAME.` as
+    those of `MakeStation`. All monitors share the inputs `safety.estop`,
+    `safety.release` and `safety.speed_override`, and a `CommonStop` stops all arms once
+    one is stopped. Advance the station in real time, in steps of at most `arm.period`.
+    No system waits for the robot, except that cameras wait for a picture when their
+    images are evaluated.
 
     Args:
-        scenario: That runs on the hardware.
+        scenario: The scenario to run on the hardware.
         hardware: The connections; they must stay open.
 
     Raises:
@@ -286,11 +288,11 @@ def AddHardwareStation(
     """Add the systems of `MakeHardwareStation` to a diagram, and export their ports.
 
     Args:
-        builder: Of the diagram.
-        scenario: That runs on the hardware.
+        builder: The diagram's builder.
+        scenario: The scenario to run on the hardware.
         hardware: The connections.
-        unmonitored: Where monitors stand elsewhere on the way to the robot: time
-            between readings and commands [s].
+        unmonitored: None: add monitors. Otherwise, monitors stand elsewhere on the way
+            to the robot, and this is the period of readings and commands [s].
 
     Raises:
         ScenarioError: If the models or limits do not fit the scenario.
@@ -329,7 +331,7 @@ def AddHardwareStation(
                 builder.ExportInput(port, name)
     for name, camera in hardware.cameras.items():
         if name not in perception_cameras(scenario):
-            continue  # a visual servo's
+            continue  # only a visual servo uses it
         feed = builder.AddNamedSystem(
             f"camera_{name}", CameraFeed(camera, camera_pose(scenario, name))
         )
@@ -339,7 +341,7 @@ def AddHardwareStation(
 
 
 def _check_touch(scenario: Scenario, links: Sequence[Link], *, monitored: bool) -> None:
-    """Raise a ScenarioError if an arm does not tell torques that others need."""
+    """Raise a ScenarioError if needed external torques are not measured."""
     for robot in robot_arms(scenario):
         safety = robot.safety if monitored else None
         felt = scenario.planner.feels or (safety is not None and safety.feels)
@@ -356,7 +358,7 @@ def _check_touch(scenario: Scenario, links: Sequence[Link], *, monitored: bool) 
 def _AddDetector(
     builder: DiagramBuilder, triggered: OutputPort, robot: RobotArm
 ) -> None:
-    """Add the system that tells whether a gripper has grasped, and export its port."""
+    """Add the system that detects a grasp, and export its port."""
     assert robot.gripper is not None
     fingers, config = robot.gripper.layout.fingers, robot.gripper.grasp_detector
     name = robot.system("grasp_detector")
@@ -444,7 +446,7 @@ def _AddMonitor(
 def _lenient(
     safety: SafetyConfig, plant: MultibodyPlant, robot: RobotArm, lag: float
 ) -> SafetyConfig:
-    """Return limits that let the joints follow their commands with a lag [s]."""
+    """Return limits that tolerate joints that follow their commands with a lag [s]."""
     if safety.following_error is None:
         return safety
     arm = plant.GetModelInstanceByName(robot.arm_model)
@@ -455,7 +457,7 @@ def _lenient(
 
 
 def camera_pose(scenario: Scenario, name: str) -> RigidTransform:
-    """Return the pose in world of a camera's body, by its calibration if it has one.
+    """Return the pose of a camera's body in world, calibrated if possible [m].
 
     Raises:
         ScenarioError: If the camera is not fixed to the world.

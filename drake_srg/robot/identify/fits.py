@@ -1,10 +1,10 @@
 """Fits of a gripper's motor, friction and heat to its log.
 
-The vendor's test, whose log this module explains, runs for each set point: go to a
-position just beyond where the tips meet, at full effort, and wait 1 s; then press, by
-position control with less effort or by torque control; read the position every 66 ms
-until it changes by 5 counts or less. So a stop is read up to a quarter of a second
-after the press began, while friction holds what the approach has wound up.
+For each set point, the vendor's test goes to a position just beyond where the tips
+meet, at full effort, and waits 1 s. It then presses, by position control with less
+effort or by torque control, and reads the position every 66 ms until this changes by 5
+counts or less. So a stop is read up to a quarter of a second after the press began,
+while friction holds the wires' tension from the approach.
 """
 
 from __future__ import annotations
@@ -22,15 +22,15 @@ from drake_srg.types import Vector
 COUNTS_PER_RAD = 4096 / math.tau
 FULL_LOAD = 1023
 TORQUE_UNIT = 4.5e-3  # A per unit of the goal torque
-# Torque at the spool per ampere of the data sheet, at stall [N m/A].
+# Torque at the spool per ampere at stall, from the data sheet [N m/A].
 TORQUE_CONSTANT = 6.0 / 4.1
 NO_LOAD_SPEED = 6.6  # data sheet [rad/s]
 # Goals of the test, relative to the calibrated zero [counts].
 _APPROACH, _PRESS = -50.0, -250.0
-# The last stretch and the time of the approach: after it, all is at rest.
+# The simulated part of the approach: its start, and its time, after which all rests.
 _START, _APPROACH_TIME = 450.0, 0.4  # counts, s
-# A packet and its answer take 16 ms. The goal is the second packet of a press, the
-# position is read twice at least, with 50 ms of waiting between.
+# A packet and its answer take 16 ms. The goal is the second packet of a press. The
+# position is read at least twice, with 50 ms of waiting between reads.
 _GOAL_AT, _FIRST_READ, POLL = 0.016, 0.032, 0.066  # s
 _MOST_POLLS = 3
 _STEP = 1e-3  # s
@@ -38,17 +38,17 @@ _STEP = 1e-3  # s
 PRESS_PARAMETERS = (
     Parameter("stiffness", "N m/rad", 30.0, 3.0),
     Parameter("slack", "counts", 60.0, 2.0),
-    # Springs open released fingers against it and the share: they pull the spool with
-    # 0.05 N m when the hand is open, 0.09 N m when it is closed.
+    # Springs open released fingers against `gear` and `gear_load`: they pull the spool
+    # with 0.05 N m when the hand is open, 0.09 N m when it is closed.
     Parameter("gear", "N m", 0.015, 1.5),
     Parameter("gear_load", "", 0.4, 1.6),
-    # Of lubricated steel: 1.2 to 1.5.
+    # Lubricated steel has 1.2 to 1.5.
     Parameter("stiction", "", 1.3, 1.3),
     Parameter("torque_rise", "s", 0.1, 3.0),
     Parameter("inertia", "kg m²", 0.01, 1.5),
     Parameter("position_gain", "PWM units per count", 4.0, 3.0),
 )
-# Stops depend on friction and gain in valleys of their own: look into several.
+# Stops fit at several local minima of friction and gain: try several starts.
 STARTS = [
     {"position_gain": gain, "slack": slack, "gear_load": share}
     for gain in (4.0, 8.0, 14.0)
@@ -59,12 +59,12 @@ STARTS = [
 
 @dc.dataclass(frozen=True)
 class Motor:
-    """The motor as its registers show it; see `identify`.
+    """The motor, as identified from the servo's registers; see `identify`.
 
     Attributes:
         stall_current: Estimated current at a PWM of 1 [A].
-        dead_band: PWM, 0 .. 1, below which no current shows.
-        most: Largest PWM that the servo gives, 0 .. 1.
+        dead_band: PWM, 0 .. 1, below which no current flows.
+        most: Largest PWM of the servo, 0 .. 1.
 
     The first two may be arrays of shape (p, 1), for p motors at once.
     """
@@ -78,14 +78,14 @@ class Motor:
         return self.stall_current * self.useful(pwm)
 
     def useful(self, pwm: Vector) -> Vector:
-        """Return the same as a fraction of the stall current."""
+        """Return the current at rest for PWMs of -1 .. 1, as a share of stall's."""
         return _shrunk(pwm, self.dead_band) / (1.0 - self.dead_band)
 
 
 def calibrated_zero(rows: Sequence[LogRow]) -> float:
-    """Return the position that calibration took for closed [counts].
+    """Return the position that the test's calibration found as closed [counts].
 
-    Calibration presses as the position rows do, so it stops where most of them stop.
+    Calibration presses like the position rows, so it stops where most of them stop.
     """
     stops = [row.stop_counts for row in rows if row.test == "position"]
     return float(np.median(stops))
@@ -108,16 +108,16 @@ def predict_stops(
     """Return the stops of position and torque rows, shape (K,) [counts].
 
     Args:
-        rows: Of these two tests.
+        rows: Rows of these two tests.
         zero: Calibrated zero [counts].
         motor: The motor.
-        values: Of `PRESS_PARAMETERS` by name; with p of each, shape (p, 1), the stops
-            are (p, K).
+        values: Values of `PRESS_PARAMETERS` by name. With p values of each, shape
+            (p, 1), the stops have shape (p, K).
     """
     setpoint = np.array([row.setpoint_pct for row in rows]) / 100.0
     by_torque = np.array([row.test == "torque" for row in rows])
     limit = np.minimum(setpoint, motor.most)
-    # Of the stall current.
+    # As a share of the stall current.
     goal = setpoint * FULL_LOAD * TORQUE_UNIT / motor.stall_current
     share, gear = values["gear_load"], values["gear"]
     stall = TORQUE_CONSTANT * motor.stall_current * (1.0 + share) + gear
@@ -129,7 +129,7 @@ def predict_stops(
     read_at = {round(t / _STEP) for t in reads}
     total = inertia + _STEP * damping
     seen = []
-    # All rows approach alike, so one column stands for them until they press.
+    # All rows approach alike, so one column stands for all of them until they press.
     w = np.zeros(np.broadcast(free, setpoint[:1]).shape)
     x = w + zero + _START
     torque_pwm = np.zeros(np.broadcast(free, setpoint).shape)
@@ -163,25 +163,24 @@ def predict_stops(
 
 
 def _shrunk(values: Vector, by: Vector | float) -> Vector:
-    """Return values that are nearer to 0 by an amount, or 0."""
+    """Return values moved towards 0 by an amount, at most to 0."""
     return values - _within(values, -by, by)
 
 
 def _within(values: Vector, low: Vector | float, high: Vector | float) -> Vector:
-    """Return what np.clip does, in a fifth of its time on a few values."""
+    """Return the values of np.clip, which takes five times as long for few values."""
     result: Vector = np.minimum(np.maximum(values, low), high)
     return result
 
 
 SUPPLY, AIR = 12.0, 25.0  # V, degC; the vendor logged neither
-# Time to warm by RISE with no loss to the air at all stands for "never" where the loss
-# stops it [s].
+# Stands for "never", if losses to the air keep the motor from warming by `RISE` [s].
 NEVER = 3600.0
-# In between, the temperature is nearly linear.
+# Between these times, the temperature is nearly linear.
 _TIMES = np.arange(0.0, NEVER + 0.5)  # s
 
-# Priors: data sheet and geometry (see MotorTemperatureConfig), and the standby current
-# of 0.1 A of the manual.
+# The priors follow from data sheet and geometry (see MotorTemperatureConfig), and from
+# the standby current of 0.1 A in the manual.
 HEAT_PARAMETERS = (
     Parameter("heat_capacity", "J/K", 113.0, 2.0),
     Parameter("thermal_resistance", "K/W", 7.6, 1.5),
@@ -201,13 +200,13 @@ def losses(current: Vector, motor: Motor) -> Vector:
 def predict_seconds(
     rows: Sequence[LogRow], motor: Motor, values: Mapping[str, float | Vector]
 ) -> Vector:
-    """Return the times of heating rows, shape (K,) [s]; `NEVER` at most.
+    """Return the times of heating rows, shape (K,) [s], at most `NEVER`.
 
     Args:
-        rows: Of the test `heating`.
+        rows: Rows of the test `heating`.
         motor: The motor.
-        values: Of `HEAT_PARAMETERS` by name; with p of each, shape (p, 1), the times
-            are (p, K).
+        values: Values of `HEAT_PARAMETERS` by name. With p values of each, shape
+            (p, 1), the times have shape (p, K).
     """
     idle, resistance = values["idle_power"], values["thermal_resistance"]
     winding = values["winding_time"]
@@ -219,7 +218,7 @@ def predict_seconds(
         )
         body = resistance * values["heat_capacity"]
         decay = np.exp(-_TIMES / body)
-        # What is missing from the heat flow at first, see MotorTemperature.
+        # The heat flow from the winding starts with a lag, see MotorTemperature.
         lag = np.exp(-_TIMES / winding) - decay
         lag = (before - power) * resistance * winding / (winding - body) * lag
         start = row.temperature_c
@@ -239,7 +238,7 @@ def _first(rise: Vector) -> Vector:
     return np.where(reached, _TIMES[k] - 1.0 + part, NEVER)
 
 
-# Standard deviations of the measurements: what specimens and repeats differ by.
+# Standard deviations of the measurements, from differences of specimens and repeats.
 CURRENT_SHARE, STOP_COUNTS, HEATING_SHARE = 0.05, 3.0, 0.1
 
 _MOTOR = (
@@ -256,7 +255,7 @@ class Error:
         quantity: `current`, `stop` or `heating`.
         fitted: Prediction by the fit to all rows.
         predicted: Prediction by the fit to the other half of the rows.
-        allowed: Deviation that agrees with the measurement.
+        allowed: Largest deviation that agrees with the measurement.
     """
 
     label: str
@@ -273,9 +272,10 @@ class Identification:
     """Parameters identified from a log.
 
     Attributes:
-        motor: The motor as its registers show it.
+        motor: The motor.
         zero: Calibrated zero [counts].
-        fits: By part: `motor`, `press` and `heat`.
+        fits: The fits of `motor`, `press` and `heat`.
+        errors: One for each quantity of each row.
     """
 
     motor: Motor
@@ -285,9 +285,9 @@ class Identification:
 
 
 def identify(rows: Sequence[LogRow]) -> Identification:
-    """Fit all rows, then each half of them to predict the other.
+    """Fit all rows, then each half of them to predict the other half.
 
-    The halves are every second row of each test.
+    A half has every second row of each test.
     """
     motor, zero, fits = _fit(rows)
     whole = _predict(rows, motor, zero, fits)

@@ -1,4 +1,4 @@
-"""Least squares with prior knowledge."""
+"""Least squares with priors for the parameters."""
 
 from __future__ import annotations
 
@@ -10,18 +10,18 @@ from scipy.optimize import least_squares
 
 from drake_srg.types import Vector
 
-_STEP = 2e-3  # of the logarithm of a parameter, for derivatives
+_STEP = 2e-3  # of a parameter's logarithm, for finite differences
 _Z95 = 1.96
-_TRIED = 6  # starts from which a minimum is sought
+_TRIED = 6  # number of starts from which to search for a minimum
 
 
 @dc.dataclass(frozen=True)
 class Parameter:
-    """A positive parameter and what is known of it without measurements.
+    """A positive parameter with its prior.
 
     Attributes:
         prior: Most likely value.
-        factor: By which it may well be off either way (one standard deviation).
+        factor: Standard deviation of the prior, as a factor in either direction.
     """
 
     name: str
@@ -32,12 +32,13 @@ class Parameter:
 
 @dc.dataclass(frozen=True)
 class Estimate:
-    """A parameter after the measurements.
+    """A parameter, estimated from measurements and prior.
 
     Attributes:
-        value: Its most likely value.
+        value: The most likely value.
         low: Lower end of the 95 % interval.
-        told: Whether the measurements at least halved what was open.
+        high: Upper end of the 95 % interval.
+        told: Whether the measurements at least halved the prior's uncertainty.
     """
 
     parameter: Parameter
@@ -52,8 +53,8 @@ class Fit:
     """The result of `fit`.
 
     Attributes:
-        estimates: In the order of the parameters.
-        correlation: Of their logarithms, shape (n, n).
+        estimates: Estimates, in the order of the parameters.
+        correlation: Correlations of the parameters' logarithms, shape (n, n).
     """
 
     estimates: Sequence[Estimate]
@@ -70,18 +71,18 @@ def fit(
     residuals: Callable[[dict[str, Vector]], Vector],
     starts: Sequence[Mapping[str, float]] = ({},),
 ) -> Fit:
-    """Fit positive parameters.
+    """Fit positive parameters to measurements and priors.
 
-    Minimises the squares of residuals and of what the parameters' logarithms are off
-    from their priors, in standard deviations each. If the residuals are larger than
-    their standard deviations say, the intervals grow by as much.
+    Minimizes the sum of squares of the residuals, and of the deviations of the
+    parameters' logarithms from their priors, all in standard deviations. If the
+    residuals are larger than expected, the intervals grow by the same factor.
 
     Args:
-        parameters: At least one.
-        residuals: Returns the residuals in standard deviations, shape (p, m), finite,
-            for p values of every parameter, by name, shape (p, 1).
-        starts: Where to look for a minimum: values by name, priors where they lack one.
-            The search begins at the few that fit best.
+        parameters: At least one parameter.
+        residuals: Called with p values of every parameter, by name, shape (p, 1).
+            Returns finite residuals in standard deviations, shape (p, m).
+        starts: Candidates where to start the search: values by name; priors for those
+            that are missing. The search starts at the few that fit best.
     """
     prior = np.log([p.prior for p in parameters])
     spread = np.log([p.factor for p in parameters])

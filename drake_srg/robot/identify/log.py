@@ -14,13 +14,13 @@ from drake_srg.common.tables import parse_table, read_table
 
 VENDOR = "ezgripper.csv"
 TESTS = ("position", "torque", "heating")
-RISE = 5.0  # of the temperature in a row of heating [K]
-_WHOLE_DEGREE = 1.0  # in which the temperature is read [K]
+RISE = 5.0  # rise of the temperature in a heating row [K]
+_RESOLUTION = 1.0  # of the temperature register [K]
 COLUMNS = (
     *("test", "setpoint_pct", "load", "stop_counts"),
     *("current_ma", "seconds", "temperature_c"),
 )
-# Smallest and largest plausible value by column: values outside have another unit.
+# Smallest and largest plausible value by column. Values outside have a wrong unit.
 _RANGES = {
     "setpoint_pct": (1.0, 100.0),
     "load": (1.0, 1023.0),
@@ -29,7 +29,7 @@ _RANGES = {
     "seconds": (0.01, 36000.0),
     "temperature_c": (-20.0, 100.0),
 }
-# Columns that a test needs besides the set point, and the fewest of its rows.
+# Columns that a test needs besides the set point, and its smallest number of rows.
 _NEEDED = {
     "position": (("load", "stop_counts", "current_ma"), 4),
     "torque": (("load", "stop_counts", "current_ma"), 4),
@@ -39,19 +39,21 @@ _NEEDED = {
 
 @dc.dataclass(frozen=True)
 class LogRow:
-    """Register values of one test; NaN where not measured.
+    """Register values of one test; values that were not measured are NaN.
 
     Attributes:
-        test: `position`: the tips press on each other by position control, `torque`: by
-            torque control, `heating`: they go on pressing.
-        setpoint_pct: Limit of the PWM, goal torque or goal current, percent.
-        load: PWM, of 1023.
-        stop_counts: Position at which the spool stopped; smaller is more closed.
-        current_ma: The servo's estimate.
-        seconds: Heating: time to warm by 5 degrees. Else: until the stop was noticed.
-        temperature_c: At the start of heating.
-        before_ma: Heating: the current until its start, if the row goes on from the one
-            before; else NaN: the motor has rested.
+        test: `position`: the tips press against each other by position control;
+            `torque`: by torque control; `heating`: by torque control for a long time.
+        setpoint_pct: Limit of the PWM, goal torque or goal current [percent].
+        load: PWM, 0 .. 1023.
+        stop_counts: Position at which the spool stopped [counts]; smaller is more
+            closed.
+        current_ma: The servo's own estimate of its current [mA].
+        seconds: Heating: time to warm by `RISE`; other tests: time until the stop was
+            noticed [s].
+        temperature_c: Temperature at the start of heating [degC].
+        before_ma: Heating: current before the start, if this row continues the row
+            before [mA]; NaN: the motor has rested.
     """
 
     test: str
@@ -79,7 +81,7 @@ def read_log(path: Path) -> list[LogRow]:
     """Return the rows of a CSV file; lines that start with # are comments.
 
     Raises:
-        ScenarioError: If it cannot be read or is not a complete log.
+        ScenarioError: If the file cannot be read or is not a complete log.
     """
     return _rows(read_table(path, COLUMNS, only=True), str(path))
 
@@ -88,7 +90,7 @@ def parse_log(text: str, name: str) -> list[LogRow]:
     """Return the rows of a log.
 
     Raises:
-        ScenarioError: If a column is missing or not known, a value is missing or out of
+        ScenarioError: If a column is missing or unknown, a value is missing or out of
             range, or a test has too few rows.
     """
     return _rows(parse_table(text, name, COLUMNS, only=True), name)
@@ -121,10 +123,10 @@ def _rows(table: list[tuple[str, dict[str, str]]], name: str) -> list[LogRow]:
 
 
 def _continued(row: LogRow, before: LogRow) -> LogRow:
-    """Return a row with the current before it, if it starts where that one ended."""
+    """Return a row with the current of the row before, if it continues that row."""
     if not row.test == before.test == "heating":
         return row
-    if abs(row.temperature_c - before.temperature_c - RISE) > _WHOLE_DEGREE:
+    if abs(row.temperature_c - before.temperature_c - RISE) > _RESOLUTION:
         return row
     return dc.replace(row, before_ma=before.current_ma)
 
@@ -148,7 +150,7 @@ def _row(entries: dict[str, str], where: str) -> LogRow:
             raise ScenarioError(
                 f"{where}: {column}: must be a number without a unit, got {text!r}"
             ) from None
-        if not low <= value <= high:  # also NaN
+        if not low <= value <= high:  # NaN is outside, too
             raise ScenarioError(
                 f"{where}: {column}: must be {low:g} .. {high:g}, got {text}"
             )

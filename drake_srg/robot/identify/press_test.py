@@ -1,7 +1,7 @@
-"""The test that `drake-srg identify` reads the log of, by a servo's registers.
+"""Records the log that `drake-srg identify` reads, through a servo's registers.
 
-It does what the script behind the vendor's log does, on a gripper or on a simulated
-one. Nothing may be between the fingers.
+It repeats the script that produced the vendor's log, on a real or simulated gripper.
+Nothing may be between the fingers.
 """
 
 from __future__ import annotations
@@ -24,13 +24,15 @@ from drake_srg.robot.serve.dynamixel.registers import (
     decode_directed,
 )
 
-# Each packet and its answer take 16 ms: the latency of the common USB adapters, and
-# what the time stamps of the vendor's log show.
-TRANSACTION = 0.016  # s
+# Time of a packet and its answer [s]. It is the latency of common USB adapters, and
+# agrees with the time stamps of the vendor's log.
+TRANSACTION = 0.016
 _APPROACH, _PRESS = -50, -250  # goals, from closed [counts]
-_UNMOVED, _MOST_WAITS = 5, 30  # counts; 2 s
-# Where presses start from, and the time to get there: the vendor let springs open the
-# fingers, in 10 s. The spool reaches its full speed on the way back.
+# The spool has stopped if it moves at most this far in a wait [counts]. Give up after
+# so many waits, which take 2 s.
+_UNMOVED, _MOST_WAITS = 5, 30
+# Where presses start, from closed, and the time to get there. The vendor let springs
+# open the fingers, in 10 s. From here, the spool reaches its full speed in an approach.
 _OPEN, _RELEASE = 450, 1.0  # counts, s
 _MULTI_TURN = 4095  # of both angle limits: positions count turns
 _ZERO_CURRENT = 2048
@@ -40,7 +42,7 @@ _KEPT = ("cw_angle_limit", "ccw_angle_limit", "torque_limit")
 
 
 class RecordingError(Exception):
-    """A test had to be given up; the message is one line."""
+    """Raised if a test must be given up; the message is one line."""
 
 
 class Registers(Protocol):
@@ -61,13 +63,14 @@ class Registers(Protocol):
 
 
 class PressTest:
-    """Presses the tips of an open gripper on each other, as the vendor did.
+    """Presses the tips of an open gripper against each other, as the vendor did.
 
-    Finds first where the tips meet.
+    The constructor finds the position where the tips meet.
 
     Args:
-        servo: The gripper's.
-        calibration: Share of the torque that finds roughly where the tips meet.
+        servo: The gripper's servo.
+        calibration: Share of the full torque for a first press, which finds roughly
+            where the tips meet.
     """
 
     def __init__(self, servo: Registers, calibration: float) -> None:
@@ -83,18 +86,18 @@ class PressTest:
             self._release()
             self._approach()
             self.zero = servo.read("present_position")
-        # The goal torque that the first press by torque starts from, for two packets.
+        # The first press by torque starts with this goal torque, for two packets.
         servo.write("goal_torque", CLOCKWISE + FULL_TORQUE // 100)
         self._release()
 
     def press(self, test: str, setpoint: float, waits: int | None = None) -> LogRow:
-        """Return what the registers show while the tips press on each other.
+        """Press the tips against each other; return what the registers show.
 
         Args:
             test: `position` or `torque`.
             setpoint: Limit of the PWM, or goal torque [percent].
-            waits: The position after so many waits of 50 ms counts; None: the one at
-                which the spool is taken for stopped.
+            waits: Log the position after this many waits of 50 ms; None: log it when
+                the spool counts as stopped.
         """
         servo, started = self._servo, self._servo.time
         self._approach()
@@ -107,7 +110,7 @@ class PressTest:
         return LogRow(test, setpoint, load, stop, current, stopped - started)
 
     def heat(self, setpoint: float, patience: float) -> LogRow:
-        """Return how long the servo takes to warm by `RISE` while the tips press.
+        """Press until the servo is warmer by `RISE`; return how long this takes.
 
         Args:
             setpoint: Goal torque [percent].
@@ -142,7 +145,7 @@ class PressTest:
             servo.write("goal_position", self.zero + _PRESS)
 
     def _approach(self) -> None:
-        """Press the tips on each other with the position control's full effort."""
+        """Press the tips against each other by position control, at full effort."""
         self._servo.write("torque_control_mode", 0)
         self._servo.write("torque_limit", FULL_TORQUE)
         self._servo.write("goal_position", self.zero + _APPROACH)
@@ -156,12 +159,12 @@ class PressTest:
         self._servo.sleep(_RELEASE)
 
     def _wait(self, waits: int | None) -> tuple[int, float]:
-        """Return the position that counts, and when it has stopped changing [s].
+        """Return the position to log [counts], and when the spool stopped [s].
 
-        The spool still creeps when it is taken for stopped.
+        The spool still creeps when it counts as stopped.
         """
         servo, stopped = self._servo, math.nan
-        before = read = servo.read("present_position")
+        before = logged = servo.read("present_position")
         for wait in range(1, _MOST_WAITS + 1):
             servo.sleep(0.05)
             position = servo.read("present_position")
@@ -169,14 +172,14 @@ class PressTest:
                 stopped = servo.time
             still = not math.isnan(stopped)
             if wait == waits or (waits is None and still):
-                read = position
+                logged = position
             if still and wait >= (waits or 0):
                 break
             before = position
-        return read, stopped
+        return logged, stopped
 
     def _measure(self) -> tuple[int, float]:
-        """Return the load of 1023, and the mean current [mA], after half a second."""
+        """Wait half a second; return load, 0 .. 1023, and mean current [mA]."""
         servo = self._servo
         servo.sleep(0.5)
         currents = []
@@ -189,14 +192,14 @@ class PressTest:
 
 
 class WatchedServo:
-    """A servo on a bus, which is given up when it is hot or reports a fault.
+    """A servo on a bus; raises an error if it becomes too hot or reports a fault.
 
-    Reading and writing take `TRANSACTION`, as in the vendor's log.
+    Reading and writing take `TRANSACTION` each, as in the vendor's log.
 
     Args:
         bus: The bus, with Protocol 1.0.
         number: The servo's ID.
-        hottest: Highest temperature [degC].
+        hottest: Highest allowed temperature [degC].
         clock: Returns the time [s].
         pause: Waits [s].
     """
@@ -246,7 +249,7 @@ class WatchedServo:
 
         Raises:
             BusError: If the servo does not reply, or refuses.
-            RecordingError: If it is hot, or reports a fault.
+            RecordingError: If it is too hot, or reports a fault.
         """
         end = self._clock() + duration
         while end - self._clock() > _LOOK:
@@ -270,7 +273,7 @@ class WatchedServo:
 
 @contextlib.contextmanager
 def restored(servo: Registers) -> Iterator[None]:
-    """Switch a servo's torque off at the end, and restore what a test changes.
+    """Restore what a test changes, and switch the torque off, when the block ends.
 
     Raises:
         BusError: If the servo does not reply, or refuses.
@@ -280,7 +283,7 @@ def restored(servo: Registers) -> Iterator[None]:
     try:
         yield
     finally:
-        # One that fails must not keep the others from being tried.
+        # If one write fails, the others are tried nevertheless.
         with contextlib.ExitStack() as stack:
             for name, value in reversed(kept.items()):
                 stack.callback(servo.write, name, value)
@@ -290,15 +293,15 @@ def restored(servo: Registers) -> Iterator[None]:
 
 @dc.dataclass(frozen=True)
 class Plan:
-    """The set points of a test [percent].
+    """The set points of a test.
 
-    Together, they take three minutes on the vendor's gripper.
+    The test takes three minutes on the vendor's gripper.
 
     Attributes:
-        position: Limits of the PWM.
-        torque: Goal torques.
-        heating: Goal torques, in rising order.
-        calibration: Share of the torque that finds roughly where the tips meet.
+        position: Limits of the PWM [percent].
+        torque: Goal torques [percent].
+        heating: Goal torques [percent], in rising order.
+        calibration: See `PressTest`; a share, not percent.
         patience: Longest time for a heating row [s].
     """
 
@@ -312,15 +315,15 @@ class Plan:
 def record(servo: Registers, plan: Plan | None = None) -> Generator[LogRow, None, None]:
     """Test a gripper, and yield the rows of its log as they are measured.
 
-    Whatever happens, its torque is off at the end, and its springs open the fingers.
+    Even after an error, the torque is off at the end, and springs open the fingers.
 
     Args:
-        servo: The gripper's, at rest, with nothing between the fingers.
+        servo: The gripper's servo, at rest, with nothing between the fingers.
         plan: The set points.
 
     Raises:
         BusError: If the servo does not reply, or refuses.
-        RecordingError: If it becomes too hot, or stays too cool.
+        RecordingError: If the servo is too hot, reports a fault, or warms too slowly.
     """
     plan = plan or Plan()
     with restored(servo):

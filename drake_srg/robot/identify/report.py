@@ -1,4 +1,4 @@
-"""The report of an identification, and the scenario that it makes."""
+"""The report of an identification, and a scenario file with its results."""
 
 from __future__ import annotations
 
@@ -10,11 +10,11 @@ import numpy as np
 from drake_srg.robot.identify.fits import TORQUE_CONSTANT, Identification
 from drake_srg.robot.identify.least_squares import Estimate
 
-_TIED = 0.7  # correlations from here on are reported
+_TIED = 0.7  # smallest correlation to report
 _UNTELLABLE = (
-    "The log cannot tell:",
-    "  newtons: nothing in it measures a force. Torques are amperes of the servo's own",
-    "  estimate times the data sheet's 1.46 N m/A; if the estimate is off, they are.",
+    "The log cannot determine:",
+    "  forces: no row measures one. Torques are the servo's estimate of its current",
+    "  times the data sheet's 1.46 N m/A, and are as wrong as this estimate.",
     "  the springs: their torque is far below the motor's.",
     "  the wires' friction on their guides: it changes the pads' force, not the spool.",
     "  the motor's speed: no row measures a motion.",
@@ -22,7 +22,7 @@ _UNTELLABLE = (
 
 
 def report(result: Identification) -> Iterator[str]:
-    """Yield lines: parameters, correlations, errors, and what the log cannot show."""
+    """Yield lines: parameters, correlations, errors, and the limits of the log."""
     yield f"{'parameter':20} {'value':>10} {'95 % interval':>22}"
     for fit in result.fits.values():
         for e in fit.estimates:
@@ -64,7 +64,7 @@ def report(result: Identification) -> Iterator[str]:
 
 
 def spread(result: Identification, quantity: str) -> tuple[float, float]:
-    """Return the RMS error, fitted and predicted: in counts for stops, else percent."""
+    """Return the RMS errors, fitted and predicted [counts for stops, else percent]."""
     errors = [error for error in result.errors if error.quantity == quantity]
     scale = np.array(
         [1.0 if quantity == "stop" else e.measured / 100.0 for e in errors]
@@ -89,10 +89,10 @@ def _correlations(result: Identification) -> Iterator[str]:
 
 
 SPOOL_RADIUS = 0.0076  # m, see TendonDriveConfig
-# Between spool and tips, fingers and pads give as well: seen at each wire [N/m], in
-# `gripper_bench`, tip on tip.
+# Fingers and pads between spool and tips deform, too: their stiffness seen at each wire
+# [N/m], in `gripper_bench`, with the tips pressed against each other.
 FINGER_STIFFNESS = 2.5e6
-# Mass of a finger seen from its wire [kg]; wires damp a tenth of critically.
+# Mass of a finger seen at its wire [kg], and damping of wires, relative to critical.
 _FINGER_MASS, _DAMPING_RATIO = 1.2, 0.1
 
 
@@ -101,7 +101,7 @@ def drive_values(result: Identification) -> dict[str, float]:
     press = result.fits["press"].values
     motor = result.fits["motor"].values
     net = TORQUE_CONSTANT * motor["stall_current"]
-    # Each of the two wires sees the spool's stiffness through its radius.
+    # The spool's rotational stiffness comes from two wires at its radius.
     whole = press["stiffness"] / (2.0 * SPOOL_RADIUS**2)
     wire = 1.0 / max(1.0 / whole - 1.0 / FINGER_STIFFNESS, 1e-7)
     return {
@@ -121,9 +121,10 @@ def overlay(result: Identification, base: str, source: str) -> str:
     """Return a scenario file: `base` with the identified gripper.
 
     Args:
-        result: Of `identify`.
-        base: A scenario whose gripper has wires: its name, or its path from the file.
-        source: What was identified, for the first line.
+        result: The result of `identify`.
+        base: Name of a scenario whose gripper has wires, or its path relative to the
+            file.
+        source: What was identified, for the file's first line.
     """
     told = {e.parameter.name: e for fit in result.fits.values() for e in fit.estimates}
     drive = {name: f"{value:.4g}" for name, value in drive_values(result).items()}

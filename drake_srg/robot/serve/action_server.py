@@ -1,15 +1,15 @@
-"""The action server of a served arm: FollowJointTrajectory on ROS 2's wire.
+"""The action server of a served arm: FollowJointTrajectory over ROS 2.
 
 An action is three services and two topics below its name (design.ros2.org, "Actions").
-A service is a pair of DDS topics, one for requests and one for replies. Each message
-begins with a number of the client's and one of the request, and a reply repeats both:
-this is how rmw_cyclonedds_cpp does it (`cdds_request_header_t` in its serdata.hpp,
-`rmw_init_cs` and `rmw_take_response_request` in its rmw_node.cpp). rmw_fastrtps_cpp
-puts them into RTPS's own header instead, so that neither's services reach the other.
+A service is a pair of DDS topics, one for requests and one for replies. A request
+begins with a number of the client and one of the request, and the reply repeats both,
+as in rmw_cyclonedds_cpp (`cdds_request_header_t` in its serdata.hpp, `rmw_init_cs` and
+`rmw_take_response_request` in its rmw_node.cpp). rmw_fastrtps_cpp puts them into RTPS's
+own header instead. So a client of one middleware cannot reach a server of the other.
 
 Definitions follow ros-controls/control_msgs, `action/FollowJointTrajectory.action`, and
-ros2/rcl_interfaces, action_msgs. A nested message and its members are the same bytes,
-so goals and results are written out flat.
+ros2/rcl_interfaces, action_msgs. Goals and results are flat here, because a nested
+message has the same bytes as its members.
 """
 
 from __future__ import annotations
@@ -131,13 +131,13 @@ class FollowJointTrajectory:
     """The services and topics of an action.
 
     Args:
-        name: Of the action, with the slash.
+        name: The action's name, with a leading slash.
 
     Attributes:
         send_goal: Accepts or rejects a goal.
         get_result: Replies once a goal has ended.
         cancel_goal: Stops following goals.
-        status: The topic of the status of all goals.
+        status: Topic with the status of all goals.
     """
 
     def __init__(self, name: str) -> None:
@@ -197,22 +197,22 @@ def with_actions(store: Any) -> Any:
 
     for name, text in _DEFINITIONS.items():
         lines = "\n".join(line.strip() for line in text.splitlines())
-        # Its name for a type of a service has a "msg" in it.
+        # rosbags puts a "msg" into the name; register the type under ours.
         (fields,) = get_types_from_msg(lines, name).values()
         store.register({name: fields})
     return store
 
 
-# As of a joint_trajectory_controller with this name.
+# The action of a joint_trajectory_controller with its usual name.
 ACTION = FollowJointTrajectory("/joint_trajectory_controller/follow_joint_trajectory")
-# Goals whose results can be had.
+# Goals whose results clients can still request.
 _MOST_GOALS = 100
-# How long a request waits until its client can get the reply, as long as for
-# rmw_cyclonedds_cpp [s].
+# How long a request waits until its client has subscribed to the reply [s], as in
+# rmw_cyclonedds_cpp.
 _DISCOVERY = 0.1
 _EVERY = bytes(16)  # ID that means every goal, in a request to cancel
 
-# Makes the fields of a reply.
+# Returns the fields of a reply.
 Fill = Callable[[MakeMessage], Mapping[str, Any]]
 
 
@@ -222,9 +222,9 @@ class _Goal:
     time: float  # when it was accepted [s]
     end: float  # of the trajectory [s]
     target: Vector  # positions at the end (N,)
-    path: Vector  # tolerances until then (N,); infinite: none
+    path: Vector  # tolerances before the end (N,); infinite: none
     final: Vector  # tolerances at the target (N,)
-    patience: float  # how long it may take from `end` to the target; 0: for ever [s]
+    patience: float  # longest time from `end` to the target [s]; 0: no limit
     status: GoalStatus = GoalStatus.EXECUTING
     code: ErrorCode = ErrorCode.SUCCESSFUL
     text: str = ""
@@ -242,24 +242,25 @@ class _Goal:
 class ActionServer:
     """Moves a served arm by goals of the action FollowJointTrajectory, over ROS 2.
 
-    It does as joint_trajectory_controller does (ros-controls/ros2_controllers,
-    joint_trajectory_controller.cpp). A goal is rejected where a `/joint_trajectory` is
-    refused, and where its end is past. A new goal replaces the one before, which ends
-    as canceled with INVALID_GOAL. A goal succeeds once its time is over and the joints
-    are within its tolerances, if it has some. It is aborted where they leave its path.
-    The arm then stays where it is, and so it does when the goal is canceled. Positions
-    alone have tolerances. There is no feedback.
+    It behaves like joint_trajectory_controller (ros-controls/ros2_controllers,
+    joint_trajectory_controller.cpp). A goal is rejected if its trajectory would be
+    refused as a `/joint_trajectory`, or if it ends in the past. A new goal replaces the
+    active one, which ends as canceled with INVALID_GOAL. A goal succeeds once its time
+    is over and the joints are within its goal tolerances, if it has any. It is aborted
+    if they exceed a path tolerance before its end, or a goal tolerance for longer than
+    its time tolerance. After an aborted or canceled goal, the arm stays where it is.
+    Only positions have tolerances. There is no feedback.
 
     Requests arrive in threads of bridges; `advance` answers them.
 
     Args:
-        plant: Has the arm's model instance.
-        period: Of the arm's driver [s].
-        robot: The arm. If it has a name, that of the action begins with `/NAME`.
+        plant: A plant with the arm's model instance.
+        period: Period of the arm's driver [s].
+        robot: The arm. If it has a name, the action's name begins with `/NAME`.
 
     Attributes:
-        topics: The topics of the requests, for the inbox, and those of the replies and
-            of the status, for the bridges.
+        topics: The topics of the requests, for the inbox, and those of replies and
+            status, for the bridges.
     """
 
     def __init__(
@@ -283,16 +284,16 @@ class ActionServer:
         self._time, self._commanded = 0.0, np.zeros(len(self._joints))
 
     def connect(self, inbox: CommandInbox, outlet: Outlet) -> None:
-        """Set where commands go, and replies."""
+        """Set the inbox for commands, and the outlet for replies."""
         self._inbox, self._outlet = inbox, outlet
 
     def advance(self, time: float, state: Vector, commanded: Vector) -> None:
-        """Answer requests, and end the goal where it has come to its end.
+        """Answer requests, and end the active goal if it has succeeded or failed.
 
         Args:
             time: Now [s].
-            state: Of the arm, [q; v], shape (2N,).
-            commanded: Positions that the arm's driver gets, shape (N,) [rad or m].
+            state: State of the arm, [q; v], shape (2N,).
+            commanded: Positions commanded to the arm's driver, shape (N,) [rad or m].
         """
         self._time, self._commanded = time, commanded
         early = []
@@ -355,7 +356,7 @@ class ActionServer:
         )
 
     def _tolerances(self, given: Iterable[Any]) -> Vector:
-        """Return tolerances by joint (N,) [rad or m]; 0 and less mean none."""
+        """Return tolerances by joint (N,) [rad or m]; infinite where none is given."""
         told = {entry.name: entry.position for entry in given}
         values = np.array([told.get(name, 0.0) for name in self._joints])
         return np.where(values > 0.0, values, np.inf)
@@ -393,7 +394,7 @@ class ActionServer:
         return goal.result
 
     def _follow(self, goal: _Goal, q: Vector) -> None:
-        """End the goal where it has come to its end, or the joints are elsewhere."""
+        """End the goal if it has succeeded, or if the joints exceed a tolerance."""
         if self._time < goal.end:
             away, allowed = np.abs(q - self._commanded), goal.path
             code, late = ErrorCode.PATH_TOLERANCE_VIOLATED, True
@@ -411,7 +412,7 @@ class ActionServer:
             self._end(GoalStatus.SUCCEEDED, ErrorCode.SUCCESSFUL, "")
 
     def _hold(self) -> None:
-        """Let the arm rest where it is commanded."""
+        """Let the arm rest at its commanded position."""
         times, q = np.array([self._period]), self._commanded[np.newaxis]
         self._put({TRAJECTORY: trajectory_piece(times, q)})
 
@@ -437,7 +438,7 @@ class ActionServer:
 
 
 def _replies(service: Service) -> Topic:
-    """Return the topic of a service's replies; it takes a request and a `Fill`."""
+    """Return the topic of a service's replies, made from a request and a `Fill`."""
 
     def convert(make: MakeMessage, time: float, request: Any, fill: Fill) -> Any:
         client, number = request.client, request.number

@@ -1,4 +1,4 @@
-"""Base of bridges and ROS nodes, and a station's messages to them."""
+"""Base classes of bridges and ROS nodes, and the outlet that publishes to all."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from drake_srg.types import Vector
 
 
 class Bridge:
-    """Carries commands from clients to a station, and its messages to clients.
+    """Carries commands from clients to a station, and the station's messages back.
 
     A bridge puts commands into the `CommandInbox` with which it is constructed. All
     methods return quickly, never wait for a client, and may be called by any thread.
@@ -34,7 +34,7 @@ class Bridge:
 
     @property
     def closed(self) -> bool:
-        """Whether it has closed, so that no client can reach it any more."""
+        """Whether the bridge has closed, so that no client can reach it."""
         return False
 
     def has_subscribers(self, topic: str) -> bool:
@@ -42,7 +42,7 @@ class Bridge:
         return False
 
     def publish(self, topic: Topic, time: float, values: Sequence[Any]) -> None:
-        """Send the message that `topic.convert` makes of values at a time [s]."""
+        """Send the message that `topic.convert` makes from values at a time [s]."""
 
     def update(self, time: float, values: Mapping[str, Vector]) -> None:
         """Receive the values of `ports` at a time [s]; called every control period."""
@@ -54,18 +54,18 @@ class Bridge:
 class RosBridge(Bridge, abc.ABC):
     """A ROS node: receives an inbox's topics and publishes others.
 
-    ROS 1 and ROS 2 share the messages, by ROS 2's names of their types. They differ in
-    how they serialize and transport them.
+    ROS 1 and ROS 2 share the messages here, with ROS 2's names of the types. They
+    differ in how they serialize and transport messages.
 
     Args:
-        store: Of rosbags, with the types of the messages.
+        store: The store of rosbags with the types of the messages.
     """
 
     def __init__(self, store: Any, inbox: CommandInbox) -> None:
         self._store, self._inbox = store, inbox
 
     def publish(self, topic: Topic, time: float, values: Sequence[Any]) -> None:
-        """Send the message that `topic.convert` makes of values at a time [s]."""
+        """Send the message that `topic.convert` makes from values at a time [s]."""
         message = topic.convert(functools.partial(self._make, topic), time, *values)
         if message is not None:
             self._write(topic, self._serialize(topic, message))
@@ -74,7 +74,7 @@ class RosBridge(Bridge, abc.ABC):
         """Put a serialized message into the inbox, or refuse it."""
         try:
             message = self._deserialize(content, topic.type)
-        except Exception as error:  # rosbags' own errors, and others it lets pass
+        except Exception as error:  # rosbags raises errors of any type
             name, why = self._type_name(topic.type), one_line(error).rstrip(".")
             reason = f"must be a {name}: {why}"
             self._inbox.refuse(topic.name, "malformed", reason)
@@ -82,11 +82,11 @@ class RosBridge(Bridge, abc.ABC):
             self._inbox.receive_message(topic.name, message)
 
     def _make(self, topic: Topic | None, type: str, *values: Any, **fields: Any) -> Any:
-        """Make a message, or a part of one, that a topic publishes."""
+        """Make a message of a topic, or a part of one."""
         return self._store.types[type](*values, **fields)
 
     def _type_name(self, type: str) -> str:
-        """Return the name of a type as this ROS writes it."""
+        """Return the name of a type in this version of ROS."""
         return type
 
     @abc.abstractmethod
@@ -95,7 +95,7 @@ class RosBridge(Bridge, abc.ABC):
 
     @abc.abstractmethod
     def _deserialize(self, content: bytes, type: str) -> Any:
-        """Return the message that bytes hold; raises any error if they hold none."""
+        """Deserialize a message; may raise an error of any type."""
 
     @abc.abstractmethod
     def _write(self, topic: Topic, content: bytes | memoryview) -> None:
@@ -103,9 +103,9 @@ class RosBridge(Bridge, abc.ABC):
 
 
 class Outlet:
-    """Publishes through every bridge that has subscribers. Any thread may call.
+    """Publishes through every bridge that has subscribers. It is thread-safe.
 
-    A failing bridge is reported; the station and the other bridges go on.
+    If a bridge fails, the user is warned, and the other bridges continue.
     """
 
     def __init__(self, bridges: Sequence[Bridge], warnings: Warnings):
@@ -121,7 +121,7 @@ class Outlet:
         return any(bridge.has_subscribers(topic) for bridge in self.bridges)
 
     def send(self, topic: Topic, time: float, values: Sequence[Any]) -> None:
-        """Publish the message that `topic.convert` makes of values at a time [s]."""
+        """Publish the message that `topic.convert` makes from values at a time [s]."""
         for bridge in self.bridges:
             with self._warned(bridge, topic.name):
                 if bridge.has_subscribers(topic.name):

@@ -1,4 +1,4 @@
-"""Commands from clients: checked by topic, the last good one kept."""
+"""Commands from clients: checked by topic, and kept until the station takes them."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from drake_srg.common.safety_states import SafetyState, safety_state
 from drake_srg.scenario.schema import RobotArm
 from drake_srg.types import Vector
 
-# Values of station input ports, by name.
+# Values of a station's ports, by name.
 PortValues = Mapping[str, Vector]
 # The arm of a scenario that has only one.
 ONE_ARM = RobotArm()
@@ -27,10 +27,10 @@ COMMAND_LIMIT = 2**20  # Largest command [bytes]; most are a thousand times smal
 
 
 class CommandError(ValueError):
-    """A command is refused.
+    """Raised if a command is refused.
 
     Attributes:
-        kind: Kind of fault, such as "length"; each kind is reported once.
+        kind: Kind of fault, such as "length". Each kind is reported once per topic.
     """
 
     def __init__(self, kind: str, message: str):
@@ -43,13 +43,13 @@ class CommandTopic:
     """A topic that commands a station.
 
     Attributes:
-        name: ROS topic.
+        name: Name of the ROS topic.
         type: Message type in ROS 2's notation, such as "std_msgs/msg/Int32".
         convert: Returns values of input ports for the message's field `data`; raises a
             CommandError if the command is invalid.
         latched: Whether a value is kept until the station has seen it, even if a lower
             one follows at once: a button may be pressed for less than a period.
-        whole: Whether `convert` takes the whole message in place of its `data`.
+        whole: Whether `convert` takes the whole message instead of its `data`.
         largest: Size of the largest message [bytes].
     """
 
@@ -62,7 +62,7 @@ class CommandTopic:
 
 
 class Warnings:
-    """Reports each kind of trouble to the user once. Any thread may call."""
+    """Reports each kind of trouble to the user once. It is thread-safe."""
 
     def __init__(self, tell: Callable[[str], None]):
         self._tell = tell
@@ -78,7 +78,7 @@ class Warnings:
         self._tell(message)
 
     def forget(self, kind: str) -> None:
-        """Report this kind again next time, because the trouble is over."""
+        """Report this kind again the next time: the trouble is over."""
         with self._lock:
             self._told.discard(kind)
 
@@ -86,11 +86,11 @@ class Warnings:
 class CommandInbox:
     """Collects commands from any thread until the station takes them.
 
-    Each topic counts with its last good message. Where several sources command the same
+    The last valid message of each topic counts. If several sources command the same
     port, the most recent one wins.
 
     Attributes:
-        received: Number of messages so far, good and bad.
+        received: Number of messages so far, valid or not.
     """
 
     def __init__(self, topics: Iterable[CommandTopic], warnings: Warnings):
@@ -99,11 +99,11 @@ class CommandInbox:
         self.received = 0
         self._lock = threading.Lock()
         self._values: dict[str, Vector] = {}
-        self._next: dict[str, Vector] = {}  # follows a latched value
+        self._next: dict[str, Vector] = {}  # values to follow latched ones
         self._sources: dict[str, str] = {}  # last source of each port
 
     def receive(self, topic: str, data: Any) -> None:
-        """Check a message's `data`, and keep its command or report what is wrong."""
+        """Check a message's `data`, and keep its command or report the fault."""
         try:
             values = self.topics[topic].convert(data)
         except CommandError as error:
@@ -113,7 +113,7 @@ class CommandInbox:
         self.count()
 
     def receive_message(self, topic: str, message: Any) -> None:
-        """Do as `receive` with a whole message."""
+        """Check a whole message, and keep its command or report the fault."""
         self.receive(topic, message if self.topics[topic].whole else message.data)
 
     def put(self, values: PortValues, source: str) -> None:
@@ -122,13 +122,13 @@ class CommandInbox:
             self._put(values, source)
 
     def amend(self, values: PortValues, source: str) -> None:
-        """Do as `put`, unless another source has commanded one of the ports since."""
+        """Keep a command if `source` was the last to command each of its ports."""
         with self._lock:
             if all(self._sources.get(port) == source for port in values):
                 self._put(values, source)
 
     def source(self, port: str) -> str | None:
-        """Return the source that commanded a port last."""
+        """Return the last source to command a port, if there is one."""
         with self._lock:
             return self._sources.get(port)
 
@@ -144,12 +144,12 @@ class CommandInbox:
         self._sources.update(dict.fromkeys(values, source))
 
     def count(self, messages: int = 1) -> None:
-        """Count messages, good and bad."""
+        """Count messages, valid or not."""
         with self._lock:
             self.received += messages
 
     def refuse(self, topic: str, kind: str, reason: str) -> None:
-        """Count a message that is not obeyed, and report why."""
+        """Count a refused message, and report why."""
         self.count()
         self.warnings.warn(
             f"{topic} {kind}", f"{topic}: {reason}; the last good command holds"
@@ -163,7 +163,7 @@ class CommandInbox:
 
 
 def port_of(robot: RobotArm, port: str) -> str:
-    """Return what a port of `arm`, `gripper` or `safety` is called for a named arm."""
+    """Return a named arm's name for a port of `arm`, `gripper` or `safety`."""
     part, dot, name = port.partition(".")
     named = {
         "arm": robot.arm_model,
@@ -174,12 +174,12 @@ def port_of(robot: RobotArm, port: str) -> str:
 
 
 def topic_of(robot: RobotArm, topic: str) -> str:
-    """Return an arm's topic: /left/grasp of the arm `left`, /grasp of the only one."""
+    """Return an arm's topic: /left/grasp of the arm `left`, /grasp of a single arm."""
     return f"/{robot.name}{topic}" if robot.name else topic
 
 
 def _of_arm(robot: RobotArm, topics: Iterable[CommandTopic]) -> list[CommandTopic]:
-    """Return topics that command `arm` and `gripper` as those of an arm with a name."""
+    """Return topics of a named arm, given those that command `arm` and `gripper`."""
 
     def named(convert: Callable[[Any], PortValues], data: Any) -> PortValues:
         return {port_of(robot, port): value for port, value in convert(data).items()}
@@ -200,7 +200,7 @@ _SINGLE_JOINTS = "gripper.joint_position_commanded"
 _ARM = "arm.position_desired"
 TRAJECTORY = "arm.trajectory_desired"
 _ARM_PORTS = (_ARM, TRAJECTORY)
-# Ports that override the closure, or limit its force, while their values are finite.
+# Ports that override the closure, or limit the force, while their values are finite.
 _GRIPPER_PORTS = (
     _SINGLE_JOINTS,
     "gripper.motor_position_commanded",
@@ -216,7 +216,7 @@ def gripper_command(
 ) -> dict[str, Vector]:
     """Return a command of the whole gripper, which overrides every other source.
 
-    Commands of other sources at ports that `values` does not name are cancelled by NaN.
+    NaN cancels commands of other sources at ports that `values` does not name.
 
     Args:
         inputs: Names of the station's input ports.
@@ -237,28 +237,29 @@ def station_topics(
     robot: RobotArm = ONE_ARM,
     period: float = 0.0,
 ) -> list[CommandTopic]:
-    """Return the topics that an arm of a station and its gripper can obey.
+    """Return the topics that an arm and its gripper can obey.
 
     Those of the SRG thesis are `/grasp` (Int32, 0 open .. 100 closed),
     `/position_grasp` (Float64MultiArray, rad, one number per finger joint),
     `/startgrasp` (Bool, false holds the gripper where it is) and `/kuka`
     (Float64MultiArray, rad, one number per joint of the arm). The most recent of
-    `/grasp`, `/position_grasp` and servo commands wins, see `gripper_command`. Each
-    `/grasp` also counts at `gripper.closure_messages`, if the station has that port.
+    `/grasp`, `/position_grasp` and servo commands wins, see `gripper_command`. If the
+    station has `gripper.closure_messages`, this port counts the `/grasp` messages.
 
-    An arm that follows trajectories is where `/kuka` says one period later. It also has
-    `/joint_trajectory` (JointTrajectory): it moves evenly from point to point. The
-    joints may come in any order.
+    An arm that follows trajectories reaches the positions of `/kuka` one period later.
+    It also has `/joint_trajectory` (JointTrajectory), with the joints in any order, and
+    moves at constant velocity from point to point.
 
     Args:
-        plant: Has the model instances of arm and gripper, if the station has them.
+        plant: A plant with the model instances of arm and gripper, if the station has
+            them.
         inputs: Names of the station's input ports.
         gripper_joints: Names of the gripper's commanded joints, in their order.
         robot: The arm. If it has a name, topics begin with `/NAME`.
-        period: Of the arm's driver [s].
+        period: Period of the arm's driver [s].
     """
     given, joints = set(inputs), list(gripper_joints)
-    # The topics below command `arm` and `gripper`.
+    # The topics below command `arm` and `gripper`; `_of_arm` renames them.
     inputs = {port for port in _PORTS if port_of(robot, port) in given}
     topics = []
     received = itertools.count(1)  # numbers of the /grasp messages
@@ -313,7 +314,7 @@ def station_topics(
 def arm_joint_names(plant: MultibodyPlant, robot: RobotArm = ONE_ARM) -> list[str]:
     """Return the names of an arm's joints in messages, in the order of its positions.
 
-    Those of the arm `left` begin with `left_`.
+    Names of the arm `left` begin with `left_`.
     """
     moving = _moving_joints(plant, robot.arm_model)
     return [robot.system(joint.name()) for joint in moving]
@@ -345,7 +346,7 @@ def numbers(data: Any, size: int) -> Vector:
     """Return the finite numbers of a message, shape (size,).
 
     Raises:
-        CommandError: If there are more or fewer, or one of them is not finite.
+        CommandError: If their number differs from `size`, or one is not finite.
     """
     values = np.array(data, dtype=np.float64)
     if values.shape != (size,):
@@ -356,10 +357,10 @@ def numbers(data: Any, size: int) -> Vector:
 
 
 def checked_positions(limits: tuple[Vector, Vector], data: Any) -> Vector:
-    """Return a message's joint positions [rad or m], which must be within the limits.
+    """Return a message's joint positions, shape (N,) [rad or m].
 
     Raises:
-        CommandError: If they are not.
+        CommandError: If one is outside the limits, or their number is wrong.
     """
     lower, upper = limits
     values = numbers(data, lower.size)
@@ -374,12 +375,12 @@ def checked_positions(limits: tuple[Vector, Vector], data: Any) -> Vector:
 def trajectory_command(
     plant: MultibodyPlant, robot: RobotArm = ONE_ARM
 ) -> Callable[[Any], PortValues]:
-    """Return what checks a JointTrajectory and makes a command of `TRAJECTORY` of it.
+    """Return a function that turns a JointTrajectory into a command at `TRAJECTORY`.
 
     It raises a CommandError if the trajectory is invalid.
 
     Args:
-        plant: Has the arm's model instance.
+        plant: A plant with the arm's model instance.
         robot: The arm.
     """
     names = arm_joint_names(plant, robot)
@@ -422,13 +423,13 @@ def safety_topics(
 ) -> list[CommandTopic]:
     """Return the topics that command a station's safety monitor, if it has one.
 
-    `/estop` (Bool, true while the button is pressed), `/release` (Bool, true
-    acknowledges a stop), `/speed_override` (Int32, 0 .. 100 %) and `/heartbeat` (Bool;
-    from the first true until a false, the arm stops unless more of them arrive).
+    They are `/estop` (Bool, true while the button is pressed), `/release` (Bool, true
+    acknowledges a stop), `/speed_override` (Int32, 0 .. 100 %) and `/heartbeat` (Bool:
+    after the first true, the arm stops unless more arrive; false ends the watch).
 
     Args:
         inputs: Names of the station's input ports.
-        switches: Which of the Bool topics there are.
+        switches: Names of the Bool topics to return.
     """
     if "safety.estop" not in inputs:
         return []
@@ -452,7 +453,7 @@ def safety_topics(
 
 
 class SafetyGate:
-    """Keeps a stopped arm's commands away, so that no old one moves it once released.
+    """Blocks commands to a stopped arm, so that no old one moves it after a release.
 
     An arm without a safety monitor gets its commands unchanged.
     """
@@ -464,7 +465,7 @@ class SafetyGate:
         robots: Sequence[RobotArm] = (ONE_ARM,),
     ) -> None:
         self._warnings = warnings
-        # State of the monitor, port of the commands, and a command that is none.
+        # Arm, state of its monitor, port of its commands, and a command of NaN.
         self._watched: list[tuple[RobotArm, OutputPort, str, Vector]] = []
         for robot in robots:
             state = port_of(robot, "safety.state")
@@ -480,11 +481,11 @@ class SafetyGate:
 
         Args:
             values: Commands since the last call, by input port.
-            context: The station's.
+            context: The station's context.
         """
         if not self._watched:
             return values
-        # A release counts once.
+        # A release lasts for one call.
         values = {"safety.release": np.zeros(1), **values}
         if "safety.heartbeat" in values:
             beats = values["safety.heartbeat"][0] > 0.0

@@ -1,4 +1,4 @@
-"""The bridges that a user asks for, and the keyboard's emergency stop."""
+"""Opens the bridges that a user asks for, including the keyboard."""
 
 import contextlib
 import dataclasses as dc
@@ -32,11 +32,11 @@ _KEYS = {
 class KeyboardBridge(Bridge):
     """Commands a safety monitor by keys: `e` stops the arm, `r` releases it.
 
-    The terminal shows no keys and hands them on one by one until the bridge is closed.
-    Ctrl-C keeps its meaning.
+    Until the bridge is closed, the terminal does not echo keys and passes them on at
+    once. Ctrl-C keeps its meaning.
 
     Args:
-        inbox: Where the commands go.
+        inbox: Receives the commands.
         terminal: File descriptor of the terminal.
     """
 
@@ -54,15 +54,15 @@ class KeyboardBridge(Bridge):
 
     @property
     def closed(self) -> bool:
-        """True, so that it keeps no station alive that clients have shut down."""
+        """True: once clients have closed all other bridges, the station must end."""
         return True
 
     def close(self) -> None:
-        """Give the terminal back. A second call does nothing."""
+        """Restore the terminal's settings. A second call does nothing."""
         if self._io.loop.is_closed():
             return
         self._io.stop()
-        # In the background, the signal would stop the whole process.
+        # In a background process, tcsetattr sends a signal that would stop the process.
         mask = signal.pthread_sigmask(signal.SIG_BLOCK, [signal.SIGTTOU])
         with contextlib.suppress(termios.error):  # the terminal is gone
             termios.tcsetattr(self._terminal, termios.TCSADRAIN, self._before)
@@ -92,11 +92,11 @@ def own_terminal(stream: object) -> int | None:
 
 @dc.dataclass(kw_only=True)
 class Ros1Config(Config):
-    """The node of ROS 1."""
+    """Configuration of a ROS 1 node."""
 
     # URI of the master; empty: $ROS_MASTER_URI.
     master: str = ""
-    # This machine's address for others, and the node's name.
+    # Address of this machine that peers can reach, and the node's name.
     host: str = "127.0.0.1"
     name: str = "drake_srg_hardware"
 
@@ -110,11 +110,11 @@ class Ros1Config(Config):
 
 @dc.dataclass(kw_only=True)
 class Ros2Config(Config):
-    """The participant of ROS 2."""
+    """Configuration of a ROS 2 participant."""
 
     # Number of the domain; null: $ROS_DOMAIN_ID.
     domain: int | None = dc.field(default=None, metadata={"ge": 0, "le": 232})
-    # This machine's address for others, and the participant's name.
+    # Address of this machine that peers can reach, and the participant's name.
     host: str = "127.0.0.1"
     name: str = "drake_srg_hardware"
 
@@ -131,20 +131,20 @@ class BridgeOptions:
     """The bridges of a station and their addresses.
 
     Attributes:
-        ros1: Whether to be a node of ROS 1.
-        master: URI of the ROS 1 master; None takes it from the environment.
-        ros2: Whether to be a node of ROS 2.
-        domain: ROS 2 domain; None takes it from the environment.
-        servo: Where the bus of the servos is, tcp:PORT, tcp:HOST:PORT or pty; None for
-            no servos.
-        protocol: Dynamixel protocol of the servos, 1 or 2; None means 1.
-        dex1: Side of the humanoid whose hand the gripper is, such as "left"; None for
-            no such topics.
-        participant: Of the DDS domain of these topics.
-        host: Address of this machine that peers reach.
+        ros1: Whether to open a ROS 1 node.
+        master: URI of the ROS 1 master; None: from the environment.
+        ros2: Whether to open a ROS 2 node.
+        domain: ROS 2 domain; None: from the environment.
+        servo: Address of the servos' bus, tcp:PORT, tcp:HOST:PORT or pty; None: no
+            servos.
+        protocol: Dynamixel protocol of the servos, 1 or 2; None: 1.
+        dex1: Side of a humanoid whose hand the gripper is, such as "left"; None: no
+            topics of such a hand.
+        participant: Participant in the DDS domain of the hand's topics.
+        host: Address of this machine that peers can reach.
         name: Name of the nodes.
-        terminal: Descriptor of a terminal whose keys command a safety monitor, if the
-            station has one; None for no keys.
+        terminal: Descriptor of a terminal whose keys command the safety monitor, if the
+            station has one; None: no keys.
     """
 
     ros1: bool = False

@@ -54,7 +54,7 @@ from drake_srg.station import MakeStation
 from drake_srg.station.sleeping import Advance, MakeAdvance
 from drake_srg.types import Vector
 
-# A run is too slow if it keeps less than this share of its rate in two consecutive
+# A run is too slow if it reaches less than this share of its rate in two consecutive
 # windows of this length [s, real]. A single stall does not count.
 _KEPT, _WINDOW = 0.97, 5.0
 
@@ -63,15 +63,15 @@ class Pacer:
     """Lets simulated time pass at a multiple of real time, or as fast as possible.
 
     Args:
-        rate: Simulated seconds per real second; infinite means never wait.
+        rate: Simulated seconds per real second; infinite: never wait.
         stop: Ends a wait when it is set.
-        patience: Lags up to this length [s, real] are caught up with. Time lost beyond
-            that is given up, so that the simulation never rushes for long.
+        patience: The simulation catches up with delays of at most this length [s,
+            real]. It gives up longer ones, so that it never rushes for long.
         clock: Returns real time [s].
 
     Attributes:
         lost: Real time given up so far [s].
-        too_slow: Simulated over real time while the run is too slow, otherwise None.
+        too_slow: Ratio of simulated to real time if the run is too slow, else None.
     """
 
     def __init__(
@@ -86,7 +86,7 @@ class Pacer:
         self._patience, self._clock = patience, clock
         self.lost = 0.0
         self.too_slow: float | None = None
-        self._start = clock()  # real time at which simulated time is (taken as) 0
+        self._start = clock()  # real time that corresponds to simulated time 0 [s]
         # (real, simulated) times of about the last second.
         self._recent: deque[tuple[float, float]] = deque([(self._start, 0.0)])
         self._window, self._slow_windows = (self._start, 0.0), 0
@@ -118,7 +118,7 @@ class Pacer:
 
     @property
     def factor(self) -> float:
-        """Simulated over real time during the last second."""
+        """Ratio of simulated to real time during the last second."""
         (real_0, time_0), (real_1, time_1) = self._recent[0], self._recent[-1]
         return (time_1 - time_0) / max(real_1 - real_0, 1e-9)
 
@@ -139,13 +139,12 @@ def MakeServedStation(scenario: Scenario) -> Diagram:
         - gripper.closure_commanded
 
     `arm.position_desired` (N) [rad or m] reaches the arm through a
-    `JerkLimitedReference` that starts at the arm's home position, and again wherever a
-    safety monitor has stopped the arm. Without `arm.limits`, a `TrajectoryFollower`
-    takes its place, and `arm.trajectory_desired` that of the port. With `arms`, ports
-    begin with `NAME.` as those of the station, but all arms share `safety.estop` and
-    the other inputs of safety monitors. The subsystem
-    `station` is the station without cameras; `MakeRemoteCameras` renders its plant's
-    state in another process.
+    `JerkLimitedReference`, which starts at the arm's home position, and after a stop
+    where the arm rests. Without `arm.limits`, the port is `arm.trajectory_desired`, and
+    a `TrajectoryFollower` moves the arm. With `arms`, ports begin with `NAME.` as those
+    of the station, but all arms share `safety.estop` and the other inputs of safety
+    monitors. The subsystem `station` is the station without cameras;
+    `MakeRemoteCameras` renders its plant's state in another process.
 
     Raises:
         ScenarioError: If the models do not fit the scenario.
@@ -193,7 +192,7 @@ def AddServedStation(
 
 
 def _shared(port: str, robots: Sequence[RobotArm]) -> str:
-    """Return the name of an input port: one button stops all arms."""
+    """Return the name to export an input port by: all arms share those of safety."""
     prefixes = tuple(f"{robot.prefix}safety." for robot in robots)
     return port[port.index("safety.") :] if port.startswith(prefixes) else port
 
@@ -205,7 +204,7 @@ def _AddReference(
     robot: RobotArm,
     arm: ArmDriver,
 ) -> None:
-    """Add what moves an arm to its targets, and take its port off `inputs`."""
+    """Add the system that moves an arm to targets, and pop its port from `inputs`."""
     commanded = f"{robot.arm_model}.position_commanded"
     name = robot.system("arm_reference")
     reference: JerkLimitedReference | TrajectoryFollower
@@ -225,14 +224,14 @@ def _AddReference(
     builder.ExportOutput(reference.get_output_port(), commanded)
 
 
-LONGEST = 120.0  # A browser holds the whole replay [s].
+LONGEST = 120.0  # longest replay [s]: a browser holds all of it in memory
 
 
 class ServedReplay:
     """Samples the first two minutes of a served station for a replay.
 
     Args:
-        scenario: The scenario that is served; it must have an arm.
+        scenario: The served scenario; it must have an arm.
     """
 
     def __init__(
@@ -250,7 +249,7 @@ class ServedReplay:
         self._samples.add(root)
 
     def write(self, out: Path) -> Path | None:
-        """Write replay.html and the files that it is made of.
+        """Write replay.html and the files that it contains.
 
         Returns:
             The path of replay.html; None if nothing was sampled.
@@ -287,9 +286,9 @@ def station_inbox(
 
     Args:
         scenario: The scenario.
-        station: Of `MakeServedStation`.
-        warnings: Where refused commands are reported.
-        others: Topics besides those that command input ports.
+        station: A station from `MakeServedStation`.
+        warnings: Receives reports of refused commands.
+        others: Further topics, which do not command input ports.
     """
     plant = station.GetSubsystemByName("station").GetSubsystemByName("plant")
     inputs, period = input_ports(station), control_period(scenario)
@@ -301,7 +300,7 @@ def station_inbox(
 
 
 def fix_defaults(station: Diagram, context: Context) -> None:
-    """Open the grippers until somebody commands them: these ports need a value."""
+    """Command the grippers to open until a client commands them."""
     for name, port in input_ports(station).items():
         if name.endswith(("gripper.closure_commanded", "gripper.closure_messages")):
             port.FixValue(context, [0.0])
@@ -313,17 +312,18 @@ class Shown(Protocol):
     def look(
         self, time: float, plant_state: Callable[[], Vector], outlet: Outlet
     ) -> None:
-        """Publish what the cameras see of the plant's state at a time [s]."""
+        """Publish the cameras' pictures of the plant's state at a time [s]."""
 
 
 class ServedLoop:
-    """Advances a served station: commands in, one control period, messages out.
+    """Advances a served station by one control period after another.
 
     Args:
-        simulator: Of the root, initialized.
-        station: Of `MakeServedStation`.
-        pictures: The same of the cameras.
-        replay: What is sampled for the replay, if anything.
+        simulator: The root diagram's simulator, initialized.
+        station: A station from `MakeServedStation`.
+        topics: The topics of the station.
+        pictures: The cameras' topics.
+        replay: Takes samples for a replay; None: no replay.
         actions: The arms' action servers, connected.
     """
 
@@ -350,8 +350,8 @@ class ServedLoop:
         self._context = my_context(station, self._root)
         self._ports = output_ports(station)
         self._gate = SafetyGate(station, inbox.warnings, robots)
-        # The integrator of a continuous plant chooses its own steps: there, a control
-        # period counts as one.
+        # The integrator of a continuous plant chooses its own steps. A control period
+        # then counts as one step.
         self._plant = station.GetSubsystemByName("station").GetSubsystemByName("plant")
         self._plant_step = self._plant.time_step() or math.inf
         self._wanted = sorted({name for b in outlet.bridges for name in b.ports})
@@ -360,8 +360,8 @@ class ServedLoop:
         """Apply the commands, advance to a time [s] and publish.
 
         Messages go out after the plant's first step, which already shows the effect of
-        the commands. The remaining steps of the control period take real time, for
-        which clients would otherwise wait.
+        the commands. Clients need not wait while the remaining steps of the control
+        period are computed.
         """
         for server in self._actions:
             server.advance(
@@ -410,7 +410,7 @@ class Served:
 
     sim_time: float  # s
     wall_time: float  # s
-    commands: int  # messages received, good and bad
+    commands: int  # messages received, valid or not
     recording: Path | None = None
     replay: Path | None = None
 
@@ -429,20 +429,19 @@ def Serve(
 ) -> Served:
     """Run a station under the commands of bridges until it is stopped.
 
-    The scenario's task, planner, script and disturbances are left out: they are up to
-    the clients. A scenario with a soft object has no camera topics. Pictures come from
-    a process that imports the caller's main module, so a script needs
+    The scenario's task, planner, script and disturbances are ignored: the clients
+    command the station. A scenario with a soft object has no camera topics. Pictures
+    come from a process that imports the caller's main module, so a script needs
     `if __name__ == "__main__":`.
 
     Args:
         scenario: The scenario to serve.
         connect: Makes the bridges.
         name: The scenario's name, for messages.
-        rate: Simulated seconds per real second; 0 means as fast as possible, as in
-            Drake.
+        rate: Simulated seconds per real second; 0: as fast as possible, as in Drake.
         camera_period: Shortest time between pictures, except those of a visual servo's
             camera [s, simulated].
-        out: Folder for recording.mcap and replay.html; None records nothing.
+        out: Folder for recording.mcap and replay.html; None: record nothing.
         stop: Ends the run when set, by any thread or by a signal handler.
         tell: Called with warnings for the user, from any thread.
         report: Called with a status line at the start and twice a second.
@@ -538,7 +537,7 @@ def _run(
     stop: threading.Event,
     report: Callable[[str], None],
 ) -> None:
-    """Advance one control period at a time until `stop` or until no bridge is open."""
+    """Advance one control period at a time until `stop` is set or no bridge is open."""
     pacer = Pacer(rate or math.inf, stop)
     bridges = loop.outlet.bridges
     step, reported = 0, -math.inf
@@ -555,6 +554,6 @@ def _run(
         if pacer.too_slow is not None:
             loop.inbox.warnings.warn(
                 "pace",
-                f"this machine cannot keep {rate:g} x real time with {name} (it does "
+                f"this machine cannot keep {rate:g} x real time with {name} (only "
                 f"{pacer.too_slow:.2f} x): lower --rate or choose a faster scenario",
             )

@@ -1,4 +1,4 @@
-"""The pictures and blobs that a served station publishes."""
+"""Pictures of the cameras and blobs of the localizer, for a served station."""
 
 from __future__ import annotations
 
@@ -53,7 +53,7 @@ def image_topics(
     Args:
         camera: The camera's name in the scenario.
         intrinsics: Intrinsics of both images.
-        root: What their names begin with in place of "/camera".
+        root: Prefix of their names in place of "/camera".
     """
     frame_id = f"camera_{camera}"
 
@@ -61,7 +61,7 @@ def image_topics(
         return image_message(make, time, frame_id, "rgb8", pixels)
 
     def depth(make: MakeMessage, time: float, pixels: Any) -> Any:
-        # Drake writes 0 for "too close", REP 118 -inf; both write inf for "too far".
+        # "Too close" is 0 in Drake and -inf in REP 118. "Too far" is inf in both.
         pixels = np.where(pixels == 0.0, np.float32(-np.inf), pixels)
         return image_message(make, time, frame_id, "32FC1", pixels)
 
@@ -84,13 +84,13 @@ def camera_topics(
 ) -> dict[str, Topic]:
     """Return the topics of a camera and of the localizer, by name.
 
-    Those of the camera are `image_topics`. After the time, `convert` of BLOBS and
+    The camera's topics are `image_topics`. After the time, `convert` of BLOBS and
     OBJECT_POSE takes a list of `Blob`.
 
     Args:
         camera: The camera's name in the scenario.
         intrinsics: Intrinsics of both images.
-        pick: Name of the object that OBJECT_POSE tells of.
+        pick: Name of the object whose pose OBJECT_POSE publishes.
     """
 
     def pose(make: MakeMessage, time: float, blobs: Sequence[Blob]) -> Any:
@@ -129,16 +129,16 @@ def _blobs(make: MakeMessage, time: float, blobs: Sequence[Blob]) -> Any:
     return make("std_msgs/msg/String", data=text)
 
 
-# Called with a picture's time [s], its topic and the values that `convert` takes.
+# Called with a picture's time [s], its topic and the values for the topic's `convert`.
 Show = Callable[[float, str, tuple[Any, ...]], None]
 
 
 class CameraProcess:
-    """Renders a camera's pictures and runs the localizer for a given plant state.
+    """Renders a camera's pictures and runs the localizer, in another process.
 
     Args:
-        scenario: The plant's scenario. It must not have soft objects, whose shape
-            is not part of the state vector.
+        scenario: The plant's scenario. It must not have soft objects, because their
+            shape is not part of the state vector.
         camera: Name of the camera to render.
         state: Initial state of the plant, with which the renderers warm up.
         show: Called with each picture, in a thread of this object. Must not raise.
@@ -193,7 +193,7 @@ class CameraProcess:
 def _render(connection: Connection, scenario: str, camera: str, state: Vector) -> None:
     """Run the process: render whenever the connection asks for it."""
     lower_priority()
-    os.environ.setdefault("LP_NUM_THREADS", "0")  # leaves the other cores alone
+    os.environ.setdefault("LP_NUM_THREADS", "0")  # render on one core only
     viewer = Viewer(read_typed(Scenario, scenario), camera)
     # Renderers initialize themselves the first time they render.
     viewer.look(0.0, state, {COLOR, DEPTH, BLOBS})
@@ -205,7 +205,7 @@ def _render(connection: Connection, scenario: str, camera: str, state: Vector) -
 
 
 class Viewer:
-    """A diagram with the cameras and the localizer alone.
+    """A diagram with only the cameras and the localizer.
 
     Args:
         scenario: The plant's scenario, without soft objects.
@@ -256,9 +256,9 @@ class ServedCamera:
     """A camera whose pictures clients can subscribe to.
 
     Attributes:
-        name: In the scenario.
-        scenario: What renders its pictures.
-        topics: By the names of `camera_topics`, whatever they are published as.
+        name: The camera's name in the scenario.
+        scenario: The scenario that its process renders.
+        topics: Its topics, by the keys of `camera_topics`. Their own names may differ.
         period: Shortest time between pictures [s, simulated].
     """
 
@@ -284,11 +284,12 @@ def served_camera(scenario: Scenario) -> tuple[str, CameraInfo] | None:
 def served_cameras(
     scenario: Scenario, period: float = PERIOD
 ) -> Iterator[ServedCamera]:
-    """Yield the camera of `served_camera`, then the planner's others, the servo's last.
+    """Yield the camera of `served_camera`, then others of planner and visual servo.
 
     Args:
-        scenario: What is served.
-        period: Shortest time between pictures of the first one [s, simulated].
+        scenario: The served scenario.
+        period: Shortest time between pictures, except those of a visual servo's camera
+            [s, simulated].
     """
     first = served_camera(scenario)
     if first is None:
@@ -296,7 +297,7 @@ def served_cameras(
     if scenario.task.clear is None:
         topics = camera_topics(*first, scenario.task.pick)
         yield ServedCamera(first[0], scenario, topics, period)
-    else:  # objects of any shape, for which there is no localizer
+    else:  # objects have any shape, and no localizer finds them
         alone = _with_one_camera(scenario, first[0])
         yield ServedCamera(first[0], alone, image_topics(*first), period)
     used = (*scenario.localizer.cameras, *scenario.task.place.cameras)
@@ -327,14 +328,14 @@ def _intrinsics(scenario: Scenario, name: str) -> CameraInfo:
 class Pictures:
     """Publishes the topics of the cameras and of the localizer.
 
-    A `CameraProcess` renders each camera; it starts with the first subscription.
+    A `CameraProcess` renders each camera. It starts with the camera's first subscriber.
 
     Args:
         period: Shortest time between pictures, except those of a visual servo's camera
             [s, simulated].
 
     Attributes:
-        topics: The topics that can be subscribed to, by name.
+        topics: The topics that clients can subscribe to, by name.
     """
 
     def __init__(

@@ -1,4 +1,4 @@
-"""Addresses of hosts, and the thread of a bridge's sockets."""
+"""Addresses of hosts, and a thread with an event loop for a bridge's sockets."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ def own_address(host: str) -> str:
         host: An address, a host name, or the name of a network interface.
 
     Raises:
-        ValueError: If `host` is none of these on this machine, or stands for all
+        ValueError: If `host` is not an address of this machine, or stands for all
             addresses.
     """
     interfaces = [name for _, name in socket.if_nameindex()]
@@ -50,10 +50,10 @@ def _interface_address(name: str) -> str:
     with socket.socket() as any_socket:
         request = struct.pack("256s", name.encode())
         answer = fcntl.ioctl(any_socket.fileno(), _SIOCGIFADDR, request)
-    return socket.inet_ntoa(answer[20:24])  # in a sockaddr behind the name's 16 bytes
+    return socket.inet_ntoa(answer[20:24])  # in the sockaddr after 16 bytes of name
 
 
-# The most lookups of hosts that any peer may name, at a time: each has a thread.
+# Most simultaneous lookups of hosts that peers name. Each lookup has a thread.
 MOST_LOOKUPS = 16
 # Lookups under way, by host.
 _lookups: dict[str, Future[str]] = {}
@@ -68,10 +68,10 @@ async def address_of(host: str, most: int | None = None) -> str:
 
     Args:
         host: An address or a name.
-        most: The most lookups at a time, this one included; None: any number.
+        most: Most simultaneous lookups, this one included; None: no limit.
 
     Raises:
-        OSError: If the host has no address, or too many others are looked up now.
+        OSError: If the host has no address, or too many lookups are under way.
         UnicodeError: If the name is invalid.
     """
     with contextlib.suppress(ValueError):
@@ -88,11 +88,11 @@ async def address_of(host: str, most: int | None = None) -> str:
 
 
 def _look_up(host: str, future: Future[str]) -> None:
-    # The place is free before anybody learns the result.
+    # Remove the lookup before anybody learns the result.
     try:
         # IPv4, the default of ROS 1.
         found = socket.getaddrinfo(host, None, socket.AF_INET, socket.SOCK_STREAM)
-    except Exception as error:  # the waiting coroutine gets it, whatever it is
+    except Exception as error:  # the waiting coroutine gets every error
         _lookups.pop(host, None)
         future.set_exception(error)
     else:
@@ -116,7 +116,7 @@ class IoThread:
         """Run a coroutine in the thread and return its result.
 
         Raises:
-            TimeoutError: If it takes longer than `timeout` [s]; it is cancelled.
+            TimeoutError: If it takes longer than `timeout` [s]; it is then cancelled.
         """
         future = asyncio.run_coroutine_threadsafe(coroutine, self.loop)
         try:
@@ -126,7 +126,7 @@ class IoThread:
             raise TimeoutError(f"not done within {timeout:g} s") from None
 
     def post(self, function: Callable[..., object], *arguments: Any) -> None:
-        """Call a function in the thread soon, without waiting for it."""
+        """Schedule a call in the thread, without waiting for it."""
         self.loop.call_soon_threadsafe(function, *arguments)
 
     def stop(self) -> None:

@@ -1,4 +1,4 @@
-"""Comparison of a robot with its twin."""
+"""Systems that compare a robot with its twin."""
 
 from __future__ import annotations
 
@@ -30,9 +30,10 @@ class Sighting:
     """An object in one camera image.
 
     Attributes:
-        time: Of the image [s].
-        X_WO: Its pose in world [m].
-        clear: Whether nothing hides a part of it.
+        name: The object's name.
+        time: Time of the image [s].
+        X_WO: The object's pose in world [m].
+        clear: Whether the image shows all of the object.
     """
 
     name: str
@@ -42,13 +43,13 @@ class Sighting:
 
 
 def read_blobs(text: str) -> tuple[Sighting, ...]:
-    """Return the certain poses in a message of `serve`'s topic /blobs.
+    """Return the poses that are certain, from a message of `serve`'s topic /blobs.
 
     Args:
-        text: JSON, as `drake_srg.robot.serve.pictures` describes it.
+        text: JSON in the format of `drake_srg.robot.serve.pictures`.
 
     Raises:
-        CommandError: If it is anything else.
+        CommandError: If the text has another format.
     """
     try:
         message = parse_json(text)
@@ -67,7 +68,7 @@ def _sighting(time: float, blob: Any) -> Sighting | None:
     p_WO = np.array(blob["position"], dtype=float)
     norm = float(np.linalg.norm(wxyz))
     if p_WO.shape != (3,) or not np.isfinite([*p_WO, norm]).all() or norm < 0.5:
-        raise ValueError("a pose that is not one")
+        raise ValueError("an invalid pose")
     X_WO = RigidTransform(Quaternion(wxyz / norm), p_WO)
     if BlobFlag.UNCERTAIN in flags:
         return None
@@ -76,7 +77,7 @@ def _sighting(time: float, blob: Any) -> Sighting | None:
 
 # Compared quantities, in the order of the ports.
 KINDS = ("joint", "torque", "finger", "object")
-# A difference is over once it is below this share of its limit.
+# A reported difference ends once it is below this share of its limit.
 _OVER = 0.8
 
 
@@ -104,31 +105,31 @@ class TwinMonitor(LeafSystem):
         - parted
 
     The states [q; v] (2N, 2n) are those of the twin and of the robot [rad, rad/s], and
-    `object_error` (m) is in m. A NaN is a measurement that nobody tells, and no
-    difference. `joint_error` (N) and `finger_error` (n) are measured minus twin [rad].
-    Inputs of several arms begin with the names of their models in place of `arm` and
-    `gripper`; outputs have those of all arms, one after the other.
+    `object_error` (m) has distances [m]. A missing measurement is NaN, and does not
+    count as a difference. `joint_error` (N) and `finger_error` (n) are measured minus
+    twin [rad]. With several arms, inputs begin with the names of their models in place
+    of `arm` and `gripper`, and outputs concatenate the values of all arms.
 
-    Torques (N) are in N m. The motors must bring up what the measured motion needs by
-    inverse dynamics, less the torques from outside:
+    Torques (N) are in N m. The motors must provide the torques that the measured motion
+    needs by inverse dynamics, minus the external torques:
 
         arm_torque_measured = needed - arm_external_felt,
         torque_expected = needed - arm_external_expected,
         torque_residual = arm_torque_measured - torque_expected.
 
     So `arm_external_felt` are the external torques that explain the measurement (see
-    `ExternalTorqueObserver`), and `arm_external_expected` those of the contacts that
+    `ExternalTorqueObserver`). `arm_external_expected` are those of the contacts that
     the twin simulates, such as the weight of a carried object.
 
-    `difference` (4) has the largest of each of `KINDS`: joints [rad], torques [share of
-    the effort limit] while the arm is still, else 0, fingers [rad], objects [m]; all of
-    the last sample, like `parted`.
-    `parted` (4) is 1 from when a difference has exceeded its limit for
-    `config.patience`, a torque for `config.still_time`, until it is below 0.8 of the
-    limit, else 0.
+    `difference` (4) has the largest difference of each of `KINDS` in the last sample:
+    joints [rad], torques [share of the effort limit], fingers [rad], objects [m].
+    Torques count only while the arm is still, and are 0 otherwise. `parted` (4) becomes
+    1 once a difference has exceeded its limit for `config.patience` (torques:
+    `config.still_time`), and 0 again once it is below 0.8 of the limit.
 
     Args:
-        efforts: Limits of the joints (N,) [N m], by the name of the arm's model.
+        config: Limits of the differences.
+        efforts: Effort limits of the joints (N,) [N m], by the name of the arm's model.
         fingers: Number n of finger joints, by the name of the gripper's model.
         objects: Number m of objects.
         period: Time between samples [s].
@@ -161,7 +162,7 @@ class TwinMonitor(LeafSystem):
             name: self.DeclareVectorInputPort(name=name, size=size)
             for name, size in {**sizes, "object_error": objects}.items()
         }
-        # Since when the arm is still, and each difference exceeds its limit [s].
+        # Times since which the arm is still, and each difference exceeds its limit [s].
         self._still_since = int(self.DeclareDiscreteState([np.inf]))
         self._since = int(self.DeclareDiscreteState(np.full(len(KINDS), np.inf)))
         n, m = len(self._efforts), sum(fingers.values())
@@ -187,14 +188,14 @@ class TwinMonitor(LeafSystem):
         self.DeclarePeriodicDiscreteUpdateEvent(period, 0.0, self._update)
 
     def _torques(self, context: Context, name: str) -> Vector:
-        """Return what an input says of all arms' joints, shape (N,)."""
+        """Return an input's values for the joints of all arms, shape (N,) [N m]."""
         ports = [self._inputs[f"{arm}_{name}"] for arm in self._arms]
         return np.concatenate([port.Eval(context) for port in ports])
 
     def _halves(
         self, context: Context, models: Sequence[str], name: str
     ) -> tuple[Vector, Vector]:
-        """Return q and v of several models."""
+        """Return q and v of several models, concatenated."""
         states = [self._inputs[f"{model}_{name}"].Eval(context) for model in models]
         halves = zip(*(np.split(state, 2) for state in states), strict=True)
         q, v = (np.concatenate(half) for half in halves)
@@ -259,11 +260,11 @@ class TwinMonitor(LeafSystem):
 
 
 def _largest(values: Vector) -> float:
-    """Return the largest absolute value, without those that are not known; 0: none."""
+    """Return the largest absolute value, where NaN counts as 0."""
     return float(np.max(np.abs(np.nan_to_num(values, nan=0.0)), initial=0.0))
 
 
-# Pictures that are older when they arrive are not compared [s].
+# Pictures that are older than this when they arrive are ignored [s].
 _MEMORY = 5.0
 
 
@@ -272,10 +273,10 @@ class _Memory:
     """Previous poses of the objects, and the last comparisons.
 
     Attributes:
-        times: Of the positions, increasing.
-        positions: p_WO of the objects at each time, shape (m, 3) [m].
-        compared: Time of the last picture that was compared, by object [s].
-        errors: Distance there, by object [m].
+        times: Times of `positions`, increasing [s].
+        positions: Positions p_WO of the objects at each time, shape (m, 3) [m].
+        compared: Time of the last compared picture, by object [s].
+        errors: Distance in that picture, by object [m].
     """
 
     times: tuple[float, ...] = ()
@@ -297,13 +298,15 @@ class ObjectComparison(LeafSystem):
         output_ports:
         - object_error
 
-    `object_poses` is a dict[str, RigidTransform], X_WO by name [m]; `sightings` a tuple
-    of the newest `Sighting` of each object; `placed_at` a dict[str, float]: when an
-    object was put somewhere else [s], by name. Objects without an entry, and pictures
-    from before, do not count. `object_error` (m) has the distance of each object from
-    where it was last seen [m], NaN before the first comparison.
+    `object_poses` is a dict[str, RigidTransform] with X_WO by name [m]. `sightings` is
+    a tuple with the newest `Sighting` of each object. `placed_at` is a dict[str, float]
+    with the time at which `Placing` last moved each object [s], by name. Objects
+    without an entry, and pictures from before that time, are ignored. `object_error`
+    (m) has the distance of each object from where it was last seen [m]; NaN before the
+    first comparison.
 
     Args:
+        names: Names of the m objects.
         period: Time between samples [s].
     """
 

@@ -1,4 +1,4 @@
-"""The loop that advances a twin along with its robot."""
+"""The loop that advances a twin to the times of its robot's messages."""
 
 from __future__ import annotations
 
@@ -36,10 +36,10 @@ class ToldArm:
     """The latest messages of an arm and its gripper.
 
     Attributes:
-        state: [q; v] of its joints, shape (2N,) [rad, rad/s].
-        torque: Of these joints, shape (N,) [N m]; NaN: not told.
-        fingers: [q; v] of its fingers, shape (2n,); NaN: not told.
-        closure: Command to its gripper, 0 open .. 1 closed; None: not told.
+        state: [q; v] of the arm's joints, shape (2N,) [rad, rad/s].
+        torque: Torques of these joints, shape (N,) [N m]; NaN: not published.
+        fingers: [q; v] of the fingers, shape (2n,) [rad, rad/s]; NaN: not published.
+        closure: Command to the gripper, 0 open .. 1 closed; None: no command yet.
     """
 
     state: Vector
@@ -50,11 +50,12 @@ class ToldArm:
 
 @dc.dataclass(frozen=True)
 class Told:
-    """A robot's latest messages. Times are by its clock.
+    """A robot's latest messages. Times are by the robot's clock.
 
     Attributes:
         stamp: Time of the arms' states [s].
-        sightings: Of objects, since the last call of `Listener.take`.
+        arms: The messages of each arm.
+        sightings: Sightings of objects since the last call of `Listener.take`.
     """
 
     stamp: float
@@ -63,12 +64,13 @@ class Told:
 
 
 class _Heard:
-    """The latest messages of an arm and its gripper.
+    """Receives the messages of an arm and its gripper, and keeps the latest.
 
     Args:
-        drivers: Of both; they speak ROS.
-        robot: As the drivers know it.
-        lock: Held while a message is taken in.
+        drivers: The drivers of both; they must speak ROS.
+        twin: The twin's topics.
+        robot: The robot, with nodes that are not yet open.
+        lock: Held while a message is processed.
     """
 
     def __init__(
@@ -87,7 +89,7 @@ class _Heard:
         self._lock = lock
         self._arm = JointStates(arm.names(robot))
         self._fingers = JointStates(gripper.names(robot))
-        # The arm's stamp, state and torques, once they are new.
+        # The arm's stamp, state and torques; None: not new since the last `take`.
         self.new: tuple[float, Vector, Vector] | None = None
         self.gripper_state = np.full(2 * len(robot.gripper_joints), np.nan)
         self.closure: float | None = None
@@ -126,7 +128,9 @@ class _Heard:
 
     def _command(self, closure: float) -> None:
         if not 0.0 <= closure <= 1.0:
-            raise CommandError("range", f"must be open to closed, got {closure:g}")
+            raise CommandError(
+                "range", f"must be 0 (open) to 1 (closed), got {closure:g}"
+            )
         with self._lock:
             self.closure = closure
 
@@ -135,11 +139,12 @@ class Listener:
     """Subscribes to a robot's topics. Any thread may deliver messages.
 
     Args:
-        config: The hardware's, with drivers that speak ROS.
-        robots: The robot, for each of its arms; its nodes are opened by the caller.
+        config: The drivers, which must speak ROS.
+        twin: The twin's topics.
+        robots: A `Robot` for each arm; the caller opens their nodes.
 
     Attributes:
-        heard_at: When the arms' states were last all new [s, real].
+        heard_at: When `take` last returned messages [s, real].
 
     Raises:
         ScenarioError: If a driver has no topics.
@@ -181,24 +186,28 @@ class Listener:
             self._sightings += seen
 
 
-# An object that is nearer to the hand's grasp centre is left to contact [m]: half a
-# finger and half a can.
+# Only contact moves an object that is nearer to the hand's grasp center than this [m]:
+# half a finger and half a can.
 _HAND = 0.15
-# Two pictures in a row show an object at rest if it is this near [m].
+# An object rests if it moves less than this from one picture to the next [m].
 _RESTS = 0.01
 
 
 class Placing:
-    """Puts objects of a plant where they are seen: at first, and where twins part.
+    """Moves objects of a plant to where they are seen.
 
-    It never touches an object near the hand: whether that is held is for the simulated
-    contact to tell. Call it between two steps of the simulation.
+    It does so at an object's first sighting, and again once object and twin have
+    parted. It never moves an object near the hand: there, simulated contact decides
+    whether the hand holds it. Call it between two steps of the simulation.
 
     Args:
-        context: Its context, changed.
+        plant: The plant.
+        context: The plant's context, which `place` changes.
+        names: Names of the objects.
+        grippers: Names of the grippers' models.
 
     Attributes:
-        placed_at: When each object was put somewhere last [s], by name.
+        placed_at: When each object was last moved [s], by name.
     """
 
     def __init__(
@@ -222,10 +231,10 @@ class Placing:
     def place(
         self, sightings: Sequence[Sighting], parted: Mapping[str, bool], time: float
     ) -> list[str]:
-        """Put objects where they are seen; return the names of those that moved.
+        """Move objects to where they are seen; return the names of those moved.
 
         Args:
-            sightings: The new ones.
+            sightings: The new sightings.
             parted: Whether each object is known to be elsewhere than in the twin.
             time: Now [s].
         """
@@ -259,13 +268,13 @@ _ROUNDING = 1e-6  # of stamps, which are whole nanoseconds [s]
 
 @dc.dataclass(frozen=True)
 class Parting:
-    """A difference between a robot and its twin that has lasted.
+    """A report of a lasting difference between a robot and its twin.
 
     Attributes:
-        time: Of the report [s].
+        time: Time of the report [s].
         kind: One of `KINDS`.
-        difference: The largest, in the unit of the limit.
-        limit: That it exceeds.
+        difference: The largest difference, in the unit of the limit.
+        limit: The limit that it exceeds.
         text: A sentence for the user.
     """
 
@@ -279,19 +288,21 @@ class Parting:
 class TwinLoop:
     """Advances a twin to the times of its robot's messages.
 
-    The twin's clock is the robot's, from 0 on: nothing depends on this machine's speed.
-    Between two messages, the robot is taken to move evenly. Only `follow` touches the
-    context, so all of it happens in one thread.
+    The twin's clock is the robot's clock, starting at 0, so nothing depends on this
+    machine's speed. Between two messages, states are interpolated linearly. Only
+    `follow` touches the context, so one thread does all of the work.
 
     Args:
-        name: The scenario's, for messages.
-        twin: Of `MakeTwin`.
-        first: What the robot told first; the arm starts there.
+        name: The scenario's name, for messages.
+        scenario: The twin's scenario.
+        root: The root diagram, which contains the twin.
+        twin: A twin from `MakeTwin`.
+        first: The robot's first messages, where the arms start.
 
     Attributes:
         partings: All reports so far.
         largest: Largest difference of each of `KINDS` so far, shape (4,).
-        skipped: Time between messages that were too far apart [s].
+        skipped: Time that was skipped, where messages were too far apart [s].
     """
 
     def __init__(
@@ -362,7 +373,7 @@ class TwinLoop:
         last, begin = self._told, self._time_of(self._told.stamp)
         end = self._time_of(told.stamp)
         gap = end - begin
-        if gap > self._config.silence:  # its clock has been set, or it was away
+        if gap > self._config.silence:  # the robot's clock was set, or it was silent
             self.skipped += gap - self._period
             end = begin + self._period
         if gap > self._config.patience:
@@ -386,7 +397,7 @@ class TwinLoop:
         return stamp - self._start - self.skipped
 
     def _place(self, told: Told) -> None:
-        """Put objects where they are seen, if that is needed."""
+        """Move objects that have parted to where they are seen."""
         where = dict(zip(self._names, self.value("twin.object_error"), strict=True))
         parted = {
             name: bool(self._parted[KINDS.index("object")])
@@ -396,7 +407,7 @@ class TwinLoop:
         self._placing.place(told.sightings, parted, self.time)
 
     def _fix(self, last: Told, told: Told, share: float) -> None:
-        """Set the twin's inputs, a share of the way between two messages."""
+        """Set the twin's inputs, interpolated between two messages (share 0 .. 1)."""
         values: dict[str, Any] = {
             "robot.sightings": AbstractValue.Make(tuple(self._seen.values())),
             "robot.placed_at": AbstractValue.Make(dict(self._placing.placed_at)),
@@ -415,7 +426,7 @@ class TwinLoop:
             self._twin.GetInputPort(name).FixValue(self._own, value)
 
     def _reports(self) -> list[Parting]:
-        """Return a report for each kind of difference that has begun."""
+        """Return a report for each kind of difference that has just parted."""
         difference = self.value("twin.difference")
         self.largest = np.maximum(self.largest, difference)
         parted = self.value("twin.parted") > 0.5

@@ -1,4 +1,4 @@
-"""Run a twin beside a robot, and record it."""
+"""Runs a twin beside a robot, and records it."""
 
 from __future__ import annotations
 
@@ -31,10 +31,11 @@ _STATUS_PERIOD = 0.5  # time between status reports [s, real]
 
 @dc.dataclass(frozen=True)
 class TwinResult:
-    """Observations of a twin; `write` makes its metrics.json.
+    """The result of a twin, for metrics.json.
 
     Attributes:
-        ended: Why: "stopped" by the user, or the robot was "silent".
+        ended: Why the twin ended: "stopped" by the user, or the robot was "silent".
+        partings: All reports of differences.
         largest: Largest difference of each of `KINDS`.
         sim_time_s: Time by the robot's clock [s].
         wall_time_s: Real time [s].
@@ -50,7 +51,7 @@ class TwinResult:
     artifacts: dict[str, str]
 
     def write(self, path: Path) -> None:
-        """Write it as JSON.
+        """Write the result as JSON.
 
         Raises:
             OSError: If the file cannot be written.
@@ -73,13 +74,13 @@ def run_twin(
 ) -> TwinResult:
     """Follow a robot with a twin until it falls silent or the user stops.
 
-    It only listens: nothing is ever sent to the robot.
+    The twin only listens. It never sends anything to the robot.
 
     Args:
-        scenario: Of the twin.
-        config: Where the robot's topics are.
+        scenario: The twin's scenario.
+        config: The drivers, for the robot's topics.
         name: The scenario's name, for messages.
-        out: Folder for the results; None writes nothing.
+        out: Folder for the results; None: write nothing.
         stop: Ends the twin when set, by any thread or by a signal handler.
         tell: Called with warnings for the user, from any thread.
         report: Called with a status line twice a second.
@@ -140,7 +141,7 @@ def run_twin(
 
 
 def twin_topics(scenario: Scenario) -> list[Topic]:
-    """Return the topics of a recorded twin, besides those of its station."""
+    """Return the topics to record for a twin, besides those of its station."""
     n = sum(len(own.arm.home) for own in robot_arms(scenario) if own.arm)
     sizes = {
         "difference": len(KINDS),
@@ -179,7 +180,7 @@ def _run(
     warnings: Warnings,
     report: Callable[[str], None],
 ) -> str:
-    """Follow until the end; return why it ended."""
+    """Follow the robot until the end; return why it ended."""
     silence, reported = scenario.twin.silence, -float("inf")
     while not stop.is_set():
         told = listener.take()
@@ -205,7 +206,7 @@ def _run(
 
 
 def status_text(loop: TwinLoop) -> str:
-    """Return what the twin shows now, in one line."""
+    """Return the present state of the twin, in one line."""
     joint, torque, finger, thing = loop.value("twin.difference")
     force = loop.force
     expected = float(abs(loop.value("twin.torque_expected")).max())

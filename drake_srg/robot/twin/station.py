@@ -33,17 +33,17 @@ from drake_srg.station import MakeStation
 from drake_srg.station.plant import MakeModelsPlant
 from drake_srg.types import Vector
 
-# Over this time the lag is averaged [s].
+# Time over which the lag is averaged [s].
 _MEMORY = 2.0
-# Mean square of the speed at which half of the lag is made up for [rad²/s² or m²/s²]:
-# a resting arm reveals nothing about it.
+# Mean square of the speed at which half of the lag is compensated [rad²/s² or m²/s²]: a
+# resting arm does not reveal its lag.
 _SLOW = 1e-3
-# A driver that lags by more is not made up for [s].
+# Largest lag that is compensated [s].
 _LARGEST = 0.3
 
 
 class LagCompensation(LeafSystem):
-    """Commands an arm so that it is where another arm is measured.
+    """Commands an arm so that it follows the measured state of another arm.
 
     .. pydrake_system::
 
@@ -54,11 +54,11 @@ class LagCompensation(LeafSystem):
         output_ports:
         - position_commanded
 
-    `state_measured` (2N), [q; v], is the arm to follow, `state` (2N) the one that is
-    commanded [rad, rad/s or m, m/s]. A driver follows a steady motion with a constant
-    lag L. So the command (N) is ahead by that: q + L v. The system finds L as the
-    least-squares solution of `position_commanded - q = L v` over the last seconds of
-    the commanded arm's own motion.
+    `state_measured` (2N), [q; v], is the state of the arm to follow, and `state` (2N)
+    that of the commanded arm [rad, rad/s or m, m/s]. A driver follows a steady motion
+    with a constant lag L. To make up for it, the command (N) is q + L v. The system
+    finds L as the least-squares solution of `position_commanded - q = L v` over the
+    last seconds of the commanded arm's own motion.
 
     Args:
         size: Number N of joints.
@@ -80,7 +80,7 @@ class LagCompensation(LeafSystem):
         self.DeclarePeriodicDiscreteUpdateEvent(period, 0.0, self._update)
 
     def lag(self, context: Context) -> float:
-        """Return the lag as it is known now [s]."""
+        """Return the present estimate of the lag [s]."""
         product, square = context.get_discrete_state(self._means).value()
         return float(np.clip(product / (square + _SLOW), 0.0, _LARGEST))
 
@@ -127,14 +127,15 @@ def MakeTwin(scenario: Scenario) -> Diagram:
         - twin.parted
 
     The arm follows `robot.arm_state` by its own driver: within the limits of its
-    motors, and as far as nothing is in its way. Fingers and objects are simulated:
-    `gripper.closure_commanded` (1) moves the fingers, contact the objects. The inputs
-    `robot.NAME` are measurements, see `TwinMonitor` and `ObjectComparison`. NaN is a
-    measurement that nobody tells, but for the arm's state, and for
-    `robot.arm_torque_or_zero` (N), which has zeros in its place. With `arms`, ports of
-    an arm and its gripper have their names, such as `robot.left_state` and
-    `robot.left.gripper_state`; outputs `twin.NAME` are those of all. The subsystem
-    `station` is the station, without cameras, safety monitor and disturbances.
+    motors, and unless something is in its way. Fingers and objects are simulated:
+    `gripper.closure_commanded` (1) moves the fingers, and contact moves the objects.
+    The inputs `robot.NAME` are measurements, see `TwinMonitor` and `ObjectComparison`.
+    A missing measurement is NaN, except that the arm's state must not be missing, and
+    that `robot.arm_torque_or_zero` (N) has zeros instead. With `arms`, ports of an arm
+    and its gripper have the names of their models, such as `robot.left_state` and
+    `robot.left.gripper_state`; the outputs `twin.NAME` have values of all arms. The
+    subsystem `station` is the station, without cameras, safety monitor and
+    disturbances.
 
     Raises:
         ScenarioError: If the models do not fit the scenario.
@@ -219,7 +220,7 @@ def AddTwin(
         expected = station.GetOutputPort(f"{arm}.external_torque")
         for output, system, input in (
             (state, following, "state"),
-            # The robot may not publish its fingers' angles; the twin's weigh as much.
+            # The robot may not publish its fingers' angles, so take the twin's.
             (hand, observer, f"{gripper}_state"),
             (state, monitor, f"{arm}_state"),
             (hand, monitor, f"{gripper}_state"),
@@ -262,7 +263,7 @@ def _followed(scenario: Scenario) -> Scenario:
         name: dc.replace(each, arm=timed(each.arm), safety=None)
         for name, each in scenario.arms.items()
     }
-    # With any limit, the station reports the torques that its contacts cause.
+    # The station outputs the torques of its contacts only if there is a limit.
     first = robot_arms(scenario)[0].arm
     limits = [1e9] * (0 if first is None else len(first.home))
     planner = dc.replace(scenario.planner, max_external_torque=limits)

@@ -74,7 +74,7 @@ def test_no_stream_of_messages_moves_the_arm_beyond_its_limits(stream):
     assert np.all(np.isfinite(path))
     assert np.all(np.abs(step) <= limits().step + tolerance)
     assert np.all(np.abs(bend) <= limits().brake + tolerance)
-    # The message of a stream of nothing else than good ones stops nobody.
+    # A stream of only good messages stops nothing.
     if all(event == "good" for event, _ in stream):
         assert goes_on
 

@@ -23,21 +23,21 @@ from drake_srg.robot.serve.dynamixel.protocol import (
 )
 from drake_srg.robot.serve.dynamixel.registers import TABLES, ServoState
 
-# ASYNC_LOW_LATENCY (linux/tty_flags.h) hands on bytes as they arrive; an FTDI adapter,
-# such as the U2D2, otherwise keeps them for up to 16 ms. The flags are the fifth int of
-# `serial_struct` (linux/serial.h), for which 32 are room enough.
+# With ASYNC_LOW_LATENCY (linux/tty_flags.h), an FTDI adapter such as the U2D2 passes on
+# bytes as they arrive; otherwise, it keeps them for up to 16 ms. The flags are the
+# fifth int of `serial_struct` (linux/serial.h), which fits into 32 ints.
 _LOW_LATENCY, _FLAGS, _SERIAL = 1 << 13, 4, 32
 _CHUNK = 4096  # bytes read at once
 _PATIENCE = 2.0  # for a TCP connection [s]
-# Most reads of noise that wait for a silent line.
+# Most reads that `drain` ignores.
 _LONGEST_NOISE = 64
 
 
 class Line:
-    """Sends and receives bytes. It owns its descriptor.
+    """Sends and receives bytes over a descriptor, which it owns.
 
     Args:
-        descriptor: Of a serial device, a terminal or a socket.
+        descriptor: The descriptor of a serial device, a terminal or a socket.
     """
 
     def __init__(self, descriptor: int) -> None:
@@ -53,7 +53,7 @@ class Line:
             data = data[os.write(self._open, data) :]
 
     def read(self, timeout: float) -> bytes:
-        """Return what has arrived, or no bytes if nothing does within `timeout` [s].
+        """Return the bytes that have arrived; b"" if none do within `timeout` [s].
 
         Raises:
             OSError: If the line is closed, by either side.
@@ -67,7 +67,7 @@ class Line:
         return data
 
     def drain(self, silence: float = 0.0) -> None:
-        """Ignore what arrives until nothing has for a time [s].
+        """Ignore bytes until none have arrived for a time [s].
 
         Raises:
             OSError: If the line is closed.
@@ -77,7 +77,7 @@ class Line:
                 return
 
     def close(self) -> None:
-        """Close it. A second call does nothing."""
+        """Close the line. A second call does nothing."""
         if self._descriptor is not None:
             os.close(self._descriptor)
             self._descriptor = None
@@ -94,11 +94,11 @@ def open_line(port: str, baud: int) -> Line:
 
     Args:
         port: `tcp:HOST:PORT`, or the path of a serial device or pseudo terminal.
-        baud: Of a serial device.
+        baud: Baud rate of a serial device [bit/s].
 
     Raises:
         ValueError: If `port` or `baud` is invalid.
-        OSError: If it cannot be opened.
+        OSError: If the port cannot be opened.
     """
     if port.startswith("tcp:"):
         return Line(_connected(port))
@@ -129,7 +129,7 @@ def open_line(port: str, baud: int) -> Line:
 
 
 def _ask_for_low_latency(descriptor: int) -> None:
-    """Have a serial device hand on bytes as they arrive, if it can be told to."""
+    """Have a serial device pass on bytes as they arrive, if it can."""
     settings = array.array("i", [0] * _SERIAL)
     # Pseudo terminals cannot, and macOS does not know the request.
     with contextlib.suppress(OSError, AttributeError):
@@ -162,16 +162,16 @@ class RefusedByServoError(BusError):
 
 
 class ByteLine(Protocol):
-    """A serial line as a master uses it; see `Line`."""
+    """The interface of a serial line for a master; see `Line`."""
 
     def write(self, data: bytes) -> None:
         """Send all bytes."""
 
     def read(self, timeout: float) -> bytes:
-        """Return what arrives within a time [s], perhaps nothing."""
+        """Return the bytes that arrive within a time [s], or b""."""
 
     def drain(self, silence: float = 0.0) -> None:
-        """Ignore what arrives until the line is silent for a time [s]."""
+        """Ignore bytes until none have arrived for a time [s]."""
 
     def close(self) -> None:
         """Close the line."""
@@ -182,8 +182,8 @@ class Reply:
     """A servo's status packet.
 
     Attributes:
-        values: Of the registers that were asked for, by name.
-        fault: What is wrong with the servo; empty if nothing is.
+        values: Values of the requested registers, by name.
+        fault: Faults that the servo reports; empty: none.
     """
 
     values: Mapping[str, int]
@@ -193,16 +193,17 @@ class Reply:
 class ServoBus:
     """Reads and writes the registers of servos by name.
 
-    A reply counts only if no byte of the exchange was noise: every packet intact, from
-    the right servos, in their order, with the right number of bytes. Otherwise, the
-    instruction is repeated, which changes nothing because all of them are idempotent.
+    A reply counts only if the exchange had no noise: every packet must be intact, from
+    the right servos in their order, and with the right number of bytes. Otherwise the
+    bus repeats the instruction. This does no harm, because all instructions that it
+    uses are idempotent.
 
     A reply is never older than `timeout` times the number of tries. Open a new line
-    after a `NoReplyError`, so that no reply may still be on its way.
+    after a `NoReplyError`, because a late reply may still be on its way.
 
     Args:
         protocol: Dynamixel protocol, 1 or 2.
-        timeout: Longest silence before and within a reply [s].
+        timeout: Longest silence before or within a reply [s].
         retries: How often an instruction is repeated.
 
     Raises:
@@ -223,7 +224,7 @@ class ServoBus:
         self._registers = {r.name: r for r in self.table.registers}
 
     def read_all(self, numbers: Sequence[int], *names: str) -> dict[int, Reply]:
-        """Return the same registers of servos, by ID, all read at once.
+        """Read the same registers of several servos at once; return replies by ID.
 
         Raises:
             BusError: If one of the servos does not reply, or refuses.
@@ -244,7 +245,7 @@ class ServoBus:
         self._exchange(packet, [(number, 0)])
 
     def sync_write(self, name: str, values: Mapping[int, int]) -> None:
-        """Write a register of several servos, values by ID, which do not reply.
+        """Write a register of several servos, values by ID. They do not reply.
 
         Raises:
             OSError: If the line is closed.
@@ -275,7 +276,7 @@ class ServoBus:
         return self.table.packets(number, code, data)
 
     def _block(self, names: Sequence[str]) -> tuple[int, int]:
-        """Return address and size of the block that contains these registers."""
+        """Return address and size [bytes] of the block that holds these registers."""
         registers = [self._registers[name] for name in names]
         first = min(register.address for register in registers)
         return first, max(register.places.stop for register in registers) - first
@@ -302,7 +303,7 @@ class ServoBus:
 
         Args:
             packet: The instruction.
-            expected: IDs, in the order of the replies, and number of data bytes.
+            expected: ID and number of data bytes of each reply, in their order.
 
         Raises:
             BusError: If a servo does not reply, or refuses.
@@ -322,7 +323,7 @@ class ServoBus:
     def _collect(
         self, expected: Sequence[tuple[int, int]]
     ) -> list[tuple[str, bytes]] | None:
-        """Return fault and data of each reply, None if something was noise.
+        """Return fault and data of each reply; None if there was noise or silence.
 
         Raises:
             RefusedByServoError: If a servo refuses.

@@ -1,4 +1,4 @@
-"""Drivers of arms and grippers of Dynamixel servos."""
+"""Drivers of arms and grippers with Dynamixel servos."""
 
 import dataclasses as dc
 import math
@@ -22,23 +22,25 @@ Report = Callable[[Sequence[ServoState]], None]
 
 
 class ServoGroup:
-    """Servos of a part of a robot, as the thread of a bus handles them.
+    """The servos of an arm or a gripper, handled by the thread of a bus.
 
-    It switches a servo's torque on where the servo is, and lights its LED. A dark LED
-    thus tells that a servo has rebooted: its torque is off and what has been set up is
-    lost. The group then sets it up again, unless it is too far from its goal by now. A
-    servo that has switched its torque off itself, such as after an overload, stays off.
-    In both cases, the whole group halts for good: it commands nothing any more and
-    reports nothing, so that whoever waits for its reports stops the robot.
+    The group sets up each servo: it switches the torque on, makes the present position
+    the goal, and lights the LED. A dark LED later means that the servo has rebooted and
+    lost these settings. The group then sets it up again, unless it is too far from its
+    goal.
+
+    The whole group halts for good if a rebooted servo is too far from its goal, or if a
+    servo has switched its own torque off, such as after an overload. It then commands
+    and reports nothing. The safety monitor notices the silence and stops the robot.
 
     Args:
-        report: Called with their states, in the bus's thread.
+        report: Called with the servos' states, in the bus's thread.
         effort: Largest torque, as a fraction of the stall torque.
-        resume_within: Largest distance from its goal at which a rebooted servo is
-            driven on [counts].
+        resume_within: Largest distance from its goal at which a rebooted servo
+            continues [counts].
 
     Attributes:
-        ids: Of the servos.
+        ids: IDs of the servos.
         goals: Positions to command, by ID [counts]. Another thread may replace the
             mapping at any time.
         halted: Why the group has halted; empty while it works.
@@ -60,7 +62,7 @@ class ServoGroup:
         self._ready: set[int] = set()
 
     def exchange(self, bus: ServoBus, states: Mapping[int, ServoState]) -> bool:
-        """Take the servos' states and set them up where necessary.
+        """Handle the servos' states: report them, and set up servos if necessary.
 
         Returns:
             Whether their goals may be commanded.
@@ -104,7 +106,7 @@ class ServoGroup:
         )
 
     def _set_up(self, bus: ServoBus, number: int, state: ServoState) -> None:
-        """Switch the torque on where the servo is, and mark it last of all."""
+        """Switch the torque on at the present position; light the LED last."""
         effort = round(self._effort * bus.table.full_effort)
         bus.write(number, bus.table.effort, effort)
         bus.write(number, "torque_enable", 1)
@@ -118,10 +120,10 @@ class ServoGroup:
 
 
 class BusCycle:
-    """Reads the servos of all groups and commands their goals, once per call.
+    """Reads the servos of all groups and commands their goals, once per `cycle`.
 
-    Where a servo does not reply, nothing is reported for any of them, and the line is
-    opened anew.
+    If one servo does not reply, no group reports anything, and the next call opens the
+    line again.
 
     Args:
         open_bus: Opens the bus; raises an OSError if it cannot.
@@ -137,11 +139,11 @@ class BusCycle:
         self.closed = False
 
     def add(self, group: ServoGroup) -> None:
-        """Handle another group of servos from now on."""
+        """Add a group of servos."""
         self._groups = (*self._groups, group)
 
     def remove(self, group: ServoGroup) -> None:
-        """Leave a group where it is; after the last one, close the bus."""
+        """Remove a group, whose servos stay where they are; after the last, close."""
         self._groups = tuple(other for other in self._groups if other is not group)
         if not self._groups and not self.closed:
             self.closed = True
@@ -154,7 +156,7 @@ class BusCycle:
             self._bus = None
 
     def cycle(self) -> bool:
-        """Exchange states and goals with all servos; return whether that worked."""
+        """Exchange states and goals with all servos; return whether that succeeded."""
         groups = [group for group in self._groups if not group.halted]
         numbers = [number for group in groups for number in group.ids]
         try:
@@ -180,7 +182,7 @@ _PAUSE = 0.1  # before a lost bus is opened again [s]
 
 
 class BusThread(BusCycle):
-    """A thread that repeats a bus's exchange, from the first group to the last.
+    """A thread that repeats `cycle` from the first `add` until the last `remove`.
 
     Args:
         open_bus: See `BusCycle`.
@@ -200,16 +202,13 @@ class BusThread(BusCycle):
         self._thread = threading.Thread(target=self._run, name="servo bus", daemon=True)
 
     def add(self, group: ServoGroup) -> None:
-        """Handle another group of servos from now on."""
+        """Add a group of servos; the first one starts the thread."""
         super().add(group)
         if self._thread.ident is None:
             self._thread.start()
 
     def end(self) -> None:
-        """Close the bus.
-
-        Waits for the exchange that is under way.
-        """
+        """Close the bus, after the exchange that is under way."""
         self._done.set()
         if self._thread.ident is not None:
             self._thread.join()
@@ -239,11 +238,11 @@ class DynamixelConfig(Config, HardwareDriver):
     # Time between exchanges with all servos, and the longest silence in one [s].
     period: float = dc.field(default=0.01, metadata=positive())
     timeout: float = dc.field(default=0.01, metadata=positive())
-    # Number of repetitions of an instruction that gets no intact reply.
+    # How often an instruction without an intact reply is repeated.
     retries: int = dc.field(default=1, metadata={"ge": 0})
 
     def bus_of(self, robot: Robot) -> BusCycle:
-        """Return what talks to the bus, which all parts at the port share.
+        """Return the bus, which all parts at the port share.
 
         Raises:
             ScenarioError: If the port is invalid, or another part has other settings.
@@ -264,7 +263,7 @@ class DynamixelConfig(Config, HardwareDriver):
         return bus
 
     def share(self, robot: Robot, bus: BusCycle) -> None:
-        """Have `bus_of` return an open bus."""
+        """Make `bus_of` return a given bus."""
         robot.shared[self.port] = self._settings, bus
 
     @property
@@ -282,18 +281,19 @@ class DynamixelArm(DynamixelConfig):
 
     # IDs of the servos, in the order of the joints; empty: 1, 2, 3 and so on.
     ids: list[int] = dc.field(default_factory=list)
-    # Position where the joint is at 0 [counts], and 1 where the position rises with the
-    # joint's angle or -1: one entry for all joints, or one per joint.
+    # Position at the joint's zero [counts], and the sign of the rotation: 1 if the
+    # position rises with the joint's angle, otherwise -1. One entry for all joints, or
+    # one per joint.
     zero: list[int] = dc.field(default_factory=lambda: [TURN // 2])
     direction: list[int] = dc.field(default_factory=lambda: [1])
     # Torque of a joint at full load, one entry per joint [N m]; empty: unknown.
     full_torque: list[float] = dc.field(default_factory=list)
-    # How late the joints follow a steady motion [s]: position servos trail by damping
-    # over stiffness and by their ramps, and an exchange comes on top. The emulated
-    # servos of the five-axis arm follow 0.11 s late. The safety monitor's
-    # `following_error` is wider by what the fastest joint moves meanwhile.
+    # Delay of the joints in a steady motion [s]: position servos trail by damping over
+    # stiffness and by their ramps, plus the time of an exchange. The emulated servos of
+    # the five-axis arm follow 0.11 s late. The safety monitor's `following_error` is
+    # larger by the fastest joint's motion in this time.
     lag: float = dc.field(default=0.12, metadata={"ge": 0.0})
-    # Largest distance from its target at which a rebooted joint goes on [rad].
+    # Largest distance from its goal at which a rebooted joint continues [rad].
     resume_within: float = dc.field(default=0.05, metadata=positive())
 
     def connect(self, robot: Robot) -> Link:
@@ -362,8 +362,8 @@ class _ArmLink(Link):
 class DynamixelGripper(DynamixelConfig):
     """A gripper with one servo and no finger sensors, such as the SRG.
 
-    Its joints are taken to be where the servo's position puts those of an empty hand.
-    All fingers have something where the servo presses with `contact_load`.
+    The joints are assumed to be those of an empty hand at the servo's position. While
+    the servo's load is at least `contact_load`, all fingers report contact.
     """
 
     # ID of the servo.
@@ -373,11 +373,11 @@ class DynamixelGripper(DynamixelConfig):
     closed: int = 0
     # Largest torque, as a fraction of the stall torque: the force of the grip.
     effort: float = dc.field(default=0.5, metadata=positive(le=1.0))
-    # How far the servo goes on at full load while the fingers stand still, because
+    # How far the servo moves under full load while the fingers stand still, because the
     # wires stretch [counts].
     stretch: float = dc.field(default=0.0, metadata={"ge": 0.0})
-    # Load that means contact, as a fraction of the stall torque. Friction and
-    # springs must stay below it, `effort` above.
+    # Load that means contact, as a fraction of the stall torque. It must exceed the
+    # load of friction and springs, and be below `effort`.
     contact_load: float = dc.field(default=0.15, metadata=positive(le=1.0))
 
     def connect(self, robot: Robot) -> Link:
@@ -411,7 +411,7 @@ class _GripperLink(Link):
         }
         self._far = gripper.proximity.range
         self._config = config
-        # Closure, the share of the servo's way and the joints that belong together.
+        # A table of closure, share of the servo's travel, and joints of an empty hand.
         self._closure = np.linspace(0.0, 1.0, _ENTRIES)
         ways, joints = zip(*map(gripper.empty_hand, self._closure), strict=True)
         self._way, self._joints = np.array(ways) / ways[-1], np.array(joints)
@@ -429,7 +429,7 @@ class _GripperLink(Link):
     def send(self, commands: PortValues) -> None:
         (closure,) = commands["gripper.closure_commanded"]
         if commands["gripper.hold"][0] > 0.5:
-            # Fingers that press on something keep their goal, and so their grip.
+            # Fingers that press on something keep their goal, and thereby their grip.
             if not self._held and not self._pressing and self._position is not None:
                 self._group.goals = {self._config.id: self._position}
             self._held = True

@@ -1,4 +1,4 @@
-"""The bridge to masters of a humanoid's hand: SAKE's and Unitree's topics on DDS."""
+"""The bridge to clients of a humanoid's hand: SAKE's and Unitree's topics on DDS."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ import math
 from collections.abc import Callable, Mapping
 from typing import Any
 
-# First: it says how to install Cyclone DDS if that is missing.
+# Import this first: it says how to install Cyclone DDS if that is missing.
 from drake_srg.robot.serve.dex1.messages import (
     MotorCmds,
     MotorState,
@@ -30,12 +30,12 @@ from drake_srg.robot.serve.dynamixel.bridge import WiredGripper
 from drake_srg.types import Vector
 
 SIDES = ("left", "right", "center")
-OPEN = 5.4  # angle of an open hand, a closed one is at 0 [rad]
+OPEN = 5.4  # angle of an open hand [rad]; a closed one is at 0
 _STATE_PERIOD = 1.0 / 200.0  # s
 _ERROR = 255  # mode of a faulty hand
-_LOST = 2**32 - 1  # in each counter of its state
-_BATCH = 10  # commands that may wait
-# As Unitree's SDK asks for them. A simulation never waits for slow readers.
+_LOST = 2**32 - 1  # value of a faulty hand's counters
+_BATCH = 10  # most waiting commands
+# QoS of Unitree's SDK, except that a simulation never waits for slow readers.
 _WRITES = Qos(
     Policy.Reliability.Reliable(max_blocking_time=0), Policy.History.KeepLast(1)
 )
@@ -43,14 +43,15 @@ _READS = Qos(Policy.Reliability.BestEffort, Policy.History.KeepLast(_BATCH))
 
 
 class Dex1Bridge(Bridge):
-    """One hand's topics, and SAKE's driver behind them.
+    """The topics of one hand, and SAKE's driver behind them.
 
-    Unitree's pair `rt/dex1/SIDE/cmd` and `state` has angles, 0 closed .. 5.4 open, and
-    leaves forces to the grasp manager. SAKE's `rt/gripper/SIDE/cmd_direct` and
-    `state_direct` have percent and a limit of the force. The most recent command wins.
+    Unitree's pair `rt/dex1/SIDE/cmd` and `state` has angles, 0 closed .. 5.4 open
+    [rad]; the grasp manager chooses the forces. SAKE's `rt/gripper/SIDE/cmd_direct` and
+    `state_direct` have positions and a limit of the force, both in percent. The most
+    recent command wins.
 
     Args:
-        participant: Of the DDS domain.
+        participant: A participant in the DDS domain.
         side: "left", "right" or "center".
 
     Attributes:
@@ -108,7 +109,7 @@ class Dex1Bridge(Bridge):
                 self._direct.write(String(data=json.dumps(self._direct_state())))
                 self._telemetry.write(String(data=json.dumps(status)))
                 self._status.write(String(data=json.dumps(status)))
-        except DDSException:  # closed, or readers have too many unconfirmed messages
+        except DDSException:  # closed, or too many messages are unconfirmed
             return
 
     # Commands.
@@ -139,8 +140,8 @@ class Dex1Bridge(Bridge):
 
     def _administer(self, message: Any) -> None:
         match _json_object(message.data).get("action"):
-            case 0 | 1:  # nothing; the state that comes 30 times a second
-                pass
+            case 0 | 1:
+                pass  # 0 asks for nothing, 1 for the state, which comes at 30 Hz anyway
             case 2:
                 self.hand.calibrate()
             case 3:
@@ -218,7 +219,7 @@ def _json_object(text: str) -> dict[str, Any]:
     except ValueError:
         values = None
     if not isinstance(values, dict):
-        raise CommandError("json", f"must be an object of JSON, got {text[:60]!r}")
+        raise CommandError("json", f"must be a JSON object, got {text[:60]!r}")
     return values
 
 

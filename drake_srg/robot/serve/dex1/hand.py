@@ -1,4 +1,4 @@
-"""A hand on SAKE's driver: an emulated MX-64 and what commands it at 30 Hz."""
+"""A hand with SAKE's driver, which commands an emulated MX-64 at 30 Hz."""
 
 from __future__ import annotations
 
@@ -15,14 +15,14 @@ from drake_srg.robot.serve.dynamixel.registers import Mode
 from drake_srg.types import Vector
 
 # The grasp manager: thresholds, states and forces of the driver's default configuration
-# (SAKErobotics/unitree-dex1-ezgripper-driver). Positions are SAKE's percent: 100 open,
-# 0 closed, in 2500 counts of the servo. Forces are percent of the current limit.
-_STALL = 2.0  # positions this close together count as standing still [%]
-_STALL_AT_ZERO = 0.04  # the same where the fingers meet: one count [%]
-_BLOCKED = 5.0  # this far from the goal, something blocks the fingers [%]
+# (SAKErobotics/unitree-dex1-ezgripper-driver). Positions are in percent: 100 open,
+# 0 closed, 2500 counts of the servo apart. Forces are in percent of the current limit.
+_STALL = 2.0  # spread of positions below which the fingers stand still [%]
+_STALL_AT_ZERO = 0.04  # the same where the fingers meet [%]: one count
+_BLOCKED = 5.0  # distance from the goal from which something blocks the fingers [%]
 _AT_ZERO = 1.0  # goals and positions up to here count as closed [%]
-_SAMPLES = 3  # positions that are compared, and how often they must be close
-_CHANGE = 1.0  # a smaller change of the position does not count [%]
+_SAMPLES = 3  # number of positions to compare, and of cycles in which they must agree
+_CHANGE = 1.0  # smallest change of a position that counts [%]
 
 
 class GraspState(enum.IntEnum):
@@ -44,14 +44,14 @@ FORCES = {
 
 @dc.dataclass(frozen=True)
 class Grasp:
-    """The manager's memory from cycle to cycle.
+    """The grasp manager's state, which it keeps from cycle to cycle.
 
     Attributes:
         goal: The position to go to [%].
         commanded: The last commanded position [%]; None before the first.
-        recent: The last positions while it closes, newest last [%].
-        stalls: Cycles in a row in which the fingers stood still.
-        grasped: The command in force when the grasp began [%].
+        recent: The last positions of closing fingers, newest last [%].
+        stalls: Number of consecutive cycles in which the fingers stood still.
+        grasped: The commanded position when the grasp began [%].
     """
 
     state: GraspState = GraspState.IDLE
@@ -62,11 +62,11 @@ class Grasp:
     grasped: float = 0.0
 
     def next(self, commanded: float, position: float) -> Grasp:
-        """Return what follows in the next cycle.
+        """Return the state after another cycle.
 
         The manager runs at 30 Hz. Only closing fingers can touch something. A grasp
-        ends with a command to open further than the one that began it; any other
-        command leaves it as it is.
+        ends with a command to open further than the command that began it. Other
+        commands do not change it.
 
         Args:
             commanded: The commanded position [%].
@@ -100,7 +100,7 @@ class Grasp:
         return self.commanded is not None and commanded > self.commanded
 
     def _look(self, commanded: float, position: float) -> Grasp:
-        """Return this grasp with another position, and the stalls counted."""
+        """Return this grasp with one more position, and the number of stalls."""
         closed = commanded < _AT_ZERO and position <= _AT_ZERO
         if self.state is not GraspState.MOVING or not (commanded < position or closed):
             return dc.replace(self, stalls=0)
@@ -113,10 +113,10 @@ class Grasp:
         return dc.replace(self, recent=recent, stalls=self.stalls + 1)
 
 
-PERIOD = 1.0 / 30.0  # of the driver [s]
+PERIOD = 1.0 / 30.0  # of the driver's cycles [s]
 TRAVEL = 2500  # counts from closed to open
 _ID = 1
-_CURRENT_LIMIT = 1600  # units of 3.36 mA, 100 % of force
+_CURRENT_LIMIT = 1600  # 100 % of force, in units of 3.36 mA
 _SETUP = {
     "operating_mode": Mode.CURRENT_BASED_POSITION,
     "current_limit": _CURRENT_LIMIT,
@@ -126,21 +126,22 @@ _SETUP = {
     "profile_velocity": 500,
     "profile_acceleration": 800,
 }
-# Calibration: where to, with how much force, and how long the fingers must rest.
-_BEYOND, _EFFORT, _REST = -300.0, 30.0, 0.5  # %, %, s
-_STILL = 2  # counts that resting fingers may move
-_MIDDLE, _ACCEPTED = 50.0, 10.0  # %
-_SETTLING = 4.0  # The goal of the servo's profile comes back from beyond [s].
-_FAULT_EFFORT = 10.0  # with which a faulty hand goes to the middle [%]
+# Calibration: goal [%], force [%], and how long the fingers must rest [s].
+_BEYOND, _EFFORT, _REST = -300.0, 30.0, 0.5
+_STILL = 2  # fingers that move less in a cycle are at rest [counts]
+_MIDDLE, _ACCEPTED = 50.0, 10.0  # goal and tolerance of the half-open hand [%]
+# Longest time to open half [s]: the servo's profile first comes back from `_BEYOND`.
+_SETTLING = 4.0
+_FAULT_EFFORT = 10.0  # force of a faulty hand, which goes to the middle [%]
 
 
 class Phase(enum.Enum):
     """Activities of the driver."""
 
-    CLOSING = "closing"  # to find where the fingers meet
-    SETTLING = "settling"  # in the middle, after that
+    CLOSING = "closing"  # finds where the fingers meet
+    SETTLING = "settling"  # then opens half
     READY = "ready"
-    FAULTY = "faulty"  # until its errors are cleared
+    FAULTY = "faulty"  # until the errors are cleared
 
 
 @dc.dataclass(frozen=True)
@@ -149,9 +150,9 @@ class Reading:
 
     Attributes:
         position: 100 open, 0 closed [%].
-        current: As the servo estimates it, positive as it closes [A].
-        voltage: Of the supply [V].
-        temperature: [degrees Celsius].
+        current: The servo's estimate of its current, positive while it closes [A].
+        voltage: Voltage of the supply [V].
+        temperature: Temperature of the motor [degC].
         error: Bits of the hardware error status.
         moving: Whether the servo moves.
     """
@@ -167,18 +168,18 @@ class Reading:
 class Hand:
     """The driver of one hand, in step with simulated time.
 
-    At the start, it closes until the fingers rest, takes that for 0 % and opens half.
-    Then it obeys `command` through the grasp manager. A hardware error sends the hand
-    to the middle; it obeys nothing more until `clear_errors`.
+    At the start, it closes until the fingers rest, takes this position as 0 %, and
+    opens half. Then it obeys `command` through the grasp manager. After a hardware
+    error, the hand opens half and obeys no command until `clear_errors`.
 
     Attributes:
         ports: Names of the station's output ports whose values `advance` needs.
-        phase: What it is doing.
+        phase: The current activity.
         commanded: The last commanded position [%]; None before the first.
-        force: With which the servo moves now [% of the current limit].
+        force: The commanded force [% of the current limit].
         zero: Position at which the fingers meet [counts].
         calibrated: Whether the last calibration succeeded.
-        reading: What it read last.
+        reading: The last reading.
     """
 
     def __init__(self, inbox: CommandInbox, gripper: WiredGripper) -> None:
@@ -195,26 +196,26 @@ class Hand:
         self._due = 0.0  # time of the next cycle [s]
 
     def command(self, position: float, limit: float | None = None) -> None:
-        """Command a position [%], and a limit of the force [%] in place of the rule."""
+        """Command a position [%] and a force limit [%]; None: the manager's force."""
         self.commanded, self._limit = position, limit
 
     def calibrate(self) -> None:
-        """Find out where the fingers meet, then open half."""
+        """Start to find where the fingers meet, and then to open half."""
         self.phase, self.grasp, self.calibrated = Phase.CLOSING, Grasp(), False
         self._still, self._last, self._left = 0.0, math.inf, _SETTLING
 
     def clear_errors(self) -> None:
-        """Reboot the servo; the position at which the fingers meet is kept."""
+        """Reboot the servo, and keep the calibration."""
         self._bus.answer([Packet2(_ID, Instruction.REBOOT)])
         self._set_up()
         self.phase, self.grasp = Phase.READY, Grasp()
 
     def advance(self, time: float, values: Mapping[str, Vector]) -> bool:
-        """Pass the motor's state on; return whether a cycle of the driver was due."""
+        """Pass the motor's state to the servo; return whether a cycle was due."""
         self._bus.sense(time, values)
         if time < self._due - 1e-9:
             return False
-        # Cycles keep their phase, unless the clock has jumped.
+        # Cycles stay on a grid of `PERIOD`, unless the clock has jumped.
         self._due = max(self._due + PERIOD, time)
         self._cycle()
         return True

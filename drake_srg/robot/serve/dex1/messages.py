@@ -1,4 +1,4 @@
-"""DDS types of the hand's topics, by the names and members of Unitree's SDK."""
+"""DDS types of the hand's topics, with the names and members of Unitree's SDK."""
 
 from typing import Any
 
@@ -6,7 +6,7 @@ from drake_srg.common.installing import require
 
 require("cyclonedds", "ros2", "the hand's topics need")
 
-from cyclonedds import idl  # noqa: E402 # once it is known to be there
+from cyclonedds import idl  # noqa: E402 # after the check above
 
 types: Any = idl.types  # mypy does not understand its generic aliases
 

@@ -1,9 +1,8 @@
-"""The bridge to masters of a station's servos, over TCP or a pseudo terminal.
+"""The bridge to clients of a station's servos, over TCP or a pseudo terminal.
 
-Angles of motors are positive clockwise, as in `Motor`.
-
-Clients talk to them as to Dynamixel MX-64 on a serial line, at a pyserial URL such as
-socket://127.0.0.1:4001 or at the device /dev/pts/N.
+To clients, the servos are Dynamixel MX-64 on a serial line, at a pyserial URL such as
+socket://127.0.0.1:4001 or at the device /dev/pts/N. Angles of motors are positive
+clockwise, as in `Motor`.
 """
 
 from __future__ import annotations
@@ -40,9 +39,9 @@ from drake_srg.scenario import Scenario
 from drake_srg.station.plant import MakeModelsPlant
 from drake_srg.types import Vector
 
-_AMBIENT = 25.0  # degrees Celsius, of motors whose heat is not simulated
+_AMBIENT = 25.0  # temperature of motors whose heat is not simulated [degC]
 
-# Angle [rad], speed [rad/s], fraction of full PWM, temperature [degrees Celsius].
+# Angle [rad], speed [rad/s], fraction of full PWM, temperature [degC].
 Sensed = tuple[float, float, float, float]
 
 
@@ -51,8 +50,8 @@ class Mechanism(abc.ABC):
 
     Attributes:
         ports: Names of the station's output ports with the state of the motors.
-        commanded: The input port whose last source is in command of the motors.
-        motors: One per servo.
+        commanded: The input port whose last source commands the motors.
+        motors: The motors, one per servo.
     """
 
     ports: ClassVar[Collection[str]]
@@ -67,12 +66,12 @@ class Mechanism(abc.ABC):
     def command(self, commands: Sequence[MotorCommand | None]) -> PortValues:
         """Return values of the station's input ports for a command per motor.
 
-        A motor without a command, None, stays as it is.
+        A motor whose command is None stays as it is.
         """
 
 
 class WiredGripper(Mechanism):
-    """An SRG whose wires one motor winds."""
+    """An SRG with one motor, which winds the wires."""
 
     ports = ("gripper.motor_state", "gripper.pwm", "gripper.motor_temperature")
     commanded = "gripper.motor_position_commanded"
@@ -99,14 +98,15 @@ class WiredGripper(Mechanism):
 
 
 class Arm(Mechanism):
-    """An arm with a servo per joint, which turns the joint's way: its zero is 2048.
+    """An arm with a servo per joint.
 
-    The joints hold their positions also without torque, and whatever limits it: the
-    simulated arm has no input for that.
+    A servo's position rises with its joint's angle, and is 2048 at 0. The joints hold
+    their positions even with torque switched off or limited, because the simulated arm
+    has no input for torque.
 
     Args:
-        lower: Position limits, shape (N,) [rad].
-        upper: Position limits, shape (N,) [rad].
+        lower: Lower position limits, shape (N,) [rad].
+        upper: Upper position limits, shape (N,) [rad].
         effort: Torque at full PWM, shape (N,) [N m].
     """
 
@@ -128,20 +128,20 @@ class Arm(Mechanism):
     def command(self, commands: Sequence[MotorCommand | None]) -> PortValues:
         """Return values of the station's input ports for a command per motor.
 
-        NaN leaves a joint where it is.
+        A joint without a command gets NaN, and stays where it is.
         """
         q = np.array([math.nan if c is None else -c.position for c in commands])
         return {self.commanded: np.clip(q, self._lower, self._upper)}
 
 
 class ServoGripper(Mechanism):
-    """A gripper with one servo for closure, which obeys its own driver otherwise.
+    """A gripper whose closure one servo commands, through the gripper's own driver.
 
-    Closing raises the position from 2048.
+    Closing raises the servo's position from 2048.
 
     Args:
         travel: Angle of the first joint at closure 1 [rad].
-        joints: Number of joints that its driver commands.
+        joints: Number of joints that the gripper's driver commands.
     """
 
     ports = ("gripper.state_measured", "gripper.pwm")
@@ -176,12 +176,12 @@ class ServoGripper(Mechanism):
 
 
 def station_mechanisms(scenario: Scenario) -> list[Mechanism]:
-    """Return what the servos of a scenario's station move, in the order of their IDs.
+    """Return the mechanisms that servos of a station move, in the order of their IDs.
 
-    An arm of servos has its gripper's on the same bus.
+    An arm of servos has the gripper's servo on the same bus.
 
     Raises:
-        ScenarioError: If no one servo closes the gripper of an arm of servos.
+        ScenarioError: If a single servo cannot close the gripper of an arm of servos.
         ValueError: If the station has no servos.
     """
     arm, gripper = scenario.arm, scenario.gripper
@@ -217,14 +217,14 @@ Keep = Callable[[PortValues, str], None]
 
 
 class _Drive:
-    """A mechanism, its servos, and the commands that they gave last."""
+    """A mechanism, its servos, and their last commands."""
 
     def __init__(self, mechanism: Mechanism, servos: Sequence[Servo]):
         self.mechanism, self.servos = mechanism, servos
         self._commanded: list[MotorCommand | None] = [None] * len(servos)
 
     def yield_motors(self, inbox: CommandInbox) -> None:
-        """Release the motors if another source has commanded them since."""
+        """Release the motors if another source has commanded them meanwhile."""
         engaged = any(self._commanded)
         if engaged and inbox.source(self.mechanism.commanded) != _SOURCE:
             for servo in self.servos:
@@ -238,7 +238,7 @@ class _Drive:
             servo.sense(time, *state)
 
     def command(self, keep: Keep) -> None:
-        """Pass the servos' commands on if one of them is new."""
+        """Pass the servos' commands to the station if any of them is new."""
         commands = [servo.command() for servo in self.servos]
         pairs = zip(commands, self._commanded, strict=True)
         if all(new is None or new.same(old) for new, old in pairs):
@@ -253,10 +253,11 @@ class EmulatedBus:
     Their IDs count from 1, in the order of the mechanisms and their motors.
 
     Args:
+        kind: Class of the servos, which decides their protocol.
         warn: Called with a kind and a message for refusals and shutdowns.
 
     Attributes:
-        servos: By ID at the start.
+        servos: The servos, by their initial IDs.
         ports: Names of the station's output ports whose values `sense` needs.
     """
 
@@ -284,14 +285,14 @@ class EmulatedBus:
         self.ports = tuple(port for m in mechanisms for port in m.ports)
 
     def sense(self, time: float, values: Mapping[str, Vector]) -> None:
-        """Pass values of `ports` at a time [s] to the servos, and their commands on."""
+        """Pass values of `ports` at a time [s] to the servos, and commands back."""
         for drive in self._drives:
             drive.yield_motors(self._inbox)
             drive.sense(time, values)
             drive.command(self._inbox.amend)
 
     def answer(self, packets: Sequence[Packet]) -> list[bytes]:
-        """Carry out packets from the line, and return a reply to each, or no bytes."""
+        """Carry out packets, and return a reply to each; b"" if there is none."""
         for drive in self._drives:
             drive.yield_motors(self._inbox)
         replies = [b"".join(self._replies(packet)) for packet in packets]
@@ -300,7 +301,7 @@ class EmulatedBus:
         return replies
 
     def _replies(self, packet: Packet) -> Iterator[bytes]:
-        """Yield the servos' replies in the order in which they give them."""
+        """Return the servos' replies, in the order in which servos send them."""
         order = {block[0]: k for k, block in enumerate(packet.asked)}
 
         def turn(servo: Servo) -> tuple[int, int]:
@@ -313,7 +314,7 @@ class EmulatedBus:
 
     @property
     def writes(self) -> int:
-        """Number of writes so far."""
+        """Number of write packets so far, valid or not."""
         return sum(servo.writes for servo in self.servos.values())
 
 
@@ -336,13 +337,13 @@ class ServoBridge(Bridge):
     `EmulatedBus`.
 
     Args:
-        where: `tcp:PORT`, `tcp:HOST:PORT` or `pty`. HOST is 127.0.0.1 by default, PORT
-            0 takes a free port.
-        mechanisms: What the servos move; None takes a default `SrgTendonDriver`.
+        where: `tcp:PORT`, `tcp:HOST:PORT` or `pty`. HOST is 127.0.0.1 by default; PORT
+            0 chooses a free port.
+        mechanisms: The mechanisms that servos move; None: a default `SrgTendonDriver`.
         protocol: Dynamixel protocol, 1 or 2.
 
     Attributes:
-        address: Where clients find the servos, "HOST:PORT" or a device.
+        address: Address for clients, "HOST:PORT" or a device.
 
     Raises:
         ValueError: If `where` or `protocol` is invalid.
@@ -411,16 +412,16 @@ class ServoBridge(Bridge):
     def _handle_fault(
         self, loop: asyncio.AbstractEventLoop, context: dict[str, Any]
     ) -> None:
-        """Report an unexpected error; the loop goes on."""
+        """Report an unexpected error; the loop continues."""
         self._warn("fault", repr(context.get("exception") or context["message"]))
 
     def _reader(self) -> PacketReader:
         return PacketReader(self.bus.packets)
 
     def _answer(self, reader: PacketReader, data: bytes) -> list[bytes]:
-        """Take bytes from a client and return the packets for it."""
+        """Take bytes from a client and return the replies."""
         dropped = reader.dropped
-        # Before the lock: the simulation waits for it, and noise takes time.
+        # Parse before locking: the simulation waits for the lock, and noise takes time.
         packets = list(reader.feed(data, asyncio.get_running_loop().time()))
         with self._lock:
             written = self.bus.writes
@@ -433,7 +434,7 @@ class ServoBridge(Bridge):
     # TCP.
 
     async def _listen(self, host: str, port: int) -> str:
-        # create_server alone would not report what is wrong with a name.
+        # create_server alone would not report why a name is invalid.
         found = socket.getaddrinfo(host, port, socket.AF_INET, socket.SOCK_STREAM)
         listener = socket.create_server((str(found[0][4][0]), port))
         server = await asyncio.start_server(self._serve, sock=listener)
@@ -444,7 +445,7 @@ class ServoBridge(Bridge):
         self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter
     ) -> None:
         packets, connection = self._reader(), writer.get_extra_info("socket")
-        # While a client does not read its replies, nothing more is read from it. The
+        # While a client does not read its replies, nothing is read from it. The
         # kernel's keepalive detects clients that have vanished.
         try:
             connection.setsockopt(socket.SOL_SOCKET, socket.SO_KEEPALIVE, 1)
@@ -453,7 +454,7 @@ class ServoBridge(Bridge):
                 await writer.drain()
         except OSError:  # the client has gone
             pass
-        except asyncio.CancelledError:  # whatever it has not read yet
+        except asyncio.CancelledError:  # drop what the client has not read yet
             writer.transport.abort()
             raise
         finally:
@@ -462,8 +463,8 @@ class ServoBridge(Bridge):
     # Pseudo terminal.
 
     async def _open_pty(self) -> str:
-        # The clients' end stays open here too: otherwise the terminal would hang up
-        # when its first client closes it.
+        # Keep the clients' end open here, too. Otherwise the terminal would hang up
+        # once its first client closes it.
         ours, theirs = os.openpty()
         self._stack.callback(os.close, ours)
         self._stack.callback(os.close, theirs)
@@ -488,7 +489,7 @@ class ServoBridge(Bridge):
             nonlocal tail
             with contextlib.suppress(BlockingIOError):
                 for packet in self._answer(reader, os.read(ours, _CHUNK)):
-                    # Unread packets are lost, as on a wire, but only whole ones.
+                    # If the client does not read, drop whole packets, as a wire would.
                     if not tail and (rest := send(packet)) != packet:
                         tail = rest
             if tail:
@@ -505,7 +506,7 @@ class ServoBridge(Bridge):
 
 
 def _parse(where: str) -> tuple[str, int] | None:
-    """Return host and port, or None for a pseudo terminal."""
+    """Return host and port; None for a pseudo terminal."""
     kind, _, rest = where.partition(":")
     host, _, port = rest.rpartition(":")
     if where == "pty":

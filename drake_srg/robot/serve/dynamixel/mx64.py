@@ -1,4 +1,4 @@
-"""The firmware of a Dynamixel MX-64, with Protocol 1.0 and 2.0."""
+"""Emulates the firmware of a Dynamixel MX-64, with Protocol 1.0 or 2.0."""
 
 from __future__ import annotations
 
@@ -38,15 +38,15 @@ from drake_srg.robot.serve.dynamixel.servo import (
 class Mx64(Servo):
     """An MX-64 with Protocol 1.0.
 
-    Goal position, torque enable and torque control mode move the motor. From then on it
-    commands
+    Once a master writes goal position, torque enable or torque control mode, the servo
+    commands its motor:
 
     - in torque control mode: the goal torque
     - otherwise, with torque enabled: the goal position, approached at the moving speed
     - otherwise: zero torque
 
     The torque limit is in 1/1023 of the stall torque; values above `drive.full_scale`
-    allow no more than that. In torque control, it bounds the goal torque in the same
+    have no further effect. In torque control, it limits the goal torque in the same
     units, not the PWM: with both at 20 %, the vendor's log has a load of 420 of 1023.
 
     PID gains, punch, goal acceleration, baud rate, return delay and LEDs are stored
@@ -58,7 +58,7 @@ class Mx64(Servo):
         super().__init__(motor, warn, number)
 
     def reboot(self) -> None:
-        """Start anew, as after a loss of power: torque off, RAM at its defaults."""
+        """Restart, as after a loss of power: torque off, RAM at its defaults."""
         super().reboot()
         self._show()
         self._follow(0.0)
@@ -66,7 +66,7 @@ class Mx64(Servo):
     # Motor.
 
     def command(self) -> MotorCommand | None:
-        """Return the command to the motor, or None if the servo has none."""
+        """Return the command to the motor; None if no master commands it."""
         if not self._engaged:
             return None
         table = self.table
@@ -139,10 +139,11 @@ class Mx64(Servo):
 
 
 _WATCHDOG_UNIT = 0.02  # s
-# Velocity control moves a target that is never further ahead: by then, the gripper's
-# servo gives all its PWM [rad].
+# Largest lead of the moving target in velocity control [rad]. At this error, the
+# gripper's servo gives full PWM.
 _LEAD = 0.5
-# The manual gives no figure for being in position [counts].
+# Largest distance from a goal that counts as in position [counts]: an assumption,
+# because the manual gives no figure.
 _IN_POSITION = 10
 _ARRIVED, _ONGOING = 0x01, 0x02  # bits of the moving status
 _CLEAR_TURNS = b"\x01\x44\x58\x4c\x22"
@@ -153,8 +154,8 @@ _KEPT = {0xFF: (), 0x01: ("id",), 0x02: ("id", "baud_rate")}
 class Mx64P2(Servo):
     """An MX-64 with Protocol 2.0.
 
-    Torque enable moves the motor, and so does the goal of the operating mode while
-    torque is on. From then on it commands
+    Once a master writes torque enable, or the operating mode's goal while torque is on,
+    the servo commands its motor:
 
     - without torque: zero torque
     - in current mode: the goal current
@@ -162,8 +163,8 @@ class Mx64P2(Servo):
     - in velocity mode: a position that moves at the goal velocity
     - in the position modes: the goal position, approached by the profile
 
-    Goal PWM limits the PWM in the other modes, and goal current the current in
-    current-based position mode.
+    In modes other than PWM mode, goal PWM limits the PWM. In current-based position
+    mode, goal current limits the current.
 
     Gains, baud rate, return delay, secondary ID and LED are stored without effect.
     """
@@ -174,11 +175,11 @@ class Mx64P2(Servo):
         self.reboot()
 
     def reboot(self) -> None:
-        """Start anew, as after a loss of power: torque off, RAM at its defaults."""
+        """Restart, as after a loss of power: torque off, RAM at its defaults."""
         super().reboot()
-        self._heard = self._time  # when the last instruction came [s]
-        self._turns = 0  # counts of full turns that positions leave out
-        self._in_first_turn = True  # whether to leave out all full turns
+        self._heard = self._time  # time of the last instruction [s]
+        self._turns = 0  # full turns to subtract from positions [counts]
+        self._in_first_turn = True  # whether to subtract all full turns
         self._profile = Profile(self._state.angle)
         self._shape = Shape.STEP
         self._show()
@@ -187,7 +188,7 @@ class Mx64P2(Servo):
     # Motor.
 
     def command(self) -> MotorCommand | None:
-        """Return the command to the motor, or None if the servo has none."""
+        """Return the command to the motor; None if no master commands it."""
         if not self._engaged:
             return None
         table, motor, speed = self.table, self._motor, self._state.speed
@@ -215,7 +216,7 @@ class Mx64P2(Servo):
         return self._motor.encoder.to_angle(-counts if self.table.reverse else counts)
 
     def _counts(self, angle: float) -> int:
-        """Return the encoder's counts at an angle [rad], in the drive's sense."""
+        """Return the encoder's counts at an angle [rad], with the drive's sign."""
         counts = round(self._motor.encoder.to_counts(angle))
         return -counts if self.table.reverse else counts
 
@@ -251,7 +252,7 @@ class Mx64P2(Servo):
 
     @property
     def _goal_velocity(self) -> float:
-        """Velocity that the goal velocity asks for [rad/s]."""
+        """The goal velocity, positive clockwise [rad/s]."""
         return self.table.direction * self.table["goal_velocity"] * VELOCITY_UNIT
 
     def _follow(self, step: float) -> None:
@@ -319,8 +320,8 @@ class Mx64P2(Servo):
     def _execute(self, packet: Packet) -> bytes | None:
         parameters, own = packet.parameters, self.table["id"]
         match packet.code:
-            # Servos share the reply to a fast read. Only one that asks a servo alone
-            # is answered here.
+            # Servos share the reply to a fast read. Only fast reads of a single servo
+            # are supported.
             case code if code in FAST_READING and len(packet.asked) > 1:
                 return None
             case Instruction.BULK_WRITE if parameters[4:]:

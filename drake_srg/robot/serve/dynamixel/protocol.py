@@ -1,7 +1,7 @@
 """Dynamixel Protocols 1.0 and 2.0: instructions, packets, refusals.
 
 Source: ROBOTIS's public e-manual (emanual.robotis.com: "Protocol 1.0", "Protocol 2.0").
-Numbers of several bytes begin with the lowest byte.
+Numbers are little-endian.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ BROADCAST = 254
 
 
 class Instruction(enum.IntEnum):
-    """Instruction codes. Protocol 1.0 has some of them, with the same meaning."""
+    """Instruction codes of Protocol 2.0. Protocol 1.0 has some of them, too."""
 
     PING = 0x01
     READ = 0x02
@@ -34,14 +34,14 @@ class Instruction(enum.IntEnum):
     FAST_BULK_READ = 0x9A
 
 
-# Instructions that read several servos, which answer although these are broadcast.
+# Instructions that read several servos. They are broadcast, but servos reply.
 GROUP_READING = (
     Instruction.SYNC_READ,
     Instruction.BULK_READ,
     Instruction.FAST_SYNC_READ,
     Instruction.FAST_BULK_READ,
 )
-# Their fast kinds, for which servos share a reply.
+# Group reads in whose reply servos share a packet.
 FAST_READING = (Instruction.FAST_SYNC_READ, Instruction.FAST_BULK_READ)
 
 
@@ -57,7 +57,7 @@ class Fault(enum.IntFlag):
 
 
 class Refusal(enum.IntEnum):
-    """Why a servo refuses an instruction, as Protocol 2.0 numbers its errors."""
+    """Why a servo refuses an instruction: error numbers of Protocol 2.0."""
 
     FAILED = 1
     INSTRUCTION = 2
@@ -69,10 +69,10 @@ class Refusal(enum.IntEnum):
 
 
 class RefusedError(Exception):
-    """An instruction is refused.
+    """Raised if an instruction is refused.
 
     Attributes:
-        kind: Why, for the status packet.
+        kind: The reason, for the status packet.
     """
 
     def __init__(self, kind: Refusal, reason: str):
@@ -85,9 +85,9 @@ class Status:
     """A status packet's content.
 
     Attributes:
-        fault: What is wrong with the servo; empty if nothing is.
-        refusal: Why it refuses the instruction; None if it does not.
-        data: What it was asked for.
+        fault: Faults of the servo; empty: none.
+        refusal: Why the servo refuses the instruction; None: it does not.
+        data: The requested data.
     """
 
     fault: str
@@ -97,12 +97,14 @@ class Status:
 
 @dc.dataclass(frozen=True)
 class _Packet:
-    """An instruction or a status packet, as both protocols have them.
+    """An instruction or a status packet of either protocol.
 
     Attributes:
-        width: Bytes of an address or a length in its parameters.
-        code: Instruction. In a status packet of Protocol 1.0, the error.
-        parameters: Data. In a status packet of Protocol 2.0, after the error.
+        header: First bytes of every packet.
+        width: Size of an address or a length in the parameters [bytes].
+        id: The servo's ID.
+        code: The instruction; in a status packet of Protocol 1.0, the error.
+        parameters: The data; in a status packet of Protocol 2.0, the error comes first.
         intact: Whether the checksum is right.
     """
 
@@ -164,15 +166,15 @@ class Packet1(_Packet):
     width: ClassVar[int] = 1
 
     def encode(self) -> bytes:
-        """Return the bytes that go over the wire."""
+        """Return the packet's bytes."""
         body = bytes([self.id, len(self.parameters) + 2, self.code, *self.parameters])
         return self.header + body + bytes([_checksum(body)])
 
     @classmethod
     def size(cls, data: bytearray) -> int | None:
-        """Return the length of the packet that begins with `data`, a header first.
+        """Return the length of the packet at the start of `data` [bytes].
 
-        None if that needs more bytes, and 0 if no packet begins like this.
+        None if this needs more bytes; 0 if no packet begins like this.
         """
         if len(data) < 4:
             return None
@@ -194,12 +196,12 @@ class Packet1(_Packet):
         refused: Refusal | None,
         data: bytes,
     ) -> Packet1:
-        """Return the status packet of a servo's ID for an instruction code."""
+        """Return the status packet of a servo, by ID, that answers an instruction."""
         return cls(number, fault | (_ERRORS1[refused] if refused else 0), data)
 
     @property
     def status(self) -> Status | None:
-        """Return a status packet's content; None if it is broken or no status."""
+        """Content of a status packet; None if the packet is broken or no status."""
         if not self.intact:
             return None
         fault = Fault(self.code & sum(Fault))
@@ -208,15 +210,15 @@ class Packet1(_Packet):
 
     @classmethod
     def group_read(cls, numbers: Sequence[int], address: int, size: int) -> Packet1:
-        """Return the instruction that reads the same block of several servos."""
+        """Return an instruction to read the same block of several servos."""
         blocks = [bytes([size, number, address]) for number in numbers]
         return cls(BROADCAST, Instruction.BULK_READ, b"\0" + b"".join(blocks))
 
     @property
     def asked(self) -> list[tuple[int, int, int]]:
-        """Return the ID, address and length asked of each of several servos.
+        """ID, address and length for each servo of a group read, in order of reply.
 
-        In the order in which they reply. Empty if the packet is no group read.
+        It is empty for other packets.
         """
         if self.code != Instruction.BULK_READ:
             return []
@@ -231,14 +233,14 @@ def _checksum(body: bytes) -> int:
     return ~sum(body) & 0xFF
 
 
-# Longest packet of Protocol 2.0 in bytes: dynamixel-sdk's. A longer one would take more
-# than the whole control table.
+# Longest packet of Protocol 2.0 [bytes], as in dynamixel-sdk. A whole control table
+# fits into it.
 _LONGEST = 1024
 _RESERVED = 0x00
-_BEFORE_LENGTH = 5  # bytes
+_BEFORE_LENGTH = 5  # bytes before LENGTH
 
 
-# Bit beside the error number of Protocol 2.0: the hardware has an error.
+# Bit of the error byte of Protocol 2.0 that reports a hardware error.
 ALERT = 0x80
 
 
@@ -255,12 +257,12 @@ class Packet2(_Packet):
     width: ClassVar[int] = 2
 
     def encode(self) -> bytes:
-        """Return the bytes that go over the wire."""
+        """Return the packet's bytes."""
         return self._framed(_stuffed(bytes([self.code]) + self.parameters))
 
     @classmethod
     def size(cls, data: bytearray) -> int | None:
-        """Return the length of the packet that begins with `data`, a header first."""
+        """Return the length of the packet at the start of `data`; see `Packet1`."""
         if len(data) < _BEFORE_LENGTH + 2:
             return None
         reserved, number = data[3:5]
@@ -284,7 +286,7 @@ class Packet2(_Packet):
         refused: Refusal | None,
         data: bytes,
     ) -> Packet2:
-        """Return the status packet of a servo's ID for an instruction code."""
+        """Return the status packet of a servo, by ID, that answers an instruction."""
         error = (refused or 0) | (ALERT if fault else 0)
         if code in FAST_READING:
             body = bytes([error, number]) + data
@@ -293,7 +295,7 @@ class Packet2(_Packet):
 
     @property
     def status(self) -> Status | None:
-        """Return a status packet's content; None if it is broken or no status."""
+        """Content of a status packet; None if the packet is broken or no status."""
         if not self.intact or self.code != Instruction.STATUS or not self.parameters:
             return None
         error, data = self.parameters[0], self.parameters[1:]
@@ -305,13 +307,13 @@ class Packet2(_Packet):
 
     @classmethod
     def group_read(cls, numbers: Sequence[int], address: int, size: int) -> Packet2:
-        """Return the instruction that reads the same block of several servos."""
+        """Return an instruction to read the same block of several servos."""
         data = cls.to_bytes(address, size) + bytes(numbers)
         return cls(BROADCAST, Instruction.SYNC_READ, data)
 
     @property
     def asked(self) -> list[tuple[int, int, int]]:
-        """Return the ID, address and length asked of each of several servos."""
+        """ID, address and length for each servo of a group read; see `Packet1`."""
         parameters = self.parameters
         match self.code:
             case Instruction.SYNC_READ | Instruction.FAST_SYNC_READ:
@@ -332,13 +334,13 @@ class Packet2(_Packet):
 
 
 class FastStatus(Packet2):
-    """The status packet that servos share in reply to a fast read, of one servo here.
+    """The status packet that answers a fast read of one servo.
 
-    ROBOTIS's masters take its data as they are: nothing is inserted.
+    No FD is inserted, because ROBOTIS's masters do not remove it from this packet.
     """
 
     def encode(self) -> bytes:
-        """Return the bytes that go over the wire."""
+        """Return the packet's bytes."""
         return self._framed(bytes([self.code]) + self.parameters)
 
 
@@ -347,7 +349,7 @@ def _stuffed(body: bytes) -> bytes:
 
 
 def _remainder(byte: int) -> int:
-    """Return the remainder of a byte and 16 zeros for the polynomial 0x8005."""
+    """Return the remainder of a byte followed by 16 zero bits, for 0x8005."""
     crc = byte << 8
     for _ in range(8):
         crc = crc << 1 ^ (0x8005 if crc & 0x8000 else 0)
@@ -373,7 +375,7 @@ Packet: TypeAlias = Packet1 | Packet2
 
 
 class PacketReader:
-    """Finds packets in a stream of bytes, whatever pieces and noise it arrives in.
+    """Finds packets in a stream of bytes that arrives in pieces and with noise.
 
     A packet that is incomplete after 0.1 s is dropped, so that half a packet never
     swallows the next one. The buffer is always shorter than the longest packet.
@@ -394,7 +396,7 @@ class PacketReader:
         return len(self._buffer)
 
     def feed(self, data: bytes, time: float) -> Iterator[Packet]:
-        """Yield the packets that `data`, received at a time [s], completes."""
+        """Take `data` that arrived at a time [s]; yield the packets it completes."""
         if time - self._last > _PATIENCE:
             self._drop(len(self._buffer))
         self._last = time

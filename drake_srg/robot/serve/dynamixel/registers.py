@@ -20,7 +20,7 @@ from drake_srg.robot.serve.dynamixel.protocol import (
     RefusedError,
 )
 
-TURN = 4096  # counts of a position
+TURN = 4096  # counts of a position per turn
 VOLTAGE_UNIT = 0.1  # V, of limits and of the present voltage
 
 
@@ -35,7 +35,7 @@ class Register:
         default: Value at power on.
         limits: Smallest and largest value that may be written; None if read only.
         signed: Whether the value is in two's complement.
-        values: The values within the limits that may be written, if not all.
+        values: The only values that may be written; empty: all within the limits.
     """
 
     address: int
@@ -48,26 +48,26 @@ class Register:
 
     @property
     def places(self) -> range:
-        """Addresses of its bytes."""
+        """Addresses of the register's bytes."""
         return range(self.address, self.address + self.size)
 
     def encode(self, value: int) -> bytes:
         """Return the bytes of a value.
 
         Raises:
-            OverflowError: If it does not fit.
+            OverflowError: If the value does not fit.
         """
         return value.to_bytes(self.size, "little", signed=self.signed)
 
     def decode(self, data: bytes | bytearray) -> int:
-        """Return the value that bytes hold."""
+        """Return the value of the register's bytes."""
         return int.from_bytes(data, "little", signed=self.signed)
 
     def check(self, value: int, where: str) -> None:
         """Check a value that was written.
 
         Raises:
-            RefusedError: If the register never takes it.
+            RefusedError: If the register cannot take the value.
         """
         if self.limits is None:
             raise RefusedError(Refusal.ACCESS, f"{where}: {self.name} is read only")
@@ -81,15 +81,15 @@ class Register:
 
 @dc.dataclass(frozen=True)
 class ServoState:
-    """A servo's state, in the sense in which its position rises.
+    """A servo's state. Velocity and load are positive if they raise the position.
 
     Attributes:
-        torque: Whether its torque is on.
-        marked: Whether the LED is on, which a reboot turns off.
-        position: [counts].
-        velocity: [rad/s].
-        load: Fraction of the stall torque, as the servo estimates it.
-        fault: What is wrong with the servo; empty if nothing is.
+        torque: Whether the torque is on.
+        marked: Whether the LED is on; a reboot turns it off.
+        position: Position [counts].
+        velocity: Velocity [rad/s].
+        load: The servo's estimate of its torque, as a fraction of the stall torque.
+        fault: Faults of the servo; empty: none.
     """
 
     torque: bool
@@ -101,17 +101,18 @@ class ServoState:
 
 
 class ControlTable(abc.ABC):
-    """The registers, as numbers by name and as the bytes that masters read.
+    """The registers of a servo, as numbers by name, and as bytes for masters.
 
     Attributes:
-        registers: All of them, by address.
+        packets: Class of the protocol's packets.
+        registers: All registers, in the order of their addresses.
         ram: First address of the RAM. Registers below are in the EEPROM.
-        size: Size in bytes.
+        size: Size of the table [bytes].
         identity: Registers in the reply to a ping.
-        reads: Registers with a servo's state.
+        reads: Registers with a servo's state; see `state`.
         effort: Register that limits the torque.
-        full_effort: Its value for all the torque.
-        current_unit: Of currents in registers [A].
+        full_effort: Value of `effort` for the full torque.
+        current_unit: Unit of currents in registers [A].
     """
 
     packets: ClassVar[type[Packet1] | type[Packet2]]
@@ -197,7 +198,7 @@ class ControlTable(abc.ABC):
     @classmethod
     @abc.abstractmethod
     def state(cls, values: Mapping[str, int], fault: str) -> ServoState:
-        """Return the state that the registers `reads` hold, with a `Status`'s fault."""
+        """Return the state from values of `reads`, and the fault of a `Status`."""
 
     @property
     @abc.abstractmethod
@@ -205,7 +206,7 @@ class ControlTable(abc.ABC):
         """Whether the EEPROM is locked."""
 
     def _places(self, address: int, length: int) -> Sequence[int]:
-        """Return where the bytes of an address range are stored."""
+        """Return the addresses at which the bytes of a range are stored."""
         return range(address, address + length)
 
     @abc.abstractmethod
@@ -215,7 +216,7 @@ class ControlTable(abc.ABC):
         """Check that these addresses may be written at once.
 
         Raises:
-            RefusedError: If not.
+            RefusedError: If they may not.
         """
 
     @abc.abstractmethod
@@ -238,7 +239,7 @@ class ControlTable(abc.ABC):
 
 # Units of the MX-64 with Protocol 1.0.
 SPEED_UNIT = 0.114 * math.tau / 60  # rad/s
-FULL_TORQUE = 1023  # torque limit or load of 100 %, which is the stall torque
+FULL_TORQUE = 1023  # torque limit or load of 100 %: the stall torque
 CLOCKWISE = 1024  # direction bit of speeds, loads and torques
 
 
@@ -300,7 +301,7 @@ class ControlTable1(ControlTable):
 
     @classmethod
     def state(cls, values: Mapping[str, int], fault: str) -> ServoState:
-        """Return the state that the registers `reads` hold, with a `Status`'s fault."""
+        """Return the state from values of `reads`, and the fault of a `Status`."""
         return ServoState(
             torque=bool(values["torque_enable"]),
             marked=bool(values["led"]),
@@ -337,13 +338,13 @@ class ControlTable1(ControlTable):
 
 
 def encode_directed(value: float) -> int:
-    """Encode a value as size and direction; positive winds, which is clockwise."""
+    """Encode a value as size and direction bit; positive is clockwise."""
     size = min(abs(round(value)), FULL_TORQUE)
     return size | CLOCKWISE if size and value > 0 else size
 
 
 def decode_directed(value: int) -> int:
-    """Return the number that `encode_directed` has encoded, positive clockwise."""
+    """Return the value of a number from `encode_directed`; positive is clockwise."""
     size = value & FULL_TORQUE
     return size if value & CLOCKWISE else -size
 
@@ -354,7 +355,7 @@ ACCELERATION_UNIT = 214.577 * math.tau / 60**2  # rad/s²
 FULL_PWM = 885  # 100 %
 
 _POSITIONS = (1 - 256 * TURN, 256 * TURN - 1)
-# Without all turns, position control ignores larger offsets.
+# Position control of a single turn ignores larger offsets.
 _SINGLE_TURN_OFFSET = 1024
 
 
@@ -369,7 +370,7 @@ class Mode(enum.IntEnum):
     PWM = 16
 
 
-# Registers that move the motor in other modes than position modes.
+# Registers that move the motor in modes other than the position modes.
 _GOALS = {
     Mode.CURRENT: "goal_current",
     Mode.VELOCITY: "goal_velocity",
@@ -385,7 +386,7 @@ class DriveMode(enum.IntFlag):
 
 
 def _indirect(first: int, address: int, data: int) -> list[Register]:
-    """Return 28 indirect addresses, from number `first` on, and their data."""
+    """Return registers of 28 indirect addresses, from number `first`, and data."""
     addresses, values = [], []
     for n, place in enumerate(range(data, data + 28), start=first):
         where = address + 2 * (place - data)
@@ -469,7 +470,7 @@ class ControlTable2(ControlTable):
 
     @classmethod
     def state(cls, values: Mapping[str, int], fault: str) -> ServoState:
-        """Return the state that the registers `reads` hold, with a `Status`'s fault."""
+        """Return the state from values of `reads`, and the fault of a `Status`."""
         return ServoState(
             torque=bool(values["torque_enable"]),
             marked=bool(values["led"]),
@@ -486,7 +487,7 @@ class ControlTable2(ControlTable):
 
     @property
     def offset(self) -> int:
-        """The homing offset that counts."""
+        """The effective homing offset [counts]."""
         offset = self["homing_offset"]
         ignored = self.mode is Mode.POSITION and abs(offset) > _SINGLE_TURN_OFFSET
         return 0 if ignored else offset
@@ -498,7 +499,7 @@ class ControlTable2(ControlTable):
 
     @property
     def reverse(self) -> bool:
-        """Whether the drive mode reverses the sense of rotation."""
+        """Whether the drive mode reverses the direction of rotation."""
         return bool(self["drive_mode"] & DriveMode.REVERSE)
 
     @property
@@ -512,15 +513,16 @@ class ControlTable2(ControlTable):
         return _GOALS.get(self.mode, "goal_position")
 
     def stop(self) -> None:
-        """Set the goal to where the motor is, or to zero."""
+        """Set the goal position to the present one, or the goal of other modes to 0."""
         here = self["present_position"] if self.goal == "goal_position" else 0
         self[self.goal] = here
 
     def reset_goals(self) -> None:
         """Set goals and profile as after a change of the operating mode.
 
-        The manual sets goal PWM and goal current to their limits in all modes. Here the
-        goal that moves the motor does not: it would move with all its force.
+        According to the manual, goal PWM and goal current go to their limits in all
+        modes. Here, the goal that moves the motor becomes 0 instead: otherwise the
+        motor would move at full force.
         """
         for what in ("pwm", "current"):
             self[f"goal_{what}"] = self[f"{what}_limit"]
@@ -534,7 +536,7 @@ class ControlTable2(ControlTable):
             self[f"goal_{what}"] = min(max(goal, -limit), limit)
 
     def profile(self, way: float) -> tuple[float, float]:
-        """Return the velocity and acceleration for a way, in rad, rad/s and rad/s²."""
+        """Return velocity [rad/s] and acceleration [rad/s²] for a distance [rad]."""
         velocity, ramp = self["profile_velocity"], self["profile_acceleration"]
         if velocity == 0 or way == 0.0:  # no profile, or no motion
             return math.inf, math.inf
@@ -558,7 +560,7 @@ class ControlTable2(ControlTable):
         return [self._place(place) for place in range(address, address + length)]
 
     def _place(self, address: int) -> int:
-        """Return the address that indirect data stand for, or the address itself."""
+        """Return the address that an indirect data address refers to, or itself."""
         register = self._at.get(address)
         if register is None or not register.name.startswith("indirect_data_"):
             return address

@@ -1,4 +1,4 @@
-"""The firmware of a Dynamixel servo, as far as both protocols share it."""
+"""Emulates the part of a Dynamixel servo's firmware that both protocols share."""
 
 from __future__ import annotations
 
@@ -38,10 +38,10 @@ class Profile:
     The velocity stays continuous when the goal or the limits change.
 
     Attributes:
-        position: [rad].
-        velocity: [rad/s].
-        max_velocity: [rad/s]; infinite: goals are reached at once.
-        max_acceleration: [rad/s²]; infinite: no ramps.
+        position: Position of the target [rad].
+        velocity: Velocity of the target [rad/s].
+        max_velocity: Largest velocity [rad/s]; infinite: reach goals at once.
+        max_acceleration: Largest acceleration [rad/s²]; infinite: no ramps.
     """
 
     position: float = 0.0
@@ -54,7 +54,7 @@ class Profile:
         self.position, self.velocity = position, 0.0
 
     def shape(self, way: float) -> Shape:
-        """Return the shape of a motion from rest over a way [rad]."""
+        """Return the shape of a motion from rest over a distance [rad]."""
         if math.isinf(self.max_velocity):
             return Shape.STEP
         if math.isinf(self.max_acceleration):
@@ -69,8 +69,8 @@ class Profile:
             self.rest(goal)
         elif step > 0.0:
             if not math.isinf(self.max_acceleration):
-                # Largest velocity v from which this and the next steps can stop in
-                # time: v² + a step v = 2 a way.
+                # Largest velocity v after this step from which the next steps can
+                # still stop at the goal: v² + a step v = 2 a way.
                 half = self.max_acceleration * step / 2
                 square = 2 * self.max_acceleration * abs(way)
                 divisor = half + math.hypot(half, square**0.5)  # 0: cannot accelerate
@@ -82,7 +82,7 @@ class Profile:
                 self.position += self.velocity * step
 
     def run(self, velocity: float, step: float) -> None:
-        """Move for a step [s], towards a velocity [rad/s]."""
+        """Accelerate towards a velocity [rad/s] for a step [s], and move."""
         self._change(velocity, step)
         self.position += self.velocity * step
 
@@ -117,15 +117,16 @@ class Encoder:
         return (self.zero - counts) / _COUNTS
 
 
-# On the SRG's spool, which closing turns clockwise. Zero is the position with the
-# fingers open and the wires taut. SAKE's 100 % are 2500 counts or 29.1 mm of wire,
-# about what a finger needs for the full range of both joints (28.8 mm here); with this
-# value the middle of that range is the middle of a turn. Calibration without an object
-# ends where the pads meet, after 19.7 mm plus up to 1.7 mm by which the wires stretch
-# under 43 N. The stretch relaxes while the zero is read, so the zero is at 1456 to 1537
-# and the fingers are fully open at 70 to 74 %.
+# The encoder on the SRG's spool, which turns clockwise to close. Angle 0 is where the
+# fingers are open and the wires taut. SAKE's 100 % are 2500 counts, or 29.1 mm of wire.
+# This is about the wire that a finger needs for the full range of both joints (28.8 mm
+# here), and the value below puts the middle of that range at the middle of a turn.
+# Calibration without an object ends where the pads meet: after 19.7 mm, plus up to
+# 1.7 mm by which the wires stretch under 43 N. The stretch relaxes while the servo
+# reads SAKE's zero. This zero is therefore at 1456 to 1537 counts, and the fingers are
+# fully open at 70 to 74 %.
 SPOOL = Encoder(3298)
-# On a joint, whose range is usually on both sides of 0.
+# The encoder on a joint, whose range usually extends to both sides of 0.
 JOINT = Encoder(TURN // 2)
 
 
@@ -134,11 +135,11 @@ class MotorState:
     """Measurements of a servo's motor.
 
     Attributes:
-        angle: Of the output shaft, positive clockwise [rad].
-        speed: Of the output shaft [rad/s].
-        pwm: Fraction of full scale.
-        current: [A], positive where its torque is clockwise.
-        temperature: [degrees Celsius].
+        angle: Angle of the output shaft, positive clockwise [rad].
+        speed: Speed of the output shaft, positive clockwise [rad/s].
+        pwm: PWM, as a fraction of full scale.
+        current: Current, positive for a clockwise torque [A].
+        temperature: Temperature [degC].
     """
 
     angle: float = 0.0
@@ -150,13 +151,13 @@ class MotorState:
 
 @dc.dataclass(frozen=True)
 class MotorCommand:
-    """The servo's command to its motor.
+    """A servo's command to its motor.
 
     Attributes:
         position: Angle of the output shaft [rad]; NaN if `torque` applies.
         torque: Fraction of the torque at full PWM, positive clockwise; NaN if
             `position` applies.
-        limit: Force limit kappa, fraction of full PWM, 0 .. 1.
+        limit: The force limit kappa, as a fraction of full PWM, 0 .. 1.
     """
 
     position: float
@@ -164,23 +165,25 @@ class MotorCommand:
     limit: float
 
     def same(self, other: MotorCommand | None) -> bool:
-        """Return whether two commands are equal, where NaN equals NaN."""
+        """Return whether two commands are equal; NaN equals NaN."""
         return repr(self) == repr(other)
 
 
 class Motor:
-    """A motor that turns a joint, as its servo's firmware sees it.
+    """Converts between units of a servo's firmware and of the simulated motor.
 
-    It converts between amperes and duty of a servo and fractions of full PWM. A duty is
-    a fraction of the supply voltage. Full PWM is what the mechanism calls full scale.
+    The firmware has currents [A] and duties, which are fractions of the supply voltage.
+    The simulated motor has fractions of full PWM, the mechanism's full scale.
 
     Args:
+        encoder: Encoder of the output shaft.
         supply_voltage: Voltage of the supply, which never sags [V].
-        stall_current: [A].
+        stall_current: Current at stall and full supply voltage [A].
         full_duty: The duty of full PWM.
 
     Attributes:
-        supply_voltage: [V].
+        encoder: Encoder of the output shaft.
+        supply_voltage: Voltage of the supply [V].
         full_duty: The duty of full PWM.
     """
 
@@ -199,7 +202,7 @@ class Motor:
     def sense(
         self, angle: float, speed: float, pwm: float, temperature: float
     ) -> MotorState:
-        """Return the state that the registers show, with the current that they show."""
+        """Return the state for the registers, with the servo's estimate of current."""
         current = self._load_at(pwm, speed) * self._stall_current
         return MotorState(angle, speed, pwm, current, temperature)
 
@@ -208,11 +211,11 @@ class Motor:
         return current / self._stall_current
 
     def torque(self, current: float) -> float:
-        """Return the torque at a current [A], as a fraction of that at full PWM."""
+        """Return the torque at a current [A], as a fraction of full PWM's."""
         return self.load(current) / self.full_duty
 
     def limit(self, duty: float) -> float:
-        """Return the force limit of a duty."""
+        """Return the force limit that corresponds to a duty."""
         return min(abs(duty) / self.full_duty, 1.0)
 
     def torque_of_duty(self, duty: float, speed: float) -> float:
@@ -220,14 +223,14 @@ class Motor:
         return duty / self.full_duty
 
     def limit_of_current(self, current: float, speed: float) -> float:
-        """Return the force limit of a current [A] at a speed [rad/s].
+        """Return the force limit that limits the current [A] at a speed [rad/s].
 
-        At rest it gives the torque of that current.
+        At rest, it allows the torque of that current.
         """
         return min(self.torque(abs(current)), 1.0)
 
     def _load_at(self, pwm: float, speed: float) -> float:
-        """Return the torque over the stall torque at a PWM and a speed [rad/s]."""
+        """Return the load at a PWM and a speed [rad/s], over the stall torque."""
         return pwm * self.full_duty
 
 
@@ -244,16 +247,16 @@ class SpoolMotor(Motor):
     def torque_of_duty(self, duty: float, speed: float) -> float:
         """Return the torque command that gives a duty at a speed [rad/s].
 
-        Torque control adds duty against the back-EMF, which is taken off here.
+        Torque control adds duty to make up for the back-EMF. This is subtracted here.
         """
         useful = self._drive.useful_pwm(duty / self.full_duty)
         return useful - self._added(speed)
 
     def limit_of_current(self, current: float, speed: float) -> float:
-        """Return the force limit of a current [A] at a speed [rad/s].
+        """Return the force limit that limits the current [A] at a speed [rad/s].
 
-        Towards the goal (a positive speed) back-EMF takes none of the limit, as in
-        torque control.
+        Speeds are positive towards the goal. There, the limit makes up for the
+        back-EMF, as torque control does.
         """
         useful = self.torque(abs(current)) + self._added(speed)
         return min(max(self._drive.pwm_of(useful), 0.0), 1.0)
@@ -270,13 +273,13 @@ class SpoolMotor(Motor):
         )
 
 
-# The e-manual defines an overload as "persistent load exceeds maximum output". Here:
-# the output is at its limit, and above a fifth of the stall torque (what ROBOTIS
-# recommends for continuous load), for this time. A user saw an MX-64 shut down after
+# The e-manual defines an overload as "persistent load exceeds maximum output". Here, it
+# is an output at its limit for this time, if it exceeds a fifth of the stall torque
+# (ROBOTIS's recommendation for continuous load). A user saw an MX-64 shut down after
 # 10 s at 4 A, after 20 s at 2 A, and not at 1 A (forum.robotis.com, "Moment of
 # dynamixel").
 _OVERLOAD_TIME = 10.0  # s
-_STEPS = 1023  # of the load that the servo measures, up to the stall torque
+_STEPS = 1023  # steps of the measured load, up to the stall torque
 _SUSTAINED = _STEPS // 5
 
 _WRITING = (
@@ -290,16 +293,18 @@ _WRITING = (
 class Servo(abc.ABC):
     """A servo that answers packets, senses its motor and commands it.
 
-    It commands nothing until a master writes a register that moves the motor. After
-    `release` it again commands nothing and ignores the load, until the next such write.
+    Until a master writes a register that moves the motor, it commands nothing. After
+    `release`, it commands nothing and ignores the load until the next such write.
 
     Angles and speeds are positive clockwise, which lowers the position.
 
     Args:
         warn: Called with a kind and a message for each refusal and each shutdown.
+        number: The servo's initial ID.
 
     Attributes:
-        writes: Number of write packets for this servo so far, good and bad.
+        table: The servo's registers.
+        writes: Number of write packets for this servo so far, valid or not.
     """
 
     table: ControlTable
@@ -321,14 +326,14 @@ class Servo(abc.ABC):
     def sense(
         self, time: float, angle: float, speed: float, pwm: float, temperature: float
     ) -> None:
-        """Take the motor's state into the registers.
+        """Take the motor's state into the registers, and advance the target.
 
         Args:
             time: Simulated time [s].
-            angle: Of the output shaft [rad].
-            speed: Of the output shaft [rad/s].
-            pwm: Fraction of full scale.
-            temperature: Temperature of the motor [degrees Celsius].
+            angle: Angle of the output shaft [rad].
+            speed: Speed of the output shaft [rad/s].
+            pwm: PWM, as a fraction of full scale.
+            temperature: Temperature of the motor [degC].
         """
         table = self.table
         step, self._time = max(time - self._time, 0.0), time
@@ -343,14 +348,14 @@ class Servo(abc.ABC):
 
     @abc.abstractmethod
     def command(self) -> MotorCommand | None:
-        """Return the command to the motor, or None if the servo has none."""
+        """Return the command to the motor; None if no master commands it."""
 
     def release(self) -> None:
         """Leave the motor to another source of commands."""
         self._engaged = False
 
     def reboot(self) -> None:
-        """Start anew, as after a loss of power: torque off, RAM at its defaults."""
+        """Restart, as after a loss of power: torque off, RAM at its defaults."""
         table = self.table
         table.reset(r.name for r in table.registers if r.address >= table.ram)
         self._registered = b""
@@ -362,11 +367,11 @@ class Servo(abc.ABC):
 
     @abc.abstractmethod
     def _follow(self, step: float) -> None:
-        """Move the target on by a step [s]."""
+        """Advance the target by a step [s]."""
 
     @abc.abstractmethod
     def _output_limit(self) -> float:
-        """Return the largest load that the registers allow, over the stall torque."""
+        """Return the largest allowed load, as a fraction of the stall torque."""
 
     @abc.abstractmethod
     def _shut_down(self, faults: Fault) -> None:
@@ -391,7 +396,7 @@ class Servo(abc.ABC):
 
     @property
     def _faults(self) -> Fault:
-        """The servo's own faults now."""
+        """The servo's present faults."""
         table, faults = self.table, Fault(0)
         low, high = table["min_voltage_limit"], table["max_voltage_limit"]
         if not low <= table["present_voltage"] <= high:
@@ -437,10 +442,10 @@ class Servo(abc.ABC):
         return answer(own, code, self._shown_faults, refused, data or b"").encode()
 
     def _execute(self, packet: Packet) -> bytes | None:
-        """Carry out an instruction; return its data, None if it asks another servo.
+        """Carry out an instruction; return its data, None if it is for other servos.
 
         Raises:
-            RefusedError: If it is invalid.
+            RefusedError: If the instruction is invalid.
         """
         parameters = packet.parameters
         width = packet.width
@@ -489,10 +494,10 @@ class Servo(abc.ABC):
         self._follow(0.0)
 
     def _register(self, parameters: bytes) -> None:
-        """Keep the parameters of a write for an action; none to forget them."""
+        """Keep the parameters of a write until an action; b"" forgets them."""
         self._registered = parameters
         self.table["registered"] = int(bool(parameters))
 
     @abc.abstractmethod
     def _wrote(self, written: set[str]) -> None:
-        """Do what registers ask that have been written."""
+        """React to registers that were written, by their names."""

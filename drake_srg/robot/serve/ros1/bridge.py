@@ -1,4 +1,4 @@
-"""The bridge to ROS 1: a node that registers at the master and answers other nodes."""
+"""The bridge to ROS 1: a node that registers at the master and serves other nodes."""
 
 from __future__ import annotations
 
@@ -28,27 +28,26 @@ from drake_srg.robot.serve.ros1.xmlrpc import XmlRpcError, call, serve
 from drake_srg.robot.serve.sockets import IoThread, own_address
 
 _DEFAULT_MASTER = "http://localhost:11311"
-# How long the constructor waits for the first attempt to register [s, real]. With a
-# roscore that takes some ms; then the first status is right.
+# How long the constructor waits for the first attempt to register [s, real], so that
+# the first status is right. With a roscore, an attempt takes some ms.
 _REGISTRATION_TIMEOUT = 1.0
-# Time between checks that the master still knows the node, and for all goodbyes to it
-# together [s, real].
+# Time between checks that the master still knows the node, and for unregistering all
+# topics together [s, real].
 _POLL, _GOODBYE = 1.0, 0.5
 
 
 class Ros1Bridge(RosBridge):
     """A ROS 1 node that subscribes to an inbox's topics and publishes others.
 
-    It can be constructed without a roscore: it waits for one, and registers again when
-    roscore restarts. On a request to shut down, such as `rosnode kill`, it closes.
+    Without a roscore, it waits for one, and it registers again when roscore restarts.
+    On a request to shut down, such as `rosnode kill`, it closes.
 
     Args:
-        inbox: Where commands go. Every message is deserialized, which takes 1 to 3 us;
-            a client that sends at 1 kHz leaves 1 ms.
+        inbox: Receives the commands. Every message is deserialized, which takes 1 to
+            3 us.
         topics: The topics to publish. A subscriber that reads too slowly loses the
             oldest messages.
-        master: The master's URI. None takes $ROS_MASTER_URI, or
-            http://localhost:11311.
+        master: The master's URI; None: $ROS_MASTER_URI, or http://localhost:11311.
         host: Address or network interface of this machine. The node listens there and
             gives its address to peers, which must be able to reach it. $ROS_IP and
             $ROS_HOSTNAME are ignored, so that settings for other nodes do not open this
@@ -70,7 +69,7 @@ class Ros1Bridge(RosBridge):
         name: str = "/drake_srg",
     ):
         super().__init__(get_typestore(Stores.ROS1_NOETIC), inbox)
-        # ROS 1 has no services of ROS 2.
+        # Actions of ROS 2 do not exist in ROS 1.
         topics = [topic for topic in topics if _is_ours(topic)]
         self._sequence = {topic.name: 0 for topic in topics}
         self._publications = {
@@ -127,7 +126,7 @@ class Ros1Bridge(RosBridge):
 
     @property
     def closed(self) -> bool:
-        """Whether it was closed or told to shut down."""
+        """Whether the node was closed or told to shut down."""
         return self._closed
 
     def has_subscribers(self, topic: str) -> bool:
@@ -136,7 +135,7 @@ class Ros1Bridge(RosBridge):
         return publication is not None and len(publication.connections) > 0
 
     def publish(self, topic: Topic, time: float, values: Sequence[Any]) -> None:
-        """Send the message that `topic.convert` makes of values at a time [s]."""
+        """Send the message that `topic.convert` makes from values at a time [s]."""
         # Unlike in DDS, later subscribers do not get earlier messages.
         if self.has_subscribers(topic.name):
             super().publish(topic, time, values)
@@ -176,7 +175,7 @@ class Ros1Bridge(RosBridge):
     # Called in the thread of the event loop.
 
     async def _start(self, timeout: float) -> None:
-        """Listen to peers, and start to look for the master.
+        """Listen to peers, and start to register at the master.
 
         Args:
             timeout: How long to wait for the first attempt to register, successful or
@@ -218,7 +217,7 @@ class Ros1Bridge(RosBridge):
     async def _stay_registered(self, tried: asyncio.Event) -> None:
         """Register whenever the master does not know the node.
 
-        Sets `tried` after the first attempt.
+        Set `tried` after the first attempt.
         """
         warnings = self._ours.warnings
         while True:
@@ -247,8 +246,8 @@ class Ros1Bridge(RosBridge):
         for topic, subscription in self._subscriptions.items():
             updates, type = subscription.updates, subscription.type.name
             peers = await self._call("registerSubscriber", topic, type, self._uri)
-            # Otherwise the master has sent a newer list while its answer was on the
-            # way.
+            # If `updates` has changed, the master sent a newer list while its answer
+            # was on the way.
             if subscription.updates == updates:
                 subscription.update(map(str, peers))
 
@@ -277,7 +276,7 @@ class Ros1Bridge(RosBridge):
     def _handle_fault(
         self, loop: asyncio.AbstractEventLoop, context: dict[str, Any]
     ) -> None:
-        """Report an unexpected error; the loop goes on."""
+        """Report an unexpected error; the loop continues."""
         reason = context.get("exception") or context["message"]
         self._ours.warnings.warn("ROS 1 fault", f"ROS 1: {reason!r}")
 
@@ -301,11 +300,11 @@ def _check_uri(uri: str) -> None:
 
 
 class SlaveApi:
-    """ROS 1's slave API: `getPid` of the protocol is `get_pid` here, and so on.
+    """ROS 1's slave API. Methods have Python's names, such as `get_pid` for `getPid`.
 
     Each method takes the caller's name first and returns [code, message, value]. The
     code is 1 for success, -1 for an error of the caller and 0 for a failure. Source:
-    wiki.ros.org/ROS/Slave_API, but for getBusStats, which no tool of ROS calls.
+    wiki.ros.org/ROS/Slave_API. getBusStats is missing: no ROS tool calls it.
 
     Args:
         master: The master's URI.
@@ -362,7 +361,7 @@ class SlaveApi:
         return [1, "shutdown", 0]
 
     def get_pid(self, caller: str) -> list[Any]:
-        """Return the process id."""
+        """Return the process ID."""
         return [1, "", os.getpid()]
 
     def get_subscriptions(self, caller: str) -> list[Any]:
@@ -380,7 +379,7 @@ class SlaveApi:
     def publisher_update(
         self, caller: str, topic: str, publishers: list[str]
     ) -> list[Any]:
-        """Take the master's list of publishers of a topic."""
+        """Receive the master's list of publishers of a topic."""
         if topic not in self._subscriptions:
             return [-1, f"no subscription to {topic}", 0]
         self._subscriptions[topic].update(map(str, publishers))

@@ -26,11 +26,13 @@ from drake_srg.robot.serve.sockets import MOST_LOOKUPS, address_of
 FRAME_LIMIT = 2**20
 # Wildcard for a type or an MD5 sum.
 ANY = "*"
-# Messages queued for a slow subscriber before the oldest is lost: ROS 2's default.
+# Length of the queue for a slow subscriber, ROS 2's default. When it is full, the
+# oldest message is lost.
 _QUEUE = 10
 # Time for a peer to send its connection header [s, real].
 _HANDSHAKE = 5.0
-# Time before a publisher is tried again [s, real]; it doubles after each failure.
+# Time before the next attempt to reach a publisher, which doubles after each failure,
+# and its maximum [s, real].
 _RETRY, _LONGEST_RETRY = 0.5, 4.0
 
 _LENGTH = struct.Struct("<I")
@@ -47,7 +49,7 @@ class MismatchError(TcprosError):
 
 @dc.dataclass(frozen=True)
 class MessageType:
-    """A message type as ROS 1 describes it in connection headers."""
+    """A message type, described as in ROS 1's connection headers."""
 
     name: str  # such as "std_msgs/Int32"
     md5sum: str
@@ -55,7 +57,7 @@ class MessageType:
 
 
 class Connection:
-    """A connection as `rosnode info` shows it.
+    """A connection, described as in `rosnode info`.
 
     Attributes:
         peer: Name of a subscriber, or URI of a publisher.
@@ -66,7 +68,7 @@ class Connection:
 
 
 def frame(content: bytes | memoryview) -> bytes:
-    """Return content with its length in front."""
+    """Return content preceded by its length."""
     return b"".join((_LENGTH.pack(len(content)), content))
 
 
@@ -77,7 +79,7 @@ async def frames(
 
     Raises:
         TcprosError: If a frame is larger than the limit [bytes], or the stream ends
-            within one.
+            within a frame.
     """
     while first := await reader.read(1):
         try:
@@ -119,10 +121,11 @@ def decode_header(content: bytes) -> dict[str, str]:
 
 @dc.dataclass(frozen=True)
 class Endpoint:
-    """Our side of every connection.
+    """Our node, as one end of every connection.
 
     Attributes:
         name: The node's name, such as "/drake_srg".
+        warnings: Receives warnings.
     """
 
     name: str
@@ -132,8 +135,8 @@ class Endpoint:
 class Subscriber(Connection):
     """A subscriber to a publication.
 
-    Messages that it does not read wait in the system's buffers and then in a queue,
-    which loses its oldest message when it is full.
+    Messages that it has not read wait in the system's buffers, and then in a queue that
+    drops its oldest message when it is full.
     """
 
     def __init__(self, peer: str) -> None:
@@ -148,7 +151,7 @@ class Subscriber(Connection):
 
     async def write_to(self, writer: asyncio.StreamWriter) -> None:
         """Write the queued messages until the connection breaks."""
-        writer.transport.set_write_buffer_limits(0)  # they wait in our own queue
+        writer.transport.set_write_buffer_limits(0)  # messages wait in our own queue
         with contextlib.suppress(OSError):
             while True:
                 await self._queued.wait()
@@ -179,7 +182,7 @@ async def serve_subscriber(
     reader: asyncio.StreamReader,
     writer: asyncio.StreamWriter,
 ) -> None:
-    """Answer a subscriber's header, and send it messages until it leaves.
+    """Answer a subscriber's header, and send messages until it leaves.
 
     The header names one of the publications.
     """
@@ -196,7 +199,7 @@ async def serve_subscriber(
             "topic": publication.topic,
             "type": type.name,
         }
-        # First: whoever reads the answer expects all messages from then on.
+        # Count the subscriber before the answer: it expects all messages after that.
         publication.connections.add(subscriber)
         writer.write(encode_header(answer))
         writing = asyncio.create_task(subscriber.write_to(writer))
@@ -212,7 +215,7 @@ async def serve_subscriber(
             f"ROS 1 subscriber {kind}", f"ROS 1: refused a subscriber: {error}"
         )
         writer.write(encode_header({"error": str(error)}))
-    except (OSError, StopAsyncIteration):  # it is silent or has left
+    except (OSError, StopAsyncIteration):  # the subscriber is silent or has left
         pass
     finally:
         writer.close()
@@ -221,7 +224,7 @@ async def serve_subscriber(
 def _accepted(
     header: Mapping[str, str], publications: Mapping[str, Publication]
 ) -> tuple[Subscriber, Publication]:
-    """Return a subscriber and what it subscribes to.
+    """Return a subscriber and its publication.
 
     Raises:
         TcprosError: If the header lacks a field or does not match a publication.
@@ -252,8 +255,8 @@ class _Publisher:
 class Subscription:
     """A topic that a node subscribes to.
 
-    It connects to every publisher that the master lists, and tries again when that
-    fails. A working connection is kept even if a new master does not list it.
+    It connects to every publisher that the master lists, and tries again after a
+    failure. It keeps a working connection even if a new master does not list it.
 
     Args:
         receive: Called with each message, serialized.
@@ -284,7 +287,7 @@ class Subscription:
         return [p.connection for p in publishers if p.connection is not None]
 
     def update(self, publishers: Iterable[str]) -> None:
-        """Take the master's list of publishers' URIs."""
+        """Receive the master's list of publishers' URIs."""
         self.updates += 1
         self._listed = set(publishers)
         for uri in self._publishers.keys() - self._listed:
@@ -306,7 +309,7 @@ class Subscription:
             task.cancel()
 
     async def _follow(self, uri: str, publisher: _Publisher) -> None:
-        """Receive from a publisher while it is listed or sends."""
+        """Receive from a publisher until it is neither listed nor sending."""
         retry, worked = _RETRY, False
         while uri in self._listed:
             try:

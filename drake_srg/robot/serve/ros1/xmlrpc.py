@@ -1,4 +1,4 @@
-"""XML-RPC, by which ROS 1's master and nodes call each other, in an asyncio loop.
+"""XML-RPC for asyncio, the protocol of calls between ROS 1's master and nodes.
 
 The standard library encodes and decodes the messages. Its client and server are not
 used, because they wait for slow peers and read messages of any size.
@@ -19,7 +19,7 @@ from drake_srg.robot.serve.sockets import address_of
 
 # Largest request or answer [bytes], as for TCPROS frames.
 _LIMIT = 2**20
-# Time for a call [s, real]: peers are on this machine or near, and answer at once.
+# Longest time for a call [s, real]. Peers are nearby and answer at once.
 TIMEOUT = 2.0
 
 # Returns the result of a method for its arguments; raises a TypeError if it cannot.
@@ -44,7 +44,7 @@ async def call(
         method: The method's name, such as "requestTopic".
         arguments: The method's arguments, the caller's name first.
         timeout: Time for the whole call [s, real].
-        lookups: The most lookups of hosts at a time; None: any number.
+        lookups: Most simultaneous lookups of hosts; None: no limit.
 
     Raises:
         XmlRpcError: If the call fails, for any reason.
@@ -72,7 +72,7 @@ async def serve(
 
     Args:
         listener: A bound socket, which the server takes over.
-        answer: Returns the result of each call.
+        answer: Called for each call; returns its result.
         refuse: Called with the reason when a request is invalid.
     """
 

@@ -51,8 +51,8 @@ except ImportError as error:
     ) from error
 
 
-# ROS 2's rmw_qos_profile_default and rmw_qos_profile_sensor_data, except that a
-# simulation in real time never waits for slow readers.
+# ROS 2's rmw_qos_profile_default and rmw_qos_profile_sensor_data, except that the
+# simulation never waits for slow readers.
 _DEFAULT = (
     Policy.Reliability.Reliable(max_blocking_time=0),
     Policy.History.KeepLast(10),
@@ -64,20 +64,20 @@ _LATCHED = (
     Policy.Durability.TransientLocal,
     Policy.History.KeepLast(1),
 )
-# Reliable first: its samples show which writers need no best-effort reader.
+# Reliable comes first: its samples show which writers need no best-effort reader.
 _RELIABILITIES = {
     "reliable": Policy.Reliability.Reliable(max_blocking_time=0),
     "best effort": Policy.Reliability.BestEffort,
 }
-# Samples that may wait per topic, in case this thread does not get to run: 0.1 s at
-# 1 kHz. Beyond that the oldest are lost. Not more, because only the domain's limit
-# bounds their size.
+# Most samples that wait per topic while the reading thread does not run: 0.1 s at
+# 1 kHz. Beyond that, the oldest are lost. A longer queue might take too much memory,
+# because only the domain's limit bounds the size of samples.
 QUEUE_DEPTH = 100
-# The same for pictures, whose messages are large: only the newest counts.
+# The same for pictures, which are large, and of which only the newest counts.
 _PICTURES_DEPTH = 2
-# Samples taken at once, all of which are then in memory.
+# Samples to take at once. All of them are then in memory.
 _BATCH = 10
-# Writers whose reliability is remembered. Beyond that, the oldest are looked up again.
+# Writers whose reliability is remembered. Beyond that, the oldest are forgotten.
 _MAX_WRITERS = 1000
 # How long to wait for the thread's end, and before the next attempt after a fault
 # [s, real].
@@ -89,8 +89,8 @@ MakeReader = Callable[..., "DataReader[Any]"]
 
 # From 233 on, DDSI's formula gives a domain UDP ports above 65535.
 _MAX_DOMAIN = 232
-# Not every loopback interface supports multicast discovery. Therefore peers are also
-# sought by unicast, at the ports of as many participants as ROS 2 allows on localhost.
+# Not every loopback interface supports multicast discovery. Cyclone DDS therefore also
+# tries unicast, at the ports of as many participants as ROS 2 allows on localhost.
 _CONFIGURATION = """
 <CycloneDDS><Domain>
   <General><Interfaces><NetworkInterface address="{address}"/></Interfaces></General>
@@ -105,17 +105,18 @@ _CONFIGURATION = """
 
 types: Any = idl.types  # mypy does not understand its generic aliases
 
-# Where rosbags' names are not Cyclone's. byte and char are as in rmw_cyclonedds_cpp.
+# Types whose names differ in rosbags and Cyclone DDS. byte and char are as in
+# rmw_cyclonedds_cpp.
 _PRIMITIVES = {"bool": bool, "byte": types.uint8, "char": types.uint8, "string": str}
 
 
 class Ros2Bridge(RosBridge):
     """A ROS 2 node that obeys commands and publishes topics.
 
-    On DDS, a topic is `rt/NAME` with ROS 2's type name, XCDR1 data, and the type's hash
-    in its user data, as since Iron. A topic whose name begins without a slash, such as
-    a service's, has that name on DDS. Topics have ROS 2's default QoS (reliable),
-    camera topics that for sensors (best effort). Commands may have either.
+    On DDS, a topic is `rt/NAME` with ROS 2's type name, XCDR1 data, and (as since Iron)
+    the type's hash in the user data. A topic whose name has no leading slash, such as a
+    service's, has the same name on DDS. Topics have ROS 2's default QoS (reliable),
+    camera topics the QoS for sensors (best effort). Commands may have either.
 
     On the loopback interface, Fast DDS finds the node with default settings, Cyclone
     DDS with ROS_LOCALHOST_ONLY=1. Images of 640 x 480 exceed Linux's default receive
@@ -125,17 +126,20 @@ class Ros2Bridge(RosBridge):
     Commands may have up to their topic's `largest` size, pictures up to four bytes for
     each pixel of the largest CameraInfo. Larger messages are dropped.
 
-    The node does not publish `ros_discovery_info`, because Humble and Jazzy encode it
-    differently and each throws on the other's. So `ros2 topic` finds all topics, but
-    `ros2 node list` does not show the node. Cyclone DDS drops packets that are not DDS
-    and writes a line on each to stderr.
+    The node does not publish `ros_discovery_info`: Humble and Jazzy encode it
+    differently, and each raises an error on the other's encoding. So `ros2 topic` finds
+    all topics, but `ros2 node list` does not show the node. Cyclone DDS drops packets
+    that are not DDS, and writes a line to stderr for each.
 
     Args:
-        inbox: Where commands go; its topics are subscribed to.
-        domain: 0 to 232; None takes ROS_DOMAIN_ID from the environment, or 0.
+        inbox: Receives the commands; the node subscribes to its topics.
+        topics: The topics to publish.
+        domain: 0 to 232; None: ROS_DOMAIN_ID from the environment, or 0.
         interface: IPv4 address or name of the network interface to use. A
             CYCLONEDDS_URI in the environment replaces it. Sockets are bound to all
-            interfaces in any case, but only this one is announced and answered.
+            interfaces in any case, but Cyclone DDS announces and answers only on this
+            one.
+        name: The node's name.
 
     Raises:
         ValueError: If the domain or the interface is invalid, or the domain is already
@@ -189,8 +193,8 @@ class Ros2Bridge(RosBridge):
     def has_subscribers(self, topic: str) -> bool:
         """Return whether a topic has a subscriber."""
         with contextlib.suppress(DDSException):  # closed
-            # Not get_matched_subscriptions: it counts, then lists, and fails if a
-            # reader joins in between.
+            # get_matched_subscriptions first counts, then lists, and fails if a reader
+            # joins in between.
             writer: Any = self._writers[topic]  # the status getter is not annotated
             return bool(writer.get_publication_matched_status().current_count)
         return False
@@ -208,8 +212,8 @@ class Ros2Bridge(RosBridge):
 
     def _write(self, topic: Topic, content: bytes | memoryview) -> None:
         writer = self._writers[topic.name]
-        # Raised if the bridge is closed, or if its readers have too many unconfirmed
-        # messages; then some readers lose this one.
+        # Raised if the bridge is closed, or if too many messages are unconfirmed. Some
+        # readers then lose this one.
         with contextlib.suppress(DDSException):
             writer.write(writer.data_type(bytes(content)))
 
@@ -223,7 +227,7 @@ class Ros2Bridge(RosBridge):
     ) -> Qos:
         user_data = []
         if not name.startswith("/"):
-            # rmw_cyclonedds_cpp finds by it which reader and writer belong together.
+            # rmw_cyclonedds_cpp uses this to match a service's reader and writer.
             role = "clientid" if name.startswith("rq") == writes else "serviceid"
             user_data = [f"{role}={self._participant.guid.hex};"]
         elif "/msg/" in type:
@@ -237,15 +241,15 @@ class Ros2Bridge(RosBridge):
         )
 
 
-# DDS's numbers of policies in which a subscriber may ask for more than is offered.
+# Policies in which a subscriber may ask for more than is offered, by DDS's numbers.
 _POLICY_NAMES = {2: "durability", 11: "reliability", 23: "data representation"}
 
 
 class _Mismatches(Listener):
-    """Tells of subscribers that get nothing, because their QoS asks for too much.
+    """Warns about subscribers that get nothing, because their QoS asks for too much.
 
     Args:
-        warnings: Each topic and policy is told once.
+        warnings: Receives one warning per topic and policy.
     """
 
     def __init__(self, topic: Topic, warnings: Warnings) -> None:
@@ -253,7 +257,7 @@ class _Mismatches(Listener):
         self._topic, self._warnings = topic, warnings
 
     def on_offered_incompatible_qos(self, writer: Any, status: Any) -> None:
-        """Warn; DDS calls this in a thread of its own."""
+        """Warn about a subscriber; called in a thread of DDS."""
         number = int(status.last_policy_id)
         policy = _POLICY_NAMES.get(number, f"policy {number}")
         advice = ""
@@ -277,7 +281,7 @@ def largest_message(topics: Sequence[Topic], make: MakeMessage) -> int:
     """Return the size limit of a domain [bytes]: room for a picture and a command.
 
     Args:
-        topics: The topics to publish; their CameraInfo tells how large pictures are.
+        topics: The topics to publish; their CameraInfo has the size of pictures.
         make: Makes a message, as for `Topic.convert`.
     """
     infos = (
@@ -293,7 +297,7 @@ class CommandReader:
     """Receives commands in a thread of its own until it is closed.
 
     Args:
-        inbox: Where commands go; its topics are subscribed to.
+        inbox: The inbox whose topics to read.
         receive: Called with a topic and a serialized message.
         make_reader: Returns a reader; called as `make_reader(topic, *policies)`.
     """
@@ -307,8 +311,9 @@ class CommandReader:
     ):
         self._inbox, self._receive = inbox, receive
         # A reliable reader does not match best-effort writers. A best-effort reader
-        # matches all writers but may miss samples. So each topic has both, and each
-        # writer counts at one of them.
+        # matches all writers, but may miss samples. So each topic has both readers.
+        # Samples of best-effort writers are taken from the second, others from the
+        # first.
         self._readers = [
             (
                 name,
@@ -347,7 +352,8 @@ class CommandReader:
                     self._inbox.warnings.warn("ROS 2 fault", text)
 
     def _take(self) -> None:
-        # While one reader is read, older messages may reach another: read again.
+        # While one reader is read, older messages may reach another. Read again until
+        # none are left.
         samples = found = list(self._waiting())
         while found and len(samples) < QUEUE_DEPTH:
             found = list(self._waiting())
@@ -378,7 +384,8 @@ class CommandReader:
         """Return whether a writer does not match the reliable reader."""
         if handle not in self._is_best_effort:
             writer = reader.get_matched_publication_data(handle)
-            # A writer that has left without a reliable sample may have been such.
+            # A writer that has left is unknown. The reliable reader got no sample of
+            # it, so treat it as best effort.
             self._remember(
                 handle,
                 best_effort=writer is None
@@ -394,7 +401,7 @@ class CommandReader:
         self._is_best_effort[handle] = best_effort
 
     def _check_types(self) -> None:
-        """Warn of writers that publish a command with another type."""
+        """Warn about writers that publish a command with a wrong type."""
         for writer in self._publications.take(10):
             if writer.topic_name is None:  # the writer has left
                 continue
@@ -412,7 +419,7 @@ def _depth(topic: CommandTopic) -> int:
 
 
 def domain_id(domain: int | None) -> int:
-    """Return a domain's number; None takes ROS_DOMAIN_ID, or 0 if it is not set.
+    """Return a domain's number; for None, ROS_DOMAIN_ID, or 0 if it is not set.
 
     Raises:
         ValueError: If the number is invalid.
@@ -430,9 +437,9 @@ def open_participant(
 ) -> Iterator[DomainParticipant]:
     """Open a DDS domain and join it; on exit, delete everything created in it.
 
-    If the environment has a CYCLONEDDS_URI, that replaces `interface` and `max_size`.
-    Otherwise Cyclone DDS announces only the interface's address and sends only there.
-    Its sockets nevertheless receive at every interface, which no setting changes.
+    A CYCLONEDDS_URI in the environment replaces `interface` and `max_size`. Otherwise,
+    Cyclone DDS announces only the interface's address and sends only there. Its sockets
+    receive on every interface nevertheless; no setting changes this.
 
     Args:
         domain: The domain's number.
@@ -458,7 +465,7 @@ def open_participant(
             ) from error
         raise OSError(f"Cyclone DDS cannot open domain {domain}: {error}") from error
     try:
-        # The user data that ROS 2's middleware sets: the enclave of SROS.
+        # ROS 2's middleware sets this user data, the enclave of SROS.
         qos = Qos(Policy.EntityName(name), Policy.Userdata(b"enclave=/;"))
         yield DomainParticipant(domain, qos)
     finally:
@@ -475,19 +482,19 @@ def type_name(message: str) -> str:
 
 
 def topic_name(name: str) -> str:
-    """Return the DDS topic of a ROS topic; without a slash, a name is DDS's already."""
+    """Return the DDS topic of a ROS topic; names without a leading slash stay."""
     return f"rt{name}" if name.startswith("/") else name
 
 
 def payload_type(store: Typestore, message: str) -> Any:
-    """Return a DDS type whose samples hold a message in serialised form.
+    """Return a DDS type whose samples hold a serialized message.
 
     The type describes the message's structure to DDS. A sample is constructed from the
     bytes of rosbags' `serialize_cdr` and keeps them in its attribute `cdr`. (Cyclone's
-    own serialiser takes tens of ms for an image of 640 x 480, rosbags' 0.2 ms.)
+    own serializer takes tens of ms for an image of 640 x 480, rosbags 0.2 ms.)
 
     Args:
-        store: Has the message's definition.
+        store: A store with the message's definition.
         message: Message type, such as "std_msgs/msg/Int32".
     """
     cls = _struct(store, message, dataclassify=False)

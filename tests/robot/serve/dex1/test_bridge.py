@@ -208,8 +208,8 @@ def test_it_calibrates_on_request(peer):
 @pytest.mark.parametrize(
     ("topic", "text", "words"),
     [
-        ("cmd_direct", "close", "must be an object of JSON, got 'close'"),
-        ("cmd_direct", "[1]", "must be an object of JSON"),
+        ("cmd_direct", "close", "must be a JSON object, got 'close'"),
+        ("cmd_direct", "[1]", "must be a JSON object"),
         ("cmd_direct", '{"position_pct": 120}', "position_pct must be 0 to 100"),
         (
             "cmd_direct",
