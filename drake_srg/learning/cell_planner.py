@@ -137,8 +137,8 @@ class CellPlanner(LeafSystem):
         """Return the memory of an attempt at an object.
 
         Args:
-            estimate: Its seen pose, [x, y, z, yaw] of its centre in world, shape (4,)
-                [m, rad].
+            estimate: Pose of the object's centre where it was seen, [x, y, z, yaw] in
+                world, shape (4,) [m, rad].
         """
         raise NotImplementedError
 
@@ -225,13 +225,13 @@ def ticks_between(start: Vector, end: Vector) -> int:
 
 
 def between(start: Vector, end: Vector, tick: int, ticks: int) -> Vector:
-    """Return the pose (4) at one of a motion's `ticks` control periods."""
+    """Return the pose (4) after `tick` of a motion's `ticks` control periods."""
     pose: Vector = start + minimum_jerk_blend(tick / max(ticks, 1)) * (end - start)
     return pose
 
 
 def shake_or_end(pose: Vector, ticks: int, closure: float) -> Command:
-    """Return the command so many control periods after the shake of a pose began."""
+    """Return the command `ticks` control periods after the shake about a pose began."""
     moved = shaken(pose, ticks * CONTROL_PERIOD)
     if moved is None:
         return Command(Mode.DONE, pose, closure)
@@ -240,7 +240,7 @@ def shake_or_end(pose: Vector, ticks: int, closure: float) -> Command:
 
 @dc.dataclass(frozen=True, eq=False)
 class _GraspAttempt:
-    """A grasp, and the control periods since the object was seen."""
+    """A grasp, and the number of control periods since the object was seen."""
 
     grasp: Grasp
     tick: int = 0
@@ -308,7 +308,7 @@ class _PolicyAttempt:
         tick: Control periods since the object was seen.
         closure: Commanded closure.
         lowest: Least height of the hand so far [m].
-        risen: The tick at which the closed hand had risen; the shake begins.
+        risen: The tick at which the closed hand had risen and the shake began, or None.
     """
 
     estimate: Vector

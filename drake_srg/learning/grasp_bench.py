@@ -107,7 +107,7 @@ class GraspLabel:
             weight alone.
         epsilon: Ferrari and Canny's measure of the contacts before the shake, merged to
             five points per finger, with unit forces; 0 without force closure.
-        closure: The commanded closure, 0 .. 1.
+        closure: Commanded closure, 0 .. 1.
         opened: Joint angles before closing, by name [rad].
         closed: Joint angles before the shake, by name [rad].
         failure: Drake's error message if the simulation failed.

@@ -149,14 +149,14 @@ RULES = {
 }
 
 
-# The hand comes down beside the estimate, four standard deviations of 20 mm away. It
-# moves on until the middle of the pushed object is 45 mm beyond the estimate [m].
+# The hand comes down this far from the estimate: four standard deviations of 20 mm. It
+# pushes the object until its middle is 45 mm beyond the estimate [m].
 _BESIDE, _BEYOND = 0.08, 0.045
 _SWEEP = 0.003  # per step [m], 6 cm/s; at twice this speed, slender objects topple
 _OPEN = 0.05  # closure at which the fingers are straight
-# Gap between the pads' ends during a push, as a share of the object's width, so that
-# the object stays between them. If the pads met, it would roll off to the side, and
-# they would later open against it.
+# Gap between the pads' ends during a push, as a share of the object's width. The gap
+# keeps the object in front of the hand. If the pads met, the object would roll off to
+# the side, and the pads would later open against it.
 _CRADLE = 0.4
 _HALF_FINGER = 0.0155  # half the pads' width [m]
 # The pushed object is assumed to be this much nearer [m], because some objects touch
@@ -260,7 +260,7 @@ def _step(observation: Array) -> int:
 
 
 RANDOM, RULE, TOUCH = "random", "rule", "touch"
-# Policies without a file: those with which every other one is compared, and all.
+# Policies without a file: those that others are compared with, and all of them.
 BASELINES = (RULE, RANDOM)
 BUILT_IN = (RULE, TOUCH, RANDOM)
 _RULES: dict[str, Mapping[str, Act]] = {RULE: RULES, TOUCH: TOUCH_RULES}
@@ -301,5 +301,5 @@ def rule_of(env: Any, rule: str = RULE) -> Act:
 
 
 def named_rule(environment: str, rule: str) -> Act | None:
-    """Return a hand-written policy of one of our environments, or None."""
+    """Return a hand-written policy of an environment of drake_srg, or None."""
     return _RULES[rule].get(environment)

@@ -134,7 +134,7 @@ class Recording:
         if self._closed:
             return self._written
         self._closed = True
-        # First the samples: meanwhile, another process may be completing the video.
+        # Write samples first, because another process may be completing the video.
         try:
             if self._out is not None:
                 samples = self.write_samples(self._out)

@@ -187,7 +187,7 @@ class RunLog(SignalLog):
 
 
 class Samples:
-    """The samples of a run so far.
+    """The samples of a run, for its log and replay.
 
     Args:
         name: Name of the scenario.

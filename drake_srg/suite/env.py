@@ -221,7 +221,7 @@ class SuiteEnv(gymnasium.Env[Observation, npt.NDArray[np.float32]]):
         return self._last, float(success), terminated, truncated, self._info(success)
 
     def expert_action(self) -> npt.NDArray[np.float32]:
-        """Return the action (N + 1) that the expert proposes.
+        """Return the action (N + 1) that the expert proposes now.
 
         Raises:
             ScenarioError: If the environment was made without `expert`.

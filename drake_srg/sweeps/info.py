@@ -31,8 +31,8 @@ _PACKAGE = Path(__file__).resolve().parents[1]
 SUFFIXES = {".py", ".pyi", ".yaml", ".csv", ".xml", ".sdf", ".urdf", ".obj", ".vtk"}
 SUFFIXES |= {".gltf", ".bin", ".stl", ".mtl", ".png"}
 
-# Folders and modules that no trial imports: they build on trials, or have nothing to do
-# with sweeps. Changing one of them does not make a sweep's rows incomparable.
+# Folders and modules that no trial of `drake-srg sweep` imports. Changing one of them
+# does not make a sweep's rows incomparable.
 NOT_IN_A_TRIAL = (
     "__main__.py",
     "cli/",
@@ -125,7 +125,7 @@ def read_sweep(folder: Path) -> SweepInfo:
     """Read the sweep.json of a folder.
 
     Raises:
-        ScenarioError: If there is none, or its content is not a sweep's.
+        ScenarioError: If the file is missing, or is not that of a sweep.
     """
     path = folder / FILE
     if not path.is_file():

@@ -125,7 +125,7 @@ def sampled_columns(table: Any) -> list[str]:
 
 
 def read_rows(folder: Path) -> Any:
-    """Return the rows that a sweep has so far, each trial once, in order of trial.
+    """Return the rows of a sweep's finished trials, each trial once, in order.
 
     Returns:
         A pyarrow.Table. Even without rows, it has the columns that all sweeps share.

@@ -146,8 +146,9 @@ def _cross(a: Vector, b: Vector) -> Vector:
     )
 
 
-# The shake that a grasp must survive, from rest to rest: peak acceleration along x, y,
-# z and yaw [m/s², rad/s²] (about 0.7 g in all), frequency [Hz] and duration [s].
+# The shake that a grasp must survive: amplitude of the acceleration along x, y, z and
+# yaw [m/s², rad/s²], frequency [Hz] and duration [s]. Because it swells and fades, its
+# peak is about 0.7 g in all.
 _SHAKE = (np.array([6.0, 6.0, 0.0, 0.0]), 2.0, 1.5)
 
 

@@ -23,7 +23,7 @@ class Truth:
     Attributes:
         reach: Distance of the hand's grasp centre from the object's centre [m].
         height: Height of the object's underside above the table [m].
-        touching: Share of the fingers that touch something, 0 .. 1.
+        touching: Share of the two fingers that touch anything, 0 .. 1.
         progress: Progress of the task, 0 .. 1.
         success: Whether the task is done.
         lost: Whether the episode can no longer succeed.

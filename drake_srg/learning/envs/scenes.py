@@ -176,8 +176,8 @@ class Physics:
             "command_period": CONTROL_PERIOD,
             "weightless": self.name == "train",
         }
-        # Nothing is recorded, but CENIC must not stop for periods that do not divide
-        # the control period.
+        # Nothing is recorded, but with CENIC, all periods of a scenario must be
+        # multiples of 1/1024 s.
         changes["recording"] = {"period": CONTROL_PERIOD, "video_fps": 16}
         if self.name == "accurate":
             hand = "package://drake_srg/sdf/srg.sdf"

@@ -319,7 +319,7 @@ DATA_MB, VIDEO_MB = 100, 200  # largest files; LeRobot's defaults
 
 Feature = dict[str, Any]
 
-# Our own columns of an episode, beside LeRobot's, for filtering by trial.
+# Our own columns of an episode, in addition to LeRobot's, for filtering by trial.
 TRIAL = {
     "trial": pa.int64(),
     "seed": pa.int64(),
