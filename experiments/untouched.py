@@ -1,4 +1,4 @@
-"""How far things on a table move that have come to rest and that nobody touches.
+"""Motion of untouched objects on a table after they have come to rest.
 
 The objects fall as in the cells that clear a table, and the arm waits at home. Sleeping
 objects cannot move. Stiction tolerance and steps were chosen on other seeds.

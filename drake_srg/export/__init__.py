@@ -1,4 +1,4 @@
-"""Writes a scenario's models as URDF, SDF or MJCF, for other simulators and tools."""
+"""Export of a scenario's models as URDF, SDF or MJCF, for other simulators."""
 
 from drake_srg.face import face
 

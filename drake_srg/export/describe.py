@@ -1,6 +1,6 @@
-"""Models of a finalized plant for export, and the constraints in their files.
+"""Models of a finalized plant for export.
 
-Python cannot ask a plant for them.
+Their constraints come from their files, because pydrake cannot read them from a plant.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ class Constraints:
     """Constraints of a model.
 
     Attributes:
-        mimics: Mimic joints, by the name of the joint that follows.
+        mimics: Mimic constraints, by the name of the following joint.
         loops: Pins that close its loops.
     """
 
@@ -68,7 +68,7 @@ def _loops(root: ET.Element) -> Iterator[Loop]:
     for ball in root.iter(_BALL):
 
         def value(part: str, ball: ET.Element = ball) -> str:
-            # SDF has values as text, URDF as attributes.
+            # SDF has values in texts, URDF in attributes.
             child = ball.find(f"{_BALL}_{part}")
             if child is None:
                 return ""
@@ -87,12 +87,12 @@ class PlantReader:
     """Describes models of a plant at its default configuration.
 
     Args:
-        plant: Finalized, with geometry.
+        plant: The plant, finalized, with geometry.
         graph: Its scene graph.
-        constraints: Constraints by instance, as the plant does not report them.
+        constraints: Constraints by model instance; see `read_constraints`.
 
     Raises:
-        ScenarioError: If there is a soft body or a joint that no file can hold.
+        ScenarioError: If there is a soft body, or a joint that cannot be exported.
     """
 
     def __init__(
@@ -140,7 +140,7 @@ class PlantReader:
         return self._describe(instance, [instance], prefixed=False)
 
     def all(self, name: str) -> Model:
-        """Return all models as one, with links named after their instance."""
+        """Return all models as one; the instance's name prefixes the names of links."""
         return self._describe(name, self.instances, prefixed=True)
 
     def _describe(self, name: str, instances: Sequence[str], prefixed: bool) -> Model:
@@ -306,7 +306,7 @@ class PlantReader:
     ) -> Iterator[tuple[RigidBody, RigidBody]]:
         """Yield the pairs of bodies whose contacts are all filtered out.
 
-        Bodies that share a joint are left out, because every simulator filters them.
+        Bodies that share a joint are left out, because every simulator filters those.
         """
         inspector = self._graph.model_inspector()
         jointed = {
@@ -342,7 +342,7 @@ def _from_roots(joints: Sequence[Joint]) -> Iterator[Joint]:
     """Yield the joints, parents before children.
 
     Raises:
-        ScenarioError: If a joint's child holds its parent.
+        ScenarioError: If joints form a loop.
     """
     waiting = list(joints)
     while waiting:

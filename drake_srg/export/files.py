@@ -1,4 +1,4 @@
-"""Writes the models of a scenario into a folder."""
+"""Files of a scenario's models, written into a folder."""
 
 from __future__ import annotations
 
@@ -42,10 +42,10 @@ class ExportedModel:
 
 
 def export_scenario(scenario: Scenario, kind: str, out: Path) -> list[ExportedModel]:
-    """Write a scenario's models: one file each, and one with all models in place.
+    """Write a scenario's models: a file for each, and a file with the whole scene.
 
-    Meshes go into the folder `meshes` beside them. Existing files of the same names are
-    replaced.
+    Meshes go into a folder `meshes` beside these files. Existing files with the same
+    names are replaced.
 
     Args:
         scenario: The scenario, drawn.
@@ -53,7 +53,7 @@ def export_scenario(scenario: Scenario, kind: str, out: Path) -> list[ExportedMo
         out: The folder.
 
     Returns:
-        The files, the one of all models last.
+        The files, the one with the whole scene last.
 
     Raises:
         ScenarioError: If a format cannot hold a model.
@@ -64,13 +64,14 @@ def export_scenario(scenario: Scenario, kind: str, out: Path) -> list[ExportedMo
     check_single_arm(scenario, "export")
     driver = scenario.gripper
     if kind != "mjcf" and driver is not None and driver.wire_motor is not None:
-        # Without tendons, the joints keep the model's own share of the motor.
+        # These formats have no tendons. Without the driver, the joints keep the model's
+        # own share of the motor.
         scenario = dc.replace(scenario, gripper=None)
     builder = DiagramBuilder()
     plant, graph = AddPlant(builder, scenario, catch=False)
     reader = PlantReader(plant, graph, read_constraints(scenario))
     if _SCENE in reader.instances:
-        raise ScenarioError(f"directives: {_SCENE}: the name of the file of all models")
+        raise ScenarioError(f"directives: {_SCENE}: reserved for the scene's own file")
     diagram = builder.Build()  # keeps plant and graph alive
     models = [reader.one(instance) for instance in reader.instances]
     models.append(reader.all(_SCENE))

@@ -1,13 +1,12 @@
 """MJCF, MuJoCo's format: models, and the SRG's wires as tendons.
 
-MuJoCo adds up the lengths of a tendon's branches. Here each branch is a straight line
-between a point on one side of a hinge and a point on the other side, and a branch at
-the spool. The points are chosen so that the lengths change with the joint angles as
-the wire's travel does (`drake_srg.gripper.tendon`). They are not where the wire
-runs in the hardware.
+MuJoCo adds up the lengths of a tendon's branches. Here, one branch is at the spool, and
+each other branch is a straight line across a hinge, between points on the two links.
+The points are chosen so that the total length changes with the joint angles like the
+wire's travel (`drake_srg.gripper.tendon`). The real wire does not run through them.
 
-MuJoCo's tendon is a spring that pulls when it is longer than at rest, as the wire does.
-The motor moves a slide instead of a spool: 1 m along it takes in 1 m of each wire.
+MuJoCo's tendon, like the wire, is a spring that only pulls. The motor moves a slide
+instead of a spool: 1 m of its travel takes in 1 m of each wire.
 """
 
 from __future__ import annotations
@@ -35,9 +34,10 @@ from drake_srg.gripper.driver import GripperDriver
 from drake_srg.gripper.tendon import TendonDriveConfig, base_moment_arm, tip_moment_arm
 from drake_srg.types import Vector
 
-# Distances of the two points from the hinge [m], and the angle from the link's point to
-# the parent's at joint angle 0 [rad]. tools/fit_wire_branches.py finds them; the moment
-# arms are within 0.3 % (base) and 0.2 % (tip) of the wire's from 0 to 1.94 rad.
+# For each branch, the distances of its points on the parent and on the child from the
+# hinge [m], and the angle from the child's point to the parent's at joint angle 0
+# [rad], found by tools/fit_wire_branches.py. From 0 to 1.94 rad, the moment arms are
+# within 0.3 % (base) and 0.2 % (tip) of the wire's.
 _BASE = ((0.01330432, 0.02188755, 2.334122),)
 _TIP = (
     (0.00499039, 0.03999955, -0.303315),
@@ -45,7 +45,7 @@ _TIP = (
     (0.00531885, 0.03999962, 1.861658),
 )
 _SPOOL = 0.02  # length of the branch at the spool, with nothing taken in [m]
-_SLIDE_MASS = 1e-6  # MuJoCo needs some [kg]
+_SLIDE_MASS = 1e-6  # not 0, which MuJoCo does not allow [kg]
 
 
 @dc.dataclass(frozen=True)
@@ -70,7 +70,7 @@ class Branch:
         return float(np.sqrt(a**2 + b**2 - 2 * a * b * np.cos(self.angle - position)))
 
     def moment_arm(self, position: float) -> float:
-        """Return how fast the length decreases with the joint angle [m]."""
+        """Return the moment arm: decrease of the length per joint angle [m/rad]."""
         product = self.parent * self.child * np.sin(self.angle - position)
         return float(product / self.length(position))
 
@@ -137,7 +137,7 @@ def find_wires(model: Model, driver: GripperDriver | None, prefix: str) -> Wires
 
 
 def add_wire_sites(body: ET.Element, link: str, wires: Wires) -> list[float]:
-    """Append a link's ends of branches; return the positions of joints added."""
+    """Append a link's ends of branches; return the start positions of added joints."""
     for finger, branches in enumerate(wires.fingers):
         for i, branch in enumerate(branches):
             for side, holder, point in (
@@ -218,10 +218,11 @@ def moment_arm_error(wires: Wires) -> float:
 
 
 _KINDS = {"revolute": "hinge", "prismatic": "slide"}
-# Options that MuJoCo's documentation recommends against slip, if they help: elliptic
-# cones, friction 100 times as stiff as contact, and passes that remove the slip that is
-# left. At their default tolerance, 1e-6, these passes end before creep does. At 1 ms,
-# some grasps of `experiments/engines.py` slip, and at 2 ms, thin objects are lost.
+# The options against slip that MuJoCo's documentation recommends: elliptic cones,
+# friction 100 times as stiff as contact, and extra passes of the solver (noslip). At
+# the default tolerance of 1e-6, these passes would stop too early, and objects creep.
+# With steps of 1 ms, some grasps of `experiments/engines.py` slip; with 2 ms, thin
+# objects are lost.
 _OPTIONS: dict[str, object] = {
     "timestep": 0.0005,  # s
     "integrator": "implicitfast",
@@ -230,25 +231,26 @@ _OPTIONS: dict[str, object] = {
     "noslip_iterations": 50,
     "noslip_tolerance": 1e-12,
 }
+# Parameters of constraints: solref (time constant [s] and damping ratio) and solimp.
 # MuJoCo's constraints yield in proportion to the acceleration that a force would cause.
-# Its defaults let the wire turn the light finger links 0.4 rad beyond their limits:
-# time constant [s] and damping, and share held, 0 .. 1.
+# With its defaults, the wire turns the light finger links 0.4 rad beyond their limits.
 _STIFF, _HARD = (0.004, 1.0), (0.99, 0.999, 0.001)
-# MuJoCo's contacts are points. Material as soft as a pad (2 MPa) makes contact over an
-# area, which resists twisting: pressed evenly on a disc as wide as a pad, 30 mm, by
-# friction at two thirds of its radius [m].
-_SOFT, _ARM = 1e7, 2.0 / 3.0 * 0.015  # Pa, m
+# MuJoCo's contacts are points. A soft material, such as a pad's (2 MPa), makes contact
+# over an area, and its friction resists twisting. Its lever is that of an evenly
+# pressed disc as wide as a pad, 30 mm: two thirds of the radius. Greatest modulus of
+# soft materials [Pa], and the lever [m].
+_SOFT, _ARM = 1e7, 2.0 / 3.0 * 0.015
 
 
 def to_mjcf(model: Model, meshes: Meshes, wires: Wires | None = None) -> str:
     """Return a model as MJCF.
 
-    Links without a joint are fixed where they are, unless they float.
+    Links without a joint are fixed in world, unless they float.
 
     Args:
         model: The model.
         meshes: Receives its mesh files.
-        wires: The wires of its gripper, if it has some.
+        wires: The wires of its gripper, if it has wires.
     """
     return _Writer(model, meshes, wires).write()
 
@@ -358,7 +360,7 @@ class _Writer:
         else:
             assert geometry.friction is not None
             soft = geometry.modulus < _SOFT
-            # Shapes that are not soft keep the default torsion and rolling.
+            # Others keep MuJoCo's defaults of torsion and rolling.
             torsion = geometry.friction * _ARM if soft else 0.005
             friction = [geometry.friction, torsion, 0.0001]
             values |= {"class_": "collision", "name": name, "friction": friction}
@@ -382,7 +384,7 @@ class _Writer:
                 name=asset,
                 file=f"{file.name}.obj",
                 scale=file.scale if scaled else None,
-                # Visual meshes may be open or flat.
+                # Visual meshes may be open or flat, so they may have no volume.
                 inertia="shell" if visual else None,
             )
         return asset
@@ -423,6 +425,6 @@ class _Writer:
 
 
 def _pose(X: RigidTransform) -> dict[str, object]:
-    """Return a pose as attributes."""
+    """Return a pose as XML attributes."""
     wxyz = X.rotation().ToQuaternion().wxyz()
     return {"pos": X.translation(), "quat": wxyz}

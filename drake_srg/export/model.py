@@ -1,4 +1,4 @@
-"""A model between two formats: links, joints, geometries, constraints, meshes."""
+"""A model in no particular format: links, joints, geometries, constraints, meshes."""
 
 from __future__ import annotations
 
@@ -26,8 +26,8 @@ class Geometry:
         name: Unique among the link's visuals, or among its collisions.
         shape: Drake's shape.
         X_LG: Its pose on the link.
-        color: Red, green, blue, opacity, 0 .. 1; None: it collides and is not drawn.
-        friction: Coefficient of friction; None: it is drawn and does not collide.
+        color: Red, green, blue, opacity, 0 .. 1; None for a collision geometry.
+        friction: Coefficient of friction; None for a visual geometry.
         modulus: Hydroelastic modulus [Pa]; infinite: it is rigid.
     """
 
@@ -45,12 +45,12 @@ class Link:
 
     Attributes:
         name: Its name.
-        mass: [kg].
-        p_LC: Centre of mass on the link [m], shape (3,).
+        mass: Mass [kg].
+        p_LC: Centre of mass in the link's frame [m], shape (3,).
         I_C: Inertia about the centre of mass, in the link's axes [kg m²], (3, 3).
         X_WL: Its pose in world at the start.
         geometries: Visual and collision geometries.
-        free: Whether it floats.
+        free: Whether the link moves freely.
     """
 
     name: str
@@ -152,7 +152,8 @@ class Model:
         links: Its links.
         joints: Their joints; parents come before their children.
         loops: Constraints that close kinematic loops.
-        apart: Pairs of links that never collide, beyond links that share a joint.
+        apart: Pairs of links whose collisions are filtered, besides links that share a
+            joint.
     """
 
     name: str
@@ -163,7 +164,7 @@ class Model:
 
     @property
     def roots(self) -> tuple[Link, ...]:
-        """The links that no joint holds."""
+        """The links that are no joint's child."""
         held = {joint.child for joint in self.joints}
         return tuple(link for link in self.links if link.name not in held)
 
@@ -173,7 +174,7 @@ class Model:
 
 
 def add(parent: ET.Element, tag: str, **attributes: object) -> ET.Element:
-    """Append an element; numbers become text, and attributes of None are left out."""
+    """Append an element; numbers become text, attributes that are None are left out."""
     written = {k: numbers(v) for k, v in attributes.items() if v is not None}
     return ET.SubElement(parent, tag, {k.rstrip("_"): v for k, v in written.items()})
 
@@ -200,12 +201,12 @@ FOLDER = "meshes"
 
 @dc.dataclass(frozen=True)
 class MeshFile:
-    """A mesh as models refer to it.
+    """A reference to a mesh file.
 
     Attributes:
         name: Name of the file without suffix; unique in the folder.
         scale: Factors along x, y, z, shape (3,).
-        convex: Whether it stands for its convex hull.
+        convex: Whether the shape is the mesh's convex hull.
     """
 
     name: str
@@ -214,12 +215,12 @@ class MeshFile:
 
     @property
     def path(self) -> str:
-        """The file, relative to the models."""
+        """The path of the file, relative to the models."""
         return f"{FOLDER}/{self.name}.obj"
 
 
 class Meshes:
-    """Collects the mesh files that models need, each once.
+    """Collects the mesh files of models, without duplicates.
 
     Attributes:
         texts: Contents of the files (Wavefront), by `MeshFile.name`.
@@ -231,15 +232,15 @@ class Meshes:
     def file(self, shape: Shape, name: str) -> MeshFile | None:
         """Return the file of a shape; None for a box, a cylinder or a sphere.
 
-        Wavefront files are copied, without materials. Other shapes and formats become
-        what a replay shows of them, which for other mesh formats is the convex hull.
+        Wavefront files are copied without materials. Other mesh formats become their
+        convex hulls, and other shapes become triangles.
 
         Args:
             shape: The shape.
-            name: For a shape that has no file yet.
+            name: Name of the file, for a shape without one.
 
         Raises:
-            ScenarioError: If the shape cannot be drawn.
+            ScenarioError: If the shape has no triangles.
         """
         if isinstance(shape, Box | Cylinder | Sphere):
             return None
@@ -267,7 +268,7 @@ class Meshes:
 
 
 def _plain(path: Path) -> str:
-    """Return a Wavefront file without materials: the models set the colours."""
+    """Return a Wavefront file without materials, because models set the colours."""
     lines = path.read_text("utf-8", errors="replace").splitlines()
     kept = [line for line in lines if not line.startswith(("mtllib", "usemtl"))]
     return "\n".join(kept) + "\n"

@@ -1,4 +1,4 @@
-"""Writes a model as SDF."""
+"""Models as SDF."""
 
 from __future__ import annotations
 
@@ -56,7 +56,7 @@ def _add_link(
 ) -> None:
     element = add(root, "link", name=link.name)
     if joint is not None:
-        # At the joint's zero, from where SDF counts its position.
+        # In SDF, the pose of a link is that at its joint's zero position.
         parent = None if joint.parent == WORLD else joint.parent
         _add_pose(element, joint.X_PC, relative_to=parent)
     else:

@@ -1,4 +1,4 @@
-"""Writes a model as URDF."""
+"""Models as URDF."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from drake_srg.export.model import (
     to_text,
 )
 
-# URDF requires limits of effort and velocity, and reads a missing position limit as 0.
+# URDF requires limits of effort and velocity, and takes a missing position limit for 0.
 _NO_LIMIT = 1e9
 
 
@@ -37,9 +37,9 @@ def to_urdf(model: Model, meshes: Meshes) -> str:
     """
     root = ET.Element("robot", name=model.name)
     root.set("xmlns:drake", "http://drake.mit.edu")
-    # MuJoCo resolves meshes by these, and keeps links that do not move apart.
+    # With these options, MuJoCo finds the meshes, and does not merge fixed links.
     add(add(root, "mujoco"), "compiler", strippath="false", fusestatic="false")
-    # A URDF is one tree.
+    # A URDF must be one tree, so several roots need a common parent.
     roots = model.roots
     if len(roots) != 1 or any(joint.parent == WORLD for joint in model.joints):
         add(root, "link", name=WORLD)

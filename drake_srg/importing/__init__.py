@@ -1,1 +1,1 @@
-"""Imports arms from URDF and SDF files: models, limits, homes, scenarios, checks."""
+"""Import of arms from URDF and SDF files: models, limits, homes, scenarios, checks."""

@@ -1,4 +1,4 @@
-"""Places an arm with the gripper in the kitchen: base, home and scenario file."""
+"""Placement of an arm with the gripper in the kitchen: base, home and scenario file."""
 
 from __future__ import annotations
 
@@ -30,20 +30,20 @@ from drake_srg.station.planners import own_scene
 from drake_srg.types import Cylinder, Vector
 
 SCENARIO = "kitchen"
-# Heights of the grasp above the table that the task needs, and all of the map [m].
+# Heights of the grasp above the table: those that the task needs, and the map's [m].
 _HEIGHTS = (0.05, 0.15)
-MAP_STEP = 0.05
+MAP_STEP = 0.05  # between the map's radii [m]
 _MAP_HEIGHTS = np.arange(0.05, 0.96, 0.1)
-_TILT = 0.1745  # of the hand from straight down; the planner leans it by as much [rad]
-_STARTS = 6  # of the solver, for each place on the map
-# Where the base may stand on the table, and how far it keeps from its edges [m].
+_TILT = 0.1745  # largest lean of the hand, as in the planner [rad]
+_STARTS = 6  # starts of the solver for each place on the map
+# Grid of places for the base, and its least distance from the table's edges [m].
 _BASE_STEP, _EDGE = 0.05, 0.12
-# The base keeps this distance from places of objects: room for open fingers [m].
+# Least distance of the base from places of objects: room for open fingers [m].
 _BASE_ROOM = 0.18
 _AZIMUTHS = np.radians([0.0, 30.0, -30.0, 60.0, -60.0, 90.0, -90.0, 135.0, -135.0])
-_HOMES = 6  # postures to choose from
-_SIGHT = 0.06  # radius of what the camera's view of a place takes [m]
-_OBJECT_HEIGHT = 0.1  # of what the camera must see [m]
+_HOMES = 6  # random starts in the search for a home
+_SIGHT = 0.06  # radius of the cylinder that must be free between camera and place [m]
+_OBJECT_HEIGHT = 0.1  # height of the objects that the camera must see [m]
 _FAR = np.pi  # angles beyond this count against a home [rad]
 
 
@@ -52,11 +52,11 @@ class Placement:
     """The place of an arm in the kitchen, and its reach.
 
     Attributes:
-        base: x, y of the base in world [m], and its yaw [rad].
+        base: Place of the base in world, x, y [m] and yaw [rad].
         home: Positions of the joints at the start, shape (N,) [rad or m].
         radii: Distances from the base's axis on the map, shape (R,) [m].
         heights: Heights of the grasp above the base on the map, shape (Z,) [m].
-        reached: Whether the hand can point down in each cell of the map, shape (Z, R).
+        reached: Whether the hand can point down at each point of the map, shape (Z, R).
         places: Share of the task's places that are within reach, 0 .. 1.
         sees: Whether the camera sees all places while the arm is home.
     """
@@ -106,7 +106,7 @@ def place_arm(arm: ArmFile, path: Path) -> Placement:
 
 
 def _middle(lower: float, upper: float) -> float:
-    """Return the middle of a joint's range; 0 for one that turns at least once."""
+    """Return the middle of a joint's range; 0 if the range is more than a full turn."""
     return 0.0 if upper - lower > 2.0 * np.pi else 0.5 * (lower + upper)
 
 
@@ -144,12 +144,13 @@ def draw_reach(picture: Image, placement: Placement) -> Image:
     On the map, the base is at the lower left; dark squares are within reach.
 
     Args:
-        picture: RGB.
-        placement: With the map.
+        picture: Picture of the arm, RGB.
+        placement: Placement with the map.
     """
     height, side = picture.shape[0], picture.shape[0] // (len(placement.heights) + 2)
     colors = np.array([[235, 235, 235], [60, 110, 170]], np.uint8)
-    tall = 2 * len(placement.heights)  # squares of `MAP_STEP`: heights are 2 apart
+    # Squares have sides of `MAP_STEP`, but heights are two of these apart.
+    tall = 2 * len(placement.heights)
     rows = np.repeat(placement.reached[::-1].astype(int), 2, axis=0)
     scale = max(1, min(side // 2, picture.shape[1] // max(rows.shape[1], 1)))
     squares = colors[rows].repeat(scale, axis=0).repeat(scale, axis=1)
@@ -168,7 +169,7 @@ def draw_reach(picture: Image, placement: Placement) -> Image:
 
 
 class _Hand:
-    """The gripper on the arm, with its fingers open, pointing down."""
+    """The gripper on the arm, with open fingers, pointing down."""
 
     def __init__(self, scene: PlanningScene) -> None:
         self.scene = scene
@@ -183,7 +184,7 @@ class _Hand:
         nominal: Vector,
         starts: int = _STARTS,
     ) -> Vector | None:
-        """Return a free posture with the grasp's centre at a place, or None."""
+        """Return a posture without collisions, with the grasp's centre at a place."""
         down = AxisTarget(np.array([1.0, 0.0, 0.0]), np.array([0.0, 0.0, -1.0]), _TILT)
         target = HandTarget(
             np.asarray(p_WC, float), axes=(down,), p_GT=self._X_GC.translation()
@@ -198,8 +199,8 @@ class _Hand:
     def score(self, q: Vector, places: Vector) -> float:
         """Return a score of a posture as a home.
 
-        It is good if the nearest postures over the places are free, and then if it is
-        high, far from limits and from singularities.
+        The score is mainly the number of places over which a nearby posture is free of
+        collisions. High joints, and distance from limits and singularities, add to it.
         """
         over = [
             self.posture([*xy, height], q, starts=1) is not None
@@ -231,7 +232,7 @@ class _Hand:
 
 
 def _places(scenario: Scenario) -> Iterator[Vector]:
-    """Yield places of the task, the goal last: x, y in world, shape (2,) [m]."""
+    """Yield places in the task's region, then the goal: x, y in world, (2,) [m]."""
     low, high = scenario.task.region.min, scenario.task.region.max
     rows = [np.linspace(a, b, 3) for a, b in zip(low, high, strict=True)]
     for place in itertools.product(*rows):
@@ -245,8 +246,8 @@ def _base(
     """Return the base from which most places are well within reach, and their share.
 
     Args:
-        scenario: With the table.
-        places: The goal last, shape (n, 2) [m].
+        scenario: The scenario with the table.
+        places: Places of the task, the goal last, shape (n, 2) [m].
         near: Distances from the base that the hand reaches [m].
     """
     low = np.array(scenario.table.min) + _EDGE
@@ -261,10 +262,10 @@ def _base(
         gaps = np.abs(distances[:, None] - near).min(axis=1)
         ends = np.minimum(distances - near[0], near[-1] - distances)
         inside = (gaps < 0.51 * MAP_STEP) & (ends >= 0.0)
-        share = float(inside.mean() * inside[-1])  # the goal is needed every time
+        share = float(inside.mean() * inside[-1])  # 0 without the goal
         return share, round(float(np.minimum(ends, MAP_STEP).min()), 3)
 
-    # Of equal places, take the nearest to that of the kitchen's own arm.
+    # Among equals, `max` takes the place nearest to that of the kitchen's own arm.
     nearest = sorted(itertools.product(*grid), key=lambda xy: float(np.hypot(*xy)))
     best = max(nearest, key=score)
     x, y = places.mean(axis=0) - best
@@ -275,7 +276,7 @@ def _base(
 def _sights(
     scenario: Scenario, places: Vector
 ) -> Iterator[tuple[Cylinder, RigidTransform]]:
-    """Yield the lines of sight that the first camera needs to each place."""
+    """Yield the first camera's line of sight to each place, as a cylinder."""
     camera = scenario.cameras[scenario.localizer.cameras[0]]
     p_WC = camera.X_PB.GetDeterministicValue().translation()
     for x, y in places:
@@ -294,7 +295,7 @@ def _home(
     places: Vector,
     sights: Sequence[tuple[Cylinder, RigidTransform]],
 ) -> tuple[Vector, bool]:
-    """Return a home with the hand down, and whether the camera sees past the arm."""
+    """Return a home with the hand down, and whether the camera sees all places."""
     x, y, yaw = base
     radius = near[len(near) // 2]
     scene, random = hand.scene, default_rng(0)

@@ -1,4 +1,4 @@
-"""Checks that an imported arm holds still, follows commands, and keeps its limits."""
+"""Check that an imported arm holds still, follows commands and keeps its limits."""
 
 from __future__ import annotations
 
@@ -19,15 +19,15 @@ from drake_srg.scenario.schema import Scenario
 from drake_srg.simulation.rig import Rig
 from drake_srg.types import Vector
 
-# Largest motion of a joint at home in a second, and distance from a command on the
-# way [rad or m].
+# Largest allowed motion of a joint at home in 1 s, and largest allowed distance from
+# the command during a move [rad or m].
 STILL, FOLLOWS = 0.002, 0.02
-# The move: so far at each joint, at this share of its limits [rad or m].
+# Length of the move of each joint [rad or m], and the share of its limits that it uses.
 _STEP, _SHARE = 0.3, 0.5
 # Peaks of a minimum-jerk move of unit length in unit time.
 _PEAK_SPEED, _PEAK_ACCELERATION = 1.875, 5.7735
-# Each joint is commanded so far beyond its limits, from so far inside them, and may
-# overrun them by at most the last number [rad or m].
+# In the test of its limits, each joint starts this far inside a limit (`_INSIDE`), is
+# commanded this far beyond it (`_BEYOND`) and may overrun it by `OVERRUN` [rad or m].
 _BEYOND, _INSIDE, OVERRUN = 0.3, 0.1, 0.02
 _TIME_STEP, _TIME = 0.001, 0.5  # s
 
@@ -37,13 +37,14 @@ class ArmCheck:
     """Outcome of an arm's checks in simulation.
 
     Attributes:
-        moved: Largest motion of a joint that should hold still for 1 s [rad or m].
-        behind: Largest distance of a joint from its command on a minimum-jerk move at
+        moved: Largest motion of a joint that is commanded to stay at home for 1 s [rad
+            or m].
+        behind: Largest distance of a joint from its command, on a minimum-jerk move at
             half of the limits [rad or m].
         overrun: Largest distance of a joint beyond a limit that it is commanded to
             cross [rad or m].
-        strained: Largest torque in that, over its limit.
-        gravity: Largest share of a torque limit that holding the arm at home takes.
+        strained: Largest torque in this test, as a share of the torque limit.
+        gravity: Largest torque at home, as a share of the torque limit.
     """
 
     moved: float
@@ -87,7 +88,7 @@ def check_arm(scenario: Scenario, model: Path) -> tuple[ArmCheck, Image]:
     """Check an arm, and return a picture of it at home.
 
     Args:
-        scenario: With the arm, its home and a camera for videos.
+        scenario: Scenario with the arm, its home and a video camera.
         model: The arm's file.
     """
     assert scenario.arm is not None
@@ -120,7 +121,7 @@ def check_arm(scenario: Scenario, model: Path) -> tuple[ArmCheck, Image]:
 
 
 def _move(plant: MultibodyPlant, home: Vector) -> tuple[Vector, float]:
-    """Return the goal of a move from home, inwards, and its duration [s]."""
+    """Return the goal of a move from home, away from limits, and its duration [s]."""
     arm = plant.GetModelInstanceByName("arm")
     lower = plant.GetPositionsFromArray(arm, plant.GetPositionLowerLimits())
     upper = plant.GetPositionsFromArray(arm, plant.GetPositionUpperLimits())
@@ -144,8 +145,8 @@ def _run_into_limits(model: Path, home: Vector, side: float) -> tuple[float, flo
     The arm has neither weight nor surroundings.
 
     Returns:
-        How far a joint gets beyond its limit [rad or m], and the largest torque, over
-        its limit.
+        Largest distance of a joint beyond its limit [rad or m], and largest torque as a
+        share of the torque limit.
     """
     builder = DiagramBuilder()
     plant = builder.AddNamedSystem("plant", MultibodyPlant(time_step=_TIME_STEP))

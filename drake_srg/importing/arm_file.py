@@ -1,7 +1,7 @@
-"""Reads an arm from a URDF or SDF file: one chain of joints from a base to a tip.
+"""An arm read from a URDF or SDF file: one chain of joints from a base to a tip.
 
 Drake's parser determines how joints connect links. It gets the file without geometry,
-inertia and limits, which public files have in every state of disrepair.
+inertia and limits, which are invalid in many public files.
 """
 
 from __future__ import annotations
@@ -47,21 +47,21 @@ from drake_srg.objects.meshes.sources import SUFFIXES
 from drake_srg.objects.sdf import DRAKE
 from drake_srg.types import Vector
 
-# Density of links without a mass: cast aluminium, half of it hollow [kg/m³].
+# Density of links without a mass, as of largely hollow aluminium castings [kg/m³].
 DENSITY = 1000.0
-# Without a given acceleration, a joint reaches its top speed in this time [s]. The iiwa
-# takes 0.17 to 0.24 s.
+# Without an acceleration limit, a joint reaches its top speed in this time [s]. The
+# iiwa takes 0.17 to 0.24 s.
 TIME_TO_SPEED = 0.25
-# Names of frames that carry tools, the best first.
+# Usual names of frames for tools, the preferred ones first.
 _FLANGES = ("tool0", "flange", "link_ee", "ee_link", "link_eef")
-# Elements that Drake's parser does not get.
+# Elements that are hidden from Drake's parser.
 _UNREAD = (
     *("visual", "collision", "inertial", "limit", "dynamics", "transmission"),
     *("mimic", f"{{{DRAKE}}}mimic", "safety_controller", "calibration"),
     *("gazebo", "plugin", "sensor"),
 )
-_HUGE = 1e15  # larger limits are none
-_ALIGNED = 0.99  # cosine of the largest angle between two axes that count as one
+_HUGE = 1e15  # a larger limit counts as no limit
+_ALIGNED = 0.99  # cosine of the largest angle between axes that count as parallel
 
 
 @dc.dataclass(frozen=True, eq=False)
@@ -71,15 +71,15 @@ class ArmJoint:
     Attributes:
         name: Name of the joint.
         kind: `revolute` or `prismatic`.
-        X_PC: Pose of the child in the parent where the position is 0 [m].
+        X_PC: Pose of the child in the parent at position 0 [m].
         X_CJ: Pose of the joint's frame in the child [m].
-        axis: In the joint's frame, shape (3,).
+        axis: Axis in the joint's frame, shape (3,).
         lower: Least position; -inf without a limit [rad or m].
-        upper: Greatest position [rad or m].
-        velocity: Limit [rad/s or m/s].
-        acceleration: Limit [rad/s² or m/s²].
-        effort: Limit [N m or N].
-        damping: [N m s/rad or N s/m].
+        upper: Greatest position; inf without a limit [rad or m].
+        velocity: Greatest speed [rad/s or m/s].
+        acceleration: Greatest acceleration [rad/s² or m/s²].
+        effort: Greatest torque or force [N m or N].
+        damping: Viscous damping [N m s/rad or N s/m].
     """
 
     name: str
@@ -97,7 +97,7 @@ class ArmJoint:
 
 @dc.dataclass(frozen=True, eq=False)
 class ArmLink:
-    """A rigid link L: a body of the file and all that is fixed to it.
+    """A rigid link L: a body of the file, with all bodies that are fixed to it.
 
     Attributes:
         name: Name of the body that gives L its frame.
@@ -116,9 +116,9 @@ class ArmFile:
 
     Attributes:
         path: The file.
-        links: From the base to the last, N + 1.
-        joints: N, one between each two links.
-        X_LT: Pose of the flange in the last link: z points out of the arm [m].
+        links: The N + 1 links, from the base to the last.
+        joints: The N joints between them.
+        X_LT: Pose of the flange in the last link [m]; its z points out of the arm.
         warnings: Repairs, assumptions and omissions, in words.
     """
 
@@ -131,7 +131,7 @@ class ArmFile:
 
 @dc.dataclass(frozen=True)
 class GivenLimits:
-    """Limits that replace a file's limits: none, one for all joints, or one each."""
+    """Limits that replace a file's: none, one for all joints, or one per joint."""
 
     velocity: Sequence[float] = ()
     acceleration: Sequence[float] = ()
@@ -145,7 +145,7 @@ def read_arm(path: Path, tip: str = "", given: GivenLimits | None = None) -> Arm
         path: A URDF or SDF file.
         tip: Link or frame that carries the gripper; links beyond it are left out.
             Empty: the end of the chain, if there is only one.
-        given: Limits.
+        given: Limits that replace those of the file.
 
     Raises:
         ScenarioError: If the file holds no arm that can be simulated.
@@ -164,7 +164,7 @@ def read_arm(path: Path, tip: str = "", given: GivenLimits | None = None) -> Arm
 
 @dc.dataclass(frozen=True, eq=False)
 class _Chain:
-    """Joints that move, and the bodies of the links before, between and after them."""
+    """The joints that move, and the links before, between and after them."""
 
     joints: Sequence[Joint]
     roots: Sequence[RigidBody]
@@ -173,14 +173,14 @@ class _Chain:
 
 
 class _Tree:
-    """Bodies and joints of a file, with all joints at 0."""
+    """The bodies and joints of a file, with all joints at 0."""
 
     def __init__(self, read: SdfReader) -> None:
         self.read = read
         joints = read.root.findall(read.joint)
         self.elements = {node.get("name"): node for node in joints}
         for name, node in self.elements.items():
-            if node.get("type") == "floating":  # Drake only warns of it
+            if node.get("type") == "floating":  # Drake only warns about it
                 self.refuse(f"joint {name}: the base floats (allowed: a fixed joint)")
         self._plant = plant = MultibodyPlant(time_step=0.0)
         root = copy.deepcopy(read.root)
@@ -188,7 +188,7 @@ class _Tree:
             for child in [node for node in parent if node.tag in _UNREAD]:
                 parent.remove(child)
         if root.find(".//include") is not None:
-            self.refuse("<include>: write the included model out")
+            self.refuse("<include>: copy the included model into the file")
         kind = "sdf" if root.tag == "sdf" else "urdf"
         text = ET.tostring(root, encoding="unicode")
         try:
@@ -236,7 +236,7 @@ class _Tree:
             plant.WeldFrames(plant.world_frame(), body.body_frame())
 
     def chain(self, tip: str) -> _Chain:
-        """Return the chain from the base to a tip; empty: the only tip."""
+        """Return the chain from the base to a tip; "" stands for the only tip."""
         body, named = self._tip(tip)
         joints: list[Joint] = []
         on_the_way, at = [body], body
@@ -291,7 +291,7 @@ class _Tree:
             yield self._plant.get_body(index)
 
     def _moving(self, body: str | None = None) -> Iterator[Joint]:
-        """Yield all joints that move, or those beyond a body."""
+        """Yield the joints that move: all, or those beyond a body."""
         if body is None:
             joints = list(itertools.chain.from_iterable(self.below.values()))
         else:
@@ -304,17 +304,17 @@ class _Tree:
 
     def _common(self, names: Sequence[str]) -> str:
         """Return the last common ancestor of some bodies."""
-        ways = []
+        paths = []
         for name in names:
-            way = [name]
-            while way[0] in self.above:
-                way.insert(0, self.above[way[0]].parent_body().name())
-            ways.append(way)
-        shared = [s[0] for s in zip(*ways, strict=False) if len(set(s)) == 1]
+            path = [name]
+            while path[0] in self.above:
+                path.insert(0, self.above[path[0]].parent_body().name())
+            paths.append(path)
+        shared = [s[0] for s in zip(*paths, strict=False) if len(set(s)) == 1]
         return shared[-1] if shared else names[0]
 
     def _fixed(self, name: str, end: str = "") -> Iterator[RigidBody]:
-        """Yield a body and all that is fixed to it, up to and with the body `end`."""
+        """Yield a body and all bodies fixed to it, but none beyond the body `end`."""
         yield self._plant.GetBodyByName(name, _last_model(self._plant))
         for joint in self.below.get(name, []) if name != end else []:
             if isinstance(joint, WeldJoint):
@@ -329,11 +329,11 @@ class _Tree:
         return next(node for node in links if node.get("name") == name)
 
     def X_WB(self, body: RigidBody) -> RigidTransform:
-        """Return the pose of a body in world where all joints are at 0."""
+        """Return the pose of a body in world with all joints at 0."""
         return body.EvalPoseInWorld(self.context)
 
     def link(self, root: RigidBody, chain: _Chain) -> ArmLink:
-        """Return the link of a body and of all that is fixed to it."""
+        """Return the link of a body and of all bodies that are fixed to it."""
         warnings, reader = self.read.warnings, MeshReader(self.read.warnings)
         visuals: list[Geometry] = []
         collisions: list[Geometry] = []
@@ -428,7 +428,7 @@ def _joint(tree: _Tree, chain: _Chain, i: int, given: GivenLimits) -> ArmJoint:
         tree.refuse(f"joint {name}: follows another joint (mimic), needs a motor")
     turns = isinstance(joint, RevoluteJoint)
     unit = "rad" if turns else "m"
-    # In an SDF, they are in the axis.
+    # In an SDF, limits and dynamics are inside the axis.
     nodes = [node.find(f"{at}limit") for at in ("", "axis/")]
     limits = next((e for e in nodes if e is not None), None)
     nodes = [node.find(f"{at}dynamics") for at in ("", "axis/")]
@@ -481,11 +481,11 @@ def _joint(tree: _Tree, chain: _Chain, i: int, given: GivenLimits) -> ArmJoint:
 
 
 def _flange(tree: _Tree, chain: _Chain, links: Sequence[ArmLink]) -> RigidTransform:
-    """Return the pose of the flange in the last link: its z is the last joint's axis.
+    """Return the pose of the flange in the last link; its z is the last joint's axis.
 
-    A frame made for tools keeps its own z if that is the axis. Elsewhere, z points away
-    from the link before. Where a link of the file is the tip, the flange is on its
-    outer face.
+    A frame for tools keeps its own z if that is parallel to the axis. Otherwise, z
+    points away from the previous link. If the tip is a link with geometry, the flange
+    is on its outer face.
     """
     last, joint = chain.roots[-1], chain.joints[-1]
     X_LT: RigidTransform = tree.X_WB(last).inverse() @ tree.X_WB(chain.tip)
@@ -522,7 +522,7 @@ def _flange(tree: _Tree, chain: _Chain, links: Sequence[ArmLink]) -> RigidTransf
 
 
 def _points(link: ArmLink, read: SdfReader) -> Vector:
-    """Return points whose convex hull holds a link's collision geometry, (n, 3) [m]."""
+    """Return points whose bounds enclose a link's collision geometry, (n, 3) [m]."""
     reader, found = MeshReader(read.warnings), [np.zeros((0, 3))]
     for geometry in link.contents.collisions:
         if isinstance(geometry.shape, MeshFile):

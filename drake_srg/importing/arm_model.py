@@ -1,4 +1,4 @@
-"""Writes an arm as an SDF of convex pieces, with motors and ignored contacts."""
+"""An arm's SDF file, with convex pieces, motors and ignored contacts."""
 
 from __future__ import annotations
 
@@ -34,14 +34,14 @@ from drake_srg.objects.sdf import (
     AddPose,
 )
 
-# The frames that our scenarios weld: to the ground, and to the gripper.
+# The frames that scenarios weld, to the ground and to the gripper.
 BASE, FLANGE = "link_0", "flange"
-# Largest torque of a joint over what its motor and gear add to its inertia [rad/s²].
-# Ours: 95 of the iiwa's, 62 of the hobby arm's.
+# Assumed ratio of a joint's torque limit to the reflected inertia of its motor and gear
+# [rad/s²]. It is 95 in our iiwa's model and 62 in the hobby arm's.
 EFFORT_PER_INERTIA = 100.0
-_FRICTION = 0.4  # of painted metal, as our iiwa
-# Pairs of links that touch in at least this share of so many postures are ignored, and
-# those that touch in none.
+_FRICTION = 0.4  # of painted metal, as in our iiwa's model
+# Contacts of two links are ignored if they touch in none of this number of random
+# postures, or in at least this share of them.
 _SAMPLES, _ALWAYS = 10_000, 0.95
 _TWO_TURNS = 2.0 * np.pi
 
@@ -49,15 +49,15 @@ _TWO_TURNS = 2.0 * np.pi
 def write_model(arm: ArmFile, path: Path) -> list[str]:
     """Write the model of an arm, and its meshes beside it.
 
-    Each collision mesh becomes its convex hull. The links are named as in the file; so
-    are the frames of what is fixed to them.
+    Each collision mesh becomes its convex hull. Links keep their names, and bodies that
+    are fixed to them become frames with their names.
 
     Args:
         arm: The arm.
         path: The model's file, in an empty folder.
 
     Returns:
-        The ignored pairs of links, in words, without neighbours.
+        The ignored pairs of links in words, without neighbours.
     """
     root = ET.Element("sdf", {"version": "1.9"})
     model = AddChild(root, "model", name="arm")
@@ -164,7 +164,7 @@ def _ignored_pairs(
 ) -> list[tuple[str, str]]:
     """Return pairs of links that touch in nearly all random postures, or in none.
 
-    Neighbours are not among them, because Drake ignores their contacts anyway.
+    Neighbours are left out, because Drake ignores their contacts anyway.
     """
     builder = DiagramBuilder()
     plant, scene_graph = AddMultibodyPlantSceneGraph(builder, time_step=0.0)

@@ -35,8 +35,8 @@ from drake_srg.types import Blob, Cylinder, Failure, Mode, PlannerStatus, Shape,
 
 # Longest wait for the localizer to find the object [s].
 _PATIENCE = 1.0
-# Greatest mean speed of the hand [m/s, rad/s]. The peak of a minimum-jerk motion is
-# 1.9 times as fast, which is the environments' limit.
+# Greatest mean speed of the hand [m/s, rad/s]. A minimum-jerk motion peaks at 1.9 times
+# its mean speed, and this peak is within the environments' limit.
 _SPEED = np.array([0.2, 0.2, 0.2, 1.0])
 _UPRIGHT = np.cos(np.deg2rad(15.0))  # largest lean of a localizer's boxes
 
@@ -82,8 +82,9 @@ class _Memory:
 class CellPlanner(LeafSystem):
     """Base class of planners that act by a policy once they have seen the object.
 
-    The input `blobs` (list[Blob]) shows the object, from home. Every control period of
-    the environments, `position_commanded` (N) reaches its next value, linearly.
+    The input `blobs` (list[Blob]) must show the object while the arm is at home. The
+    output `position_commanded` (N) moves linearly from one control period's value to
+    the next.
     `closure_commanded` (1) is 0 .. 1. `mode` (Mode) and `status` (PlannerStatus) end as
     DONE, even if the hand holds nothing, or as FAILED: `not_seen` if no blob shows the
     object upright, `time_budget` if the policy has not finished.
@@ -136,15 +137,15 @@ class CellPlanner(LeafSystem):
         """Return the memory of an attempt at an object.
 
         Args:
-            estimate: Its seen pose, [x, y, z, yaw] of its centre in world, shape (4,)
-                [m, rad].
+            estimate: Pose of the object's centre where it was seen, [x, y, z, yaw] in
+                world, shape (4,) [m, rad].
         """
         raise NotImplementedError
 
     def act(self, context: Context, attempt: Any) -> tuple[Any, Command]:
         """Return the attempt after one control period, and the command until then.
 
-        It is not called again after a command that ends the attempt.
+        A command that ends the attempt is the last: `act` is not called again.
         """
         raise NotImplementedError
 
@@ -224,13 +225,13 @@ def ticks_between(start: Vector, end: Vector) -> int:
 
 
 def between(start: Vector, end: Vector, tick: int, ticks: int) -> Vector:
-    """Return the pose (4) at one of a motion's `ticks` control periods."""
+    """Return the pose (4) after `tick` of a motion's `ticks` control periods."""
     pose: Vector = start + minimum_jerk_blend(tick / max(ticks, 1)) * (end - start)
     return pose
 
 
 def shake_or_end(pose: Vector, ticks: int, closure: float) -> Command:
-    """Return the command so many control periods after the shake of a pose began."""
+    """Return the command `ticks` control periods after the shake about a pose began."""
     moved = shaken(pose, ticks * CONTROL_PERIOD)
     if moved is None:
         return Command(Mode.DONE, pose, closure)
@@ -239,7 +240,7 @@ def shake_or_end(pose: Vector, ticks: int, closure: float) -> Command:
 
 @dc.dataclass(frozen=True, eq=False)
 class _GraspAttempt:
-    """A grasp, and the control periods since the object was seen."""
+    """A grasp, and the number of control periods since the object was seen."""
 
     grasp: Grasp
     tick: int = 0
@@ -260,8 +261,8 @@ class GraspPlanner(CellPlanner):
         - status
 
     The policy sees the object's size and acts once, when `blobs` shows the object for
-    the first time. Then everything happens as in the environment: the hand comes down,
-    closes, lifts and shakes. Ports and arguments are those of `CellPlanner`.
+    the first time. Then the hand moves as in the environment: it comes down, closes,
+    lifts and shakes. Ports and arguments are those of `CellPlanner`.
     """
 
     def begin(self, estimate: Vector) -> _GraspAttempt:
@@ -307,7 +308,7 @@ class _PolicyAttempt:
         tick: Control periods since the object was seen.
         closure: Commanded closure.
         lowest: Least height of the hand so far [m].
-        risen: The tick at which the closed hand had risen; the shake begins.
+        risen: The tick at which the closed hand had risen and the shake began, or None.
     """
 
     estimate: Vector
@@ -336,13 +337,13 @@ class PolicyPlanner(CellPlanner):
         - status
 
     Once `blobs` shows the object, the hand goes to the start of the environment's
-    episodes. Then the policy sees `arm_state` (2N), `gripper_state` (8) and
-    `contact_force` (4) of the station and the object's first seen pose, and moves hand
-    and closure every control period. Once the closed hand has risen by 12 cm, it
-    shakes, even if empty. (The environment decides by the object's height, for which a
-    cell has no sensor.) A policy that does not rise within the time of an episode ends
-    as FAILED. The other ports and arguments are those of `CellPlanner`. The hand stays
-    in `workspace`. Without `touch`, the policy sees zeros as forces.
+    episodes. Then the policy sees the object's first pose and the station's `arm_state`
+    (2N), `gripper_state` (8) and `contact_force` (4). It moves hand and closure every
+    control period. Once the closed hand has risen by 12 cm, it shakes, even if empty.
+    (The environment decides by the object's height, for which a cell has no sensor.) A
+    policy that does not rise within the time of an episode ends as FAILED. The other
+    ports and arguments are those of `CellPlanner`. The hand stays in `workspace`.
+    Without `touch`, the policy sees zeros as forces.
     """
 
     def __init__(

@@ -1,7 +1,8 @@
-"""One-shot grasps from a data set of `drake-srg dataset`, to be cloned.
+"""One-shot grasps from a data set of `drake-srg dataset`, for behaviour cloning.
 
-An episode of a data set is a whole run of a cell, with one grasp: the hand's pose at
-the last increase of the commanded closure, relative to the last sighting of the object.
+An episode of the data set is a run of a cell, from which one grasp is taken: the hand's
+pose at the last increase of the commanded closure, relative to the last sighting of the
+object.
 """
 
 from __future__ import annotations
@@ -31,19 +32,19 @@ Demonstration = tuple[Array, Array]  # observation and action of `GraspOneShot`
 
 
 def read_demonstrations(folder: Path, env: Any) -> list[Demonstration]:
-    """Return the grasps of a data set that held and fit the environment.
+    """Return the successful grasps of a data set that fit the environment.
 
-    A grasp held if the object reached its goal, or, `misplaced`, a place near it.
-    Grasps that are no action of the environment, such as those from the side, are left
-    out.
+    A grasp was successful if the object reached its goal, or a place near it
+    (`misplaced`). Grasps that are not possible actions of the environment, such as
+    those from the side, are left out.
 
     Args:
         folder: Folder of the data set.
         env: A `GraspOneShotEnv`, of the arm with which the data set was recorded.
 
     Raises:
-        ScenarioError: If it is no such data set, belongs to another arm, or has no
-            grasps.
+        ScenarioError: If the folder is not such a data set, belongs to another arm, or
+            has no usable grasps.
         ImportError: If PyArrow is missing.
     """
     task = env.unwrapped
@@ -84,7 +85,7 @@ def read_demonstrations(folder: Path, env: Any) -> list[Demonstration]:
 def grasp_in(
     shape: Shape, action: Vector, sighting: Vector, mover: Mover, table: float
 ) -> Demonstration | None:
-    """Return the grasp of an episode; None if it has none from above.
+    """Return the grasp of an episode; None if the hand does not grasp from above.
 
     Args:
         shape: Shape of the object.

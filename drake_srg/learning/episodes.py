@@ -1,4 +1,4 @@
-"""Episodes of an environment, their seeds, and its name."""
+"""Episodes, their seeds, and environments by name."""
 
 from __future__ import annotations
 
@@ -14,9 +14,9 @@ from drake_srg.common.exceptions import ScenarioError, one_line, suggest
 from drake_srg.learning.policy import Array
 
 NAMESPACE = "drake_srg/"
-# Seeds of episodes. The three ranges never overlap, so no policy is judged by an
-# episode that trained or chose it. Training with `--seed S` has a million seeds of its
-# own.
+# Seeds of episodes. The ranges of training, validation and evaluation do not overlap,
+# so no policy is judged by an episode that trained or chose it. Each `train --seed S`
+# has a million seeds of its own.
 PER_RUN = 1_000_000
 RUNS = 1000
 VALIDATION = RUNS * PER_RUN
@@ -29,7 +29,7 @@ def training_seed(run: int, episode: int) -> int:
     """Return the seed of an episode of training.
 
     Raises:
-        ScenarioError: If one of them is out of range.
+        ScenarioError: If `run` or `episode` is out of range.
     """
     if not 0 <= run < RUNS:
         raise ScenarioError(f"--seed {run}: out of range (allowed: 0 to {RUNS - 1})")
@@ -46,8 +46,8 @@ class Episode:
         observations: Shape (steps + 1, n).
         actions: Shape (steps, m).
         rewards: Shape (steps,).
-        success: Whether the object was held at the end, through a shake.
-        failure: The reason why the simulator ended it early, or "".
+        success: Whether the environment reported success.
+        failure: The reason why the simulator ended the episode early, or "".
         scene: Scene that the environment drew, as plain data.
     """
 
@@ -93,7 +93,7 @@ def environment_id(name: str) -> str:
 
     Ids of others stay as they are; `MODULE:ID` imports the module that registers it.
     """
-    name = name.removeprefix("drake_srg.learning.envs:")  # imported for all ours
+    name = name.removeprefix("drake_srg.learning.envs:")  # imported in any case
     name = name if "/" in name or ":" in name else NAMESPACE + name
     return name if re.search(r"-v\d+$", name) else f"{name}-v0"
 
@@ -102,12 +102,12 @@ def make_environment(name: str, keywords: Mapping[str, Any] | None = None) -> An
     """Make an environment.
 
     Args:
-        name: Its id, or the short form of one of ours.
+        name: Its id, or the short name of an environment of drake_srg.
         keywords: Keyword arguments of the environment.
 
     Raises:
-        ScenarioError: If it is unknown, a keyword is wrong, or its spaces do not suit
-            learners.
+        ScenarioError: If the environment is unknown, a keyword is wrong, or a space is
+            not a bounded vector.
     """
     import gymnasium
 
@@ -128,7 +128,7 @@ def make_environment(name: str, keywords: Mapping[str, Any] | None = None) -> An
     except ScenarioError:
         raise
     except (TypeError, ValueError) as error:
-        # Gymnasium adds a sentence of its own.
+        # Gymnasium appends a sentence about where the error was raised.
         reason = one_line(error).partition(" was raised from")[0]
         raise ScenarioError(f"ENV: {name}: {reason}") from None
     for kind, space in (

@@ -1,8 +1,8 @@
-"""Judges a policy by episodes that were not used in its training.
+"""Evaluation of a policy in episodes that were not used in its training.
 
-DIR/policy/     a sweep's folder: rows of the policy, see `drake_srg.sweeps.rows`
-DIR/rule/       of the hand-written rule
-DIR/random/     of random actions
+DIR/policy/     a sweep's folder with the policy's rows; see `drake_srg.sweeps.rows`
+DIR/rule/       the same for the hand-written rule
+DIR/random/     the same for random actions
 """
 
 from __future__ import annotations
@@ -55,8 +55,8 @@ def evaluate(
         trials: Number of episodes.
         out: Folder of the rows, as of a sweep.
         engine: Runs the episodes; entered here.
-        seed: Seed of the first episode, at least `EVALUATION`: those below are
-            training's.
+        seed: Seed of the first episode, at least `EVALUATION`: training uses lower
+            ones.
         keywords: Keyword arguments of the environment, which override those of the
             policy's training.
         resume: Whether `out` may contain episodes of this evaluation.
@@ -112,16 +112,16 @@ def evaluate(
 
 
 def check_seeds(trials: int, seed: int) -> None:
-    """Check the number of trials and the seed of the first.
+    """Check the number of trials, and the seed of the first trial.
 
     Raises:
-        ScenarioError: If one of them is out of range.
+        ScenarioError: If an argument is out of range.
     """
     if trials < 1:
         raise ScenarioError(f"--trials {trials}: must be at least 1")
     if seed < EVALUATION:
         raise ScenarioError(
-            f"--seed {seed}: must be at least {EVALUATION}; training has those below"
+            f"--seed {seed}: must be at least {EVALUATION}; training uses lower seeds"
         )
     if seed > _MOST_SEED - trials:
         raise ScenarioError(f"--seed {seed}: must be at most {_MOST_SEED - trials}")
@@ -130,7 +130,7 @@ def check_seeds(trials: int, seed: int) -> None:
 def run_trial(
     policy: str, environment: str, keywords: str, seed: int, trial: int
 ) -> TrialResult:
-    """Run one episode; an error in it is an outcome. `keywords` are JSON."""
+    """Run one episode; an error counts as an outcome. `keywords` are JSON."""
     start = wall.perf_counter()
     row = empty_row(seed, trial, "")
     try:
@@ -153,7 +153,7 @@ def run_trial(
 
 
 def _leaves(key: str, value: Any) -> Iterator[tuple[str, Any]]:
-    """Yield the numbers and words of a scene by dotted keys: columns of the report."""
+    """Yield the numbers and words of a scene with dotted keys, as columns of a row."""
     if isinstance(value, Mapping):
         for name, inner in value.items():
             yield from _leaves(f"{key}.{name}", inner)
@@ -184,5 +184,5 @@ def _environment(name: str, keywords: str) -> Any:
 
 @functools.lru_cache(maxsize=1)
 def latest_policy(name: str) -> Policy:
-    """Return a policy; that of the last call is not read again."""
+    """Return a policy; cached, so that a worker reads the file once."""
     return load_policy(name)

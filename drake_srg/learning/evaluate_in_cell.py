@@ -1,4 +1,4 @@
-"""Evaluation of policies in a scenario's cell, in the planner's place."""
+"""Evaluation of policies that replace the planner of a scenario's cell."""
 
 from __future__ import annotations
 
@@ -68,9 +68,9 @@ def run_cell_trial(
 ) -> TrialResult:
     """Run a trial of `drake-srg sweep` in which a policy takes the planner's place.
 
-    `success` means that the object is up after the shake. Metrics of placing are left
-    out. `policy` and `environment` are those of `cell_policy`, the other arguments
-    those of `run_trial`.
+    `success` means that the object is still up after the shake. Metrics of placing are
+    left out. For `policy` and `environment`, see `cell_policy`; for the others, see
+    `run_trial`.
     """
     actor = cell_policy(policy, environment, seed + trial)
     simulate = functools.partial(_simulate, actor)
@@ -82,9 +82,8 @@ def cell_policy(policy: str, environment: str, seed: int) -> CellPolicy:
 
     Args:
         policy: A policy's file or name, or a baseline.
-        environment: Id of the environment of a built-in policy; if that environment
-            lacks the rule, the first one with it counts. A trained policy names its own
-            environment.
+        environment: Id of the environment of a baseline. If that environment lacks the
+            rule, the first one that has it is used. A trained policy names its own.
         seed: Seed of random actions.
 
     Raises:
@@ -105,17 +104,16 @@ def cell_policy(policy: str, environment: str, seed: int) -> CellPolicy:
         return CellPolicy(loaded, environment, loaded.info.keywords.get("touch", True))
     if policy == RANDOM:
         return CellPolicy(random_policy(len(kind.action_names), seed), environment)
-    # If this environment lacks the rule, the first one with it counts.
     names = [environment, *_ENVIRONMENTS]
     rules = {name: named_rule(name, policy) for name in names}
     return next(CellPolicy(rule, name) for name, rule in rules.items() if rule)
 
 
 def check_driver(policy: str, scenario: Scenario, origin: str) -> None:
-    """Check that a cell has the gripper for which a policy was trained.
+    """Check that a cell's gripper has the driver with which a policy was trained.
 
     Raises:
-        ScenarioError: If the cell has another gripper.
+        ScenarioError: If the cell has another driver.
     """
     known = {tag[1:]: name for name, tag in DRIVER_TAGS.items()}
     own = type(scenario.gripper).__name__
@@ -135,7 +133,7 @@ def check_driver(policy: str, scenario: Scenario, origin: str) -> None:
 
 
 def make_planner(policy: CellPolicy, scenario: Scenario) -> System:
-    """Make the planner of a cell that acts by a policy.
+    """Make a planner that acts by a policy.
 
     Raises:
         ScenarioError: If the hand does not point down at home or does not reach the
@@ -218,8 +216,8 @@ def evaluate_in_cell(
 ) -> Any:
     """Run a policy in the cell of a scenario, in place of its planner.
 
-    The arguments are those of `evaluate`. `environment` is that of a baseline; a
-    trained policy names its own. `overrides` are `KEY=VALUE` each; see `load_scenario`.
+    The arguments are those of `evaluate`, except for two. `environment`: see
+    `cell_policy`. `overrides`: `KEY=VALUE` each; see `load_scenario`.
 
     Returns:
         All rows, a pyarrow.Table.

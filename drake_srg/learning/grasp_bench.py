@@ -1,11 +1,12 @@
 """A bench that labels grasps: a floating object, a hand that closes, and a shake.
 
 The object floats while the fingers close, as in ACRONYM (Eppner, Mousavian and Fox,
-ICRA 2021, section III-B): so a grasp may come from anywhere, and its label does not
-depend on a support. Then it gets its weight, which pulls it out of the hand that points
-down, and forces at its centre of mass shake it along three axes at once, ever harder:
-those that act in the frame of a hand that shakes (d'Alembert). Commands of a shaking
-arm, 3/64 s apart, would jerk the hand.
+ICRA 2021, section III-B). So a grasp may come from any direction, and its label does
+not depend on a support. Then the object gets its weight, which pulls it out of the
+hand, because the hand points down. Finally, forces at its centre of mass shake it along
+three axes at once, ever harder. They are the inertial forces in the frame of a shaking
+hand (d'Alembert). Shaking the arm itself would jerk the hand, because its commands are
+3/64 s apart.
 """
 
 from __future__ import annotations
@@ -34,24 +35,24 @@ from drake_srg.types import Vector
 
 _G = 9.81  # m/s²
 _GRAVITY_W = np.array([0.0, 0.0, -_G])
-# Amplitude of the shake, all axes together, at its beginning and at its end, and what a
-# grasp must survive [g].
+# Amplitude of the shake, all axes together, at its start and at its end, and the
+# amplitude that a successful grasp survives [g].
 _LEAST, _MOST, NEEDED = 0.4, 1.6, 1.0
-# Time of the shake [s]: two periods at least. Its frequencies are that of the shakes of
-# the environments, 2 Hz, and two above it, so that all directions come [Hz].
+# Duration of the shake [s], at least two periods, and its frequencies [Hz]: 2 Hz as in
+# the environments' shake, and two higher ones, so that the force takes all directions.
 _SHAKE = 1.0
 _FREQUENCIES = np.array([2.0, 2.5, 3.0])
 _REST = 4  # control periods with the weight alone
-# Steps of `train` per control period, as where objects are set down: in steps of 23 ms,
-# closing fingers jump over the wall of a mug.
+# Steps of `train` per control period, as in `PickPlaceEnv`: in steps of 23 ms, closing
+# fingers jump over the wall of a mug.
 _STEPS = 4
-_POINTS = 5  # of contact, of each finger: their number decides on the time of `epsilon`
-# The fingers close until their joints stand still [s, rad/s].
+_POINTS = 5  # contact points per finger; `epsilon` takes longer with more
+# Least and greatest time of closing [s], and the joint speed at which it ends [rad/s].
 _LEAST_CLOSE, _MOST_CLOSE, _STILL = 0.2, 1.2, 0.05
-# The object is lost once its centre of mass has moved so far in the hand: half of a
-# pad's width [m]. While it floats, it is lost once it is out of reach [m].
+# The object is lost once its centre of mass has moved this far in the hand [m]: half of
+# a pad's width during the shake, and out of reach while the hand closes.
 _LOST, _AWAY = 0.015, 0.1
-_HEIGHT = 0.6  # of the gantry: nothing reaches the table [m]
+_HEIGHT = 0.6  # of the gantry, so that nothing reaches the table [m]
 
 
 @dc.dataclass(frozen=True)
@@ -59,10 +60,10 @@ class BenchHand:
     """A hand whose grasps are labelled.
 
     Attributes:
-        fingers: As the search for grasps sees them.
-        driver: Driver of `Physics` that decides on the plant.
-        coarse: File of its model for training.
-        fine: The accurate one.
+        fingers: Geometry of the fingers, for the search for grasps.
+        driver: Driver of `Physics`, which determines the plant.
+        coarse: Name of its SDF file for `train` and `fast`.
+        fine: Name of its SDF file for `accurate`.
         changes: Further changes to the scenario's tree.
     """
 
@@ -75,8 +76,8 @@ class BenchHand:
 
 HANDS: Mapping[str, BenchHand] = {
     "srg": BenchHand(SrgFingers(), "plant", "srg", "srg", {}),
-    # Drake's continuous plants have no mimic joints, which close its linkages. As for
-    # the wires of `tendon`, `train` is then `lagged` in steps of 3 ms.
+    # Mimic joints close its linkages, and Drake's continuous plants have none. So
+    # `train` is `lagged` in steps of 3 ms, as for `tendon`.
     "linkage": BenchHand(
         LinkageFingers(),
         "tendon",
@@ -101,11 +102,12 @@ class GraspLabel:
 
     Attributes:
         grasp: The grasp.
-        strength: Amplitude of the shake at which it lost the object, 0 .. 1.6 [g]; 1.6
-            if it did not, 0 if it did not bear the weight, or never held it.
+        strength: Amplitude of the shake that lost the object, 0 .. 1.6 [g]: 1.6 if the
+            grasp survived, 0 if the hand never held the object or dropped it by its
+            weight alone.
         epsilon: Ferrari and Canny's measure of the contacts before the shake, merged to
-            five points a finger, with forces of 1; 0 without force closure.
-        closure: The commanded closure, 0 .. 1.
+            five points per finger, with unit forces; 0 without force closure.
+        closure: Commanded closure, 0 .. 1.
         opened: Joint angles before closing, by name [rad].
         closed: Joint angles before the shake, by name [rad].
         failure: Drake's error message if the simulation failed.
@@ -145,7 +147,7 @@ class GraspBench(EpisodeStation):
         physics: `train`, `fast` or `accurate`; see `Physics`.
 
     Raises:
-        ScenarioError: If the model does not suit.
+        ScenarioError: If the model does not fit the bench.
     """
 
     def __init__(
@@ -221,7 +223,7 @@ class GraspBench(EpisodeStation):
         return dc.replace(label, epsilon=epsilon, strength=self._shake(label.closure))
 
     def _per_finger(self, patches: Sequence[Patch]) -> list[Patch]:
-        """Return the contacts that press along the palm's y, and against it, merged."""
+        """Return the merged contacts of each finger; one presses along the palm's y."""
         y_W = self._X_WG.rotation().matrix()[:, 1]
         sides: dict[bool, list[Patch]] = {}
         for patch in patches:
@@ -241,7 +243,7 @@ class GraspBench(EpisodeStation):
         return found
 
     def _close(self, closure: float) -> bool:
-        """Close the fingers, and return whether the object is still there."""
+        """Close the fingers, and return whether the object is still within reach."""
         start = self._p_GC()
         self._push(-_GRAVITY_W)
         for i in range(round(_MOST_CLOSE / CONTROL_PERIOD)):
@@ -256,7 +258,7 @@ class GraspBench(EpisodeStation):
     def _shake(self, closure: float) -> float:
         """Shake ever harder until the object is lost, and return the strength [g]."""
         start, count = self._p_GC(), round(_SHAKE / CONTROL_PERIOD)
-        strength = 0.0  # only its weight pulls at first
+        strength = 0.0  # at first, only the weight pulls
         for i in range(-_REST, count):
             if i >= 0:
                 t = (i + 0.5) * CONTROL_PERIOD
@@ -269,7 +271,7 @@ class GraspBench(EpisodeStation):
         return _MOST
 
     def _push(self, a_W: Vector) -> None:
-        """Accelerate the floating object by a force, a_W in world (3) [m/s²]."""
+        """Apply the force that gives the object an acceleration in world (3) [m/s²]."""
         force = ExternallyAppliedSpatialForce()
         force.body_index = self._object.index()
         force.p_BoBq_B = self._p_OC

@@ -1,14 +1,15 @@
 """Labelled grasps of one object: sampled, tested on the bench, written to a file.
 
-The YAML is an Isaac grasp file, which GraspGen writes
-(`save_to_isaac_grasp_format` of its grasp_gen/dataset/eval_utils.py) and GraspDataGen
-makes for its training; NVIDIA's specification:
-https://nvidia-isaac-ros.github.io/concepts/manipulation/isaac_grasp.html. A grasp has
-there `confidence`, `position` and `orientation` of the gripper's frame in the object's,
-`cspace_position` and `pregrasp_cspace_position`. We add our labels to these. The
-gripper's frame is our palm: its x approaches and its y closes. In GraspGen's own frame,
-z approaches and x closes: that is the palm turned by the quaternion
-(w, x, y, z) = (0.5, 0.5, 0.5, 0.5).
+The YAML is an Isaac grasp file (NVIDIA's specification:
+https://nvidia-isaac-ros.github.io/concepts/manipulation/isaac_grasp.html). GraspGen
+writes such files (`save_to_isaac_grasp_format` in grasp_gen/dataset/eval_utils.py), and
+so does GraspDataGen. For each grasp, the specification has `confidence`, `position` and
+`orientation` of the gripper's frame in the object's, `cspace_position` and
+`pregrasp_cspace_position`. We add our labels.
+
+The gripper's frame is our palm: it approaches along x and closes along y. GraspGen's
+own frame approaches along z and closes along x: it is the palm's frame, turned by the
+quaternion (w, x, y, z) = (0.5, 0.5, 0.5, 0.5).
 """
 
 from __future__ import annotations
@@ -48,13 +49,13 @@ from drake_srg.sweeps.engines import Engine
 from drake_srg.sweeps.files import write_file
 from drake_srg.sweeps.rows import require_sweep
 
-# The hand lies along x, its fingers end here [m]; the camera looks from above.
+# In the pictures, the hand lies along x, and its fingers end here [m].
 _FINGERS_END, _PIXELS = 0.2, 200
 _EYE = np.array([0.35, -0.5, 0.8])
 _LIGHTS = (([-0.4, 0.8, -1.0], 1.0), ([0.2, 0.3, -0.8], 1.0))
 
 SUFFIXES = (".yaml", ".yml", ".parquet")
-# Directions without any grasp after which an object counts as too large, or too small.
+# After this many directions without a grasp, the object counts as too large or small.
 _HOPELESS = 40
 
 
@@ -87,7 +88,7 @@ class LabelJob:
 def label_direction(job: LabelJob, direction: int) -> list[GraspLabel]:
     """Return the labels of all grasps that are sampled from one direction.
 
-    Samples whose open hand touches the object are left out.
+    Grasps whose open hand already touches the object are left out.
     """
     solid, p_OC = object_pieces(job.name, job.object)
     fingers = HANDS[job.hand].fingers
@@ -97,7 +98,7 @@ def label_direction(job: LabelJob, direction: int) -> list[GraspLabel]:
 
 
 def check_label(job: LabelJob, label: GraspLabel) -> GraspLabel | None:
-    """Return the label of the same grasp by the accurate physics."""
+    """Return the label of the same grasp with the accurate physics."""
     return _bench(job, "accurate").label(label.grasp)
 
 
@@ -114,8 +115,8 @@ def label_grasps(
     Args:
         job: The object, hand and physics.
         n: Number of grasps, at least 1.
-        engine: Runs them; entered.
-        tell: Is called with the number of labels so far.
+        engine: Runs the bench; must be entered.
+        tell: Receives the number of labels so far.
 
     Raises:
         ScenarioError: If the hand does not find a grasp from any of 40 directions.
@@ -139,9 +140,9 @@ def check_labels(
     engine: Engine,
     tell: Callable[[int], None],
 ) -> list[tuple[GraspLabel, GraspLabel]]:
-    """Return some labels, each with the label that the accurate physics gives."""
-    every = np.linspace(0, len(labels) - 1, min(count, len(labels))).astype(int)
-    chosen = [labels[i] for i in dict.fromkeys(every.tolist())]
+    """Return `count` evenly spaced labels, each with that of the accurate physics."""
+    indices = np.linspace(0, len(labels) - 1, min(count, len(labels))).astype(int)
+    chosen = [labels[i] for i in dict.fromkeys(indices.tolist())]
 
     def submit(k: int) -> Future[GraspLabel | None] | None:
         return engine.submit(check_label, job, chosen[k]) if k < len(chosen) else None
@@ -157,7 +158,7 @@ def check_labels(
 def _in_order(
     engine: Engine, submit: Callable[[int], Future[Any] | None]
 ) -> Iterator[Any]:
-    """Yield the results of tasks 0, 1, ... in this order, until one has none."""
+    """Yield the results of tasks 0, 1, ... in order, until `submit` returns None."""
     pending: collections.deque[Future[Any]] = collections.deque()
     number, more = 0, True
     while more or pending:
@@ -176,7 +177,7 @@ def _hopeless(job: LabelJob) -> str:
     most = 1e3 * HANDS[job.hand].fingers.max_width
     return (
         f"{job.name}: no grasp from any of {_HOPELESS} directions: the hand "
-        f"{job.hand} takes what is at most {most:.0f} mm wide, the object measures "
+        f"{job.hand} grasps objects of at most {most:.0f} mm, this one measures "
         f"{size} mm"
     )
 
@@ -270,12 +271,12 @@ def _parquet(job: LabelJob, labels: Sequence[GraspLabel]) -> bytes:
 
 
 def best(labels: Sequence[GraspLabel], count: int = 10) -> list[GraspLabel]:
-    """Return the strongest grasps; the larger epsilon breaks ties."""
+    """Return the strongest grasps; ties go to the larger epsilon."""
     return sorted(labels, key=lambda x: (x.strength, x.epsilon), reverse=True)[:count]
 
 
 def draw_labels(job: LabelJob, labels: Sequence[GraspLabel]) -> Image:
-    """Return a sheet with pictures of grasps, RGB, (height, width, 3).
+    """Return a contact sheet of grasps, RGB, shape (height, width, 3).
 
     Raises:
         ScenarioError: If a model cannot be read.

@@ -1,7 +1,4 @@
-"""Learners in PyTorch, in rounds that can be interrupted: the extra `learn`.
-
-Each is a `drake_srg.learning.train.Learner`.
-"""
+"""Learners in PyTorch (extra `learn`); see `drake_srg.learning.train.Learner`."""
 
 from __future__ import annotations
 
@@ -74,17 +71,16 @@ class CloningConfig:
     rate: float = 1e-3  # of Adam, at first
     decay: float = 1e-2  # of its weights
     batch: int = 256
-    # Least number of gradient steps, and of passes over the samples. With 16 passes
-    # over the 80,000 samples of `pick_by_touch`, the error is twice as large as with
-    # 64.
+    # Least number of gradient steps, and of passes over the samples. On the 80,000
+    # samples of `pick_by_touch`, 16 passes leave twice the error of 64.
     updates: int = 5000
     passes: float = 64.0
-    # Largest action that is imitated: tanh reaches 1 only at infinity.
+    # Larger actions are clipped to this, because tanh reaches 1 only at infinity.
     most: float = 0.98
 
 
 CLONING = CloningConfig()
-# A quarter of the weights, because each round of DAgger fits a new network to all data.
+# A quarter of the weights: each round of DAgger fits a new network to all data.
 DAGGER = CloningConfig(hidden=(128, 128))
 
 
@@ -93,8 +89,8 @@ def clone(
 ) -> Network:
     """Fit a network to demonstrations; the tanh of its output is the action.
 
-    The rate falls linearly to zero. At a constant rate, the last batches would keep
-    disturbing the network, and its quality would depend on the last step.
+    The learning rate falls linearly to zero. At a constant rate, the quality of the
+    network would depend on the last few batches.
 
     Args:
         x: Scaled observations, shape (samples, n).
@@ -120,7 +116,7 @@ def clone(
 
 
 class _Rounds:
-    """Base class of these learners: episodes with their own seeds, and a file."""
+    """Base class of learners that learn after each episode and save one checkpoint."""
 
     def __init__(self, env: Any, run: int) -> None:
         self.steps, self.episodes, self.round_steps = 0, 0, 250
@@ -201,9 +197,9 @@ class QRounds(_Rounds):
     """Learns an ensemble of action values, for one-step episodes.
 
     Each network predicts the reward of an action. The next action to try is the best
-    one of a random network (Osband et al., NeurIPS 2016: bootstrapped exploration).
-    Episodes have one step, so no value of a next state is needed. The DQN of
-    Stable-Baselines3 would need discrete actions.
+    one according to a randomly chosen network (bootstrapped exploration: Osband et al.,
+    NeurIPS 2016). Episodes have one step, so no value of a next state is needed. The
+    DQN of Stable-Baselines3 would need discrete actions.
     """
 
     def __init__(self, env: Any, run: int, config: QConfig = Q) -> None:
@@ -290,7 +286,7 @@ class CloningRounds(_Rounds):
         return "actor", self._fit(CLONING)
 
     def _fit(self, config: CloningConfig) -> Network:
-        # A separate generator, so that making a policy more often changes nothing.
+        # A separate generator, so that the number of calls changes nothing.
         rng = default_rng([self._run, self.episodes])
         return clone(np.array(self._seen), np.array(self._done), rng, config)
 
@@ -305,7 +301,7 @@ class CloningRounds(_Rounds):
 
 
 class DataRounds(CloningRounds):
-    """Clones the grasps of a data set; each grasp is a step.
+    """Clones the grasps of a data set; each grasp counts as one step and one episode.
 
     Args:
         env: The environment.
@@ -394,7 +390,7 @@ class SacRounds:
         """Run at least a number of steps; return the success of each episode."""
         self.done = []
         begun = self._model.num_timesteps == 0
-        # Validation has used the environment meanwhile, so the last episode is over.
+        # Validation has used the environment since, so a new episode must begin.
         self._model.set_env(self._model.get_env(), force_reset=True)
         self._model.learn(steps, reset_num_timesteps=begun)
         self.steps = int(self._model.num_timesteps)
@@ -419,9 +415,9 @@ class SacRounds:
         )
 
     def save(self, folder: Path) -> None:
-        """Write model and replay buffer, which is Stable-Baselines3's own pickle.
+        """Write the model and the replay buffer, a pickle of Stable-Baselines3.
 
-        All files replace the previous ones together, once they are complete.
+        The files replace the previous ones once all of them are complete.
         """
         model, buffer, counts = (
             OutputFile(folder / name) for name in (_MODEL, _BUFFER, _COUNTS)
@@ -433,7 +429,7 @@ class SacRounds:
             file.commit()
 
     def restore(self, folder: Path) -> None:
-        """Go on from what `save` wrote. Restore only files that you trust.
+        """Continue from the files of `save`; pickles run code, so trust them first.
 
         Raises:
             ScenarioError: If the files are missing or broken.
@@ -453,7 +449,7 @@ class SacRounds:
 
 
 class _Seeded(gymnasium.Wrapper):
-    """An environment whose episodes use the learner's seeds and are counted by it."""
+    """An environment that takes its seeds from a learner and reports episodes to it."""
 
     def __init__(self, env: Any, learner: SacRounds) -> None:
         super().__init__(env)

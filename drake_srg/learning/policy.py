@@ -19,10 +19,10 @@ from drake_srg.sweeps.files import write_file
 Array = npt.NDArray[np.floating]
 
 # The cross-entropy method (Rubinstein, 1999), as QT-Opt uses it for grasps (Kalashnikov
-# et al., CoRL 2018): number of rounds, of actions in each, and of the best ones that
-# shape the next.
+# et al., CoRL 2018): number of rounds, of actions per round, and of the best actions
+# from which the next round is drawn.
 _ROUNDS, _TRIED, _BEST = 3, 64, 6
-# Weight of the members' standard deviation, which counts against an action.
+# Default of `best_action`'s `caution`.
 _CAUTION = 0.5
 
 
@@ -45,11 +45,11 @@ class Network:
 
     @property
     def parameters(self) -> list[Array]:
-        """All weights and biases: the arrays themselves."""
+        """All weights and biases, not copied."""
         return [*self.weights, *self.biases]
 
     def member(self, index: int) -> Network:
-        """Return one of the networks, which shares its parameters with this one."""
+        """Return one of the networks, with shared parameters."""
         one = slice(index, index + 1)
         return Network([w[one] for w in self.weights], [b[one] for b in self.biases])
 
@@ -75,16 +75,15 @@ def best_action(
     caution: float = _CAUTION,
     seed: int = 0,
 ) -> Array:
-    """Return the action with the greatest value according to networks.
+    """Return the action with the greatest value according to an ensemble.
 
     The same arguments give the same action.
 
     Args:
-        network: Value of (observation, action); several members count by their mean.
+        network: Gives the value of (observation, action); its members are averaged.
         x: Scaled observation, shape (n,).
         actions: Number of entries of an action.
-        caution: Number of standard deviations between members that count against an
-            action.
+        caution: Standard deviations between members to subtract from the mean.
         seed: Seed of the search.
 
     Returns:
@@ -105,7 +104,7 @@ def best_action(
 
 
 FORMAT = 1  # of the file; a reader refuses others
-# Kinds of network: an `actor` gives the action, a `q` the value of an action.
+# Kinds of network: `actor` returns the action, `q` the value of an action.
 Kind = Literal["actor", "q"]
 KINDS: tuple[Kind, ...] = ("actor", "q")
 _MOST_LAYERS = 16
@@ -144,12 +143,12 @@ class Policy:
     """A function from observations to actions, both flat vectors.
 
     Attributes:
-        kind: `actor`: the network's output, through tanh, is the action. `q`: the
-            networks judge an observation and an action; the action is the best that the
-            cross-entropy method finds.
+        kind: `actor`: tanh of the network's output is the action. `q`: the network
+            values an observation and an action, and the cross-entropy method searches
+            for the best action.
         network: One network, or an ensemble.
-        low: Least values of the observation, shape (n,): it is scaled to -1 .. 1.
-        high: Greatest values, shape (n,).
+        low: Values of the observation that are scaled to -1, shape (n,).
+        high: Values that are scaled to 1, shape (n,).
         actions: Number of entries of the action.
         info: Its provenance.
     """
@@ -313,10 +312,9 @@ def _policy(arrays: dict[str, Any]) -> Policy:
     """Return the policy in the arrays of a file.
 
     Raises:
-        ValueError: If sizes do not fit, or it has another format.
+        ValueError: If sizes do not fit, or the format is another one.
         KeyError: If an array is missing.
-        TypeError: If an entry of the information is unknown, missing or of another
-            type.
+        TypeError: If an entry of `info` is unknown, missing or of another type.
     """
     if int(arrays["format"]) != FORMAT:
         raise ValueError(f"format {arrays['format']} (allowed: {FORMAT})")
@@ -341,10 +339,10 @@ def _policy(arrays: dict[str, Any]) -> Policy:
 
 
 def _check_sizes(network: Network, inputs: int, outputs: int) -> None:
-    """Check that layers follow each other from `inputs` to `outputs`.
+    """Check that the sizes of the layers fit each other, `inputs` and `outputs`.
 
     Raises:
-        ValueError: If they do not.
+        ValueError: If they do not fit.
     """
     if not network.weights or any(w.ndim != 3 for w in network.weights):
         raise ValueError("weights are missing or have wrong shapes")

@@ -1,10 +1,10 @@
 """Hand-written and random policies, as baselines for learners.
 
-Pads catch an object that is off by 4 cm and more along the closing direction. Across
-that direction, they only catch an object between them. So the nearly closed hand first
-pushes a cylinder across, from one side, which determines its place. A box would turn
-when pushed. The hand tries to grasp it at its seen place, then on one side of that, and
-then on the other.
+`pick_by_touch` copes with wrong estimates. Along the closing direction, the pads catch
+an object that is 4 cm or more off. Across that direction, the object must lie between
+them. So the nearly closed hand first pushes a cylinder across, which determines its
+place. A box would turn when pushed. Instead, the hand tries to grasp it where it was
+seen, then on one side of that place, and then on the other.
 """
 
 from __future__ import annotations
@@ -37,12 +37,12 @@ from drake_srg.planning.grasps.srg_hand import straight_base_angle
 _GAIN = 0.4
 _ALIGNED, _LEVEL = 0.006, 0.006  # m
 _TURNED = 0.08  # rad
-_STILL = 0.1  # of the joints' scaled speeds
+_STILL = 0.1  # scaled speed of the joints below which the fingers are still
 CLOSED = 0.9  # closure of the grasp
-_WIDE = 0.09  # a side too wide to close across safely [m]
-_OVER = 0.01  # horizontal distance at which the hand is above the goal [m]
-# Height of the hand on the way, and above the release; largest error in height that one
-# action corrects on the way down [m].
+_WIDE = 0.09  # a wider side is too wide to close across [m]
+_OVER = 0.01  # horizontal distance at which the hand counts as above the goal [m]
+# Height of the hand while it carries the object, height of the object's release above
+# the table, and the largest height error that one action corrects on the way down [m].
 _CARRIED, _DROP, _LOWERING = 0.16, 0.002, 0.02
 _DOWN = 0.002  # height error at which the hand lets go [m]
 
@@ -70,16 +70,16 @@ def pick(
 ) -> Array:
     """Come from above, close across the nearer side, wait for still fingers, lift.
 
-    The rule takes the nearer side, not the narrower one. A network that imitates it
-    cannot see which side of a nearly square box is narrower, and would turn the hand
-    halfway. `narrower` weighs one against the other. The hand turns to a narrower side
-    that is farther away only counterclockwise, because a network would average two
+    The rule takes the side that needs the smaller turn, not the narrower one. A network
+    that imitates the rule cannot see which side of a nearly square box is narrower, and
+    would turn the hand halfway. `narrower` weighs width against turn. The larger turn,
+    to a narrower side, is always counterclockwise, because a network would average two
     directions.
 
     Args:
         observation: Observation of `PickEnv`.
         still: Scaled speed of the joints below which the fingers are still.
-        narrower: Additional turn of the hand that a narrower side is worth [rad/m].
+        narrower: Additional turn that a narrower side is worth [rad/m].
         gain: Share of an error that one action corrects.
     """
     o = observation.astype(float)
@@ -123,7 +123,7 @@ def pick_place(observation: Array) -> Array:
     goal, height = FAR * o[25:27], NEAR * o[5]
     away = np.abs(goal).max()
     closing, pressed = o[22] > 0.0, o[18:22].sum() > 0.0
-    if not closing and away < _OVER:  # it has let go there
+    if not closing and away < _OVER:  # the hand has let go at the goal
         return np.array([0.0, 0.0, 1.0, 0.0, -1.0], np.float32)
     grasped = grasp_height(SIZE * o[8])
     if not (closing and pressed and height > grasped - _LEVEL):
@@ -132,7 +132,7 @@ def pick_place(observation: Array) -> Array:
     if away < _OVER:
         rise = max(down, -_LOWERING)
     elif height < _CARRIED:
-        return pick(observation)  # which lifts once the fingers are still
+        return pick(observation)  # lifts once the fingers are still
     else:
         rise = 0.0
     letting_go = away < _OVER and down > -_DOWN
@@ -149,37 +149,38 @@ RULES = {
 }
 
 
-# The hand comes down beside the estimate, four standard deviations of 20 mm away. It
-# moves on until the middle of the pushed object is 45 mm beyond the estimate [m].
+# The hand comes down this far from the estimate: four standard deviations of 20 mm. It
+# pushes the object until its middle is 45 mm beyond the estimate [m].
 _BESIDE, _BEYOND = 0.08, 0.045
-_SWEEP = 0.003  # per step [m], 6 cm/s: twice as fast, slender objects topple
-_OPEN = 0.05  # closure at which the fingers are level
-# Gap between the pads' ends during a push, as a share of the object's width, so that
-# the object stays between them. If the pads met, it would roll off to the side, and
-# they would later open against it.
+_SWEEP = 0.003  # per step [m], 6 cm/s; at twice this speed, slender objects topple
+_OPEN = 0.05  # closure at which the fingers are straight
+# Gap between the pads' ends during a push, as a share of the object's width. The gap
+# keeps the object in front of the hand. If the pads met, the object would roll off to
+# the side, and the pads would later open against it.
 _CRADLE = 0.4
 _HALF_FINGER = 0.0155  # half the pads' width [m]
-# The hand ends this far short of the middle [m], because some objects touch the
-# finger's edge and are nearer than those that touch its face.
+# The pushed object is assumed to be this much nearer [m], because some objects touch
+# the finger's edge instead of its face.
 _SHORT = 0.004
-_BACK = 0.03  # off the object before the fingers open, which would drag it along [m]
+# The hand backs off the object before the fingers open and would drag it along [m].
+_BACK = 0.03
 # The palm is 91 mm above the grasp centre, and must not touch the object [m].
 _PALM = 0.085
 # Steps at which the hand is beside the object, is down, has swept, has backed off, and
-# has opened. Only the step in an observation reveals the phase.
+# has opened. The rule has no memory, so the step in an observation gives the phase.
 _ASIDE_AT, _BESIDE_AT, _SWEPT_AT, _BACK_AT, _OPENED_AT = 11, 21, 56, 58, 67
-# From this step on, closed fingers lift the cylinder: they rest by then.
+# From this step on, closed fingers lift the cylinder. They are still by then.
 _LIFTED_AT = 86
 # Scaled speed of the joints below which the fingers are still. A network's closure
 # command jitters, and each change makes Algorithm 1 bend resting tips, at scaled speeds
 # up to 0.25. With the limit `_STILL`, such fingers would never be still.
 _STILL_BY_TOUCH = 0.3
-# Until the first step, the hand tries a box at its seen place, until the second on one
-# side of that, and then on the other. By the first, the hand, which turns by up to 135
-# degrees, has closed. Distance of the sides [m]: slightly more than a pad's width.
+# Until the first step, the hand tries a box where it was seen; until the second, on one
+# side; and then on the other. The first leaves time to turn by up to 135 degrees and to
+# close. The distance to a side [m] is slightly more than a pad's width.
 _TRIED, _TRIED_AGAIN, _ASIDE = 40, 68, 0.04
-# A side that is 5 mm narrower is worth a quarter turn [rad/m]: pads on the longer sides
-# hold more of a box that they meet off its middle.
+# A side that is 5 mm narrower is worth a quarter turn [rad/m]: off the box's middle,
+# pads on the longer sides hold more of it.
 _TURN_PER_WIDTH = 0.5 * np.pi / 0.005
 # If the gap between the pads is less than this share of the box's width, they hold
 # nothing.
@@ -194,7 +195,7 @@ def pick_by_touch(observation: Array, gain: float = _GAIN) -> Array:
     Args:
         observation: Observation of `PickEnv`.
         gain: Share of an error that one action corrects before a cylinder is grasped.
-            (The steps at which a box is tried suit the rule's own alone.)
+            (Boxes use the default, because the steps of their tries are timed for it.)
     """
     o = observation.astype(float)
     return _sweep(o, gain) if o[9] > 0.5 else _retry(o)
@@ -206,7 +207,7 @@ TOUCH_RULES = dict.fromkeys(
 
 
 def _sweep(o: Array, gain: float) -> Array:
-    """Push a cylinder to a known place, and then pick it up."""
+    """Push a cylinder to a known place, and pick it up there."""
     step = _step(o)
     if step >= _LIFTED_AT and o[22] > 0.0:
         return _LIFT.copy()
@@ -233,7 +234,7 @@ def _sweep(o: Array, gain: float) -> Array:
 
 
 def _retry(o: Array) -> Array:
-    """Pick a box up where it was seen, or else beside that place."""
+    """Pick up a box where it was seen, or else beside that place."""
     across = o[3] > 0.0  # the fingers close along the box's y, not its x
     width = SIZE * (o[7] if across else o[6])
     base = ANGLE * o[10:12].mean()
@@ -259,7 +260,7 @@ def _step(observation: Array) -> int:
 
 
 RANDOM, RULE, TOUCH = "random", "rule", "touch"
-# Policies without a file, with which every other one is compared.
+# Policies without a file: those that others are compared with, and all of them.
 BASELINES = (RULE, RANDOM)
 BUILT_IN = (RULE, TOUCH, RANDOM)
 _RULES: dict[str, Mapping[str, Act]] = {RULE: RULES, TOUCH: TOUCH_RULES}
@@ -268,8 +269,8 @@ RULE_NAMES = tuple(_RULES)
 
 def random_policy(actions: int, seed: int) -> Act:
     """Return a policy whose actions depend on the seed alone."""
-    # The environment draws from `seed` itself: with the same numbers, actions would hit
-    # its targets.
+    # The environment draws its scene from `seed`, too. With the same random numbers,
+    # actions would correlate with the scene.
     rng = default_rng([seed, 1])
 
     def act(_: Array) -> Array:
@@ -282,12 +283,12 @@ def rule_of(env: Any, rule: str = RULE) -> Act:
     """Return a hand-written policy of an environment.
 
     Args:
-        env: The environment. An environment of yours may define its rule as the method
+        env: The environment. Your own environment may define its rule as the method
             `rule`.
         rule: `rule`, or `touch` for the one that finds objects by touch.
 
     Raises:
-        ScenarioError: If it has no such rule.
+        ScenarioError: If the environment has no such rule.
     """
     name = env.spec.id if env.spec else type(env).__name__
     found = named_rule(name, rule)
@@ -300,5 +301,5 @@ def rule_of(env: Any, rule: str = RULE) -> Act:
 
 
 def named_rule(environment: str, rule: str) -> Act | None:
-    """Return a hand-written policy of one of our environments, or None."""
+    """Return a hand-written policy of an environment of drake_srg, or None."""
     return _RULES[rule].get(environment)

@@ -1,10 +1,10 @@
-"""Trains a policy, and keeps the latest of the best ones (extra `learn`).
+"""Training of policies (extra `learn`).
 
 DIR/policy.npz       the policy, chosen by validation episodes
-DIR/policy.onnx      the same for other programs, but not of `q`
-DIR/training.json    what is trained, and how it went
-DIR/events.*         the same for TensorBoard
-DIR/checkpoint.pt    for --resume
+DIR/policy.onnx      the policy for other programs; not written by `q`
+DIR/training.json    settings and progress of the training
+DIR/events.*         progress for TensorBoard
+DIR/checkpoint.pt    state for --resume
 """
 
 from __future__ import annotations
@@ -56,10 +56,10 @@ class Training:
         environment: Id of the environment.
         keywords: Keyword arguments of the environment.
         algorithm: One of `ALGORITHMS`.
-        steps: Total number of the environment's steps.
+        steps: Steps of the environment in total.
         seed: Seed of all draws.
-        validation: Episodes that judge a policy.
-        command: The line that trains it, for the policy's file.
+        validation: Number of validation episodes per policy.
+        command: The command line, to be noted in the policy's file.
         data: Folder of a data set of demonstrations, or "".
         rule: Hand-written rule that `bc` and `dagger` imitate; see `rules.rule_of`.
     """
@@ -125,7 +125,7 @@ def MakeLearner(
             f"--rule {rule}: needs --algo bc or dagger, got {algorithm}"
         )
     if rule != RULE and data:
-        raise ScenarioError(f"--rule {rule}: imitates no --data; give one of the two")
+        raise ScenarioError(f"--rule {rule}: cannot be combined with --data")
     require_learn()
     from drake_srg.learning.learners import (
         CloningRounds,
@@ -167,14 +167,14 @@ def train(
 ) -> Policy:
     """Train a policy, write it and return it.
 
-    It is the latest policy whose validation score is within one standard error of the
-    best. Smaller differences are chance, and a later policy has seen more episodes. The
-    same training gives the same policy, interrupted or not.
+    The result is the latest policy whose validation score is within one standard error
+    of the best. Smaller differences are chance, and a later policy has seen more
+    episodes. The same training gives the same policy, interrupted or not.
 
     Args:
         training: Settings of the training.
         out: Folder of the files.
-        resume: Whether `out` may contain this training, begun earlier.
+        resume: Whether to continue this training if `out` contains it.
         progress: Whether to show progress on standard error.
 
     Raises:
@@ -206,7 +206,7 @@ def train(
         learner.restore(out)
     from torch.utils.tensorboard import SummaryWriter
 
-    # The networks are small, so more threads would mostly wait for each other.
+    # With such small networks, more threads would mostly wait for each other.
     one_thread = threadpool_limits(1)
     with one_thread, SummaryWriter(out) as events, StatusLine(shown=progress) as line:
         recent: list[bool] = []
@@ -286,7 +286,7 @@ def _begin(training: Training, out: Path, resume: bool) -> list[list[float]]:
             f"{out}: already contains a training; continue it with --resume, or choose "
             "another --out"
         )
-    # Older trainings have no choice of rules.
+    # Trainings from before --rule existed imitated RULE.
     old, history = read_json(
         path, lambda begun: ({"rule": RULE, **begun["training"]}, [*begun["history"]])
     )

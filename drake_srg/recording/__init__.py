@@ -1,4 +1,4 @@
-"""Records runs as video, rosbag, log and timeline."""
+"""Recordings of runs: video, rosbag, log, timeline and replay."""
 
 from drake_srg.face import face
 

@@ -25,7 +25,7 @@ _FARTHEST = 65535  # largest depth in 16 bits [mm]
 def millimetres(depth: Vector) -> Any:
     """Return depths as ROS's 16UC1: whole millimetres, 0 where there is no depth.
 
-    Drake writes 0 for "too close" and infinity for "too far". Either becomes 0.
+    Drake's 0 ("too close") and infinity ("too far") both become 0.
 
     Args:
         depth: Depths [m], any shape.
@@ -37,7 +37,7 @@ def millimetres(depth: Vector) -> Any:
 def depth_image(name: str, port: str, frame_id: str, period: float) -> Topic:
     """Return a topic of an ImageDepth32F port, as sensor_msgs/msg/Image in 16UC1 [mm].
 
-    There is a message once a period [s].
+    `period` is the time between messages [s].
     """
 
     def convert(make: MakeMessage, time: float, value: ImageDepth32F) -> Any:
@@ -52,8 +52,8 @@ def camera_info_message(
     make: MakeMessage, time: float, frame_id: str, intrinsics: CameraInfo
 ) -> Any:
     """Return intrinsics as a sensor_msgs/msg/CameraInfo."""
-    # ROS counts pixels from the centre of the first one, Drake's renderers from the
-    # point where they sample it.
+    # ROS's origin is the centre of the first pixel; Drake's is where its renderers
+    # sample this pixel.
     cx = intrinsics.center_x() - DRAKE_PIXEL_CENTER
     cy = intrinsics.center_y() - DRAKE_PIXEL_CENTER
     fx, fy = intrinsics.focal_x(), intrinsics.focal_y()
@@ -86,7 +86,7 @@ def calibration_topics(
 ) -> list[Topic]:
     """Return the topics with a camera's pose and intrinsics.
 
-    Both are what the robot believes: with the errors of its calibration.
+    They are those of `model`, so they include errors of its calibration.
 
     Args:
         camera: The camera's name.

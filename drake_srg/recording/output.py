@@ -1,4 +1,4 @@
-"""Helpers of recorders: files that appear only when complete, and logs."""
+"""Base class of recorders, files that appear only when complete, and logs."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ def require(module: str) -> ModuleType:
 
 @contextlib.contextmanager
 def output_folder(out: Path | None) -> Iterator[None]:
-    """Make a folder for results; remove it if nothing is written into it.
+    """Make a folder for results; after an exception, remove it if it is empty.
 
     Args:
         out: The folder; None: no folder.
@@ -51,7 +51,7 @@ def output_folder(out: Path | None) -> Iterator[None]:
         yield
     except BaseException:
         for path in made:
-            with contextlib.suppress(OSError):  # the folder is not empty
+            with contextlib.suppress(OSError):  # if the folder is not empty
                 path.rmdir()
         raise
 
@@ -62,7 +62,7 @@ def count_phrase(number: int, thing: str) -> str:
 
 
 def verdict(metrics: Mapping[str, Any]) -> str:
-    """Describe the end of a run with these contents of metrics.json."""
+    """Return a phrase about the end of a run with these contents of metrics.json."""
     tries = metrics["attempts"]
     if metrics.get("claimed"):
         word = "done, by the planner's word"
@@ -121,10 +121,10 @@ class OutputFile:
 
 
 def close_at_exit(owner: Any, close: Callable[[Any], str]) -> None:
-    """Complete a file at the end of the program unless it is complete by then.
+    """Complete a file at the end of the program, unless that has already happened.
 
     Args:
-        owner: Owner of the file, which is not kept alive.
+        owner: Owner of the file; it is not kept alive.
         close: Called with `owner`; completes its file and returns a description of it,
             or "" if there was nothing to do.
     """
@@ -153,9 +153,9 @@ def close_late(owner: Callable[[], Any], close: Callable[[Any], str]) -> None:
 class Recorder(LeafSystem):
     """A system that writes a file until it is closed; use it as a context manager.
 
-    An error or the user's interrupt ends the recording. The file is still completed,
-    because it shows the cause. A recorder that is never closed completes its file, with
-    a warning, when it is deleted or the program ends.
+    After an error or the user's interrupt, the file is completed too, because it shows
+    the cause. A recorder that is never closed completes its file, with a warning, when
+    it is deleted or the program ends.
     """
 
     _output: OutputFile
@@ -168,8 +168,8 @@ class Recorder(LeafSystem):
         Raises:
             OSError: If nothing can be written there.
         """
-        # The garbage collector would remove the folder before `__del__` could complete
-        # it.
+        # Otherwise, the garbage collector could remove the folder before `__del__`
+        # completes the file.
         self._output = OutputFile(path, owned=True)
         self._closed = False
         close_at_exit(self, Recorder._close_forgotten)
@@ -180,15 +180,15 @@ class Recorder(LeafSystem):
         return self._output.target
 
     def close(self) -> None:
-        """Complete the file and move it to `path`, unless there is nothing to keep.
+        """Complete the file and move it to `path`, unless it is not worth keeping.
 
         Raises:
-            OSError: If the file cannot be completed; an earlier one stays in place.
+            OSError: If the file cannot be completed; an older file then stays in place.
         """
         self._close()
 
     def _close(self) -> bool:
-        """Close as `close` does, and return whether there is a file now."""
+        """Close like `close`, and return whether this has written a file."""
         if self._closed:
             return False
         self._closed = True
@@ -230,18 +230,18 @@ class Recorder(LeafSystem):
         except Exception:
             if kind is None:
                 raise
-            # Otherwise, the first error is raised: a full disk causes both.
+            # Otherwise, the first error is raised, because a full disk causes both.
 
 
-# The oldest date of a zip file, so that equal logs do not differ by their date.
+# The oldest date that a zip file can hold: with a fixed date, equal logs are equal.
 _DATE = (1980, 1, 1, 0, 0, 0)
 
 
 def write_log(path: Path | str, arrays: Mapping[str, npt.ArrayLike]) -> Path:
     """Write arrays so that `numpy.load` and `read_log` can read them.
 
-    The file is replaced in one step, never half written. Names are stored in
-    alphabetical order and with a fixed date, so equal arrays give equal files.
+    The file is replaced in one step. Entries are in alphabetical order and have a fixed
+    date, so equal arrays give equal files.
 
     Args:
         path: The .npz file.

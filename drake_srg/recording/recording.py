@@ -92,7 +92,7 @@ class SignalLog:
 class Recording:
     """The files of a simulation; use it as a context manager around the simulation.
 
-    At the end, it completes the files, even after an error or the user's interrupt,
+    At the end, all files are completed, even after an error or the user's interrupt,
     because they show the cause. A recording that is never closed completes them, with a
     warning, when it is deleted or the program ends.
 
@@ -100,8 +100,8 @@ class Recording:
         out: The folder; None: nothing is written.
 
     Attributes:
-        write_samples: Writes the samples of the simulation into a folder, and returns
-            the paths by kind.
+        write_samples: Function that writes the samples of the simulation into a folder
+            and returns the paths by kind.
     """
 
     def __init__(self, out: Path | None) -> None:
@@ -112,7 +112,7 @@ class Recording:
         close_at_exit(self, Recording._close_forgotten)
 
     def record(self, recorders: Mapping[str, Recorder]) -> None:
-        """Complete these recorders' files, by kind, too."""
+        """Also complete the files of these recorders, by kind."""
         self._recorders |= recorders
 
     def begin(self) -> None:
@@ -124,7 +124,9 @@ class Recording:
                 video.unlink()
 
     def complete(self) -> dict[str, str]:
-        """Complete all files but replay.html, once, and return their paths by kind.
+        """Complete all files but replay.html, and return their paths by kind.
+
+        Later calls only return the paths.
 
         Raises:
             OSError: If a file cannot be written.
@@ -132,13 +134,13 @@ class Recording:
         if self._closed:
             return self._written
         self._closed = True
-        # Samples are written while another process may be completing the video.
+        # Write samples first, because another process may be completing the video.
         try:
             if self._out is not None:
                 samples = self.write_samples(self._out)
                 self._written |= {kind: str(path) for kind, path in samples.items()}
         finally:
-            with contextlib.ExitStack() as stack:  # closes all, even if one fails
+            with contextlib.ExitStack() as stack:  # closes all, even if one raises
                 for recorder in self._recorders.values():
                     stack.callback(recorder.close)
         for kind, recorder in self._recorders.items():
@@ -169,7 +171,7 @@ class Recording:
             self.complete()
             self.write_page()
             return
-        # The first error is the one to report: a full disk would also raise here.
+        # Report only the first error: a full disk would raise again here.
         if not self._closed:
             for recorder in self._recorders.values():
                 recorder.note_failure(kind)
@@ -234,10 +236,10 @@ def AddRecording(
             simulator = Simulator(builder.Build())
             simulator.AdvanceTo(5.0)
 
-    At the end, the folder has log.npz, timeline.png, replay.glb and replay.html,
+    At the end, the folder has log.npz, timeline.png, replay.glb, replay.html and
     recording.mcap (a topic per port, /clock, /tf and /scene), and video.mp4 if there is
-    a camera. The first of the ports with strings or modes shades the plots and is the
-    video's caption.
+    a camera. The values of the first port with strings or modes shade the plots and
+    caption the video.
 
     Args:
         builder: Builder of the diagram with all systems.
@@ -247,9 +249,9 @@ def AddRecording(
         ports: Name in log, plots and topics to output port: a vector, a number, a
             string, a mode (an enum) or a RigidTransform. Give a unit with the name:
             "hand.wire_force [N]" has the topic /hand/wire_force.
-        cameras: Cameras by name: the first one's images become video.mp4, those of
-            others video_NAME.mp4.
-        objects: Names of model instances at which the arrows of forces point.
+        cameras: Cameras by name. The first one's images become video.mp4, those of any
+            other video_NAME.mp4.
+        objects: Names of model instances; in the replay, arrows show forces on them.
         period: Time between samples, and between messages [s].
         frame_rate: Images of each camera per simulated second [Hz].
         title: Title of the plots and the page; "": the folder's name.
@@ -362,17 +364,16 @@ def _topic(name: str, port: OutputPort) -> Topic:
 class _Sampler(LeafSystem):
     """Samples ports and the scene at every multiple of a period.
 
-    The samples stay outside the Context until the recording writes them, because they
-    grow during the simulation, and each clone of a context would copy them all. So a
-    context that is simulated twice is recorded twice. The sampler keeps its recording
-    alive, but not the reverse: an unused diagram is freed, and its recording then
-    completes the files.
+    The samples are not in the Context, because they grow during the simulation, and
+    each clone of a context would copy them all. So a context that is simulated twice is
+    recorded twice. The sampler keeps its recording alive, but not the reverse. So an
+    unused diagram can be freed, and its recording then completes the files.
 
     Args:
         recording: The recording; the first sample begins it.
         ports: The ports to log, by name.
         scene: Samples the scene.
-        senses: The ports from which the scene is sampled.
+        senses: The ports that `scene` samples.
         period: Time between samples [s].
 
     Attributes:
@@ -400,11 +401,11 @@ class _Sampler(LeafSystem):
     def _sample(self, context: Context) -> None:
         time = context.get_time()
         if time == self._latest:
-            return  # a simulator initialized twice publishes twice
+            return  # a simulator that is initialized twice publishes twice
         if time < self._latest:
             raise RuntimeError(
                 f"the time went back from {self._latest:g} to {time:g} s during a "
-                "recording: build a diagram with a recording of its own for each run"
+                "recording: build a new diagram and recording for each run"
             )
         if not self.log:
             self._recording.begin()

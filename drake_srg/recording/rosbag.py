@@ -1,7 +1,7 @@
 """Rosbags: ROS topics made from the values of ports, and their recorder.
 
-Port names are those of a station or cell, so a loop over its ports connects a recorder.
-The functions here return a `Topic`; write your own in the same way.
+A recorder's ports are named like those of a station or cell, so a loop can connect
+them. The functions here return a `Topic`; write your own in the same way.
 """
 
 from __future__ import annotations
@@ -37,16 +37,16 @@ class Topic:
     """A ROS topic whose messages are made from port values.
 
     Attributes:
-        name: Its name, with the slash.
+        name: Its name, with the leading slash.
         type: Its ROS 2 message type, such as "std_msgs/msg/String".
-        ports: Input port name to its model value, or to its size if it is a vector;
-            topics may share a port.
+        ports: Input port name to its model value, or to its size if it is a vector.
+            Topics may share a port.
         convert: Called as `convert(make, time, *values)`; returns a message, or None
             for no message.
-        period: Time between messages [s]; None: the recorder's.
+        period: Time between messages [s]; None: the recorder's period.
         optional: The ports that may stay unconnected.
-        sensor: Whether ROS 2 publishes it with its QoS for sensors, which never sends
-            a lost message again.
+        sensor: Whether ROS 2 publishes it with the QoS for sensor data, which does not
+            resend lost messages.
         latched: Whether ROS 2 keeps the last message for later subscribers.
     """
 
@@ -81,9 +81,9 @@ def float64(name: str, port: str, model: int | AbstractValue = 1) -> Topic:
     """Return a topic of a number, as std_msgs/msg/Float64.
 
     Args:
-        name: The topic's.
-        port: The input port's.
-        model: Its model value; 1: a vector of size 1.
+        name: Name of the topic.
+        port: Name of the input port.
+        model: Model value of the port; 1: a vector of size 1.
     """
     kind = "std_msgs/msg/Float64"
 
@@ -113,9 +113,9 @@ def string(
     """Return a topic of a string, or of the name of a mode, as std_msgs/msg/String.
 
     Args:
-        name: The topic's.
-        port: The input port's.
-        model: Its model value; None: a Python object, such as an enum.
+        name: Name of the topic.
+        port: Name of the input port.
+        model: Model value of the port; None: a Python object, such as an enum.
         words: Returns the text for a value.
     """
     kind = "std_msgs/msg/String"
@@ -127,11 +127,10 @@ def string(
 
 
 def _safety_topics(safety: str) -> tuple[Topic, Topic]:
-    """Return the topics of a safety monitor: state with reason, and speed.
+    """Return the topics of a safety monitor: its state as text, and the speed scale.
 
-    `safety` is the prefix of its ports.
-
-    The state is text: "running", or such as "protective_stop: stale".
+    `safety` is the prefix of its ports. States are, for example, "running" and
+    "protective_stop: stale".
     """
     topic = topic_of(safety)
     return (
@@ -161,8 +160,8 @@ def pose_message(make: MakeMessage, time: float, X_WO: RigidTransform) -> Any:
 def object_pose(name: str, port: str) -> Topic:
     """Return a topic of the planner's last sighting of its object.
 
-    It is a geometry_msgs/msg/PoseStamped with the time of the look. There is no message
-    before the planner has seen the object. The port is one of `PlannerStatus`.
+    The message is a geometry_msgs/msg/PoseStamped with the time of the look. There is
+    none before the planner has seen the object. The port's values are `PlannerStatus`.
     """
 
     def convert(make: MakeMessage, time: float, status: PlannerStatus) -> Any:
@@ -176,11 +175,11 @@ def object_pose(name: str, port: str) -> Topic:
 def image(name: str, port: str, frame_id: str, period: float) -> Topic:
     """Return a topic of an ImageRgba8U port, as sensor_msgs/msg/Image in rgb8.
 
-    There is a message once a period [s].
+    `period` is the time between messages [s].
     """
 
     def convert(make: MakeMessage, time: float, value: ImageRgba8U) -> Any:
-        rgb = cv2.cvtColor(value.data, cv2.COLOR_RGBA2RGB)  # faster than a slice's copy
+        rgb = cv2.cvtColor(value.data, cv2.COLOR_RGBA2RGB)  # faster than slicing
         return image_message(make, time, frame_id, "rgb8", rgb)
 
     model = AbstractValue.Make(ImageRgba8U())
@@ -283,12 +282,12 @@ class ArmNames:
 
 
 def finger_topics(gripper: str, links: Mapping[str, str]) -> list[Topic]:
-    """Return the topics of a grasp and of the wrench of all contacts on each link.
+    """Return the topics of a grasp, and of the contact wrench on each link.
 
     Args:
         gripper: Prefix of the gripper's ports, and the name of its model.
-        links: The link of each finger sensor, by the sensor's name. The wrench is at
-            its origin, in its frame.
+        links: Links by the names of their sensors. A wrench is about the link's origin,
+            in the link's frame.
     """
     kind, port = "geometry_msgs/msg/WrenchStamped", f"{gripper}.contact_wrench"
 
@@ -324,7 +323,7 @@ def finger_topics(gripper: str, links: Mapping[str, str]) -> list[Topic]:
 
 
 def topic_of(ports: str) -> str:
-    """Return the topic of a prefix of ports: /left/gripper for `left.gripper`."""
+    """Return the topic for a prefix of ports: /left/gripper for `left.gripper`."""
     return "/" + ports.replace(".", "/")
 
 
@@ -384,9 +383,9 @@ class RosbagRecorder(Recorder):
 
     A topic is recorded at every multiple of its period except 0, stamped with simulated
     time. The file contains the definitions of its messages, so
-    `rosbags.rosbag2.Reader`, `ros2 bag info` and Foxglove open it without any other
-    file. It appears under its name on `close()`. Use the recorder as a context manager
-    around the simulation, so that it is closed even after an error.
+    `rosbags.rosbag2.Reader`, `ros2 bag info` and Foxglove need no other file. The file
+    appears under its name on `close()`. Use the recorder as a context manager around
+    the simulation, so that it is closed even after an error.
 
     Args:
         path: The .mcap file.
@@ -423,7 +422,7 @@ class RosbagRecorder(Recorder):
         rosbag2, typesys = require("rosbags.rosbag2"), require("rosbags.typesys")
         self._store = typesys.get_typestore(typesys.Stores.ROS2_HUMBLE)
         self._begin(path)
-        # Writer makes a folder FOLDER/ with FOLDER.mcap in it.
+        # The writer makes a folder NAME with the file NAME.mcap in it.
         self._bag = self._output.path.with_suffix("")
         self._writer = rosbag2.Writer(
             self._bag, version=9, storage_plugin=rosbag2.StoragePlugin.MCAP
@@ -438,8 +437,8 @@ class RosbagRecorder(Recorder):
         sizes: dict[str, object] = {}
         for topic in topics:
             self._declare_ports(topic, sizes)
-            # This compiles the type's serializer for up to 50 ms, which would otherwise
-            # delay a loop in real time.
+            # Compile the type's serializer now: it takes up to 50 ms, which would delay
+            # a loop in real time.
             self._store.get_msgdef(topic.type)
             connection = self._writer.add_connection(
                 topic.name, topic.type, typestore=self._store
@@ -457,7 +456,7 @@ class RosbagRecorder(Recorder):
         except OSError as error:  # such as a full disk
             raise OSError(error.errno, error.strerror, str(self.path)) from error
         (self._bag / self._output.path.name).replace(self._output.path)
-        # An empty bag is kept if nothing failed.
+        # After a failure, an empty bag is not worth keeping.
         return self._messages > 0 or not self._failed
 
     def _declare_ports(self, topic: Topic, declared: dict[str, object]) -> None:

@@ -1,7 +1,7 @@
 """ROS topics that show a plant's bodies: transforms, and markers of their surfaces.
 
-Foxglove and RViz draw them: a transform per moving body, and, once, markers of
-triangles in the bodies' frames. These are standard messages, so any ROS 2 reads them.
+Foxglove and RViz draw them. Each moving body has a transform. The markers, triangles in
+the bodies' frames, are sent once. All messages are standard ROS 2 messages.
 """
 
 from __future__ import annotations
@@ -40,13 +40,13 @@ def scene_topics(
     """Return /tf and /scene of the rigid bodies of a plant.
 
     Args:
-        plant: The plant, finalized. It is not kept.
+        plant: The plant, finalized. It need not outlive the call.
         inspector: Inspector of its scene graph.
         port: Name of the input port with the bodies' poses.
         model: The port's size or model value.
         period: Time between messages [s].
-        to_poses: Returns the poses X_WB [m] of all bodies, in their order, from the
-            port's value.
+        to_poses: Returns the poses X_WB [m] of all bodies, in the plant's order, from
+            the port's value.
     """
     context = plant.CreateDefaultContext()
     moving: list[tuple[int, str]] = []
@@ -71,7 +71,7 @@ def scene_topics(
         return make(_TRANSFORMS, transforms=stamped)
 
     def markers(make: MakeMessage, time: float) -> Any:
-        if time >= 1.5 * period:  # only at first, because nothing changes
+        if time >= 1.5 * period:  # one message is enough, because nothing changes
             return None
         found = [
             _marker(make, time, name, number, frame, pose, part)
@@ -87,7 +87,7 @@ def scene_topics(
 
 
 def _frame(body: RigidBody) -> str:
-    """Return the name of a body's frame: ROS has slashes where Drake has colons."""
+    """Return the name of a body's frame, with slashes in place of Drake's colons."""
     return str(body.scoped_name().get_full()).replace("::", "/")
 
 
@@ -117,7 +117,8 @@ def _marker(
 ) -> Any:
     """Return a visualization_msgs/msg/Marker of triangles.
 
-    The body's pose in `frame` is one of `pose_row`; the triangles are in its own.
+    `pose` is the body's pose in `frame`, from `pose_row`. The triangles of `part` are
+    in the body's frame.
     """
     surface = part.surface
     corners = np.round(surface.points[surface.faces.ravel()] * _GRID) / _GRID
@@ -137,8 +138,8 @@ def _marker(
         ),
         scale=make("geometry_msgs/msg/Vector3", 1.0, 1.0, 1.0),
         color=make("std_msgs/msg/ColorRGBA", *part.color),
-        lifetime=make("builtin_interfaces/msg/Duration", 0, 0),  # for good
-        frame_locked=True,  # it follows its frame
+        lifetime=make("builtin_interfaces/msg/Duration", 0, 0),  # forever
+        frame_locked=True,  # the marker follows its frame
         points=[make("geometry_msgs/msg/Point", *row) for row in corners.tolist()],
         colors=[],
         texture_resource="",

@@ -1,4 +1,4 @@
-"""The timeline of a run as a figure, and the style of all our figures."""
+"""The timeline of a run as a figure, and the style of all figures."""
 
 from __future__ import annotations
 
@@ -26,8 +26,8 @@ def make_figure(
     """Return an empty matplotlib Figure; it needs no display.
 
     Args:
-        width: [inch].
-        height: [inch].
+        width: Width [inch].
+        height: Height [inch].
         title: Text above the axes, on the left.
         layout: Layout engine of matplotlib; None for axes that are placed by hand.
     """
@@ -41,7 +41,7 @@ def make_figure(
 
 
 def style_axes(axes: Any, *, xlabel: str = "", ylabel: str = "") -> None:
-    """Give axes our style and labels; call this before plotting and drawing legends."""
+    """Style and label axes; call this before plotting and drawing legends."""
     axes.set_prop_cycle(color=COLORS)
     axes.set_xlabel(xlabel, fontsize=9)
     axes.set_ylabel(ylabel, fontsize=9)
@@ -67,10 +67,10 @@ _BANDS = ("#eef2f6", "#dbe4ed")
 _WIDTH, _PANEL = 11.0, 1.55
 _LEFT, _RIGHT, _TOP, _BOTTOM = 0.85, 1.15, 1.0, 0.55
 _DEGREES = 180.0 / np.pi  # per radian
-_LABEL = -0.045  # place of the labels on the left, as a share of a panel's width
+_LABEL = -0.045  # x of the labels on the left, as a share of a panel's width
 
 
-# Label, values (K, n), and names of the lines.
+# Label, values (K, n), and names of the n lines, or none.
 Panel: TypeAlias = tuple[str, Vector, Sequence[str]]
 
 
@@ -80,7 +80,7 @@ class Timeline:
 
     Attributes:
         time: Sample times [s], shape (K,).
-        panels: At least one.
+        panels: The plots, at least one.
         mode: Name of the planner's mode at each sample, length K; empty: unknown.
         title: Text above the panels.
 
@@ -111,7 +111,7 @@ class Timeline:
 
 
 def draw_timeline(timeline: Timeline, path: Path | str) -> Path:
-    """Draw a timeline into a PNG file; this needs no display.
+    """Draw a timeline into a PNG file, without a display.
 
     Returns:
         The path.
@@ -120,7 +120,7 @@ def draw_timeline(timeline: Timeline, path: Path | str) -> Path:
         OSError: If the file cannot be written.
     """
     panels = timeline.panels
-    # Placed by hand: a layout engine takes as long as drawing.
+    # No layout engine, because it takes as long as drawing.
     height = _TOP + _PANEL * len(panels) + _BOTTOM
     figure = make_figure(_WIDTH, height, timeline.title, layout=None)
     all_axes = figure.subplots(
@@ -142,7 +142,7 @@ def draw_timeline(timeline: Timeline, path: Path | str) -> Path:
     for axes in all_axes:
         axes.yaxis.set_label_coords(_LABEL, 0.5)
     for axes in all_axes[:-1]:
-        axes.xaxis.set_visible(False)  # its ticks take a tenth of the drawing
+        axes.xaxis.set_visible(False)  # ticks take a tenth of the drawing time
     all_axes[-1].set_xlabel("simulated time [s]")
     if len(timeline.time) > 1:
         all_axes[-1].set_xlim(timeline.time[0], timeline.time[-1])
@@ -172,7 +172,7 @@ def _draw_panel(
         )
 
 
-# Largest number of labelled bands: with more, the labels collide.
+# Largest number of labelled bands. Labels of more would overlap.
 _MOST_BANDS = 40
 
 
@@ -184,8 +184,8 @@ def mode_changes(mode: Sequence[str]) -> list[int]:
 def mode_bands(mode: Sequence[str]) -> list[tuple[int, str]]:
     """Return the first samples of bands over time, and their labels.
 
-    A band is a mode. If there are too many modes to label, it is a cycle: from one
-    grasp to the next, or from one return to the first mode to the next.
+    A band is a mode. If there are too many modes to label, a band is a cycle: it begins
+    with each grasp or, if there are no grasps, with each return to the first mode.
     """
     changes = mode_changes(mode)
     if len(changes) <= _MOST_BANDS:
@@ -232,7 +232,7 @@ def _draw_modes(all_axes: npt.NDArray[Any], time: Vector, mode: Sequence[str]) -
 
 @dc.dataclass(frozen=True)
 class ArmLabels:
-    """Labels of the columns of one of several arms.
+    """Labels of the columns of an arm, in a log with several arms.
 
     Attributes:
         name: Name of the arm.
@@ -253,12 +253,13 @@ class Labels:
 
     Attributes:
         title: Title of the run.
-        signals: Names of the columns to show, for a log that is not a cell's.
         pick: Name of the picked object.
         gripper_joints: Names of the gripper's measured joints.
         sensors: Names of the finger sensors.
         arm_slides: Whether the arm's joints are prismatic.
-        arms: Labels of several arms, which replace the previous three.
+        signals: Names of the columns to show, for a log that is not a cell's.
+        arms: Labels of several arms; they replace `gripper_joints`, `sensors` and
+            `arm_slides`.
     """
 
     title: str
@@ -270,7 +271,7 @@ class Labels:
     arms: tuple[ArmLabels, ...] = ()
 
     def tree(self) -> dict[str, Any]:
-        """Return the tree for `of_tree`, in JSON's types."""
+        """Return the labels as a tree of JSON types, for `of_tree`."""
         tree = dc.asdict(self)
         if not self.arms:
             del tree["arms"]
@@ -281,7 +282,7 @@ class Labels:
         """Return the labels of a tree.
 
         Raises:
-            TypeError: If it has other entries than labels.
+            TypeError: If an entry of the tree is unknown or missing.
         """
         arms = tuple(ArmLabels(**arm) for arm in tree.get("arms", ()))
         return cls(**{**tree, "arms": arms})
@@ -290,11 +291,11 @@ class Labels:
 def run_timeline(log: Mapping[str, npt.NDArray[Any]], labels: Labels) -> Timeline:
     """Return the timeline of a log that `Simulate` or `AddRecording` wrote.
 
-    A quantity that is not in the log has no panel.
+    Quantities that the log lacks have no panels.
 
     Raises:
         KeyError: If the log lacks time or mode.
-        ValueError: If it has no quantity.
+        ValueError: If the log has no quantities to plot.
     """
     if labels.signals:
         return _signal_timeline(log, labels)
@@ -323,7 +324,7 @@ def _panel(
     factor: float = 1.0,
     names: Sequence[str] = (),
 ) -> list[Panel]:
-    """Return the panel of a quantity, times a factor; none without the quantity."""
+    """Return a panel of values times a factor, or no panel without values."""
     if values is None:
         return []
     scaled = factor * np.asarray(values, dtype=float).reshape(len(values), -1)
@@ -365,8 +366,9 @@ def _arm_panels(
 def _signal_timeline(log: Mapping[str, npt.NDArray[Any]], labels: Labels) -> Timeline:
     """Return the timeline of named signals.
 
-    The first column of strings is the mode. Each other column of strings has a panel
-    with its values over time; so does the first one if it is the only column.
+    The first column of strings is the mode. Any other column of strings has a panel
+    with a line for each string: 1 where it is the value, else 0. So does the first one
+    if there are no other columns.
     """
     texts = [name for name in labels.signals if log[name].dtype.kind == "U"]
     panels: list[Panel] = []

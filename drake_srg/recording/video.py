@@ -1,4 +1,4 @@
-"""Videos of cameras, encoded as H.264."""
+"""Videos from cameras, encoded as H.264."""
 
 from __future__ import annotations
 
@@ -20,9 +20,9 @@ from pydrake.systems.sensors import ImageRgba8U
 from drake_srg.recording.output import Recorder, require
 from drake_srg.types import mode_words
 
-_BESIDE = 0.06  # from an object's origin to its name, in the image's x [m]
+_BESIDE = 0.06  # distance of an object's name from its origin, in the image's x [m]
 _FONT = cv2.FONT_HERSHEY_SIMPLEX
-_LAST_FRAME = 1.5  # duration of the verdict [s]
+_LAST_FRAME = 1.5  # time for which the verdict is shown [s]
 _GOOD, _BAD = (150, 235, 160), (255, 150, 130)  # colours of verdicts, RGB
 
 # Names to write into an image, each with the pixel (x, y) of its lower left corner.
@@ -34,9 +34,9 @@ class View:
     """The projection of a fixed pinhole camera.
 
     Args:
-        core: Its intrinsics and the pose of its sensor X_BS.
-        X_WB: Its pose.
-        kinds: Words to write in place of objects' names.
+        core: Intrinsics, and the pose of the sensor X_BS.
+        X_WB: Pose of the camera in world.
+        kinds: Words to show in place of objects' names, by name.
     """
 
     core: RenderCameraCore
@@ -44,7 +44,7 @@ class View:
     kinds: Mapping[str, str] = dc.field(default_factory=dict)
 
     def names(self, poses: Mapping[str, RigidTransform]) -> Names:
-        """Return the positions of the names of visible objects, without overlap.
+        """Return the names of visible objects at places where they do not overlap.
 
         Args:
             poses: Poses X_WO of the objects by name.
@@ -102,14 +102,14 @@ class VideoFile:
         self._stream = self._container.add_stream("libx264", rate=rate)
         self._stream.width, self._stream.height = width // 2 * 2, height // 2 * 2
         self._stream.pix_fmt = "yuv420p"
-        # At some sizes, x264's macroblock tree reads memory that it has not written,
-        # and equal images would give different bytes.
+        # At some sizes, x264's macroblock tree (mbtree) reads uninitialized memory, so
+        # equal images would give different bytes.
         self._stream.options = {
             "crf": "23",  # x264's default
             "preset": "veryfast",
             "x264-params": "mbtree=0",
         }
-        # The number of threads changes the bytes; one gives the same on every machine.
+        # The number of threads changes the bytes. One thread works on every machine.
         self._stream.codec_context.thread_count = 1
         self.frames = 0
 
@@ -126,8 +126,8 @@ class VideoFile:
         Args:
             image: RGBA, shape (height, width, 4).
             time: Simulated time [s], for the caption.
-            words: Caption, see `caption`; None: no caption.
-            names: Names to write into it, see `View.names`.
+            words: Caption; see `caption`. None: no caption.
+            names: Names to write into the image; see `View.names`.
             inset: A smaller RGBA image for the upper left corner.
         """
         width, height = self._size
@@ -137,7 +137,7 @@ class VideoFile:
                 f"{self._name}, got {image.shape[1]}x{image.shape[0]}"
             )
         even = image[: height // 2 * 2, : width // 2 * 2]
-        # Faster than the copy of a slice.
+        # Faster than slicing.
         rgb: npt.NDArray[Any] = cv2.cvtColor(even, cv2.COLOR_RGBA2RGB)
         for name, (x, y) in names:
             for shift in ((-1, -1), (1, -1), (-1, 1), (1, 1)):  # an outline
@@ -155,7 +155,7 @@ class VideoFile:
         self._encode(rgb)
 
     def hold(self, success: bool, verdict: str) -> None:
-        """Show the last image for some more time, with a verdict above the caption."""
+        """Show the last image for another 1.5 s, with a verdict as its caption."""
         if self._last is None:
             return
         rgb = self._last.copy()
@@ -185,7 +185,7 @@ def caption(image: npt.NDArray[Any], time: float, text: Any) -> None:
     Args:
         image: RGB, shape (height, width, 3); changed in place.
         time: Simulated time [s].
-        text: A string, or a mode, which is shown by its name.
+        text: A string, or a mode, which becomes its name.
     """
     height = image.shape[0]
     strip = image[-max(1, height // 15) :]
@@ -199,7 +199,7 @@ def write_line(
 
     Args:
         strip: RGB, shape (height, width, 3); changed in place.
-        line: The text; a long one becomes smaller until it fits.
+        line: The text; long texts are scaled down.
         color: RGB.
         thickness: Thickness of the strokes [pixels].
     """
@@ -221,7 +221,7 @@ class CaptionedRecorder(Recorder):
     _verdict: tuple[bool, str] | None = None
 
     def judge(self, success: bool, verdict: str) -> None:
-        """Let the video end with a verdict, see `VideoFile.hold`."""
+        """Let the video end with a verdict; see `VideoFile.hold`."""
         self._verdict = success, verdict
 
     def _declare_texts(self, view: View | None, caption: AbstractValue | None) -> None:
@@ -254,10 +254,10 @@ class VideoRecorder(CaptionedRecorder):
 
     `color_image` is an ImageRgba8U. It is sampled every 1 / `frame_rate` of simulated
     time, first after one such period, so video time is simulated time minus one period.
-    If `caption` is connected, every frame shows the time and its value: a string, or a
-    mode, shown by its name. `object_poses` is a dict of poses X_WO by name: with a
-    `view`, the names stand beside the objects. `inset`, a smaller ImageRgba8U, covers
-    the upper left corner.
+    If `caption` is connected, every frame shows the time and the caption, a string or
+    the name of a mode. `object_poses` is a dict of poses X_WO by name: with a `view`,
+    the names appear beside the objects. `inset`, a smaller ImageRgba8U, covers the
+    upper left corner.
 
     The video appears under its name on `close()`. Use the recorder as a context manager
     around the simulation, so that it is closed even after an error. The encoder is

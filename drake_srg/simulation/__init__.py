@@ -1,4 +1,4 @@
-"""Simulation: runs a cell, logs and records the run, and judges the result."""
+"""Simulation of a cell, its log and recordings, and the judgement of the result."""
 
 from drake_srg.face import face
 

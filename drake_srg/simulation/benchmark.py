@@ -1,4 +1,4 @@
-"""Speed of a scenario: alone, as a bare plant, and beside peers."""
+"""Speed of a scenario, of its bare plant, and of robosuite for comparison."""
 
 import dataclasses as dc
 import json
@@ -33,15 +33,14 @@ from drake_srg.station.sleeping import Advance, MakeAdvance
 from drake_srg.station.station import AddStation
 from drake_srg.types import Failure, PlannerStatus, Vector
 
-# Parts of a station that stay in its bare plant.
+# Systems of a station that the simulation of its bare plant keeps.
 _BARE = ("plant", "scene_graph", "sleep_monitor")
 
 
 class InputRecorder:
-    """Runs a scenario's cell and records its plant's inputs at each step.
+    """Runs a scenario's cell and records the plant's vector inputs at each step.
 
-    It records the input ports that are connected, without forces on objects
-    (`disturbances`).
+    Forces on objects (`disturbances`) are not recorded.
 
     Raises:
         ScenarioError: If the models do not fit the scenario.
@@ -107,7 +106,8 @@ class InputRecorder:
 
     def trajectories(self) -> dict[str, PiecewisePolynomial]:
         """Return the recorded inputs of the plant, by port name."""
-        # The last step can be shorter than the plant's. Keep one sample per time.
+        # Two samples may have the same time, because the last step can be shorter than
+        # the plant's.
         unique = np.unique(np.round(self._times, 9), return_index=True)[1]
         breaks = np.array(self._times)[unique]
         return {
@@ -119,12 +119,12 @@ class InputRecorder:
 def MakeBarePlant(
     scenario: Scenario, inputs: Mapping[str, PiecewisePolynomial], name: str
 ) -> tuple[Simulator, Advance]:
-    """Make a simulation of a scenario's plant alone, on the inputs of a run.
+    """Make a simulation of a scenario's plant alone, with the inputs of a run.
 
-    The inputs are held constant between their samples. So the plant makes the same
-    contacts; a discrete one moves the same to the last bit, unless the scenario has
-    `disturbances`. None of our systems is attached but one: objects that sleep in the
-    run sleep here, too, so time spent here includes finding them.
+    The inputs are held constant between their samples, so the plant makes the same
+    contacts. A discrete plant moves identically, unless the scenario has
+    `disturbances`. One of our systems remains: objects that sleep in the run also sleep
+    here, and the search for them takes time here, too.
 
     Args:
         scenario: The scenario of the run.
@@ -153,7 +153,7 @@ def MakeBarePlant(
     return simulator, MakeAdvance(simulator, diagram, scenario)
 
 
-# Importing toppra is left to planners that use it.
+# Only planners that use toppra import it.
 _IMPORTS = """
 from drake_srg import Simulate, load_scenario
 from drake_srg.planning.motion.time_parameterization import load_toppra
@@ -163,7 +163,7 @@ load_toppra()
 
 @dc.dataclass(frozen=True)
 class Benchmark:
-    """Wall-clock times of a run and of its bare plant on the same inputs [s]."""
+    """Wall-clock times of a run, and of its bare plant with the same inputs [s]."""
 
     result: str  # success, or the failure's name
     placement_error: list[float] | None  # final position minus goal [m]
@@ -172,11 +172,11 @@ class Benchmark:
     plant: float
     planning: float
     rendering: float
-    setup: float  # building the cell before the run, judging and freeing it afterwards
+    setup: float  # building the cell, and judging and freeing the run
 
     @property
     def other(self) -> float:
-        """The rest: our systems in Python, and logging."""
+        """The remaining time: our systems in Python, and logging."""
         return self.total - self.plant - self.planning - self.rendering
 
     def rows(self) -> dict[str, str]:
@@ -217,7 +217,7 @@ def benchmark_table(benchmarks: Mapping[str, Benchmark]) -> str:
 
 
 def scenarios_with_fast_variant() -> list[str]:
-    """Return the package's scenarios that have a fast variant, each followed by it."""
+    """Return the package's scenarios with a fast variant, and that after each."""
     names = list_scenarios()
     return [
         name
@@ -228,23 +228,23 @@ def scenarios_with_fast_variant() -> list[str]:
 
 
 def run_benchmark(scenario: Scenario, name: str = "scenario") -> Benchmark:
-    """Measure a run of a scenario, its plant alone, and single looks.
+    """Measure a run of a scenario, its bare plant, and looks of the planner.
 
-    The bare plant gets the inputs recorded in a run; see `MakeBarePlant`.
+    The bare plant gets the recorded inputs of a run; see `MakeBarePlant`.
 
     Raises:
         ScenarioError: If the models do not fit the scenario, or Drake aborts the run.
         KeyboardInterrupt: If the user stops the run.
     """
     recorder = InputRecorder(scenario, name)
-    recorder.run_task()  # before the measured run, which then finds all imports loaded
+    recorder.run_task()  # first, so that the measured run needs no more imports
     start = wall.perf_counter()
     result = Simulate(scenario, name=name)
     elapsed = wall.perf_counter() - start
     if result.status.failure is Failure.STOPPED:
         raise KeyboardInterrupt
     times = result.metrics
-    recorder.advance(times.sim_time_s)  # while objects settle
+    recorder.advance(times.sim_time_s)  # objects settle
     simulator, advance = MakeBarePlant(scenario, recorder.trajectories(), name)
     with failure_time(f"{name}: bare plant", simulator):
         plant = _timed(lambda: advance(times.sim_time_s))
@@ -263,7 +263,7 @@ def run_benchmark(scenario: Scenario, name: str = "scenario") -> Benchmark:
 
 
 def import_times() -> dict[str, float]:
-    """Return the durations of processes that only import, by the import [s]."""
+    """Return the durations of processes that only import something, by import [s]."""
     programs = {
         "python without imports": "",
         "import drake_srg": "import drake_srg",
@@ -279,12 +279,12 @@ def import_times() -> dict[str, float]:
 def _look_time(scenario: Scenario, looks: int) -> float:
     """Return the wall-clock time of a number of looks by the planner [s].
 
-    A look is at the blobs or, if the scenario clears its table, at the height map of
+    A look evaluates the blobs or, if the scenario clears its table, the height map of
     the table. Looks into the bins count as looks at the table.
 
-    The first look costs more because each context sets up a renderer of its own. The
-    setup of a process's very first renderer is excluded: a run does it before it starts
-    its clock.
+    The first look takes longer, because each context sets up its own renderer. The
+    setup of a process's first renderer is not included, because a run does that before
+    its clock starts.
     """
     if looks == 0:
         return 0.0
@@ -309,7 +309,7 @@ def _timed(action: Callable[[], object]) -> float:
 
 @dc.dataclass(frozen=True)
 class Peer:
-    """Times of robosuite: a cycle of PickPlaceCan with an IIWA, and control of Lift.
+    """Speed of robosuite: a cycle of PickPlaceCan, and control steps of Lift.
 
     Attributes:
         version: Version of robosuite.
@@ -340,12 +340,12 @@ def measure_robosuite(python: Path) -> Peer:
     """Measure robosuite, after a first cycle that loads everything.
 
     Args:
-        python: The interpreter of an environment that has robosuite.
+        python: The Python interpreter of an environment with robosuite.
 
     Raises:
-        ScenarioError: If it cannot run or has no robosuite.
+        ScenarioError: If the interpreter cannot run, or lacks robosuite.
     """
-    # As text, because the folder of a script is where its imports are looked for first.
+    # Run the text, because Python would look for a script's imports in its folder.
     script = Path(robosuite_cycle.__file__).read_text(encoding="utf-8")
     try:
         done = subprocess.run(

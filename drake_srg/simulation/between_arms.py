@@ -1,4 +1,4 @@
-"""Quantities between the arms of a run: contacts, distances, internal forces."""
+"""Contacts, distances and internal forces between the arms of a run."""
 
 from __future__ import annotations
 
@@ -23,15 +23,15 @@ from drake_srg.simulation.measures import arm_states
 from drake_srg.station.plant import Models
 from drake_srg.types import Mode, Vector
 
-# Distances within which pairs of geometries are looked for, the nearest first [m]; arms
-# that are farther apart count as being this far apart.
+# Radii of the search for the nearest pair of geometries, tried in this order [m].
+# Larger distances count as the last radius.
 _REACHES = (0.1, 0.4, 1.6)
-# Column of a log with several arms: the largest contact force between two of them [N].
+# Column of a log with several arms: the largest contact force between two arms [N].
 ARM_CONTACT = "arm_contact_force"
-# Column of a log with arms that carry together: see `InternalForce` [N].
+# Column of a log with arms that carry together; see `InternalForce` [N].
 INTERNAL_FORCE = "internal_force"
 
-# Modes in which both hands carry the object, or should.
+# Modes in which both hands should carry the object.
 _CARRIED = (Mode.LIFT, Mode.TRANSFER, Mode.PLACE)
 
 
@@ -46,7 +46,7 @@ class ArmContacts:
     """
 
     def __init__(self, plant: MultibodyPlant, arms: Sequence[RobotArm]) -> None:
-        self._arm_of = {  # by the geometry's number
+        self._arm_of = {  # number of a geometry to the arm's name
             geometry.get_value(): arm.name
             for arm in arms
             for geometry in _geometries(plant, _models(arm))
@@ -70,8 +70,8 @@ class InternalForce:
     """Reads the force with which two hands press on each other through an object.
 
     It is the internal force of Williams and Khatib, "The Virtual Linkage: A Model for
-    Internal Forces in Multi-Grasp Manipulation", ICRA (1993): the part of the hands'
-    forces along the line between them that cancels out.
+    Internal Forces in Multi-Grasp Manipulation", ICRA (1993): the components of the
+    hands' forces, along the line between them, that cancel out.
 
     Args:
         plant: The finalized plant that computes the results.
@@ -90,7 +90,7 @@ class InternalForce:
     def force(self, contacts: ContactResults) -> float:
         """Return the internal force [N], 0 unless both hands touch the object.
 
-        It is positive where the hands press towards one another.
+        It is positive if the hands press towards each other.
 
         Args:
             contacts: Value of the plant's output port `contact_results`.
@@ -125,8 +125,8 @@ def largest_internal_force(log: Mapping[str, Vector]) -> float | None:
 def carried_tilt(log: Mapping[str, Vector], pick: str) -> float | None:
     """Return the largest tilt of a carried object in any sample of a run [degrees].
 
-    It counts from when both hands first hold the object until they have let it go. None
-    if they never carry it together.
+    Only modes in which both hands should hold the object count. The result is None if
+    they never carry it together.
 
     Args:
         log: Arrays of log.npz.
@@ -145,8 +145,8 @@ def carried_tilt(log: Mapping[str, Vector], pick: str) -> float | None:
 def min_arm_distance(scenario: Scenario, log: Mapping[str, Vector]) -> float | None:
     """Return the least distance between two arms in a run [m]; None for a single arm.
 
-    Grippers count as parts of their arms. Each sample of the log counts, nothing in
-    between. Distances beyond 1.6 m count as 1.6 m.
+    Grippers count as parts of their arms. Only the samples of the log are checked.
+    Distances beyond 1.6 m count as 1.6 m.
 
     Args:
         scenario: The scenario of the run.
@@ -183,7 +183,7 @@ def min_arm_distance(scenario: Scenario, log: Mapping[str, Vector]) -> float | N
 
 
 def count_arm_contacts(log: Mapping[str, Vector]) -> int | None:
-    """Return how many times arms touched each other; None for a single arm.
+    """Return the number of times that arms touched each other; None for a single arm.
 
     Args:
         log: Arrays of log.npz.
@@ -206,7 +206,7 @@ def _distance(query: QueryObject, most: float) -> float:
 def _columns(
     plant: MultibodyPlant, arm: RobotArm, log: Mapping[str, Vector]
 ) -> list[tuple[int, Vector]]:
-    """Return the index of each of an arm's joints in the positions, and its values."""
+    """Return each joint's index in the plant's positions, and its logged positions."""
     model = plant.GetModelInstanceByName(arm.arm_model)
     numbers = np.arange(plant.num_positions(), dtype=float)
     own = plant.GetPositionsFromArray(model, numbers).astype(int)
@@ -219,7 +219,7 @@ def _columns(
         joints = [plant.GetJointByName(name, model) for name in names]
         fingers = log[f"{arm.gripper_model}.state_measured"].T
         indices = [joint.position_start() for joint in joints]
-        found += zip(indices, fingers, strict=False)  # speeds follow the positions
+        found += zip(indices, fingers, strict=False)  # leaves out the speeds
     return found
 
 

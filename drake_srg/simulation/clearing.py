@@ -1,4 +1,4 @@
-"""Judges a run that clears a table by the ground truth in its log."""
+"""Outcome of a run that clears a table, from the ground truth in its log."""
 
 from __future__ import annotations
 
@@ -19,19 +19,18 @@ from drake_srg.simulation.measures import hand_poses
 from drake_srg.station.perception import ROW, bin_boxes, destinations, row_places
 from drake_srg.types import Failure, Mode, PlannerStatus, Remaining, Sphere, Vector
 
-# Point between the fingers, in the palm [m].
+# Point midway between the fingers, in the palm's frame [m].
 _p_GC = np.array([SRG.grasp_center_x, 0.0, 0.0])
-_LIFTED = (
-    0.08  # least rise of the middle of a load that the hand carries over the bin [m]
-)
+# Least rise of the middle of an object that counts as carried [m].
+_LIFTED = 0.08
 
 
 def attempts_of(
     scenario: Scenario, log: Mapping[str, Vector], facts: Mapping[str, ObjectFacts]
 ) -> dict[str, int]:
-    """Return the number of grasps that closed nearest to each object."""
+    """Return the number of grasps at which the hand was nearest to each object."""
     counts = dict.fromkeys(facts, 0)
-    if not facts:  # the cameras may see a colour that no object is said to have
+    if not facts:  # there may be grasps nevertheless, at a mistaken colour
         return counts
     for arm in robot_arms(scenario):
         states = measures.arm_states(log, [arm])
@@ -57,10 +56,10 @@ def arm_modes(log: Mapping[str, Vector], arm: RobotArm) -> Vector:
 def loads_carried(
     scenario: Scenario, log: Mapping[str, Vector], facts: Mapping[str, ObjectFacts]
 ) -> list[list[str]]:
-    """Return the names of the objects that each grasp carried to its transfer's end.
+    """Return the names of the objects that each grasp carried until its transfer ended.
 
-    These are the objects that are higher by then than when the fingers closed. With
-    several arms, the one whose hand is nearest carries it.
+    These are the objects that are then at least 8 cm higher than when the fingers
+    closed. With several arms, the arm whose hand is nearest carries an object.
 
     Args:
         scenario: The scenario.
@@ -97,7 +96,7 @@ def loads_carried(
 def _hands(
     scenario: Scenario, log: Mapping[str, Vector], row: np.integer[Any]
 ) -> dict[str, Vector]:
-    """Return the points midway between the fingers, by the arms' names, (3,)."""
+    """Return the points midway between the fingers in world, shape (3,), by arm [m]."""
     hands = {}
     for arm in robot_arms(scenario):
         states = measures.arm_states(log, [arm])
@@ -114,10 +113,10 @@ def _nearest(hands: Mapping[str, Vector], p_W: Vector) -> str:
 def delivered(loads: Sequence[Collection[str]], cleared: Collection[str]) -> int:
     """Return the number of grasps that took an object to its final place.
 
-    An object that a later grasp carried again counts only for that grasp.
+    An object that was carried several times counts only for the last grasp.
 
     Args:
-        loads: Names of what each grasp carried, the first grasp first.
+        loads: Names of the objects that each grasp carried, in order of grasps.
         cleared: Names of the objects that rest where they belong.
     """
     left = set(cleared)
@@ -135,13 +134,13 @@ def box_distance(row: Vector, facts: ObjectFacts, p_W: Vector) -> float:
     return float(np.linalg.norm(outside))
 
 
-# How far above the rim the middle of an object may be that rests on others in the bin
-# [m]: a block that stands on a box, each 0.2 m long.
+# Greatest height above the rim of the middle of an object that rests on others in the
+# bin [m], such as a block that stands on a box, each 0.2 m long.
 _HEAPED = 0.2
-# Largest depth of its middle below the bin [m].
+# Greatest depth below the bin of an object's middle [m].
 _BELOW = 0.01
-_UPRIGHT = np.cos(np.deg2rad(5.0))  # of the angle of what stands from the vertical
-# Distance between an object and the place that the planner names for it, at most [m].
+_UPRIGHT = np.cos(np.deg2rad(5.0))  # of an object's largest lean when it stands
+# Largest distance between an object and the place that the planner reports for it [m].
 _NAMED_WITHIN = 0.05
 CLEARED, WRONG_BIN = "cleared", "wrong_bin"
 
@@ -152,16 +151,16 @@ class ObjectOutcome:
 
     Attributes:
         cleared: Whether it rests in its bin.
-        outcome: `cleared`, `wrong_bin` if it rests in another, or why the planner has
-            left it: `dropped` if it was let go and not seen in its bin, `not_seen` if
-            the planner does not say.
-        attempts: Grasps that were nearest to it.
-        width_m: Least distance of two parallel vertical planes that enclose it as it
-            lay before the first pick [m].
-        lay_at_m: x, y of its middle then, in world [m].
-        moved_m: Distance of its middle from there, at the end [m].
-        under: Name of another that lies over its middle at the end; "" for none.
-        carried_with: Name of another that the hand last carried with it; "" for none.
+        outcome: `cleared`, `wrong_bin` if it rests in another bin, or the planner's
+            reason for leaving it: `dropped` if it was released and not seen in its bin,
+            `not_seen` if the planner gives no reason.
+        attempts: Grasps at which the hand was nearest to it.
+        width_m: Least distance of two parallel vertical planes that enclose it, before
+            the first pick [m].
+        lay_at_m: x, y of its middle in world, before the first pick [m].
+        moved_m: Distance of its middle from that place at the end [m].
+        under: Name of another object that lies over its middle at the end, or "".
+        carried_with: Name of another object that the hand carried with it last, or "".
     """
 
     cleared: bool
@@ -179,17 +178,17 @@ class ClearingOutcome:
     """Outcome for all objects.
 
     Attributes:
-        objects: Outcomes of the objects that belong into a bin.
+        objects: Outcomes of the objects that belong in a bin.
         picks: Grasps begun.
         picks_held: Loads that the planner counts as arrived, at most one per grasp.
-        picks_delivered: Picks after which something rests where it belongs, by
-            ground truth.
+        picks_delivered: Grasps whose load rests where it belongs, by ground truth.
         picks_per_hour: `picks_held` per hour.
         multi_object_picks: Picks that carried several objects.
         multi_object_picks_seen: Picks after which the planner saw several objects.
-        in_wrong_bin: Names of all objects that rest in a bin that is not theirs.
+        in_wrong_bin: Names of the objects that rest in a bin in which they do not
+            belong.
         others_moved: Largest distance that any object without a bin has moved since the
-            first pick was planned [m]; None if there is no pick or no such object.
+            first pick was planned [m]; None without picks or such objects.
         bins: Number of bins.
     """
 
@@ -256,7 +255,7 @@ def clearing_outcome(
     attempts = attempts_of(scenario, log, {name: facts[name] for name in names})
     found = resting_places(scenario, log, facts)
     sorts = not scenario.arms
-    if not sorts:  # each bin is as good as the other
+    if not sorts:  # any bin will do
         wanted = {name: found[name] or into for name, into in wanted.items()}
     modes = [arm_modes(log, arm) for arm in robot_arms(scenario)]
     begins = np.any([m == MODES.index(Mode.PRE_GRASP) for m in modes], axis=0)
@@ -350,7 +349,7 @@ def _covered(
     facts: Mapping[str, ObjectFacts],
     outcomes: Mapping[str, ObjectOutcome],
 ) -> dict[str, str]:
-    """Return the remaining objects that lie under others, with the others."""
+    """Return objects left over that lie under another one, with the other's name."""
     poses = {n: row_to_pose(log[pose_key(n)][-1]) for n, o in outcomes.items()}
     left = [name for name, outcome in outcomes.items() if not outcome.cleared]
     middles = {n: poses[n] @ (0.5 * (facts[n].low + facts[n].high)) for n in left}
@@ -374,7 +373,7 @@ def _rests_inside(
 ) -> bool:
     poses = log[pose_key(name)]
     slow = measures.final_speed(log["time"], poses) < measures.AT_REST
-    # Its middle: the origin of a jug that stands on its head is at its top.
+    # The middle counts, not the origin, which is at the top of a jug upside down.
     middle = 0.5 * (facts.low + facts.high)
     return bool(slow and _is_inside(row_to_pose(poses[-1]) @ middle, box))
 
@@ -399,10 +398,7 @@ def _stands_at(
 def _others_moved(
     log: Mapping[str, Vector], others: Collection[str], status: PlannerStatus
 ) -> float | None:
-    """Return the largest distance of any other object from its resting place [m].
-
-    It is None if there are no others, or if nothing was picked.
-    """
+    """Return `ClearingOutcome.others_moved`."""
     if not (others and status.attempts):
         return None
     first = int(np.searchsorted(log["time"], status.localized_at - 1e-9))
@@ -417,7 +413,7 @@ def _is_inside(p_W: Vector, box: tuple[Vector, Vector]) -> bool:
 
 
 def _reason(row: Vector, facts: ObjectFacts, left: Sequence[Remaining]) -> str:
-    """Return the reason that the planner gives for the place of an object."""
+    """Return the planner's reason for leaving an object, found by its place."""
     distances = [(box_distance(row, facts, thing.p_W), thing) for thing in left]
     near = [pair for pair in distances if pair[0] < _NAMED_WITHIN]
     if not near:
@@ -430,9 +426,10 @@ def _dropped(
     outcomes: Mapping[str, ObjectOutcome],
     left: Sequence[Remaining],
 ) -> list[str]:
-    """Return the objects that must be the loads not seen in their bins.
+    """Return the objects that must be the dropped loads.
 
-    These are unnamed objects, as many as there were such loads, the nearest first.
+    Among the objects for which the planner gives no reason, they are the nearest to
+    the places of dropped loads, as many as there are such places.
     """
     lost = [thing.p_W for thing in left if thing.failure is Failure.DROPPED]
     unnamed = [n for n, o in outcomes.items() if o.outcome == Failure.NOT_SEEN.value]

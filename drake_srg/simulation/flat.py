@@ -1,14 +1,14 @@
 """Flat root diagrams for CENIC on Drake before 1.58.
 
-There, CENIC looks for the plant among the root's own subsystems. So the systems of our
-own cells and stations are added to the root itself, in place of diagrams of their own.
-Newer Drakes take a nested plant.
+In these versions, CENIC looks for the plant among the root's direct subsystems. So the
+systems of our cells and stations are added to the root itself, not to diagrams of their
+own. Newer versions accept a nested plant.
 
-`_Root` hides methods of `DiagramBuilder` that are not virtual, and `_Group` has those
-of a `Diagram` that callers use. Nothing plainer works: one Diagram cannot be part of
-two, and every `Add...` of a cell would otherwise need a second form for a flat root. It
-holds because only Python calls these methods. Once 1.58 is the oldest Drake supported,
-delete this file: `MakeRoot` is then `builder = DiagramBuilder()` and
+`_Root` hides methods of `DiagramBuilder` that are not virtual, which works because only
+Python calls them. `_Group` has the methods of `Diagram` that callers use. There is no
+simpler way: a system cannot be part of two diagrams, and otherwise every `Add...`
+function of a cell would need a second form for a flat root. Once 1.58 is the oldest
+supported Drake, delete this file: `MakeRoot` is then `builder = DiagramBuilder()` and
 `builder.AddNamedSystem(...)`.
 """
 
@@ -44,9 +44,9 @@ def MakeRoot(
     """Begin a root diagram with a cell or a station in it.
 
     Args:
-        name: The subsystem's.
-        make: Builds it from the scenario.
-        add: Adds the same systems to a given builder; None where this is not possible.
+        name: Name of the subsystem: the cell or station.
+        make: Builds the subsystem from the scenario.
+        add: Adds the same systems to a given builder; None if this is not possible.
         scenario: The scenario to build.
         origin: The scenario's name, for error messages.
 
@@ -54,7 +54,7 @@ def MakeRoot(
         The root's builder, and the subsystem.
 
     Raises:
-        ScenarioError: If the installed Drake cannot simulate it.
+        ScenarioError: If the installed Drake cannot simulate the scenario.
     """
     if not is_continuous(scenario) or takes_nested_plant():
         builder = DiagramBuilder()
@@ -76,14 +76,14 @@ def MakeRoot(
 
 
 class _Root(DiagramBuilder):
-    """A builder that keeps the exports of groups of systems apart."""
+    """A builder whose groups of systems have separate exports."""
 
     def __init__(self) -> None:
         super().__init__()
         collectable(self)
         self._groups: dict[str, _Group] = {}
         self._open: list[_Group] = []  # the groups that are being added
-        # Inputs that a group exports together: the first one's key, the others.
+        # Inputs that are exported as one: key of the first one to the others.
         self._together: dict[tuple[str, int], list[InputPort]] = {}
 
     def AddGroup(self, name: str, add: Add, *arguments: Any) -> "_Group":
@@ -95,13 +95,13 @@ class _Root(DiagramBuilder):
         return group
 
     def AddNamedSystem(self, name: str, system: Any) -> Any:
-        """Add a system as Drake does; return a group as it is, already added."""
+        """Add a system like Drake; return a group unchanged: it is already added."""
         if isinstance(system, _Group):
             return system
         return super().AddNamedSystem(name=name, system=system)
 
     def GetSubsystemByName(self, name: str) -> Any:
-        """Return a group or, as Drake does, a system."""
+        """Return a group or, like Drake, a system."""
         return self._groups.get(name) or super().GetSubsystemByName(name)
 
     def ExportInput(self, input: InputPort, name: str) -> None:
@@ -109,7 +109,7 @@ class _Root(DiagramBuilder):
         self._open[-1].inputs[name] = input
 
     def ConnectInput(self, name: str, input: InputPort) -> None:
-        """Export an input together with one that is exported already."""
+        """Export an input together with one that has already been exported."""
         first = self._open[-1].inputs[name]
         self._together.setdefault(_key(first), []).append(input)
 
@@ -124,8 +124,8 @@ class _Root(DiagramBuilder):
 
     def Build(self) -> Diagram:
         """Build the root, which exports the ports of its outermost group."""
-        # The diagram keeps its builder alive. If that kept the groups, which keep the
-        # diagram, nothing of it would ever be freed.
+        # The diagram keeps this builder alive, and groups keep the diagram alive. So
+        # the builder must not keep the groups, or nothing would ever be freed.
         (_, outermost), *nested = self._groups.items()
         together, self._groups, self._together = self._together, {}, {}
         for name, port in outermost.inputs.items():
@@ -160,15 +160,15 @@ class _Group:
         self.diagram: Diagram | None = None  # the root, once it is built
 
     def HasInputPort(self, name: str) -> bool:
-        """Return whether the group exports such an input."""
+        """Return whether the group exports an input of this name."""
         return name in self.inputs
 
     def HasOutputPort(self, name: str) -> bool:
-        """Return whether the group exports such an output."""
+        """Return whether the group exports an output of this name."""
         return name in self.outputs
 
     def GetInputPort(self, name: str) -> InputPort:
-        """Return an exported input; once the root is built, the root's."""
+        """Return an exported input; once the root is built, it is the root's."""
         return (
             self.inputs[name]
             if self.diagram is None
@@ -176,7 +176,7 @@ class _Group:
         )
 
     def GetOutputPort(self, name: str) -> OutputPort:
-        """Return an exported output; once the root is built, the root's."""
+        """Return an exported output; once the root is built, it is the root's."""
         return (
             self.outputs[name]
             if self.diagram is None
@@ -184,7 +184,7 @@ class _Group:
         )
 
     def ValidateContext(self, context: Context) -> None:
-        """Accept the root's context, which is also the group's."""
+        """Accept the root's context, which serves as the group's."""
         assert self.diagram is not None
         self.diagram.ValidateContext(context)
 

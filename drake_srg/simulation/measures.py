@@ -1,4 +1,4 @@
-"""Quantities of a run's log, from which metrics are computed.
+"""Quantities from a run's log, for its metrics.
 
 Unless stated otherwise, arrays have one row per sample: `time` [s], `mode` (index into
 `MODES`) and `poses` of the picked object (see `pose_to_row`).
@@ -29,7 +29,7 @@ def hand_poses(
     Args:
         scenario: The scenario with the models of arm and gripper.
         arm_states: States [q; v] of the arm, shape (K, 2N).
-        robot: The arm; None: the only one.
+        robot: The arm; None: the scenario's only arm.
     """
     robot = robot or RobotArm()
     plant = MakeModelsPlant(scenario)
@@ -45,17 +45,17 @@ def hand_poses(
 
 
 def end_error(scenario: Scenario, X_WO: RigidTransform) -> Vector | None:
-    """Return the error of an inserted peg's end, shape (3,) [m].
+    """Return the distance of a peg's end from its goal, in the hole's frame (3) [m].
 
-    That place is in the middle of the true hole, at the planner's depth. The axes are
-    those of the hole.
+    The goal is in the middle of the true hole, at the planner's depth.
 
     Args:
         scenario: The scenario; its models determine the true place of the hole.
         X_WO: The peg's pose [m].
 
     Returns:
-        None unless the planner is `!Insert` and there is a hole.
+        The vector from the goal to the end; None unless the planner is `!Insert` and
+        there is a hole.
     """
     planner, name = scenario.planner, scenario.task.pick
     if not isinstance(planner, Insert):
@@ -78,7 +78,7 @@ def hole_force(log: Mapping[str, Vector]) -> float | None:
     return None if force is None else float(force[-1, 0])
 
 
-# This far below its start and the table, an object has left the table [m].
+# An object this far below both its start and the table has left the table [m].
 _OFF_TABLE = 0.2
 
 
@@ -93,26 +93,25 @@ def off_table(scenario: Scenario, log: Mapping[str, Vector]) -> list[str]:
     ]
 
 
-_MAX_HOME_ERROR = 0.01  # rad; farther from home, the arm does not count as home
-# An object that has risen this far is off its support [m]. Toppling a 25 mm cylinder
-# raises its middle by 3 mm, the soup can's by 10 mm.
+_MAX_HOME_ERROR = 0.01  # largest distance of a joint from home if the arm is home [rad]
+# An object that has risen this far is off its support [m]. Toppling raises the middle
+# of a 25 mm cylinder by 3 mm, and that of the soup can by 10 mm.
 _LIFTED = 0.015
-# A cleared object that is slower than this rests [m/s].
+# An object in a bin is at rest below this speed [m/s].
 AT_REST = 0.005
-# Motions have a dimensionless jerk of hundreds. Less is rounding, as when measurements
-# freeze.
+# Real motions have a dimensionless jerk of hundreds. A value below this one is due to
+# rounding, such as when measurements freeze.
 _NO_JERK = 1e-6
 
 
 def arm_states(
     log: Mapping[str, Vector], arms: Sequence[RobotArm] = (RobotArm(),)
 ) -> Vector | None:
-    """Return the arms' true states [q; v], or else the measured ones.
+    """Return the arms' true states [q; v] or, if they are not logged, measured ones.
 
     Args:
         log: Arrays of log.npz.
-        arms: The arms. With several arms, q has the joints of all, one arm after the
-            other.
+        arms: The arms. With several arms, q has the joints of one arm after the other.
     """
     states = [
         log.get(
@@ -130,10 +129,10 @@ def arm_states(
 def safety_stops(
     log: Mapping[str, Vector], arms: Sequence[RobotArm] = (RobotArm(),)
 ) -> list[dict[str, float | str]] | None:
-    """Return when safety monitors stopped arms, and why; None if there is no monitor.
+    """Return the stops by safety monitors; None if there is no monitor.
 
-    Each stop has a `time_s`, that of the first sample in which the arm is stopped, and
-    a `reason`, the value of a `StopReason`. With several arms, it also names the `arm`.
+    Each stop has `time_s`, the time of the first sample with the arm stopped, and
+    `reason`, the value of a `StopReason`. With several arms, it also has `arm`.
     """
     stops: list[dict[str, float | str]] = []
     monitored = [arm for arm in arms if f"{arm.prefix}safety.state" in log]
@@ -173,7 +172,7 @@ def is_home(scenario: Scenario, log: Mapping[str, Vector]) -> bool:
 
 
 def grasp_shift(mode: Vector, poses: Vector) -> float | None:
-    """Return how far the object moves while the fingers close for the last time [m]."""
+    """Return the object's motion while the fingers close for the last time [m]."""
     rows = _last_rows(mode, Mode.CLOSE)
     if len(rows) == 0:
         return None
@@ -182,7 +181,7 @@ def grasp_shift(mode: Vector, poses: Vector) -> float | None:
 
 
 def grasp_lifted(mode: Vector, poses: Vector) -> bool:
-    """Return whether the object has risen with the hand when the last lift ends."""
+    """Return whether the object is off its support when the last lift ends."""
     rows = _last_rows(mode, Mode.LIFT)
     if len(rows) == 0:
         return False
@@ -190,7 +189,7 @@ def grasp_lifted(mode: Vector, poses: Vector) -> bool:
 
 
 def placed_at(time: Vector, mode: Vector) -> float | None:
-    """Return when the hand last opened after placing [s]."""
+    """Return the time at which the hand last opened after placing, or None [s]."""
     ends = (MODES.index(Mode.PLACE), MODES.index(Mode.RELEASE))
     (rows,) = np.nonzero((mode[:-1] == ends[0]) & (mode[1:] == ends[1]))
     return float(time[rows[-1] + 1]) if len(rows) else None
@@ -217,7 +216,7 @@ def hold_drift(
 ) -> float | None:
     """Return the object's speed in the hand while the lifted arm dwells [m/s].
 
-    None also with several arms: no mode tells whose hand holds the object.
+    None also with several arms, because no mode shows whose hand holds the object.
     """
     if scenario.arms:
         return None
@@ -238,9 +237,9 @@ def hold_drift(
 def smoothness(time: Vector, mode: Vector, arm: Vector | None) -> float | None:
     """Return the log dimensionless jerk of the arm from first motion to last.
 
-    `-ln(T³ / v_peak² integral |d²v/dt²|² dt)` (S. Balasubramanian et al., J. NeuroEng.
-    Rehabil. 12:112, 2015), where v is the vector of joint velocities. None without
-    motion, or if the velocity never changes.
+    It is `-ln(T³ / v_peak² integral |d²v/dt²|² dt)` (S. Balasubramanian et al., J.
+    NeuroEng. Rehabil. 12:112, 2015), where v is the vector of joint velocities, or None
+    without motion or if the velocity never changes.
 
     Args:
         time: Times [s].

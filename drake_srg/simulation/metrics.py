@@ -1,4 +1,4 @@
-"""Metrics of a run, computed from its log and the ground truth after the end."""
+"""Metrics of a run, computed from its log and ground truth after its end."""
 
 import dataclasses as dc
 import json
@@ -28,7 +28,7 @@ from drake_srg.types import Failure, Mode, PlannerStatus, Vector
 from drake_srg.vision.solids import turn_between
 
 SCHEMA_VERSION = 1
-# Entries that only tasks with several objects have.
+# Entries for tasks with several objects only.
 OF_SEVERAL = (
     *("objects_total", "objects_cleared", "objects"),
     *("objects_sorted", "objects_in_wrong_bin"),
@@ -37,7 +37,7 @@ OF_SEVERAL = (
 )
 OF_INSERTION = ("floor_gap_m", "hole_force_n")
 
-# Entries that are left out where they are null.
+# Entries that are left out of metrics.json if they are null.
 OF_SOME = (
     *("safety_stops", "claimed", "off_table", "kinds"),
     *("min_arm_distance_m", "arm_contacts"),
@@ -47,11 +47,11 @@ OF_SOME = (
 # Limits for an object that rests upright.
 _MAX_SPEED = 1e-3  # m/s
 _MAX_TILT = np.deg2rad(5.0)
-# Farther from the middle of its hole, the end of a peg is not in it [m]. The clearance
-# is at most 1 mm, and the narrowest hole has a radius of 6 mm.
+# Largest distance of a peg's end from the axis of its hole if it is in the hole [m].
+# The clearance is at most 1 mm, and the narrowest hole has a radius of 6 mm.
 _INSIDE = 0.005
-# Farther from its seat, a peg is not inserted [m]: half of a chamfer. Seated pegs end
-# within 0.01 mm. Only the planner, which feels the rim, needs `depth_tolerance`.
+# Largest distance of an inserted peg from its seat [m]: half of a chamfer. Seated pegs
+# end within 0.01 mm. (`depth_tolerance` is only for the planner, which feels the rim.)
 _SEATED = 5e-4
 
 
@@ -70,22 +70,22 @@ class Metrics:
     # The planner's reason, or `misplaced` if it reported success and was wrong.
     failure: str | None
     attempts: int
-    cycles: int  # times the object was placed
+    cycles: int  # number of times that the object was placed
     # Mean time per cycle, from the first localisation that led to a grasp until the arm
     # is back home [s].
     cycle_time_s: float | None
-    # Until the hand opens at the goal, from the same moment; None unless the planner
-    # has placed the object exactly once [s]. The five-axis arm's thesis reports it.
+    # Time from the same moment until the hand opens at the goal [s]; None unless the
+    # planner has placed the object exactly once. The five-axis arm's thesis reports it.
     time_to_placement_s: float | None
     planning_wall_s: float
     localization_error_m: list[float] | None  # estimate minus truth
-    # Angle between the estimated and the true orientation, as far as the shape shows
-    # it: 0 for a ball, the angle between the axes for a cylinder.
+    # Angle between the estimated and the true orientation, apart from symmetries of the
+    # shape: 0 for a ball, the angle between the axes for a cylinder.
     localization_turn_rad: float | None
     placement_error_m: list[float] | None  # final position minus goal
     placement_tilt_rad: float | None  # None for a sphere
-    # Whether the object was off its support when the last lift ended: the
-    # successful grasp of that thesis.
+    # Whether the object was off its support when the last lift ended. The five-axis
+    # arm's thesis calls this a successful grasp.
     grasp_lifted: bool | None
     grasp_shift_m: float | None  # motion of the object while the fingers close
     smoothness: float | None  # log dimensionless jerk of the arm; higher is smoother
@@ -93,57 +93,55 @@ class Metrics:
     hold_drift_m_per_s: float | None
     # Largest contact force of the gripper on the object among the log's samples [N].
     peak_contact_force_n: float | None
-    # Largest distance of any other object from its first position, at any time. With
-    # several objects: of any that must stay, from where it came to rest.
+    # Largest distance of any other object from its first position, at any time. In
+    # tasks with several objects, that of any object that must stay, since the first
+    # pick was planned.
     others_moved_m: float | None
     sim_time_s: float
     wall_time_s: float
     real_time_factor: float
     artifacts: dict[str, str | None]
     schema_version: int = SCHEMA_VERSION
-    # Only for tasks with several objects: how many there are, how many rest in the bin,
-    # the grasps begun, those that held by the planner's word, these per hour, and what
-    # became of each object (see `ObjectOutcome`).
+    # Only for tasks with several objects (up to `objects`): the number of objects, and
+    # of those that rest where they belong; see `ClearingOutcome`.
     objects_total: int | None = None
     objects_cleared: int | None = None
-    # With several bins: how many rest in their own, and how many in another.
+    # With several bins: number of objects in their own bin, and in another.
     objects_sorted: int | None = None
     objects_in_wrong_bin: int | None = None
     # Grasps; loads that the planner counts as arrived, at most one per grasp; grasps
-    # whose load rests where it belongs, by ground truth.
+    # whose load rests where it belongs, by ground truth; `picks_held` per hour.
     picks: int | None = None
     picks_held: int | None = None
     picks_delivered: int | None = None
     picks_per_hour: float | None = None
-    # Grasps that carried several objects, and those after which the planner says
-    # so.
+    # Grasps that carried several objects, by ground truth and as the planner saw it.
     multi_object_picks: int | None = None
     multi_object_picks_seen: int | None = None
+    # Outcome for each object; see `ObjectOutcome`.
     objects: dict[str, dict[str, Any]] | None = None
-    # Only with a safety monitor: when the arm was stopped, and why; see
-    # `measures.safety_stops`.
+    # Only with a safety monitor: the stops; see `measures.safety_stops`.
     safety_stops: list[dict[str, float | str]] | None = None
-    # Only on hardware: whether the planner says that it has done the task. Nobody knows
-    # whether it has: `success` is False here, and null in metrics.json.
+    # Only on hardware: whether the planner reports that it has done the task. There is
+    # no ground truth, so `success` is False here, and null in metrics.json.
     claimed: bool | None = None
-    # Only with `!Insert`, by ground truth: height of the peg's end over the hole's
-    # floor, and the greatest force between peg and hole, see `PeakForce`. In place of
-    # the error and the tilt, the place of this end decides whether the peg counts as
-    # placed.
+    # Only with `!Insert`, by ground truth: height of the peg's end above the hole's
+    # floor, and the greatest force between peg and hole; see `PeakForce`. The place of
+    # the peg's end, not the placement error and tilt, decides whether it is placed.
     floor_gap_m: float | None = None
     hole_force_n: float | None = None
-    # Only if objects fell off the table: their names. If the picked one did, it has no
-    # placement error.
+    # Only if objects fell off the table: their names. If the picked object did, it has
+    # no placement error.
     off_table: list[str] | None = None
-    # Only with clutter: the kind of each object that a seed has drawn.
+    # Only with clutter: the kinds of drawn objects, by the objects' names.
     kinds: dict[str, str] | None = None
-    # Only with several arms: the least distance between two of them in any sample of
-    # the log, and how often they touched each other.
+    # Only with several arms: the least distance between two arms in any sample of the
+    # log, and the number of times that they touched.
     min_arm_distance_m: float | None = None
     arm_contacts: int | None = None
-    # Only with `!CarryTogether`, in any sample of the log: the largest force by which
-    # the hands press against one another, see `InternalForce`, and the largest tilt of
-    # the object from lifting to letting go.
+    # Only with `!CarryTogether`, in any sample of the log: the largest force with which
+    # the hands press on each other (see `InternalForce`), and the largest tilt of the
+    # object while both carry it.
     internal_force_n: float | None = None
     max_tilt_deg: float | None = None
 
@@ -159,7 +157,7 @@ class Metrics:
         def across(vector: list[float] | None) -> str:
             if vector is None:
                 return "-"
-            # Adding 0 turns the -0 of a small negative number into 0.
+            # Adding 0 turns a rounded -0 into 0.
             return ", ".join(f"{round(1e3 * x, 2) + 0.0:.2f}" for x in vector) + " mm"
 
         if self.objects is not None:
@@ -278,7 +276,7 @@ class RunTimes:
 
     simulated: float
     wall: float
-    planning: float = 0.0  # what the planner took of `wall`
+    planning: float = 0.0  # part of `wall` that the planner took
 
 
 def calc_metrics(
@@ -332,7 +330,7 @@ def calc_metrics(
         lifted = measures.grasp_lifted(mode, poses)
         shift = measures.grasp_shift(mode, poses)
         drift = measures.hold_drift(scenario, time, mode, log, poses)
-        peak = float(np.max(log["contact_force"])) or None  # None: never touched
+        peak = float(np.max(log["contact_force"])) or None  # None without contact
     if status.done:
         done = time[mode == MODES.index(Mode.DONE)][0]
         cycle = float(done - status.localized_at) / max(status.cycles, 1)
@@ -341,7 +339,7 @@ def calc_metrics(
         to_placement = opened - status.localized_at
     success = placed and status.done
     cleared, others = None, measures.others_moved(log, pick)
-    # A robot's log has neither the objects' true places nor their contacts.
+    # The log of real hardware has neither true places of objects nor contacts.
     if scenario.task.clear is not None and "contact_force" in log:
         cleared = clearing_outcome(scenario, log, status)
         peak = float(np.max(log["contact_force"])) or None
@@ -398,8 +396,8 @@ def _at_goal(
     Args:
         scenario: The scenario.
         error: Error of its position, shape (3,) [m].
-        tilt: From its goal [rad]; None: it has none.
-        end: Error of an inserted peg, see `measures.end_error` [m]; None: no peg.
+        tilt: Tilt from its goal [rad]; None if it has no upright.
+        end: See `measures.end_error` [m]; None: not a peg.
     """
     if end is not None and isinstance(scenario.planner, Insert):
         inside = bool(np.linalg.norm(end[:2]) <= _INSIDE)
@@ -437,7 +435,7 @@ def is_placed(
 
 
 def kinds_of(scenario: Scenario) -> dict[str, str]:
-    """Return the kinds of the objects that a seed has drawn, by name."""
+    """Return the kinds of drawn clutter, by the objects' names."""
     return {
         name: config.kind
         for name, config in scenario.objects.items()

@@ -1,4 +1,4 @@
-"""A run's recorders: video and rosbag topics of a cell or a station."""
+"""Recorders of a run: video and rosbag of a cell or a station."""
 
 from __future__ import annotations
 
@@ -45,9 +45,9 @@ _STATE = "plant_state_cheat"
 
 
 def scene_topics(cell: Diagram, scenario: Scenario) -> list[Topic]:
-    """Return /tf and /scene of a cell or a station; none if it lacks the plant's state.
+    """Return /tf and /scene of a cell or a station; none without the plant's state.
 
-    They show the rigid bodies of the scenario. Soft objects are left out.
+    These topics show the rigid bodies of the scenario, but no soft objects.
     """
     port = output_ports(cell).get(_STATE)
     if port is None:
@@ -60,7 +60,7 @@ def scene_topics(cell: Diagram, scenario: Scenario) -> list[Topic]:
     AddObjects(plant, scenario)
     plant.Finalize()
     if port.size() != plant.num_multibody_states():
-        return []  # the cell has a plant of its own
+        return []  # the plant is not the scenario's
     context = plant.CreateDefaultContext()
     body_poses = plant.get_body_poses_output_port()
 
@@ -86,11 +86,11 @@ def AddRecorders(
     """Add the recorders of video.mp4 and recording.mcap, connected to the cell.
 
     Args:
-        builder: The root's.
-        cell: A cell with the ports of `MakeCell`'s.
+        builder: Builder of the root diagram.
+        cell: A cell with the ports of `MakeCell`.
         scenario: Its scenario.
         out: Folder of the recordings.
-        process: Renders the video; None: the cell's own camera does.
+        process: Process that renders the video; None: the cell's own camera does.
 
     Returns:
         The recorders by kind. They are context managers; close them after the
@@ -151,11 +151,11 @@ def AddRosbagRecorder(
     """Add the recorder of recording.mcap, connected to a cell or a station.
 
     Args:
-        builder: The root's.
-        cell: A cell with the ports of `MakeCell`'s, or a station.
+        builder: Builder of the root diagram.
+        cell: A cell with the ports of `MakeCell`, or a station.
         scenario: Its scenario.
         out: Folder of the recording.
-        more: Topics beside those of `recorded_topics`.
+        more: Topics besides those of `recorded_topics`.
 
     Returns:
         The recorder. It is a context manager; close it after the simulation.
@@ -215,9 +215,9 @@ def recorded_topics(cell: Diagram, scenario: Scenario) -> list[Topic]:
 
 
 def _motor_topics(robot: RobotArm, ports: Mapping[str, OutputPort]) -> list[Topic]:
-    """Return the topics of the motors of an arm's gripper that have ports.
+    """Return the topics of a gripper's motors, as far as there are ports for them.
 
-    The current [A] is what the servo's register shows; see `motor_load`.
+    The current [A] is that in the servo's register; see `motor_load`.
     """
     root = topic_of(robot.gripper_model)
     pwm, state, temperature = (
@@ -261,7 +261,7 @@ def _gripper_names(robot: RobotArm) -> tuple[tuple[str, ...], tuple[str, ...]]:
 
 
 def run_labels(name: str, scenario: Scenario) -> Labels:
-    """Return the labels of a run's columns, which its log lacks."""
+    """Return labels for the columns of a run's log, which does not contain them."""
     arms = [_arm_labels(scenario, robot) for robot in robot_arms(scenario)]
     title, pick = f"{name}, seed {scenario.random_seed}", scenario.task.pick
     if scenario.arms:

@@ -51,8 +51,8 @@ def shake(
 ) -> Callable[[float], Vector]:
     """Return a shaking motion about an arm position, as a function of time [s].
 
-    The motion swells and fades within two cycles each, so that it starts and ends at
-    rest.
+    The amplitude swells and fades within two cycles each, so that the motion starts and
+    ends at rest.
 
     Args:
         q: Middle position of the joints (N) [rad or m].
@@ -85,8 +85,9 @@ def bench_scenario(
     """Load a scenario of the gripper's bench with another object or hand pose.
 
     Args:
-        thing: Object that replaces the scenario's own, as `objects.thing`. Unless it
-            has a position or pose, it takes the old one's place, under the hand.
+        thing: Object that replaces the scenario's own, as `objects.thing`. Without a
+            position or pose, it takes the place of the scenario's object, under the
+            hand.
         gripper_rpy: Roll, pitch and yaw [degrees] of the palm in the flange's frame,
             which is parallel to world on the gantry: [0, 90, 0] points down, [0, 0, 0]
             to the front.
@@ -105,7 +106,7 @@ def bench_scenario(
             thing.position = bench.objects[bench.task.pick].position
         bench.objects = {"thing": thing}
         bench.task.pick = "thing"
-        bench.task.place.marker = ""  # there is no goal for the new object
+        bench.task.place.marker = ""  # the new object has no goal
     if gripper_rpy is not None:
         welds = [d.add_weld for d in bench.directives if d.add_weld is not None]
         (weld,) = [weld for weld in welds if weld.child == "gripper::palm"]
@@ -127,16 +128,16 @@ Command = npt.ArrayLike | Callable[[float], npt.ArrayLike]
 class Rig:
     """A simulated station whose inputs the caller commands, with a log.
 
-    At first, the arm is commanded to its home and the gripper to be open, with its
+    At first, the arm is commanded to its home, and the gripper to open with its
     driver's force limit. With the same Drake, the same calls give the same log, bit
-    for bit. Several arms are commanded by `fix`, each by its ports; the arguments of
-    `advance` are for the only one.
+    for bit. With several arms, command each by its ports, with `fix`. The arguments of
+    `advance` are only for a single arm.
 
     Args:
-        scenario: The scenario to simulate. Its task, planner and script do not matter.
+        scenario: The scenario to simulate. Its task, planner and script have no effect.
         name: Name of the experiment, for error messages.
-        period: Time between samples of commands that are functions [s]. None means the
-            arm driver's period; the driver would miss shorter ones.
+        period: Time between samples of commands that are functions [s]; None: the arm
+            driver's period, because the driver would miss samples in between.
         log_period: Time between rows of the log [s], a multiple of `period`.
         images: Whether to build the scenario's cameras, for `image`.
         video: An .mp4 file for the images of `recording.video_camera`. It is complete
@@ -214,7 +215,7 @@ class Rig:
         closure: Command | None = None,
         force_limit: Command | None = None,
     ) -> None:
-        """Simulate for some time; None keeps a command.
+        """Simulate for some time. Commands that are None stay as they are.
 
         Args:
             duration: Time to simulate, rounded to whole periods [s].
@@ -288,7 +289,7 @@ class Rig:
         return float(self.context.get_time())
 
     def commanded(self, name: str) -> Vector:
-        """Return the value that an input port of the station was last set to."""
+        """Return the last value set on an input port of the station."""
         return self._commanded[name].copy()
 
     def measured(self, name: str) -> Vector:
@@ -328,9 +329,9 @@ class Rig:
         """Return the log, with one row (K) every `log_period`.
 
         Its arrays are `time` (K) [s], all vector outputs of the station by name (K, n),
-        its vector inputs that were set (K, n), and `object_pose.NAME` (K, 7) [x, y, z,
-        qw, qx, qy, qz]. Inputs are the values that led to the row, NaN before an input
-        was first set.
+        the inputs that were set (K, n), and `object_pose.NAME` (K, 7) [x, y, z, qw, qx,
+        qy, qz]. Inputs are the values that led to the row, or NaN before an input was
+        first set.
         """
         last = self._rows[-1] if self._rows else {}
         return {
@@ -380,7 +381,7 @@ def _add_video(builder: DiagramBuilder, rig: Rig, path: Path | str) -> VideoReco
     return recorder
 
 
-# The contact settings that `resting` has chosen, with Drake's default stiction
+# The contact settings of experiments/resting.py, with Drake's default stiction
 # tolerance.
 TABLETOP = """
 plant_config:
@@ -396,7 +397,7 @@ table: {min: [-0.4, -0.8], max: [1.3, 0.8]}
 def tabletop(
     objects: Mapping[str, ObjectConfig], sleeping: SleepingConfig | None = None
 ) -> Scenario:
-    """Return a scenario of objects on the table."""
+    """Return a scenario with objects on a table, and without a robot."""
     tree = parse_yaml(TABLETOP, "tabletop")
     scenario: Scenario = load_typed(Scenario, tree, "tabletop")
     scenario.objects = dict(objects)
@@ -404,12 +405,12 @@ def tabletop(
     return scenario
 
 
-HEIGHT = 0.005  # of the underside above the table [m]
-_PLACE = (0.5, 0.0)  # on the table, in world [m]
-QUIET = 0.005  # a slower object rests [m/s]
-# When it must rest, at best and at the latest, and how long it is watched [s].
+HEIGHT = 0.005  # of a dropped object's underside above the table [m]
+_PLACE = (0.5, 0.0)  # of the drop, x, y in world [m]
+QUIET = 0.005  # an object rests below this speed [m/s]
+# Earliest and latest end of a drop, and the time for which the object must rest [s].
 SOON, LATE, _WATCHED = 1.2, 3.0, 0.2
-_PERIOD = 0.01  # between looks at the speed [s]
+_PERIOD = 0.01  # between samples of the speed [s]
 
 
 @dc.dataclass(frozen=True)
@@ -417,10 +418,10 @@ class DropOutcome:
     """Motion of a dropped object.
 
     Attributes:
-        rests: Whether it is quiet, and still on the table.
-        after: Time from its release [s].
+        rests: Whether it rests on the table.
+        after: Time since its release [s].
         speed: Largest speed of any of its points in the last 0.2 s [m/s].
-        moved: Distance of its origin from where it was released, sideways [m].
+        moved: Horizontal distance of its origin from the place of its release [m].
     """
 
     rests: bool
@@ -429,7 +430,7 @@ class DropOutcome:
     moved: float
 
     def __str__(self) -> str:
-        """The outcome in words."""
+        """Return the outcome in words."""
         verb = "rests" if self.rests else "does not rest"
         return (
             f"{verb}: {1e3 * self.speed:.1f} mm/s {self.after:g} s after a drop from "
@@ -438,12 +439,10 @@ class DropOutcome:
 
 
 def above_table(thing: ObjectConfig) -> Scenario:
-    """Return a scenario in which an object is released just above a table.
-
-    The table brings objects to rest (see `tabletop`).
+    """Return a scenario in which an object is released 5 mm above a table.
 
     Args:
-        thing: The object, named `thing`, as it stands.
+        thing: The object, which becomes `objects.thing`, in its standing orientation.
 
     Raises:
         ScenarioError: If the object's model cannot be read.
@@ -457,10 +456,10 @@ def drop(thing: ObjectConfig) -> DropOutcome:
     """Drop an object, and simulate until it rests, for at most 3 s.
 
     Args:
-        thing: The object; it falls as it stands.
+        thing: The object; it falls in its standing orientation.
 
     Raises:
-        ScenarioError: If its model cannot be read.
+        ScenarioError: If the object's model cannot be read.
     """
     prepared = above_table(thing)
     size = np.linalg.norm(object_facts("thing", thing).size)

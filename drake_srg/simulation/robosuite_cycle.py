@@ -1,8 +1,9 @@
-"""Times robosuite: a scripted cycle of PickPlaceCan, and control steps of Lift.
+"""Times of robosuite: a scripted cycle of PickPlaceCan, and control steps of Lift.
 
-Run by the interpreter of an environment that has robosuite, which need not have Drake.
-Prints one line of JSON. The cycle is comparable with the kitchen's: an IIWA picks a can
-and puts it down elsewhere, without images and without planning.
+`benchmark.measure_robosuite` runs this file with the Python of an environment that has
+robosuite; Drake is not needed. The file prints one line of JSON. The cycle is
+comparable with the kitchen's: an IIWA picks a can and puts it down elsewhere, without
+images and without planning.
 """
 
 import json
@@ -15,15 +16,15 @@ import numpy as np
 _OPEN, _CLOSED = -1.0, 1.0
 _STEP = 0.05  # motion of the hand at full command [m per control step]
 _CLOSING = 12  # control steps in which the fingers close or open
-_ABOVE = 0.2  # height above the can to which it is lifted [m]
-_NEAR = 0.01  # distance at which the hand is at its target [m]
-_MOST = 60  # control steps of a single motion
+_ABOVE = 0.2  # height to which the can is lifted, above its start [m]
+_NEAR = 0.01  # distance at which the hand counts as at its target [m]
+_MOST = 60  # largest number of control steps of a motion
 _LIFT_STEPS = 300
 
 
 def main() -> None:
-    """Print the times of both, after a first cycle that loads everything."""
-    logging.disable(logging.WARNING)  # robosuite advises about what it lacks
+    """Print the times, after a first cycle that loads everything."""
+    logging.disable(logging.WARNING)  # robosuite warns about missing options
     import robosuite
 
     can = _make("PickPlaceCan")
@@ -55,7 +56,7 @@ def _make(task: str) -> Any:
 
 
 def _cycle(env: Any) -> dict[str, Any]:
-    """Carry the can into its bin; return success, simulated time and wall clock [s]."""
+    """Carry the can into its bin; return success, simulated and wall-clock time [s]."""
     seen = env.reset()
     can = np.array(seen["Can_pos"])
     goal = np.array(env.target_bin_placements[env.object_to_id["can"]])
@@ -88,7 +89,7 @@ def _cycle(env: Any) -> dict[str, Any]:
 
 
 def _lift_rate(env: Any) -> float:
-    """Return the control steps per second, at rest."""
+    """Return the number of control steps per second, with the arm at rest."""
     env.reset()
     still = np.zeros(env.action_dim)
     env.step(still)

@@ -1,4 +1,4 @@
-"""A run's log: its signals, and its samples with the replay."""
+"""The log of a run, and its samples for log and replay."""
 
 import functools
 from collections.abc import Mapping, Sequence
@@ -42,8 +42,8 @@ _TWIN = (
     "twin.torque_expected",
     "twin.torque_residual",
 )
-# Other vector ports of a gripper, such as those of your own finger sensors, are logged
-# too, except these, which only a rig logs.
+# All other vector ports of a gripper are logged, such as those of your own finger
+# sensors, except these. (`Rig` logs these, too.)
 _NOT_LOGGED = (
     *("contact_force", "contact_wrench"),
     *("motor_state", "wire_force", "motor_temperature"),
@@ -51,7 +51,7 @@ _NOT_LOGGED = (
 
 
 def _logged(robots: Sequence[RobotArm], ports: Mapping[str, OutputPort]) -> list[str]:
-    """Return the names of the ports of arms and twins to log."""
+    """Return the names of the vector ports to log."""
     named, others = [], []
     for robot in robots:
         gripper = f"{robot.gripper_model}."
@@ -70,7 +70,7 @@ def _logged(robots: Sequence[RobotArm], ports: Mapping[str, OutputPort]) -> list
 
 
 def merged(forces: Sequence[Mapping[str, float]]) -> dict[str, float]:
-    """Return the largest of several forces by name [N]."""
+    """Return the largest force under each name [N]."""
     names = dict.fromkeys(name for each in forces for name in each)
     return {n: max(each[n] for each in forces if n in each) for n in names}
 
@@ -89,13 +89,13 @@ class RunLog(SignalLog):
 
     Args:
         scenario: The scenario of the run.
-        cell: A cell with the ports of `MakeCell`'s, or a station, whose mode is always
-            idle. The vector ports that exist are logged. On hardware, nothing tells
-            poses of objects and contact forces.
+        cell: A cell with the ports of `MakeCell`, or a station, whose mode is logged as
+            idle. Ports that it lacks are not logged: on hardware, those of object poses
+            and contact forces.
 
     Attributes:
-        touching: Names of the bodies that touch the picked object in the latest sample
-            in which it did not sleep, as `ContactReader.forces` names them.
+        touching: Names of the bodies that touched the picked object in the latest
+            sample in which it did not sleep, as in `ContactReader.forces`.
     """
 
     def __init__(self, scenario: Scenario, cell: Diagram) -> None:
@@ -115,7 +115,7 @@ class RunLog(SignalLog):
         self._contacts = ports.get("contact_results_cheat")
         self._asleep = ports.get("objects_asleep_cheat")
         self._pick, clear = scenario.task.pick, scenario.task.clear
-        # If many objects are picked, the gripper's own contacts are read.
+        # With several objects to pick, the grippers' contacts are read.
         self._grasped = frozenset(() if clear is None else clear.objects)
         self._readers: list[ContactReader] = []
         self._between: ArmContacts | None = None
@@ -126,7 +126,7 @@ class RunLog(SignalLog):
         self.touching: set[str] = set()
 
     def row(self, context: Context) -> dict[str, Any]:
-        """Return the values of all columns except the mode's, which `arrays` adds."""
+        """Return the values of all columns; `arrays` turns the mode into columns."""
         row = super().row(context)
         row["mode"] = Mode.IDLE if self._mode is None else self._mode.Eval(context)
         for name, port in self._own_modes.items():
@@ -172,7 +172,7 @@ class RunLog(SignalLog):
 
     @property
     def clearing_moves(self) -> bool:
-        """Whether an object to be cleared is still moving."""
+        """Whether an object that is to be cleared is moving."""
         time = np.array([row["time"] for row in self._rows])
         return any(
             final_speed(time, np.array([row[name] for row in self._rows])) >= AT_REST
@@ -187,14 +187,14 @@ class RunLog(SignalLog):
 
 
 class Samples:
-    """The samples of a run so far.
+    """The samples of a run, for its log and replay.
 
     Args:
-        name: The scenario's.
+        name: Name of the scenario.
         scenario: The scenario of the run.
         root: The root diagram.
-        cell: The cell in it.
-        replayed: Whether to sample the scene, too.
+        cell: The cell in the root diagram.
+        replayed: Whether to sample the scene for a replay, too.
 
     Attributes:
         log: The log.
@@ -222,7 +222,7 @@ class Samples:
             self._replay.sample(root)
 
     def write(self, out: Path) -> dict[str, Path]:
-        """Write the samples, if there are any; return paths by kind (see `FILES`).
+        """Write the samples, if any; return the paths by kind (see `FILES`).
 
         Raises:
             OSError: If a file cannot be written.

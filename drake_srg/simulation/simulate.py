@@ -1,4 +1,4 @@
-"""Runs: a scenario simulated to its end, logged, recorded and judged."""
+"""Runs of a scenario: simulated to the end, logged, recorded and judged."""
 
 import contextlib
 import dataclasses as dc
@@ -32,10 +32,10 @@ from drake_srg.station.sleeping import MakeAdvance
 from drake_srg.station.video_process import VideoProcess, can_render_apart
 from drake_srg.types import Failure, Mode, PlannerStatus, Vector, mode_words
 
-# Experiments differ in how and how deep they call `Simulate`. A parameter would have to
-# go through the signature of every trial function between the runner and there, only
-# for a by-product. The variable belongs to one context (PEP 567): it does not reach
-# workers or other threads, and ends with the `with` block.
+# Folder of `keep_first_replay`. A parameter would have to go through every function
+# between an experiment's runner and its call of `Simulate`, only for a by-product. A
+# context variable (PEP 567) does not reach workers or other threads, and it is reset at
+# the end of the `with` block.
 _folder: ContextVar[Path | None] = ContextVar("folder", default=None)
 
 
@@ -54,16 +54,16 @@ def keep_first_replay(folder: Path | None) -> Iterator[None]:
 
 
 def take_replay_folder() -> Path | None:
-    """Return the folder for this run's replay, and None from then on."""
+    """Return the folder of `keep_first_replay`; later calls return None."""
     folder = _folder.get()
     _folder.set(None)
     return folder
 
 
-# A run continues for this time after the planner has ended, to let objects settle, and
-# up to the greatest time while objects that are to be cleared still move [s].
+# A run continues for `_SETTLE` after the planner has ended, so that objects settle, and
+# for up to `_MOST_SETTLE` while objects that are to be cleared still move [s].
 _SETTLE, _MOST_SETTLE = 0.5, 5.0
-STOPPED_BY_USER = "stopped by the user"  # the message of a run that was interrupted
+STOPPED_BY_USER = "stopped by the user"  # message of an interrupted run
 
 
 @dc.dataclass(frozen=True)
@@ -94,31 +94,31 @@ def Simulate(
 ) -> Result:
     """Simulate a cell until its planner has ended, and judge the result.
 
-    The log is sampled every `recording.period`. Its arrays are `time` (K) [s], `mode`
-    (K), the index into `Mode`, `mode_name` (K) of a planner with modes of its own, the
-    cell's vector ports by name, `object_pose.NAME` (K, 7), position [m] before
-    quaternion w, x, y, z, and `contact_force` (K), the largest force of the gripper on
-    a picked object [N].
+    The log is sampled every `recording.period`. Its arrays are `time` (K) [s]; `mode`
+    (K), an index into `Mode`; `mode_name` (K), if the planner has modes of its own; the
+    cell's vector ports by name; `object_pose.NAME` (K, 7), position [m] and quaternion
+    w, x, y, z; and `contact_force` (K), the largest force of the gripper on a picked
+    object [N].
 
     A KeyboardInterrupt ends the run as `stopped`; the run is judged and recorded up to
-    that time. After any other exception, log and recordings up to that time remain, but
-    there is no metrics.json.
+    that time. After any other exception, there are log and recordings up to that time,
+    but no metrics.json.
 
     Args:
         scenario: The scenario to simulate.
         name: The scenario's name, for metrics.json and error messages.
         out: Folder for metrics.json, log.npz and the recordings; None writes nothing.
-        record: Whether to write video, rosbag, timeline and replay too.
-        make_cell: Builds the cell: any diagram with the ports of `MakeCell`'s. It needs
-            `planner.mode`, `planner.status`, `arm.state_measured` and the ports that
-            end in `_cheat`. Of the other ports, those that exist are logged and
-            recorded.
-        make_planner: Makes a planner for our own cell; see `MakeCell`.
+        record: Whether to write video, rosbag, timeline and replay, too.
+        make_cell: Builds the cell: a diagram with ports like those of `MakeCell`. It
+            needs `planner.mode`, `planner.status`, `arm.state_measured` and the ports
+            whose names end in `_cheat`. Other ports are logged and recorded if they
+            exist.
+        make_planner: Makes the planner of the default cell; see `MakeCell`.
         progress: Whether to show progress on standard error.
-        video_process: Whether a process of its own renders the video of our own cells
-            while the simulation goes on. It pays unless all cores are busy.
-        warm_up: Whether to render one unused image first, so that metrics do not count
-            the time in which cameras set themselves up.
+        video_process: Whether a separate process renders the video of the default cell
+            during the simulation. This saves time unless all cores are busy.
+        warm_up: Whether to render one unused image first, so that metrics do not
+            include the setup of the cameras.
         tell: Receives warnings, one line each.
 
     Raises:
@@ -173,13 +173,13 @@ def Simulate(
             write_page(kept)
         metrics.artifacts = {kind: written.get(kind) for kind in FILES}
         if out is not None:
-            metrics.write(out / "metrics.json")  # which the page shows
+            metrics.write(out / "metrics.json")  # before the page, which shows it
     return Result(metrics, arrays, status)
 
 
 @contextlib.contextmanager
 def failure_time(name: str, simulator: Simulator) -> Iterator[None]:
-    """Turn Drake's exceptions during a step into ScenarioErrors with the time."""
+    """Turn Drake's exceptions into ScenarioErrors that name the simulated time."""
     try:
         yield
     except (RuntimeError, SystemExit) as error:
@@ -190,7 +190,7 @@ def failure_time(name: str, simulator: Simulator) -> Iterator[None]:
 
 
 def _without_unused_cameras(scenario: Scenario, recorded: bool) -> Scenario:
-    """Return the scenario without unused cameras, to save time."""
+    """Return the scenario without unused cameras, which would take time."""
     used = set(perception_cameras(scenario))
     servo = servo_of(scenario)
     if servo is not None:
@@ -203,14 +203,14 @@ def _without_unused_cameras(scenario: Scenario, recorded: bool) -> Scenario:
 
 
 def _needs_color(scenario: Scenario) -> bool:
-    """Return whether the planner of our own cell needs colour images."""
+    """Return whether the planner of the default cell needs colour images."""
     return scenario.task.clear is None or needs_labels(scenario)
 
 
 def _warm_up(
     simulator: Simulator, cell: Diagram, scenario: Scenario, color: bool
 ) -> None:
-    """Render once, so that no run includes the cameras' setup time."""
+    """Render once, so that the run does not include the setup of the cameras."""
     root = simulator.get_mutable_context()
     images = ["color_image", "depth_image"] if color else ["depth_image"]
     for camera in perception_cameras(scenario):
@@ -218,7 +218,7 @@ def _warm_up(
             name = f"camera_{camera}.{image}"
             if cell.HasOutputPort(name):
                 cell.GetOutputPort(name).Eval(my_context(cell, root))
-    root.SetTime(root.get_time())  # so that the first image of the run is rendered anew
+    root.SetTime(root.get_time())  # discards the image: the run renders it anew
 
 
 def _run(
@@ -244,7 +244,7 @@ def _run(
         simulator.Initialize()
     samples.add(root)
     status, step = PlannerStatus(), 0
-    latest: float | None = None  # until when objects may settle [s]; None: no end yet
+    latest: float | None = None  # time limit for settling [s]; None: not settling yet
     try:
         with StatusLine(shown=progress) as line:
             while root.get_time() < end - 1e-9:

@@ -1,4 +1,4 @@
-"""A cell whose robot is commanded from outside while a planner proposes commands."""
+"""A cell that is commanded from outside, while its planner only proposes commands."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ def MakeDrivenCell(
     make_station: Callable[[Scenario], Diagram] = MakeStation,
     make_planner: Callable[[Scenario], System] | None = None,
 ) -> Diagram:
-    """Build a cell in which the planner watches and proposes, but does not command.
+    """Build a cell whose planner proposes commands that nothing executes.
 
     .. pydrake_system::
 
@@ -34,11 +34,12 @@ def MakeDrivenCell(
         - planner.position_commanded
         - planner.closure_commanded
 
-    With `arms`, the commands of the arm NAME begin with `NAME.` in place of `arm.` and
-    `NAME.gripper.` in place of `gripper.`; the planner's with `planner.NAME.`.
+    With `arms`, the names of the commands of the arm NAME begin with `NAME.` in place
+    of `arm.` and `NAME.gripper.` in place of `gripper.`; those of the planner begin
+    with `planner.NAME.`.
 
-    The planner senses what the robot does, and plans from there, as in `MakeCell`,
-    which has the same arguments.
+    The planner senses the robot's motion, and plans from there. Arguments are those of
+    `MakeCell`.
 
     Raises:
         ScenarioError: If the models do not fit the scenario.

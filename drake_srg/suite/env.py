@@ -1,4 +1,4 @@
-"""The environment of the suite's tasks, for gymnasium."""
+"""The suite's tasks as an environment for gymnasium."""
 
 from __future__ import annotations
 
@@ -30,22 +30,23 @@ Observation = dict[str, Any]
 
 
 class SuiteEnv(gymnasium.Env[Observation, npt.NDArray[np.float32]]):
-    """A task of the suite: an arm with a gripper at a table, or several.
+    """A task of the suite: one or more arms with grippers at a table.
 
-    An action (N + 1) lasts 1/16 s: positions of the arm's N joints [rad], to which the
-    command moves evenly, and the hand's closure, 0 open .. 1 closed. The command of a
-    joint moves no faster than the joint can.
+    An action (N + 1) lasts 1/16 s. It has the positions of the arm's N joints [rad], to
+    which the commands move evenly, but no faster than the joints can, and the hand's
+    closure, 0 open .. 1 closed.
 
-    An observation has `agent_pos` (N + n), measured positions of the arm's joints and
-    the hand's n [rad], `touch` (m), normal forces of the fingers' links [N], and
-    `pixels`, an image by camera. For the iiwa 14 with the SRG, N is 7, n and m are 4. A
-    data set of `drake-srg dataset` holds the same positions, actions and images.
+    An observation has `agent_pos` (N + n), the measured positions of the arm's N joints
+    and the hand's n joints [rad]; `touch` (m), the normal forces of the finger links
+    [N]; and `pixels`, the images by camera. For the iiwa 14 with the SRG, N is 7, and n
+    and m are 4. A data set of `drake-srg dataset` holds the same positions, actions and
+    images.
 
     Several arms follow one another in all three vectors, in the scenario's order.
 
-    Success is judged from ground truth; see `Task`. It ends the episode, with reward 1,
-    as does an object that falls off the table, with reward 0. `info` has `is_success`
-    and `failure`, the reason for which the simulator ended an episode, or "".
+    Success is judged from ground truth; see `Task`. It ends the episode, with reward 1.
+    An object that falls off the table ends it with reward 0. `info` has `is_success`,
+    and `failure`: the reason if the simulator ended the episode, else "".
 
     Attributes:
         actions: The action space.
@@ -53,15 +54,15 @@ class SuiteEnv(gymnasium.Env[Observation, npt.NDArray[np.float32]]):
         motion: Largest change of each entry of the command in a step, shape (N + 1,)
             [rad]; 1 for a closure.
         hands: Names of the hands' models.
-        failure: As in `info`, of the present episode.
+        failure: `failure` of the present episode, as in `info`.
 
     Args:
         task: Name of the task.
-        split: `evaluation`: the seed chooses one of 200 episodes that no training has;
-            `training`: the seed is the scenario's.
+        split: `evaluation`: the seed chooses one of 200 episodes that are never used
+            for training; `training`: the seed is the scenario's.
         cameras: Names of the scenario's cameras for `pixels`; none: no `pixels`.
-        expert: Whether the task's expert watches, so that `expert_action` can be
-            called. It costs time.
+        expert: Whether the task's expert runs along, for `expert_action`. This takes
+            time.
         episode_length: Longest episode, in steps; None: the task's.
         render_mode: `rgb_array`, for images of the scenario's video camera, or None.
 
@@ -96,7 +97,7 @@ class SuiteEnv(gymnasium.Env[Observation, npt.NDArray[np.float32]]):
                 known = suggest(camera, first.cameras)
                 raise ScenarioError(f"cameras: unknown {camera!r} {known}")
         self._video = "overview"
-        # The name by which LeRobot asks for it.
+        # LeRobot reads this attribute.
         self._max_episode_steps = (
             round(self.config.seconds / PERIOD)
             if episode_length is None
@@ -156,7 +157,7 @@ class SuiteEnv(gymnasium.Env[Observation, npt.NDArray[np.float32]]):
 
     @property
     def task_description(self) -> str:
-        """The task in plain words; the episode's number chooses one of three."""
+        """The task in plain words: one of three, by the episode's number."""
         return self.config.wordings[self._number % 3]
 
     @property
@@ -173,8 +174,8 @@ class SuiteEnv(gymnasium.Env[Observation, npt.NDArray[np.float32]]):
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
     ) -> tuple[Observation, dict[str, Any]]:
-        """Begin an episode; `seed` is its number, else one is drawn."""
-        del options  # LeRobot's own
+        """Begin an episode; `seed` is its number, drawn by default."""
+        del options  # LeRobot passes its own
         super().reset(seed=seed)
         most = EPISODES if self.split == EVALUATION_SPLIT else VALIDATION
         self._number = int(self.np_random.integers(most)) if seed is None else seed
@@ -190,7 +191,7 @@ class SuiteEnv(gymnasium.Env[Observation, npt.NDArray[np.float32]]):
             self._episode = Episode(self.config.goal, scenario, self.task, expert)
             self._last = self._observe(self._episode)
         except EpisodeError as error:
-            # The first step ends the episode.
+            # The first step will end the episode.
             self.failure = str(error)
             self._last = _zeros(self._parts)
         return self._last, self._info(success=False)
@@ -220,7 +221,7 @@ class SuiteEnv(gymnasium.Env[Observation, npt.NDArray[np.float32]]):
         return self._last, float(success), terminated, truncated, self._info(success)
 
     def expert_action(self) -> npt.NDArray[np.float32]:
-        """Return the action (N + 1) that the expert proposes.
+        """Return the action (N + 1) that the expert proposes now.
 
         Raises:
             ScenarioError: If the environment was made without `expert`.
@@ -267,10 +268,10 @@ def _zeros(space: gymnasium.spaces.Dict) -> Observation:
 
 
 def _checked(action: Any, size: int) -> Vector:
-    """Return an action as numbers.
+    """Return an action as an array of floats.
 
     Raises:
-        EpisodeError: If they are not all finite.
+        EpisodeError: If an entry is not finite.
         ValueError: If the shape is wrong.
     """
     values = np.asarray(action, dtype=float)

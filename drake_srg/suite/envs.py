@@ -1,11 +1,11 @@
-"""The suite's tasks for gymnasium, by name, and without images for learners.
+"""Environments with flat vectors for learners, and the ids of all suite environments.
 
-Importing this module makes the environments known: for each task, such as `pick_can`,
-`drake_srg/pick_can-v0` is a `SuiteEnv`, `drake_srg/pick_can_proprio-v0` a
-`ProprioceptionEnv`, and, if the task has an object to pick, `pick_can_state-v0` a
-`StateEnv`.
-`gymnasium.make("drake_srg.suite.envs:drake_srg/pick_can-v0")` imports it itself, as the
-workers of a vector environment need it.
+Importing this module registers up to three environments per task, such as `pick_can`:
+`drake_srg/pick_can-v0`, a `SuiteEnv`; `drake_srg/pick_can_proprio-v0`, a
+`ProprioceptionEnv`; and, if the task has an object to pick,
+`drake_srg/pick_can_state-v0`, a `StateEnv`. In the workers of a vector environment, let
+gymnasium import the module:
+`gymnasium.make("drake_srg.suite.envs:drake_srg/pick_can-v0")`.
 """
 
 from __future__ import annotations
@@ -33,31 +33,31 @@ from drake_srg.types import Vector
 Array = npt.NDArray[np.float32]
 _REACH = 0.5  # scale of distances [m]
 _KICKED = 0.2  # share of the steps with a disturbance
-_FORCE = 20.0  # scale of the fingers' forces, as in `drake_srg.learning.envs` [N]
+_FORCE = 20.0  # scale of the finger links' forces, as in `drake_srg.learning.envs` [N]
 
 
 class ProprioceptionEnv(gymnasium.Env[Array, Array]):
-    """A task of the suite in flat vectors, as learners want them, without images.
+    """A task of the suite in flat vectors for learners, without images.
 
-    An observation (N + n + m), each entry within -1 .. 1, has the measured positions of
-    the arm's N joints and the hand's n between their limits, and the normal forces of
-    the m finger links [20 N]. It does not tell where an object is.
+    An observation (N + n + m) has the measured positions of the arm's N joints and the
+    hand's n joints, scaled to -1 .. 1 between their limits, and the normal forces of
+    the m finger links, where 1 is 20 N. It does not show where an object is.
 
-    An action (N + 1), each entry within -1 .. 1, has the motion of each joint's command
-    as a share of its fastest one, and the closure, -1 open .. 1 closed. Several arms
-    follow one another, as in `SuiteEnv`.
+    An action (N + 1) has the motion of each joint's command, where 1 is the joint's top
+    speed, and the closure, -1 open .. 1 closed. Several arms follow one another, as in
+    `SuiteEnv`.
 
-    The seed is the scenario's. Seeds from `EVALUATION` on are the 200 episodes of
+    The seed is the scenario's. Seeds from `EVALUATION` on stand for the 200 episodes of
     evaluation; without a seed, one of training is drawn. `info["success"]` is
     `info["is_success"]`.
 
     Args:
         task: Name of the task.
-        expert: Whether the task's expert watches, for `rule`. It costs time.
-        noise: Standard deviation of a disturbance of the joints' motions, as a share of
-            the fastest ones, in a fifth of the steps. The expert then also shows how to
+        expert: Whether the task's expert runs along, for `rule`. This takes time.
+        noise: Standard deviation of a disturbance of the joints' motions in a fifth of
+            the steps, as a share of their top speeds. The expert then also shows how to
             correct errors (M. Laskey et al., DART, CoRL 2017). Episodes of validation
-            and evaluation have none.
+            and evaluation are not disturbed.
         episode_length: Longest episode, in steps; None: the task's.
         render_mode: See `SuiteEnv`.
 
@@ -97,7 +97,7 @@ class ProprioceptionEnv(gymnasium.Env[Array, Array]):
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
     ) -> tuple[Array, dict[str, Any]]:
-        """Begin an episode of the scenario's seed, which is drawn by default."""
+        """Begin an episode; `seed` is the scenario's, drawn by default."""
         super().reset(seed=seed)
         if seed is None:
             seed = int(self.np_random.integers(VALIDATION))
@@ -114,7 +114,7 @@ class ProprioceptionEnv(gymnasium.Env[Array, Array]):
             shape = self.action_space.shape
             raise ValueError(f"action: must have shape {shape}, got {values.shape}")
         values = np.clip(values, -1.0, 1.0)
-        if not self.suite.failure:  # else the step ends the episode, whatever it does
+        if not self.suite.failure:  # otherwise, any step ends the episode
             episode = self.suite.episode
             moved = episode.command + (values + self._kick()) * self.suite.motion
             moved[episode.closures] = 0.5 * (values[episode.closures] + 1.0)
@@ -134,11 +134,12 @@ class ProprioceptionEnv(gymnasium.Env[Array, Array]):
         """Return the action (N + 1) that the expert proposes now.
 
         Args:
-            observation: The last one: the expert has memory, and knows no other moment.
+            observation: The latest observation. The expert has memory, so it cannot
+                answer for earlier ones.
 
         Raises:
-            ScenarioError: If the observation is another one, or the environment was
-                made without `expert`.
+            ScenarioError: If this is another observation, or the environment was made
+                without `expert`.
         """
         if not np.array_equal(observation, self._last):
             raise ScenarioError(
@@ -174,7 +175,7 @@ class ProprioceptionEnv(gymnasium.Env[Array, Array]):
         return self._last.copy()
 
     def _parts(self, observation: Observation) -> list[Vector]:
-        """Return the parts of a flat observation, each to be clipped to -1 .. 1."""
+        """Return the parts of a flat observation, before clipping to -1 .. 1."""
         low, high = self.suite.limits
         positions = 2.0 * (observation["agent_pos"] - low) / (high - low) - 1.0
         return [positions, observation["touch"] / _FORCE]
@@ -186,9 +187,10 @@ class ProprioceptionEnv(gymnasium.Env[Array, Array]):
 class StateEnv(ProprioceptionEnv):
     """A task of the suite in flat vectors, with the true place of the picked object.
 
-    An observation ends with 9 K + 3 more entries for K hands: for each hand, in its
-    palm's frame, the object's position [0.5 m] and x and z axes; and then the vector
-    from the object to its goal in world [0.5 m]. What is farther away counts as 0.5 m.
+    An observation has 9 K + 3 more entries for K hands. For each hand, these are the
+    object's position and its x and z axes, in the palm's frame. The last three are the
+    vector from the object to its goal in world. For positions, 1 is 0.5 m, and larger
+    entries are clipped.
 
     Args:
         task: Name of a task whose goal is `lift` or `place`.
@@ -212,7 +214,7 @@ class StateEnv(ProprioceptionEnv):
 
     @property
     def _known(self) -> int:
-        """Number of the entries that this class adds."""
+        """Number of entries that this class adds to an observation."""
         return 9 * len(self.suite.hands) + 3
 
     def _parts(self, observation: Observation) -> list[Vector]:
@@ -234,7 +236,7 @@ VECTOR_ENVS: Mapping[str, type[ProprioceptionEnv]] = {
 
 
 def register_envs() -> None:
-    """Make the environments known to gymnasium, in the namespace `drake_srg`."""
+    """Register the environments with gymnasium, in the namespace `drake_srg`."""
     for task, config in load_tasks().items():
         kinds = {task: "env:SuiteEnv"}
         for suffix, kind in VECTOR_ENVS.items():

@@ -1,4 +1,4 @@
-"""An episode of a task: its simulation, and the ground truth."""
+"""An episode of a task: its simulation and ground truth."""
 
 from __future__ import annotations
 
@@ -35,17 +35,17 @@ from drake_srg.suite.cell import AddDrivenCell, MakeDrivenCell
 from drake_srg.types import PlannerStatus, Vector
 
 PERIOD = 1 / 16  # between actions [s]
-# What must hold is held for so many samples: half a second.
+# The goal must be reached in this many samples in a row: half a second.
 HELD = 8
 _ROUNDING = 1e-9
-# Share of an error that the rule which searches by touch corrects per control period,
-# before it grasps a cylinder. In its environment, the hand lags by up to 2 periods.
-# Here, it lags by 4/3 more, because actions last 1/16 s. With a lag of d, shares below
+# Gain of `pick_by_touch`: the share of an error that it corrects per control period. In
+# the rule's environment, the hand lags by up to 2 periods. Here, it lags by 4/3 more,
+# because actions last 1/16 s. With a lag of d periods, gains below
 # 2 sin(pi / (4 d + 2)) are stable (Levin and May, Theoretical Population Biology 9:178,
-# 1976). The rule's own 0.4 is 0.65 of that, and so is this.
+# 1976). The rule's default gain, 0.4, is 0.65 of this limit, and so is this one.
 _TOUCH_GAIN = 0.263
-LIFTED = 0.05  # a lifted object is this much higher than at the start [m]
-_FELL = 0.2  # what is this far below the table has fallen off it [m]
+LIFTED = 0.05  # a lifted object is at least this much higher than at the start [m]
+_FELL = 0.2  # an object this far below the table has fallen off it [m]
 
 
 class EpisodeError(Exception):
@@ -55,10 +55,11 @@ class EpisodeError(Exception):
 def reading_times(tick: int, periods: Iterable[float]) -> Vector:
     """Return the times within an action period at which drivers read commands [s].
 
-    The command must move between any two readings, or the driver gets a wrong speed.
+    The command must move between any two readings, because drivers derive speeds from
+    it.
 
     Args:
-        tick: Number of the period of actions.
+        tick: Number of the action period.
         periods: Periods of the drivers [s].
     """
     times = []
@@ -74,18 +75,18 @@ class Episode:
     """One episode of a task.
 
     A command (K) has, for each arm in the scenario's order, the positions of its joints
-    [rad], and then its hand's closure, 0 open .. 1 closed.
+    [rad] and then its hand's closure, 0 open .. 1 closed.
 
     Attributes:
         scenario: The scenario.
-        command: The present command (K): at first, the arms' home and open hands.
+        command: The present command (K): at first, arms at home with open hands.
         closures: Indices of the closures in a command, one for each arm.
 
     Args:
         task_goal: `lift`, `place` or `clear`; see `Task`.
-        scenario: Drawn, with the cameras that are needed.
+        scenario: The scenario, drawn, with the cameras that are needed.
         name: Name of the task, for error messages.
-        expert: The `Task.expert` that proposes actions; None: none does.
+        expert: `Task.expert`, to propose actions; None: no expert.
 
     Raises:
         ScenarioError: If the models do not fit the scenario.
@@ -95,7 +96,7 @@ class Episode:
     def __init__(
         self, task_goal: str, scenario: Scenario, name: str, expert: str | None
     ) -> None:
-        free_diagrams()  # of the episode before
+        free_diagrams()  # those of the previous episode
         self.scenario, self._goal = scenario, task_goal
         make: Callable[..., Diagram] = MakeStation
         add: Callable[..., None] = _AddStationAlone
@@ -173,12 +174,12 @@ class Episode:
         return np.array(image.data[:, :, :3])
 
     def advance(self, command: Vector) -> None:
-        """Move the joints' command evenly to another one (K), for one period.
+        """Simulate one period, in which the joints' command moves evenly to `command`.
 
-        Closures count from now on.
+        The closures of `command` (K) take effect at once.
 
         Raises:
-            EpisodeError: If Drake gives up, or the state is not finite any more.
+            EpisodeError: If Drake gives up, or the state is no longer finite.
         """
         before, self.command = self.command, command
         for set_closure, index in zip(self._set_closures, self.closures, strict=True):
@@ -198,7 +199,7 @@ class Episode:
         except (RuntimeError, SystemExit, ScenarioError) as error:
             raise EpisodeError(one_line(error)) from error
         if not all(np.isfinite(row).all() for row in self._poses[-1].values()):
-            raise EpisodeError("an object's pose is not finite any more")
+            raise EpisodeError("an object's pose is no longer finite")
 
     def _sample(self) -> None:
         poses = self.measured("object_poses_cheat")
@@ -214,12 +215,13 @@ class Episode:
             self._reader = ContactReader(contacts.plant(), pick, robots)
         self._touching = set(self._reader.forces(contacts))
 
-    # What is true.
+    # Ground truth.
 
     def succeeds(self) -> bool:
-        """Return whether the goal has been reached for half a second.
+        """Return whether the goal has been reached.
 
-        For `place` and `clear`, that the object rests at the end of this time counts.
+        For `lift`, the object must be up for half a second. For `place` and `clear`,
+        objects must rest at the end of this time.
         """
         if len(self._times) < HELD:
             return False
@@ -243,11 +245,11 @@ class Episode:
             for name in self._facts
         }
         found = resting_places(self.scenario, log, self._facts)
-        # What belongs nowhere must not be in a bin either.
+        # An object without a bin must not be in one.
         return all(found[name] == wanted[name] for name in self._facts)
 
     def lost(self) -> bool:
-        """Return whether an object has fallen off the table, or is far away."""
+        """Return whether an object has fallen off the table or is 3 m away."""
         floor = self.scenario.table.height - _FELL
         return any(
             row[2] < floor or math.hypot(*row[:2]) > 3.0
@@ -255,9 +257,9 @@ class Episode:
         )
 
     def picked(self) -> tuple[list[RigidTransform], Vector]:
-        """Return where the picked object is: in each palm X_PO, and before its goal.
+        """Return the picked object's pose X_PO in each palm, and the way to its goal.
 
-        The latter is the vector to its goal p_OG_W, shape (3,) [m].
+        The latter is the vector p_OG_W from the object to its goal, shape (3,) [m].
         """
         pick = self.scenario.task.pick
         X_WO = row_to_pose(self._poses[-1][pick])
@@ -274,9 +276,9 @@ class Episode:
     # The expert.
 
     def proposal(self) -> Vector:
-        """Return the command (K) that the expert wants next.
+        """Return the command (K) that the expert proposes.
 
-        The positions are those at the end of the coming period, as planned by now.
+        Its positions are those that the present plan has at the end of the next period.
         """
         now = self._root.get_time()
         self._root.SetTime(now + PERIOD)
@@ -296,7 +298,7 @@ class Episode:
 def _AddStationAlone(
     builder: DiagramBuilder, scenario: Scenario, make_station: object = None
 ) -> None:
-    del make_station  # of cells
+    del make_station  # only cells need it
     AddStation(builder, scenario)
 
 
@@ -307,10 +309,7 @@ def _touching(scenario: Scenario) -> System:
 
 
 def with_cameras(scenario: Scenario, cameras: Sequence[str]) -> Scenario:
-    """Return a scenario without the cameras that an episode does not need.
-
-    It keeps these cameras, and those by which the planner sees.
-    """
+    """Return a scenario with only these cameras and those that the planner uses."""
     needed = {*cameras, *perception_cameras(scenario)}
     if (servo := servo_of(scenario)) is not None:
         needed.add(servo.camera)

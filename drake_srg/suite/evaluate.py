@@ -1,9 +1,9 @@
-"""Plays tasks of the suite with their experts, a policy's file, or random actions.
+"""Evaluation of experts, policies and random actions on tasks of the suite.
 
     python -m drake_srg.suite.evaluate all --episodes 20 --out out/suite
 
-Each task gets a folder in DIR, as `drake-srg evaluate` makes one: its rows, and
-report.html by `drake-srg report`. Episodes that are there are not played again.
+Each task gets a folder of rows in the folder of `--out`, as from `drake-srg evaluate`,
+so `drake-srg report` works on it. Episodes that are already there are not repeated.
 """
 
 from __future__ import annotations
@@ -76,8 +76,8 @@ def play_episodes(
         All rows, a pyarrow.Table.
 
     Raises:
-        ScenarioError: If there is no such task, the policy is not for it, or the folder
-            has episodes of other settings.
+        ScenarioError: If there is no such task, the policy is for another one, or the
+            folder contains episodes with other settings.
         OSError: If the folder cannot be written.
     """
     find_tasks([task])

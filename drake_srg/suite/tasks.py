@@ -1,4 +1,4 @@
-"""Tasks of the suite: data, from tasks.yaml, and the seeds of their episodes."""
+"""Tasks of the suite, read from tasks.yaml, and the seeds of their episodes."""
 
 import dataclasses as dc
 import functools
@@ -11,7 +11,7 @@ from drake_srg.learning.episodes import EVALUATION
 from drake_srg.scenario.typed_yaml import load_typed, parse_yaml
 
 FILE = Path(__file__).with_name("tasks.yaml")
-# Episodes by which policies are judged, of each task.
+# Number of evaluation episodes per task.
 EPISODES = 200
 EVALUATION_SPLIT, TRAINING_SPLIT = "evaluation", "training"
 SPLITS = (EVALUATION_SPLIT, TRAINING_SPLIT)
@@ -24,13 +24,13 @@ class Task(Config):
     """A task of the suite.
 
     Attributes:
-        scenario: Name of the scenario that it varies.
-        set: Its changes to the scenario, `KEY=VALUE` each, as for `--set`.
+        scenario: Name of the task's scenario.
+        set: Changes to the scenario, `KEY=VALUE` each, as for `--set`.
         goal: Condition of success: `lift`, the picked object is 5 cm higher than at
             the start; `place`, it rests on its goal; `clear`, all objects rest in their
             bins or at their places in the row.
-        wordings: The task in plain words, three times.
-        varied: Differences between episodes, in words.
+        wordings: Three descriptions of the task in plain words.
+        varied: Description of what varies between episodes.
         seconds: Longest episode [s].
         expert: `planner`, the scenario's own, or `touch`, the rule that searches by
             touch.
@@ -48,7 +48,7 @@ class Task(Config):
 
     @property
     def picks(self) -> bool:
-        """Whether one object is picked, rather than all."""
+        """Whether the task is about one object, not all."""
         return self.goal != "clear"
 
 
@@ -66,7 +66,7 @@ def find_tasks(names: str | Iterable[str]) -> list[str]:
     """Return the names of tasks.
 
     Args:
-        names: Names, or one text with names between commas; `all` is all of them.
+        names: Names, or a string of names separated by commas; `all` means all tasks.
 
     Raises:
         ScenarioError: If a name is unknown or repeated, or there are no names.
@@ -80,17 +80,17 @@ def find_tasks(names: str | Iterable[str]) -> list[str]:
         if name not in known:
             raise ScenarioError(f"task: unknown {name!r} {suggest(name, known)}")
         if found.count(name) > 1:
-            raise ScenarioError(f"task: {name!r} is there twice")
+            raise ScenarioError(f"task: {name!r} is repeated")
     if not found:
         raise ScenarioError(f"task: must name a task (allowed: {', '.join(known)})")
     return found
 
 
 def scenario_seed(split: str, episode: int) -> int:
-    """Return the scenario's seed of an episode.
+    """Return the seed of an episode's scenario.
 
-    Evaluation has `EPISODES` seeds, which no training can have: episode 200 is episode
-    0 again.
+    Evaluation has `EPISODES` seeds, which training cannot use. Its episode 200 is
+    episode 0 again.
 
     Args:
         split: `evaluation` or `training`.

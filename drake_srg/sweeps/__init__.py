@@ -1,4 +1,4 @@
-"""Runs many trials of a scenario, reports on them and makes data sets of them."""
+"""Sweeps of many trials of a scenario, their reports, and data sets made from them."""
 
 from drake_srg.face import face
 

@@ -1,9 +1,7 @@
 """Engines that run trials: processes on this machine, or a Ray cluster.
 
-An engine always uses processes of its own, even if it is a single one, so that nothing
-depends on their number.
-
-Every node needs the same version and the same files of drake_srg.
+Trials never run in the caller's process, so even with one process, they behave as with
+many. Every node of a cluster needs the same version and the same files of drake_srg.
 """
 
 from __future__ import annotations
@@ -27,7 +25,7 @@ from drake_srg.sweeps.rows import require_sweep
 T = TypeVar("T")
 
 # One thread per worker, or software rendering would take the other workers' cores.
-# LP_NUM_THREADS counts additional threads: 0 is none.
+# LP_NUM_THREADS counts additional threads only.
 THREADS = {
     "LP_NUM_THREADS": "0",
     "OMP_NUM_THREADS": "1",
@@ -35,9 +33,9 @@ THREADS = {
     "MKL_NUM_THREADS": "1",
 }
 
-_WATCH_PERIOD = 1.0  # how often a worker checks that its parent is alive [s]
-# How long loky's thread may take to accept a function [s]. It needs milliseconds; after
-# this it must be dead, and Ctrl-C still has to end the sweep.
+_WATCH_PERIOD = 1.0  # time between a worker's checks that its parent is alive [s]
+# Longest wait until loky's thread has accepted a function [s]. It needs milliseconds.
+# If it takes longer, it has died, and Ctrl-C must still end the sweep.
 _TAKE_TIMEOUT = 1.0
 
 
@@ -47,7 +45,7 @@ class Engine(Protocol):
     Attributes:
         name: Its name for `--engine`.
         jobs: Number of functions that run at a time; None: it varies.
-        deaths: Exceptions of a future whose worker has died.
+        deaths: Exceptions that a future raises if its worker died.
         shares_files: Whether this process can read the files that functions write.
     """
 
@@ -97,11 +95,11 @@ class JoblibEngine:
         self._workers = jobs
         self._loky = require_sweep("joblib.externals.loky")
         self._executor: Any = None
-        self._given: Future[Any] | None = None  # of the last function
+        self._given: Future[Any] | None = None  # the last one submitted
         self._scratch: tempfile.TemporaryDirectory[str] | None = None
 
     def __enter__(self) -> JoblibEngine:
-        # For temporary files, which a killed worker leaves behind.
+        # Receives temporary files, which a killed worker would leave behind.
         self._scratch = tempfile.TemporaryDirectory(prefix="drake_srg_sweep_")
         return self
 
@@ -117,8 +115,8 @@ class JoblibEngine:
         return self._workers
 
     def submit(self, function: Callable[..., T], *arguments: Any) -> Future[T]:
-        """Run a function; if a worker has died, in a new set of workers."""
-        with _interrupts_later():  # or they would leave the executor in pieces
+        """Run a function; start new workers if one has died."""
+        with _interrupts_later():  # an interrupted executor would be unusable
             if self._executor is not None:
                 try:
                     return self._give(function, *arguments)
@@ -142,8 +140,8 @@ class JoblibEngine:
     def _stop(self, kill: bool) -> None:
         if self._executor is None:
             return
-        # A kill, such as Ctrl-C's, drops functions that loky's thread has not accepted,
-        # and the thread would then end in a traceback. Wait until it has the last one.
+        # If workers are killed, as by Ctrl-C, before loky's thread has accepted the
+        # last function, the thread ends in a traceback. So wait for that.
         deadline = time.monotonic() + _TAKE_TIMEOUT
         while self._given and not (self._given.running() or self._given.done()):
             if time.monotonic() > deadline:
@@ -162,9 +160,9 @@ def usable_cores() -> int:
 
 @contextlib.contextmanager
 def _handling(handlers: Mapping[signal.Signals, Any]) -> Iterator[None]:
-    """Handle signals by these handlers until the block has ended."""
+    """Use these signal handlers until the block has ended."""
     if threading.current_thread() is not threading.main_thread():
-        yield  # Python handles signals in the main thread alone
+        yield  # Python handles signals only in the main thread
         return
     before = {number: signal.signal(number, own) for number, own in handlers.items()}
     try:
@@ -185,13 +183,13 @@ def _interrupts_later() -> Iterator[None]:
         signal.raise_signal(came[0])
 
 
-# Processes that are started meanwhile ignore Ctrl-C and SIGHUP for good.
+# Processes that are started with these handlers inherit them.
 _IGNORED = {signal.SIGINT: signal.SIG_IGN, signal.SIGHUP: signal.SIG_IGN}
 
 
 def _begin_worker(parent: int) -> None:
-    """Prepare a worker, and end it when its parent has died, as nothing else would."""
-    # A worker that replaces a dead one does not inherit this.
+    """Prepare a worker, and let it end when its parent has died."""
+    # A worker that replaces a dead one has not inherited these handlers.
     for number, handler in _IGNORED.items():
         signal.signal(number, handler)
 
@@ -203,7 +201,7 @@ def _begin_worker(parent: int) -> None:
     threading.Thread(target=watch, daemon=True).start()
 
 
-_PATIENCE = 5.0  # for a cluster that does not answer [s]
+_PATIENCE = 5.0  # longest wait for a cluster's answer [s]
 
 
 class RayEngine:
@@ -226,7 +224,7 @@ class RayEngine:
             errors.WorkerCrashedError,
             errors.NodeDiedError,
             errors.OutOfMemoryError,
-            errors.ObjectLostError,  # when the node that held the result has gone
+            errors.ObjectLostError,  # if the node with the result has gone
             errors.LocalRayletDiedError,
         )
         self._ours = False
@@ -253,8 +251,8 @@ class RayEngine:
 
     def _connect(self) -> None:
         address = self._address or os.environ.get("RAY_ADDRESS")
-        # "local" starts a cluster of our own: without any address, Ray would connect to
-        # whatever cluster runs on this machine.
+        # "local" starts a new cluster. Without an address, Ray would connect to any
+        # cluster that runs on this machine.
         options: dict[str, Any] = {"address": address or "local"}
         if not address:
             options |= {"num_cpus": usable_cores(), "include_dashboard": False}
@@ -304,7 +302,7 @@ class RayEngine:
 
 
 def _reach(address: str) -> None:
-    """Raise an OSError if nothing listens at an address; Ray would wait for long."""
+    """Raise an OSError if nothing listens at an address; Ray would wait much longer."""
     _, _, place = address.rpartition("://")
     host, colon, port = place.partition(":")
     if colon and port.isdigit():
@@ -316,10 +314,10 @@ def call_on_node(
 ) -> T:
     """Call a function on a node, if the node has the same versions as the sweep.
 
-    Every call checks, because nodes may join later.
+    Every call checks them, because nodes may join later.
 
     Raises:
-        ScenarioError: If the versions differ, which could change rows.
+        ScenarioError: If versions differ and could change rows.
     """
     different = version_difference(current_versions(), versions)
     if different:

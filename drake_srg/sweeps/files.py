@@ -1,8 +1,7 @@
-"""Writes files and folders that appear under their names only when complete.
+"""Files and folders that appear under their names only when complete.
 
-Power may fail at any time: a file under its final name is complete on the disk. Until
-then the name ends in `.partial`; the next process to use the folder removes such
-leftovers.
+Even after a power failure, a file with its final name is complete. Until then, its name
+ends in `.partial`; the next process to use the folder removes such leftovers.
 """
 
 from __future__ import annotations
@@ -74,7 +73,7 @@ def remove_folder(path: Path) -> None:
 
 
 def remove_partial(folder: Path) -> None:
-    """Remove incomplete files and folders; nothing may be writing there.
+    """Remove incomplete files and folders; no process may be writing there.
 
     Raises:
         OSError: If one cannot be removed.

@@ -1,6 +1,6 @@
-"""The identity of a sweep: sweep.json, and a hash of all inputs of a trial.
+"""The identity of a sweep: sweep.json, and a hash of the files that trials depend on.
 
-The package's version does not identify them: it changes with a release, not a commit.
+The package's version is not enough, because a commit does not change it.
 """
 
 from __future__ import annotations
@@ -27,12 +27,12 @@ from drake_srg.sweeps.files import write_file
 
 _PACKAGE = Path(__file__).resolve().parents[1]
 
-# The files that Python and Drake's parser read, not those that editors leave behind.
+# Suffixes of files that Python and Drake's parser read; editors leave others behind.
 SUFFIXES = {".py", ".pyi", ".yaml", ".csv", ".xml", ".sdf", ".urdf", ".obj", ".vtk"}
 SUFFIXES |= {".gltf", ".bin", ".stl", ".mtl", ".png"}
 
-# Folders and modules that no trial imports: they build on trials, or have nothing to do
-# with sweeps. Changing one of them does not make a sweep's rows incomparable.
+# Folders and modules that no trial of `drake-srg sweep` imports. Changing one of them
+# does not make a sweep's rows incomparable.
 NOT_IN_A_TRIAL = (
     "__main__.py",
     "cli/",
@@ -64,9 +64,9 @@ def hash_files(folders: Mapping[str, Path], left_out: tuple[str, ...] = ()) -> s
     """Return a short hash of the names and contents of files of code and models.
 
     Args:
-        folders: Folders with the files; each key precedes the names of its files.
-            Of equal names, the later one counts.
-        left_out: Starts of names that do not count.
+        folders: Folders by the prefix of their files' names. If two names are equal,
+            the later file counts.
+        left_out: Prefixes of names that do not count.
 
     Raises:
         OSError: If a file cannot be read.
@@ -101,10 +101,10 @@ class SweepInfo:
     trials: int
     record: str  # one of RECORD
     overrides: Sequence[str]  # KEY=VALUE each
-    tree: str  # YAML of the scenario with bases and overrides, before drawing values
+    tree: str  # YAML of the scenario with bases and overrides, before values are drawn
     versions: Mapping[str, str]
     engine: str = ""
-    jobs: int | None = None  # trials at a time; None: as many as the cluster has cores
+    jobs: int | None = None  # trials at a time; None: one per core of the cluster
     started: str = ""  # date and time, ISO 8601
     policy: str = ""  # of `drake-srg evaluate`; a sweep has none
     cell: str = ""  # `module:function` that builds a cell of the user's own
@@ -125,7 +125,7 @@ def read_sweep(folder: Path) -> SweepInfo:
     """Read the sweep.json of a folder.
 
     Raises:
-        ScenarioError: If there is none, or its content is not a sweep's.
+        ScenarioError: If the file is missing, or is not that of a sweep.
     """
     path = folder / FILE
     if not path.is_file():
@@ -155,8 +155,9 @@ def hash_model_files(tree: Mapping[str, Any]) -> dict[str, str]:
         tree: Tree of the scenario, before values are drawn.
 
     Returns:
-        The hashes by path or URL, as in the scenario. What a model names (meshes,
-        materials, textures) counts with it. The package's own models are left out.
+        The hashes by path or URL, as in the scenario. A model's hash includes the
+        meshes, materials and textures that it names. The package's own models are left
+        out.
     """
     hashes = {}
     for _, value in _leaves(tree, ""):
@@ -201,8 +202,8 @@ def version_difference(
     """Return the first version that differs and can change rows.
 
     Args:
-        there: The result of `current_versions` elsewhere, or earlier.
-        here: Its result here and now.
+        there: Result of `current_versions` on another machine, or earlier.
+        here: Result of `current_versions` here and now.
 
     Returns:
         Name, version there and version here; None if no such version differs.

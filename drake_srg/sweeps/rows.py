@@ -1,10 +1,10 @@
-"""Reads and writes the rows of a sweep: Parquet, one row per trial.
+"""The rows of a sweep, one per trial, and their Parquet files.
 
     DIR/trials/000017.parquet    the row of trial 17, written when it ends
     DIR/trials.parquet           all rows in order of trial, once all have ended
 
-A row has `trial`, `seed`, the outcome, and every value that was drawn for the trial, by
-its key for `--set`. Only the names of drawn values contain a dot.
+A row has `trial`, `seed`, the outcome, and each value that was drawn for the trial,
+named by its key for `--set`. Only the names of drawn values contain a dot.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ from drake_srg.simulation.metrics import Metrics
 from drake_srg.sweeps.files import write_file
 from drake_srg.sweeps.info import SweepInfo, read_sweep
 
-# The only columns that differ when the same trial runs again.
+# Only these columns differ when the same trial runs again.
 TIMING_COLUMNS = (
     "planning_wall_s",
     "wall_time_s",
@@ -36,7 +36,7 @@ TIMING_COLUMNS = (
     "worker",
 )
 
-# Entries of metrics.json that are not metrics, or are in the row already.
+# Entries of metrics.json that are not columns of metrics.
 _NO_METRICS = (
     *("schema_version", "scenario", "seed", "artifacts"),
     *("objects", "safety_stops", "off_table", "kinds"),
@@ -49,7 +49,7 @@ _ROW_FILE = re.compile(r"[0-9]{6,}\.parquet")  # see `row_path`
 
 
 class BrokenRowsError(ScenarioError):
-    """Raised for a file without the rows that it should contain.
+    """A file does not contain the rows that it should.
 
     Attributes:
         problem: The message without advice.
@@ -58,7 +58,7 @@ class BrokenRowsError(ScenarioError):
     def __init__(self, path: Path, reason: str):
         self.problem = f"{path}: cannot be read: {reason}"
         advice = "`drake-srg sweep` with --resume runs its trial again"
-        if path == all_rows_path(path.parent):  # too much to discard unasked
+        if path == all_rows_path(path.parent):  # too many rows to discard unasked
             advice = (
                 "replace it with a copy, or move it away so that `drake-srg sweep` "
                 "with --resume runs its trials again"
@@ -67,7 +67,7 @@ class BrokenRowsError(ScenarioError):
 
 
 def require_sweep(module: str, extra: str = "sweep") -> ModuleType:
-    """Import a module that sweeps need, of one of the package's extras.
+    """Import a module that sweeps need, from one of the package's extras.
 
     Raises:
         ImportError: If the module is missing; the message says how to install it.
@@ -91,8 +91,8 @@ def row_paths(folder: Path) -> list[Path]:
     Raises:
         ScenarioError: If a folder cannot be read.
     """
-    # Single rows disappear once all are in one file; looking for them first misses
-    # none. Other files, such as copies that somebody made, do not count.
+    # Single rows disappear once all are in one file. Look for them first, so that none
+    # is missed. Other files, such as copies that somebody made, do not count.
     single = [n for n in _names(folder / "trials") if _ROW_FILE.fullmatch(n)]
     whole = all_rows_path(folder)
     paths = [folder / "trials" / name for name in sorted(single)]
@@ -125,10 +125,10 @@ def sampled_columns(table: Any) -> list[str]:
 
 
 def read_rows(folder: Path) -> Any:
-    """Return the rows that a sweep has so far, each trial once, in order of trial.
+    """Return the rows of a sweep's finished trials, each trial once, in order.
 
     Returns:
-        A pyarrow.Table. Even without rows it has the columns that all sweeps have.
+        A pyarrow.Table. Even without rows, it has the columns that all sweeps share.
 
     Raises:
         ScenarioError: If there is no sweep, a file cannot be read, or its content is
@@ -142,9 +142,8 @@ def read_rows(folder: Path) -> Any:
             return unique_rows([read_file(path, info) for path in paths])
         except ScenarioError:
             before, paths = paths, row_paths(folder)
-            if set(before) <= set(
-                paths
-            ):  # otherwise the sweep has just put its rows into one file
+            # If files have gone, the sweep has just put its rows into one file.
+            if set(before) <= set(paths):
                 raise
 
 
@@ -173,7 +172,7 @@ def read_file(path: Path, info: SweepInfo) -> Any:
     """
     pa, pq = require_sweep("pyarrow"), require_sweep("pyarrow.parquet")
     try:
-        # PyArrow's errors do not distinguish broken content from an unreadable file.
+        # Read the file first: PyArrow's errors do not tell broken from unreadable.
         content = pa.BufferReader(path.read_bytes())
     except OSError as error:
         raise _unreadable(path, error) from error
@@ -225,21 +224,21 @@ def write_rows(path: Path, table: Any) -> None:
 
 
 def _checksum(table: Any) -> bytes:
-    """Return a checksum of names, types and values; Parquet's is of pages only."""
+    """Return a checksum of names, types and values; Parquet's covers only its pages."""
     types = list(map(str, table.schema.types))
     return b"%08x" % zlib.crc32(repr((types, table.to_pydict())).encode())
 
 
 @functools.cache
 def _types() -> dict[str, Any]:
-    """Return the Arrow type of each column that all sweeps have, in order."""
+    """Return the Arrow types of the columns that all sweeps share, in order."""
     pa = require_sweep("pyarrow")
     arrow = {
         bool: pa.bool_(),
         int: pa.int64(),
         float: pa.float64(),
         str: pa.string(),
-        # Parquet's own name for the field, so that the type is the same when read back.
+        # With Parquet's own field name, the type is the same when read back.
         list[float]: pa.list_(pa.field("element", pa.float64())),
     }
     hints: dict[str, Any] = {

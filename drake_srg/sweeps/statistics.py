@@ -13,20 +13,20 @@ import numpy as np
 
 from drake_srg.types import Vector
 
-# An exact rank-sum distribution takes (chosen * number)² steps; this is the largest
-# product that is worth it.
+# An exact rank-sum distribution takes (chosen * number)² steps. Beyond this product, it
+# would take too long.
 LARGEST_EXACT = 10_000
 
 
 def wilson_interval(successes: int, trials: int) -> tuple[float, float]:
     """Return the 95 % bounds of a success probability, given observed successes.
 
-    E. B. Wilson, J. Am. Stat. Assoc. 22:209, 1927: the probabilities p from which the
-    observed share is at most z standard deviations √(p (1 - p) / n) away.
+    E. B. Wilson, J. Am. Stat. Assoc. 22:209, 1927: the interval of all p for which the
+    observed share is within z standard deviations √(p (1 - p) / n) of p.
 
     Args:
         successes: 0 .. `trials`.
-        trials: 0 gives (0, 1): nothing is known.
+        trials: Number of trials; 0 gives (0, 1).
 
     Raises:
         ValueError: If an argument is out of range.
@@ -62,9 +62,9 @@ def rank_auc(first: Vector, second: Vector) -> tuple[float, float]:
         second: Shape (n,), n > 0.
 
     Returns:
-        The probability that a value of `first` is larger than one of `second`, where
-        ties count half (the area under the ROC curve; 0.5: neither is larger); and the
-        two-sided p-value: how likely chance alone puts it as far from 0.5.
+        The probability that a value of `first` is larger than one of `second`, with
+        ties counted half (the area under the ROC curve; 0.5 means no difference); and
+        the two-sided p-value, the probability of such a difference by chance.
 
     Raises:
         ValueError: If a sample is empty.
@@ -76,8 +76,8 @@ def rank_auc(first: Vector, second: Vector) -> tuple[float, float]:
 
     above, p = scipy.stats.mannwhitneyu(first, second, method="asymptotic")
     if min(m, n) * (m + n) <= LARGEST_EXACT:
-        # SciPy's exact p-values are those of samples without ties. Its approximation
-        # gives p = 1e-218 to a word drawn once in 1000 trials, in the only failed one.
+        # SciPy's exact p-values do not allow for ties. Its approximation gives
+        # p = 1e-218 for a word drawn once in 1000 trials, in the only failed one.
         ranks = scipy.stats.rankdata(np.concatenate([first, second]))
         doubled = np.rint(2.0 * ranks).astype(int)
         few = doubled[:m] if m <= n else doubled[m:]
@@ -87,12 +87,12 @@ def rank_auc(first: Vector, second: Vector) -> tuple[float, float]:
     return float(above) / (m * n), float(p)
 
 
-@functools.lru_cache(maxsize=64)  # quantities without ties share one
+@functools.lru_cache(maxsize=64)  # all quantities without ties share a distribution
 def _rank_sum_distribution(doubled: tuple[int, ...], chosen: int) -> Vector:
     """Return P(sum = s), s = 0, 1, ..., for `chosen` doubled ranks drawn at random.
 
-    After each rank, `ways[k, s]` is the number of ways to choose k of the ranks so far
-    with the sum s. All terms are positive, so no digits cancel.
+    `ways[k, s]` is the number of ways to choose k of the ranks so far with the sum s.
+    All terms are positive, so no digits cancel.
     """
     ways = np.zeros((chosen + 1, sum(doubled[-chosen:]) + 1))
     ways[0, 0] = 1.0

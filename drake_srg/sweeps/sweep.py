@@ -1,4 +1,4 @@
-"""Sweeps: many trials of a scenario, each exactly once, also across interruptions.
+"""Sweeps: many trials of a scenario, each run exactly once despite interruptions.
 
 DIR/sweep.json           identifies the sweep; see `info`
 DIR/trials.parquet       one row per trial; see `rows`
@@ -64,7 +64,7 @@ RECORDINGS = "recordings"
 class SweepFolder:
     """The rows and recordings of a sweep, locked from `begin` to `close`.
 
-    A trial has finished when its row is there; its recording is written before that.
+    A trial has finished once its row exists. Its recording is written before the row.
     """
 
     def __init__(self, path: Path):
@@ -77,7 +77,7 @@ class SweepFolder:
         A single row whose content is broken is set aside, so that its trial runs again.
 
         Returns:
-            The rows that are there, a pyarrow.Table.
+            The rows of finished trials, a pyarrow.Table.
 
         Raises:
             ScenarioError: If another process is writing there, the folder contains
@@ -131,7 +131,7 @@ class SweepFolder:
         if result.files:
             write_folder(recording, result.files)
         else:
-            remove_folder(recording)  # an earlier one, whose row was lost
+            remove_folder(recording)  # of an earlier run, whose row was lost
         write_row(row_path(self.path, trial), result.row)
 
     def finish(self) -> Any:
@@ -161,7 +161,7 @@ class SweepFolder:
             self._lock = None
 
     def _take_lock(self) -> None:
-        """Take the lock, which the system releases however this process ends."""
+        """Take the lock; the system releases it even if this process crashes."""
         lock = (self.path / "lock").open("a+", encoding="utf-8")
         try:
             fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
@@ -192,11 +192,11 @@ def _set_aside(file: Path) -> Path:
     return file.rename(aside)
 
 
-# After this many dead workers, the trial is to blame. Two may have died of another
-# trial beside it. It must then die alone twice, because one death may be its
-# worker's.
+# After this many deaths of its workers, a trial is to blame. The first two may be the
+# fault of another trial that ran at the same time. The other two happen while it runs
+# alone; a single one could be the worker's own fault.
 TRIES = 4
-# After this many deaths per slot without a single result, no trial is to blame.
+# After this many deaths per slot without a single result, the trials are not to blame.
 _DEATHS = 5
 
 
@@ -208,15 +208,15 @@ def dispatch(
 ) -> Iterator[TrialResult]:
     """Run trials and yield their results as they arrive, each exactly once.
 
-    A dying worker may take others with it, so its trials simply run again. A trial that
-    dies a second time waits until all others have finished, and then runs alone, so
-    that only the one to blame dies again.
+    A dying worker may take others with it, so their trials run again. A trial whose
+    worker dies a second time waits until all others have finished, and then runs alone.
+    So only the one to blame fails again.
 
     Args:
         engine: Runs the trials.
         trials: Their numbers.
-        submit: Gives a trial to the engine.
-        lost: Makes the result of a trial whose workers keep dying, from the reason.
+        submit: Submits a trial to the engine.
+        lost: Returns the result of a trial whose workers keep dying, given the reason.
 
     Raises:
         ScenarioError: If workers keep dying without a result, or a trial cannot read
@@ -257,21 +257,20 @@ def dispatch(
                     elif tries[trial] == 2:
                         suspects.append(trial)
                     else:
-                        suspects.appendleft(trial)  # whose result resets `deaths`
+                        suspects.appendleft(trial)  # its result resets `deaths`
                     continue
                 result = lost(trial, f"its worker died {TRIES} times: {reason}")
             except Exception as error:
                 cause = _cause(error)
-                if isinstance(
-                    cause, OSError
-                ):  # the trial's, not one of writing the sweep
+                # Callers would take an OSError for a failure to write the sweep.
+                if isinstance(cause, OSError):
                     raise ScenarioError(
                         f"trial {trial}: {_words(cause)}; finished trials are kept, "
                         "--resume continues"
                     ) from error
                 raise cause from error
             deaths = 0
-            fill()  # first, because the caller takes time to write the result
+            fill()  # before the caller takes time to write the result
             yield result
         fill()
 
@@ -306,8 +305,8 @@ def run_missing_trials(
     Args:
         info: Identifies the sweep.
         engine: Runs the trials; entered here, if any are missing.
-        submit: Gives a trial to the engine.
-        lost: Returns the result of a trial that keeps killing its worker, and why.
+        submit: Submits a trial to the engine.
+        lost: See `dispatch`.
         out: Folder of the sweep.
         resume: Whether `out` may already contain trials of this sweep.
         progress: Whether to show progress on standard error.
@@ -318,7 +317,7 @@ def run_missing_trials(
         All rows, a pyarrow.Table.
 
     Raises:
-        ScenarioError: If `out` has another sweep, or workers keep dying.
+        ScenarioError: If `out` contains another sweep, or workers keep dying.
         OSError: If the folder cannot be written.
     """
     with contextlib.closing(SweepFolder(out)) as folder:
@@ -462,7 +461,7 @@ def check_scenario(
     """Build the cell of trial 0, and return its seed; see `run_sweep`.
 
     Raises:
-        ScenarioError: If the cell cannot be built, so that every trial would fail.
+        ScenarioError: If the cell cannot be built: every trial would fail.
         ImportError: If recording needs a package that is missing.
     """
     if record != "none":

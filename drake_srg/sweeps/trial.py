@@ -1,4 +1,4 @@
-"""Runs one trial of a sweep, with the same outcome in any process."""
+"""One trial of a sweep, with the same outcome in any process."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ from drake_srg.simulation import Result, Simulate
 from drake_srg.station.cell import load_make_cell
 from drake_srg.sweeps.rows import TIMING_COLUMNS, metric_columns
 
-# `failure` of a trial that raised an error, which is then in `message`.
+# `failure` of a trial that raised an error; the error is in `message`.
 ERROR = "error"
 
 
@@ -33,7 +33,7 @@ class TrialResult:
     Attributes:
         row: Its row; see `rows`.
         files: Its recording: a folder whose files are to be moved, or contents by name.
-        warning: A line for the user, or nothing.
+        warning: A line for the user, or "".
     """
 
     row: dict[str, Any]
@@ -56,8 +56,8 @@ def run_trial(
         origin: Its name or path.
         seed: Seed of the sweep; the trial's own is `seed` + `trial`.
         trial: Number of the trial, from 0.
-        record: `none`, `all` or `failures`, which runs a trial that has failed a second
-            time to record it.
+        record: `none`, `all`, or `failures`, which runs a failed trial a second time to
+            record it.
         simulate: Runs and judges a scenario in place of `Simulate`.
 
     Raises:
@@ -73,8 +73,8 @@ def run_trial(
             result, files=again.files, warning=_different(result.row, again.row)
         )
     free_diagrams()
-    # Modules and caches stay until the worker ends. Later collections need not
-    # look at them again.
+    # Modules and caches stay until the worker ends, so the garbage collector need not
+    # visit them again.
     gc.freeze()
     result.row["trial_time_s"] = wall.perf_counter() - start
     result.row["memory_mb"] = resident_memory()
@@ -83,7 +83,7 @@ def run_trial(
 
 
 def run_cell_trial(cell: str, *arguments: Any) -> TrialResult:
-    """Run a trial as `run_trial` does, in a cell of `load_make_cell`."""
+    """Run a trial like `run_trial`, in a cell that `load_make_cell` finds."""
     make_cell = load_make_cell(cell)
     simulate = functools.partial(Simulate, warm_up=False, make_cell=make_cell)
     return functools.partial(run_trial, simulate=simulate)(*arguments)
@@ -145,7 +145,7 @@ def _run(
                 video_process=False,  # the other cores run other trials
             )
             row |= _outcome(result)
-        except (ImportError, OSError) as error:  # would fail other trials, too
+        except (ImportError, OSError) as error:  # other trials would fail, too
             if isinstance(error, OSError) and error.errno and out is not None:
                 error.filename = error.filename or str(out)
             raise

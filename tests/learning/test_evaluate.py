@@ -27,7 +27,7 @@ def test_the_rule_succeeds_and_random_actions_seldom_do(tmp_path):
 
 @pytest.mark.parametrize(
     ("seed", "message"),
-    [(VALIDATION, "training has those below"), (2**63 - 3, "--seed .*at most")],
+    [(VALIDATION, "training uses lower seeds"), (2**63 - 3, "--seed .*at most")],
 )
 def test_seeds_are_none_of_trainings_and_fit_into_a_row(tmp_path, seed, message):
     with pytest.raises(ScenarioError, match=message):

@@ -114,7 +114,7 @@ def test_a_rule_acts_as_in_an_environment_that_has_it():
             {"environment": "Pick"},
             "does not reach|region",
         ),
-        ("random_seed=0", {"seed": 3}, "training has those below"),
+        ("random_seed=0", {"seed": 3}, "training uses lower seeds"),
     ],
 )
 def test_what_a_baseline_cannot_do_is_told(tmp_path, override, changes, message):

@@ -249,7 +249,7 @@ def test_it_has_a_name(env):
     ("algorithm", "data", "message"),
     [
         ("q", "", "needs --algo bc or dagger, got q"),
-        ("bc", "here", "imitates no --data"),
+        ("bc", "here", "cannot be combined with --data"),
     ],
 )
 def test_only_clones_have_a_choice_of_rule(env, algorithm, data, message):

@@ -208,8 +208,8 @@ def test_an_object_off_the_table_ends_the_episode_without_success(env):
     assert not env.episode.succeeds()
 
 
-# In the last one, the object is far away: with the gain of the rule's own environment,
-# the hand swung beside it by 6 cm until the time was over.
+# In `pick_by_touch`, the object is far away. With the rule's default gain, the hand
+# oscillated by 6 cm beside it until the time was up.
 @pytest.mark.slow
 @pytest.mark.parametrize(
     ("task", "seed"),

@@ -87,7 +87,7 @@ def test_names_are_found_in_a_text_or_a_list():
     ("names", "message"),
     [
         ("pick_cn", "task: unknown 'pick_cn'.*pick_can"),
-        ("pick_can,pick_can", "task: 'pick_can' is there twice"),
+        ("pick_can,pick_can", "task: 'pick_can' is repeated"),
         (" ,", r"task: must name a task \(allowed: pick_can"),
     ],
 )

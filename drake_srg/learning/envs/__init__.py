@@ -1,6 +1,6 @@
 """Environments to learn grasping in, for gymnasium (docs/learning.md).
 
-Importing this package makes them known::
+Importing this package registers them::
 
     import gymnasium
 
@@ -8,15 +8,15 @@ Importing this package makes them known::
 
     env = gymnasium.make("drake_srg/Pick-v0", physics="train", driver="plant")
 
-`gymnasium.make("drake_srg.learning.envs:drake_srg/Pick-v0")` imports it itself, as the
-workers of a vector environment need it.
+In the workers of a vector environment, let gymnasium import the package:
+`gymnasium.make("drake_srg.learning.envs:drake_srg/Pick-v0")`.
 """
 
 from __future__ import annotations
 
 import gymnasium
 
-# The scenario of each environment is a keyword like the others.
+# Name of each environment to its class in `tasks`, and its default scenario.
 ENVIRONMENTS: dict[str, tuple[str, str]] = {
     "GraspOneShot-v0": ("GraspOneShotEnv", "learn_bench"),
     "Pick-v0": ("PickEnv", "learn_bench"),
@@ -26,7 +26,7 @@ ENVIRONMENTS: dict[str, tuple[str, str]] = {
 
 
 def register_envs() -> None:
-    """Make the environments known to gymnasium, in the namespace `drake_srg`."""
+    """Register the environments with gymnasium, in the namespace `drake_srg`."""
     for name, (kind, scenario) in ENVIRONMENTS.items():
         env_id = f"drake_srg/{name}"
         if env_id not in gymnasium.registry:

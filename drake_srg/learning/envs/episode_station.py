@@ -54,8 +54,8 @@ class EpisodeStation:
             for name in ("scene_graph", "render_scene_graph")
             if self.station.HasSubsystemNamed(name)
         ]
-        # The scene graphs are not reset, because `SetObject` overwrites all that
-        # changes. Copying their defaults would take as long as everything else.
+        # The scene graphs are not reset, because `SetObject` overwrites everything in
+        # them that changes. Copying their defaults would double the time of a reset.
         self._reset = [
             (system, system.GetMyMutableContextFromRoot(self.context))
             for system in self.station.GetSystems()
@@ -91,10 +91,10 @@ class EpisodeStation:
 
         Args:
             scene: The object and its place.
-            q: Positions of the arm's joints, shape (N,), where the arm stays for now.
+            q: Positions of the arm's joints, shape (N,), held until the first command.
         """
         self._forget()
-        # The second one serves the cameras.
+        # The second scene graph serves only the cameras.
         for scene_graph in self._scene_graphs[: 2 if self.scenario.cameras else 1]:
             SetObject(self.plant, scene_graph, self.context, self._body, scene.object)
         height = self.scenario.table.height
@@ -107,7 +107,7 @@ class EpisodeStation:
 
         Args:
             X_WO: Its pose in world [m].
-            q: Positions of the arm's joints, shape (N,), where the arm stays for now.
+            q: Positions of the arm's joints, shape (N,), held until the first command.
             fingers: Angles of the gripper's joints by name [rad].
         """
         self._forget()
@@ -133,7 +133,7 @@ class EpisodeStation:
         self._arm_command(q)
         self._closure_command(np.zeros(1))
         if is_continuous(self.scenario):
-            # The integrator remembers the last episode's step.
+            # Otherwise, the integrator would begin with the last episode's step size.
             integrator = self.simulator.get_mutable_integrator()
             integrator.Reset()
             ApplySimulatorConfig(self.scenario.simulator_config, self.simulator)
@@ -199,7 +199,7 @@ class Sight:
         self._name = scenario.task.pick
         self._models = camera_models(scenario)
         self._config = scenario.localizer
-        # An object keeps the colour of the first one; see docs/learning.md.
+        # All objects have the colour of the first one; see docs/learning.md.
         self._color = ColorRange.around(scenario.objects[self._name].color)
 
     def find(self, station: EpisodeStation, scene: Scene) -> Vector | None:

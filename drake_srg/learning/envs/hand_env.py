@@ -60,8 +60,8 @@ _KEYWORDS = (
 )
 
 # An object is lost this far outside the hand's workspace [m], or at this speed [m/s],
-# which far exceeds the hand's own. A small object that is flung away and spins would
-# need shorter steps than a carried one.
+# which far exceeds the hand's own. The episode ends then, because a small object that
+# is flung away and spins would need shorter time steps than a carried one.
 _AWAY, _FLYING = 0.15, 1.5
 
 
@@ -82,7 +82,7 @@ class HandEnv(gymnasium.Env[Any, Any]):
             localizer.
         reward: `shaped`, `success`, `lifted`, a measure of the lifted grasp, such as
             `slip_margin`, or a function; see `drake_srg.learning.envs.rewards`.
-            Environments that judge no lift take only `shaped`, `success` or a function.
+            Environments without a lift accept only `shaped`, `success` or a function.
         noise: Standard deviation of the object's estimated position [m].
         touch: Whether observations include the fingers' forces; zeros otherwise.
         render_mode: `rgb_array` for images of the scenario's video camera.
@@ -96,15 +96,15 @@ class HandEnv(gymnasium.Env[Any, Any]):
         "render_modes": ["rgb_array"],
         "render_fps": round(1.0 / CONTROL_PERIOD),
     }
-    # Meaning of the entries of a state, and of an action.
+    # Meanings of the entries of a state, and of an action.
     observation_names: Sequence[str] = ()
+    action_names: Sequence[str] = ()
     # Whether an episode ends with a lift and a shake, which some rewards need.
     judges_lift: ClassVar[bool] = True
     # Steps of the plant per control period; see `Physics`.
     train_steps: ClassVar[int] = 2
     # Whether the hand must also reach `task.place.position`.
     places: ClassVar[bool] = False
-    action_names: Sequence[str] = ()
 
     def __init__(
         self,
@@ -199,7 +199,7 @@ class HandEnv(gymnasium.Env[Any, Any]):
         return self.observe(), info
 
     def state(self) -> State:
-        """Return the numbers of an observation, each -1 .. 1."""
+        """Return the observation as a vector, each entry -1 .. 1."""
         raise NotImplementedError
 
     def observe(self) -> Observation:
@@ -239,7 +239,7 @@ class HandEnv(gymnasium.Env[Any, Any]):
         return self._scene
 
     def joints_at(self, pose: Vector) -> Vector:
-        """Return joint positions at a pose, searched from home."""
+        """Return joint positions at a pose; the search starts at home."""
         return joints_at(self.mover, self._home, pose)
 
     def look(self, scene: Scene) -> None:
@@ -353,15 +353,15 @@ def _box(size: int) -> gymnasium.spaces.Box:
 
 
 def clipped(values: Vector) -> State:
-    """Return the numbers of an observation or action, clipped to -1 .. 1."""
+    """Return an observation or action, clipped to -1 .. 1."""
     return np.clip(values, -1.0, 1.0).astype(np.float32)
 
 
 def checked(action: Any) -> Vector:
-    """Return an action as numbers.
+    """Return an action as an array of floats.
 
     Raises:
-        SimulationError: If they are not all finite.
+        SimulationError: If an entry is not finite.
     """
     values = np.asarray(action, dtype=float)
     if not np.isfinite(values).all():

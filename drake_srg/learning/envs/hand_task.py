@@ -1,4 +1,4 @@
-"""The hand that points down: its motions, and the shake that a grasp must survive.
+"""Motions of a hand that points down, and the shake that a grasp must survive.
 
 A pose is [x, y, z, yaw] of the frame `grasp_center` in world [m, rad]; the yaw is 0 if
 the hand closes along the world's y.
@@ -27,7 +27,7 @@ class Mover(Protocol):
         """Return the hand's pose, shape (4,), at joint positions (N)."""
 
     def follow(self, q: Vector, pose: Vector) -> Vector:
-        """Return joint positions (N) near `q`, at or nearer to a pose (4)."""
+        """Return joint positions (N) at a pose (4), or one step from `q` towards it."""
 
 
 def MakeMover(plant: MultibodyPlant, home: Vector) -> Mover:
@@ -49,10 +49,10 @@ def MakeMover(plant: MultibodyPlant, home: Vector) -> Mover:
 
 
 def joints_at(mover: Mover, home: Vector, pose: Vector) -> Vector:
-    """Return joint positions (N) at a pose (4), searched from home.
+    """Return joint positions (N) at a pose (4); the search starts at home.
 
     Raises:
-        ScenarioError: If the hand does not reach it.
+        ScenarioError: If the hand does not reach the pose.
     """
     q = home
     for _ in range(100):
@@ -80,16 +80,16 @@ class Gantry:
         return self._origin + q
 
     def follow(self, q: Vector, pose: Vector) -> Vector:
-        """Return joint positions (N) near `q`, at or nearer to a pose (4)."""
+        """Return joint positions (N) at a pose (4), or one step from `q` towards it."""
         del q
         return pose - self._origin
 
 
 class Wrist:
-    """An arm of six joints or more, by damped least squares.
+    """An arm of six joints or more, moved by damped least squares.
 
-    Every call is one step of Newton's method. If the pose moves by centimetres per
-    call, the hand follows it within a tenth of a millimetre.
+    Every call of `follow` is one step of Newton's method. If the pose moves by
+    centimetres per call, the hand follows it within a tenth of a millimetre.
     """
 
     # Damping of the pseudoinverse [m, rad]: at the kitchen's postures, it changes a
@@ -116,7 +116,7 @@ class Wrist:
         return np.append(X_WG.translation(), np.arctan2(-y[0], y[1]))
 
     def follow(self, q: Vector, pose: Vector) -> Vector:
-        """Return joint positions (N) near `q`, at or nearer to a pose (4)."""
+        """Return joint positions (N) at a pose (4), or one step from `q` towards it."""
         plant, context = self._plant, self._context
         plant.SetPositions(context, self._arm, q)
         X_WG = self._frame.CalcPoseInWorld(context)
@@ -125,7 +125,7 @@ class Wrist:
             context, JacobianWrtVariable.kV, self._frame, np.zeros(3), world, world
         )[:, self._columns]
         c, s = np.cos(pose[3]), np.sin(pose[3])
-        # Columns: the hand's x down, its y sideways at the yaw, its z.
+        # Desired axes of the hand as columns: x points down, y lies at the yaw.
         R_WD = np.array([[0.0, -s, c], [0.0, c, s], [-1.0, 0.0, 0.0]])
         R = X_WG.rotation().matrix()
         turn = 0.5 * sum(_cross(R[:, i], R_WD[:, i]) for i in range(3))
@@ -136,7 +136,7 @@ class Wrist:
 
 
 def _cross(a: Vector, b: Vector) -> Vector:
-    # For so few numbers, this takes a tenth of the time of numpy.cross.
+    # For single vectors, this takes a tenth of the time of numpy.cross.
     return np.array(
         [
             a[1] * b[2] - a[2] * b[1],
@@ -146,8 +146,9 @@ def _cross(a: Vector, b: Vector) -> Vector:
     )
 
 
-# The shake that a grasp must survive: acceleration at its peak along x and y [m/s²],
-# about 0.7 g together, at 2 Hz for 1.5 s from rest to rest.
+# The shake that a grasp must survive: amplitude of the acceleration along x, y, z and
+# yaw [m/s², rad/s²], frequency [Hz] and duration [s]. Because it swells and fades, its
+# peak is about 0.7 g in all.
 _SHAKE = (np.array([6.0, 6.0, 0.0, 0.0]), 2.0, 1.5)
 
 
@@ -165,10 +166,10 @@ class ObjectLostError(Exception):
 
 
 def episode_scenario(scenario: Scenario, cameras: Sequence[str]) -> Scenario:
-    """Return a scenario without parts that episodes do not need, with these cameras.
+    """Return a scenario with these cameras, without parts that episodes do not need.
 
     Raises:
-        ScenarioError: If one of them is missing.
+        ScenarioError: If a camera is missing.
     """
     for name in cameras:
         if name not in scenario.cameras:

@@ -1,4 +1,4 @@
-"""Records of episodes, and rewards for them."""
+"""The ground truth of an episode's steps, and rewards computed from it."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ class Truth:
     Attributes:
         reach: Distance of the hand's grasp centre from the object's centre [m].
         height: Height of the object's underside above the table [m].
-        touching: Share of the fingers that touch something, 0 .. 1.
+        touching: Share of the two fingers that touch anything, 0 .. 1.
         progress: Progress of the task, 0 .. 1.
         success: Whether the task is done.
         lost: Whether the episode can no longer succeed.
@@ -51,8 +51,7 @@ def pick_progress(reach: float, touching: float, height: float) -> float:
     return float(0.3 * near + 0.2 * touching + 0.5 * lifted)
 
 
-# Called with the truth before (None at the start of a single-step episode) and after
-# a step.
+# Called with the truth before a step (None in a single-step episode) and after it.
 Reward = Callable[[Truth | None, Truth], float]
 
 
@@ -80,9 +79,9 @@ def lifted_reward(before: Truth | None, after: Truth) -> float:
 
 
 # Values with reward 0.5: medians of 200 grasps of the hand-written rule on the
-# training seeds of run 999; None if a measure is within 0 .. 1. With only the patches'
-# centers, four of five grasps that hold have epsilon and volume 0, so those two
-# measures are no rewards.
+# training seeds of run 999; None if a measure is within 0 .. 1. The measures of the
+# patches' centers are not rewards: epsilon and volume are 0 for four of five grasps
+# that hold.
 _TYPICAL: Mapping[str, float | None] = {
     "force closure": None,
     "epsilon, patches": 0.12,
@@ -96,10 +95,10 @@ _TYPICAL: Mapping[str, float | None] = {
 
 
 def measure_reward(name: str) -> Reward:
-    """Return the reward that a measure of the lifted grasp gives, 0 .. 1.
+    """Return a reward from a measure of the lifted grasp, 0 .. 1.
 
-    A measure m gives m / (m + its typical value), which keeps the order and is bounded.
-    An object that was not lifted gives 0. The shake does not count.
+    A measure m gives m / (m + its typical value), which is bounded and increases with
+    m. An object that was not lifted gives 0. The shake does not count.
 
     Args:
         name: One of `MEASURES` with a typical value.

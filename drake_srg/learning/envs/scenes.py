@@ -25,7 +25,8 @@ _MARGIN, _HIGHEST = 0.08, 0.3
 # Height of the grasp centre above the table at the start of an episode [m]: 5 cm above
 # the tallest object.
 START_HEIGHT = 0.17
-# The open fingers' ends are 20 mm beyond the grasp centre [m].
+# Least height of the grasp centre above the table [m]: the open fingers end 20 mm below
+# it.
 LOWEST = 0.025
 _MOST_YAW = 3.0  # rad
 
@@ -36,8 +37,8 @@ class Workspace:
 
     Attributes:
         low: Least x, y, z of the grasp centre in world, shape (3,) [m].
-        high: Greatest, shape (3,) [m].
-        start: Its pose over the middle of the region, shape (4,) [m, rad].
+        high: Greatest x, y, z, shape (3,) [m].
+        start: The hand's pose above the middle of the region, shape (4,) [m, rad].
     """
 
     low: Vector
@@ -50,7 +51,7 @@ class Workspace:
 
         Args:
             scenario: Scenario with `task.region`.
-            goal: Whether `task.place.position` belongs to it.
+            goal: Whether the workspace includes `task.place.position`.
         """
         table = scenario.table.height
         region = np.array([scenario.task.region.min, scenario.task.region.max])
@@ -64,16 +65,16 @@ class Workspace:
         )
 
     def within(self, pose: Vector) -> Vector:
-        """Return the pose (4) within the bounds that is nearest to a given one."""
+        """Return a pose (4), clipped to the bounds."""
         yaw = np.clip(pose[3], -_MOST_YAW, _MOST_YAW)
         return np.append(np.clip(pose[:3], self.low, self.high), yaw)
 
     def near(self, margin: float) -> npt.NDArray[np.float64]:
-        """Return the least and greatest x, y, z up to `margin` [m] outside, (3, 2)."""
+        """Return the least and greatest x, y, z with a margin [m], shape (3, 2)."""
         return np.stack([self.low - margin, self.high + margin], axis=1)
 
 
-# Time between actions [s]: 21.3 Hz, exact in binary, as are all periods below.
+# Time between actions [s] (21.3 Hz). This and all periods below are exact in binary.
 CONTROL_PERIOD = 3 / 64
 
 PHYSICS = ("train", "fast", "accurate")
@@ -82,8 +83,8 @@ _SAMPLED = ("proximity", "minimum_jerk", "grasp_detector")
 _SENSING = {name: {"period": 3 / 128} for name in _SAMPLED}
 _FINE_SENSING = {name: {"period": 3 / 256} for name in _SAMPLED}
 
-# Changes to each driver's configuration: sampled as in `kitchen_fast`, and twice as
-# often on the accurate physics.
+# Changes to each driver's configuration: periods as in `kitchen_fast`, and half of them
+# with the accurate physics.
 _DRIVERS: dict[str, dict[str, Any]] = {
     "plant": {"_tag": "!PlantServoDriver", "proximity": None},
     "position": {
@@ -116,8 +117,8 @@ _ACCURATE: dict[str, dict[str, Any]] = {
 DRIVER_TAGS: dict[str, str] = {name: own["_tag"] for name, own in _DRIVERS.items()}
 DRIVERS = tuple(_DRIVERS)
 
-# Steps of the plant per control period: 23, 3 and 1.5 ms. Coarse steps of 12 ms cost
-# 1.5 times as much; docs/learning.md has the effect of 23 ms.
+# Steps of the plant per control period, of 23, 3 and 1.5 ms. Steps of 12 ms would cost
+# 1.5 times as much as 23 ms; see docs/learning.md for the effect of 23 ms.
 _COARSE, _FINE, _FINEST = 2, 16, 32
 
 
@@ -129,12 +130,12 @@ class Physics:
         name: `train`: Drake's convex integrator in steps of 23 ms without error
             control, and an arm without weight; `fast`: the scenario's own plant, in
             steps that divide the control period; `accurate`: `sap` in steps of 1.5 ms,
-            and the hand's fine geometry. The wires of `tendon` need a discrete plant:
-            there, `train` is `lagged` in steps of 3 ms.
+            and the hand's fine geometry. The wires of `tendon` need a discrete plant,
+            so `train` is then `lagged` in steps of 3 ms.
         driver: Driver of the gripper: `plant`, `position` or `tendon`.
         train_steps: Steps per control period of `train` with a continuous plant. The
-            default is 2; an object that is set down needs 4, or it bounces and falls
-            over.
+            default is 2. Tasks that set an object down need 4: with fewer, it bounces
+            and falls over.
     """
 
     name: str = "train"
@@ -175,7 +176,8 @@ class Physics:
             "command_period": CONTROL_PERIOD,
             "weightless": self.name == "train",
         }
-        # CENIC needs periods like these, although nothing is recorded.
+        # Nothing is recorded, but with CENIC, all periods of a scenario must be
+        # multiples of 1/1024 s.
         changes["recording"] = {"period": CONTROL_PERIOD, "video_fps": 16}
         if self.name == "accurate":
             hand = "package://drake_srg/sdf/srg.sdf"
@@ -191,7 +193,7 @@ class Physics:
         """Check that no override changes a key that the physics or the driver sets.
 
         Raises:
-            ScenarioError: If one is.
+            ScenarioError: If one does.
         """
         for override in overrides:
             other = copy.deepcopy(tree)
@@ -199,8 +201,8 @@ class Physics:
             if other != tree:
                 key = override.partition("=")[0]
                 raise ScenarioError(
-                    f"overrides: {key}: is not yours to set with physics={self.name} "
-                    f"and driver={self.driver}"
+                    f"overrides: {key}: cannot be set with physics={self.name} "
+                    f"and driver={self.driver}, which set it"
                 )
 
     def _plant(self, own_step: float) -> dict[str, Any]:
@@ -242,7 +244,7 @@ def choose(keyword: str, value: Any, allowed: Iterable[str]) -> None:
     """Check the value of an environment's keyword.
 
     Raises:
-        ScenarioError: If it is not among those allowed.
+        ScenarioError: If it is not allowed.
     """
     if value not in (allowed := tuple(allowed)):
         raise ScenarioError(
@@ -255,7 +257,7 @@ _KEYS = {"object", "estimate_error"}
 
 @dc.dataclass(frozen=True)
 class Scene:
-    """Objects, goal and start of one episode.
+    """Object of one episode, and the error of its estimated position.
 
     Attributes:
         object: The object, with a position.
@@ -341,10 +343,10 @@ class SceneSource:
         )
 
     def replay(self, tree: Any) -> Scene:
-        """Return a scene from plain data, as `info["scene"]` holds it.
+        """Return a scene from plain data, such as `info["scene"]`.
 
         Raises:
-            ScenarioError: If it is no such data.
+            ScenarioError: If the data are not a scene.
         """
         if not isinstance(tree, Mapping):
             raise ScenarioError(f"scene: must be a mapping, got {type(tree).__name__}")

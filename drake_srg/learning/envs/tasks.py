@@ -20,12 +20,12 @@ DOWN, CLOSE, UP = 16, 16, 12
 REACH = 0.04  # largest distance from the estimated position [m]
 HEIGHTS = (LOWEST, 0.115)  # of the grasp centre above the table [m]
 MOST_PRESHAPE = 0.45
-_ACROSS = np.deg2rad(80.0)
+_ACROSS = np.deg2rad(80.0)  # turn beyond which a grasp counts as across
 
 
 @dc.dataclass(frozen=True, eq=False)
 class Grasp:
-    """Meaning of an action.
+    """Meaning of an action of `GraspOneShotEnv`.
 
     Attributes:
         over: Pose of the hand (4) above the grasp, [x, y, z, yaw] [m, rad].
@@ -43,7 +43,7 @@ class Grasp:
 
 
 def grasp_of(action: Any, estimate: Vector, table: float) -> Grasp:
-    """Return the grasp of an action of `GraspOneShotEnv`.
+    """Return the grasp that an action of `GraspOneShotEnv` stands for.
 
     Args:
         action: Shape (6,).
@@ -80,7 +80,7 @@ def action_of(
     """
     low, high = HEIGHTS
     turn = (at[3] - estimate[3] + 0.5 * np.pi) % np.pi - 0.5 * np.pi
-    # Grasps across get one sign: two that are half a turn apart would average to one
+    # Grasps across get one sign, because the mean of +90 and -90 degrees is a grasp
     # along.
     turn = turn + np.pi if turn < -_ACROSS else turn
     values = [
@@ -94,7 +94,7 @@ def action_of(
 
 
 def one_shot_state(shape: Shape) -> State:
-    """Return the observation: the size, 1 for 0.15 m, and whether it is round."""
+    """Return the object's size, where 1 is 0.15 m, and whether it is round."""
     size = shape.bounding_size / SIZE
     return clipped(np.append(size, isinstance(shape, Cylinder)))
 
@@ -102,9 +102,9 @@ def one_shot_state(shape: Shape) -> State:
 class GraspOneShotEnv(HandEnv):
     """Chooses a whole grasp at once; an episode has a single step.
 
-    Action: x and y of the grasp centre from the estimated position (1 is 4 cm), its
-    height above the table (2.5 .. 11.5 cm), the yaw from the object's (1 is 90
-    degrees), the closure on the way down (0 .. 0.45), and the closure of the grasp
+    Action: x and y of the grasp centre relative to the estimated position (1 is 4 cm),
+    its height above the table (2.5 .. 11.5 cm), the yaw relative to the object's (1 is
+    90 degrees), the closure on the way down (0 .. 0.45), and the closure of the grasp
     (0 .. 1). The hand comes down, closes, lifts and shakes.
     """
 
@@ -128,7 +128,7 @@ class GraspOneShotEnv(HandEnv):
                 self.success = self.survives_shake()
         except ObjectLostError:
             pass
-        except (SimulationError, ScenarioError) as error:  # or out of the arm's reach
+        except (SimulationError, ScenarioError) as error:  # the latter: out of reach
             return self.failed_step(error)
         self.lost = not self.success
         truth = self.truth()
@@ -138,7 +138,7 @@ class GraspOneShotEnv(HandEnv):
 
 # A full action moves the hand by this per control period: 0.43 m/s, 2.1 rad/s.
 STEP = np.array([0.02, 0.02, 0.02, 0.1])
-# Values at which entries of the observation are 1 [m, m, rad, rad/s, N, rad].
+# Quantities that scale to 1 in the observation [m, m, rad, rad/s, N, rad].
 NEAR, SIZE, ANGLE, _SPEED, _FORCE, TURN = 0.2, 0.15, 2.0, 4.0, 20.0, np.pi
 MAX_STEPS = 100  # 4.7 s
 
@@ -224,7 +224,7 @@ class PickEnv(HandEnv):
 
     def step(self, action: Any) -> Step:
         """Move the hand for one control period."""
-        _ = self.scene  # there is none before a reset
+        _ = self.scene  # raises before the first reset
         before = self._truth
         try:
             a = np.clip(checked(action), -1.0, 1.0)
@@ -255,10 +255,10 @@ class PickEnv(HandEnv):
 
 # Success: for `_STANDS` control periods, the object is within `_TOLERANCE` of its goal
 # [m] and within `_LIFT` of the table [m], its lean has at least the cosine `_UPRIGHT`,
-# and no finger touches it. In the long steps of `train`, a standing object never comes
-# to rest, but bounces by millimetres.
+# and no finger touches it. It need not be at rest: in the long steps of `train`, a
+# standing object keeps bouncing by millimetres.
 _STANDS, _TOLERANCE, _LIFT, _UPRIGHT = 8, 0.02, 0.01, np.cos(np.deg2rad(15.0))
-FAR = 0.6  # value of the goal's entries of the observation that scales to 1 [m]
+FAR = 0.6  # offset of the goal that scales to 1 in the observation [m]
 
 
 class PickPlaceEnv(PickEnv):
@@ -283,7 +283,7 @@ class PickPlaceEnv(PickEnv):
     def truth(self) -> Truth:
         """Return the present ground truth.
 
-        Half of the progress measures the way to the goal.
+        Half of the progress measures the distance to the goal.
         """
         truth = super().truth()
         away = np.linalg.norm(truth.station.X_WO().translation()[:2] - self.goal)

@@ -1,4 +1,4 @@
-"""Replays: a run's scene as animated glTF, and a page that plays it in any browser."""
+"""Replays: the scene of a run as animated glTF, and a web page that plays it."""
 
 from drake_srg.recording.replay.page import write_comparison, write_page
 from drake_srg.recording.replay.recorder import ReplayRecorder

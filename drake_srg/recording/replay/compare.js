@@ -29,7 +29,7 @@ function play(on) {
   playing = on;
   find("play").setAttribute("aria-pressed", String(on));
   find("play").textContent = on ? "❚❚ Pause" : "▶ Play";
-  // A run that has ended would start again.
+  // Runs that have ended stay there: `play` would start them again.
   for (const run of runs) run.play(on && run.time < run.duration);
   if (on) follow();
   else history.replaceState(null, "", `#t=${shown.toFixed(2)}`);
@@ -40,7 +40,7 @@ async function follow() {
     show(Math.max(...runs.map((run) => run.time)));
     if (shown >= duration) {
       play(false);
-      seek(duration); // the others may be a frame behind
+      seek(duration); // other runs may be a frame behind
     }
     await nextFrame();
   }

@@ -18,15 +18,15 @@ Json = dict[str, Any]
 
 _JSON, _BINARY = 0x4E4F534A, 0x004E4942  # kinds of chunks
 _KINDS = {"f": 5126, "H": 5123, "I": 5125}  # glTF's numbers of component types
-# Smaller motion is not animated: 1 m from the origin, a float32 cannot resolve it.
+# Smaller motions are not animated: 1 m from the origin, a float32 cannot resolve them.
 _STILL = 1e-7
-# Ours; glTF leaves `extras` to applications.
+# Our key in `extras`, which glTF leaves to applications.
 EXTRAS = "drake_srg"
 
 
 @dc.dataclass(frozen=True)
 class Part:
-    """A surface of one colour, with shapes to morph into.
+    """A surface of one colour, with morph targets.
 
     Attributes:
         surface: Its triangles.
@@ -41,7 +41,7 @@ class Part:
 
 @dc.dataclass(frozen=True)
 class Track:
-    """Values of a node's property over time, interpolated linearly between them.
+    """Values of a node's property over time, to be interpolated linearly.
 
     Attributes:
         time: [s], increasing, shape (K,).
@@ -75,12 +75,12 @@ class Node:
 def write_glb(
     nodes: Sequence[Node], extras: Mapping[str, Any], images: Sequence[bytes] = ()
 ) -> bytes:
-    """Return a GLB file; its y axis is up, as glTF demands, for the nodes' z axis.
+    """Return a GLB file; the nodes' z axis becomes y, which glTF defines as up.
 
     Args:
         nodes: The scene.
         extras: JSON to store in the scene under EXTRAS.
-        images: JPEG files; `extras` refers to them by their index.
+        images: JPEG files; `extras` refers to them by index.
     """
     return _Writer().write(nodes, extras, images)
 
@@ -132,7 +132,8 @@ class _Writer:
             self._json["nodes"].append(entry)
         for image in images:
             entry = {"bufferView": self._view(image), "mimeType": "image/jpeg"}
-            self._json["images"].append(entry)  # by index, so that equal ones count
+            # Not by `_add`, which would merge equal images and change their indices.
+            self._json["images"].append(entry)
         half = float(np.sqrt(0.5))
         root = {
             "name": "world (z up)",
@@ -234,13 +235,13 @@ class _Writer:
 
 
 def _units(normals: Vector) -> Vector:
-    """Return unit vectors with few significant bits, which compress well."""
+    """Return normals rounded to a few significant bits, which compress well."""
     bits = normals.astype(np.float32).view(np.uint32)
     return ((bits + 0x400) & np.uint32(0xFFFFF800)).view(np.float32)
 
 
 def _continuous(rotations: npt.NDArray[np.float32]) -> npt.NDArray[np.float32]:
-    """Return quaternions with the signs that make each one near its predecessor."""
+    """Return quaternions whose signs are such that each is close to its predecessor."""
     turned = np.sum(rotations[1:] * rotations[:-1], axis=1) < 0
     signs = np.cumprod(np.where(turned, -1, 1))
     return rotations * np.concatenate([[1], signs]).astype(np.float32)[:, None]

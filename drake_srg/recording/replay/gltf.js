@@ -12,7 +12,7 @@ class Gltf {
     this.start = 20 + length + 8;
     this.json = JSON.parse(new TextDecoder().decode(new Uint8Array(buffer, 20, length)));
     this.extras = this.json.scenes[0].extras?.[EXTRAS] ?? {};
-    // The last node turns our world (z up) into glTF's; here the world stays as it is.
+    // The last node turns the world (z up) into glTF's (y up). Here, z stays up.
     this.nodes = this.json.nodes.slice(0, -1).map((node) => ({
       name: node.name,
       mesh: node.mesh,
@@ -68,7 +68,7 @@ function interpolate({ path, time, values }, now, out) {
   for (let i = 0; i < size; i++) {
     out[i] = (1 - part) * values[low * size + i] + part * values[high * size + i];
   }
-  if (path === "rotation") {  // neighbours are so near that this is as good as slerp
+  if (path === "rotation") {  // samples are so close that this is as good as slerp
     const norm = Math.hypot(...out);
     for (let i = 0; i < 4; i++) out[i] /= norm;
   }
@@ -119,7 +119,7 @@ const cross = (a, b) => [
 ];
 const unit = (a) => a.map((x) => x / Math.hypot(...a));
 
-// World into the eye's frame, for an eye that looks along `forward`, with z up.
+// Transform from world to an eye that looks along `forward`, with z up.
 function lookAlong(eye, forward) {
   const right = unit(cross(forward, [0, 0, 1])), up = cross(right, forward);
   return [

@@ -1,4 +1,4 @@
-// The page: one time for scene, plots, video and images, and the controls that move it.
+// The page: scene, plots, video and images at one time, and the controls that change it.
 
 const find = (id) => document.getElementById(id);
 const data = JSON.parse(find("data").textContent);
@@ -12,7 +12,7 @@ async function unpack(text) {
 
 const gltf = new Gltf(await unpack(find("glb").textContent));
 const plots = data.panels.map((panel) => new Plot(find("plots"), panel, data, (t) => user.seek(t)));
-// What the user does to the time, in a page that plays several runs, happens to all.
+// In a page with several runs, the user's controls act on all runs.
 const led = Boolean(window.frameElement?.hasAttribute("data-led"));
 const user = Object.fromEntries(["seek", "play"].map((name) => [name, (value) => {
   ((led && parent.conductor) || { seek, play })[name](value);
@@ -27,7 +27,7 @@ try {
   find("lost").textContent = `No 3D view: ${error.message}.`;
 }
 
-// Rows of the log and modes at a time.
+// The log's row and the planner's mode at a time.
 
 function latest(times, time) {
   let low = 0, high = times.length;
@@ -89,7 +89,7 @@ function show() {
   chips.forEach((chip, i) => { chip.hidden = cycleOf[i] !== cycle; });
   showSight(time);
   if (video) {
-    const wanted = Math.max(time - data.video_start, 0) + 0.001;  // in the frame, not at its edge
+    const wanted = Math.max(time - data.video_start, 0) + 0.001;  // 1 ms after the frame's start
     const near = player.playing ? 0.12 * player.speed : 0.002;
     if (Math.abs(video.currentTime - wanted) > near && !video.seeking) video.currentTime = wanted;
   }
@@ -119,7 +119,7 @@ function play(on) {
   }
 }
 
-// The address names the time, so that it can be passed on.
+// Put the time into the address, so that a copied link opens the page at this time.
 function note() {
   if (location.protocol !== "about:") history.replaceState(null, "", `#t=${player.time.toFixed(2)}`);
 }
@@ -132,7 +132,7 @@ function follow() {
   return true;
 }
 
-// What the planner looked at, with the localizer's blobs if there is one.
+// The planner's latest look: an image, with blobs if there is a localizer.
 
 let sight = null;
 function showSight(time) {
@@ -156,7 +156,7 @@ function showSight(time) {
   }));
 }
 
-// The scene, which the pointer turns, moves and zooms.
+// The pointer turns, moves and zooms the scene.
 
 function drawScene() {
   if (!view) return;
@@ -233,7 +233,7 @@ const KEYS = {
 document.addEventListener("keydown", (event) => {
   const action = KEYS[event.key];
   if (!action || event.ctrlKey || event.metaKey || event.altKey) return;
-  // A control with the focus keeps its own keys.
+  // A focused control handles its own keys.
   if (event.target.matches("select, input, summary")) return;
   if (event.key === " " && event.target.matches("button")) return;
   event.preventDefault();

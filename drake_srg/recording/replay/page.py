@@ -1,4 +1,4 @@
-"""The page replay.html: scene, plots, video and images of one run or of several."""
+"""The page replay.html: scene, plots, video and images of a run, or of several."""
 
 from __future__ import annotations
 
@@ -35,8 +35,8 @@ class RecordedRun:
         glb: The file replay.glb.
         labels: The run's title, and names for its log.
         timeline: Modes and plots of its log.
-        sights: The planner's looks: `time` [s], `camera`, `image`, an index of
-            `images`, and `blobs` if there is a localizer.
+        sights: The planner's looks, each with `time` [s], `camera`, `image` (an index
+            of `images`) and, if there is a localizer, `blobs`.
         images: JPEG files.
         video: Path of video.mp4; None if there is no video.
         video_start: Simulated time of its first frame [s].
@@ -102,7 +102,7 @@ def _read(folder: Path, name: str) -> bytes:
 
 
 def _images(document: Json, binary: bytes) -> list[bytes]:
-    """Return the images of a GLB file, which are JPEG files."""
+    """Return the JPEG files in a GLB file."""
     views = (
         document["bufferViews"][i["bufferView"]] for i in document.get("images", [])
     )
@@ -162,7 +162,7 @@ def page_style() -> str:
 
 
 def policy(scripts: Sequence[str], styles: Sequence[str]) -> str:
-    """Return, as an HTML attribute, a policy that allows these texts and no request."""
+    """Return a content security policy that allows these texts, escaped for HTML."""
 
     def hashes(texts: Sequence[str]) -> str:
         return " ".join(f"'sha256-{_sha256(text)}'" for text in texts)
@@ -173,12 +173,12 @@ def policy(scripts: Sequence[str], styles: Sequence[str]) -> str:
 
 
 def _result(path: Path) -> tuple[bool, str] | None:
-    """Return whether a run succeeded, and a phrase about it, from metrics.json."""
+    """Return whether a run succeeded, and its verdict; None if that is unknown."""
     try:
         metrics = json.loads(path.read_text(encoding="utf-8"))
         success, word = bool(metrics["success"]), verdict(metrics)
         drawn = dict(metrics.get("kinds", {})).items()
-        # Names are those of the scene's nodes; the seed drew the kinds.
+        # The scene's nodes have names, such as clutter_1. The seed drew their kinds.
         named = ", ".join(f"{name} is {kind}" for name, kind in drawn)
         return success, f"{word}; {named}" if named else word
     except (OSError, ValueError, KeyError, TypeError):
@@ -190,7 +190,7 @@ def _data_url(kind: str, data: bytes) -> str:
 
 
 def _data(timeline: Timeline, sights: list[Json], video_start: float) -> Json:
-    """Return the data of the page's scripts, except the scene and the video."""
+    """Return the data for the page's scripts, without the scene and the video."""
     time, mode = timeline.time, timeline.mode
     changes = mode_changes(mode)
     bands = mode_bands(mode)
@@ -228,7 +228,7 @@ def _data(timeline: Timeline, sights: list[Json], video_start: float) -> Json:
 
 
 def _short(value: float, digits: int = _DIGITS) -> float | None:
-    """Return a number without needless digits; None if it is not finite."""
+    """Return a number with fewer digits; None if it is not finite."""
     return float(f"{value:.{digits}g}") if np.isfinite(value) else None
 
 

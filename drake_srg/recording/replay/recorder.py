@@ -1,4 +1,4 @@
-"""The recorder of a run's replay, and of the localizer's images."""
+"""Recorders for replay.glb: of a run's scene, and of the localizer's images."""
 
 from __future__ import annotations
 
@@ -31,8 +31,8 @@ class SightRecorder:
         cameras: Names of the localizer's cameras.
 
     Attributes:
-        sights: Time [s], camera and index of the image of each look, and its blobs if
-            the cell has a localizer.
+        sights: Looks, each with time [s], camera, index of the image and, if the cell
+            has a localizer, blobs.
         images: JPEG files.
     """
 
@@ -79,7 +79,7 @@ class SightRecorder:
 
 
 def _blob(blob: Any, shape: tuple[int, ...]) -> Json:
-    """Return a blob's name, its place as shares of width and height, and quality."""
+    """Return a blob's name, place (in shares of width and height) and quality."""
     (u, v), (height, width) = blob.pixel, shape[:2]
     return {
         "name": blob.object_name,
@@ -105,7 +105,7 @@ class ReplayRecorder:
     Args:
         root: The root diagram, with a SceneGraph in it.
         cell: The cell in it, with some of the ports of `MakeCell`.
-        objects: Names of the objects, at which contact forces point.
+        objects: Names of the objects; arrows show contact forces on them.
         cameras: Names of the localizer's cameras.
 
     Raises:

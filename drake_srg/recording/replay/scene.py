@@ -32,7 +32,7 @@ from drake_srg.recording.replay.triangles import (
 )
 from drake_srg.types import Vector
 
-# Length of a force's arrow [m/N].
+# Length of an arrow per force [m/N].
 METERS_PER_NEWTON = 0.006
 _FORCE_COLOR = (0.05, 0.3, 0.95, 1.0)
 # Precision of the shapes of soft bodies [m].
@@ -48,7 +48,7 @@ def pose_row(X: RigidTransform) -> Vector:
 
 
 def pose_tracks(time: Vector, rows: Vector) -> dict[str, Track]:
-    """Return the tracks of poses as from `pose_row`, shape (K, 7)."""
+    """Return the tracks of poses from `pose_row`, shape (K, 7)."""
     return {
         "translation": Track(time, rows[:, :3]),
         "rotation": Track(time, rows[:, 3:]),
@@ -56,7 +56,7 @@ def pose_tracks(time: Vector, rows: Vector) -> dict[str, Track]:
 
 
 def camera_node(name: str, sensor: RgbdSensor, time: Vector, rows: Vector) -> Node:
-    """Return a camera on a frame with poses as from `pose_row`, shape (K, 7)."""
+    """Return a camera on a frame whose poses come from `pose_row`, shape (K, 7)."""
     core = sensor.default_color_render_camera().core()
     intrinsics, clipping = core.intrinsics(), core.clipping()
     X_PG = sensor.default_X_PB() @ core.sensor_pose_in_camera_body() @ _X_CG
@@ -79,12 +79,12 @@ def _pose(row: Vector) -> RigidTransform:
 def force_node(
     pair: tuple[str, str], samples: list[tuple[int, Vector]], time: Vector
 ) -> Node:
-    """Return an arrow that presses on the second body of a pair.
+    """Return an arrow for the contact force on the second body of a pair.
 
     Args:
         pair: Names of the bodies.
-        samples: Point [m] and force [N] in world, shape (6,), of those samples, by
-            their indices, in which there is a contact.
+        samples: For each sample with a contact, its index, and point [m] and force [N]
+            in world, shape (6,).
         time: Times of all samples [s], shape (K,).
     """
     index = np.array([i for i, _ in samples])
@@ -92,7 +92,7 @@ def force_node(
     force = np.linalg.norm(rows[:, 3:], axis=1)
     scale = np.zeros((len(time), 3))
     scale[index] = np.stack([force > 0, force > 0, METERS_PER_NEWTON * force], axis=1)
-    # Before, between and after contacts, the arrow stays at its last place.
+    # Between and after contacts, the invisible arrow stays at its last place.
     latest = np.searchsorted(index, np.arange(len(time)), side="right") - 1
     held = rows[np.clip(latest, 0, None)]
     turns = np.array([_turn(direction) for direction in held[:, 3:]])
@@ -101,7 +101,7 @@ def force_node(
         "rotation": Track(time, turns),
         "scale": Track(time, scale),
     }
-    # Keep only samples at which something changes: contacts come and go.
+    # Without contact, nothing changes: drop those samples.
     rows_all = np.hstack([track.values for track in tracks.values()])
     changed = np.any(np.diff(rows_all, axis=0) != 0, axis=1)
     kept = np.append(True, changed) | np.append(changed, True)
@@ -127,9 +127,9 @@ def soft_node(
     """Return a soft body's node: its nearest rigid pose, and morph targets.
 
     Args:
-        name: The node's.
-        mesh: The tetrahedra.
-        color: Their colour.
+        name: Name of the node.
+        mesh: The body's tetrahedra.
+        color: Colour of the body.
         time: Sample times [s], shape (K,).
         p_WV: The mesh's vertices in world [m], shape (K, n, 3).
     """
@@ -138,7 +138,8 @@ def soft_node(
     moved = np.array(
         [X.inverse() @ now.T for X, now in zip(poses, p_WV, strict=True)]
     ).transpose(0, 2, 1)
-    # The deformations as sums of a few shapes, by singular value decomposition.
+    # Approximate the deformations by few morph targets, from a singular value
+    # decomposition.
     deformation = (moved - first).reshape(len(time), -1)
     u, s, vt = np.linalg.svd(deformation, full_matrices=False)
     count = 0
@@ -161,7 +162,7 @@ def soft_node(
 
 
 def _vertex_normals(points: Vector, faces: Indices) -> Vector:
-    """Return the vertices' mean normals, shape (n, 3)."""
+    """Return the normals of vertices, averaged over their faces, shape (n, 3)."""
     corners = points[faces]
     across = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     normals = np.zeros_like(points)
@@ -174,12 +175,12 @@ _GRAY = Rgba(0.7, 0.7, 0.7, 1.0)
 
 
 class SceneRecorder:
-    """Samples the poses of everything visible, soft bodies' vertices, and contacts.
+    """Samples poses of visible bodies, vertices of soft bodies, and contact forces.
 
     Args:
         graph: The scene.
         cameras: Cameras by name.
-        objects: Names of the model instances whose contact forces point at them.
+        objects: Names of model instances; arrows show contact forces on them.
     """
 
     def __init__(
@@ -223,7 +224,7 @@ class SceneRecorder:
 
         Args:
             time: Simulated time [s].
-            query: The scene graph's.
+            query: Query object of the scene graph.
             contacts: The plant's contact results; None: no forces.
         """
         poses = [pose_row(query.GetPoseInWorld(frame)) for frame in self._frames]
@@ -239,10 +240,10 @@ class SceneRecorder:
         self._vertices.append(vertices)
 
     def nodes(self) -> list[Node]:
-        """Return the scene with its motion so far; needs a sample.
+        """Return the scene with its motion so far; there must be a sample.
 
-        The node of a body has its scoped name, such as `gripper::palm`, that of a force
-        the names of both bodies, and that of a camera the camera's name.
+        A body's node has its scoped name, such as `gripper::palm`. A force's node has
+        the names of both bodies, and a camera's node the name of the camera.
         """
         inspector = self._graph.model_inspector()
         time = np.array(self._time)
@@ -274,7 +275,7 @@ class SceneRecorder:
     def _pair_forces(self, contacts: ContactResults) -> dict[tuple[str, str], Vector]:
         """Return point and force in world, shape (6,), for each pair of bodies.
 
-        The force is the resultant on the pair's second body; it acts at the mean of the
+        The force is the resultant on the pair's second body. It acts at the mean of the
         contacts, weighted by their forces.
         """
         found: dict[tuple[str, str], list[tuple[Vector, Vector]]] = {}
@@ -297,7 +298,7 @@ class SceneRecorder:
 
 
 def _number(identifier: FrameId | GeometryId) -> int:
-    """Return an id's number, which grows in the order of registration."""
+    """Return the number of an id; numbers increase in order of registration."""
     return int(identifier.get_value())
 
 

@@ -62,9 +62,9 @@ class Triangles:
 
 
 def shape_triangles(shape: Shape) -> Triangles | None:
-    """Return the surface of a shape in its own frame; None if it has none.
+    """Return the surface of a shape in its own frame; None for an unknown shape.
 
-    A Convex, and a mesh in another format than Wavefront, is drawn as its convex hull.
+    A Convex, and a mesh in a format other than Wavefront, becomes its convex hull.
     """
     match shape:
         case Mesh() if shape.source().is_path() and shape.extension() == ".obj":
@@ -99,7 +99,7 @@ def _solid(shape: Shape) -> Triangles | None:
 
 
 def arrow() -> Triangles:
-    """Return an arrow of length 1 along z to the origin, with an 8 mm thick shaft."""
+    """Return an arrow from z = -1 to the origin, with a shaft 8 mm thick."""
     shaft, head, neck = 0.004, 0.009, -0.25
     slope = np.array([-neck, head]) / np.hypot(neck, head)
     return joined(
@@ -124,16 +124,16 @@ def surface_faces(mesh: VolumeMesh) -> Indices:
 
 
 def read_obj(path: Path) -> Triangles:
-    """Read a Wavefront file; without normals in it, the faces are flat.
+    """Read a Wavefront file; if it lacks normals, the faces are flat.
 
     Raises:
         OSError: If the file cannot be read.
-        ValueError: If it is not such a file.
+        ValueError: If it is not a Wavefront file.
     """
     return _parse_obj(path, path.read_text(encoding="utf-8", errors="replace"))
 
 
-# A recorded run reads every mesh for its bag and for its replay, a sweep for every run.
+# A recorded run reads every mesh twice: for its rosbag and for its replay.
 @functools.lru_cache(maxsize=256)
 def _parse_obj(path: Path, text: str) -> Triangles:
     points: list[list[float]] = []
@@ -172,9 +172,9 @@ def _parse_obj(path: Path, text: str) -> Triangles:
 
 
 def _index(text: str, rows: Sequence[object]) -> int:
-    """Return the index that a Wavefront file means; -1: none.
+    """Return an index of a Wavefront file, counted from 0; -1: none.
 
-    It counts from 1, or, if it is negative, from the latest row.
+    The file counts from 1, or, with negative numbers, back from the latest row.
     """
     index = int(text or 0)
     return index - 1 if index >= 0 else len(rows) + index
@@ -220,7 +220,7 @@ def _revolved(
     normals: Sequence[tuple[float, float]] | Sequence[Vector],
     segments: int = _SEGMENTS,
 ) -> Triangles:
-    """Return a profile of points (radius, z), from the bottom up, revolved about z."""
+    """Return a profile of points (radius, z), from bottom to top, revolved about z."""
     angle = np.linspace(0, 2 * np.pi, segments + 1)
     around = np.stack([np.cos(angle), np.sin(angle)], axis=1)
     rows = [
@@ -232,7 +232,7 @@ def _revolved(
         for i in range(segments):
             a, b = row * (segments + 1) + i, row * (segments + 1) + i + 1
             c, d = b + segments + 1, a + segments + 1
-            # A point of the profile on the axis has no triangle of its own.
+            # At a point on the axis, one of the two triangles would be empty.
             faces += [(a, b, c)] if profile[row][0] else []
             faces += [(a, c, d)] if profile[row + 1][0] else []
     n = len(profile)
@@ -242,7 +242,7 @@ def _revolved(
 
 
 def _ball(half_length: float) -> Triangles:
-    """Return the unit ball, its halves moved apart along z by a half length each."""
+    """Return the unit ball, with each half moved outwards along z by a half length."""
     angle = np.linspace(-0.5 * np.pi, 0.5 * np.pi, _SEGMENTS // 2 + 1)
     angle = np.insert(angle, len(angle) // 2, 0.0)  # the equator twice
     radius = np.abs(np.cos(angle))

@@ -116,7 +116,7 @@ class View {
     return buffer;
   }
 
-  // A pyramid's edges, its top at the origin, its base at z = -1 with corners +-1.
+  // Edges of a pyramid with its top at the origin and its base, from -1 to 1, at z = -1.
   wires() {
     const gl = this.gl, array = gl.createVertexArray();
     gl.bindVertexArray(array);
@@ -147,7 +147,7 @@ class View {
     gl.bindFramebuffer(gl.FRAMEBUFFER, null);
   }
 
-  // The middle and the radius of all that moves, or of everything.
+  // Middle and radius of everything that moves or, if nothing moves, of everything.
   middle() {
     const bounds = (nodes) => {
       const low = [Infinity, Infinity, Infinity], high = [-Infinity, -Infinity, -Infinity];
@@ -170,7 +170,7 @@ class View {
       { point: [0, 0, 0], radius: 1 };
   }
 
-  // Look as the camera of the video does, or at everything that moves.
+  // Take the view of the video's camera or, without a video, look at everything that moves.
   reset() {
     const { point, radius } = this.focus;
     const camera = this.gltf.nodes.find(
@@ -232,7 +232,7 @@ class View {
     gl.viewport(0, 0, width, height);
     gl.clearColor(...background, 1);
     gl.clear(gl.COLOR_BUFFER_BIT | gl.DEPTH_BUFFER_BIT);
-    // A narrow picture shows as much from left to right as the video, less a margin.
+    // A narrow picture shows at least 80 % of the width of the video's picture.
     const widen = Math.max(1, 0.8 * this.aspect * height / width);
     const fov = 2 * Math.atan(Math.tan(this.fov / 2) * widen);
     const near = 0.02 * this.distance, eye = this.eye;
@@ -252,7 +252,7 @@ class View {
     this.drawNodes((node, part) => !node.extras.force && part.color[3] < 1);
     gl.uniform1f(uniforms.shine, 0.8);
     if (this.show.cameras) this.drawCameras(eye);
-    if (this.show.forces) {  // faintly through everything, then as far as visible
+    if (this.show.forces) {  // faint where something hides them
       gl.disable(gl.DEPTH_TEST);
       this.drawNodes((node) => node.extras.force, 0.45);
       gl.enable(gl.DEPTH_TEST);

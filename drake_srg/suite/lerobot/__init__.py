@@ -1,10 +1,10 @@
-"""Makes the suite known to LeRobot's commands (docs/lerobot.md).
+"""The suite as environments for LeRobot's commands (docs/lerobot.md).
 
     lerobot-eval --env.discover_packages_path=drake_srg.suite.lerobot \
         --env.type=drake_srg --env.task=pick_can ...
 
-LeRobot imports packages of that option, and installed distributions whose name begins
-with `lerobot_env_`, as examples/lerobot makes one. Written for LeRobot 0.6.1.
+LeRobot imports the packages in that option, and installed distributions whose names
+begin with `lerobot_env_`; see examples/lerobot. Written for LeRobot 0.6.1.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ SUITE = "drake_srg"
 
 
 def _features(env: Any) -> dict[str, PolicyFeature]:
-    """Return the actions and observations of an environment, by its own names."""
+    """Return an environment's actions and observations, by the environment's names."""
     features = {"action": PolicyFeature(FeatureType.ACTION, env.action_space.shape)}
     for key, space in env.observation_space.items():
         if key != "pixels":
@@ -65,10 +65,10 @@ class DrakeSrgSuite(EnvConfig):
     episode_length: int | None = None
 
     def __post_init__(self) -> None:
-        """Declare observations and actions, which are the same for all tasks.
+        """Declare observations and actions, which must be the same for all tasks.
 
         Raises:
-            ScenarioError: If a task is unknown, or has another arm than the first.
+            ScenarioError: If a task is unknown, or its observations or actions differ.
         """
         names = find_tasks(self.task or "")
         found = [_features(SuiteEnv(name, **self.gym_kwargs)) for name in names]
@@ -76,7 +76,7 @@ class DrakeSrgSuite(EnvConfig):
             if features != found[0]:
                 raise ScenarioError(
                     f"task: {name} has another arm or other cameras than {names[0]}; "
-                    "evaluate it by a command of its own"
+                    "evaluate it with a separate command"
                 )
         self.features = found[0]
         self.features_map = {key: _policy_name(key) for key in self.features}
@@ -93,10 +93,10 @@ class DrakeSrgSuite(EnvConfig):
     def create_envs(
         self, n_envs: int, use_async_envs: bool = False
     ) -> dict[str, dict[int, VectorEnv[Any, Any, Any]]]:
-        """Make the environments: by suite, and by number in the order of `task`.
+        """Make the environments, by suite and by number in the order of `task`.
 
-        A copy whose episode has ended waits for the others, and nothing is simulated
-        before a task's turn comes.
+        A copy whose episode has ended waits for the others. A task's simulations begin
+        only when its turn comes.
         """
         tasks: dict[int, Any] = {}
         for number, name in enumerate(find_tasks(self.task or "")):

@@ -1,20 +1,20 @@
 """The LeRobotDataset format, version 3.0: features, tables, statistics, videos.
 
-For each feature and dimension: min, max, mean, std, count and the quantiles q01, q10,
-q50, q90 and q99. For images, they are per color channel, with values from 0 to 1, shape
-(3, 1, 1), for depth in millimetres, shape (1, 1, 1). LeRobot estimates them from
-samples; here they cover all values.
-
-It is described in https://huggingface.co/docs/lerobot/lerobot-dataset-v3 and by
+The format is described in https://huggingface.co/docs/lerobot/lerobot-dataset-v3 and by
 LeRobot's own reader and writer (https://github.com/huggingface/lerobot). Depth and
-language are as in LeRobot 0.6. Its files, and what is in them::
+language are as in LeRobot 0.6. A data set has these files::
 
     meta/info.json                            version, features, frame rate, paths
     meta/stats.json                           statistics over all frames
     meta/tasks.parquet                        the tasks in words, by number
-    meta/episodes/chunk-000/file-000.parquet  one row per episode: its frames' place
-    data/chunk-000/file-000.parquet           one row per frame, except images
+    meta/episodes/chunk-000/file-000.parquet  one row per episode: place of its frames
+    data/chunk-000/file-000.parquet           one row per frame, without images
     videos/CAMERA/chunk-000/file-000.mp4      images, many episodes per file
+
+The statistics of each feature and dimension are min, max, mean, std, count and the
+quantiles q01, q10, q50, q90 and q99. For images, they are per color channel, with
+values from 0 to 1, shape (3, 1, 1); for depth, in millimetres, shape (1, 1, 1). LeRobot
+estimates statistics from samples. Here, they cover all values.
 """
 
 from __future__ import annotations
@@ -39,7 +39,7 @@ CHUNK_SIZE = 1000  # files per folder, as in LeRobot
 
 
 class FilePlace(NamedTuple):
-    """The place of a numbered file: the number of its folder and its own."""
+    """The place of a numbered file: the number of its folder, and its own number."""
 
     chunk: int
     file: int
@@ -64,7 +64,7 @@ class _Files:
     Args:
         folder: Folder for chunk-000/file-000 and so on.
         suffix: End of the files' names.
-        limit: Largest size of a file [bytes]; what exceeds it gets a file of its own.
+        limit: Largest size of a file [bytes]; a larger item gets a file of its own.
 
     Raises:
         OSError: If a file cannot be written.
@@ -77,7 +77,7 @@ class _Files:
         self._writer: Any = None  # of the open file
 
     def place(self, size: int) -> FilePlace:
-        """Return the place of what is appended next, given its size [bytes]."""
+        """Return the place for the next item, given its size [bytes]."""
         if self._place is None or (self._size and self._size + size > self._limit):
             self.close()
             self._place = next_place(self._place)
@@ -98,7 +98,7 @@ class _Files:
 
 
 class ParquetFiles(_Files):
-    """Parquet files with one row group per table; sizes are those in memory."""
+    """Parquet files with one row group per table, limited by their size in memory."""
 
     def __init__(self, folder: Path, schema: pa.Schema, limit: int) -> None:
         super().__init__(folder, ".parquet", limit)
@@ -181,7 +181,7 @@ class ImageStatistics:
 def _weighted(
     value: npt.NDArray[np.float64], counts: npt.NDArray[np.int64]
 ) -> dict[str, float]:
-    """Return the statistics of values, given how often each occurs."""
+    """Return the statistics of values, weighted by how often each occurs."""
     mean = np.average(value, weights=counts)
     seen = value[counts > 0]
     quantiles = np.quantile(
@@ -196,16 +196,16 @@ def _weighted(
     }
 
 
-# As in LeRobot, depth is video of 12 bits. LeRobot also has a logarithmic scale. Here,
-# one count is a millimetre, so nothing is lost up to the largest depth.
+# Largest depth. As in LeRobot, depth is a video of 12 bits. LeRobot also has a
+# logarithmic scale. Here, one count is a millimetre, so whole millimetres are exact.
 DEPTH_MAX = 4095  # mm
 
 
 class Encoding(NamedTuple):
     """An encoding of videos.
 
-    Every second frame is a key frame, as in LeRobot's own videos, because learning
-    reads frames in random order. Without B-frames, the file is in order of time.
+    Every second frame is a key frame, as in LeRobot's own videos, because learners read
+    frames in random order. There are no B-frames, so packets are in order of time.
 
     Attributes:
         codec: Its name in info.json.
@@ -226,17 +226,16 @@ COLOR = Encoding(
     "h264",
     "yuv420p",
     "libx264",
-    # Constant rate factor of x264, its own default.
+    # A constant rate factor of 23 is x264's default.
     {"crf": "23", "preset": "veryfast", "g": "2", "bf": "0"},
     "rgb24",
 )
-# Slower presets give equal sizes. Threads and messages are off: equal images, equal
-# bytes.
+# Slower presets give equal sizes. Without threads, equal images give equal bytes.
 _X265 = "lossless=1:keyint=2:bframes=0:pools=none:frame-threads=1:log-level=none"
 _LOSSLESS = {"preset": "ultrafast", "x265-params": _X265}
 DEPTH = Encoding("hevc", "gray12le", "libx265", _LOSSLESS, "gray12le")
-# ISO/IEC 23091-2 (and ffmpeg's AVCOL_*): ITU-R BT.601 in its limited range, to which
-# RGB is converted below. Without the tags, players would guess by the image size.
+# Tags of ISO/IEC 23091-2 (ffmpeg's AVCOL_*) for ITU-R BT.601 in limited range, to which
+# RGB is converted. Without tags, players would guess from the image size.
 _BT601, _LIMITED = 6, 1
 
 
@@ -320,7 +319,7 @@ DATA_MB, VIDEO_MB = 100, 200  # largest files; LeRobot's defaults
 
 Feature = dict[str, Any]
 
-# Our own columns of an episode, beside LeRobot's, for filtering by trial.
+# Our own columns of an episode, in addition to LeRobot's, for filtering by trial.
 TRIAL = {
     "trial": pa.int64(),
     "seed": pa.int64(),
@@ -343,8 +342,8 @@ _SCALARS = {
 _ARROW = {"bool": pa.bool_(), "float32": pa.float32(), "int64": pa.int64()}
 
 
-# LeRobot's column for what holds for a while: here, the planner's mode as the subtask.
-# Each frame has all of its episode's rows, each with the time from which it holds.
+# LeRobot's column for text that applies to several frames: here, the planner's mode as
+# the subtask. Each frame has all rows of its episode, each with the time it begins.
 LANGUAGE = "language_persistent"
 
 
@@ -368,7 +367,7 @@ def make_features(
     Args:
         layout: Layout of the recordings.
         fps: Frames per second.
-        names: Names of the dimensions of features, where the layout has numbers.
+        names: Names of dimensions by feature, which replace numbers in the layout.
     """
     features: dict[str, Feature] = {}
     for name, vectors in layout.vectors.items():
@@ -459,7 +458,7 @@ _LANGUAGE_ROW = pa.struct(
 
 
 def subtask_rows(modes: Sequence[str], fps: int) -> list[dict[str, Any]]:
-    """Return the rows of an episode's subtasks: one where frames change the mode."""
+    """Return the rows of an episode's subtasks: one at each change of the mode."""
     return [
         {
             "role": "assistant",
@@ -529,8 +528,8 @@ def _statistic(feature: Feature, statistic: str) -> pa.DataType:
 def tasks_table(tasks: Sequence[str]) -> pa.Table:
     """Return tasks.parquet: a pandas data frame whose index is the task in words.
 
-    The schema's metadata name the column that is the index:
-    https://pandas.pydata.org/docs/development/developer.html
+    The schema's metadata declare the index column; see
+    https://pandas.pydata.org/docs/development/developer.html.
     """
     table = pa.table(
         {"task_index": pa.array(range(len(tasks)), pa.int64()), "task": list(tasks)}

@@ -51,15 +51,15 @@ from drake_srg.sweeps.info import SweepInfo, read_sweep
 from drake_srg.sweeps.rows import read_rows
 from drake_srg.types import Cylinder
 
-# Episodes whose metadata form one row group.
+# Number of episodes whose metadata form one row group.
 _EPISODES_AT_ONCE = 100
 
 
 class DatasetWriter:
     """Writes the files of a data set with one task.
 
-    Use it as a context manager. The data set is complete after `finish`. However many
-    episodes there are, only a few of them are in memory.
+    Use it as a context manager. The data set is complete after `finish`. Only a few
+    episodes are in memory at a time.
 
     Args:
         root: Folder to create.
@@ -128,8 +128,7 @@ class DatasetWriter:
 
         Args:
             signals: One row per frame.
-            images: Name of each feature of `format.videos` to its images, one per
-                frame.
+            images: Images by feature of `format.videos`, one per frame.
             about: Values of the columns in `format.TRIAL`.
         """
         table = self._table(signals, about["success"])
@@ -180,7 +179,7 @@ class DatasetWriter:
         )
 
     def _close(self) -> None:
-        with contextlib.ExitStack() as stack:  # closes all, even if one fails
+        with contextlib.ExitStack() as stack:  # closes all files, even if one fails
             stack.callback(self._data.close)
             stack.callback(self._episodes.close)
             for video in self._videos.values():
@@ -208,7 +207,7 @@ class DatasetWriter:
     def _add_video(
         self, key: str, images: Iterator[Image | DepthImage], length: int
     ) -> dict[str, Any]:
-        """Add an episode's images of a feature; returns their metadata."""
+        """Add an episode's images of one feature; return their metadata."""
         _, depth = fmt.videos(self._layout)[key]
         statistics = ImageStatistics(depth)
 
@@ -233,7 +232,7 @@ class DatasetWriter:
         }
 
     def _write_rows(self) -> None:
-        """Write the metadata of episodes that wait for it."""
+        """Write the metadata of the episodes added since the last call."""
         if not self._rows:
             return
         rows, self._rows = self._rows, []
@@ -263,7 +262,7 @@ _RECORDING, _METRICS = "recording.mcap", "metrics.json"
 
 @dc.dataclass(frozen=True)
 class Dataset:
-    """A data set that has been made.
+    """A data set on disk.
 
     Attributes:
         path: Its folder.
@@ -271,7 +270,7 @@ class Dataset:
         successes: Number of successful episodes.
         frames: Number of frames.
         fps: Frames per second.
-        left_out: Recordings that are not episodes, counted by reason, in words.
+        left_out: Numbers of omitted recordings and the reasons, in words.
     """
 
     path: Path
@@ -292,8 +291,8 @@ def make_dataset(
 ) -> Dataset:
     """Make a LeRobot data set from the recorded trials of a sweep.
 
-    The folder appears under its name when it is complete; an interruption leaves
-    nothing. The sweep may still be running: trials that have finished are included.
+    The folder appears under its name only when it is complete. The sweep may still be
+    running; its finished trials are included.
 
     Args:
         sweep: Folder of a sweep that ran with `--record all` or `failures`.
@@ -331,7 +330,7 @@ def make_dataset(
                     _add_trial(writer, trial, layout, every, about)
                     line.count(number, len(trials), "episodes")
             writer.finish()
-        for path in (*root.rglob("*"), root):  # in case power fails
+        for path in (*root.rglob("*"), root):  # complete on disk before the rename
             sync(path)
         root.rename(out)
     return Dataset(out, len(trials), successes, writer.frames, fps, left_out)
@@ -344,7 +343,7 @@ def _add_trial(
     every: int,
     about: Mapping[str, Any],
 ) -> None:
-    """Add the trial of a folder, of which `about` says what its number does not."""
+    """Add the trial in a folder; `about` has its columns of `TRIAL` except `trial`."""
     signals = read_signals(trial / _RECORDING)
     if signals.layout != layout:
         raise ScenarioError(
@@ -364,7 +363,7 @@ def _add_trial(
 
 
 def _scenario(info: SweepInfo, trial: int) -> Scenario | None:
-    """Return a trial's scenario; None if it has no objects, as in a script's."""
+    """Return a trial's scenario; None if it has no objects (it may follow a script)."""
     tree = parse_yaml(info.tree, info.scenario)
     if not (tree.get("objects") or tree.get("clutter")):
         return None
@@ -372,7 +371,7 @@ def _scenario(info: SweepInfo, trial: int) -> Scenario | None:
 
 
 def _finger_names(scenario: Scenario | None) -> dict[str, list[str]]:
-    """Return the names of the features with a number per link or joint of the hand."""
+    """Return the dimensions of features with one number per link or joint of a hand."""
     names: dict[str, list[str]] = {TOUCH: [], PWM: []}
     for robot in [] if scenario is None else robot_arms(scenario):
         if robot.gripper is not None:
@@ -382,7 +381,7 @@ def _finger_names(scenario: Scenario | None) -> dict[str, list[str]]:
 
 
 def _known_object(info: SweepInfo, trial: int) -> dict[str, Any]:
-    """Return the robot's knowledge of the picked object, as in `format.TRIAL`."""
+    """Return the columns of `format.TRIAL` about the picked object's shape."""
     unknown = {"object_size": None, "object_round": None}
     scenario = _scenario(info, trial)
     if scenario is None:
@@ -410,21 +409,22 @@ def _task_and_robot(info: SweepInfo, sweep: Path) -> tuple[str, str]:
 def _recorded_trials(sweep: Path, only_success: bool) -> tuple[list[Path], str]:
     """Return the folders of recordings in order, and the omitted ones in words.
 
-    The sweep may still be running: a trial's recording is complete before its row is
-    written.
+    A trial's recording is written before its row, so recordings of trials with a row
+    are complete even while the sweep runs.
     """
-    over = set(read_rows(sweep)["trial"].to_pylist())
+    finished = set(read_rows(sweep)["trial"].to_pylist())
     folders = sorted((sweep / "recordings").glob("[0-9]*[0-9]"))
-    folders = [folder for folder in folders if folder.name.isdecimal()]  # not copies
-    rowed = [folder for folder in folders if int(folder.name) in over]
+    # No copies that somebody made.
+    folders = [folder for folder in folders if folder.name.isdecimal()]
+    ended = [folder for folder in folders if int(folder.name) in finished]
     trials = [  # metrics.json is written last, and not after an error
         folder
-        for folder in rowed
+        for folder in ended
         if (folder / _RECORDING).exists() and (folder / _METRICS).exists()
     ]
     counts = {
-        "that ended in an error": len(rowed) - len(trials),
-        "unfinished": len(folders) - len(rowed),
+        "that ended in an error": len(ended) - len(trials),
+        "unfinished": len(folders) - len(ended),
     }
     left_out = ", ".join(f"{n} {what}" for what, n in counts.items() if n)
     if not trials:

@@ -1,4 +1,4 @@
-"""Reads the data of an episode from the recording of a trial."""
+"""Data of an episode, read from the recording of a trial."""
 
 from __future__ import annotations
 
@@ -32,12 +32,11 @@ _INFO, _POSE = "/camera_{}/color/camera_info", "/camera_{}/pose"
 _WRENCH = "/contact_wrench/"
 
 STATE, ACTION = "observation.state", "action"
-# LeRobot's name for knowledge of the scene besides the robot's state; its policies
-# take it as a vector of its own kind (FeatureType.ENV).
+# LeRobot's name for knowledge of the scene besides the robot's state. Its policies
+# treat this vector separately (FeatureType.ENV).
 SIGHTING = "observation.environment_state"
 TOUCH, PWM = "observation.touch", "observation.motor_pwm"
-# More numbers per frame: a hand's topic to the feature's name and unit. They may be
-# missing.
+# Optional features with numbers: topic of a hand to the feature's name and unit.
 _NUMBERS = {
     "contact_force": (TOUCH, "N"),
     "grasped": ("observation.grasped", "1"),
@@ -48,7 +47,7 @@ _NUMBERS = {
 
 _POSE_NAMES = ("x", "y", "z", "qx", "qy", "qz", "qw")
 
-# Simulated time adds up steps, and stamps are whole nanoseconds.
+# Stamps are off because simulated time adds up steps, and they are whole nanoseconds.
 _STAMP_TOLERANCE = 1e-6  # s
 
 
@@ -58,7 +57,7 @@ class Vectors:
 
     Attributes:
         names: Names of its dimensions.
-        units: Their units, one each, or none.
+        units: Units of its dimensions; empty if unknown.
     """
 
     names: tuple[str, ...]
@@ -71,17 +70,16 @@ class Layout:
 
     Attributes:
         vectors: Features with numbers, by name. `STATE` has the measured positions of
-            joints, an arm's, then its gripper's [rad or m]; `ACTION` the commanded
-            positions of an arm's joints, then its gripper's closure (0 .. 1); several
-            arms follow one another. `SIGHTING` is where the planner last saw its object
-            in world [m], and whether it has: without a sighting, all are 0. (No
-            rotation has a quaternion of zeros.)
+            an arm's joints, then of its gripper's [rad or m]. `ACTION` has the
+            commanded positions of an arm's joints, then its gripper's closure (0 .. 1).
+            Several arms follow one another. `SIGHTING` has the object's pose in world
+            where the planner last saw it [m], and 1; before a sighting, all are 0.
         cameras: Camera name to (height, width) of its images [pixels], sorted.
         rate: Images per simulated second.
         depths: Names of the cameras with depth images, sorted.
         intrinsics: Camera name to focal lengths fx, fy and principal point cx, cy
             [pixels], counted from the centre of the first pixel, as in ROS.
-        modes: Whether the planner's mode is known.
+        modes: Whether the recording has the planner's mode.
     """
 
     vectors: dict[str, Vectors]
@@ -112,9 +110,9 @@ class Signals:
 
     Attributes:
         layout: Names, cameras and rate.
-        values: Of each of `Layout.vectors`, shape (K, n). Positions of joints are
-            interpolated between the messages before and after the image; all others
-            come from the last message up to the image.
+        values: Values by feature of `Layout.vectors`, shape (K, n). Positions of joints
+            are interpolated between the messages before and after the image; all
+            others come from the last message up to the image.
         modes: The planner's mode at each image, in words; empty if unknown.
     """
 
@@ -183,7 +181,7 @@ def read_signals(path: Path) -> Signals:
         ACTION: (Vectors(_command_names(joints, robots, action)), np.hstack(action)),
     }
     if OBJECT_POSE in topics:
-        poses = [np.zeros(8), *values.get(OBJECT_POSE, [])]  # not seen at first
+        poses = [np.zeros(8), *values.get(OBJECT_POSE, [])]  # at first, no sighting
         seen = _held(image_times, [0.0, *times.get(OBJECT_POSE, [])], np.array(poses))
         found[SIGHTING] = Vectors((*_POSE_NAMES, "seen")), seen
     found |= _more(values, held, joints, robots)
@@ -211,7 +209,7 @@ def _command_names(
     action: Sequence[npt.NDArray[np.float64]],
 ) -> tuple[str, ...]:
     """Return the names of commanded values: positions and closure of each arm."""
-    # An arm's name may begin with that of another.
+    # The longest prefix counts, because an arm's name may begin with that of another.
     prefixes = [robot.system("") for robot in robots]
     arms = [
         max(filter(name.startswith, prefixes), key=len, default="") for name in joints
@@ -246,7 +244,7 @@ def _more(
     joints: Sequence[str],
     robots: Sequence[RobotArm],
 ) -> dict[str, tuple[Vectors, npt.NDArray[Any]]]:
-    """Return the features besides states and actions by name, and their values.
+    """Return the optional features by name, and their values.
 
     Args:
         values: Values by topic, as from `_value`.
@@ -306,7 +304,7 @@ def read_images(path: Path, camera: str, every: int = 1) -> Iterator[Image]:
     Args:
         path: A recording.mcap.
         camera: Name of the camera.
-        every: Yield the first image, and then every image that is so many further on.
+        every: Stride: 2 yields the first, third, fifth image and so on.
     """
     for message in _image_messages(path, _COLOR.format(camera), every):
         yield _even(message.data.reshape(message.height, message.width, 3))
@@ -315,7 +313,7 @@ def read_images(path: Path, camera: str, every: int = 1) -> Iterator[Image]:
 def read_depths(path: Path, camera: str, every: int = 1) -> Iterator[DepthImage]:
     """Yield the depth images of a camera in order [mm], shape (height, width).
 
-    0 is no depth. Arguments and the rest are as for `read_images`.
+    0 means that there is no depth. See `read_images` for everything else.
     """
     for message in _image_messages(path, _DEPTH.format(camera), every):
         if message.encoding != "16UC1" or message.is_bigendian:
@@ -347,13 +345,13 @@ def _pose(pose: Any) -> npt.NDArray[np.float64]:
 
 
 def _topics(path: Path) -> list[str]:
-    """Return the topics of a recording in their order, also those without messages."""
+    """Return the topics of a recording in order, including those without messages."""
     with require("rosbags.rosbag2").Reader(path) as reader:
         return [connection.topic for connection in reader.connections]
 
 
 def _robots(topics: Iterable[str]) -> list[RobotArm]:
-    """Return the arms of a recording by name, in their order; one without topics."""
+    """Return the arms of a recording, in order of their topics; at least one."""
     models = [model for topic in topics if (model := _owner(topic, _POSITION))]
     return [RobotArm("" if model == "arm" else model) for model in models or ["arm"]]
 
@@ -393,8 +391,8 @@ def _messages(
 def _readable(path: Path) -> Iterator[None]:
     """Raise a ScenarioError if a recording is damaged.
 
-    rosbags raises exceptions of any kind then: ReaderError, SerdeError, ZstdError,
-    ValueError, KeyError and others.
+    For damaged files, rosbags raises ReaderError, SerdeError, ZstdError, ValueError,
+    KeyError and others.
     """
     try:
         yield
@@ -407,7 +405,7 @@ def _readable(path: Path) -> Iterator[None]:
 def _even_times(
     path: Path, stamps: Mapping[str, list[float]]
 ) -> tuple[Fraction, npt.NDArray[np.float64]]:
-    """Return images per second, and their times [s]: multiples of the period."""
+    """Return the rate of images [Hz], and their times [s]: multiples of the period."""
     first = next(iter(stamps.values()))
     rate = Fraction(1.0 / first[0]).limit_denominator(1000)
     times = np.arange(1, len(first) + 1) / float(rate)
@@ -423,6 +421,6 @@ def _even_times(
 def _held(
     at: npt.NDArray[np.float64], times: list[float], values: npt.NDArray[np.float64]
 ) -> npt.NDArray[np.float64]:
-    """Return the last value before each time; before the first value, the first."""
+    """Return the latest value at each time; before the first value, the first one."""
     index = np.searchsorted(times, at + _STAMP_TOLERANCE, side="right") - 1
     return values[np.maximum(index, 0)]

@@ -1,4 +1,4 @@
-"""What the sections of a report say; report.html has their layout."""
+"""Sections of a report and their texts; report.html has the layout."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ from drake_srg.types import Vector
 
 @dc.dataclass(frozen=True)
 class Figure:
-    """A plot below its name and a description of what it shows."""
+    """A plot with its name and a description."""
 
     name: str
     words: str
@@ -38,12 +38,13 @@ class Figure:
 
 
 def effects(trials: Trials) -> dict[str, Any]:
-    """Return what failures, placement error and cycle time depend on.
+    """Return the effects of quantities on failures, placement error and cycle time.
 
     Returns:
-        `verdict` in words and `ranked` effects. If there are any: `found`, each one
-        that matters in words by name; `rates` and `medians`, their plots; `told`,
-        whether failures could be compared; `causes`, how many effects they depend on.
+        `verdict` in words, and the `ranked` effects. If there are any, also: `found`,
+        names and descriptions of the significant ones; the plots `rates` and `medians`;
+        `told`, whether failures could be compared; and `causes`, the number of
+        quantities on which failures depend.
     """
     ranked = rank_effects(
         trials.quantities(),
@@ -71,7 +72,7 @@ def effects(trials: Trials) -> dict[str, Any]:
 def _rates(ranked: Sequence[Effect], trials: Trials) -> list[Figure]:
     """Return plots of the success rate against every quantity."""
     binned = [success_bins(effect.values, trials.success) for effect in ranked]
-    # A common axis, down to the lowest interval, in steps of 5 %.
+    # All plots have one axis: from the lowest interval, rounded down to 5 %, to 100 %.
     lowest = min(b.bounds[0] for row in binned for b in row)
     axis = math.floor(20.0 * lowest) / 20.0, 1.0
     figures = []
@@ -94,7 +95,7 @@ def _rates(ranked: Sequence[Effect], trials: Trials) -> list[Figure]:
 
 
 def _medians(ranked: Sequence[Effect], trials: Trials) -> list[Figure]:
-    """Return plots of placement error and cycle time, where a quantity matters."""
+    """Return plots of placement error and cycle time against significant quantities."""
     placement, cycle = 1e3 * trials.placement_error, trials.cycle_time
     figures = []
     for name, outcome, relations in (
@@ -118,7 +119,7 @@ def _medians(ranked: Sequence[Effect], trials: Trials) -> list[Figure]:
 
 
 def _verdict(n: int, causes: int, trials: Trials) -> str:
-    """Return in words how many of n quantities are causes of failures."""
+    """Return a sentence about how many of n quantities are causes of failures."""
     failed = int(np.count_nonzero(~trials.success))
     words = f"{n} quantities were varied. " if n > 1 else "One quantity was varied. "
     if failed == 0:
@@ -141,7 +142,7 @@ def _verdict(n: int, causes: int, trials: Trials) -> str:
 
 
 def _found(effect: Effect, trials: Trials) -> str:
-    """Return in words what a quantity that matters does."""
+    """Return the effects of a significant quantity in words."""
     words: list[str] = []
     if effect.failure is not None and effect.failure.significant:
         rates = _ends(success_bins(effect.values, trials.success))
@@ -172,7 +173,7 @@ def _ends(rows: Sequence[Bin]) -> str:
 
 
 def _where(relation: Relation, neutral: float) -> str:
-    """Return in words the values of a quantity with more of an outcome."""
+    """Return in words at which values of a quantity an outcome is larger."""
     more = relation.strength > neutral
     if relation.ends:
         return "at both ends" if more else "in the middle"
@@ -210,7 +211,7 @@ def summary(trials: Trials) -> list[Tile]:
     )
     tiles = [Tile("Success", percent(k / n, n), words, "tile lead")]
     if np.any(known):
-        lifts = f"of {np.count_nonzero(known):,} trials, whatever came of it"
+        lifts = f"of {np.count_nonzero(known):,} trials, including later failures"
         tiles.append(Tile("Grasped and lifted", f"{lifted:,}", lifts))
     words = "failed trials that the planner reported as done"
     kind = "tile bad" if claimed else "tile"
@@ -228,12 +229,12 @@ def summary(trials: Trials) -> list[Tile]:
 
 
 def failures(trials: Trials) -> dict[str, Any]:
-    """Return what failed, and how often for which reason.
+    """Return the failed trials, and the reasons for the failures.
 
     Returns:
         `failed`: the rows of failed trials, the worst first; `reasons`: each with its
         `word`, `count`, `share` of all trials and how many were `claimed` as done;
-        `highest`: the failure rate that is possible if none failed.
+        `highest`: upper bound of the failure rate if no trial failed.
     """
     failed = [row for row in trials.worst() if not trials.success[row]]
     n = len(trials)
@@ -253,10 +254,10 @@ def failures(trials: Trials) -> dict[str, Any]:
 
 
 def distributions(trials: Trials) -> list[Figure]:
-    """Return histograms of the metrics that trials are judged by."""
+    """Return histograms of the most important metrics."""
     left = trials.numbers("objects_total") - trials.numbers("objects_cleared")
     missed = trials.numbers("picks") - trials.numbers("picks_held")
-    # Name, unit, values, and whether these are whole numbers.
+    # Name, unit, values, and whether the values are whole numbers.
     kinds: tuple[tuple[str, str, Vector, bool], ...] = (
         ("Cycle time", "s", trials.cycle_time, False),
         ("Placement error", "mm", 1e3 * trials.placement_error, False),
@@ -293,7 +294,7 @@ def totals(trials: Trials, jobs: int | None) -> list[tuple[str, str]]:
         jobs: Number of trials that ran at a time; None: one per worker.
     """
     own = trials.numbers("trial_time_s")
-    # There are more names than workers if some were replaced.
+    # Replaced workers have names of their own, so names may outnumber jobs.
     workers = len({w for w in trials.column("worker") if w is not None}) or 1
     workers = min(workers, jobs or workers)
     spent = float(np.nansum(own))

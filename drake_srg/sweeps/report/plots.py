@@ -1,4 +1,4 @@
-"""The plots of a report, as SVG, and how it writes numbers."""
+"""The plots of a report, as SVG, and the format of its numbers."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ def quantile(values: Vector, share: float) -> float | None:
     finite = values[np.isfinite(values)]
     if not len(finite):
         return None
-    # A value that occurred, never a mean of two.
+    # A value that occurred, not the mean of two.
     return float(np.quantile(finite, share, method="inverted_cdf"))
 
 
@@ -51,8 +51,8 @@ def _tag(tag: str, text: str = "", /, **attributes: str | float) -> str:
     Args:
         tag: Name of the element.
         text: Its text.
-        attributes: `_` becomes `-`, and a final one, as in `class_`, is dropped.
-            Numbers are written with five digits, which is enough for a drawing.
+        attributes: In names, `_` becomes `-`; a final `_`, as in `class_`, is dropped.
+            Numbers are written with five digits.
     """
     words = [tag]
     for key, value in attributes.items():
@@ -92,14 +92,14 @@ def histogram(
 ) -> str:
     """Return the distribution of a metric, failed trials on top of the others.
 
-    The axis covers the successful trials, whose median and 95 % quantile are marked. A
-    bar of its own counts failed trials beyond the axis.
+    The axis covers the successful trials, and their median and 95 % quantile are
+    marked. A separate bar counts failed trials beyond the axis.
 
     Args:
-        values: Shape (n,), nan where a trial has none.
+        values: Shape (n,), nan where a trial has no value.
         success: Shape (n,).
         label: Description of the plot, for screen readers.
-        whole: Whether the values are whole numbers, with one bar each.
+        whole: Whether the values are whole numbers, which have one bar each.
     """
     shown = np.isfinite(values)
     axis = values[shown & success] if np.any(shown & success) else values[shown]
@@ -129,7 +129,7 @@ def histogram(
 
 
 def _quantile_marks(x: Scale, values: Vector) -> list[str]:
-    """Return lines at median and 95 % quantile, with names that do not overlap."""
+    """Return lines at median and 95 % quantile, with labels that do not overlap."""
     marks: list[str] = []
     named = -math.inf
     for share, name in ((0.5, "median"), (0.95, "95 %")):
@@ -161,7 +161,7 @@ def against(
         axis: Lowest and highest outcome that the plot shows.
         text: Formats a number on the outcome's axis.
         label: Description of the plot, for screen readers.
-        strokes: Values of the quantity that are marked at the bottom.
+        strokes: Values of the quantity to mark at the bottom.
     """
     low, high = bins[0].low, bins[-1].high
     margin = 0.03 * (high - low) or 1.0
@@ -214,7 +214,7 @@ def _stack(y: Scale, left: float, width: float, good: int, bad: int) -> list[str
             x=left + gap / 2.0,
             width=width - gap,
             y=y(top),
-            # A single trial of a thousand must still be visible.
+            # Even one trial in a thousand must be visible.
             height=max(y(bottom) - y(top), 1.5),
             class_=kind,
         )

@@ -22,8 +22,8 @@ from drake_srg.types import Vector
 
 # The accepted share of false relations among those called significant.
 FALSE_DISCOVERIES = 0.05
-FEW = 10  # with fewer trials, the p-value of a rank correlation is a guess
-_BIN_TRIALS = 25  # at least; the Wilson interval is then at most 0.37 wide
+FEW = 10  # with fewer trials, the p-value of a rank correlation is unreliable
+_BIN_TRIALS = 25  # least number in a bin; Wilson intervals are then at most 0.37 wide
 _MAX_BINS = 8
 
 Rows: TypeAlias = npt.NDArray[np.bool_]
@@ -56,7 +56,7 @@ class Effect:
     """Dependence of the outcomes on one quantity; None with too few trials."""
 
     name: str
-    values: Vector  # one per trial, nan for none
+    values: Vector  # one per trial, nan if it has none
     failure: Relation | None
     placement: Relation | None
     cycle: Relation | None
@@ -70,7 +70,7 @@ class Effect:
 
 @dc.dataclass(frozen=True)
 class Bin:
-    """An outcome of trials with neighbouring values of a quantity."""
+    """The outcome of the trials within an interval of a quantity."""
 
     low: float  # of the quantity
     high: float
@@ -88,16 +88,16 @@ def rank_effects(
 ) -> list[Effect]:
     """Return the effects of all quantities, the strongest first.
 
-    A quantity may matter by being large or small, or by being far from its usual value,
-    like errors of either sign. Both are tested, and the smaller p-value is doubled. The
+    An outcome may depend on a quantity's value, or on its distance from the median, as
+    with errors of either sign. Both are tested, and the smaller p-value is doubled. The
     p-values of each outcome are then adjusted for the number of quantities.
 
     Args:
         quantities: Values by name, shape (n,), nan where a trial has none.
         success: Shape (n,).
-        placement_error: [m], shape (n,). Only successful trials count, because where a
-            failed one leaves the object says little.
-        cycle_time: [s], shape (n,). Only successful trials count.
+        placement_error: Shape (n,) [m]. Only successful trials count, because the
+            place where a failed one leaves the object says little.
+        cycle_time: Shape (n,) [s]. Only successful trials count.
     """
 
     def failure(values: Vector, rows: Rows) -> _Test:
@@ -196,7 +196,7 @@ def _relations(
     found: dict[str, Relation | None] = {}
     for name, values in quantities.items():
         rows = np.isfinite(values)
-        # One of the values: a mean of two would be equally far from both.
+        # One of the values, because the mean of two would be equally far from both.
         median = np.quantile(values[rows], 0.5, method="inverted_cdf")
         tests = [(measure(values, rows), False)]
         if len(np.unique(values[rows])) > 2:
@@ -218,7 +218,7 @@ def _relations(
 
 
 def _rank(effect: Effect) -> list[float]:
-    """Return a sort key: significant for failures, for the others, then the rest."""
+    """Return a sort key: effects on failures first, then others, then none."""
     relations = (effect.failure, effect.placement, effect.cycle)
     found = [r.p if r is not None and r.significant else 1.0 for r in relations]
     # Strengths decide between equal p-values, which occur at 0 and 1.
@@ -289,13 +289,13 @@ class Trials:
     def quantities(self) -> dict[str, Vector]:
         """Return the drawn quantities that vary, by name; shape (len(self),).
 
-        A quantity whose values are words becomes one quantity per word: 1 where it was
-        drawn. With clutter, its smallest distance from another object is a quantity,
-        too. Quantities that fewer than `FEW` trials have are left out.
+        A quantity whose values are words becomes one quantity per word: 1 where the
+        word was drawn, else 0. With clutter, its smallest distance from another object
+        is a quantity, too. Quantities of fewer than `FEW` trials are left out.
         """
         quantities: dict[str, Vector] = {_NEAREST: self._nearest_clutter()}
         for name in self._sampled:
-            if name.startswith("episode."):  # an outcome, no cause
+            if name.startswith("episode."):  # an outcome, not a cause
                 continue
             values = self.column(name)
             words = sorted({value for value in values if isinstance(value, str)})
@@ -318,8 +318,8 @@ class Trials:
     def _nearest_clutter(self) -> Vector:
         """Return the smallest distance between clutter and any other object [m].
 
-        Distances are between centres on the table. All pieces of clutter are drawn
-        alike, so a single one says little.
+        Distances are between centres on the table. The pieces of clutter are
+        interchangeable, so the place of a single one says little.
 
         Returns:
             Shape (len(self),), nan where a trial has no clutter.
@@ -340,8 +340,8 @@ class Trials:
     def worst(self) -> list[int]:
         """Return the indices of all rows, the worst first.
 
-        The order is: wrongly reported done, other failures, successes; and each group
-        by falling placement error.
+        First come failures wrongly reported as done, then other failures, then
+        successes; within each group, the largest placement errors come first.
         """
         error = np.nan_to_num(self.placement_error, nan=np.inf)
         order = np.lexsort((np.arange(len(self)), -error, self.success, ~self.claimed))

@@ -46,7 +46,7 @@ def write_report(folder: Path | str, output: Path | str | None = None) -> Path:
     path = folder / "report.html" if output is None else Path(output)
     html = _html(sweep, Trials(table, sampled_columns(table)), folder, path)
     file = OutputFile(path)
-    # File names need not be UTF-8.
+    # The page shows file names, which need not be UTF-8.
     file.path.write_text(html, encoding="utf-8", errors="replace")
     return file.commit()
 
@@ -93,7 +93,7 @@ def _html(sweep: SweepInfo, trials: Trials, folder: Path, path: Path) -> str:
 def find_replays(trials: Trials, folder: Path, page: Path) -> dict[int, str]:
     """Return links to the replays of recorded trials by row, the worst first.
 
-    The links lead from `page` into the folder of the sweep.
+    The links are relative to `page`.
     """
     paths = {
         row: folder / f"recordings/{trials.trial[row]:06d}/replay.html"
@@ -108,7 +108,7 @@ def find_replays(trials: Trials, folder: Path, page: Path) -> dict[int, str]:
 
 @dc.dataclass(frozen=True)
 class Video:
-    """The video of a trial, and what it shows."""
+    """The video of a trial, with a description."""
 
     row: int
     source: str  # URL with the data
@@ -117,7 +117,7 @@ class Video:
 
 
 def _videos(trials: Trials, folder: Path) -> tuple[list[Video], list[str]]:
-    """Return the videos of the worst trials, and the paths of other videos.
+    """Return the videos of the worst trials, and the paths of those left out.
 
     Raises:
         ScenarioError: If a video cannot be read.

@@ -28,11 +28,11 @@ MUG = "{model: package://drake_srg/sdf/mug.sdf}"
         ({"overrides": "table.height=1"}, "overrides: must be a list of KEY=VALUE"),
         (
             {"overrides": ["plant_config.time_step=0.001"]},
-            "overrides: plant_config.time_step: is not yours to set with physics=train",
+            "overrides: plant_config.time_step: cannot be set with physics=train",
         ),
         (
             {"overrides": ["gripper=!SrgTendonDriver {}"]},
-            "overrides: gripper: is not yours to set with physics=train and driver=pl",
+            "overrides: gripper: cannot be set with physics=train and driver=plant",
         ),
         (
             {"overrides": [f"clutter.kinds.mug={MUG}"]},
