@@ -509,9 +509,8 @@ def _flange(tree: _Tree, chain: _Chain, links: Sequence[ArmLink]) -> RigidTransf
                 f"{joint.name()}"
             )
         X_LT = RigidTransform(turn @ X_LT.rotation(), X_LT.translation())
-    own = _points(links[-1], tree.read)
-    if not chain.named and len(own):
-        ahead = float(((own - X_LT.translation()) @ axis_L).max())
+    if not chain.named and links[-1].contents.collisions:
+        ahead = _reach(links[-1], tree.read, axis_L) - X_LT.translation() @ axis_L
         if ahead > 0.0:
             warnings.append(
                 f"{chain.tip.name()}: put the flange on its outer face, "
@@ -532,6 +531,19 @@ def _points(link: ArmLink, read: SdfReader) -> Vector:
             reach = np.array([geometry.shape.half_extent(row) for row in R])
             found.append(np.array([p - reach, p + reach]))
     return np.vstack(found)
+
+
+def _reach(link: ArmLink, read: SdfReader, axis_L: Vector) -> float:
+    """Return how far a link's collision geometry reaches along an axis [m]."""
+    reader, reaches = MeshReader(read.warnings), []
+    for geometry in link.contents.collisions:
+        if isinstance(geometry.shape, MeshFile):
+            reaches.append(np.max(reader.solid(geometry).vertices @ axis_L))
+        else:
+            X_LG = geometry.X_LG
+            own = geometry.shape.half_extent(X_LG.rotation().inverse() @ axis_L)
+            reaches.append(X_LG.translation() @ axis_L + own)
+    return float(max(reaches))
 
 
 def _shortest_turn(start: Vector, end: Vector) -> Vector:

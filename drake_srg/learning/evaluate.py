@@ -28,6 +28,7 @@ from drake_srg.learning.episodes import (
 from drake_srg.learning.policy import Policy, check_sizes, load_policy, policy_digest
 from drake_srg.learning.rules import BUILT_IN, RANDOM, random_policy, rule_of
 from drake_srg.sweeps.engines import Engine
+from drake_srg.sweeps.info import hash_files
 from drake_srg.sweeps.sweep import run_missing_trials, sweep_info
 from drake_srg.sweeps.trial import TrialResult, empty_row, resident_memory
 
@@ -74,7 +75,8 @@ def evaluate(
     check_seeds(trials, seed)
     environment = environment_id(environment)
     keywords = dict(keywords or {})
-    content = {}
+    # A sweep's versions do not include this folder.
+    content = {"learning_sources": hash_files({"": Path(__file__).parent})}
     if policy not in BUILT_IN:
         content["policy_sha256"] = policy_digest(policy)
         info = load_policy(policy).info

@@ -39,7 +39,6 @@ NOT_IN_A_TRIAL = (
     "learning/",
     "robot/",
     "simulation/benchmark.py",
-    "simulation/rig.py",
     "sweeps/dataset/",
     "sweeps/report/",
     "sweeps/statistics.py",

@@ -83,6 +83,17 @@ def test_what_is_missing_is_mended_and_told(tmp_path):
         assert words in told
 
 
+def test_the_flange_is_on_the_outer_face_along_any_axis(tmp_path):
+    tilted = [
+        ('axis xyz="0 1 0"', 'axis xyz="0 -0.6 0.8"'),
+        ('xyz="0 0 0.21" rpy="0 0 0"', 'xyz="0 0 0" rpy="0.643501109 0 0"'),
+    ]
+    found = arm(tmp_path, two_axes(replaced=tilted))
+    half = 0.19  # of the cylinder's length
+    out = np.abs(found.X_LT.translation())
+    np.testing.assert_allclose(out, half * np.array([0, 0.6, 0.8]), atol=1e-6)
+
+
 def test_an_sdf_with_offset_frames_is_read(tmp_path):
     path = tmp_path / "arm.sdf"
     shape = "<geometry><sphere><radius>0.05</radius></sphere></geometry>"
