@@ -68,7 +68,8 @@ class ArmCheck:
                 ),
                 (
                     self.behind > FOLLOWS,
-                    f"does not follow: {self.behind:.4f} rad or m off (at most {FOLLOWS})",
+                    f"does not follow: {self.behind:.4f} rad or m off "
+                    f"(at most {FOLLOWS})",
                 ),
                 (
                     self.overrun > OVERRUN,

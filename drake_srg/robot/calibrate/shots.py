@@ -219,8 +219,8 @@ def plan_visits(
             if len(paths) == count:
                 return paths
     raise ScenarioError(
-        f"cameras.{mounting.camera}: the arm can show it the board in {len(paths)} of "
-        f"{count} ways; use another camera, or fewer --images"
+        f"cameras.{mounting.camera}: the arm can show this camera the board in only "
+        f"{len(paths)} of {count} postures; use another camera, or fewer --images"
     )
 
 

@@ -179,7 +179,7 @@ def test_images_too_small_for_the_markers_are_refused():
 def test_a_camera_that_the_arm_cannot_reach_is_refused():
     away = ["cameras.ceiling.X_PB.translation=[5.0, 0.0, 1.55]"]
     with pytest.raises(
-        ScenarioError, match=r"cameras.ceiling: the arm can .* 0 of 1 w"
+        ScenarioError, match=r"cameras.ceiling: the arm can .* only 0 of 1 postures"
     ):
         plan("kitchen", "ceiling", away, count=1)
 
