@@ -467,6 +467,35 @@ class Press(Inserting):
         return Observation(arrived=True)
 
 
+class Relax(Inserting):
+    """Moves the set-point evenly to the seated tip before the fingers open.
+
+    A set-point that jumped there would jerk the peg upwards.
+    """
+
+    mode = InsertMode.RELAX
+
+    def enter(self, memory: PlannerMemory, entry: Entry) -> PlannerMemory:
+        """Record where the tip is: a set-point that followed it would drift."""
+        memory = super().enter(memory, entry)
+        tip = insertion_of(memory)
+        tip.X_WT_rest = tip.X_WT_measured
+        return memory
+
+    def pull_to(self, tip: Insertion, time: float) -> Vector:
+        """Return the seated tip's place, (3,) [m]."""
+        return tip.X_WT_rest.translation()
+
+    def rotation(self, tip: Insertion, time: float, share: float) -> RotationMatrix:
+        """Turn the set-point to the seated tip's orientation R_WT."""
+        R_WT, R_rest = tip.X_WT.rotation(), tip.X_WT_rest.rotation()
+        return turned(R_WT, share * rotation_vector(R_rest @ R_WT.inverse()))
+
+    def observe_tip(self, tip: Insertion, time: float) -> Observation:
+        """Report nothing: the mode ends after a fixed time."""
+        return Observation()
+
+
 class Withdraw(Inserting):
     """Draws the peg out, to try again from the other side or to give up."""
 
@@ -522,10 +551,12 @@ class ReleaseSeated(PegMode, Release):
     mode: ClassVar[AnyMode] = Mode.RELEASE
 
     def enter(self, memory: PlannerMemory, entry: Entry) -> PlannerMemory:
-        """Rest where the arm is, so that nothing pulls once the fingers open."""
-        memory.motion = Motion(entry.senses.q.copy())
-        if not insertion_of(memory).seated or memory.attempt.lost:
+        """Keep the set-point of a seated peg, and rest where the arm is otherwise."""
+        tip = insertion_of(memory)
+        if not tip.seated or memory.attempt.lost:
+            memory.motion = Motion(entry.senses.q.copy())
             return super().enter(memory, entry)
+        memory.motion = Motion(tip.q)
         memory.closure = memory.attempt.planned.grasp.closure_open
         memory.attempt.escape = None
         self.replanner.escape(memory, entry.time)
@@ -548,7 +579,7 @@ class HomeInserted(PegMode, Home):
 
 
 INSERTION_MODES: tuple[type[PegMode], ...] = (
-    *(Tilt, Search, Slide, Spiral, Upright, Press, Withdraw),
+    *(Tilt, Search, Slide, Spiral, Upright, Press, Relax, Withdraw),
     *(ReleaseSeated, HomeInserted),
 )
 

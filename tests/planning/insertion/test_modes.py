@@ -11,6 +11,8 @@ from drake_srg.planning.insertion.config import Insert, Insertion, InsertMemory,
 from drake_srg.planning.insertion.modes import (
     HomeInserted,
     Press,
+    Relax,
+    ReleaseSeated,
     Search,
     Slide,
     Spiral,
@@ -360,6 +362,34 @@ def test_the_depth_at_which_the_peg_stops_tells_what_stops_it(depth, seated, sto
     assert seen.at_goal is seated
     assert memory.insertion.seated is seated
     assert memory.insertion.stops == stops
+
+
+def test_the_pull_on_a_seated_peg_fades_without_a_jump_before_the_fingers_open():
+    bottom, slope = RIM - 0.02 * UP, RollPitchYaw(0.0, 0.0, 0.02)
+    pressed = RigidTransform(slope, bottom - [0.0005, 0.0, 0.003])
+    memory, mode = make_memory(bottom), Relax(TASK, None, 1)
+    memory.insertion.X_WT = pressed
+    memory.insertion.q = np.concatenate(
+        [(pressed @ X_TG).translation(), slope.vector()]
+    )
+    memory = enter(mode, memory, joints(bottom))
+    places = [memory.insertion.q]
+    for i in range(1, round(0.5 / CONFIG.period)):
+        now = moment(i * CONFIG.period, joints(bottom))
+        memory = mode.update(memory, now)
+        places.append(memory.motion.destination)
+    steps = np.abs(np.diff(places, axis=0))
+    assert steps[:, :3].max() < 1.01 * CONFIG.tip_speed * CONFIG.period
+    assert np.abs(pull(memory)).max() < 0.3
+    turn = memory.insertion.X_WT.rotation().ToAngleAxis().angle()
+    assert CONFIG.turning_stiffness * turn < 0.2
+
+    memory.insertion.seated = True
+    memory.attempt.motions.grasp.closure_open = 0.5
+    replanner = types.SimpleNamespace(escape=lambda memory, time: None)
+    opened = enter(ReleaseSeated(TASK, replanner, 1), memory, joints(bottom))
+    assert opened.closure == 0.5
+    assert opened.motion.destination == pytest.approx(places[-1], abs=1e-12)
 
 
 def test_a_hand_that_slips_along_the_seated_peg_stops():
