@@ -365,13 +365,12 @@ def test_the_depth_at_which_the_peg_stops_tells_what_stops_it(depth, seated, sto
 
 
 def test_the_pull_on_a_seated_peg_fades_without_a_jump_before_the_fingers_open():
-    bottom, slope = RIM - 0.02 * UP, RollPitchYaw(0.0, 0.0, 0.02)
-    pressed = RigidTransform(slope, bottom - [0.0005, 0.0, 0.003])
+    bottom, turn = RIM - 0.02 * UP, RollPitchYaw(0.0, 0.0, 0.02)
+    pressed = RigidTransform(turn, bottom - [0.0005, 0.0, 0.003])
+    hand = (pressed @ X_TG).translation()
     memory, mode = make_memory(bottom), Relax(TASK, None, 1)
     memory.insertion.X_WT = pressed
-    memory.insertion.q = np.concatenate(
-        [(pressed @ X_TG).translation(), slope.vector()]
-    )
+    memory.insertion.q = np.concatenate([hand, turn.vector()])
     memory = enter(mode, memory, joints(bottom))
     places = [memory.insertion.q]
     for i in range(1, round(0.5 / CONFIG.period)):
@@ -381,8 +380,8 @@ def test_the_pull_on_a_seated_peg_fades_without_a_jump_before_the_fingers_open()
     steps = np.abs(np.diff(places, axis=0))
     assert steps[:, :3].max() < 1.01 * CONFIG.tip_speed * CONFIG.period
     assert np.abs(pull(memory)).max() < 0.3
-    turn = memory.insertion.X_WT.rotation().ToAngleAxis().angle()
-    assert CONFIG.turning_stiffness * turn < 0.2
+    left = memory.insertion.X_WT.rotation().ToAngleAxis().angle()
+    assert CONFIG.turning_stiffness * left < 0.2
 
     memory.insertion.seated = True
     memory.attempt.motions.grasp.closure_open = 0.5
