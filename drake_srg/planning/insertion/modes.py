@@ -59,6 +59,10 @@ _SINKING = 0.6  # time from then until the edge is at the wall and has sunk [s]
 _PRESSING = 10.0
 # Force that draws a peg out [N]: at 12 N, the hand slips along a peg that is stuck.
 _DRAW = 10.0
+# A hand that is felt deeper than the hole has slipped along the peg. While it sinks by
+# _SINK [m] in _SINK_TIME [s], the peg may still be sinking, too: along a resting peg,
+# hands slip at 0.2 to 1.2 mm/s. At _BELOW the floor, the pressing ends anyway [m].
+_SINK, _SINK_TIME, _BELOW = 0.001, 0.5, 0.005
 _SHALLOW = 0.003  # depth from which a peg has entered [m]
 # The wall is at most this much farther than twice the inset [m]. A peg that slides
 # farther has met no hole.
@@ -389,7 +393,8 @@ class Press(Inserting):
         """Record the start of the pressing."""
         memory = super().enter(memory, entry)
         tip = insertion_of(memory)
-        tip.pressed_at = tip.entered_at = entry.time
+        tip.pressed_at = tip.entered_at = tip.sunk_at = entry.time
+        tip.sunk = -np.inf
         return memory
 
     def pull_to(self, tip: Insertion, time: float) -> Vector:
@@ -453,8 +458,10 @@ class Press(Inserting):
     def observe_tip(self, tip: Insertion, time: float) -> Observation:
         """Report that the peg is seated, or why it goes no deeper."""
         config, depth = self.task.config, self._depth(tip)
-        # A hand deeper than the hole has slipped along a resting peg.
-        slips = depth > config.depth + config.depth_tolerance
+        below = depth - config.depth
+        if below < config.depth_tolerance or depth > tip.sunk + _SINK:
+            tip.sunk, tip.sunk_at = depth, time
+        slips = time - tip.sunk_at > _SINK_TIME or below > _BELOW
         late = time - tip.pressed_at > _PRESSING
         if not (slips or late or self.stalled(tip, time)):
             return Observation()

@@ -400,6 +400,21 @@ def test_a_hand_that_slips_along_the_seated_peg_stops():
     assert seen.at_goal
 
 
+@pytest.mark.parametrize(("speed", "seated"), [(0.004, False), (0.0003, True)])
+def test_a_hand_that_slips_along_a_sinking_peg_presses_on(speed, seated):
+    start = RIM - 0.0221 * UP  # the hand has slipped by 2 mm or so
+    mode, memory = Press(TASK, None, 1), make_memory(start)
+    memory = enter(mode, memory, joints(start))
+    ended = False
+    for i in range(1, round(0.65 / CONFIG.period)):
+        time = i * CONFIG.period
+        deep = start - speed * time * UP
+        now = moment(time, joints(deep))
+        memory = mode.update(memory, now)
+        ended |= mode.observe_mode(memory, now).arrived
+    assert ended is seated
+
+
 def test_no_set_point_pulls_with_more_than_the_limits():
     memory = make_memory(RIM)
     memory.insertion.X_WT = RigidTransform(
