@@ -121,7 +121,8 @@ class Insertion(Memory):
     progress: float = 0.0
     progress_at: float = 0.0
     rim: float = 0.0  # height of the rim, as felt [m]
-    X_WT_rest: RigidTransform = dc.field(default_factory=RigidTransform)  # seated [m]
+    # The tip of a seated peg [m].
+    X_WT_rest: RigidTransform = dc.field(default_factory=RigidTransform)
     deepest: float = 0.0  # depth reached by a failed try [m]
     seated: bool = False
     stops: tuple[Failure, ...] = ()  # what ended each try

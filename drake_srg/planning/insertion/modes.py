@@ -475,23 +475,25 @@ class Press(Inserting):
 
 
 class Relax(Inserting):
-    """Moves the set-point evenly to the seated tip before the fingers open.
+    """Reduces all pull on the seated peg except the push, before the fingers open.
 
-    A set-point that jumped there would jerk the peg upwards.
+    A set-point that jumped to the tip would jerk the peg upwards. A peg that nothing
+    presses leans in a wide hole, and rocks for seconds once it is free.
     """
 
     mode = InsertMode.RELAX
 
     def enter(self, memory: PlannerMemory, entry: Entry) -> PlannerMemory:
-        """Record where the tip is: a set-point that followed it would drift."""
+        """Record the tip's pose: a set-point that followed the tip would drift."""
         memory = super().enter(memory, entry)
         tip = insertion_of(memory)
         tip.X_WT_rest = tip.X_WT_measured
         return memory
 
     def pull_to(self, tip: Insertion, time: float) -> Vector:
-        """Return the seated tip's place, (3,) [m]."""
-        return tip.X_WT_rest.translation()
+        """Return the set-point that presses on the peg where it is, (3,) [m]."""
+        lower = self.forward(tip, self.task.config.push_force)
+        return np.array([*tip.X_WT_rest.translation()[:2], lower[2]])
 
     def rotation(self, tip: Insertion, time: float, share: float) -> RotationMatrix:
         """Turn the set-point to the seated tip's orientation R_WT."""

@@ -24,7 +24,7 @@ from drake_srg.planning.planner_machine import (
 from drake_srg.planning.servoing.hand_motion import ServoArm
 from drake_srg.types import AnyMode, Box, Cylinder, Failure, Mode
 
-_RELAXING = 0.5  # time for the pull on a seated peg to fade [s]
+_RELAXING = 0.5  # time for the pull aside on a seated peg to fade [s]
 NOT_INSERTED = (Failure.NO_HOLE, Failure.HOLE_BLOCKED, Failure.TOO_TIGHT)
 
 
