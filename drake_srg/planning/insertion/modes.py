@@ -518,9 +518,13 @@ class Withdraw(Inserting):
         tip.tries, tip.along = tip.tries + 1, -tip.along
         return memory
 
-    def turn_to(self, tip: Insertion) -> float:
-        """Return the tilt to which the set-point turns [rad]."""
-        return 0.0
+    def rotation(self, tip: Insertion, time: float, share: float) -> RotationMatrix:
+        """Turn the set-point upright, at the rate of a tilt: a jump would jerk."""
+        assert tip.X_WU is not None
+        tip.angle, R_WT = 0.0, tip.X_WT.rotation()
+        turn = rotation_vector(tip.X_WU.rotation() @ R_WT.inverse())
+        most = self.task.config.turning * self.task.config.period
+        return turned(R_WT, limited(turn, most))
 
     def pull_to(self, tip: Insertion, time: float) -> Vector:
         """Return the set-point that draws the tip up to the hover height, (3,) [m]."""

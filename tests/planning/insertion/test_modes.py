@@ -234,6 +234,20 @@ def test_a_stuck_peg_is_drawn_out_with_less_than_makes_the_hand_slip():
     assert 8.0 < pull(memory)[2] < 12.0
 
 
+def test_a_peg_that_is_drawn_out_turns_back_without_a_jump():
+    memory, twisted = make_memory(RIM - 0.005 * UP), RollPitchYaw(0.0, 0.0, 0.015)
+    memory.insertion.X_WT = RigidTransform(twisted, RIM - 0.005 * UP)
+    mode, yaw = Withdraw(TASK, None, 1), []
+    memory = enter(mode, memory, joints(RIM - 0.005 * UP))
+    for i in range(1, 20):
+        now = moment(i * CONFIG.period, joints(RIM - 0.005 * UP))
+        memory = mode.update(memory, now)
+        yaw.append(RollPitchYaw(memory.insertion.X_WT.rotation()).vector()[2])
+    steps = np.abs(np.diff([0.015, *yaw]))
+    assert steps.max() < 1.01 * CONFIG.turning * CONFIG.period
+    assert abs(yaw[-1]) < 1e-3
+
+
 @pytest.mark.parametrize(
     ("peg", "steps"), [(PEG, (0, 0, 1, -1)), (Box([0.02, 0.02, 0.1]), (0, -1, 1, -2))]
 )
