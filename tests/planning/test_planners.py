@@ -33,7 +33,7 @@ TAKING = (HandoverMode.APPROACH, HandoverMode.REACH, HandoverMode.TAKE)
 PULLING = (HandoverMode.PULL, HandoverMode.LET_GO, HandoverMode.WITHDRAW)
 TAKEN = (HandoverMode.CLEAR, HandoverMode.SECURE, HandoverMode.RAISE)
 INSERTING = (InsertMode.TILT, InsertMode.SEARCH, InsertMode.SLIDE)
-PRESSING = (InsertMode.UPRIGHT, InsertMode.PRESS)
+PRESSING = (InsertMode.UPRIGHT, InsertMode.PRESS, InsertMode.RELAX)
 # Transitions, configuration, and the order of modes if all goes well.
 PLANNERS = {
     "pick and place": (transition, PlannerConfig(), PICK),

@@ -89,6 +89,7 @@ class InsertMode(enum.Enum):
     SPIRAL = "spiral"
     UPRIGHT = "upright"
     PRESS = "press"
+    RELAX = "relax"
     WITHDRAW = "withdraw"
 
 
@@ -103,6 +104,9 @@ class Insertion(Memory):
     fallen_at: float = 0.0  # until then, the edge was no deeper than at first [s]
     pressed_at: float = 0.0  # start of the pressing [s]
     entered_at: float = 0.0  # until then, the peg had not entered the hole [s]
+    # Felt depth when the peg last sank noticeably [m], and the time of that [s].
+    sunk: float = 0.0
+    sunk_at: float = 0.0
     q: Vector = dc.field(default_factory=lambda: np.zeros(0))  # commanded (N,) [rad]
     X_TG: RigidTransform | None = None  # the hand in the tip's frame [m]
     X_WU: RigidTransform | None = None  # the tip, upright on the goal's rim [m]
@@ -117,6 +121,8 @@ class Insertion(Memory):
     progress: float = 0.0
     progress_at: float = 0.0
     rim: float = 0.0  # height of the rim, as felt [m]
+    # The tip of a seated peg [m].
+    X_WT_rest: RigidTransform = dc.field(default_factory=RigidTransform)
     deepest: float = 0.0  # depth reached by a failed try [m]
     seated: bool = False
     stops: tuple[Failure, ...] = ()  # what ended each try

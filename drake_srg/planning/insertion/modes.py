@@ -59,6 +59,10 @@ _SINKING = 0.6  # time from then until the edge is at the wall and has sunk [s]
 _PRESSING = 10.0
 # Force that draws a peg out [N]: at 12 N, the hand slips along a peg that is stuck.
 _DRAW = 10.0
+# A hand that is felt deeper than the hole has slipped along the peg. While it sinks by
+# _SINK [m] in _SINK_TIME [s], the peg may still be sinking, too: along a resting peg,
+# hands slip at 0.2 to 1.2 mm/s. At _BELOW the floor, the pressing ends anyway [m].
+_SINK, _SINK_TIME, _BELOW = 0.001, 0.5, 0.005
 _SHALLOW = 0.003  # depth from which a peg has entered [m]
 # The wall is at most this much farther than twice the inset [m]. A peg that slides
 # farther has met no hole.
@@ -389,7 +393,8 @@ class Press(Inserting):
         """Record the start of the pressing."""
         memory = super().enter(memory, entry)
         tip = insertion_of(memory)
-        tip.pressed_at = tip.entered_at = entry.time
+        tip.pressed_at = tip.entered_at = tip.sunk_at = entry.time
+        tip.sunk = -np.inf
         return memory
 
     def pull_to(self, tip: Insertion, time: float) -> Vector:
@@ -453,8 +458,10 @@ class Press(Inserting):
     def observe_tip(self, tip: Insertion, time: float) -> Observation:
         """Report that the peg is seated, or why it goes no deeper."""
         config, depth = self.task.config, self._depth(tip)
-        # A hand deeper than the hole has slipped along a resting peg.
-        slips = depth > config.depth + config.depth_tolerance
+        below = depth - config.depth
+        if below < config.depth_tolerance or depth > tip.sunk + _SINK:
+            tip.sunk, tip.sunk_at = depth, time
+        slips = time - tip.sunk_at > _SINK_TIME or below > _BELOW
         late = time - tip.pressed_at > _PRESSING
         if not (slips or late or self.stalled(tip, time)):
             return Observation()
@@ -465,6 +472,37 @@ class Press(Inserting):
         tip.stops = (*tip.stops, why)
         tip.deepest = max(tip.deepest, depth)
         return Observation(arrived=True)
+
+
+class Relax(Inserting):
+    """Reduces all pull on the seated peg except the push, before the fingers open.
+
+    A set-point that jumped to the tip would jerk the peg upwards. A peg that nothing
+    presses leans in a wide hole, and rocks for seconds once it is free.
+    """
+
+    mode = InsertMode.RELAX
+
+    def enter(self, memory: PlannerMemory, entry: Entry) -> PlannerMemory:
+        """Record the tip's pose: a set-point that followed the tip would drift."""
+        memory = super().enter(memory, entry)
+        tip = insertion_of(memory)
+        tip.X_WT_rest = tip.X_WT_measured
+        return memory
+
+    def pull_to(self, tip: Insertion, time: float) -> Vector:
+        """Return the set-point that presses on the peg where it is, (3,) [m]."""
+        lower = self.forward(tip, self.task.config.push_force)
+        return np.array([*tip.X_WT_rest.translation()[:2], lower[2]])
+
+    def rotation(self, tip: Insertion, time: float, share: float) -> RotationMatrix:
+        """Turn the set-point to the seated tip's orientation R_WT."""
+        R_WT, R_rest = tip.X_WT.rotation(), tip.X_WT_rest.rotation()
+        return turned(R_WT, share * rotation_vector(R_rest @ R_WT.inverse()))
+
+    def observe_tip(self, tip: Insertion, time: float) -> Observation:
+        """Report nothing: the mode ends after a fixed time."""
+        return Observation()
 
 
 class Withdraw(Inserting):
@@ -480,9 +518,13 @@ class Withdraw(Inserting):
         tip.tries, tip.along = tip.tries + 1, -tip.along
         return memory
 
-    def turn_to(self, tip: Insertion) -> float:
-        """Return the tilt to which the set-point turns [rad]."""
-        return 0.0
+    def rotation(self, tip: Insertion, time: float, share: float) -> RotationMatrix:
+        """Turn the set-point upright, at the rate of a tilt: a jump would jerk."""
+        assert tip.X_WU is not None
+        tip.angle, R_WT = 0.0, tip.X_WT.rotation()
+        turn = rotation_vector(tip.X_WU.rotation() @ R_WT.inverse())
+        most = self.task.config.turning * self.task.config.period
+        return turned(R_WT, limited(turn, most))
 
     def pull_to(self, tip: Insertion, time: float) -> Vector:
         """Return the set-point that draws the tip up to the hover height, (3,) [m]."""
@@ -499,7 +541,8 @@ class Withdraw(Inserting):
         """Report that the peg is out and, after the last try, the reason to give up."""
         tip = insertion_of(memory)
         seen = super().observe_mode(memory, now)
-        if not seen.arrived or tip.tries < self.task.config.tries:
+        out = seen.arrived and seen.holding  # else the peg is lost, and picked again
+        if not out or tip.tries < self.task.config.tries:
             return seen
         met = [stop for stop in tip.stops if stop is not Failure.NO_HOLE]
         failure = met[-1] if met else Failure.NO_HOLE
@@ -522,10 +565,12 @@ class ReleaseSeated(PegMode, Release):
     mode: ClassVar[AnyMode] = Mode.RELEASE
 
     def enter(self, memory: PlannerMemory, entry: Entry) -> PlannerMemory:
-        """Rest where the arm is, so that nothing pulls once the fingers open."""
-        memory.motion = Motion(entry.senses.q.copy())
-        if not insertion_of(memory).seated or memory.attempt.lost:
+        """Keep the set-point of a seated peg, and rest where the arm is otherwise."""
+        tip = insertion_of(memory)
+        if not tip.seated or memory.attempt.lost:
+            memory.motion = Motion(entry.senses.q.copy())
             return super().enter(memory, entry)
+        memory.motion = Motion(tip.q)
         memory.closure = memory.attempt.planned.grasp.closure_open
         memory.attempt.escape = None
         self.replanner.escape(memory, entry.time)
@@ -548,7 +593,7 @@ class HomeInserted(PegMode, Home):
 
 
 INSERTION_MODES: tuple[type[PegMode], ...] = (
-    *(Tilt, Search, Slide, Spiral, Upright, Press, Withdraw),
+    *(Tilt, Search, Slide, Spiral, Upright, Press, Relax, Withdraw),
     *(ReleaseSeated, HomeInserted),
 )
 

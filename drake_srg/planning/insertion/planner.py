@@ -24,6 +24,7 @@ from drake_srg.planning.planner_machine import (
 from drake_srg.planning.servoing.hand_motion import ServoArm
 from drake_srg.types import AnyMode, Box, Cylinder, Failure, Mode
 
+_RELAXING = 0.5  # time for the pull aside on a seated peg to fade [s]
 NOT_INSERTED = (Failure.NO_HOLE, Failure.HOLE_BLOCKED, Failure.TOO_TIGHT)
 
 
@@ -52,9 +53,10 @@ INSERT_TRANSITIONS: Table = {
     ],
     InsertMode.UPRIGHT: carried(InsertMode.PRESS),
     InsertMode.PRESS: [
-        (lambda o, t, c: o.arrived and o.at_goal, Mode.RELEASE),
+        (lambda o, t, c: o.arrived and o.at_goal, InsertMode.RELAX),
         *carried(InsertMode.WITHDRAW),
     ],
+    InsertMode.RELAX: [(lambda o, t, c: o.arrived or t >= _RELAXING, Mode.RELEASE)],
     InsertMode.WITHDRAW: carried(InsertMode.TILT),
 }
 insert_transition = Transitions(INSERT_TRANSITIONS, (*FATAL, *NOT_INSERTED))

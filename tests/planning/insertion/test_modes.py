@@ -11,6 +11,8 @@ from drake_srg.planning.insertion.config import Insert, Insertion, InsertMemory,
 from drake_srg.planning.insertion.modes import (
     HomeInserted,
     Press,
+    Relax,
+    ReleaseSeated,
     Search,
     Slide,
     Spiral,
@@ -232,6 +234,20 @@ def test_a_stuck_peg_is_drawn_out_with_less_than_makes_the_hand_slip():
     assert 8.0 < pull(memory)[2] < 12.0
 
 
+def test_a_peg_that_is_drawn_out_turns_back_without_a_jump():
+    memory, twisted = make_memory(RIM - 0.005 * UP), RollPitchYaw(0.0, 0.0, 0.015)
+    memory.insertion.X_WT = RigidTransform(twisted, RIM - 0.005 * UP)
+    mode, yaw = Withdraw(TASK, None, 1), []
+    memory = enter(mode, memory, joints(RIM - 0.005 * UP))
+    for i in range(1, 20):
+        now = moment(i * CONFIG.period, joints(RIM - 0.005 * UP))
+        memory = mode.update(memory, now)
+        yaw.append(RollPitchYaw(memory.insertion.X_WT.rotation()).vector()[2])
+    steps = np.abs(np.diff([0.015, *yaw]))
+    assert steps.max() < 1.01 * CONFIG.turning * CONFIG.period
+    assert abs(yaw[-1]) < 1e-3
+
+
 @pytest.mark.parametrize(
     ("peg", "steps"), [(PEG, (0, 0, 1, -1)), (Box([0.02, 0.02, 0.1]), (0, -1, 1, -2))]
 )
@@ -362,6 +378,34 @@ def test_the_depth_at_which_the_peg_stops_tells_what_stops_it(depth, seated, sto
     assert memory.insertion.stops == stops
 
 
+def test_a_seated_peg_is_pressed_until_the_fingers_open_but_not_pulled_aside():
+    bottom, turn = RIM - 0.02 * UP, RollPitchYaw(0.0, 0.0, 0.02)
+    pressed = RigidTransform(turn, bottom - [0.0005, 0.0, 0.003])
+    hand = (pressed @ X_TG).translation()
+    memory, mode = make_memory(bottom), Relax(TASK, None, 1)
+    memory.insertion.X_WT = pressed
+    memory.insertion.q = np.concatenate([hand, turn.vector()])
+    memory = enter(mode, memory, joints(bottom))
+    places = [memory.insertion.q]
+    for i in range(1, round(0.5 / CONFIG.period)):
+        now = moment(i * CONFIG.period, joints(bottom))
+        memory = mode.update(memory, now)
+        places.append(memory.motion.destination)
+    steps = np.abs(np.diff(places, axis=0))
+    assert steps[:, :3].max() < 1.01 * CONFIG.tip_speed * CONFIG.period
+    push = [0.0, 0.0, -CONFIG.push_force]
+    assert pull(memory) == pytest.approx(push, abs=0.3)
+    left = memory.insertion.X_WT.rotation().ToAngleAxis().angle()
+    assert CONFIG.turning_stiffness * left < 0.2
+
+    memory.insertion.seated = True
+    memory.attempt.motions.grasp.closure_open = 0.5
+    replanner = types.SimpleNamespace(escape=lambda memory, time: None)
+    opened = enter(ReleaseSeated(TASK, replanner, 1), memory, joints(bottom))
+    assert opened.closure == 0.5
+    assert opened.motion.destination == pytest.approx(places[-1], abs=1e-12)
+
+
 def test_a_hand_that_slips_along_the_seated_peg_stops():
     def sinking(memory):
         return memory.insertion.p - 0.01 * UP  # always further
@@ -369,6 +413,21 @@ def test_a_hand_that_slips_along_the_seated_peg_stops():
     deep = RIM - 0.02 * UP
     _, seen = run(Press(TASK, None, 1), make_memory(deep), sinking, 0.1)
     assert seen.at_goal
+
+
+@pytest.mark.parametrize(("speed", "seated"), [(0.004, False), (0.0003, True)])
+def test_a_hand_that_slips_along_a_sinking_peg_presses_on(speed, seated):
+    start = RIM - 0.0221 * UP  # the hand has slipped by 2 mm or so
+    mode, memory = Press(TASK, None, 1), make_memory(start)
+    memory = enter(mode, memory, joints(start))
+    ended = False
+    for i in range(1, round(0.65 / CONFIG.period)):
+        time = i * CONFIG.period
+        deep = start - speed * time * UP
+        now = moment(time, joints(deep))
+        memory = mode.update(memory, now)
+        ended |= mode.observe_mode(memory, now).arrived
+    assert ended is seated
 
 
 def test_no_set_point_pulls_with_more_than_the_limits():
@@ -403,6 +462,17 @@ def test_what_was_met_counts_more_than_what_was_missed():
     memory, seen = run(Withdraw(TASK, None, 1), memory, RIM + 0.02 * UP, 0.1)
     assert seen.failure is Failure.HOLE_BLOCKED
     assert "12.3 of 20 mm" in memory.trouble.message
+
+
+def test_a_peg_that_is_lost_in_the_last_try_is_not_a_hole_that_is_missed():
+    memory, mode = make_memory(RIM), Withdraw(TASK, None, 1)
+    memory.insertion.tries = CONFIG.tries - 1
+    memory = enter(mode, memory, joints(RIM))
+    memory.attempt.lost = True
+    seen = mode.observe_mode(memory, moment(CONFIG.period, joints(RIM)))
+    assert seen.arrived
+    assert not seen.holding
+    assert seen.failure is None
 
 
 def test_modes_change_only_their_draft_of_the_memory():
