@@ -15,7 +15,7 @@ from drake_srg.gripper.joint_servos import PlantJointServos
 from drake_srg.gripper.srg_position_driver import SrgPositionDriver
 from drake_srg.gripper.srg_tendon_driver import TorqueControl
 from drake_srg.gripper.tendon import TendonDriveConfig
-from drake_srg.learning.cell_planner import GraspPlanner, PolicyPlanner
+from drake_srg.learning.cell_planner import OneShotPlanner, PolicyPlanner
 from drake_srg.learning.envs.scenes import Workspace
 from drake_srg.planning.state_machine import ModeActions, StateMachine
 from drake_srg.robot.drive.opening import Hardware
@@ -265,7 +265,7 @@ def systems(tmp_path_factory):
     box = Box([0.05, 0.05, 0.1])
     hand = (np.tanh, still, np.zeros(4), "box", box, 0.0)
     add("PolicyPlanner", PolicyPlanner(*hand, workspace=Workspace.of(kitchen)))
-    add("GraspPlanner", GraspPlanner(*hand))
+    add("OneShotPlanner", OneShotPlanner(*hand))
     for name, system in [
         ("HandoverPlanner", MakeHandoverPlanner(load_scenario("handover"))),
         ("CarryPlanner", MakeCarryPlanner(load_scenario("carry_together"))),

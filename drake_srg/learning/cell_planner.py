@@ -246,12 +246,12 @@ class _GraspAttempt:
     tick: int = 0
 
 
-class GraspPlanner(CellPlanner):
+class OneShotPlanner(CellPlanner):
     """Grasps, lifts and shakes an object by a policy of `GraspOneShot`.
 
     .. pydrake_system::
 
-        name: GraspPlanner
+        name: OneShotPlanner
         input_ports:
         - blobs
         output_ports:

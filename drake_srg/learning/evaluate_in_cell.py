@@ -14,7 +14,7 @@ from pydrake.systems.framework import System
 
 from drake_srg.common.exceptions import ScenarioError, scenario_errors
 from drake_srg.common.log_format import pose_key, row_to_pose
-from drake_srg.learning.cell_planner import GraspPlanner, PolicyPlanner
+from drake_srg.learning.cell_planner import OneShotPlanner, PolicyPlanner
 from drake_srg.learning.envs.hand_task import MakeMover, joints_at
 from drake_srg.learning.envs.rewards import LIFTED
 from drake_srg.learning.envs.scenes import DRIVER_TAGS, Workspace
@@ -153,7 +153,7 @@ def make_planner(policy: CellPolicy, scenario: Scenario) -> System:
         )
     table = scenario.table.height
     if policy.environment == ONE_SHOT:
-        return GraspPlanner(policy.act, mover, home, name, shape, table)
+        return OneShotPlanner(policy.act, mover, home, name, shape, table)
     workspace = Workspace.of(scenario)
     joints_at(mover, np.array(home), workspace.start)  # fails if it is out of reach
     return PolicyPlanner(

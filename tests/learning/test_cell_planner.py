@@ -3,7 +3,7 @@ import pytest
 from pydrake.common.value import AbstractValue
 from pydrake.systems.analysis import Simulator
 
-from drake_srg.learning.cell_planner import GraspPlanner, PolicyPlanner
+from drake_srg.learning.cell_planner import OneShotPlanner, PolicyPlanner
 from drake_srg.learning.envs.episode_station import SimulationError
 from drake_srg.learning.envs.scenes import CONTROL_PERIOD, Workspace
 from drake_srg.learning.envs.tasks import MAX_STEPS, STEP, PickEnv, grasp_of, pick_state
@@ -18,7 +18,7 @@ ACTION = np.array([0.5, -0.5, 0.0, 0.25, 0.0, 0.8])
 
 
 def made(blobs, act=lambda _: ACTION):
-    planner = GraspPlanner(act, Straight(), HOME, "thing", THING, 0.0)
+    planner = OneShotPlanner(act, Straight(), HOME, "thing", THING, 0.0)
     simulator = Simulator(planner)
     context = simulator.get_mutable_context()
     planner.GetInputPort("blobs").FixValue(context, AbstractValue.Make(blobs))
