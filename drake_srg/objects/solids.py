@@ -88,7 +88,9 @@ def _points(shape: Shape) -> Vector:
             poles = [[0.0, 0.0, -r], [0.0, 0.0, r]]
             rings = _rings([(r * np.cos(a), r * np.sin(a)) for a in angles])
             return np.concatenate([poles, rings])
-    raise ValueError(f"the corners of a {type(shape).__name__} are not known")
+    raise ValueError(
+        f"geometry must be a mesh, box, cylinder or sphere, got {type(shape).__name__}"
+    )
 
 
 def _rings(circles: list[tuple[float, float]]) -> Vector:

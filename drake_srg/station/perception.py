@@ -357,8 +357,8 @@ def bin_boxes(scenario: Scenario) -> dict[str, tuple[Vector, Vector]]:
         rise = boxes[name][1][2] - scenario.table.height
         if rise < _LEAST_RIM:
             raise ScenarioError(
-                f"{bin_key(scenario, name)}: {name!r} is no bin: it must rise at least "
-                f"{_LEAST_RIM} m above the table, got {rise:.3f} m"
+                f"{bin_key(scenario, name)}: {name!r} is too low: a bin must rise at "
+                f"least {_LEAST_RIM} m above the table, got {rise:.3f} m"
             )
     return boxes
 

@@ -404,8 +404,8 @@ def MakeCarryPlanner(scenario: Scenario) -> CarryPlanner:
         if any(not wall.grasps(plan.hand) for wall in walls):
             thick = 1e3 * walls[0].box.size[0]
             raise ScenarioError(
-                f"{arm.key}gripper: knows no grasp from above of an end wall of "
-                f"objects.{name}, {thick:g} mm thick"
+                f"{arm.key}gripper: cannot grasp an end wall of objects.{name}, "
+                f"{thick:g} mm thick, from above"
             )
     narrow = float(min(shape.bounding_size[:2]))
     most = hand.pinch.max_width if hand.pinch else 0.0

@@ -183,7 +183,7 @@ class ThingLabeler(LeafSystem):
         self._upright = upright
         for name in names:
             if name not in (*known, *COLORS, ALL):
-                raise ValueError(f"ThingLabeler knows no {name!r}")
+                raise ValueError(f"ThingLabeler: unknown label {name!r}")
         self._names, self._known, self._table = tuple(names), dict(known), table
         colored = any(name in COLORS and name not in known for name in names)
         if colored and not cameras:
